@@ -1,0 +1,156 @@
+"""Where runs are done: in this process, on a local cluster, or on a scheduler that exists."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+BATCHES_IN_FLIGHT = 4
+"""Batches handed out per worker: enough to keep it busy, few enough to lose."""
+
+
+class Batch(NamedTuple):
+    """Items that share one object, done together by one worker."""
+
+    tag: Any
+    shared: str
+    items: tuple[Any, ...]
+
+
+class Done(NamedTuple):
+    """Results of a batch; None if the worker died on its only item."""
+
+    batch: Batch
+    results: Sequence[Any] | None
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Choice of workers; nothing starts before there is work.
+
+    Attributes
+    ----------
+    workers : int, local worker processes; 0 does the work in this process
+    scheduler, scheduler_file : address or file of a running Dask scheduler
+    slurm : whether to start SLURM jobs, as configured for dask-jobqueue
+    log : function of one line, for the dashboard's address
+    """
+
+    workers: int
+    scheduler: str | None = None
+    scheduler_file: str | None = None
+    slurm: bool = False
+    log: Callable[[str], None] = print
+
+    @property
+    def local(self) -> bool:
+        """Whether the workers are this machine's."""
+        return not (self.scheduler or self.scheduler_file or self.slurm)
+
+    def in_process(self) -> Cluster:
+        """The same without worker processes, for work too small to start them."""
+        return replace(self, workers=0) if self.local else self
+
+    def run(
+        self,
+        function: Callable[[Any, tuple[Any, ...]], Sequence[Any]],
+        batches: Iterator[Batch],
+        shared: Callable[[str], Any],
+    ) -> Iterator[Done]:
+        """Results of ``function(shared(batch.shared), batch.items)``, as they complete.
+
+        A batch whose worker dies is done again, one item at a time; an item that kills its
+        worker again comes back alone, with None. Only the batches in flight are held here.
+        """
+        if self.local and self.workers == 0:
+            yield from _in_turn(function, batches, shared)
+            return
+        with self._client() as client:
+            yield from _distributed(client, function, batches, shared)
+
+    @contextmanager
+    def _client(self) -> Iterator[Any]:
+        import dask
+        import distributed
+
+        if not self.local and not self.slurm:
+            with distributed.Client(
+                address=self.scheduler, scheduler_file=self.scheduler_file
+            ) as client:
+                self.log(f"dashboard: {client.dashboard_link}")
+                yield client
+            return
+        with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+            if self.slurm:
+                from dask_jobqueue import SLURMCluster
+
+                cluster: Any = SLURMCluster()
+                cluster.scale(max(self.workers, 1))
+            else:
+                cluster = distributed.LocalCluster(
+                    n_workers=self.workers,
+                    threads_per_worker=1,
+                    dashboard_address=os.environ.get("VSR_DASHBOARD", "127.0.0.1:0"),
+                    silence_logs=50,
+                )
+            with cluster, distributed.Client(cluster) as client:
+                self.log(f"dashboard: {client.dashboard_link}")
+                yield client
+
+
+def _in_turn(
+    function: Callable[[Any, tuple[Any, ...]], Sequence[Any]],
+    batches: Iterator[Batch],
+    shared: Callable[[str], Any],
+) -> Iterator[Done]:
+    name, thing = None, None
+    for batch in batches:
+        if batch.shared != name:
+            name, thing = batch.shared, shared(batch.shared)
+        yield Done(batch, function(thing, batch.items))
+
+
+def _distributed(
+    client: Any,
+    function: Callable[[Any, tuple[Any, ...]], Sequence[Any]],
+    batches: Iterator[Batch],
+    shared: Callable[[str], Any],
+) -> Iterator[Done]:
+    from distributed import KilledWorker, as_completed
+
+    sent: dict[str, Any] = {}
+    flying: dict[str, Batch] = {}
+    again: list[Batch] = []
+    completed = as_completed(with_results=True, raise_errors=False)
+
+    def submit() -> bool:
+        batch = again.pop() if again else next(batches, None)
+        if batch is None:
+            return False
+        if batch.shared not in sent:
+            sent[batch.shared] = client.scatter(shared(batch.shared), broadcast=True, hash=False)
+        future = client.submit(function, sent[batch.shared], batch.items, pure=False)
+        flying[future.key] = batch
+        completed.add(future)
+        return True
+
+    room = BATCHES_IN_FLIGHT * max(1, sum(client.nthreads().values()))
+    while len(flying) < room and submit():
+        pass
+    for future, result in completed:
+        batch = flying.pop(future.key)
+        if future.status == "error":
+            if not isinstance(result[1] if isinstance(result, tuple) else result, KilledWorker):
+                future.result()
+            if len(batch.items) == 1:
+                yield Done(batch, None)
+            else:
+                again += [batch._replace(items=(item,)) for item in batch.items]
+        else:
+            yield Done(batch, result)
+        future.release()
+        while len(flying) < room and submit():
+            pass

@@ -1,0 +1,181 @@
+"""The typed configuration: every key, its unit and its range. Degrees, g and s live here only."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+
+_DIGITS = 12
+
+
+class Section(BaseModel):
+    """A part of the configuration: unknown keys are refused, values never change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Range(Section):
+    """Evenly spaced values, both ends included."""
+
+    start: float
+    stop: float
+    num: int = Field(ge=1, le=100_000, description="number of values")
+
+    def values(self) -> tuple[float, ...]:
+        """The values, rounded so that overlapping ranges share them exactly."""
+        if self.num == 1:
+            return (round(self.start, _DIGITS),)
+        step = (self.stop - self.start) / (self.num - 1)
+        return tuple(round(self.start + step * i, _DIGITS) for i in range(self.num))
+
+
+def _as_values(given: Any) -> Any:
+    if isinstance(given, dict):
+        return Range(**given).values()
+    if isinstance(given, (int, float, str)):
+        return (given,)
+    return given
+
+
+def _distinct(values: tuple[float, ...]) -> tuple[float, ...]:
+    if not values:
+        raise ValueError("an empty grid has no runs; give at least one value")
+    if len(set(values)) != len(values):
+        raise ValueError("values repeat; give each once")
+    return values
+
+
+def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
+    if list(values) != sorted(values):
+        raise ValueError("values must ascend; sort them")
+    return values
+
+
+Values = Annotated[tuple[float, ...], AfterValidator(_distinct)]
+"""A number, a list or {start, stop, num}; becomes a dimension of the dataset."""
+
+Grid = Annotated[Values, AfterValidator(_ascending)]
+
+
+class RockConfig(Section):
+    """What stands on the pedestal."""
+
+    shape: Literal["box", "mesh"]
+    size: tuple[float, float, float] | None = Field(
+        None, description="x, y, z of a box at yaw 0 [m]"
+    )
+    mesh: str | None = Field(
+        None, description="scan of the rock, z up; .ply .stl .obj .dae .glb; relative to this file"
+    )
+    fallback: str | None = Field(
+        None, description="generator in vsr_core.surrogate used where the scan is absent"
+    )
+    scale: float = Field(1.0, gt=0, description="metres per unit of the mesh file")
+    density: float = Field(gt=0, le=30_000, description="density [kg m-3]")
+
+    @field_validator("size")
+    @classmethod
+    def _positive(cls, size: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if size is not None and min(size) <= 0.0:
+            raise ValueError("a box has three positive lengths in metres; correct the size")
+        return size
+
+    @model_validator(mode="after")
+    def _shape_is_given(self) -> RockConfig:
+        if self.shape == "box" and self.size is None:
+            raise ValueError("a box needs `size`; give [x, y, z] in metres")
+        if self.shape == "mesh" and self.mesh is None:
+            raise ValueError("a mesh needs `mesh`; give the path of the scan")
+        return self
+
+
+class PedestalConfig(Section):
+    """What the rock stands on."""
+
+    shape: Literal["flat"] = "flat"
+
+
+class ContactConfig(Section):
+    """Effective coefficients of the pair rock-pedestal."""
+
+    friction: Values = Field(description="Coulomb friction of the pair [1]")
+    restitution: float = Field(0.0, ge=0, le=1, description="normal restitution of the pair [1]")
+    rolling_friction: float = Field(0.0, ge=0, description="rolling friction, a length [m]")
+
+    _values = field_validator("friction", mode="before")(_as_values)
+
+    @field_validator("friction")
+    @classmethod
+    def _not_negative(cls, friction: tuple[float, ...]) -> tuple[float, ...]:
+        if min(friction) < 0.0:
+            raise ValueError("friction cannot be negative; dry rock on rock is about 0.6")
+        if max(friction) > 100.0:
+            raise ValueError("friction above 100 is no Coulomb coefficient; use 10 for no sliding")
+        return friction
+
+
+class MotionConfig(Section):
+    """The grid of ground motions."""
+
+    kind: Literal["cosine_pulse"] = "cosine_pulse"
+    pga: Grid = Field(description="peak ground acceleration [g]")
+    pgv_pga: Grid = Field(description="ratio of peak velocity to peak acceleration [s]")
+
+    _values = field_validator("pga", "pgv_pga", mode="before")(_as_values)
+
+    @field_validator("pga")
+    @classmethod
+    def _in_g(cls, pga: tuple[float, ...]) -> tuple[float, ...]:
+        if pga[0] <= 0.0:
+            raise ValueError("a PGA is positive; start above 0 g")
+        if pga[-1] > 10.0:
+            raise ValueError(
+                "PGA is in g and at most 10; g? write 0.3 for 30 percent of g, or 1 for 9.81 m/s2"
+            )
+        return pga
+
+    @field_validator("pgv_pga")
+    @classmethod
+    def _in_seconds(cls, pgv_pga: tuple[float, ...]) -> tuple[float, ...]:
+        if pgv_pga[0] <= 0.0:
+            raise ValueError("PGV/PGA is positive; start above 0 s")
+        if pgv_pga[-1] > 10.0:
+            raise ValueError("PGV/PGA is in seconds and at most 10; s? write 0.3 for 300 ms")
+        return pgv_pga
+
+
+class SimulationConfig(Section):
+    """How runs are computed."""
+
+    engine: Literal["bullet"] = "bullet"
+    time_step: Literal["auto"] | Annotated[float, Field(gt=0, le=0.02)] = Field(
+        "auto", description="step [s], or auto: chosen for `tolerance`"
+    )
+    tolerance: float = Field(
+        0.01, ge=0.0005, le=0.1, description="relative error of the overturning boundary [1]"
+    )
+    reduce: bool = Field(True, description="leave out what cannot change an outcome")
+
+
+class Config(Section):
+    """Everything that determines the products of a site."""
+
+    rock: RockConfig
+    pedestal: PedestalConfig = PedestalConfig()
+    contact: ContactConfig
+    motion: MotionConfig
+    yaw: Values = Field(
+        description="turn of the rock about z before the shaking along +x [degree]"
+    )
+    drive: Literal["table_frame"] = "table_frame"
+    simulation: SimulationConfig = SimulationConfig()
+
+    _values = field_validator("yaw", mode="before")(_as_values)
+
+    @field_validator("yaw")
+    @classmethod
+    def _in_a_circle(cls, yaw: tuple[float, ...]) -> tuple[float, ...]:
+        if min(yaw) < -360.0 or max(yaw) > 360.0:
+            raise ValueError("yaw is in degrees from -360 to 360; bring it into the circle")
+        return yaw

@@ -1,0 +1,108 @@
+"""The graph of stages: what is asked for, what is fresh, why not, and making it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+from pipeline import keys
+from pipeline.layers import Site
+from pipeline.stage import Job, Stage, stages
+from pipeline.store import Store
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a stage's product is made from, and the key of it all."""
+
+    facts: dict[str, Any]
+
+    @property
+    def key(self) -> str:
+        """Digest of the facts."""
+        return keys.digest(self.facts)
+
+
+def upstream(name: str) -> list[Stage]:
+    """The stages that a product needs, itself last, each after what it needs."""
+    order: dict[str, Stage] = {}
+
+    def visit(stage: Stage) -> None:
+        for need in stage.needs:
+            visit(stages()[need])
+        order.setdefault(stage.name, stage)
+
+    visit(stages()[name])
+    return list(order.values())
+
+
+def identities(name: str, site: Site) -> dict[str, Identity]:
+    """Identity of each stage that a product needs."""
+    found: dict[str, Identity] = {}
+    for stage in upstream(name):
+        found[stage.name] = Identity(
+            {
+                "config": stage.settings(site.config),
+                "code": keys.code(stage.roots()),
+                "inputs": stage.inputs(site),
+                "versions": {library: version(library) for library in stage.versions},
+                "needs": {need: found[need].key for need in stage.needs},
+            }
+        )
+    return found
+
+
+def why(stage: Stage, identity: Identity, store: Store) -> Iterator[str]:
+    """Reasons why a stage has to be made; none if its products are fresh."""
+    manifest = store.manifest(stage.name)
+    if manifest is None:
+        yield "never made here"
+        return
+    damage = store.damage(stage.name)
+    if damage:
+        yield damage
+    if manifest["unresolved"]:
+        yield f"{manifest['unresolved']} runs without a verdict"
+    if manifest["key"] == identity.key:
+        return
+    old, new = manifest["facts"], identity.facts
+    for key in sorted(new["config"]):
+        if old["config"].get(key) != new["config"][key]:
+            yield f"{key} changed: {_change(old['config'].get(key), new['config'][key])}"
+    for part, label in (("inputs", "file"), ("versions", "version of"), ("code", "code")):
+        for item in sorted({*old[part], *new[part]}):
+            if old[part].get(item) != new[part].get(item):
+                verb = "new" if item not in old[part] else "gone" if item not in new[part] else "edited"
+                yield f"{label} {item} {verb}"
+    for need in sorted(new["needs"]):
+        if old["needs"].get(need) != new["needs"][need]:
+            yield f"stage {need} changed"
+
+
+def make(name: str, job: Job) -> int:
+    """Bring a product up to date; returns the number of runs without a verdict."""
+    wanted = identities(name, job.site)
+    _ensure(stages()[name], wanted, job)
+    manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
+    return max(int(manifest["unresolved"]) for manifest in manifests)
+
+
+def _ensure(stage: Stage, wanted: dict[str, Identity], job: Job) -> None:
+    identity = wanted[stage.name]
+    if not any(why(stage, identity, job.store)):
+        return
+    for need in stage.needs:
+        _ensure(stages()[need], wanted, job)
+    product = stage.make(Job(job.site, job.store, job.cluster, identity.key, job.log))
+    facts = {"key": identity.key, "facts": identity.facts, "unresolved": product.unresolved}
+    job.store.publish(stage.name, facts, product.files)
+    job.log(f"{stage.name}: {product.summary}")
+
+
+def _change(old: Any, new: Any) -> str:
+    if isinstance(old, list) and isinstance(new, list):
+        added, removed = len(set(map(str, new)) - set(map(str, old))), len(set(map(str, old)) - set(map(str, new)))
+        return f"{added} values added, {removed} removed"
+    return f"{old!r} is now {new!r}"

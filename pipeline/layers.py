@@ -1,0 +1,199 @@
+"""From YAML files and --set to a checked Config, with every problem traced to where it came from."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from pipeline import ROOT
+from pipeline.config import Config
+from pipeline.problems import InputError, Problem
+
+SITES = ROOT / "configs" / "sites"
+STUDIES = ROOT / "configs" / "studies"
+BASE = ROOT / "configs" / "base.yaml"
+
+
+@dataclass(frozen=True)
+class Site:
+    """A site's name, its checked configuration and the folder its paths are relative to."""
+
+    name: str
+    config: Config
+    file: str
+    folder: Path
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe loader that refuses a key given twice."""
+
+
+def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
+    keys = [loader.construct_object(key) for key, _ in node.value]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise yaml.YAMLError(f"key {key!r} twice, line {node.start_mark.line + 1}")
+    loader.flatten_mapping(node)
+    return {
+        loader.construct_object(key, deep=True): loader.construct_object(value, deep=True)
+        for key, value in node.value
+    }
+
+
+_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+
+
+def known(folder: Path = SITES) -> list[str]:
+    """Names of the YAML files in a folder of configurations."""
+    return sorted(path.stem for path in folder.glob("*.yaml"))
+
+
+def load_site(site: str, study: str | None = None, settings: tuple[str, ...] = ()) -> Site:
+    """Merge base, site, study and ``key=value`` settings, later ones over earlier ones.
+
+    Raises
+    ------
+    InputError
+        With one problem per line, for everything that is wrong at once.
+    """
+    path = _find(site, SITES, "site")
+    layers = [(shown(file), _read(file)) for file in (BASE, path)]
+    if study:
+        file = _find(study, STUDIES, "study")
+        layers.append((shown(file), _read(file)))
+    layers += [("--set", _setting(item)) for item in settings]
+    merged: dict[str, Any] = {}
+    origin: dict[tuple[str, ...], str] = {}
+    for source, layer in layers:
+        _merge(merged, layer, origin, source, ())
+    try:
+        config = Config.model_validate(merged)
+    except ValidationError as error:
+        problems = [_problem(item, origin, shown(path)) for item in error.errors()]
+        by_key = {(problem.file, problem.key): problem for problem in problems}
+        raise InputError(*by_key.values()) from None
+    return Site(path.stem, config, shown(path), path.parent)
+
+
+def shown(path: Path) -> str:
+    """A path as a reader would write it: relative to where they stand, if it is below."""
+    for folder in (Path.cwd(), ROOT):
+        if path.resolve().is_relative_to(folder.resolve()):
+            return str(path.resolve().relative_to(folder.resolve()))
+    return str(path)
+
+
+def _find(name: str, folder: Path, what: str) -> Path:
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml"):
+        if path.is_file():
+            return path.resolve()
+        raise InputError(Problem(name, "", "a file that is not there", "it exists", "check the path"))
+    if name in known(folder):
+        return folder / f"{name}.yaml"
+    near = difflib.get_close_matches(name, known(folder), 1)
+    hint = f"did you mean {near[0]}?" if near else "give one of them, or a path ending in .yaml"
+    rule = f"the known ones are {', '.join(known(folder)) or 'none'}"
+    raise InputError(Problem(what.upper(), "", repr(name), rule, hint))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = yaml.load(path.read_text(encoding="utf-8"), _Loader)  # noqa: S506 (safe subclass)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(
+            Problem(shown(path), "", "text that is no YAML", str(error), "correct the file")
+        ) from None
+    if content is None:
+        return {}
+    if not isinstance(content, dict):
+        given = type(content).__name__
+        raise InputError(
+            Problem(shown(path), "", f"a {given}", "a configuration is a mapping", "write key: value")
+        )
+    return content
+
+
+def _setting(item: str) -> dict[str, Any]:
+    key, equals, value = item.partition("=")
+    if not equals or not key:
+        raise InputError(Problem("--set", "", repr(item), "it is key=value", "e.g. motion.pga.num=20"))
+    try:
+        layer: Any = yaml.load(value, _Loader)  # noqa: S506 (safe subclass)
+    except yaml.YAMLError:
+        raise InputError(
+            Problem("--set", key, repr(value), "the value is YAML", "quote or correct it")
+        ) from None
+    for part in reversed(key.split(".")):
+        layer = {part: layer}
+    return dict(layer)
+
+
+def _merge(
+    into: dict[str, Any],
+    layer: dict[str, Any],
+    origin: dict[tuple[str, ...], str],
+    source: str,
+    path: tuple[str, ...],
+) -> None:
+    for key, value in layer.items():
+        here = (*path, str(key))
+        origin[here] = source
+        if isinstance(value, dict) and isinstance(into.get(key), dict):
+            _merge(into[key], value, origin, source, here)
+        elif isinstance(value, dict):
+            into[key] = {}
+            _merge(into[key], value, origin, source, here)
+        else:
+            into[key] = value
+
+
+def _problem(error: Any, origin: dict[tuple[str, ...], str], site: str) -> Problem:
+    place = tuple(str(part) for part in error["loc"] if not str(part).startswith(("literal", "constr")))
+    source = next(
+        (origin[place[:n]] for n in range(len(place), 0, -1) if place[:n] in origin), site
+    )
+    key = ".".join(place)
+    if error["type"] == "extra_forbidden":
+        names = _names(place[:-1])
+        near = difflib.get_close_matches(place[-1], names, 1)
+        hint = f"did you mean {near[0]}?" if near else f"the keys here are {', '.join(names)}"
+        return Problem(source, key, "an unknown key", "every key is known", hint)
+    if error["type"] == "missing":
+        return Problem(source, key, "nothing", "the key is required", _description(place))
+    given = repr(error["input"])
+    given = given if len(given) <= 60 else given[:57] + "..."
+    if error["type"] == "value_error":
+        rule, _, remedy = str(error["ctx"]["error"]).partition("; ")
+        return Problem(source, key, given, rule, remedy)
+    rule = error["msg"][0].lower() + error["msg"][1:]
+    return Problem(source, key, given, rule, _description(place))
+
+
+def _section(place: tuple[str, ...]) -> type[BaseModel] | None:
+    model: Any = Config
+    for part in place:
+        field = model.model_fields.get(part)
+        model = field.annotation if field else None
+        if not (isinstance(model, type) and issubclass(model, BaseModel)):
+            return None
+    return model
+
+
+def _names(place: tuple[str, ...]) -> list[str]:
+    model = _section(place)
+    return list(model.model_fields) if model else ["start", "stop", "num"]
+
+
+def _description(place: tuple[str, ...]) -> str:
+    for end in range(len(place), 0, -1):
+        model = _section(place[: end - 1])
+        field = model.model_fields.get(place[end - 1]) if model else None
+        if field and field.description:
+            return f"it is the {field.description}"
+    return "correct it in the configuration"

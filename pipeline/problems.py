@@ -1,0 +1,36 @@
+"""Input errors as one line each: where, what was given, the rule, the remedy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vsr_core.errors import Unfit
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with what the user gave."""
+
+    file: str
+    key: str
+    given: str
+    rule: str
+    remedy: str
+
+    def __str__(self) -> str:
+        where = ": ".join(part for part in (self.file, self.key) if part)
+        line = f"{where}: got {self.given}; {self.rule}; {self.remedy}"
+        return " ".join(line.split())
+
+
+class InputError(Exception):
+    """Usage or input that cannot be worked with; exit code 2."""
+
+    def __init__(self, *problems: Problem) -> None:
+        super().__init__("\n".join(map(str, problems)))
+        self.problems = problems
+
+    @classmethod
+    def from_unfit(cls, file: str, key: str, error: Unfit) -> InputError:
+        """The physics' refusal, with the file and key it came from."""
+        return cls(Problem(file, key, error.given, error.rule, error.remedy))

@@ -1,0 +1,64 @@
+"""One line for long work: runs done, rate, time left, outcomes so far."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from types import TracebackType
+
+from vsr_core.outcome import Outcome
+
+_QUIET_SECONDS = 5.0
+_SCREEN_SECONDS = 0.2
+
+
+class Progress:
+    """Counts runs and shows them: in place on a terminal, now and then in a log.
+
+    Parameters
+    ----------
+    total : int, runs to do
+    log : function of one line, for where there is no terminal
+    """
+
+    def __init__(self, total: int, log: Callable[[str], None]) -> None:
+        self.total, self._log = total, log
+        self.outcomes: Counter[int] = Counter()
+        self._terminal = sys.stderr.isatty()
+        self._start = self._shown = time.monotonic()
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._terminal:
+            sys.stderr.write("\r\x1b[K")
+
+    def add(self, outcomes: list[int]) -> None:
+        """Count finished runs by outcome code."""
+        self.outcomes.update(outcomes)
+        now = time.monotonic()
+        if self._terminal and now - self._shown >= _SCREEN_SECONDS:
+            sys.stderr.write(f"\r\x1b[K{self.line(now)}")
+            sys.stderr.flush()
+        elif not self._terminal and now - self._shown >= _QUIET_SECONDS:
+            self._log(self.line(now))
+        else:
+            return
+        self._shown = now
+
+    def line(self, now: float) -> str:
+        """The line, at time ``now`` of the monotonic clock [s]."""
+        done = self.outcomes.total()
+        rate = done / max(now - self._start, 1e-9)
+        left = (self.total - done) / rate if rate else 0.0
+        counts = ", ".join(f"{n} {Outcome(code).name.lower()}" for code, n in self.outcomes.most_common())
+        clock = f"{int(left) // 60}:{int(left) % 60:02d}"
+        return f"runs {done}/{self.total}  {rate:.0f}/s  {clock} left  {counts}"

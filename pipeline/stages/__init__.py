@@ -1,0 +1,1 @@
+"""Stages: one module each, with a declaration called STAGE. Heavy libraries load in ``make``."""

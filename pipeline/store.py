@@ -1,0 +1,162 @@
+"""What is kept on disk: whole products with their checksums, and runs in an embedded database."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pipeline.keys import digest_file
+from pipeline.problems import InputError, Problem
+
+Writer = Callable[[Path], None]
+
+RUNS = "runs.sqlite"
+
+
+class RunRow(NamedTuple):
+    """A stored run; the numbers mean what ``vsr_core.outcome.Response`` says."""
+
+    key: bytes
+    outcome: int
+    decided_by: int
+    peak_tilt: float
+    final_tilt: float
+    slip: float
+    steps: int
+
+
+class Store:
+    """Products and manifests of one site, in ``folder``.
+
+    A product appears under its final name only when it is whole. Its stage's manifest is written
+    last and holds the key, what the key was made of, and a checksum of every product.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._manifests = folder / ".stages"
+
+    def open(self) -> None:
+        """Make the folder and see that it can be written to.
+
+        Raises
+        ------
+        InputError
+            If it cannot.
+        """
+        with writing(self.folder):
+            self._manifests.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile(dir=self.folder, prefix=".try-") as probe:
+                probe.write(b"x" * 65536)
+            for left in self.folder.glob(".part-*"):
+                left.unlink()
+
+    def manifest(self, stage: str) -> dict[str, Any] | None:
+        """Manifest of a stage; None if there is none or it cannot be read."""
+        try:
+            return dict(json.loads((self._manifests / f"{stage}.json").read_text()))
+        except (OSError, ValueError):
+            return None
+
+    def damage(self, stage: str) -> str:
+        """What is wrong with a stage's products on disk, or an empty string."""
+        for name, checksum in (self.manifest(stage) or {"files": {}})["files"].items():
+            path = self.folder / name
+            if not path.is_file():
+                return f"{name} is missing"
+            if digest_file(path) != checksum:
+                return f"{name} is not what was written"
+        return ""
+
+    def publish(self, stage: str, facts: dict[str, Any], writers: dict[str, Writer]) -> None:
+        """Write products beside their names, rename them, then write the manifest."""
+        with writing(self.folder):
+            files = {name: self._put(self.folder / name, write) for name, write in writers.items()}
+            text = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
+            self._put(self._manifests / f"{stage}.json", lambda path: _write_text(path, text))
+
+    def _put(self, final: Path, write: Writer) -> str:
+        part = self.folder / f".part-{os.getpid()}-{final.name}"
+        try:
+            write(part)
+            with part.open("rb+") as file:
+                os.fsync(file.fileno())
+            checksum = digest_file(part)
+            part.replace(final)
+        finally:
+            part.unlink(missing_ok=True)
+        return checksum
+
+
+class RunStore:
+    """Run results by key, in SQLite with a write-ahead log: survives ``kill -9``.
+
+    One process writes; at most the batches not yet handed over are lost.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        with writing(folder):
+            self._database = sqlite3.connect(folder / RUNS, isolation_level=None, timeout=30.0)
+            self._database.execute("PRAGMA journal_mode=WAL")
+            self._database.execute("PRAGMA synchronous=NORMAL")
+            self._database.execute(
+                "CREATE TABLE IF NOT EXISTS runs (key BLOB PRIMARY KEY, outcome INTEGER, "
+                "decided_by INTEGER, peak_tilt REAL, final_tilt REAL, slip REAL, steps INTEGER) "
+                "WITHOUT ROWID"
+            )
+        self._folder = folder
+
+    def close(self) -> None:
+        """Close the database."""
+        self._database.close()
+
+    def add(self, rows: Iterable[RunRow]) -> None:
+        """Keep rows, all or none."""
+        with writing(self._folder):
+            self._database.execute("BEGIN IMMEDIATE")
+            try:
+                self._database.executemany(
+                    "INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?)", rows
+                )
+            except BaseException:
+                self._database.execute("ROLLBACK")
+                raise
+            self._database.execute("COMMIT")
+
+    def get(self, keys: Iterable[bytes]) -> dict[bytes, RunRow]:
+        """Stored rows among ``keys``."""
+        self._database.execute("CREATE TEMP TABLE IF NOT EXISTS wanted (key BLOB PRIMARY KEY)")
+        self._database.execute("BEGIN")
+        self._database.execute("DELETE FROM wanted")
+        self._database.executemany("INSERT OR IGNORE INTO wanted VALUES (?)", ((k,) for k in keys))
+        with closing(self._database.execute("SELECT runs.* FROM wanted JOIN runs USING (key)")) as rows:
+            found = {row[0]: RunRow(*row) for row in rows}
+        self._database.execute("COMMIT")
+        return found
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Turn a failure to write into one clear line."""
+    try:
+        yield
+    except (OSError, sqlite3.OperationalError, sqlite3.DatabaseError) as error:
+        raise InputError(
+            Problem(
+                str(folder),
+                "",
+                f"an output folder that cannot be written ({error})",
+                "it is a folder with room that you may write to",
+                "free space, change its permissions, or give another with DERIVED=",
+            )
+        ) from error
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")

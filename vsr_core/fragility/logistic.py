@@ -1,0 +1,204 @@
+"""Logistic regression of the outcome on ln PGA and ln PGV/PGA (Purvance's form)."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linprog
+from scipy.special import expit, logit
+from sklearn.base import BaseEstimator
+
+from vsr_core.fragility.cells import Cells, tabulate
+from vsr_core.fragility.newton import Evaluate, maximise
+from vsr_core.fragility.result import FloatArray, IntArray
+
+
+class LogisticFragility(BaseEstimator):
+    """logit P(overturned) = b0 + b1 ln(PGA / 1 g) + b2 ln((PGV/PGA) / 1 s).
+
+    Unpenalised maximum likelihood where it exists. When a line separates the outcomes (as on
+    almost every deterministic grid) the likelihood has no maximum; a linear program detects
+    this exactly and Firth's penalised likelihood is used instead, which is always finite.
+
+    Attributes
+    ----------
+    coef_ : ndarray, shape (3,)
+        b0, b1, b2. A slope that the data cannot tell (one PGA, one PGV/PGA or one outcome only)
+        is 0.
+    separated_ : bool
+    method_ : str
+    cells_ : Cells
+
+    References
+    ----------
+    Purvance, M. D. (2005), PhD thesis, University of Nevada, Reno: the form, as cited by Chen
+    et al. (2024); its exact text and coefficients could not be read.
+    Firth, D. (1993), Biometrika 80(1), 27-38.
+    Heinze, G. & Schemper, M. (2002), Statistics in Medicine 21, 2409-2419: Firth's penalty as
+    the remedy for separation.
+    Konis, K. (2007), DPhil thesis, University of Oxford: separation by linear programming.
+    """
+
+    name = "logistic"
+    parameter_units: ClassVar[dict[str, str]] = {"b0": "1", "b1": "1", "b2": "1"}
+
+    def fit(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Self:
+        """Fit flat run arrays, each of shape (n_runs,): PGA [g], PGV/PGA [s], outcome."""
+        self.cells_ = cells = tabulate(pga, pgv_pga, overturned)
+        self._row, column = np.nonzero(cells.trials)
+        raw = np.stack([cells.ln_pga[column], cells.ln_ratio[self._row]], axis=1)
+        self._centre, spread = raw.mean(axis=0), raw.std(axis=0)
+        known = (spread > 1e-12) & cells.varied
+        self._slope_scale = np.where(known, 1.0 / np.where(known, spread, 1.0), 0.0)
+        scaled = (raw - self._centre) * self._slope_scale
+        self._design = np.column_stack([np.ones(len(raw)), scaled[:, known]])
+        self._known = known
+        self._toppled = cells.toppled[self._row, column]
+        self._trials = cells.trials[self._row, column]
+
+        self.separated_ = is_separated(cells, self._centre, self._slope_scale)
+        self._start = np.zeros((1, self._design.shape[1]))
+        self._start = self._solve(np.ones((1, cells.ln_ratio.size)), tolerance=1e-9)
+        self.coef_ = self._unscaled(self._start)[0]
+        self.method_ = (
+            "Firth's penalised likelihood (the outcomes are separated)"
+            if self.separated_
+            else "maximum likelihood"
+        )
+        if not cells.varied:
+            self.method_ += "; only one outcome: no slope is known, both are set to 0"
+        elif not known.all():
+            self.method_ += "; only one PGA or PGV/PGA: its slope is not known and set to 0"
+        if self.coef_[1] < 0:
+            self.method_ += "; P falls with PGA: there is no boundary to read"
+        return self
+
+    def predict_proba(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike) -> FloatArray:
+        """P(overturned) at PGA [g] and PGV/PGA [s], broadcast against each other."""
+        b0, b1, b2 = self.coef_
+        return expit(b0 + b1 * np.log(pga) + b2 * np.log(pgv_pga))
+
+    def contour(self, pgv_pga: npt.ArrayLike, probability: float = 0.5) -> FloatArray:
+        """Smallest PGA [g] with P >= `probability` at PGV/PGA [s]; see `_contour`."""
+        return self._contour(self.coef_, np.log(pgv_pga), probability)
+
+    @property
+    def coefs_(self) -> FloatArray:
+        """Coefficients as a batch of one, shape (1, 3)."""
+        return self.coef_[None]
+
+    def refit(self, row_weights: FloatArray, rng: np.random.Generator | None = None) -> FloatArray:
+        """Fit again with PGV/PGA row r counted row_weights[:, r] times.
+
+        Parameters
+        ----------
+        row_weights : ndarray, shape (batch, n_ratio)
+        rng : unused; part of the protocol of `scores`.
+
+        Returns
+        -------
+        ndarray, shape (batch, 3)
+        """
+        return self._unscaled(self._solve(row_weights, tolerance=1e-5))
+
+    def named(self, coefs: FloatArray) -> dict[str, FloatArray]:
+        """Return the parameters of a batch by name, each of shape (batch,)."""
+        return dict(zip(self.parameter_units, coefs.T, strict=True))
+
+    def grid_probability(self, coefs: FloatArray) -> FloatArray:
+        """P(overturned) at the grid cells, shape (batch, n_ratio, n_pga)."""
+        b0, b1, b2 = coefs.T[..., None, None]
+        return expit(b0 + b1 * self.cells_.ln_pga + b2 * self.cells_.ln_ratio[:, None])
+
+    def grid_contour(self, coefs: FloatArray, probability: float) -> FloatArray:
+        """PGA [g] of a probability at the grid's PGV/PGA rows, shape (batch, n_ratio)."""
+        return self._contour(coefs[:, None, :], self.cells_.ln_ratio, probability)
+
+    @staticmethod
+    def _contour(coefs: FloatArray, ln_ratio: FloatArray, probability: float) -> FloatArray:
+        """Smallest PGA at the level; without a rising P: 0 if it is at the level, else inf."""
+        b0, b1, b2 = np.moveaxis(coefs, -1, 0)
+        missing = logit(probability) - b0 - b2 * ln_ratio
+        rising = b1 > 0
+        with np.errstate(over="ignore"):
+            pga = np.exp(missing / np.where(rising, b1, 1.0))
+        return np.where(rising, pga, np.where((b1 < 0) | (missing <= 0), 0.0, np.inf))
+
+    def _solve(self, row_weights: FloatArray, tolerance: float) -> FloatArray:
+        """Scaled coefficients for each row of weights, shape (batch, p)."""
+        weights = np.asarray(row_weights, dtype=np.float64)[:, self._row]
+        start = np.repeat(self._start, len(weights), axis=0)
+        if self.separated_:
+            return maximise(self._likelihood(weights, firth=True), start, tolerance=tolerance)[0]
+        beta, converged = maximise(
+            self._likelihood(weights, firth=False), start, tolerance=tolerance, max_iterations=25
+        )
+        # rows left out can separate what the whole grid did not; Newton then never settles
+        lost = ~converged
+        if lost.any():
+            beta[lost] = maximise(
+                self._likelihood(weights[lost], firth=True), start[lost], tolerance=tolerance
+            )[0]
+        return beta
+
+    def _likelihood(self, weights: FloatArray, *, firth: bool) -> Evaluate:
+        """Return the value-and-step function of the (penalised) likelihood for `maximise`."""
+        design = self._design
+        n_coef = design.shape[1]
+        outer = (design[:, :, None] * design[:, None, :]).reshape(len(design), -1)
+
+        def evaluate(beta: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+            trials, toppled = weights[which] * self._trials, weights[which] * self._toppled
+            eta = beta @ design.T
+            prob = expit(eta)
+            variance = trials * prob * (1.0 - prob)
+            eigenvalue, vector = np.linalg.eigh((variance @ outer).reshape(-1, n_coef, n_coef))
+            known = eigenvalue > 1e-12 * eigenvalue[:, -1:]
+            inverse_value = np.where(known, 1.0 / np.where(known, eigenvalue, 1.0), 0.0)
+            inverse = (vector * inverse_value[:, None, :]) @ vector.transpose(0, 2, 1)
+            residual = toppled - trials * prob
+            value = (toppled * eta - trials * np.logaddexp(0.0, eta)).sum(axis=1)
+            if firth:
+                # Firth 1993, eq. 4: the hat diagonal pulls each fitted probability to 1/2
+                leverage = variance * (inverse.reshape(len(beta), -1) @ outer.T)
+                residual = residual + leverage * (0.5 - prob)
+                value = value + 0.5 * np.log(np.where(known, eigenvalue, 1.0)).sum(axis=1)
+            return value, np.einsum("bij,bj->bi", inverse, residual @ design)
+
+        return evaluate
+
+    def _unscaled(self, beta: FloatArray) -> FloatArray:
+        """Undo the centring and scaling: shape (batch, p) -> (batch, 3)."""
+        slopes = np.zeros((len(beta), 2))
+        slopes[:, self._known] = beta[:, 1:]
+        slopes *= self._slope_scale
+        return np.column_stack([beta[:, 0] - slopes @ self._centre, slopes])
+
+
+def is_separated(cells: Cells, centre: FloatArray, scale: FloatArray) -> bool:
+    """Whether a line in (ln PGA, ln PGV/PGA) separates the outcomes, completely or quasi.
+
+    Solves max sum s_i x_i.b subject to s_i x_i.b >= 0 and |b_j| <= 1, with s = +1 for
+    overturned and -1 for balanced: the optimum is positive exactly when the outcomes are
+    separated (Konis 2007). Only the outermost PGA of either outcome in a row can bind.
+    """
+    signed = []
+    for sign, count in ((1.0, cells.toppled), (-1.0, cells.trials - cells.toppled)):
+        present = count > 0
+        rows = np.flatnonzero(present.any(axis=1))
+        lowest = present[rows].argmax(axis=1)
+        highest = present.shape[1] - 1 - present[rows, ::-1].argmax(axis=1)
+        ends = np.column_stack([np.r_[lowest, highest], np.r_[rows, rows]])
+        raw = np.column_stack([cells.ln_pga[ends[:, 0]], cells.ln_ratio[ends[:, 1]]])
+        signed.append(sign * np.column_stack([np.ones(len(raw)), (raw - centre) * scale]))
+    rows_signed = np.concatenate(signed)
+    found = linprog(
+        -rows_signed.sum(axis=0),
+        A_ub=-rows_signed,
+        b_ub=np.zeros(len(rows_signed)),
+        bounds=(-1.0, 1.0),
+        method="highs",
+    )
+    return bool(-found.fun > 1e-5)

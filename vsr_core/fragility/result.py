@@ -1,0 +1,151 @@
+"""What a fragility fit returns: plain frozen records of numpy arrays.
+
+Conventions shared by every record: rows are PGV/PGA values [s], columns PGA values [g].
+A level PGA (median or band edge) of 0 means "below the smallest PGA tested" and inf "above the
+largest one"; being ordered numbers, they keep percentiles meaningful. NaN means "not known".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """First-overturning PGA of each PGV/PGA row, read off the grid without a model.
+
+    Attributes
+    ----------
+    lower : ndarray, shape (n_ratio,) [g]
+        Largest balanced PGA below the first overturned one. NaN when the first decided cell
+        already overturned. In a censored row: the largest balanced PGA.
+    upper : ndarray, shape (n_ratio,) [g]
+        First overturned PGA; inf in a row that never topples, NaN in a row without decided cells.
+    censored : ndarray of bool, shape (n_ratio,)
+        The row has decided cells and none overturned: the boundary lies above the grid.
+    islands : ndarray of int, shape (n_ratio,)
+        Balanced cells above the first overturned one.
+    labels : ndarray of int, shape (n_ratio, n_pga)
+        Number of the toppled cluster of each cell; 0 where the cell did not topple.
+    cluster_sizes : ndarray of int, shape (n_clusters,)
+        Cells in each toppled cluster, in the order of `labels`.
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    censored: BoolArray
+    islands: IntArray
+    labels: IntArray
+    cluster_sizes: IntArray
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One fitted parameter with its 95 % bootstrap interval.
+
+    `value`, `lower` and `upper` have shape () for a parameter of the whole grid and (n_ratio,)
+    for one that each PGV/PGA row has of its own. `lower` and `upper` are NaN where the data
+    give no interval.
+    """
+
+    name: str
+    units: str
+    value: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Cross-validation scores over left-out PGV/PGA rows; NaN with fewer than two rows.
+
+    Attributes
+    ----------
+    log_loss : float
+        Mean negative log probability of the observed outcome [nat per run].
+    log_loss_se : float
+        Its standard error from the spread between folds.
+    brier : float
+        Mean squared difference between probability and outcome.
+    accuracy : float
+        Share of runs on the right side of P = 0.5.
+    fold_log_loss : ndarray, shape (n_folds,)
+        Log loss of each fold; models are compared fold by fold.
+    """
+
+    log_loss: float
+    log_loss_se: float
+    brier: float
+    accuracy: float
+    fold_log_loss: FloatArray
+
+
+@dataclass(frozen=True)
+class ModelFit:
+    """One model fitted to one grid.
+
+    Attributes
+    ----------
+    name : str
+        "logistic", "lognormal" or "smooth".
+    method : str
+        How it was estimated, in words.
+    separated : bool
+        A straight line (logistic), or every row's threshold (lognormal), divides the outcomes
+        without error, so the transition width comes from the grid and not from scatter. False
+        for "smooth", whose penalty makes the question moot.
+    parameters : tuple of Parameter
+        Empty for "smooth", whose spline coefficients mean nothing one by one.
+    scores : Scores
+    median, median_lower, median_upper : ndarray, shape (n_ratio,) [g]
+        Smallest PGA with P >= 0.5 and its 95 % bootstrap interval. The logistic line goes on
+        beyond the tested PGA; the other models say 0 or inf there.
+    band_low, band_high : ndarray, shape (n_ratio,) [g]
+        PGA at P = 0.025 and P = 0.975: the 95 % band of the fitted model.
+    probability : ndarray, shape (n_ratio, n_pga)
+        P(overturned) at the grid cells.
+    row_status : tuple of str
+        For "lognormal" how each row was decided (see `lognormal.STATUS`); empty for the others.
+    """
+
+    name: str
+    method: str
+    separated: bool
+    parameters: tuple[Parameter, ...]
+    scores: Scores
+    median: FloatArray
+    median_lower: FloatArray
+    median_upper: FloatArray
+    band_low: FloatArray
+    band_high: FloatArray
+    probability: FloatArray
+    row_status: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FragilityResult:
+    """Everything learnt from one grid: boundary, fitted models, and the recommended one.
+
+    `recommended` is a name out of `models`, or "none" when the outcomes do not vary; `reason`
+    is one sentence. `n_decided` and `n_undecided` count cells.
+    """
+
+    pga: FloatArray
+    pgv_pga: FloatArray
+    n_decided: int
+    n_undecided: int
+    boundary: Boundary
+    models: tuple[ModelFit, ...]
+    recommended: str
+    reason: str
+
+    def model(self, name: str) -> ModelFit:
+        """Return the fitted model called `name`."""
+        return next(fitted for fitted in self.models if fitted.name == name)

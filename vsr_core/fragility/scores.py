@@ -1,0 +1,145 @@
+"""How well a model predicts rows it has not seen, and how far its answers may be off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from vsr_core.fragility.cells import Cells
+from vsr_core.fragility.result import FloatArray, IntArray, Scores
+
+N_FOLDS = 10
+CLIP = 1e-3
+"""Probabilities are clipped to [CLIP, 1 - CLIP] in the log loss: a few thousand runs cannot
+support a stronger claim, and one cell on the wrong side of a sharp curve would otherwise
+outweigh all others."""
+
+
+class GridModel(Protocol):
+    """What a fitted model offers to be scored; batches are the leading axis of `coefs`."""
+
+    name: str
+    parameter_units: ClassVar[dict[str, str]]
+    cells_: Cells
+
+    @property
+    def coefs_(self) -> FloatArray: ...
+    def refit(
+        self, row_weights: FloatArray, rng: np.random.Generator | None = None
+    ) -> FloatArray: ...
+    def named(self, coefs: FloatArray) -> dict[str, FloatArray]: ...
+    def grid_probability(self, coefs: FloatArray) -> FloatArray: ...
+    def grid_contour(self, coefs: FloatArray, probability: float) -> FloatArray: ...
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """95 % percentile intervals: of each parameter by name, and of the median boundary [g].
+
+    Each entry is a pair (lower, upper); the median's have shape (n_ratio,).
+    """
+
+    parameters: dict[str, tuple[FloatArray, FloatArray]]
+    median: tuple[FloatArray, FloatArray]
+
+
+def folds(cells: Cells) -> IntArray:
+    """Fold of each PGV/PGA row: 0, 1, ... interleaved over the rows with runs; -1 for others.
+
+    Interleaved, because neighbouring rows are alike: a left-out row is then predicted from
+    both its neighbours, as in use.
+    """
+    fold = np.full(cells.ln_ratio.size, -1)
+    rows = np.flatnonzero(cells.usable)
+    fold[rows] = np.arange(rows.size) % min(N_FOLDS, rows.size)
+    return fold
+
+
+def held_out_probability(model: GridModel) -> FloatArray:
+    """P at the grid cells from fits that left the cell's row out, shape (n_ratio, n_pga)."""
+    fold = folds(model.cells_)
+    kept = fold != np.arange(fold.max() + 1)[:, None]
+    predicted = model.grid_probability(model.refit(kept.astype(np.float64)))
+    return predicted[np.maximum(fold, 0), np.arange(fold.size)]
+
+
+def losses(cells: Cells, probability: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log loss, squared error and hits of each cell, summed over its runs."""
+    fell, stood = cells.toppled, cells.trials - cells.toppled
+    clipped = np.clip(probability, CLIP, 1.0 - CLIP)
+    log_loss = -(fell * np.log(clipped) + stood * np.log1p(-clipped))
+    squared = fell * (1.0 - probability) ** 2 + stood * probability**2
+    return log_loss, squared, np.where(probability >= 0.5, fell, stood)
+
+
+def held_out_log_loss(model: GridModel) -> float:
+    """Mean log loss on left-out rows [nat per run]; NaN with fewer than two rows."""
+    return cross_validate(model).log_loss
+
+
+def cross_validate(model: GridModel) -> Scores:
+    """Score a fitted model on PGV/PGA rows left out in `N_FOLDS` interleaved folds.
+
+    Hyperparameters (the ridge of the smooth model) stay as chosen on the whole grid, so that
+    model's score is slightly flattered.
+    """
+    cells = model.cells_
+    if cells.usable.sum() < 2:
+        return Scores(np.nan, np.nan, np.nan, np.nan, np.empty(0))
+    fold = folds(cells)
+    log_loss, squared, hits = losses(cells, held_out_probability(model))
+    total = cells.trials.sum()
+    fold_log_loss = np.array(
+        [log_loss[fold == k].sum() / cells.trials[fold == k].sum() for k in range(fold.max() + 1)]
+    )
+    return Scores(
+        log_loss=float(log_loss.sum() / total),
+        log_loss_se=float(fold_log_loss.std(ddof=1) / np.sqrt(fold_log_loss.size)),
+        brier=float(squared.sum() / total),
+        accuracy=float(hits.sum() / total),
+        fold_log_loss=fold_log_loss,
+    )
+
+
+def bootstrap(model: GridModel, n: int = 200, seed: int = 0) -> Bootstrap:
+    """Percentile intervals from resampling whole PGV/PGA rows.
+
+    The runs of a row share one motion shape and are not independent, so the row is the unit.
+    On a deterministic grid the interval shows how far the answer depends on which rows were
+    run; for the lognormal model also on where in its grid interval each threshold lies (see
+    `LognormalFragility.refit`). It does not hold the error of the simulation.
+
+    Parameters
+    ----------
+    model : GridModel
+        Fitted.
+    n : int
+        Replicates. With none, or with fewer than two rows, the intervals are NaN.
+    seed : int
+        The same seed gives identical intervals.
+    """
+    cells = model.cells_
+    rows = np.flatnonzero(cells.usable)
+    if n < 1 or rows.size < 2:
+        empty = {name: np.full_like(v[0], np.nan) for name, v in model.named(model.coefs_).items()}
+        unknown = np.full(cells.ln_ratio.size, np.nan)
+        return Bootstrap({name: (v, v) for name, v in empty.items()}, (unknown, unknown))
+    rng = np.random.default_rng(seed)
+    weights = np.zeros((n, cells.ln_ratio.size))
+    weights[:, rows] = rng.multinomial(rows.size, np.full(rows.size, 1.0 / rows.size), size=n)
+    coefs = model.refit(weights, rng)
+    return Bootstrap(
+        {name: interval(values) for name, values in model.named(coefs).items()},
+        interval(model.grid_contour(coefs, 0.5)),
+    )
+
+
+def interval(replicates: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """2.5 and 97.5 % percentiles along the first axis.
+
+    By order statistics, without interpolation: a boundary may be 0 or inf (off the grid).
+    """
+    low, high = np.percentile(replicates, [2.5, 97.5], axis=0, method="inverted_cdf")
+    return np.asarray(low), np.asarray(high)

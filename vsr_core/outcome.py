@@ -1,0 +1,65 @@
+"""What a run can end as, and what decided it. The values are stored; never renumber them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+DISPLACED_SHARE = 0.1
+"""A rock still upright is displaced once its base slid by this share of its radius."""
+
+
+class Outcome(IntEnum):
+    """Final state of the rock.
+
+    ``unsettled``: neither at rest nor provably bound to a side when time ran out.
+    ``unstable``: the numerical guards failed at every step tried. ``crashed``: the worker died.
+    None of these three is ever counted as balanced.
+    """
+
+    BALANCED = 0
+    OVERTURNED = 1
+    DISPLACED = 2
+    UNSETTLED = 3
+    UNSTABLE = 4
+    CRASHED = 5
+
+    @property
+    def overturned(self) -> int:
+        """1 overturned, 0 upright, -1 undecided."""
+        if self is Outcome.OVERTURNED:
+            return 1
+        return 0 if self in (Outcome.BALANCED, Outcome.DISPLACED) else -1
+
+
+class DecidedBy(IntEnum):
+    """The rule that ended a run, or kept it from starting."""
+
+    SIMULATION = 0
+    NO_UPLIFT_BOUND = 1
+    ENERGY_BOUND = 2
+    NO_RETURN = 3
+
+
+@dataclass(frozen=True)
+class Response:
+    """Result of one run.
+
+    Attributes
+    ----------
+    outcome : Outcome
+    decided_by : DecidedBy
+    peak_tilt, final_tilt : float [rad]
+        Of the rock's vertical axis, up to the moment the outcome was decided.
+    slip : float [m]
+        Largest horizontal travel of the base's centre relative to the table, up to then.
+    steps : int
+        Steps of the successful attempt, retries excluded; 0 if the run did not start.
+    """
+
+    outcome: Outcome
+    decided_by: DecidedBy
+    peak_tilt: float
+    final_tilt: float
+    slip: float
+    steps: int

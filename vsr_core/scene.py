@@ -1,0 +1,150 @@
+"""The scene of a run: a rock on a pedestal, their contact; and what of it can be left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.hull import convex_hull, touching
+
+Array = NDArray[np.float64]
+
+KEPT_TILT = np.radians(80.0)
+"""Vertices that touch only beyond this tilt are left out of a reduced hull [rad]."""
+
+
+@dataclass(frozen=True)
+class Rock:
+    """A rigid rock in its rest pose: origin at the centre of mass, z up, yaw 0.
+
+    Attributes
+    ----------
+    shape : "box" or "hull"
+    vertices : ndarray, shape (n, 3) [m], corners of its convex hull
+    mass : float [kg]
+    inertia : ndarray, shape (3,) [kg m^2], principal moments
+    axes : ndarray, shape (3, 3), principal axes as columns, right-handed
+    """
+
+    shape: Literal["box", "hull"]
+    vertices: Array
+    mass: float
+    inertia: Array
+    axes: Array
+
+    @property
+    def radius(self) -> float:
+        """Largest distance of a vertex from the centre of mass [m]."""
+        return float(np.linalg.norm(self.vertices, axis=1).max())
+
+    @property
+    def height(self) -> float:
+        """Height of the centre of mass above the pedestal at rest [m]."""
+        return float(-self.vertices[:, 2].min())
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Effective coefficients of the pair rock-pedestal, whatever an engine makes of them.
+
+    Attributes
+    ----------
+    friction : float, Coulomb's coefficient
+    restitution : float, normal coefficient of restitution
+    rolling_friction : float [m], offset of the contact force that resists rolling
+    """
+
+    friction: float
+    restitution: float = 0.0
+    rolling_friction: float = 0.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One rock on one flat, level pedestal, turned by ``yaw`` before the table shakes along +x.
+
+    Attributes
+    ----------
+    rock : Rock
+    contact : Contact
+    yaw : float [rad], counter-clockwise seen from above
+    pedestal : "plane" or "box"
+        A half-space, or a slab of finite size as the user would draw it.
+    kept_tilt : float [rad]
+        Tilt up to which the rock's vertices are complete.
+    """
+
+    rock: Rock
+    contact: Contact
+    yaw: float = 0.0
+    pedestal: Literal["plane", "box"] = "box"
+    kept_tilt: float = float(np.pi)
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """Something left out of a scene, and why the answer stays the same."""
+
+    what: str
+    why: str
+
+
+STANDING_REDUCTIONS = (
+    Reduction(
+        "joint, servo and moving pedestal",
+        "the motion is prescribed, so the table's own frame is exact: gravity minus the table's "
+        "acceleration",
+    ),
+    Reduction("trajectory", "only outcomes are wanted"),
+    Reduction("settling before the pulse", "the rest pose is known from the hull's geometry"),
+    Reduction(
+        "runs below the uplift and sliding limits",
+        "the resultant stays inside the base and the friction cone: nothing moves",
+    ),
+    Reduction(
+        "time before anything can move",
+        "the same bound: a rock at rest stays so until the motion first leaves those limits",
+    ),
+    Reduction(
+        "time after the outcome is certain",
+        "energy too small for any way back, or falling past every support",
+    ),
+)
+"""What ``simulate`` itself leaves out when a scene is reduced."""
+
+
+def reduce(scene: Scene) -> tuple[Scene, tuple[Reduction, ...]]:
+    """The least scene with the same outcome, and what was left out.
+
+    Parameters
+    ----------
+    scene : Scene
+        As the user described it.
+
+    Returns
+    -------
+    scene : Scene
+    reductions : tuple of Reduction
+    """
+    dropped = [*STANDING_REDUCTIONS]
+    dropped.insert(
+        0, Reduction("pedestal slab", "a flat pedestal is a plane; its edges are out of reach")
+    )
+    reduced = replace(scene, pedestal="plane")
+    if scene.rock.shape == "hull":
+        hull = convex_hull(scene.rock.vertices)
+        keep = touching(hull, KEPT_TILT)
+        if not keep.all():
+            rock = replace(scene.rock, vertices=hull.vertices[keep])
+            reduced = replace(reduced, rock=rock, kept_tilt=float(KEPT_TILT))
+            dropped.append(
+                Reduction(
+                    f"{int((~keep).sum())} of {len(keep)} hull vertices",
+                    f"they cannot touch below {np.degrees(KEPT_TILT):.0f} deg of tilt; a run that "
+                    "tilts further is repeated with all of them",
+                )
+            )
+    return reduced, tuple(dropped)

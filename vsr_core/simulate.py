@@ -1,0 +1,254 @@
+"""One run: a scene, a motion, and the rules that end it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core import GRAVITY, bounds, engines, scene
+from vsr_core.motion import GroundMotion
+from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
+from vsr_core.scene import Reduction, Rock, Scene
+
+Array = NDArray[np.float64]
+
+CHECK_EVERY = 24
+"""Steps between two looks at the rock."""
+
+HALVINGS = 5
+"""A run that fails its guards is repeated at half the step, this many times."""
+
+PENETRATION_SHARE = 0.01
+"""Deepest penetration allowed, as a share of the rock's radius."""
+
+ENERGY_SLACK = 0.02
+"""Numerical excess allowed over the energy the table can give, as a share of g times radius."""
+
+REST_SHARE = 1e-6
+"""Kinetic energy of a rock at rest, as a share of g times its radius."""
+
+WAITING_TIMES = 40.0
+"""Longest wait after the motion, in units of sqrt(radius / g); 4 s at the least, as the seed."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a run is computed.
+
+    Attributes
+    ----------
+    time_step : float [s], the largest allowed; a whole number of steps fills the motion
+    reduce : bool, whether to leave out what cannot change the outcome
+    engine : str, name of a module in ``vsr_core.engines``
+    """
+
+    time_step: float
+    reduce: bool = True
+    engine: str = "bullet"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene with all that its runs share, computed once.
+
+    Attributes
+    ----------
+    full, scene : Scene, as described and as simulated
+    reductions : tuple of Reduction, what was left out
+    limits : Barrier of the rock
+    still : tuple of float, lowest and highest table acceleration [m/s^2] that move nothing
+    """
+
+    full: Scene
+    scene: Scene
+    reductions: tuple[Reduction, ...]
+    limits: bounds.Barrier
+    still: tuple[float, float]
+
+
+def prepare(described: Scene, limits: bounds.Barrier, *, reduce: bool) -> Case:
+    """Reduce a scene, or take it as it is; ``limits`` is the ``barrier`` of its rock."""
+    still = bounds.still_range(described.rock, described.contact, described.yaw)
+    reduced, reductions = scene.reduce(described) if reduce else (described, ())
+    return Case(described, reduced, reductions, limits, still)
+
+
+def simulate(case: Case, motion: GroundMotion, settings: Settings) -> Response:
+    """Outcome of one run.
+
+    Never raises for physics: a run that fails its guards at every step tried is ``UNSTABLE``.
+
+    Parameters
+    ----------
+    case : Case, from ``prepare`` with the same ``reduce`` as in ``settings``
+    motion : GroundMotion
+    settings : Settings
+    """
+    if settings.reduce and motion.peak_acceleration < min(-case.still[0], case.still[1]):
+        return Response(Outcome.BALANCED, DecidedBy.NO_UPLIFT_BOUND, 0.0, 0.0, 0.0, 0)
+    simulated, time_step = case.scene, settings.time_step
+    for _ in range(HALVINGS + 1):
+        response = _Run(case, simulated, motion, settings, time_step).to_the_end()
+        if response.peak_tilt > simulated.kept_tilt:
+            simulated = replace(case.full, pedestal=simulated.pedestal)
+            response = _Run(case, simulated, motion, settings, time_step).to_the_end()
+        if response.outcome is not Outcome.UNSTABLE:
+            break
+        time_step /= 2.0
+    return response
+
+
+class _Run:
+    """One attempt at one time step."""
+
+    def __init__(
+        self,
+        case: Case,
+        simulated: Scene,
+        motion: GroundMotion,
+        settings: Settings,
+        time_step: float,
+    ) -> None:
+        self.motion, self.limits, self.early = motion, case.limits, settings.reduce
+        rock = simulated.rock
+        self.friction = simulated.contact.friction
+        self.radius = rock.radius
+        self.vertices = rock.vertices
+        self.foot = np.array([0.0, 0.0, -rock.height])
+        self.inertia = rock.axes * (rock.inertia / rock.mass) @ rock.axes.T
+        self.pulse_steps = math.ceil(motion.duration / time_step)
+        self.time_step = motion.duration / self.pulse_steps
+        wait = max(4.0, WAITING_TIMES * math.sqrt(self.radius / GRAVITY))
+        self.last_step = self.pulse_steps + math.ceil(wait / self.time_step)
+        self.world = engines.load(settings.engine).build(simulated, self.time_step)
+        middles = (np.arange(self.last_step) + 0.5) * self.time_step
+        self.acceleration = motion.acceleration(middles)
+        self.first_step = self._first_step(case.still) if settings.reduce else 0
+        self.step = self.first_step
+        self.time = self.step * self.time_step
+        self.tilt = self.peak_tilt = self.slip = 0.0
+        self.energy = GRAVITY * rock.height
+        self.start = self.world.state()
+        self.foot_start = self.start.position + self.start.rotation @ self.foot
+
+    def to_the_end(self) -> Response:
+        if not self._look():
+            return self._ended(Outcome.UNSTABLE, DecidedBy.SIMULATION)
+        if self.kinetic > ENERGY_SLACK * GRAVITY * self.radius:
+            return self._ended(Outcome.UNSETTLED, DecidedBy.SIMULATION)
+        acceleration = self.acceleration.tolist()
+        while self.step < self.last_step:
+            until = self._next_look()
+            self.world.advance(acceleration[self.step : until])
+            self.step, self.time = until, until * self.time_step
+            if not self._look():
+                return self._ended(Outcome.UNSTABLE, DecidedBy.SIMULATION)
+            decided = self._decided()
+            if decided:
+                return self._ended(*decided)
+        side = self._side() if self._proved() else Outcome.UNSETTLED
+        return self._ended(side, DecidedBy.SIMULATION)
+
+    def _first_step(self, still: tuple[float, float]) -> int:
+        """First step at which the rock can move, a percent early; before it nothing happens."""
+        lowest, highest = 0.99 * still[0], 0.99 * still[1]
+        moving = (self.acceleration < lowest) | (self.acceleration > highest)
+        return int(np.argmax(moving))
+
+    def _next_look(self) -> int:
+        """Looks are evenly spaced, and one falls on the end of the motion."""
+        until = self.step + CHECK_EVERY
+        if self.step < self.pulse_steps < until:
+            return self.pulse_steps
+        return min(until, self.last_step)
+
+    def _look(self) -> bool:
+        """Read the rock; false if a guard fails."""
+        state = self.world.state()
+        rotation, velocity, spin = state.rotation, state.velocity, state.spin
+        height = float(state.position[2])
+        body_spin = rotation.T @ spin
+        self.kinetic = 0.5 * float(velocity @ velocity + body_spin @ self.inertia @ body_spin)
+        self.energy = self.kinetic + GRAVITY * height
+        self.state = state
+        if not math.isfinite(self.energy):
+            return False
+        self.tilt = math.acos(max(-1.0, min(1.0, float(rotation[2, 2]))))
+        self.peak_tilt = max(self.peak_tilt, self.tilt)
+        slip = state.position + rotation @ self.foot - self.foot_start
+        self.slip = max(self.slip, math.hypot(slip[0], slip[1]))
+        self.heights = self.vertices @ rotation[2]
+        deepest = height + float(self.heights.min())
+        if deepest < -PENETRATION_SHARE * self.radius:
+            return False
+        given = self.motion.remaining_impulse(0.0) - self.motion.remaining_impulse(self.time)
+        floor = GRAVITY * self.limits.floor
+        start = GRAVITY * float(self.start.position[2]) - floor
+        allowed = bounds.reachable_energy(start, given) + ENERGY_SLACK * GRAVITY * self.radius
+        return self.energy - floor <= allowed
+
+    def _decided(self) -> tuple[Outcome, DecidedBy] | None:
+        over = self.step >= self.pulse_steps
+        if over and self.kinetic < REST_SHARE * GRAVITY * self.radius and self._proved():
+            return self._side(), DecidedBy.SIMULATION
+        if not self.early:
+            return None
+        if self.tilt > self.limits.toppled_tilt and self._falls_on():
+            return Outcome.OVERTURNED, DecidedBy.NO_RETURN
+        if self._proved() and (self.tilt > self.limits.toppled_tilt or self._slip_is_known()):
+            return self._side(), DecidedBy.ENERGY_BOUND
+        return None
+
+    def _proved(self) -> bool:
+        impulse = self.motion.remaining_impulse(self.time)
+        return bounds.cannot_topple(
+            self.limits, self.tilt, self.energy, impulse
+        ) or bounds.cannot_return(self.limits, self.tilt, self.energy, impulse)
+
+    def _falls_on(self) -> bool:
+        lowest = int(np.argmin(self.heights))
+        lever = -(self.state.rotation @ self.vertices[lowest])
+        falling = np.cross(self.state.spin, lever)
+        return bounds.falls_on(lever, falling, self.motion.remaining_peak(self.time))
+
+    def _slip_is_known(self) -> bool:
+        """Whether the rest of the energy can no longer slide an upright rock past the limit.
+
+        Friction takes mu g per unit length of sliding; one and a half times that path is allowed
+        for a contact that is unloaded while the rock rocks.
+        """
+        limit = DISPLACED_SHARE * self.radius
+        if self.slip > limit:
+            return True
+        if self.step < self.pulse_steps or self.friction == 0.0:
+            return False
+        spare = self.energy - GRAVITY * self.limits.upright_floor
+        return self.slip + 1.5 * spare / (self.friction * GRAVITY) <= limit
+
+    def _side(self) -> Outcome:
+        if self.tilt > self.limits.toppled_tilt:
+            return Outcome.OVERTURNED
+        if self.slip > DISPLACED_SHARE * self.radius:
+            return Outcome.DISPLACED
+        return Outcome.BALANCED
+
+    def _ended(self, outcome: Outcome, decided_by: DecidedBy) -> Response:
+        steps = self.step - self.first_step
+        return Response(outcome, decided_by, self.peak_tilt, self.tilt, self.slip, steps)
+
+
+TIME_STEP_SHARE = 0.006
+"""Step in units of sqrt(radius / g) for a tolerance of 1 %; ``make bench`` shows the errors."""
+
+
+def automatic_time_step(rock: Rock, tolerance: float) -> float:
+    """Largest time step [s] whose overturning boundary is within ``tolerance`` (relative).
+
+    The error of a rocking block is of first order in the step (impacts are located to a step),
+    so the step is proportional to the tolerance, up to twice the measured one.
+    """
+    share = TIME_STEP_SHARE * min(tolerance / 0.01, 2.0)
+    return share * math.sqrt(rock.radius / GRAVITY)

@@ -1,0 +1,183 @@
+"""A stand-in for the scan of the Double Rock precariously balanced rock.
+
+The solid is generated from published and measured figures of the rock, listed below; no point of
+a scan is in it. It shares the rock's size, volume, mass distribution and static tipping angles,
+not its surface: what is computed with it is no statement about the real rock.
+
+The solid is a stack of horizontal cross-sections along a bent axis that leans like the rock. The
+lowest is the base polygon. With height it turns into a superellipse whose centre, half-widths
+and direction are Bezier curves in z, with a mild relief, and it closes to a point at the top.
+
+How the constants were found: first the eight corners of the base, by least squares on the
+tipping of the rock in 36 directions (where gravity leaves the hull of the points within 4 mm of
+the plane it rests on, and how far that hull reaches); then the 26 control values above it, by
+bounded least squares (``scipy.optimize.least_squares``) on the bounds, volume, centre of mass
+and inertia of the mesh at the default subdivision. Small weights on the differences of
+neighbouring control values chose a smooth solid among the many that fit. All were then rounded.
+
+References
+----------
+Chen et al. (2024), Seismica 3(1). The mesh of the rock was published with it, in
+github.com/DREAMS-lab/pbr_gazebo and github.com/ZhiangChen/virtual_shake_robot_pybullet.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Figures of the rock in the pose of the published mesh: z up, standing on z = 0, centre of mass
+# over the origin.
+BOUNDS = ((-0.654, -0.344, 0.0), (0.584, 0.409, 1.5085))
+"""Lowest and highest x, y, z of the rock [m]."""
+VOLUME = 0.5529
+"""Volume of the rock [m^3]."""
+CENTRE_OF_MASS = (0.0, 0.0, 0.742)
+"""Centre of mass of the rock [m]."""
+INERTIA_PER_MASS = (
+    (0.18119, -0.00896, -0.05821),
+    (-0.00896, 0.21802, -0.01865),
+    (-0.05821, -0.01865, 0.09324),
+)
+"""Inertia tensor about the centre of mass over mass [m^2], off the diagonal -mean(x y) etc."""
+
+BASE_POLYGON = (
+    (0.075, -0.255),
+    (0.055, 0.200),
+    (-0.045, 0.205),
+    (-0.385, 0.155),
+    (-0.505, 0.035),
+    (-0.480, -0.245),
+    (-0.360, -0.325),
+    (-0.020, -0.320),
+)
+"""Corners x, y of the polygon that the rock rests on [m], counter-clockwise, convex."""
+
+# Control values of the Bezier curves in z / height, from the base to the top.
+_CENTRE_X = (-0.215, -0.372, -0.106, 0.298, 0.319, -0.005)  # m; starts inside the base polygon
+_CENTRE_Y = (-0.055, -0.117, -0.011, 0.076, 0.068, 0.039)  # m
+_HALF_WIDTH_1 = (0.583, 0.444, 0.352, 0.400, 0.417, 0.318)  # m
+_HALF_WIDTH_2 = (0.230, 0.243, 0.274, 0.316, 0.376, 0.473)  # m
+_DIRECTION = (0.166, 0.006, -0.132)  # rad, of the first half-width from +x
+_SQUARENESS = 3.0  # exponent of the superellipse; 2 is an ellipse
+_TOP_SHARPNESS = 7.2  # larger closes later and flatter
+_BASE_FRACTION = 0.3  # of the height, over which the base polygon turns into the superellipse
+
+_RELIEF = 0.02  # amplitude of the longest wave of the surface relief, of the local radius
+_RELIEF_WAVES = 24
+_GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+
+
+def _bezier(control: tuple[float, ...], s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Value at ``s`` in [0, 1] of the Bezier curve with these control values."""
+    n = len(control) - 1
+    value = np.zeros_like(s)
+    for k, c in enumerate(control):
+        value += c * math.comb(n, k) * s**k * (1.0 - s) ** (n - k)
+    return value
+
+
+def _ring_angles(count: int, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ascending angles [rad], evenly spaced but for the nearest to each corner, moved onto it."""
+    step = 2.0 * math.pi / count
+    angles: NDArray[np.float64] = step * np.arange(count, dtype=np.float64)
+    nearest = np.rint(corners / step).astype(int)
+    angles[nearest % count] = corners - 2.0 * math.pi * (nearest // count)
+    return angles
+
+
+def _polygon_radius(
+    angles: NDArray[np.float64], corners: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distance [m] from the origin to a convex polygon around it, corners (n, 2) [m]."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]])
+    offsets = np.sum(normals * corners, axis=1)
+    facing = normals @ np.array([np.cos(angles), np.sin(angles)])
+    reciprocal: NDArray[np.float64] = np.max(facing / offsets[:, None], axis=0)
+    return 1.0 / reciprocal
+
+
+def _relief(angles: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Relative change of the radius: plane waves of the unrolled surface, spread in direction."""
+    relief = np.zeros(np.broadcast_shapes(angles.shape, s.shape))
+    for j in range(_RELIEF_WAVES):
+        waves = 3.0 + 0.5 * j  # around the rock; the height is 0.68 of the girth
+        around = round(waves * math.cos(j * _GOLDEN_ANGLE))  # whole, to close around the axis
+        along = 2.0 * math.pi * 0.68 * waves * math.sin(j * _GOLDEN_ANGLE)
+        relief += 3.0 / waves * np.cos(around * angles + along * s + j * j)
+    return _RELIEF * relief
+
+
+def double_rock(subdivisions: int = 72) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Closed surface of the stand-in for Double Rock.
+
+    The surface cannot intersect itself. Every ring is star-shaped about its centre, with its
+    points at the same ascending angles, and the rings lie at ascending heights. A horizontal cut
+    between two rings meets the triangles in points at ascending angles about the point
+    between the two centres, so every cut is a simple polygon; the base lies in one plane.
+
+    Parameters
+    ----------
+    subdivisions : int
+        Points of a ring, at least 36. There are 5/6 as many rings. The figures of the rock are
+        met best at the default, for which the constants were fitted.
+
+    Returns
+    -------
+    vertices : ndarray, shape (n, 3), float64
+        Points [m], rounded to a micrometre; z up, the base on z = 0, the centre of mass over
+        the origin.
+    faces : ndarray, shape (m, 3), int64
+        Indices of the corners of each triangle, counter-clockwise seen from outside.
+
+    Examples
+    --------
+    >>> vertices, faces = double_rock()
+    >>> vertices.shape, faces.shape
+    ((4322, 3), (8640, 3))
+    """
+    if subdivisions < 36:
+        raise ValueError(f"subdivisions is {subdivisions}; it must be at least 36")
+    rings = subdivisions * 5 // 6
+    height = BOUNDS[1][2]
+    # Heights close up towards the top, where the surface turns level.
+    s = np.sin(0.5 * math.pi * np.arange(rings) / rings)[:, None]
+
+    corners = np.array(BASE_POLYGON) - (_CENTRE_X[0], _CENTRE_Y[0])
+    corner_angles = np.arctan2(corners[:, 1], corners[:, 0]) % (2.0 * math.pi)
+    angles = _ring_angles(subdivisions, corner_angles)
+    turned = angles - _bezier(_DIRECTION, s)
+    superellipse = (
+        np.abs(np.cos(turned) / _bezier(_HALF_WIDTH_1, s)) ** _SQUARENESS
+        + np.abs(np.sin(turned) / _bezier(_HALF_WIDTH_2, s)) ** _SQUARENESS
+    ) ** (-1.0 / _SQUARENESS)
+    body = superellipse * np.sqrt(1.0 - s**_TOP_SHARPNESS) * (1.0 + _relief(angles, s))
+    t = np.minimum(s / _BASE_FRACTION, 1.0)
+    blend = t * t * (3.0 - 2.0 * t)
+    radius = (1.0 - blend) * _polygon_radius(angles, corners) + blend * body
+
+    x = _bezier(_CENTRE_X, s) + radius * np.cos(angles)
+    y = _bezier(_CENTRE_Y, s) + radius * np.sin(angles)
+    z = np.broadcast_to(height * s, x.shape)
+    bottom = (_CENTRE_X[0], _CENTRE_Y[0], 0.0)
+    top = (_CENTRE_X[-1], _CENTRE_Y[-1], height)
+    vertices = np.vstack([np.stack([x, y, z], axis=-1).reshape(-1, 3), bottom, top])
+
+    here = np.arange(subdivisions)
+    after = np.roll(here, -1)
+    lower = subdivisions * np.arange(rings - 1)[:, None]
+    upper = lower + subdivisions
+    sides = np.concatenate(
+        [
+            np.stack(np.broadcast_arrays(lower + here, lower + after, upper + after), axis=-1),
+            np.stack(np.broadcast_arrays(lower + here, upper + after, upper + here), axis=-1),
+        ]
+    ).reshape(-1, 3)
+    last = subdivisions * (rings - 1)
+    apex = np.full(subdivisions, subdivisions * rings)
+    floor = np.column_stack([apex, after, here])
+    cap = np.column_stack([apex + 1, last + here, last + after])
+    return np.round(vertices, 6), np.concatenate([floor, sides, cap]).astype(np.int64)
