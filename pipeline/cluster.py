@@ -11,6 +11,14 @@ from typing import Any, NamedTuple
 BATCHES_IN_FLIGHT = 4
 """Batches handed out per worker: enough to keep it busy, few enough to lose."""
 
+_SETTINGS = {
+    "distributed.scheduler.allowed-failures": 0,
+    # Dask makes malloc give memory back at once; with that, rebuilding Bullet's world for each run
+    # costs more than its physics.
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 28,
+    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 28,
+}
+
 
 class Batch(NamedTuple):
     """Items that share one object, done together by one worker."""
@@ -83,7 +91,7 @@ class Cluster:
                 self.log(f"dashboard: {client.dashboard_link}")
                 yield client
             return
-        with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+        with dask.config.set(_SETTINGS):
             if self.slurm:
                 from dask_jobqueue import SLURMCluster
 

@@ -60,11 +60,11 @@ def why(stage: Stage, identity: Identity, store: Store) -> Iterator[str]:
     if manifest is None:
         yield "never made here"
         return
-    damage = store.damage(stage.name)
+    damage = store.damage(stage.name) or stage.check(store)
     if damage:
         yield damage
-    if manifest["unresolved"]:
-        yield f"{manifest['unresolved']} runs without a verdict"
+    if manifest["retry"]:
+        yield f"{manifest['retry']} runs crashed and are tried again"
     if manifest["key"] == identity.key:
         return
     old, new = manifest["facts"], identity.facts
@@ -84,6 +84,7 @@ def why(stage: Stage, identity: Identity, store: Store) -> Iterator[str]:
 def make(name: str, job: Job) -> int:
     """Bring a product up to date; returns the number of runs without a verdict."""
     wanted = identities(name, job.site)
+    _forget_crashed(name, job.store)
     _ensure(stages()[name], wanted, job)
     manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
     return max(int(manifest["unresolved"]) for manifest in manifests)
@@ -96,9 +97,24 @@ def _ensure(stage: Stage, wanted: dict[str, Identity], job: Job) -> None:
     for need in stage.needs:
         _ensure(stages()[need], wanted, job)
     product = stage.make(Job(job.site, job.store, job.cluster, identity.key, job.log))
-    facts = {"key": identity.key, "facts": identity.facts, "unresolved": product.unresolved}
+    facts = {
+        "key": identity.key,
+        "facts": identity.facts,
+        "unresolved": product.unresolved,
+        "retry": product.retry,
+    }
     job.store.publish(stage.name, facts, product.files)
     job.log(f"{stage.name}: {product.summary}")
+
+
+def _forget_crashed(name: str, store: Store) -> None:
+    """Forget stages with crashed runs, and all that was made from them."""
+    forgotten: set[str] = set()
+    for stage in upstream(name):
+        crashed = (store.manifest(stage.name) or {"retry": 0})["retry"]
+        if crashed or forgotten.intersection(stage.needs):
+            store.forget(stage.name)
+            forgotten.add(stage.name)
 
 
 def _change(old: Any, new: Any) -> str:

@@ -63,14 +63,19 @@ def code(roots: Iterable[str]) -> dict[str, str]:
         name = waiting.pop()
         if name in found:
             continue
-        module, _, definition = name.partition(":")
-        parsed = _parse(module)
-        if definition not in parsed.definitions:
-            raise KeyError(f"no definition {name}")
-        nodes = parsed.definitions[definition]
-        found[name] = digest_bytes(*(_bare(node).encode() for node in nodes))
-        waiting.extend(_mentions(parsed, nodes))
+        found[name], mentioned = _definition(name)
+        waiting.extend(mentioned)
     return dict(sorted(found.items()))
+
+
+@cache
+def _definition(name: str) -> tuple[str, tuple[str, ...]]:
+    """Digest of one definition, and the first-party definitions it mentions."""
+    module, _, definition = name.partition(":")
+    parsed = _parse(module)
+    nodes = parsed.definitions[definition]
+    own = digest_bytes(*(_bare(node).encode() for node in nodes))
+    return own, tuple(_mentions(parsed, nodes))
 
 
 @dataclass(frozen=True)

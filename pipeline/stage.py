@@ -25,13 +25,15 @@ class Product:
     Attributes
     ----------
     files : dict, from file name to a function that writes it to a given path
-    unresolved : int, runs without a verdict; the command then ends with exit code 1
     summary : str, one line for the log
+    unresolved : int, runs without a verdict; the command then ends with exit code 1
+    retry : int, runs that a later call should try again
     """
 
     files: dict[str, Writer]
     summary: str
     unresolved: int = 0
+    retry: int = 0
 
 
 @dataclass(frozen=True)
@@ -73,9 +75,11 @@ class Stage:
     make : function from Job to Product
     needs : stages whose products it reads
     reads : dotted keys of the configuration that decide its product
-    code : roots of the code that decides it, as ``module:name``; ``make`` itself is one
+    code : roots of the code that decides it, as ``module:name``, besides ``make``
+    made_elsewhere : whether ``make`` only arranges for ``code`` to run and is no root itself
     inputs : digests of files outside the configuration, by name, for the key
     versions : libraries whose version decides the result
+    check : what is wrong with its products beyond their checksums, or an empty string
     """
 
     name: str
@@ -85,9 +89,13 @@ class Stage:
     code: tuple[str, ...] = ()
     inputs: Callable[[Site], dict[str, str]] = field(default=lambda site: {})
     versions: tuple[str, ...] = ()
+    check: Callable[[Store], str] = field(default=lambda store: "")
+    made_elsewhere: bool = False
 
     def roots(self) -> tuple[str, ...]:
         """Roots of its code."""
+        if self.made_elsewhere:
+            return self.code
         return (f"{self.make.__module__}:{self.make.__name__}", *self.code)
 
     def settings(self, config: Config) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import json
 import os
 import sqlite3
 import tempfile
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -17,6 +18,7 @@ from pipeline.problems import InputError, Problem
 Writer = Callable[[Path], None]
 
 RUNS = "runs.sqlite"
+LOG = "log.jsonl"
 
 
 class RunRow(NamedTuple):
@@ -80,6 +82,23 @@ class Store:
             files = {name: self._put(self.folder / name, write) for name, write in writers.items()}
             text = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
             self._put(self._manifests / f"{stage}.json", lambda path: _write_text(path, text))
+
+    def forget(self, stage: str) -> None:
+        """Drop a stage's manifest, so that it is made again."""
+        with writing(self.folder):
+            (self._manifests / f"{stage}.json").unlink(missing_ok=True)
+
+    def note(self, stage: str, **facts: Any) -> None:
+        """Append facts that no product may hold, such as times, to the log."""
+        line = json.dumps({"time": time.strftime("%Y-%m-%dT%H:%M:%S"), "stage": stage, **facts})
+        with writing(self.folder), (self.folder / LOG).open("a", encoding="utf-8") as file:
+            file.write(line + "\n")
+
+    def notes(self, stage: str) -> list[dict[str, Any]]:
+        """Facts noted about a stage, oldest first."""
+        path = self.folder / LOG
+        lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+        return [fact for fact in map(json.loads, lines) if fact["stage"] == stage]
 
     def _put(self, final: Path, write: Writer) -> str:
         part = self.folder / f".part-{os.getpid()}-{final.name}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -105,7 +106,7 @@ def test_safe_island(name: str, pgv_pga: float, low: float, high: float, grid: f
     pieces = overturning_intervals(
         BLOCKS[name], pgv_pga, 1.5 * GRAVITY, 0.02 * GRAVITY, tolerance=1e-3
     )
-    gaps = [(a[1] / GRAVITY, b[0] / GRAVITY) for a, b in zip(pieces, pieces[1:], strict=False)]
+    gaps = [(a[1] / GRAVITY, b[0] / GRAVITY) for a, b in pairwise(pieces)]
     island = max(gaps, key=lambda gap: gap[1] - gap[0])
     assert low - grid <= island[0] <= low
     assert high - grid <= island[1] <= high
@@ -165,10 +166,10 @@ def test_slender_boundary_without_impact(ratio: float, impact_ratio: float) -> N
     block = Slender(impact_ratio)
     pgv_pga = 1.0 / (ratio * block.p)
     limit = slender_pga_without_impact(block, pgv_pga)
-    above = rocking_response(block, 1.0001 * limit, pgv_pga)
+    above = rocking_response(block, 1.001 * limit, pgv_pga)
     assert above.overturned
     assert above.impacts == 0
-    below = rocking_response(block, 0.9999 * limit, pgv_pga)
+    below = rocking_response(block, 0.999 * limit, pgv_pga)
     assert not below.overturned or below.impacts > 0 or below.theta_dot > 0.0
 
 
@@ -231,7 +232,9 @@ def test_mirrored_pulse_gives_the_mirrored_motion(
 
 def test_table_accelerating_forward_tilts_the_block_backward() -> None:
     block = BLOCKS["1x1x2"]
-    assert rocking_response(block, 20.0, 0.01).theta < 0.0
+    response = rocking_response(block, 3.0 * GRAVITY, 0.5)
+    assert response.impacts == 0
+    assert response.theta == pytest.approx(-math.pi / 2)
 
 
 @pytest.mark.parametrize("name", BLOCKS)
@@ -241,6 +244,15 @@ def test_nothing_moves_up_to_the_uplift_limit(name: str) -> None:
     assert (still.overturned, still.impacts, still.peak_angle) == (False, 0, 0.0)
     assert still.time == pytest.approx(2.0 * math.pi * 0.3)
     assert rocking_response(block, 1.001 * block.uplift, 0.3).peak_angle > 0.0
+
+
+@pytest.mark.parametrize("ulps", range(-3, 4))
+@pytest.mark.parametrize("name", BLOCKS)
+def test_pga_within_rounding_of_the_uplift_limit(name: str, ulps: int) -> None:
+    block = BLOCKS[name]
+    barely = rocking_response(block, block.uplift * (1.0 + ulps * 2.0**-52), 0.3)
+    assert not barely.overturned
+    assert barely.peak_angle < 1e-6 * block.alpha
 
 
 @pytest.mark.parametrize("slope", [0.1, 0.3, 0.5, 0.9])
@@ -322,6 +334,23 @@ def test_provable_rest_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
         assert a.overturned == b.overturned
         assert a.theta == pytest.approx(b.theta, abs=1e-6 * case[0].alpha)
         assert a.peak_angle == pytest.approx(b.peak_angle, abs=1e-6 * case[0].alpha)
+
+
+def test_a_strong_impact_is_not_taken_for_coming_to_rest() -> None:
+    """A push just too weak for uplift overturns a block that is already rocking."""
+    block = BLOCKS["1x1x2"]
+    start = (0.5 * block.alpha, 0.0)
+    assert rocking_response(block, 0.9 * block.uplift, 2000.0 / block.p, start).overturned
+
+
+def test_a_swing_shorter_than_the_first_step_is_seen() -> None:
+    block = BLOCKS["1x1x2"]
+    speed = 1e-6 * block.p
+    swing = 2.0 * speed / (block.p**2 * math.sin(block.alpha))
+    end = rocking_response(block, 0.0, 1.1 * swing / (2.0 * math.pi), (0.0, speed))
+    assert end.impacts == 1
+    later = -block.impact_ratio * speed + 0.1 * swing * block.p**2 * math.sin(block.alpha)
+    assert end.theta_dot == pytest.approx(later, rel=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -169,12 +169,14 @@ def rocking_response(
         time, peak = t, max(peak, top)
         if not landed:
             break
-        impacts, side, x, v = impacts + 1, -side, 0.0, -block.impact_ratio * v
+        impacts, side, x, v = impacts + 1, -side, 0.0, max(-block.impact_ratio * v, 0.0)
         if _comes_to_rest(block, amplitude, rate, time, v * alpha):
             v = 0.0
     theta, theta_dot = side * x * alpha, side * v * alpha * block.p
-    peak = math.pi / 2 if x >= lying else max(peak * alpha, free_peak(block, theta, theta_dot))
-    return RockingResponse(peak >= math.pi / 2, impacts, time / block.p, theta, theta_dot, peak)
+    later = free_peak(block, theta, theta_dot)
+    return RockingResponse(
+        later == math.pi / 2, impacts, time / block.p, theta, theta_dot, max(peak * alpha, later)
+    )
 
 
 def _swing(
@@ -192,6 +194,8 @@ def _swing(
     """
     t0, x0, v0 = begin
     end, lying = limits
+    # From rest the push starts at zero: its rounding must not land the block at once.
+    slack = 1e-12 if x0 == v0 == 0.0 else 0.0
 
     def motion(t: float, y: list[float]) -> tuple[float, float]:
         x, v = y
@@ -200,11 +204,8 @@ def _swing(
         return v, -(math.sin(lean) + push) / alpha
 
     def lands(t: float, y: list[float]) -> float:
-        # x / (t - t0) is not zero at an impact, which would be located once more instead of a
-        # landing within the first step.
-        if x0 > 0.0:
-            return float(y[0])
-        return float(y[0]) / (t - t0) if t > t0 else v0
+        # After an impact SciPy's first step is at most v / |x''|, half a swing: none is missed.
+        return float(y[0]) + slack
 
     def lies(t: float, y: list[float]) -> float:
         return float(y[0]) - lying

@@ -181,3 +181,7 @@ def double_rock(subdivisions: int = 72) -> tuple[NDArray[np.float64], NDArray[np
     floor = np.column_stack([apex, after, here])
     cap = np.column_stack([apex + 1, last + here, last + after])
     return np.round(vertices, 6), np.concatenate([floor, sides, cap]).astype(np.int64)
+
+
+GENERATORS = {"double_rock": double_rock}
+"""Surrogates by name."""

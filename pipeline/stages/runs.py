@@ -198,7 +198,8 @@ STAGE = Stage(
     make=make,
     needs=("rock",),
     reads=("pedestal", "contact", "motion", "yaw", "drive", "simulation"),
-    code=SIMULATION_CODE,
+    code=(*SIMULATION_CODE, "pipeline.stages.runs:simulate_batch"),
+    made_elsewhere=True,
     versions=("pybullet",),
     check=_check,
 )

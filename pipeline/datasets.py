@@ -1,0 +1,87 @@
+"""Datasets as products: units and names from the catalogue, provenance, and writing."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from pipeline.stage import Job
+from pipeline.store import Writer
+from vsr_core import outcome
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_VERSIONS = ("vsr", "numpy", "scipy", "pybullet", "xarray")
+
+
+@cache
+def catalogue() -> dict[str, dict[str, str]]:
+    """Variables by name: ``units``, ``long_name`` and perhaps ``flags``."""
+    path = Path(__file__).with_name("catalogue.yaml")
+    return dict(yaml.safe_load(path.read_text(encoding="utf-8")))
+
+
+def label(name: str) -> str:
+    """Axis label of a variable, e.g. ``peak ground acceleration [g]``."""
+    entry = catalogue()[name]
+    unit = {"1": "", "degree": " [deg]"}.get(entry["units"], f" [{entry['units']}]")
+    return entry["long_name"] + unit
+
+
+def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
+    """The dataset with CF attributes for every variable and its provenance.
+
+    Raises
+    ------
+    KeyError
+        For a variable that the catalogue does not know.
+    """
+    for name in dataset.variables:
+        entry = catalogue()[str(name)]
+        attributes: dict[str, Any] = {"long_name": entry["long_name"], "units": entry["units"]}
+        if "flags" in entry:
+            flags = list(getattr(outcome, entry["flags"]))
+            attributes["flag_values"] = [flag.value for flag in flags]
+            attributes["flag_meanings"] = " ".join(flag.name.lower() for flag in flags)
+        dataset[name].attrs.update(attributes)
+    versions = {library: version(library) for library in _VERSIONS}
+    dataset.attrs |= {
+        "Conventions": "CF-1.11",
+        "title": f"{title}: {job.site.name}",
+        "source": f"virtual shake robot {versions['vsr']}, PyBullet {versions['pybullet']}",
+        "history": f"made by stage from {job.site.file}",
+        "references": "Chen et al. (2024), Virtual Shake Robot, Seismica 3(1)",
+        "vsr_key": job.key,
+        "vsr_config_json": json.dumps(job.config.model_dump(mode="json"), sort_keys=True),
+        "vsr_versions_json": json.dumps(versions, sort_keys=True),
+    }
+    return dataset
+
+
+def netcdf(dataset: xr.Dataset) -> Writer:
+    """Writer of a dataset as compressed NetCDF; fill values as already set in its encoding."""
+
+    def write(path: Path) -> None:
+        encoding: dict[str, dict[str, Any]] = {}
+        for name, variable in dataset.variables.items():
+            given = dict(variable.encoding)
+            given.setdefault("_FillValue", None)
+            if variable.dtype.kind in "fiu" and variable.ndim:
+                given |= {"zlib": True, "complevel": 4}
+            encoding[str(name)] = given
+        dataset.to_netcdf(path, engine="netcdf4", format="NETCDF4", encoding=encoding)
+
+    return write
+
+
+def read(path: Path) -> xr.Dataset:
+    """A product, loaded and closed, with its flags and fill values as stored numbers."""
+    import xarray as xr
+
+    return xr.load_dataset(path, engine="netcdf4", mask_and_scale=False)

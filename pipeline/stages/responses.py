@@ -1,0 +1,106 @@
+"""Responses: the stored runs as a dataset on (yaw, friction, PGV/PGA, PGA)."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from typing import Any
+
+import yaml
+
+from pipeline.datasets import described, netcdf
+from pipeline.problems import InputError, Problem
+from pipeline.stage import Job, Product, Stage
+from pipeline.store import RUNS, RunRow, RunStore
+from vsr_core.outcome import Outcome
+
+FILE = "responses.nc"
+
+DIMENSIONS = ("yaw", "friction", "pgv_pga", "pga")
+
+_TYPES = {
+    "outcome": ("i1", -1),
+    "decided_by": ("i1", -1),
+    "peak_tilt": ("f8", float("nan")),
+    "final_tilt": ("f8", float("nan")),
+    "slip": ("f8", float("nan")),
+    "steps": ("i4", -1),
+}
+
+
+def make(job: Job) -> Product:
+    """Assemble the responses."""
+    import numpy as np
+    import xarray as xr
+
+    from pipeline.stages.runs import prepared, time_step
+
+    config = job.config
+    arrays = _arrays(job)
+    arrays["overturned"] = np.array([o.overturned for o in Outcome], dtype="i1")[arrays["outcome"]]
+    coordinates = {
+        "yaw": list(config.yaw),
+        "friction": list(config.contact.friction),
+        "pgv_pga": list(config.motion.pgv_pga),
+        "pga": list(config.motion.pga),
+    }
+    dataset = xr.Dataset({name: (DIMENSIONS, array) for name, array in arrays.items()}, coordinates)
+    for name, array in arrays.items():
+        fill = -1 if array.dtype.kind == "i" else np.nan
+        dataset[name].encoding["_FillValue"] = array.dtype.type(fill)
+    case = prepared(config, job.store, config.yaw[0], config.contact.friction[0])
+    dataset.attrs["time_step_s"] = time_step(config, case.full.rock)
+    dataset.attrs["left_out"] = "\n".join(f"{r.what}: {r.why}" for r in case.reductions)
+    counts = np.bincount(arrays["outcome"].ravel(), minlength=len(Outcome))
+    summary = ", ".join(f"{counts[o]} {o.name.lower()}" for o in Outcome if counts[o])
+    files = {
+        FILE: netcdf(described(dataset, job, "Overturning responses")),
+        "config.yaml": lambda path: _write_config(path, job),
+    }
+    unresolved = int(sum(counts[o] for o in Outcome if o.overturned == -1))
+    return Product(files, summary, unresolved=unresolved)
+
+
+def _arrays(job: Job) -> dict[str, Any]:
+    import numpy as np
+
+    from pipeline.stages.runs import groups
+
+    config = job.config
+    shape = tuple(
+        map(len, (config.yaw, config.contact.friction, config.motion.pgv_pga, config.motion.pga))
+    )
+    arrays = {name: np.full(shape, fill, dtype) for name, (dtype, fill) in _TYPES.items()}
+    with closing(RunStore(job.store.folder)) as runs:
+        for number, group in enumerate(groups(config, job.store)):
+            stored = runs.get(group.keys)
+            lost = sum(key not in stored for key in group.keys)
+            if lost:
+                raise _lost(job, lost)
+            place = np.unravel_index(number, shape[:2])
+            for name, (dtype, fill) in _TYPES.items():
+                column = RunRow._fields.index(name)
+                values = (stored[key][column] for key in group.keys)
+                cells = [fill if value is None else value for value in values]
+                arrays[name][place] = np.array(cells, dtype).reshape(shape[2:])
+    return arrays
+
+
+def _lost(job: Job, lost: int) -> InputError:
+    job.store.forget("runs")
+    file = str(job.store.folder / RUNS)
+    return InputError(
+        Problem(file, "", f"{lost} runs fewer than were done", "no run gets lost", "start again to redo them")
+    )
+
+
+def _write_config(path: Any, job: Job) -> None:
+    text = yaml.safe_dump(job.config.model_dump(mode="json"), sort_keys=False)
+    path.write_text(f"# resolved configuration of {job.site.file}\n{text}", encoding="utf-8")
+
+
+STAGE = Stage(
+    name="responses",
+    make=make,
+    needs=("rock", "motions", "runs"),
+    reads=("contact", "motion", "yaw", "drive", "simulation"),
+)

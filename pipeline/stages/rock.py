@@ -1,0 +1,141 @@
+"""Rock: from a box or a scan to a rigid body at rest, its base and how it tips."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pipeline import sources
+from pipeline.datasets import described, netcdf, read
+from pipeline.problems import InputError, Problem
+from pipeline.stage import Job, Product, Stage
+from pipeline.store import Store
+
+if TYPE_CHECKING:
+    from vsr_core.bounds import Barrier
+    from vsr_core.scene import Rock
+    from vsr_core.solid import Solid
+
+FILE = "rock.nc"
+
+BASE_TOLERANCE = 0.003
+"""Share of the height of the centre of mass that the drawn base polygon may stand off."""
+
+_SCALARS = (
+    "toppled_tilt",
+    "upright_floor",
+    "floor",
+)
+
+
+def make(job: Job) -> Product:
+    """Read, check, weigh and set down the rock."""
+    solid, source, mended = _solid(job)
+    rolling, radius = job.config.contact.rolling_friction, solid.rock.radius
+    if rolling > 0.05 * radius:
+        raise InputError(
+            Problem(
+                job.site.file,
+                "contact.rolling_friction",
+                f"{rolling} m on a rock of radius {radius:.3g} m",
+                "it is a length, at most a twentieth of the rock's radius",
+                "give metres; 0 if you have a coefficient in mind",
+            )
+        )
+    dataset = _dataset(solid)
+    dataset.attrs |= {
+        "shape_source": source,
+        "mended": "; ".join(mended),
+        "mass_kg": solid.rock.mass,
+        "volume_m3": solid.volume,
+        "turned_to_rest_deg": _degrees(solid.turned),
+    }
+    note = f"{source}; {solid.rock.mass:.4g} kg, turned {_degrees(solid.turned):.2f} deg to rest"
+    return Product({FILE: netcdf(described(dataset, job, "Rock"))}, note)
+
+
+def load_rock(store: Store) -> tuple[Rock, Barrier]:
+    """The rock and its energy barrier, from the product."""
+    from vsr_core.bounds import Barrier
+    from vsr_core.scene import Rock
+
+    data = read(store.folder / FILE)
+    limits = Barrier(
+        data["barrier_tilt"].values,
+        data["barrier_height"].values,
+        *(float(data.attrs[f"barrier_{name}"]) for name in _SCALARS),
+    )
+    rock = Rock(
+        data.attrs["rock_shape"],
+        data["vertex"].values,
+        float(data.attrs["mass_kg"]),
+        data["principal_moment"].values,
+        data["principal_axis"].values,
+    )
+    return rock, limits
+
+
+def _solid(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
+    from vsr_core import solid
+    from vsr_core.errors import Unfit
+
+    rock = job.config.rock
+    if rock.shape == "box":
+        assert rock.size is not None
+        return solid.box(rock.size, rock.density), "box", ()
+    source = sources.find(job.site)
+    mesh = sources.load(source, job.site)
+    try:
+        mesh, mended = solid.checked(mesh)
+        return solid.from_mesh(mesh, rock.density), source.label, mended
+    except Unfit as error:
+        where = f"{job.site.file}: rock.mesh" if source.path else job.site.file
+        file = sources.shown(source.path) if source.path else "surrogate"
+        raise InputError.from_unfit(where, file, error) from None
+
+
+def _dataset(solid: Solid) -> Any:
+    import numpy as np
+    import xarray as xr
+
+    from vsr_core.bounds import barrier
+    from vsr_core.hull import base_polygon, convex_hull, tipping
+
+    rock = solid.rock
+    tips = tipping(convex_hull(rock.vertices), np.radians(np.arange(360.0)))
+    limits = barrier(rock)
+    attributes = {f"barrier_{name}": getattr(limits, name) for name in _SCALARS}
+    return xr.Dataset(
+        {
+            "vertex": (("corner", "xyz"), rock.vertices),
+            "surface_vertex": (("surface_corner", "xyz"), solid.vertices.astype(np.float32)),
+            "surface_face": (("face", "three"), solid.faces.astype(np.int32)),
+            "principal_moment": ("axis", rock.inertia),
+            "principal_axis": (("xyz", "axis"), rock.axes),
+            "base_polygon": (
+                ("base_corner", "xy"),
+                base_polygon(rock.vertices, BASE_TOLERANCE * rock.height),
+            ),
+            "uplift_pga": ("direction", tips.uplift),
+            "tipping_pga": ("direction", tips.overturning),
+            "tipping_angle": ("direction", np.degrees(tips.angle)),
+            "barrier_height": ("barrier_tilt", limits.height),
+        },
+        {"direction": np.arange(360.0), "barrier_tilt": limits.tilt},
+        {"rock_shape": rock.shape, **attributes},
+    )
+
+
+def _degrees(angle: float) -> float:
+    import math
+
+    return math.degrees(angle)
+
+
+STAGE = Stage(
+    name="rock",
+    make=make,
+    reads=("rock", "contact.rolling_friction"),
+    code=("pipeline.sources:load", "vsr_core.surrogate:double_rock"),
+    inputs=sources.digests,
+    versions=("trimesh", "scipy"),
+)
