@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
-from vsr_core.hull import TOPPLED_TILT, convex_hull, tipping
+from vsr_core.hull import TOPPLED_TILT, contact_tilts, convex_hull, rest_tilts, tipping
 from vsr_core.scene import Contact, Rock
 
 Array = NDArray[np.float64]
+
+LEANING_TILT = math.radians(30.0)
+"""A rest pose tilted less than this still stands, on another part of its base [rad]."""
 
 _TILT_STEP = math.radians(0.5)
 _AZIMUTHS = 1440
@@ -36,7 +39,8 @@ class Barrier:
     tilt : ndarray, shape (n,) [rad], 0 to pi
     height : ndarray, shape (n,) [m]
     toppled_tilt : float [rad]
-        Beyond it the rock counts as overturned: 1 rad, or the highest barrier of a squat rock.
+        Beyond it the rock counts as overturned: 1 rad as in the seed, or three quarters of the
+        tilt of its first lying pose if that is less, but not before a squat rock's barrier.
     upright_floor, floor : float [m]
         Lowest possible height while not beyond ``toppled_tilt``, and at all.
     """
@@ -67,20 +71,23 @@ def barrier(rock: Rock) -> Barrier:
     """
     tilt = np.arange(0.0, math.pi + _TILT_STEP / 2, _TILT_STEP)
     azimuth = np.linspace(0.0, 2.0 * math.pi, _AZIMUTHS, endpoint=False)
-    around = np.column_stack([np.cos(azimuth), np.sin(azimuth)]) @ rock.vertices[:, :2].T
-    height = np.array([_lowest(math.sin(t) * around, -math.cos(t) * rock.vertices[:, 2]) for t in tilt])
+    circle = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    hull = convex_hull(rock.vertices)
+    least, greatest = contact_tilts(hull)
+    height = np.empty_like(tilt)
+    for i, t in enumerate(tilt):
+        low = hull.vertices[(least <= t) & (t <= greatest)]
+        support = math.sin(t) * circle @ low[:, :2].T - math.cos(t) * low[:, 2]
+        height[i] = support.max(axis=1).min()
     height -= rock.radius * np.sin(tilt) * math.pi / _AZIMUTHS
     highest = float(tilt[np.argmax(np.where(tilt <= math.pi / 2, height, -math.inf))])
-    toppled = max(TOPPLED_TILT, highest)
-    hull = convex_hull(rock.vertices)
+    rests = rest_tilts(hull)
+    lying = rests[rests > LEANING_TILT].min(initial=math.inf)
+    toppled = max(min(TOPPLED_TILT, 0.75 * float(lying)), highest)
     floor = float(hull.offsets.min())
     upright = np.arccos(np.clip(-hull.normals[:, 2], -1.0, 1.0)) <= toppled
     upright_floor = min(float(hull.offsets[upright].min()), float(height[tilt >= toppled][0]))
     return Barrier(tilt, height, toppled, upright_floor, floor)
-
-
-def _lowest(horizontal: Array, vertical: Array) -> float:
-    return float((horizontal + vertical).max(axis=1).min())
 
 
 def still_range(rock: Rock, contact: Contact, yaw: float) -> tuple[float, float]:
@@ -133,21 +140,35 @@ def cannot_return(limits: Barrier, tilt: float, energy: float, impulse: float) -
     return reachable_energy(energy - GRAVITY * limits.floor, impulse) < gap
 
 
-def falls_on(lever: Array, falling: Array, peak: float) -> bool:
+def falls_on(lever: Array, spin: Array, inertia: Array, peak: float) -> bool:
     """Whether a rock past ``toppled_tilt`` keeps falling whatever is left of the shaking.
 
-    While it turns about a touching point, with the centre beyond that point by more than the
-    angle atan(peak/g) that the shaking can tilt gravity by, the moment about the point has the
-    sign of the fall until another point lands. Proved for the plane motion of a rock that does
-    not slide; for spinning and sliding rocks checked against complete runs.
+    Theorem: a rock turns about a touching point, its centre beyond that point by the angle gamma
+    from the vertical. Shaking of at most ``peak`` tilts gravity by at most beta = atan(peak/g).
+    Once gamma >= beta the moment has the sign of the fall, until another point lands. Before
+    that, the worst shaking takes g' rho (1 - cos(beta - gamma)) of energy per unit mass on the
+    way to gamma = beta, with rho the lever and g' = hypot(g, peak); a rock that turns with more
+    gets there. Proved for plane motion without sliding; for spinning and sliding rocks checked
+    against complete runs (``make bench``).
 
     Parameters
     ----------
     lever : ndarray, shape (3,) [m], from the touching vertex to the centre of mass
-    falling : ndarray, shape (3,) [m/s], velocity of the centre relative to that vertex
+    spin : ndarray, shape (3,) [rad/s], angular velocity
+    inertia : ndarray, shape (3, 3) [m^2], about the centre of mass, per unit mass, same axes
     peak : float [m/s^2], largest acceleration still to come
     """
-    across = math.hypot(lever[0], lever[1])
-    if falling[2] >= 0.0 or lever[0] * falling[0] + lever[1] * falling[1] <= 0.0:
+    x, y, z = (float(part) for part in lever)
+    across = math.hypot(x, y)
+    if across == 0.0:
         return False
-    return across * GRAVITY > peak * lever[2]
+    axis = np.array([-y, x, 0.0]) / across
+    turning = float(spin @ axis)
+    if turning <= 0.0:
+        return False
+    gap = math.atan(peak / GRAVITY) - math.atan2(across, z)
+    if gap <= 0.0:
+        return True
+    rho_squared = across * across + z * z
+    have = 0.5 * turning**2 * (rho_squared + float(axis @ inertia @ axis))
+    return have > math.hypot(GRAVITY, peak) * math.sqrt(rho_squared) * (1.0 - math.cos(gap))

@@ -7,6 +7,7 @@ of the rock; while the rock rests on a facet, ``down`` is that facet's outward n
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,7 @@ class Hull:
     normals : ndarray, shape (m, 3), outward unit normals
     offsets : ndarray, shape (m,) [m], distance of each facet's plane from the centre of mass
     neighbours : ndarray of int, shape (m, 3), facet across the edge opposite corner k
+    face : ndarray of int, shape (m,), number of the flat face that each facet is part of
     """
 
     vertices: Array
@@ -42,6 +44,7 @@ class Hull:
     normals: Array
     offsets: Array
     neighbours: NDArray[np.intp]
+    face: NDArray[np.intp]
 
     def turned(self, rotation: Array) -> Hull:
         """The same hull with every vector turned by ``rotation``, shape (3, 3)."""
@@ -51,12 +54,8 @@ class Hull:
             self.normals @ rotation.T,
             self.offsets,
             self.neighbours,
+            self.face,
         )
-
-    @property
-    def radius(self) -> float:
-        """Largest distance of a vertex from the centre of mass [m]."""
-        return float(np.linalg.norm(self.vertices, axis=1).max())
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,9 @@ def convex_hull(points: Array) -> Hull:
         )
     number = np.full(len(points), -1)
     number[hull.vertices] = np.arange(len(hull.vertices))
-    return Hull(points[hull.vertices], number[hull.simplices], normals, offsets, hull.neighbors)
+    face = _flat_faces(normals, hull.neighbors)
+    corners, facets = points[hull.vertices], number[hull.simplices]
+    return Hull(corners, facets, normals, offsets, hull.neighbors, face)
 
 
 def settle(hull: Hull) -> tuple[Array, float]:
@@ -122,12 +123,13 @@ def settle(hull: Hull) -> tuple[Array, float]:
     """
     given = np.array([0.0, 0.0, -1.0])
     facet = int(np.argmax(hull.normals @ given))
+    outlines = _outlines(hull)
     for _ in range(len(hull.facets)):
-        distance, _ = _edges(hull, facet)
-        edge = int(np.argmin(distance))
-        if distance[edge] >= -_FLAT * hull.offsets[facet]:
+        outline = outlines[hull.face[facet]]
+        edge = int(np.argmin(outline.room))
+        if outline.room[edge] >= -_FLAT * hull.offsets[facet]:
             break
-        facet = int(hull.neighbours[facet, edge])
+        facet = int(outline.neighbour[edge])
     rotation = _rotation(hull.normals[facet], given)
     turned = float(np.arccos(np.clip(hull.normals[facet] @ given, -1.0, 1.0)))
     if turned > MAX_SETTLING_TURN:
@@ -137,6 +139,17 @@ def settle(hull: Hull) -> tuple[Array, float]:
             "turn the mesh upright, or restore the base it stands on",
         )
     return rotation, turned
+
+
+def rest_tilts(hull: Hull) -> Array:
+    """Tilts [rad] of all poses in which a hull, given in its rest pose, rests on one of its facets.
+
+    Returns
+    -------
+    ndarray, shape (k,), ascending; the first is the given pose, 0
+    """
+    stable = [outline.facet for outline in _outlines(hull).values() if outline.room.min() >= 0.0]
+    return np.sort(np.arccos(np.clip(-hull.normals[stable, 2], -1.0, 1.0)))
 
 
 def base_polygon(vertices: Array, tolerance: float) -> Array:
@@ -161,7 +174,9 @@ def tipping(hull: Hull, direction: Array) -> Tipping:
     the first needs is the uplift acceleration (Housner 1963 for a block: both b/h).
     """
     start = int(np.argmin(hull.normals[:, 2]))
-    pairs = [_tip(hull, start, np.array([np.cos(d), np.sin(d), 0.0])) for d in direction]
+    outlines = _outlines(hull)
+    ways = np.column_stack([np.cos(direction), np.sin(direction), np.zeros(len(direction))])
+    pairs = [_tip(hull, outlines, start, toward) for toward in ways]
     uplift, overturning = np.array(pairs).T
     return Tipping(direction, uplift, overturning)
 
@@ -169,61 +184,108 @@ def tipping(hull: Hull, direction: Array) -> Tipping:
 def touching(hull: Hull, tilt: float) -> NDArray[np.bool_]:
     """Vertices that can touch a plane while the rock is tilted by at most ``tilt`` [rad].
 
-    A vertex touches for the directions of ``down`` between the normals of its facets, so every
-    vertex of a facet whose normal comes within ``tilt`` of straight down is kept, with a margin
-    of the widest angle between neighbouring facets there (an arc may enter the cap though
-    neither of its ends does).
-
     Returns
     -------
     ndarray of bool, shape (n,)
     """
+    return contact_tilts(hull)[0] <= tilt
+
+
+def contact_tilts(hull: Hull) -> tuple[Array, Array]:
+    """Least and greatest tilt [rad] at which each vertex can touch a plane, shape (n,) each.
+
+    A vertex touches for the directions of ``down`` between the normals of its facets. The range
+    of their tilts is widened by the widest angle between neighbouring facets there, because an
+    arc between two normals may pass a tilt that neither has; it encloses the true one.
+    """
     facing = np.arccos(np.clip(-hull.normals[:, 2], -1.0, 1.0))
     cosine = np.einsum("ij,ikj->ik", hull.normals, hull.normals[hull.neighbours])
     widest = np.arccos(np.clip(cosine, -1.0, 1.0)).max(axis=1)
-    keep = np.zeros(len(hull.vertices), dtype=bool)
-    keep[hull.facets[facing - widest <= tilt].ravel()] = True
-    return keep
+    least = np.full(len(hull.vertices), np.inf)
+    greatest = np.full(len(hull.vertices), -np.inf)
+    for corner in hull.facets.T:
+        np.minimum.at(least, corner, facing - widest)
+        np.maximum.at(greatest, corner, facing + widest)
+    return least, greatest
 
 
-def _edges(hull: Hull, facet: int) -> tuple[Array, Array]:
-    """Of a facet's three edges: distance from the foot of the centre of mass, outward normal.
+class _Outline(NamedTuple):
+    """A flat face of a hull, seen from the foot of the centre of mass.
 
-    Edge k lies opposite corner k; the distance is negative where the centre overhangs it.
+    ``room`` is the distance [m] to each edge, negative where the centre overhangs it, ``outward``
+    the edge's normal in the face's plane, ``neighbour`` a facet beyond it; ``facet`` is one of
+    the face's own.
     """
-    corner = hull.vertices[hull.facets[facet]]
-    first, second = corner[[1, 2, 0]], corner[[2, 0, 1]]
+
+    facet: int
+    room: Array
+    outward: Array
+    neighbour: NDArray[np.intp]
+
+
+def _flat_faces(normals: Array, neighbours: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Number of the flat face of each facet: neighbours with the same normal are one face."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    facet, corner = np.nonzero(
+        np.linalg.norm(normals[neighbours] - normals[:, None], axis=2) < _FLAT
+    )
+    pairs = (np.ones(len(facet)), (facet, neighbours[facet, corner]))
+    size = (len(normals), len(normals))
+    return np.asarray(connected_components(coo_array(pairs, shape=size), directed=False)[1])
+
+
+def _outlines(hull: Hull) -> dict[int, _Outline]:
+    """Outline of every flat face."""
+    facet, corner = np.nonzero(hull.face[hull.neighbours] != hull.face[:, None])
+    first = hull.vertices[hull.facets[facet, (corner + 1) % 3]]
+    second = hull.vertices[hull.facets[facet, (corner + 2) % 3]]
     outward = np.cross(second - first, hull.normals[facet])
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    outward *= np.sign(np.einsum("ij,ij->i", outward, first - corner))[:, None]
-    return np.einsum("ij,ij->i", outward, first), outward
+    middle = 0.5 * (first + second)
+    outlines = {}
+    for number in np.unique(hull.face):
+        own = hull.face[facet] == number
+        away = np.einsum("ij,ij->i", outward[own], middle[own] - middle[own].mean(axis=0))
+        normal = outward[own] * np.sign(away)[:, None]
+        room = np.einsum("ij,ij->i", normal, first[own])
+        beyond = hull.neighbours[facet[own], corner[own]]
+        outlines[int(number)] = _Outline(int(facet[own][0]), room, normal, beyond)
+    return outlines
 
 
-def _tip(hull: Hull, facet: int, toward: Array) -> tuple[float, float]:
+def _tip(
+    hull: Hull, outlines: dict[int, _Outline], facet: int, toward: Array
+) -> tuple[float, float]:
     """Uplift and overturning acceleration [g] toward one horizontal direction."""
     needed, uplift = 0.0, np.inf
-    down = hull.normals[facet]
-    start = down
-    for _ in range(4 * len(hull.facets)):
-        distance, outward = _edges(hull, facet)
-        height, slope = hull.offsets[facet], outward @ toward
-        room = distance - needed * height * slope
+    start = down = hull.normals[facet]
+    seen = set()
+    while True:
+        seen.add(int(hull.face[facet]))  # a rock that tips one way rests on no face twice
+        outline = outlines[int(hull.face[facet])]
+        height, slope = hull.offsets[facet], outline.outward @ toward
+        closed = np.array([int(hull.face[f]) in seen for f in outline.neighbour])
+        if closed.all():
+            return uplift, needed
+        room = np.where(closed, np.inf, outline.room - needed * height * slope)
         edge = int(np.argmin(room))
         if room[edge] >= 0.0:
-            with np.errstate(divide="ignore"):
-                reach = np.where(slope > 0.0, distance / (height * slope), np.inf)
+            ahead = (slope > 0.0) & ~closed
+            if not ahead.any():
+                return uplift, needed
+            reach = np.full(len(slope), np.inf)
+            reach[ahead] = outline.room[ahead] / (height * slope[ahead])
             edge = int(np.argmin(reach))
             needed = max(needed, float(reach[edge]))
-        facet = int(hull.neighbours[facet, edge])
+        uplift = min(uplift, needed)
+        facet = int(outline.neighbour[edge])
         turn = _rotation(down, hull.normals[facet])
         down = hull.normals[facet]
-        tilt = np.arccos(np.clip(down @ start, -1.0, 1.0))
-        if tilt > _FLAT:
-            uplift = min(uplift, needed)
-        if tilt > TOPPLED_TILT:
-            break
+        if np.arccos(np.clip(down @ start, -1.0, 1.0)) > TOPPLED_TILT:
+            return uplift, needed
         toward = turn @ toward
-    return uplift, needed
 
 
 def _rotation(a: Array, b: Array) -> Array:

@@ -56,7 +56,8 @@ class Case:
 
     Attributes
     ----------
-    full, scene : Scene, as described and as simulated
+    full : Scene, with all vertices of the rock
+    scene : Scene, as simulated; ``full`` itself if its rock was not reduced
     reductions : tuple of Reduction, what was left out
     limits : Barrier of the rock
     still : tuple of float, lowest and highest table acceleration [m/s^2] that move nothing
@@ -73,7 +74,8 @@ def prepare(described: Scene, limits: bounds.Barrier, *, reduce: bool) -> Case:
     """Reduce a scene, or take it as it is; ``limits`` is the ``barrier`` of its rock."""
     still = bounds.still_range(described.rock, described.contact, described.yaw)
     reduced, reductions = scene.reduce(described) if reduce else (described, ())
-    return Case(described, reduced, reductions, limits, still)
+    full = replace(reduced, rock=described.rock, kept_tilt=described.kept_tilt)
+    return Case(full, reduced, reductions, limits, still)
 
 
 def simulate(case: Case, motion: GroundMotion, settings: Settings) -> Response:
@@ -93,7 +95,7 @@ def simulate(case: Case, motion: GroundMotion, settings: Settings) -> Response:
     for _ in range(HALVINGS + 1):
         response = _Run(case, simulated, motion, settings, time_step).to_the_end()
         if response.peak_tilt > simulated.kept_tilt:
-            simulated = replace(case.full, pedestal=simulated.pedestal)
+            simulated = case.full
             response = _Run(case, simulated, motion, settings, time_step).to_the_end()
         if response.outcome is not Outcome.UNSTABLE:
             break
@@ -126,9 +128,8 @@ class _Run:
         self.world = engines.load(settings.engine).build(simulated, self.time_step)
         middles = (np.arange(self.last_step) + 0.5) * self.time_step
         self.acceleration = motion.acceleration(middles)
-        self.first_step = self._first_step(case.still) if settings.reduce else 0
-        self.step = self.first_step
-        self.time = self.step * self.time_step
+        self.step = 0
+        self.time = 0.0
         self.tilt = self.peak_tilt = self.slip = 0.0
         self.energy = GRAVITY * rock.height
         self.start = self.world.state()
@@ -151,12 +152,6 @@ class _Run:
                 return self._ended(*decided)
         side = self._side() if self._proved() else Outcome.UNSETTLED
         return self._ended(side, DecidedBy.SIMULATION)
-
-    def _first_step(self, still: tuple[float, float]) -> int:
-        """First step at which the rock can move, a percent early; before it nothing happens."""
-        lowest, highest = 0.99 * still[0], 0.99 * still[1]
-        moving = (self.acceleration < lowest) | (self.acceleration > highest)
-        return int(np.argmax(moving))
 
     def _next_look(self) -> int:
         """Looks are evenly spaced, and one falls on the end of the motion."""
@@ -210,9 +205,11 @@ class _Run:
 
     def _falls_on(self) -> bool:
         lowest = int(np.argmin(self.heights))
-        lever = -(self.state.rotation @ self.vertices[lowest])
-        falling = np.cross(self.state.spin, lever)
-        return bounds.falls_on(lever, falling, self.motion.remaining_peak(self.time))
+        turn = self.state.rotation
+        lever = -(turn @ self.vertices[lowest])
+        inertia = turn @ self.inertia @ turn.T
+        peak = self.motion.remaining_peak(self.time)
+        return bounds.falls_on(lever, self.state.spin, inertia, peak)
 
     def _slip_is_known(self) -> bool:
         """Whether the rest of the energy can no longer slide an upright rock past the limit.
@@ -236,8 +233,7 @@ class _Run:
         return Outcome.BALANCED
 
     def _ended(self, outcome: Outcome, decided_by: DecidedBy) -> Response:
-        steps = self.step - self.first_step
-        return Response(outcome, decided_by, self.peak_tilt, self.tilt, self.slip, steps)
+        return Response(outcome, decided_by, self.peak_tilt, self.tilt, self.slip, self.step)
 
 
 TIME_STEP_SHARE = 0.006

@@ -47,9 +47,6 @@ class World(Protocol):
     def state(self) -> State:
         """Present state; entries are not finite if the engine diverged."""
 
-    def close(self) -> None:
-        """Give back what the world holds."""
-
 
 class Engine(Protocol):
     """What an engine's module offers."""
@@ -57,7 +54,7 @@ class Engine(Protocol):
     VERSION: str
 
     def build(self, scene: Scene, time_step: float) -> World:
-        """World with the rock at rest; ``time_step`` in s."""
+        """World with the rock at rest; ``time_step`` in s. Ends earlier worlds of that scene."""
 
 
 def names() -> list[str]:

@@ -9,8 +9,8 @@ are then the same share of any rock, and geometrically similar scenes give the s
 from __future__ import annotations
 
 import math
+from collections import OrderedDict
 from collections.abc import Iterable
-from functools import cache
 from importlib.metadata import version
 
 import numpy as np
@@ -41,28 +41,47 @@ RESTITUTION_THRESHOLD = 0.01
 """Normal speed below which nothing bounces, in Bullet's unit of speed."""
 
 
-@cache
-def _client() -> int:
-    return int(pybullet.connect(pybullet.DIRECT))
+WORLDS_KEPT = 2
+"""Worlds kept for the next run of the same scene: the reduced one and the complete one."""
+
+_worlds: OrderedDict[Scene, BulletWorld] = OrderedDict()
 
 
 class BulletWorld:
-    """One rock in the one world of this process; building the next world ends this one."""
+    """One rock in a world of its own, on its own connection.
 
-    def __init__(self, scene: Scene, time_step: float) -> None:
-        self._client = _client()
+    Building a hull costs more than many a run, so a world is kept and rewound for the next run.
+    Rewinding lifts the rock out of contact for a step, which empties Bullet's contact cache, and
+    sets it down again: every run starts from the same bits, whatever ran before.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._client = int(pybullet.connect(pybullet.DIRECT))
         self._scale = SCALED_RADIUS / scene.rock.radius
         self._axes = scene.rock.axes
-        pybullet.resetSimulation(physicsClientId=self._client)
+        margin = HULL_MARGIN if scene.rock.shape == "hull" else 0.0
+        self._place = [0.0, 0.0, scene.rock.height * self._scale + margin]
+        self._turn = _orientation(scene)
         pybullet.setPhysicsEngineParameter(
             numSolverIterations=SOLVER_ITERATIONS,
             restitutionVelocityThreshold=RESTITUTION_THRESHOLD,
             deterministicOverlappingPairs=1,
             physicsClientId=self._client,
         )
-        pybullet.setTimeStep(time_step * math.sqrt(self._scale), physicsClientId=self._client)
         self._add_pedestal(scene)
         self._rock = self._add_rock(scene)
+
+    def rewind(self, time_step: float) -> None:
+        """Put the rock back to rest, for steps of ``time_step`` [s]."""
+        pybullet.setTimeStep(time_step * math.sqrt(self._scale), physicsClientId=self._client)
+        pybullet.setGravity(0.0, 0.0, 0.0, self._client)
+        for height in (10.0 * SCALED_RADIUS, self._place[2]):
+            pybullet.resetBasePositionAndOrientation(
+                self._rock, [0.0, 0.0, height], self._turn, self._client
+            )
+            pybullet.resetBaseVelocity(self._rock, [0.0] * 3, [0.0] * 3, self._client)
+            if height != self._place[2]:
+                pybullet.stepSimulation(self._client)
         self.advance([0.0] * QUIET_STEPS)
 
     def advance(self, acceleration: Iterable[float]) -> None:
@@ -85,8 +104,8 @@ class BulletWorld:
         )
 
     def close(self) -> None:
-        """Empty the world."""
-        pybullet.resetSimulation(physicsClientId=self._client)
+        """End the connection."""
+        pybullet.disconnect(self._client)
 
     def _add_pedestal(self, scene: Scene) -> None:
         if scene.pedestal == "plane":
@@ -115,14 +134,12 @@ class BulletWorld:
 
     def _add_rock(self, scene: Scene) -> int:
         rock, contact = scene.rock, scene.contact
-        half = 0.5 * scene.yaw
-        turn = np.array([0.0, 0.0, math.sin(half), math.cos(half)])
         body = pybullet.createMultiBody(
             rock.mass,
             self._collision_shape(rock),
             -1,
-            [0.0, 0.0, rock.height * self._scale + (HULL_MARGIN if rock.shape == "hull" else 0.0)],
-            _product(turn, _quaternion(rock.axes)),
+            self._place,
+            self._turn,
             physicsClientId=self._client,
         )
         pybullet.changeDynamics(
@@ -156,8 +173,19 @@ class BulletWorld:
 
 
 def build(scene: Scene, time_step: float) -> BulletWorld:
-    """World with the rock at rest on the pedestal; ``time_step`` in s."""
-    return BulletWorld(scene, time_step)
+    """World with the rock at rest on the pedestal; ``time_step`` in s.
+
+    The world of an earlier call with the same scene is rewound and no longer valid itself.
+    """
+    world = _worlds.pop(scene, None)
+    if world is not None and not np.isfinite(world.state().position).all():
+        world.close()
+        world = None
+    _worlds[scene] = world or BulletWorld(scene)
+    while len(_worlds) > WORLDS_KEPT:
+        _worlds.popitem(last=False)[1].close()
+    _worlds[scene].rewind(time_step)
+    return _worlds[scene]
 
 
 def _matrix(q: tuple[float, float, float, float]) -> Array:
@@ -171,13 +199,9 @@ def _matrix(q: tuple[float, float, float, float]) -> Array:
     )
 
 
-def _quaternion(rotation: Array) -> Array:
+def _orientation(scene: Scene) -> list[float]:
+    """Quaternion x, y, z, w of the rock's principal axes at its yaw."""
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_matrix(rotation).as_quat()
-
-
-def _product(a: Array, b: Array) -> list[float]:
-    from scipy.spatial.transform import Rotation
-
-    return (Rotation.from_quat(a) * Rotation.from_quat(b)).as_quat().tolist()
+    turn = Rotation.from_euler("z", scene.yaw)
+    return [float(part) for part in (turn * Rotation.from_matrix(scene.rock.axes)).as_quat()]

@@ -1,0 +1,89 @@
+# Thin: every target is one command of the program (`.venv/bin/vsr`) or of a tool in .venv.
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+MAKEFLAGS += --no-builtin-rules --no-print-directory
+.DELETE_ON_ERROR:
+.NOTPARALLEL:
+.DEFAULT_GOAL := help
+
+# Only what .venv holds is used, and its bytecode is kept, without which each start is slower.
+unexport PYTHONDONTWRITEBYTECODE PYTHONHOME PYTHONPATH
+
+python := .venv/bin/python
+vsr := @$(python) -m pipeline
+
+# Values reach the program as they were given: one argument each, whatever characters are in them.
+quoted = '$(subst ','\'',$1)'
+flag = $(if $(value $2),$1 $(call quoted,$(value $2)))
+list = $(if $(value $2),--set $(call quoted,$1=[$(value $2)]))
+derived = $(call flag,--derived,DERIVED)
+settings = $(call list,yaw,YAW) $(call list,contact.friction,FRICTION) \
+  $(foreach item,$(value SET),--set $(call quoted,$(item)))
+site = --site $(call quoted,$(value SITE)) $(call flag,--study,STUDY) $(settings) $(derived)
+where = $(call flag,--workers,WORKERS) $(call flag,--scheduler,SCHEDULER)
+
+.PHONY: help
+help:
+	@awk -F ' *## *' ' \
+	  /^## / { printf "\n%s\n", $$2 } \
+	  /^#:/ { sub(/^#: ?/, ""); printf "  %s\n", $$0 } \
+	  /^[a-z-]+:.*## / { sub(/:.*/, "", $$1); printf "  make %-11s %s\n", $$1, $$2 } \
+	' Makefile
+
+## A rock
+.PHONY: fragility plan status why fetch
+fragility: setup ## how strong must shaking be to topple SITE: curves and report
+	$(vsr) run fragility $(site) $(where)
+
+plan: setup ## what would run for SITE, and what it costs
+	$(vsr) plan $(site)
+
+status: setup ## what is done for SITE
+	$(vsr) status $(site)
+
+why: setup ## why something of SITE would run again
+	$(vsr) why $(site)
+
+fetch: setup ## download the public original NAME into data/raw
+	$(vsr) fetch $(call quoted,$(value NAME))
+
+#:
+#: SITE=double_rock       a site in configs/sites, or any YAML file
+#: STUDY=name             a study in configs/studies, or any YAML file
+#: YAW=0,90               directions of shaking [degree]
+#: FRICTION=0.4,0.6       friction of rock on pedestal
+#: SET='a.b=1 c.d=2'      any other keys of the configuration
+#: WORKERS=4              worker processes; 0 for none
+#: SCHEDULER=tcp://h:8786 a running Dask scheduler
+#: DERIVED=folder         where results go, in place of data/derived
+
+## The project
+.PHONY: setup test test-slow lint check format bench lock clean
+test: setup ## tests of some minutes at most, with coverage
+	@$(python) -m pytest --cov --cov-report=term:skip-covered
+
+test-slow: setup ## tests that take many minutes
+	@$(python) -m pytest -m slow
+
+check: lint test ## lint, format, types and tests
+
+lint: setup ## lint, format and types only
+	@$(python) -m ruff check
+	@$(python) -m ruff format --check
+	@$(python) -m mypy
+
+format: setup ## put the code in the project's format
+	@$(python) -m ruff check --fix
+	@$(python) -m ruff format
+
+bench: setup ## performance benchmarks, as ratios in one run
+	@$(python) -m benchmarks
+
+lock: ## renew requirements.lock from pyproject.toml; UPGRADE=1 for the newest versions
+	@scripts/setup.sh lock $(if $(value UPGRADE),--upgrade)
+
+clean: setup ## remove derived data, of SITE or of all; asks first, unless YES=1
+	$(vsr) clean $(call flag,--site,SITE) $(derived) $(if $(value YES),--yes)
+
+setup: ## make .venv now; every target does so when it is missing or stale
+	@scripts/setup.sh

@@ -1,0 +1,1 @@
+"""Figures: one a module, each a function from datasets to a matplotlib figure."""

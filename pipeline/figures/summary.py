@@ -1,0 +1,128 @@
+"""Numbers that figures and the report quote, each defined once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vsr_core.outcome import Outcome
+
+Array = NDArray[np.float64]
+
+LONG_PULSE = 0.2
+"""PGV/PGA [s] from which rows count towards the typical first-overturning PGA: below it the
+boundary climbs steeply and says more about the grid's shortest pulse than about the rock."""
+
+WINDOW = 15
+"""Half-width [degree] over which a weak direction is the weakest."""
+
+
+@dataclass(frozen=True)
+class Weak:
+    """A direction in which the rock tips more easily than to either side of it.
+
+    Attributes
+    ----------
+    direction : float [degree], in the rock's frame at yaw 0, counter-clockwise from +x
+    angle : float [degree], static tipping angle
+    pga : float [g], steady acceleration that topples that way
+    """
+
+    direction: float
+    angle: float
+    pga: float
+
+    @property
+    def yaw(self) -> float:
+        """Yaw [degree] at which the first push of the pulse, to -x, goes that way."""
+        return (180.0 - self.direction) % 360.0
+
+
+def weak_directions(rock: xr.Dataset, most: int = 5) -> list[Weak]:
+    """Local minima of the tipping PGA over the circle, weakest first, ``most`` at the most."""
+    pga = np.round(rock["tipping_pga"].values, 6)  # symmetric directions differ in the last digits
+    lowest = np.min([np.roll(pga, turn) for turn in range(-WINDOW, WINDOW + 1)], axis=0)
+    least = pga == lowest
+    starts = [i for i in np.flatnonzero(least) if not least[i - 1]] or [int(np.argmin(pga))]
+    middles = [(i + _run(np.roll(least, -i)) // 2) % pga.size for i in starts]
+    found = [
+        Weak(*(float(rock[name][i]) for name in ("direction", "tipping_angle", "tipping_pga")))
+        for i in middles
+    ]
+    return sorted(found, key=lambda weak: weak.pga)[:most]
+
+
+def static_pga(rock: xr.Dataset, yaw: Array) -> Array:
+    """Steady acceleration [g] that topples the rock one way or the other along the shaking.
+
+    The pulse pushes both ways with the same peak, so the weaker way counts.
+    """
+    circle = np.append(rock["tipping_pga"].values, rock["tipping_pga"].values[0])
+    degrees = np.arange(circle.size, dtype=float)
+    ways = [np.interp((turn - yaw) % 360.0, degrees, circle) for turn in (180.0, 0.0)]
+    return np.minimum(*ways)
+
+
+def long_rows(ratios: Array) -> NDArray[np.bool_]:
+    """Rows with PGV/PGA of at least ``LONG_PULSE``; all of them if there is none."""
+    rows = ratios >= LONG_PULSE - 1e-9
+    return rows if rows.any() else np.ones_like(rows)
+
+
+def typical_pga(fragility: xr.Dataset) -> tuple[Array, Array]:
+    """Median over the long rows of the last balanced and of the first overturning PGA.
+
+    Returns
+    -------
+    lower, upper : ndarray, shape (yaw, friction) [g]
+        0 and inf where they lie below and above the grid; NaN without a decided run.
+    """
+    rows = long_rows(fragility["pgv_pga"].values)
+    upper = fragility["first_overturning_pga"].values[..., rows]
+    lower = np.nan_to_num(fragility["last_balanced_pga"].values[..., rows], nan=0.0)
+    decided = ~np.isnan(upper)
+    shape = upper.shape[:2]
+    edges = np.full((2, *shape), np.nan)
+    for place in np.ndindex(shape):
+        if decided[place].any():
+            for end, values in enumerate((lower, upper)):
+                edges[(end, *place)] = np.median(values[place][decided[place]])
+    return edges[0], edges[1]
+
+
+def groups(data: xr.Dataset) -> Iterator[tuple[tuple[int, int], str]]:
+    """Place and name of each (yaw, friction)."""
+    several = data.sizes["friction"] > 1
+    for i, k in np.ndindex(data.sizes["yaw"], data.sizes["friction"]):
+        friction = f", friction {float(data['friction'][k]):g}" if several else ""
+        yield (i, k), f"yaw {float(data['yaw'][i]):g} deg{friction}"
+
+
+def undecided(responses: xr.Dataset) -> NDArray[np.bool_]:
+    """Runs without a verdict."""
+    codes = [outcome.value for outcome in Outcome if outcome.overturned == -1]
+    outcome = responses["outcome"].values
+    return np.isin(outcome, codes) | (responses["overturned"].values < 0)
+
+
+def between(lower: float, upper: float, grid: Any) -> str:
+    """An interval of PGA in words, against the ends of the tested PGA."""
+    least, most = float(np.min(grid)), float(np.max(grid))
+    if math.isnan(upper):
+        return "not known"
+    if upper > most:
+        return f"above {most:.3g} g"
+    if lower < least:
+        return f"below {max(upper, least):.3g} g"
+    return f"{lower:.3g} to {upper:.3g} g"
+
+
+def _run(flags: NDArray[np.bool_]) -> int:
+    """Length of the run of true values at the start, less one."""
+    return int(np.argmin(flags)) - 1 if not flags.all() else 0
