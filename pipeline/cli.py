@@ -22,7 +22,7 @@ DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
 PRODUCTS = ("rock", "motions", "responses", "fragility", "report")
 """What `run` can make; each is a stage of that name."""
 
-ALIASES: dict[str, str] = {}
+ALIASES: dict[str, str] = {"fragility": "report"}
 """Products that come with more: fragility with its report."""
 
 

@@ -39,8 +39,10 @@ fresh() { # what is there: all of it, or "locked" where only the project changed
   [[ -f $READY && -x .venv/bin/python && -x .venv/bin/vsr ]] || return 1
   while IFS= read -r line; do was+=("$line"); done <"$READY"
   [[ ${#was[@]} == 4 && ${was[0]} == "$lock_sum $PWD" ]] || return 1
-  [[ -z ${PYTHON-} || $PYTHON == "${was[2]}" || $PYTHON == "${was[3]}" ]] || return 1
   [[ $1 == locked || ${was[1]} == "$project_sum" ]] || return 1
+  if [[ -n ${PYTHON-} && $PYTHON != "${was[2]}" && $PYTHON != "${was[3]}" ]]; then
+    if suits "$PYTHON" && [[ $python != "${was[2]}" ]]; then return 1; fi
+  fi
   python=${was[2]} asked=${was[3]}
 }
 
@@ -55,6 +57,7 @@ candidates() { # paths that may be Python 3.$1; each has still to show it
 
 suits() { # does the Python at $1 do, as version 3.$2 or as any from 3.11? else a hint on what it lacks
   local facts=() fact
+  hint=${hint-}
   [[ -n $(type -P -- "$1") ]] || return 1
   while IFS= read -r fact; do facts+=("$fact"); done < <("$1" -I -c "$PROBE" 2>/dev/null)
   [[ ${#facts[@]} == 6 ]] || return 1
@@ -108,8 +111,9 @@ install() {
   if ((wheel)); then
     say "making .venv with Python $version, about a minute"
   else
-    say "making .venv with Python $version, on which pybullet builds from source: about 4 minutes on two cores"
+    say "making .venv with Python $version, on which pybullet builds from source: 4 to 5 minutes on two cores"
   fi
+  rm -f "$READY" # before anything else, as the removal itself may be interrupted
   rm -rf .venv
   mkdir .venv
   quietly "$python" -m venv .venv

@@ -126,11 +126,14 @@ def reduce(scene: Scene) -> tuple[Scene, tuple[Reduction, ...]]:
     reductions : tuple of Reduction
     """
     dropped = [*STANDING_REDUCTIONS]
-    dropped.insert(
-        0, Reduction("pedestal slab", "a flat pedestal is a plane; its edges are out of reach")
-    )
-    reduced = replace(scene, pedestal="plane")
+    reduced = scene
     if scene.rock.shape == "hull":
+        # Not for a box: on a plane Bullet finds one corner of a landing edge at a time, which
+        # shifts the boundary of short pulses by 3-5 %; on a slab it finds both.
+        reduced = replace(reduced, pedestal="plane")
+        dropped.insert(
+            0, Reduction("pedestal slab", "a flat pedestal is a plane; its edges are out of reach")
+        )
         hull = convex_hull(scene.rock.vertices)
         keep = touching(hull, KEPT_TILT)
         # Engines size their contact tolerances by the bounding box in the principal frame.

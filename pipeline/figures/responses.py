@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -43,8 +45,8 @@ def overturning_diagram(
     name : str
         Title.
     """
-    figure = Figure(figsize=(4.3, 4.75))
-    axes = figure.add_axes((0.125, 0.315, 0.85, 0.61))
+    figure = Figure(figsize=(4.3, 4.4))
+    axes = figure.add_axes((0.125, 0.3, 0.85, 0.63))
     runs = responses.isel(yaw=place[0], friction=place[1])
     fit = fragility.isel(yaw=place[0], friction=place[1])
     _cells(axes, runs)
@@ -53,12 +55,12 @@ def overturning_diagram(
     axes.set_xlabel(label("pga"))
     axes.set_ylabel("PGV/PGA [s]")
     axes.set_title(name)
-    style.legend_below(figure, axes, 2)
+    style.legend_below(figure, axes, 2, top=0.2)
     return figure
 
 
 def shown(runs: xr.Dataset) -> NDArray[np.int64]:
-    """What each cell of a diagram shows, shape (pgv_pga, pga)."""
+    """Classify each cell of a diagram, shape (pgv_pga, pga), as one of the kinds above."""
     kinds = np.where(runs["overturned"].values == 1, OVERTURNED, UPRIGHT)
     proved = runs["decided_by"].values == DecidedBy.NO_UPLIFT_BOUND
     kinds[proved & (kinds == UPRIGHT)] = PROVED
@@ -69,7 +71,7 @@ def shown(runs: xr.Dataset) -> NDArray[np.int64]:
 def _cells(axes: Axes, runs: xr.Dataset) -> None:
     pga, ratio = runs["pga"].values, runs["pgv_pga"].values
     kinds = shown(runs)
-    colours = dict((kind, colour) for kind, colour, _ in _KINDS)
+    colours = {kind: colour for kind, colour, _ in _KINDS}
     axes.pcolormesh(
         _edges(pga),
         _edges(ratio),
@@ -77,7 +79,7 @@ def _cells(axes: Axes, runs: xr.Dataset) -> None:
         cmap=ListedColormap([colours[kind] for kind in range(4)]),
         vmin=-0.5,
         vmax=3.5,
-        edgecolors=(1.0, 1.0, 1.0, 0.35),  # cells are runs: let them be counted
+        edgecolors=(1.0, 1.0, 1.0, 0.22),  # cells are runs: let them be counted
         linewidth=0.25,
         gid="cells",
     )
@@ -104,7 +106,8 @@ def _marks(axes: Axes, runs: xr.Dataset, cells: NDArray[np.bool_], gid: str, siz
             mew=0,
             gid=gid,
         )
-        axes.plot([], [], "s", ms=7, color=style.UPRIGHT, label="dot: upright, but slid")
+        key: Any = {"ms": 5, "mfc": "white", "mec": style.UPRIGHT, "mew": 2.5}
+        axes.plot([], [], "s", label="upright, but slid", **key)
         return
     axes.plot(
         x,
@@ -131,7 +134,7 @@ def _boundary(axes: Axes, fit: xr.Dataset) -> None:
             upper[both],
             color="black",
             lw=1.0,
-            label="first overturning, interval",
+            label="first overturning in between",
             gid="boundary",
             zorder=3,
         )
@@ -148,6 +151,16 @@ def _model(axes: Axes, fit: xr.Dataset) -> None:
     inside = (median >= pga[0]) & (median <= pga[-1])
     lower, upper = model["median_pga_interval"].values.T
     known = ~np.isnan(lower) & ~np.isnan(upper) & (upper >= pga[0]) & (lower <= pga[-1])
+    axes.plot(
+        np.where(inside, median, np.nan),
+        ratio,
+        color=style.MODEL,
+        lw=1.6,
+        path_effects=[withStroke(linewidth=2.8, foreground="black")],
+        label=f"{name} model, median",
+        gid="median",
+        zorder=5,
+    )
     axes.fill_betweenx(
         ratio,
         np.clip(np.where(known, lower, pga[0]), pga[0], pga[-1]),
@@ -156,19 +169,9 @@ def _model(axes: Axes, fit: xr.Dataset) -> None:
         facecolor=style.MODEL,
         alpha=0.55,
         lw=0,
-        label="its 95 % interval",
+        label="95 % interval of that median",
         gid="interval",
         zorder=4,
-    )
-    axes.plot(
-        np.where(inside, median, np.nan),
-        ratio,
-        color=style.MODEL,
-        lw=1.6,
-        path_effects=[withStroke(linewidth=2.8, foreground="black")],
-        label=f"{name} model, P = 0.5",
-        gid="median",
-        zorder=5,
     )
 
 

@@ -6,7 +6,7 @@ import base64
 import functools
 import io
 from collections.abc import Callable
-from typing import ParamSpec
+from typing import Any, ParamSpec
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -32,7 +32,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P")
 
 DPI = 160
 
-_RC = {
+_RC: Any = {
     "font.family": "DejaVu Sans",  # matplotlib brings it: the same picture everywhere
     "font.size": 9.0,
     "axes.labelsize": 9.0,
@@ -62,33 +62,37 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as PNG, the same bytes every time."""
+    """Render as PNG, the same bytes every time."""
     with mpl.rc_context(_RC), io.BytesIO() as file:
         figure.savefig(file, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
         return file.getvalue()
 
 
 def svg(figure: Figure) -> bytes:
-    """The figure as SVG, the same bytes every time."""
+    """Render as SVG, the same bytes every time."""
     with mpl.rc_context(_RC), io.BytesIO() as file:
         figure.savefig(file, format="svg", facecolor="white", metadata={"Date": None})
         return file.getvalue()
 
 
-def data_uri(figure: Figure) -> str:
-    """The figure as an address that holds it: SVG or PNG, whichever is smaller."""
-    images = {"svg+xml": svg(figure), "png": png(figure)}
-    kind = min(images, key=lambda name: len(images[name]))
-    return f"data:image/{kind};base64,{base64.b64encode(images[kind]).decode()}"
+def png_uri(figure: Figure) -> str:
+    """Render as PNG, inside an address that holds it all."""
+    return f"data:image/png;base64,{base64.b64encode(png(figure)).decode()}"
 
 
-def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
-    """Legend of one panel, at the lower edge of the figure."""
+def svg_uri(figure: Figure) -> str:
+    """Render as SVG, inside an address that holds it all."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(svg(figure)).decode()}"
+
+
+def legend_below(figure: Figure, axes: Axes, columns: int, top: float = 0.08) -> None:
+    """Legend of one panel, below ``top`` as a share of the figure's height."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(
         handles,
         labels,
-        loc="lower center",
+        loc="upper center",
+        bbox_to_anchor=(0.5, top),
         ncols=columns,
         handlelength=1.6,
         columnspacing=1.2,

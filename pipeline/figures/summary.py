@@ -49,7 +49,7 @@ def weak_directions(rock: xr.Dataset, most: int = 5) -> list[Weak]:
     pga = np.round(rock["tipping_pga"].values, 6)  # symmetric directions differ in the last digits
     lowest = np.min([np.roll(pga, turn) for turn in range(-WINDOW, WINDOW + 1)], axis=0)
     least = pga == lowest
-    starts = [i for i in np.flatnonzero(least) if not least[i - 1]] or [int(np.argmin(pga))]
+    starts = [int(i) for i in np.flatnonzero(least & ~np.roll(least, 1))] or [int(np.argmin(pga))]
     middles = [(i + _run(np.roll(least, -i)) // 2) % pga.size for i in starts]
     found = [
         Weak(*(float(rock[name][i]) for name in ("direction", "tipping_angle", "tipping_pga")))
@@ -66,13 +66,20 @@ def static_pga(rock: xr.Dataset, yaw: Array) -> Array:
     circle = np.append(rock["tipping_pga"].values, rock["tipping_pga"].values[0])
     degrees = np.arange(circle.size, dtype=float)
     ways = [np.interp((turn - yaw) % 360.0, degrees, circle) for turn in (180.0, 0.0)]
-    return np.minimum(*ways)
+    weaker: Array = np.minimum(*ways)
+    return weaker
 
 
 def long_rows(ratios: Array) -> NDArray[np.bool_]:
     """Rows with PGV/PGA of at least ``LONG_PULSE``; all of them if there is none."""
     rows = ratios >= LONG_PULSE - 1e-9
     return rows if rows.any() else np.ones_like(rows)
+
+
+def long_rows_in_words(ratios: Array) -> str:
+    """Name the rows that ``long_rows`` takes."""
+    least = ratios[long_rows(ratios)].min()
+    return "all PGV/PGA" if least < LONG_PULSE - 1e-9 else f"PGV/PGA ≥ {LONG_PULSE:g} s"
 
 
 def typical_pga(fragility: xr.Dataset) -> tuple[Array, Array]:
@@ -105,22 +112,22 @@ def groups(data: xr.Dataset) -> Iterator[tuple[tuple[int, int], str]]:
 
 
 def undecided(responses: xr.Dataset) -> NDArray[np.bool_]:
-    """Runs without a verdict."""
+    """Find the runs without a verdict."""
     codes = [outcome.value for outcome in Outcome if outcome.overturned == -1]
     outcome = responses["outcome"].values
     return np.isin(outcome, codes) | (responses["overturned"].values < 0)
 
 
 def between(lower: float, upper: float, grid: Any) -> str:
-    """An interval of PGA in words, against the ends of the tested PGA."""
+    """Say an interval of PGA in words, against the ends of the tested PGA."""
     least, most = float(np.min(grid)), float(np.max(grid))
     if math.isnan(upper):
         return "not known"
     if upper > most:
-        return f"above {most:.3g} g"
+        return f"above {most:.3f} g"
     if lower < least:
-        return f"below {max(upper, least):.3g} g"
-    return f"{lower:.3g} to {upper:.3g} g"
+        return f"below {max(upper, least):.3f} g"
+    return f"{lower:.3f} to {upper:.3f} g"
 
 
 def _run(flags: NDArray[np.bool_]) -> int:

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from pipeline.figures import style
-from pipeline.figures.summary import LONG_PULSE, static_pga, typical_pga
+from pipeline.figures.summary import long_rows_in_words, static_pga, typical_pga
 
 Array = NDArray[np.float64]
 
@@ -27,26 +27,30 @@ def fragility_by_yaw(fragility: xr.Dataset, rock: xr.Dataset) -> Figure:
     fragility, rock : Dataset
         As in ``fragility.nc`` and ``rock.nc``.
     """
-    figure = Figure(figsize=(8.6, 4.7))
-    panels = [
-        figure.add_axes((left, 0.14, 0.4, 0.66), projection="polar") for left in (0.05, 0.55)
-    ]
-    share, first = panels
+    figure = Figure(figsize=(8.6, 4.5))
+    share, first = panels = [_circle(figure, left) for left in (0.05, 0.55)]
     _share(share, fragility)
     _first(first, fragility, rock)
+    rows = long_rows_in_words(fragility["pgv_pga"].values)
     titles = (
         "Toppled share of the runs [%]\nfurther out = more fragile",
-        f"First-overturning PGA [g], median over PGV/PGA ≥ {LONG_PULSE:g} s\n"
-        "further in = more fragile",
+        f"First-overturning PGA [g], median over {rows}\nfurther in = more fragile",
     )
     for axes, title in zip(panels, titles, strict=True):
-        axes.set_theta_zero_location("E")
-        axes.set_theta_direction(1)
-        axes.set_thetagrids(np.arange(0, 360, 30), [f"{a}°" for a in range(0, 360, 30)])
         axes.set_title(title, pad=16)
-        axes.tick_params(pad=1)
-    style.legend_below(figure, first, 4)
+    style.legend_below(figure, first, 4, top=0.065)
     return figure
+
+
+def _circle(figure: Figure, left: float) -> PolarAxes:
+    """Polar axes: 0 to the east, counter-clockwise, as yaw turns."""
+    axes = PolarAxes(figure, (left, 0.13, 0.4, 0.67))
+    figure.add_axes(axes)
+    axes.set_theta_zero_location("E")
+    axes.set_theta_direction(1)
+    axes.set_thetagrids(np.arange(0, 360, 30), [f"{a}°" for a in range(0, 360, 30)])
+    axes.tick_params(pad=1)
+    return axes
 
 
 def _share(axes: PolarAxes, fragility: xr.Dataset) -> None:
@@ -78,14 +82,16 @@ def _first(axes: PolarAxes, fragility: xr.Dataset, rock: xr.Dataset) -> None:
         if above.any():
             axes.plot(
                 np.radians(yaw[above]),
-                np.full(above.sum(), 0.96 * rim),
+                np.full(above.sum(), (0.97 - 0.07 * k) * rim),
                 ls="",
                 marker="^",
                 mfc="white",
                 mec=style.SERIES[k % 6],
-                label=f"above {grid[-1]:.3g} g",
                 gid="above",
             )
+    if np.isinf(upper).any():
+        none = f"none up to {grid[-1]:.3g} g"
+        axes.plot([], [], ls="", marker="^", mfc="white", mec=style.INK, label=none)
     axes.plot(
         np.radians(around),
         np.where(static <= rim, static, np.nan),
@@ -110,7 +116,8 @@ def _ring(axes: PolarAxes, yaw: Array, radius: Array, number: int, name: str, gi
         axes.plot(around, closed, color=colour, lw=1.4)
         axes.fill(around, closed, color=colour, alpha=0.08)
     elif gid == "share":
-        axes.vlines(np.radians(turn), 0.0, radius, color=colour, lw=1.4)
+        known = np.isfinite(radius)
+        axes.vlines(np.radians(turn[known]), 0.0, radius[known], color=colour, lw=1.4)
     axes.plot(
         np.radians(turn),
         radius,

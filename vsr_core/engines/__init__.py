@@ -1,14 +1,17 @@
 """Physics engines: one module each, found by its name.
 
-A module offers ``build(scene, time_step) -> World`` and ``VERSION``, the engine's own version,
+A module offers ``build(scene, time_step, substeps) -> World`` and ``VERSION``, the engine's own version,
 which goes into the identity of a run. ``build`` raises ``Unfit`` for what it cannot represent.
 """
 
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
-from collections.abc import Iterable
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol, cast
 
@@ -42,7 +45,7 @@ class World(Protocol):
     """A scene under way, in the table's own frame."""
 
     def advance(self, acceleration: Iterable[float]) -> None:
-        """Step once per table acceleration along +x [m/s^2], each taken at mid-step."""
+        """Step through samples of the table's acceleration along +x [m/s^2], taken at mid-hold."""
 
     def state(self) -> State:
         """Present state; entries are not finite if the engine diverged."""
@@ -53,8 +56,24 @@ class Engine(Protocol):
 
     VERSION: str
 
-    def build(self, scene: Scene, time_step: float) -> World:
-        """World with the rock at rest; ``time_step`` in s. Ends earlier worlds of that scene."""
+    def build(self, scene: Scene, time_step: float, substeps: int) -> World:
+        """World with the rock at rest; each sample of the motion is held for ``substeps`` steps
+        of ``time_step`` [s]. Ends earlier worlds of that scene.
+        """
+
+
+@contextmanager
+def silenced() -> Iterator[None]:
+    """Keep a library from printing on standard output while it is imported."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 (a descriptor, not a path)
+        os.dup2(nowhere.fileno(), 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 def names() -> list[str]:

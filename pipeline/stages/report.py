@@ -1,0 +1,185 @@
+"""Report: one page that holds all its pictures, from the products of a site."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pipeline.config import Config, Range
+from pipeline.datasets import read
+from pipeline.keys import digest_file
+from pipeline.layers import SITES, Site, known, load_site
+from pipeline.problems import InputError
+from pipeline.stage import Job, Product, Stage
+from pipeline.stages.fragility import FILE as FRAGILITY
+from pipeline.stages.fragility import TABLE
+from pipeline.stages.responses import FILE as RESPONSES
+from pipeline.stages.rock import FILE as ROCK
+
+FILE = "report.html"
+
+_PIPELINE = Path(__file__).parents[1]
+
+TEMPLATE = _PIPELINE / "templates" / FILE
+
+MOST_LISTED = 500
+"""Runs without a verdict that are listed one by one."""
+
+MANY = 4
+"""Evenly spaced values beyond this number are shown as a range."""
+
+PAPER = (
+    "Chen, Z., Arrowsmith, R., Das, J., Wittich, C., Madugo, C. & Kottke, A. (2024). Virtual Shake "
+    "Robot: Simulating Dynamics of Precariously Balanced Rocks for Overturning and "
+    "Large-displacement Processes. Seismica 3(1). doi:10.26443/seismica.v3i1.692"
+)
+
+
+def make(job: Job) -> Product:
+    """Draw the figures and fill in the page."""
+    from jinja2 import Environment, StrictUndefined
+
+    rock, responses, fragility = (read(job.path(name)) for name in (ROCK, RESPONSES, FRAGILITY))
+    facts = _facts(job, rock, responses, fragility)
+    page = Environment(  # everything is escaped: names and paths are the user's
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    ).from_string(TEMPLATE.read_text(encoding="utf-8"))
+    text = page.render(facts)
+    lost = facts["unresolved"]["total"]
+    verdict = f"{lost} runs WITHOUT a verdict" if lost else "every run has a verdict"
+    note = f"{len(facts['diagrams'])} diagrams, {len(text) / 1e6:.2f} MB; {verdict}"
+    return Product({FILE: lambda path: _write(path, text)}, note)
+
+
+def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any]:
+    """Everything that the page says."""
+    from pipeline.figures import tables
+    from pipeline.figures.summary import long_rows_in_words
+
+    rows = tables.by_yaw(responses, fragility)
+    left_out = responses.attrs["left_out"].splitlines()
+    return {
+        "site": job.site.name,
+        "rock": tables.about_rock(rock),
+        "density": job.config.rock.density,
+        "rows": rows,
+        "answers": tables.answer(rows, fragility["friction"].values),
+        "long_rows": long_rows_in_words(fragility["pgv_pga"].values),
+        "grid": {name: [float(responses[name][i]) for i in (0, -1)] for name in ("pga", "pgv_pga")},
+        "counts": tables.counts(responses),
+        "unresolved": tables.unresolved(responses, MOST_LISTED),
+        "boundary": tables.boundary(fragility),
+        "models": tables.models(fragility),
+        **_pictures(rock, responses, fragility),
+        "left_out": [line.partition(": ")[::2] for line in left_out],
+        "time_step": float(responses.attrs["time_step_s"]),
+        "simulation": job.config.simulation,
+        "settings": settings(job.config),
+        "command": command(job.site),
+        "versions": json.loads(responses.attrs["vsr_versions_json"]),
+        "keys": {
+            name: data.attrs["vsr_key"]
+            for name, data in ((ROCK, rock), (RESPONSES, responses), (FRAGILITY, fragility))
+        },
+        "timings": _timings(job.store.notes("runs")),
+        "paper": PAPER,
+        "files": {"responses": RESPONSES, "fragility": FRAGILITY, "table": TABLE},
+    }
+
+
+def _pictures(rock: Any, responses: Any, fragility: Any) -> dict[str, Any]:
+    from pipeline.figures.responses import overturning_diagram
+    from pipeline.figures.rock_views import rock_views
+    from pipeline.figures.style import png_uri, svg_uri
+    from pipeline.figures.summary import groups
+    from pipeline.figures.yaw_polar import fragility_by_yaw
+
+    # the smaller of the two, as measured: cells as PNG, lines as SVG; PNG for shaded surfaces,
+    # which any viewer shows at once
+    return {
+        "diagrams": [
+            {"name": name, "image": png_uri(overturning_diagram(responses, fragility, place, name))}
+            for place, name in groups(responses)
+        ],
+        "rock_views": png_uri(rock_views(rock)),
+        "yaw_polar": svg_uri(fragility_by_yaw(fragility, rock)),
+    }
+
+
+def settings(config: Config) -> str:
+    """Write the resolved configuration as YAML, evenly spaced values as a range again."""
+    tree = _shorter(config.model_dump(mode="json"))
+    return str(yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, width=90))
+
+
+def command(site: Site) -> list[str]:
+    """Arguments, as a shell takes them: the site, and what was set beyond its file."""
+    name = site.name if site.file == f"configs/sites/{site.name}.yaml" else site.file
+    shared = name in known(SITES)
+    try:
+        plain = load_site(name if shared else site.file).config.model_dump(mode="json")
+    except InputError:  # the file is gone or edited since; the settings are on the page
+        return [shlex.quote(name)]
+    given = _leaves(site.config.model_dump(mode="json"))
+    own = _leaves(plain)
+    changed = (f"{key}={_flow(value)}" for key, value in given.items() if value != own.get(key))
+    return [shlex.quote(name), *map(shlex.quote, changed)]
+
+
+def _leaves(tree: dict[str, Any], above: str = "") -> dict[str, Any]:
+    leaves: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            leaves |= _leaves(value, f"{above}{key}.")
+        else:
+            leaves[f"{above}{key}"] = value
+    return leaves
+
+
+def _flow(value: Any) -> str:
+    text = yaml.safe_dump(_shorter(value), default_flow_style=True, width=10**6)
+    return str(text).removesuffix("\n").removesuffix("\n...")
+
+
+def _shorter(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _shorter(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)) and len(value) > MANY:
+        evenly = Range(start=value[0], stop=value[-1], num=len(value))
+        if evenly.values() == tuple(value):
+            return evenly.model_dump()
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _timings(notes: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Last and total cost of the runs, from the log; the same row once if there was one call."""
+    if not notes:
+        return []
+    last = {"what": "last call", **notes[-1]}
+    names = ("runs", "seconds", "cpu_seconds")
+    whole = {name: sum(note[name] for note in notes) for name in names}
+    total = {"what": f"all {len(notes)} calls", **whole, "workers": None}
+    return [last, total] if len(notes) > 1 else [last]
+
+
+def _inputs(site: Site) -> dict[str, str]:
+    """Files that the page is made from, besides code and products."""
+    return {path.name: digest_file(path) for path in (TEMPLATE, _PIPELINE / "catalogue.yaml")}
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+STAGE = Stage(
+    name="report",
+    make=make,
+    needs=("rock", "responses", "fragility"),
+    reads=("rock", "pedestal", "contact", "motion", "yaw", "drive", "simulation"),
+    inputs=_inputs,
+    versions=("matplotlib", "jinja2"),
+)
