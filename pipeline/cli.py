@@ -54,7 +54,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="vsr", description="Virtual shake robot.")
     verbs = parser.add_subparsers(metavar="COMMAND", required=True)
 
-    def add(name: str, verb: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+    def add(
+        name: str, verb: Callable[[argparse.Namespace], int], text: str
+    ) -> argparse.ArgumentParser:
         sub = verbs.add_parser(name, help=text, description=text)
         sub.set_defaults(verb=verb)
         sub.add_argument("--derived", default=str(ROOT / "data" / "derived"), metavar="DIR")
@@ -79,7 +81,9 @@ def _parser() -> argparse.ArgumentParser:
         ("why", _why, "why it would run again"),
     ):
         sub = add(name, verb, text)
-        sub.add_argument("product", nargs="?", default="fragility", choices=PRODUCTS, metavar="PRODUCT")
+        sub.add_argument(
+            "product", nargs="?", default="fragility", choices=PRODUCTS, metavar="PRODUCT"
+        )
         add_site(sub)
     add("list", _list, "sites, studies and products")
     clean = add("clean", _clean, "remove derived data, of one site or all; never data/raw")
@@ -167,7 +171,9 @@ def _job(options: argparse.Namespace) -> Job:
 
     site: Site = load_site(options.site, options.study, tuple(options.settings))
     given = vars(options)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
     workers = given.get("workers")
     cluster = Cluster(
         cores if workers is None else workers,
@@ -181,7 +187,9 @@ def _job(options: argparse.Namespace) -> Job:
 
 def _workers(text: str) -> int:
     if not text.isdecimal():
-        raise InputError(Problem("--workers", "", repr(text), "it is a whole number from 0", "e.g. 2"))
+        raise InputError(
+            Problem("--workers", "", repr(text), "it is a whole number from 0", "e.g. 2")
+        )
     return int(text)
 
 

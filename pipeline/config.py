@@ -165,9 +165,7 @@ class Config(Section):
     pedestal: PedestalConfig = PedestalConfig()
     contact: ContactConfig
     motion: MotionConfig
-    yaw: Values = Field(
-        description="turn of the rock about z before the shaking along +x [degree]"
-    )
+    yaw: Values = Field(description="turn of the rock about z before the shaking along +x [degree]")
     drive: Literal["table_frame"] = "table_frame"
     simulation: SimulationConfig = SimulationConfig()
 

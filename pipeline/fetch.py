@@ -60,11 +60,15 @@ def fetch(name: str, url: str | None = None, raw: Path = ROOT / "data" / "raw") 
         the published file. Nothing is left behind then.
     """
     if name not in ORIGINALS:
-        raise _problem(name, repr(name), f"originals are known of {', '.join(ORIGINALS)}", "give one")
+        raise _problem(
+            name, repr(name), f"originals are known of {', '.join(ORIGINALS)}", "give one"
+        )
     folder = raw / name
     there = [p.name for p in folder.glob("*") if p.suffix.lower() in SUFFIXES]
     if there:
-        raise _problem(str(folder), there[0], "a site has one scan", "remove it to fetch the original")
+        raise _problem(
+            str(folder), there[0], "a site has one scan", "remove it to fetch the original"
+        )
     original = ORIGINALS[name]
     with tempfile.TemporaryDirectory() as temporary:
         downloaded = _download(name, original, url or original.url, Path(temporary))
@@ -81,12 +85,17 @@ def _download(name: str, original: Original, url: str, folder: Path) -> Path:
     except (requests.RequestException, OSError, ValueError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise _problem(
-            url, f"no download ({reason[:160]})", "the file can be reached", "check the network, or give --url"
+            url,
+            f"no download ({reason[:160]})",
+            "the file can be reached",
+            "check the network, or give --url",
         ) from None
     found = digest_file(Path(file))
     if found != original.sha256:
         raise _problem(
-            url, f"a file with SHA-256 {found[:12]}...", f"{name} has {original.sha256[:12]}...",
+            url,
+            f"a file with SHA-256 {found[:12]}...",
+            f"{name} has {original.sha256[:12]}...",
             "the transfer broke or the file is another; try again, or another --url",
         )
     return Path(file)
@@ -95,7 +104,8 @@ def _download(name: str, original: Original, url: str, folder: Path) -> Path:
 def _keep(name: str, original: Original, file: Path, folder: Path) -> Path:
     import trimesh
 
-    mesh = trimesh.load(file, force="mesh", process=False)
+    mesh = trimesh.load_mesh(file, process=False)
+    assert isinstance(mesh, trimesh.Trimesh)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.apply_scale(original.height / float(mesh.extents[2]))
     final = folder / f"{name}.ply"
@@ -103,7 +113,7 @@ def _keep(name: str, original: Original, file: Path, folder: Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         part = folder / f".part-{name}"
         try:
-            part.write_bytes(trimesh.Trimesh(mesh.vertices, mesh.faces).export(file_type="ply"))
+            trimesh.Trimesh(mesh.vertices, mesh.faces).export(part, file_type="ply")
             facts = {"from": original.credit, "url": original.url, "sha256": digest_file(part)}
             (folder / ORIGIN).write_text(json.dumps(facts, indent=1), encoding="utf-8")
             part.replace(final)

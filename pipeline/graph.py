@@ -65,16 +65,24 @@ def why(stage: Stage, identity: Identity, store: Store) -> Iterator[str]:
         yield damage
     if manifest["retry"]:
         yield f"{manifest['retry']} runs crashed and are tried again"
-    if manifest["key"] == identity.key:
-        return
-    old, new = manifest["facts"], identity.facts
+    if manifest["key"] != identity.key:
+        yield from _differences(manifest["facts"], identity.facts)
+
+
+def _differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
     for key in sorted(new["config"]):
         if old["config"].get(key) != new["config"][key]:
             yield f"{key} changed: {_change(old['config'].get(key), new['config'][key])}"
     for part, label in (("inputs", "file"), ("versions", "version of"), ("code", "code")):
         for item in sorted({*old[part], *new[part]}):
             if old[part].get(item) != new[part].get(item):
-                verb = "new" if item not in old[part] else "gone" if item not in new[part] else "edited"
+                verb = (
+                    "new"
+                    if item not in old[part]
+                    else "gone"
+                    if item not in new[part]
+                    else "edited"
+                )
                 yield f"{label} {item} {verb}"
     for need in sorted(new["needs"]):
         if old["needs"].get(need) != new["needs"][need]:
@@ -119,6 +127,9 @@ def _forget_crashed(name: str, store: Store) -> None:
 
 def _change(old: Any, new: Any) -> str:
     if isinstance(old, list) and isinstance(new, list):
-        added, removed = len(set(map(str, new)) - set(map(str, old))), len(set(map(str, old)) - set(map(str, new)))
+        added, removed = (
+            len(set(map(str, new)) - set(map(str, old))),
+            len(set(map(str, old)) - set(map(str, new))),
+        )
         return f"{added} values added, {removed} removed"
     return f"{old!r} is now {new!r}"

@@ -66,15 +66,21 @@ def plan(product: str, job: Job) -> list[str]:
             stored = _stored(job.store, group.keys)
             still = prepared(config, rock.store, group.yaw, group.friction).still
             limit = min(-still[0], still[1]) / GRAVITY if config.simulation.reduce else 0.0
-            new = [cell for cell, key in zip(group.cells, group.keys, strict=True) if key not in stored]
+            new = [
+                cell for cell, key in zip(group.cells, group.keys, strict=True) if key not in stored
+            ]
             done, total = done + len(stored), total + len(group.keys)
             proved += sum(pga < limit for _, pga in new)
             kept += len(new)
-        lines.append(f"runs: {total}; {done} stored, {kept} to do, {proved} of them proved without a step")
+        lines.append(
+            f"runs: {total}; {done} stored, {kept} to do, {proved} of them proved without a step"
+        )
         lines.append(f"time step: {1e3 * time_step(config, case.full.rock):.3g} ms")
         lines.append(f"cost: {_cost(job, kept - proved)}")
     lines.append("left out:")
-    lines += [f"  {r.what}: {r.why}" for r in case.reductions] or ["  nothing (simulation.reduce: off)"]
+    lines += [f"  {r.what}: {r.why}" for r in case.reductions] or [
+        "  nothing (simulation.reduce: off)"
+    ]
     return lines
 
 

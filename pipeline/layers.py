@@ -1,4 +1,4 @@
-"""From YAML files and --set to a checked Config, with every problem traced to where it came from."""
+"""From YAML files and --set to a checked Config; every problem is traced to its origin."""
 
 from __future__ import annotations
 
@@ -93,7 +93,9 @@ def _find(name: str, folder: Path, what: str) -> Path:
     if path.suffix in (".yaml", ".yml"):
         if path.is_file():
             return path.resolve()
-        raise InputError(Problem(name, "", "a file that is not there", "it exists", "check the path"))
+        raise InputError(
+            Problem(name, "", "a file that is not there", "it exists", "check the path")
+        )
     if name in known(folder):
         return folder / f"{name}.yaml"
     near = difflib.get_close_matches(name, known(folder), 1)
@@ -114,7 +116,9 @@ def _read(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         given = type(content).__name__
         raise InputError(
-            Problem(shown(path), "", f"a {given}", "a configuration is a mapping", "write key: value")
+            Problem(
+                shown(path), "", f"a {given}", "a configuration is a mapping", "write key: value"
+            )
         )
     return content
 
@@ -122,7 +126,9 @@ def _read(path: Path) -> dict[str, Any]:
 def _setting(item: str) -> dict[str, Any]:
     key, equals, value = item.partition("=")
     if not equals or not key:
-        raise InputError(Problem("--set", "", repr(item), "it is key=value", "e.g. motion.pga.num=20"))
+        raise InputError(
+            Problem("--set", "", repr(item), "it is key=value", "e.g. motion.pga.num=20")
+        )
     try:
         layer: Any = yaml.load(value, _Loader)  # noqa: S506 (safe subclass)
     except yaml.YAMLError:
@@ -154,7 +160,9 @@ def _merge(
 
 
 def _problem(error: Any, origin: dict[tuple[str, ...], str], site: str) -> Problem:
-    place = tuple(str(part) for part in error["loc"] if not str(part).startswith(("literal", "constr")))
+    place = tuple(
+        str(part) for part in error["loc"] if not str(part).startswith(("literal", "constr"))
+    )
     source = next(
         (origin[place[:n]] for n in range(len(place), 0, -1) if place[:n] in origin), site
     )

@@ -59,6 +59,8 @@ class Progress:
         done = self.outcomes.total()
         rate = done / max(now - self._start, 1e-9)
         left = (self.total - done) / rate if rate else 0.0
-        counts = ", ".join(f"{n} {Outcome(code).name.lower()}" for code, n in self.outcomes.most_common())
+        counts = ", ".join(
+            f"{n} {Outcome(code).name.lower()}" for code, n in self.outcomes.most_common()
+        )
         clock = f"{int(left) // 60}:{int(left) % 60:02d}"
         return f"runs {done}/{self.total}  {rate:.0f}/s  {clock} left  {counts}"

@@ -51,14 +51,18 @@ def find(site: Site) -> Source:
         scans = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
         if len(scans) > 1:
             names = ", ".join(scan.name for scan in scans)
-            raise _problem(site, f"{len(scans)} scans ({names})", "a rock has one", "name one in rock.mesh")
+            raise _problem(
+                site, f"{len(scans)} scans ({names})", "a rock has one", "name one in rock.mesh"
+            )
         if not scans:
             return _surrogate(site, path)
         path = scans[0]
     if path.suffix.lower() not in SUFFIXES:
         raise _problem(site, shown(path), f"a mesh ends in {' '.join(SUFFIXES)}", "convert it")
     if not path.is_file():
-        raise _problem(site, f"{shown(path)}, which is not there", "the scan exists", "check the path")
+        raise _problem(
+            site, f"{shown(path)}, which is not there", "the scan exists", "check the path"
+        )
     return Source(path, "", _label(path))
 
 
@@ -93,7 +97,10 @@ def load(source: Source, site: Site) -> trimesh.Trimesh:
     except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise _problem(
-            site, f"{shown(source.path)}, which cannot be read ({reason})", "it is a mesh", "export it again"
+            site,
+            f"{shown(source.path)}, which cannot be read ({reason})",
+            "it is a mesh",
+            "export it again",
         ) from None
     if not isinstance(mesh, trimesh.Trimesh):
         mesh = trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int))
@@ -106,10 +113,14 @@ def _surrogate(site: Site, folder: Path) -> Source:
 
     name = site.config.rock.fallback
     if not name:
-        raise _problem(site, f"{shown(folder)}, which holds no scan", "it holds one", "put a scan there")
+        raise _problem(
+            site, f"{shown(folder)}, which holds no scan", "it holds one", "put a scan there"
+        )
     if name not in surrogate.GENERATORS:
         known = ", ".join(surrogate.GENERATORS)
-        raise InputError(Problem(site.file, "rock.fallback", repr(name), f"it is one of {known}", "correct it"))
+        raise InputError(
+            Problem(site.file, "rock.fallback", repr(name), f"it is one of {known}", "correct it")
+        )
     return Source(None, name, "surrogate made from published figures (no scan found)")
 
 

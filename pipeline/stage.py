@@ -114,5 +114,8 @@ def _at(tree: dict[str, Any], key: str) -> Any:
 def stages() -> dict[str, Stage]:
     """All stages by name: every module in ``pipeline.stages`` has one called STAGE."""
     package = importlib.import_module("pipeline.stages")
-    modules = (importlib.import_module(f"pipeline.stages.{m.name}") for m in pkgutil.iter_modules(package.__path__))
+    modules = (
+        importlib.import_module(f"pipeline.stages.{m.name}")
+        for m in pkgutil.iter_modules(package.__path__)
+    )
     return {module.STAGE.name: module.STAGE for module in modules}

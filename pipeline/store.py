@@ -154,7 +154,9 @@ class RunStore:
         self._database.execute("BEGIN")
         self._database.execute("DELETE FROM wanted")
         self._database.executemany("INSERT OR IGNORE INTO wanted VALUES (?)", ((k,) for k in keys))
-        with closing(self._database.execute("SELECT runs.* FROM wanted JOIN runs USING (key)")) as rows:
+        with closing(
+            self._database.execute("SELECT runs.* FROM wanted JOIN runs USING (key)")
+        ) as rows:
             found = {row[0]: RunRow(*row) for row in rows}
         self._database.execute("COMMIT")
         return found

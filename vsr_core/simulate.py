@@ -149,7 +149,7 @@ class _Run:
             return self._ended(Outcome.UNSTABLE, DecidedBy.SIMULATION)
         if self.kinetic > ENERGY_SLACK * GRAVITY * self.radius:
             return self._ended(Outcome.UNSETTLED, DecidedBy.SIMULATION)
-        middles = (np.arange(self.last_sample) + 0.5) * self.interval
+        middles: Array = (np.arange(self.last_sample, dtype=np.float64) + 0.5) * self.interval
         acceleration = self.motion.acceleration(middles).tolist()
         while self.sample < self.last_sample:
             until = self._next_look()

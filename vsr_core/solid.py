@@ -97,17 +97,7 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
         bodies, or intersects itself.
     """
     mended = []
-    if len(mesh.faces) == 0:
-        raise Unfit("a mesh without faces", "a rock has a surface", "export the scan again")
-    if not np.isfinite(mesh.vertices).all():
-        raise Unfit("vertices that are not finite", "coordinates are numbers", "clean the scan")
-    size = float(np.ptp(mesh.vertices, axis=0).max())
-    if not SMALLEST_SIZE <= size <= LARGEST_SIZE:
-        raise Unfit(
-            f"a rock {size:.3g} m large",
-            f"rocks here are {SMALLEST_SIZE} to {LARGEST_SIZE:.0f} m",
-            "scale? set rock.scale (0.001 for a mesh in millimetres)",
-        )
+    _see_that_it_is_a_rock(mesh)
     mesh = mesh.copy()
     before = len(mesh.vertices)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
@@ -144,8 +134,24 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
             "remesh the scan",
         )
     if len(crossing):
-        mended.append(f"{len(crossing)} crossing pairs of faces left as they are ({share:.1e} of the surface)")
+        mended.append(
+            f"{len(crossing)} crossing pairs of faces left as they are ({share:.1e} of the surface)"
+        )
     return mesh, tuple(mended)
+
+
+def _see_that_it_is_a_rock(mesh: trimesh.Trimesh) -> None:
+    if len(mesh.faces) == 0:
+        raise Unfit("a mesh without faces", "a rock has a surface", "export the scan again")
+    if not np.isfinite(mesh.vertices).all():
+        raise Unfit("vertices that are not finite", "coordinates are numbers", "clean the scan")
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    if not SMALLEST_SIZE <= size <= LARGEST_SIZE:
+        raise Unfit(
+            f"a rock {size:.3g} m large",
+            f"rocks here are {SMALLEST_SIZE} to {LARGEST_SIZE:.0f} m",
+            "scale? set rock.scale (0.001 for a mesh in millimetres)",
+        )
 
 
 def self_intersections(vertices: Array, faces: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -189,7 +195,11 @@ def _sharing_a_cell(low: Array, high: Array) -> NDArray[np.int64]:
     within = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count)
     span = spans[box]
     place = first[box] + np.column_stack(
-        [within // (span[:, 1] * span[:, 2]), within // span[:, 2] % span[:, 1], within % span[:, 2]]
+        [
+            within // (span[:, 1] * span[:, 2]),
+            within // span[:, 2] % span[:, 1],
+            within % span[:, 2],
+        ]
     )
     _, number = np.unique(place, axis=0, return_inverse=True)
     order = np.argsort(number, kind="stable")
@@ -211,7 +221,5 @@ def _pierces(start: Array, end: Array, triangle: Array) -> NDArray[np.bool_]:
 
     a, b, c = triangle[:, 0], triangle[:, 1], triangle[:, 2]
     across = volume(a, b, c, start) * volume(a, b, c, end) < 0.0
-    sides = np.sign(
-        [volume(start, end, a, b), volume(start, end, b, c), volume(start, end, c, a)]
-    )
+    sides = np.sign([volume(start, end, a, b), volume(start, end, b, c), volume(start, end, c, a)])
     return across & (np.abs(sides.sum(axis=0)) == 3)

@@ -80,7 +80,10 @@ def _dataset(data: Any, fits: Fits) -> Any:
         name: np.full([length[d] for d in dims], np.nan, "f4" if name == "probability" else "f8")
         for name, dims in shapes.items()
     }
-    words = {name: np.full([sizes["yaw"], sizes["friction"]], "", object) for name in ("recommended", "reason")}
+    words = {
+        name: np.full([sizes["yaw"], sizes["friction"]], "", object)
+        for name in ("recommended", "reason")
+    }
     methods = np.full([sizes["yaw"], sizes["friction"], len(models)], "", object)
     for place, fit in fits.items():
         _put_grid(arrays, place, fit, data["overturned"].values[place])
@@ -139,7 +142,16 @@ def _pair(lower: Any, upper: Any) -> Any:
 def _write_table(path: Path, data: Any, fits: Fits) -> None:
     """One row per yaw, friction and model, with the boundary's rows after it."""
     columns = ["yaw_deg", "friction", "toppled_share", "model", "recommended", "log_loss", "brier"]
-    columns += ["accuracy", "separated", "method", "quantity", "pgv_pga_s", "value", "lower", "upper"]
+    columns += [
+        "accuracy",
+        "separated",
+        "method",
+        "quantity",
+        "pgv_pga_s",
+        "value",
+        "lower",
+        "upper",
+    ]
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
         table.writerow(columns)
@@ -147,12 +159,33 @@ def _write_table(path: Path, data: Any, fits: Fits) -> None:
             grid = data["overturned"].values[i, k]
             share = (grid == 1).sum() / (grid >= 0).sum()
             group = [float(data["yaw"][i]), float(data["friction"][k]), f"{share:.4f}"]
-            for r, low, high in zip(data["pgv_pga"].values, fit.boundary.lower, fit.boundary.upper, strict=True):
+            for r, low, high in zip(
+                data["pgv_pga"].values, fit.boundary.lower, fit.boundary.upper, strict=True
+            ):
                 empty = [""] * 6
-                table.writerow([*group, "grid", *empty, "first_overturning_pga_g", r, _g(high), _g(low), _g(high)])
+                table.writerow(
+                    [
+                        *group,
+                        "grid",
+                        *empty,
+                        "first_overturning_pga_g",
+                        r,
+                        _g(high),
+                        _g(low),
+                        _g(high),
+                    ]
+                )
             for model in fit.models:
-                scores = [f"{getattr(model.scores, s):.5f}" for s in ("log_loss", "brier", "accuracy")]
-                about = [model.name, int(model.name == fit.recommended), *scores, int(model.separated), model.method]
+                scores = [
+                    f"{getattr(model.scores, s):.5f}" for s in ("log_loss", "brier", "accuracy")
+                ]
+                about = [
+                    model.name,
+                    int(model.name == fit.recommended),
+                    *scores,
+                    int(model.separated),
+                    model.method,
+                ]
                 for quantity, r, *values in _quantities(data["pgv_pga"].values, model):
                     table.writerow([*group, *about, quantity, r, *map(_g, values)])
 

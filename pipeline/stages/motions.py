@@ -25,7 +25,8 @@ def make(job: Job) -> Product:
         },
         {"pga": pga, "pgv_pga": pgv_pga},
     )
-    summary = f"{pgv_pga.size} x {pga.size} cosine pulses, {2 * np.pi * pgv_pga.sum() * pga.size:.0f} s of shaking"
+    shaking = pga.size * float((1.0 / frequency).sum())
+    summary = f"{pgv_pga.size} x {pga.size} cosine pulses, {shaking:.0f} s of shaking"
     return Product({"motions.nc": netcdf(described(dataset, job, "Ground motions"))}, summary)
 
 

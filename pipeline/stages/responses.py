@@ -89,7 +89,13 @@ def _lost(job: Job, lost: int) -> InputError:
     job.store.forget("runs")
     file = str(job.store.folder / RUNS)
     return InputError(
-        Problem(file, "", f"{lost} runs fewer than were done", "no run gets lost", "start again to redo them")
+        Problem(
+            file,
+            "",
+            f"{lost} runs fewer than were done",
+            "no run gets lost",
+            "start again to redo them",
+        )
     )
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import sources
 from pipeline.datasets import described, netcdf, read
+from pipeline.layers import shown
 from pipeline.problems import InputError, Problem
 from pipeline.stage import Job, Product, Stage
 from pipeline.store import Store
@@ -89,7 +90,7 @@ def _solid(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
         return solid.from_mesh(mesh, rock.density), source.label, mended
     except Unfit as error:
         where = f"{job.site.file}: rock.mesh" if source.path else job.site.file
-        file = sources.shown(source.path) if source.path else "surrogate"
+        file = shown(source.path) if source.path else "surrogate"
         raise InputError.from_unfit(where, file, error) from None
 
 

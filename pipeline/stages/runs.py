@@ -1,4 +1,4 @@
-"""Runs: every cell of the grid that is not in the run store yet, simulated where the workers are."""
+"""Runs: every cell of the grid that is not stored yet, simulated where the workers are."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Physics engines: one module each, found by its name.
 
-A module offers ``build(scene, time_step, substeps) -> World`` and ``VERSION``, the engine's own version,
-which goes into the identity of a run. ``build`` raises ``Unfit`` for what it cannot represent.
+A module offers ``build(scene, time_step, substeps) -> World`` and ``VERSION``, the engine's own
+version, which goes into the identity of a run. ``build`` raises ``Unfit`` for what it cannot
+represent.
 """
 
 from __future__ import annotations
@@ -57,8 +58,9 @@ class Engine(Protocol):
     VERSION: str
 
     def build(self, scene: Scene, time_step: float, substeps: int) -> World:
-        """World with the rock at rest; each sample of the motion is held for ``substeps`` steps
-        of ``time_step`` [s]. Ends earlier worlds of that scene.
+        """World with the rock at rest; ends earlier worlds of that scene.
+
+        Each sample of the motion is held for ``substeps`` steps of ``time_step`` [s].
         """
 
 

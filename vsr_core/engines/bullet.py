@@ -120,9 +120,7 @@ class BulletWorld:
 
     def _add_pedestal(self, scene: Scene) -> None:
         if scene.pedestal == "plane":
-            shape = pybullet.createCollisionShape(
-                pybullet.GEOM_PLANE, physicsClientId=self._client
-            )
+            shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self._client)
             centre = [0.0, 0.0, 0.0]
         else:
             half = [20.0 * SCALED_RADIUS, 20.0 * SCALED_RADIUS, SCALED_RADIUS]
