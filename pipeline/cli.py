@@ -32,8 +32,8 @@ def main(arguments: list[str] | None = None) -> int:
     0 done; 1 finished, but some runs are without a verdict; 2 usage or input; 3 a fault of the
     program; 130 stopped by Ctrl-C.
     """
-    options = _parser().parse_args(arguments)
     try:
+        options = _parser().parse_args(arguments)
         return int(options.verb(options))
     except InputError as error:
         for problem in error.problems:
@@ -44,9 +44,13 @@ def main(arguments: list[str] | None = None) -> int:
         return STOPPED
     except Exception as error:  # noqa: BLE001 (the last door: never a traceback on the screen)
         report = Path(options.derived) / "vsr-fault.txt"
-        report.parent.mkdir(parents=True, exist_ok=True)
-        report.write_text(traceback.format_exc(), encoding="utf-8")
-        print(f"vsr: a fault of the program: {error!r}; details in {report}", file=sys.stderr)
+        where = f"details in {report}"
+        try:
+            report.parent.mkdir(parents=True, exist_ok=True)
+            report.write_text(traceback.format_exc(), encoding="utf-8")
+        except OSError as unwritten:
+            where = f"no details, because of {unwritten}"
+        print(f"vsr: a fault of the program: {error!r}; {where}", file=sys.stderr)
         return BROKEN
 
 

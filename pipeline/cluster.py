@@ -127,7 +127,7 @@ def _distributed(
     batches: Iterator[Batch],
     shared: Callable[[str], Any],
 ) -> Iterator[Done]:
-    from distributed import KilledWorker, as_completed
+    from distributed import as_completed
 
     sent: dict[str, Any] = {}
     flying: dict[str, Batch] = {}
@@ -135,6 +135,8 @@ def _distributed(
     completed = as_completed(with_results=True, raise_errors=False)
 
     def submit() -> bool:
+        if again and flying:
+            return False  # a suspect runs alone: with its worker dies all that waits there
         batch = again.pop() if again else next(batches, None)
         if batch is None:
             return False
@@ -151,8 +153,7 @@ def _distributed(
     for future, result in completed:
         batch = flying.pop(future.key)
         if future.status == "error":
-            if not isinstance(result[1] if isinstance(result, tuple) else result, KilledWorker):
-                future.result()
+            _raise_unless_killed(future, result)
             if len(batch.items) == 1:
                 yield Done(batch, None)
             else:
@@ -162,3 +163,10 @@ def _distributed(
         future.release()
         while len(flying) < room and submit():
             pass
+
+
+def _raise_unless_killed(future: Any, result: Any) -> None:
+    from distributed import KilledWorker
+
+    if not isinstance(result[1] if isinstance(result, tuple) else result, KilledWorker):
+        future.result()

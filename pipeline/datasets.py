@@ -75,7 +75,10 @@ def netcdf(dataset: xr.Dataset) -> Writer:
             if variable.dtype.kind in "fiu" and variable.ndim:
                 given |= {"zlib": True, "complevel": 4}
             encoding[str(name)] = given
-        dataset.to_netcdf(path, engine="netcdf4", format="NETCDF4", encoding=encoding)
+        try:
+            dataset.to_netcdf(path, engine="netcdf4", format="NETCDF4", encoding=encoding)
+        except RuntimeError as error:  # how netCDF4 says that the disk is full
+            raise OSError(str(error)) from error
 
     return write
 

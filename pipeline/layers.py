@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -30,14 +31,43 @@ class Site:
 
 
 class _Loader(yaml.SafeLoader):
-    """Safe loader that refuses a key given twice."""
+    """Safe loader that refuses a key given twice and reads plain values as YAML 1.2 does.
+
+    YAML 1.1 takes 030 for 24, 1e-3 for text, 1:30 for 90 and `no` for a number that is 0.
+    """
+
+    yaml_implicit_resolvers: ClassVar = {
+        first: [(tag, rule) for tag, rule in rules if not tag.endswith((":int", ":float", ":bool"))]
+        for first, rules in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+
+for _kind, _rule, _first in (
+    ("int", r"[-+]?[0-9]+", "-+0123456789"),
+    (
+        "float",
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.inf|\.nan",
+        "-+.0123456789",
+    ),
+    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
+):
+    _Loader.add_implicit_resolver(
+        f"tag:yaml.org,2002:{_kind}", re.compile(f"(?:{_rule})$"), list(_first)
+    )
+
+
+def _integer(loader: _Loader, node: yaml.ScalarNode) -> int:
+    return int(loader.construct_scalar(node))
 
 
 def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
-    keys = [loader.construct_object(key) for key, _ in node.value]
-    for key in keys:
-        if keys.count(key) > 1:
-            raise yaml.YAMLError(f"key {key!r} twice, line {node.start_mark.line + 1}")
+    keys: list[Any] = []
+    for place, _ in node.value:
+        key = loader.construct_object(place)
+        if not isinstance(place, yaml.ScalarNode) or key in keys:
+            what = "is no name" if not isinstance(place, yaml.ScalarNode) else "twice"
+            raise yaml.YAMLError(f"key {key!r} {what}, line {place.start_mark.line + 1}")
+        keys.append(key)
     loader.flatten_mapping(node)
     return {
         loader.construct_object(key, deep=True): loader.construct_object(value, deep=True)
@@ -45,6 +75,7 @@ def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
     }
 
 
+_Loader.add_constructor("tag:yaml.org,2002:int", _integer)
 _Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
 
 
@@ -147,8 +178,9 @@ def _merge(
     source: str,
     path: tuple[str, ...],
 ) -> None:
-    for key, value in layer.items():
-        here = (*path, str(key))
+    for name, value in layer.items():
+        key = str(name)
+        here = (*path, key)
         origin[here] = source
         if isinstance(value, dict) and isinstance(into.get(key), dict):
             _merge(into[key], value, origin, source, here)

@@ -150,15 +150,17 @@ class RunStore:
 
     def get(self, keys: Iterable[bytes]) -> dict[bytes, RunRow]:
         """Stored rows among ``keys``."""
-        self._database.execute("CREATE TEMP TABLE IF NOT EXISTS wanted (key BLOB PRIMARY KEY)")
-        self._database.execute("BEGIN")
-        self._database.execute("DELETE FROM wanted")
-        self._database.executemany("INSERT OR IGNORE INTO wanted VALUES (?)", ((k,) for k in keys))
-        with closing(
-            self._database.execute("SELECT runs.* FROM wanted JOIN runs USING (key)")
-        ) as rows:
-            found = {row[0]: RunRow(*row) for row in rows}
-        self._database.execute("COMMIT")
+        database = self._database
+        with writing(self._folder):
+            database.execute("CREATE TEMP TABLE IF NOT EXISTS wanted (key BLOB PRIMARY KEY)")
+            database.execute("BEGIN")
+            database.execute("DELETE FROM wanted")
+            database.executemany("INSERT OR IGNORE INTO wanted VALUES (?)", ((k,) for k in keys))
+            with closing(
+                database.execute("SELECT runs.* FROM wanted JOIN runs USING (key)")
+            ) as rows:
+                found = {row[0]: RunRow(*row) for row in rows}
+            database.execute("COMMIT")
         return found
 
 

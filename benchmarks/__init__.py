@@ -1,0 +1,1 @@
+"""Performance benchmarks, as ratios within one run: ``make bench``."""

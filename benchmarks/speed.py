@@ -1,0 +1,168 @@
+"""Speed of the loop, of one yaw and of a whole site, against plainer ways of doing the same."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import random
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.cluster import Cluster
+from pipeline.layers import load_site
+from pipeline.stage import Job
+from pipeline.stages import runs
+from pipeline.store import Store
+from vsr_core import GRAVITY, engines
+from vsr_core.motion import CosinePulse
+from vsr_core.simulate import Case, Settings, simulate
+
+WORKERS = 2
+REAL_TIME_HOURS = 7.0  # 2,500 runs on the seed's real-time table (its public scripts)
+
+Row = tuple[str, str, str]
+
+
+def site_file(folder: Path, scan: Path | None) -> Path:
+    """Site YAML of Double Rock: a given scan, or the surrogate."""
+    mesh = scan.resolve() if scan else folder / "no-scan"
+    yaws = ", ".join(str(30 * i) for i in range(12))
+    path = folder / "double_rock.yaml"
+    path.write_text(
+        f"rock: {{shape: mesh, mesh: {mesh}, fallback: double_rock, density: 2110}}\nyaw: [{yaws}]\n"
+    )
+    return path
+
+
+def loop(site: Path, folder: Path) -> list[Row]:
+    """The guarded loop against bare steps of the engine, same scene, motions and step counts."""
+    case, settings = _case(site, folder)
+    cells = _cells(150)
+    guarded = bare = 0.0
+    for pga, pgv_pga in cells:
+        motion = CosinePulse(pga * GRAVITY, pgv_pga)
+        start = time.process_time()
+        response = simulate(case, motion, settings)
+        middle = time.process_time()
+        _bare_steps(case, motion, settings, response.steps)
+        guarded += middle - start
+        bare += time.process_time() - middle
+    return [
+        ("run loop / bare engine steps, one step a call", f"{guarded / bare:.2f}", "at most 1.3"),
+    ]
+
+
+def one_yaw(site: Path, folder: Path) -> list[Row]:
+    """2,500 cold runs of one yaw, and a plain fixed 1 kHz loop."""
+    seconds, notes = _run(site, folder / "one", "yaw=0")
+    case, _ = _case(site, folder)
+    plain = _plain_loop(case) * 2500
+    cpu, wall = notes["cpu_seconds"], notes["seconds"]
+    waste = wall * WORKERS / cpu - 1.0
+    return [
+        ("2,500 runs of yaw 0, cold: runs stage [s]", f"{wall:.1f}", "at most 10"),
+        ("  the same, whole command [s]", f"{seconds:.1f}", ""),
+        ("  CPU of a run [ms]", f"{1e3 * cpu / 2500:.2f}", ""),
+        (
+            "  workers, store and start-up beyond the runs' CPU [%]",
+            f"{100 * waste:.0f}",
+            "at most 10",
+        ),
+        ("  plain fixed 1 kHz loop / this, CPU", f"{plain / cpu:.1f}", ""),
+        ("  real-time table / this, wall", f"{REAL_TIME_HOURS * 3600 / seconds:.0f}", "1,000"),
+    ]
+
+
+def whole_site(site: Path, folder: Path) -> list[Row]:
+    """Twelve yaws with fragility and report, then the same again; memory of the client."""
+    seconds, notes = _run(site, folder / "all")
+    again, _ = _run(site, folder / "all")
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    waste = notes["seconds"] * WORKERS / notes["cpu_seconds"] - 1.0
+    small, large = _client_memory(site, folder)
+    return [
+        ("12 yaws, 30,000 runs, fragility and report [s]", f"{seconds:.0f}", "at most 120"),
+        ("  runs stage [s]", f"{notes['seconds']:.0f}", ""),
+        ("  workers and store beyond the runs' CPU [%]", f"{100 * waste:.0f}", "at most 10"),
+        ("  the second call [s]", f"{again:.2f}", "at most 3"),
+        ("  largest process [MB]", f"{peak:.0f}", ""),
+        ("client's memory, 30,000 runs / 2,500 runs", f"{large / small:.2f}", "about 1"),
+    ]
+
+
+def _run(site: Path, derived: Path, *settings: str) -> tuple[float, dict[str, float]]:
+    command = [sys.executable, "-m", "pipeline", "run", "fragility", "--site", str(site)]
+    command += ["--derived", str(derived), "--workers", str(WORKERS)]
+    for setting in settings:
+        command += ["--set", setting]
+    start = time.monotonic()
+    subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
+    seconds = time.monotonic() - start
+    log = (derived / "double_rock" / "log.jsonl").read_text().splitlines()
+    return seconds, json.loads(log[-1])
+
+
+def _case(site: Path, folder: Path) -> tuple[Case, Settings]:
+    given = load_site(str(site))
+    store = Store(folder / "rock" / given.name)
+    if store.manifest("rock") is None:
+        from pipeline import graph
+
+        store.open()
+        graph.make("rock", Job(given, store, Cluster(0), "", lambda line: None))
+    case = runs.prepared(given.config, store, 0.0, 0.6)
+    return case, Settings(runs.time_step(given.config, case.full.rock))
+
+
+def _cells(number: int) -> list[tuple[float, float]]:
+    rng = random.Random(1)
+    return [(rng.uniform(0.3, 1.0), rng.uniform(0.1, 1.0)) for _ in range(number)]
+
+
+def _bare_steps(case: Case, motion: CosinePulse, settings: Settings, steps: int) -> None:
+    """The same number of steps of the same length, one engine call each, and nothing else."""
+    world = engines.load(settings.engine).build(case.scene, settings.time_step, 1)
+    times = (np.arange(steps) + 0.5) * settings.time_step
+    world.advance(motion.acceleration(times).tolist())
+
+
+def _plain_loop(case: Case) -> float:
+    """CPU time of a run [s]: 1 kHz, half a second of rest before and four seconds after."""
+    cells = _cells(12)
+    start = time.process_time()
+    for pga, pgv_pga in cells:
+        motion = CosinePulse(pga * GRAVITY, pgv_pga)
+        steps = math.ceil((0.5 + motion.duration + 4.0) / 1e-3)
+        world = engines.load("bullet").build(case.full, 1e-3, 1)
+        times = (np.arange(steps) + 0.5) * 1e-3 - 0.5
+        world.advance(motion.acceleration(times).tolist())
+    return (time.process_time() - start) / len(cells)
+
+
+_MEMORY = """
+import resource, sys
+from pipeline.cli import main
+main(["run", "responses", "--site", sys.argv[1], "--derived", sys.argv[2], *sys.argv[3:]])
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def _client_memory(site: Path, folder: Path) -> tuple[float, float]:
+    """Peak memory [kB] of a client with 2,500 and with 30,000 runs of almost no work."""
+    sizes = []
+    for number, yaw in enumerate(("yaw=0", "yaw={start: 0, stop: 330, num: 12}")):
+        # Too weak to move the rock: only the runs' bookkeeping is left.
+        grid = "motion.pga={start: 0.0001, stop: 0.001, num: 50}"
+        command = [sys.executable, "-c", _MEMORY, str(site), str(folder / f"memory{number}")]
+        command += ["--workers", str(WORKERS), "--set", yaw, "--set", grid]
+        done = subprocess.run(
+            command, check=True, capture_output=True, text=True, env={**os.environ}
+        )
+        sizes.append(float(done.stdout.split()[-1]))
+    return sizes[0], sizes[1]
