@@ -35,7 +35,8 @@ def site_file(folder: Path, scan: Path | None) -> Path:
     yaws = ", ".join(str(30 * i) for i in range(12))
     path = folder / "double_rock.yaml"
     path.write_text(
-        f"rock: {{shape: mesh, mesh: {mesh}, fallback: double_rock, density: 2110}}\nyaw: [{yaws}]\n"
+        f"rock: {{shape: mesh, mesh: {mesh}, fallback: double_rock, density: 2110}}\n"
+        f"yaw: [{yaws}]\n"
     )
     return path
 

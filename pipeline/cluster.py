@@ -130,20 +130,21 @@ def _distributed(
     from distributed import as_completed
 
     sent: dict[str, Any] = {}
-    flying: dict[str, Batch] = {}
+    flying: dict[str, tuple[Batch, bool]] = {}
     again: list[Batch] = []
     completed = as_completed(with_results=True, raise_errors=False)
 
     def submit() -> bool:
         if again and flying:
             return False  # a suspect runs alone: with its worker dies all that waits there
-        batch = again.pop() if again else next(batches, None)
+        suspect = bool(again)
+        batch = again.pop() if suspect else next(batches, None)
         if batch is None:
             return False
         if batch.shared not in sent:
             sent[batch.shared] = client.scatter(shared(batch.shared), broadcast=True, hash=False)
         future = client.submit(function, sent[batch.shared], batch.items, pure=False)
-        flying[future.key] = batch
+        flying[future.key] = batch, suspect
         completed.add(future)
         return True
 
@@ -151,10 +152,10 @@ def _distributed(
     while len(flying) < room and submit():
         pass
     for future, result in completed:
-        batch = flying.pop(future.key)
+        batch, alone = flying.pop(future.key)
         if future.status == "error":
             _raise_unless_killed(future, result)
-            if len(batch.items) == 1:
+            if alone:
                 yield Done(batch, None)
             else:
                 again += [batch._replace(items=(item,)) for item in batch.items]

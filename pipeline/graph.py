@@ -99,11 +99,11 @@ def make(name: str, job: Job) -> int:
 
 
 def _ensure(stage: Stage, wanted: dict[str, Identity], job: Job) -> None:
+    for need in stage.needs:
+        _ensure(stages()[need], wanted, job)
     identity = wanted[stage.name]
     if not any(why(stage, identity, job.store)):
         return
-    for need in stage.needs:
-        _ensure(stages()[need], wanted, job)
     product = stage.make(Job(job.site, job.store, job.cluster, identity.key, job.log))
     facts = {
         "key": identity.key,

@@ -6,7 +6,7 @@ import difflib
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -36,12 +36,11 @@ class _Loader(yaml.SafeLoader):
     YAML 1.1 takes 030 for 24, 1e-3 for text, 1:30 for 90 and `no` for a number that is 0.
     """
 
-    yaml_implicit_resolvers: ClassVar = {
-        first: [(tag, rule) for tag, rule in rules if not tag.endswith((":int", ":float", ":bool"))]
-        for first, rules in yaml.SafeLoader.yaml_implicit_resolvers.items()
-    }
 
-
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, rule) for tag, rule in rules if not tag.endswith((":int", ":float", ":bool"))]
+    for first, rules in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
 for _kind, _rule, _first in (
     ("int", r"[-+]?[0-9]+", "-+0123456789"),
     (

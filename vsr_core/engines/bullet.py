@@ -124,7 +124,6 @@ class BulletWorld:
                 pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client
             )
             centre = [0.0, 0.0, -half[2]]
-        # Maximal coordinates on both: a free body needs no joint tree, and steps cost less than half.
         # Both bodies in maximal coordinates: no joint tree, and steps cost less than half.
         body = pybullet.createMultiBody(
             0.0, shape, -1, centre, useMaximalCoordinates=1, physicsClientId=self._client

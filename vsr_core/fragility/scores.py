@@ -49,10 +49,13 @@ def folds(cells: Cells) -> IntArray:
     """Fold of each PGV/PGA row: 0, 1, ... interleaved over the rows with runs; -1 for others.
 
     Interleaved, because neighbouring rows are alike: a left-out row is then predicted from
-    both its neighbours, as in use.
+    both its neighbours, as in use. So the two end rows, which have one neighbour, always stay
+    (-1) where there are four rows or more: no model here is meant to extrapolate.
     """
     fold = np.full(cells.ln_ratio.size, -1)
     rows = np.flatnonzero(cells.usable)
+    if rows.size >= 4:
+        rows = rows[1:-1]
     fold[rows] = np.arange(rows.size) % min(N_FOLDS, rows.size)
     return fold
 
@@ -90,15 +93,15 @@ def cross_validate(model: GridModel) -> Scores:
         return Scores(np.nan, np.nan, np.nan, np.nan, np.empty(0))
     fold = folds(cells)
     log_loss, squared, hits = losses(cells, held_out_probability(model))
-    total = cells.trials.sum()
+    total = cells.trials[fold >= 0].sum()
     fold_log_loss = np.array(
         [log_loss[fold == k].sum() / cells.trials[fold == k].sum() for k in range(fold.max() + 1)]
     )
     return Scores(
-        log_loss=float(log_loss.sum() / total),
+        log_loss=float(log_loss[fold >= 0].sum() / total),
         log_loss_se=float(fold_log_loss.std(ddof=1) / np.sqrt(fold_log_loss.size)),
-        brier=float(squared.sum() / total),
-        accuracy=float(hits.sum() / total),
+        brier=float(squared[fold >= 0].sum() / total),
+        accuracy=float(hits[fold >= 0].sum() / total),
         fold_log_loss=fold_log_loss,
     )
 

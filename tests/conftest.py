@@ -1,0 +1,77 @@
+"""A site file, the command line in this process, and what a refusal must look like."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from pipeline import cli
+
+BOX = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a command did."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def write_site(tmp_path: Path) -> Callable[..., str]:
+    """Write a site's YAML; a box unless the text names a rock. Returns its path."""
+
+    def write(text: str = "", name: str = "rock") -> str:
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(text if text.lstrip().startswith("rock:") else BOX + text, encoding="utf-8")
+        return str(path)
+
+    return write
+
+
+@pytest.fixture
+def derived(tmp_path: Path) -> Path:
+    """A folder for products that does not exist yet."""
+    return tmp_path / "derived"
+
+
+@pytest.fixture
+def vsr(capsys: pytest.CaptureFixture[str], derived: Path) -> Callable[..., Ran]:
+    """Run a command in this process, with products in ``derived``."""
+
+    def run(*arguments: object) -> Ran:
+        capsys.readouterr()
+        try:
+            code = cli.main([*map(str, arguments), "--derived", str(derived)])
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return Ran(code, said.out, said.err)
+
+    return run
+
+
+@pytest.fixture
+def refused(vsr: Callable[..., Ran], derived: Path) -> Callable[..., str]:
+    """Run a command that must be refused in one line holding all ``words``, leaving no file."""
+
+    def run(*arguments: object, words: tuple[str, ...]) -> str:
+        ran = vsr(*arguments)
+        assert ran.code == cli.REFUSED, ran.err
+        lines = ran.err.splitlines()
+        assert len(lines) == 1, ran.err
+        assert lines[0].startswith("vsr: ")
+        assert "Traceback" not in lines[0]
+        assert [word for word in words if word not in lines[0]] == [], lines[0]
+        # where: got what was given; the rule; the remedy
+        assert ": got " in lines[0]
+        assert lines[0].count("; ") >= 2
+        assert not [path for path in derived.rglob("*") if path.is_file()]
+        return lines[0]
+
+    return run
