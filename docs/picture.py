@@ -1,6 +1,6 @@
 """The picture of the README, from the products of a site.
 
-    python docs/picture.py data/derived/double_rock docs/double_rock.png
+python docs/picture.py data/derived/double_rock docs/double_rock.png
 """
 
 from __future__ import annotations

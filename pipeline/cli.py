@@ -152,12 +152,19 @@ def _clean(options: argparse.Namespace) -> int:
         print("nothing derived to remove")
         return DONE
     names = ", ".join(str(target) for target in targets)
-    if not options.yes and input(f"remove {names}? [y/N] ").strip().lower() != "y":
+    if not options.yes and not _agreed(f"remove {names}? [y/N] "):
         print("kept")
         return DONE
     for target in targets:
         shutil.rmtree(target)
     return DONE
+
+
+def _agreed(question: str) -> bool:
+    try:
+        return input(question).strip().lower() == "y"
+    except EOFError:  # nobody to ask
+        return False
 
 
 def _fetch(options: argparse.Namespace) -> int:

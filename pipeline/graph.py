@@ -70,9 +70,10 @@ def why(stage: Stage, identity: Identity, store: Store) -> Iterator[str]:
 
 
 def _differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
-    for key in sorted(new["config"]):
-        if old["config"].get(key) != new["config"][key]:
-            yield f"{key} changed: {_change(old['config'].get(key), new['config'][key])}"
+    was, now = (dict(_leaves(facts["config"])) for facts in (old, new))
+    for key in sorted(now):
+        if was.get(key) != now[key]:
+            yield f"{key} changed: {_change(was.get(key), now[key])}"
     for part, label in (("inputs", "file"), ("versions", "version of"), ("code", "code")):
         for item in sorted({*old[part], *new[part]}):
             if old[part].get(item) != new[part].get(item):
@@ -123,6 +124,15 @@ def _forget_crashed(name: str, store: Store) -> None:
         if crashed or forgotten.intersection(stage.needs):
             store.forget(stage.name)
             forgotten.add(stage.name)
+
+
+def _leaves(tree: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Values of a configuration by dotted key."""
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
 
 
 def _change(old: Any, new: Any) -> str:

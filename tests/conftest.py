@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import ast
+import shutil
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from pipeline import cli
+from pipeline import ROOT, cli, keys
 
 BOX = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
 
@@ -44,10 +46,10 @@ def derived(tmp_path: Path) -> Path:
 def vsr(capsys: pytest.CaptureFixture[str], derived: Path) -> Callable[..., Ran]:
     """Run a command in this process, with products in ``derived``."""
 
-    def run(*arguments: object) -> Ran:
+    def run(*arguments: object, into: Path | None = None) -> Ran:
         capsys.readouterr()
         try:
-            code = cli.main([*map(str, arguments), "--derived", str(derived)])
+            code = cli.main([*map(str, arguments), "--derived", str(into or derived)])
         except SystemExit as end:
             code = int(end.code or 0)
         said = capsys.readouterr()
@@ -75,3 +77,45 @@ def refused(vsr: Callable[..., Ran], derived: Path) -> Callable[..., str]:
         return lines[0]
 
     return run
+
+
+@pytest.fixture
+def code_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A copy of the packages whose code ``keys`` digests in place of the real one."""
+    folder = tmp_path / "code"
+    skip = shutil.ignore_patterns("__pycache__")
+    for package in keys.PACKAGES:
+        shutil.copytree(ROOT / package, folder / package, ignore=skip)
+    monkeypatch.setattr(keys, "ROOT", folder)
+    forget_code()
+    yield folder
+    monkeypatch.undo()
+    forget_code()
+
+
+def forget_code() -> None:
+    """Digests of code are kept for the life of a process; drop them after an edit."""
+    keys._definition.cache_clear()
+    keys._parse.cache_clear()
+
+
+@pytest.fixture
+def edit_function(code_copy: Path) -> Callable[[str, str, str], None]:
+    """Insert a line as the first statement of a top-level function, after its docstring."""
+
+    def edit(module: str, function: str, line: str) -> None:
+        path = code_copy / module
+        lines = path.read_text().splitlines(keepends=True)
+        for node in ast.parse("".join(lines)).body:
+            if isinstance(node, ast.FunctionDef) and node.name == function:
+                first = node.body[1] if ast.get_docstring(node) else node.body[0]
+                path.write_text(
+                    "".join(
+                        [*lines[: first.lineno - 1], f"    {line}\n", *lines[first.lineno - 1 :]]
+                    )
+                )
+                forget_code()
+                return
+        raise AssertionError(function)
+
+    return edit

@@ -41,20 +41,21 @@ class Barrier:
     toppled_tilt : float [rad]
         Beyond it the rock counts as overturned: 1 rad as in the seed, or three quarters of the
         tilt of its first lying pose if that is less, but not before a squat rock's barrier.
+    edge_tilt : float [rad]
+        Where the barrier is highest on the way to ``toppled_tilt``.
+    edge_height : float [m]
+        The barrier there: what the centre must reach to topple.
     upright_floor, floor : float [m]
-        Lowest possible height while not beyond ``toppled_tilt``, and at all.
+        Lowest possible height while not beyond ``edge_tilt``, and at all.
     """
 
     tilt: Array
     height: Array
     toppled_tilt: float
+    edge_tilt: float
+    edge_height: float
     upright_floor: float
     floor: float
-
-    def to_topple(self, tilt: float) -> float:
-        """Height [m] that the centre must reach to go from ``tilt`` beyond ``toppled_tilt``."""
-        between = (self.tilt >= tilt) & (self.tilt <= self.toppled_tilt)
-        return float(self.height[between].max(initial=-math.inf))
 
     def to_return(self, tilt: float) -> float:
         """Height [m] that the centre must reach to come back from ``tilt`` to stand."""
@@ -85,9 +86,11 @@ def barrier(rock: Rock) -> Barrier:
     lying = rests[rests > LEANING_TILT].min(initial=math.inf)
     toppled = max(min(TOPPLED_TILT, 0.75 * float(lying)), highest)
     floor = float(hull.offsets.min())
-    upright = np.arccos(np.clip(-hull.normals[:, 2], -1.0, 1.0)) <= toppled
-    upright_floor = min(float(hull.offsets[upright].min()), float(height[tilt >= toppled][0]))
-    return Barrier(tilt, height, toppled, upright_floor, floor)
+    edge = int(np.argmax(np.where(tilt <= toppled, height, -math.inf)))
+    upright = np.arccos(np.clip(-hull.normals[:, 2], -1.0, 1.0)) <= tilt[edge]
+    upright_floor = min(float(hull.offsets[upright].min()), float(height[edge]))
+    edge_tilt, edge_height = float(tilt[edge]), float(height[edge])
+    return Barrier(tilt, height, toppled, edge_tilt, edge_height, upright_floor, floor)
 
 
 def still_range(rock: Rock, contact: Contact, yaw: float) -> tuple[float, float]:
@@ -122,13 +125,13 @@ def reachable_energy(energy: float, impulse: float) -> float:
 
 
 def cannot_topple(limits: Barrier, tilt: float, energy: float, impulse: float) -> bool:
-    """Whether an upright rock at ``tilt`` [rad] can no longer pass ``toppled_tilt``.
+    """Whether an upright rock at ``tilt`` [rad] can no longer pass ``edge_tilt``, so not topple.
 
     ``energy`` is kinetic plus g z [m^2/s^2], ``impulse`` as in ``reachable_energy``.
     """
-    if tilt >= limits.toppled_tilt:
+    if tilt > limits.edge_tilt:
         return False
-    gap = GRAVITY * (limits.to_topple(tilt) - limits.upright_floor)
+    gap = GRAVITY * (limits.edge_height - limits.upright_floor)
     return reachable_energy(energy - GRAVITY * limits.upright_floor, impulse) < gap
 
 

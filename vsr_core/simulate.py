@@ -37,6 +37,9 @@ ENERGY_SLACK = 0.02
 REST_SHARE = 1e-6
 """Kinetic energy of a rock at rest, as a share of g times its radius."""
 
+LOOKS_AT_REST = 4
+"""Looks in a row with that little energy that make a rest; a turning point has one at most."""
+
 WAITING_TIMES = 40.0
 """Longest wait after the motion, in units of sqrt(radius / g); 4 s at the least, as the seed."""
 
@@ -140,6 +143,7 @@ class _Run:
         self.sample = 0
         self.time = 0.0
         self.tilt = self.peak_tilt = self.slip = 0.0
+        self.looks_at_rest = 0
         self.energy = GRAVITY * rock.height
         self.start = self.world.state()
         self.foot_start = self.start.position + self.start.rotation @ self.foot
@@ -178,6 +182,8 @@ class _Run:
         body_spin = rotation.T @ spin
         self.kinetic = 0.5 * float(velocity @ velocity + body_spin @ self.inertia @ body_spin)
         self.energy = self.kinetic + GRAVITY * height
+        at_rest = self.kinetic < REST_SHARE * GRAVITY * self.radius
+        self.looks_at_rest = self.looks_at_rest + 1 if at_rest else 0
         self.state = state
         if not math.isfinite(self.energy):
             return False
@@ -196,8 +202,7 @@ class _Run:
         return self.energy - floor <= allowed
 
     def _decided(self) -> tuple[Outcome, DecidedBy] | None:
-        over = self.sample >= self.pulse_samples
-        if over and self.kinetic < REST_SHARE * GRAVITY * self.radius and self._proved():
+        if self.sample >= self.pulse_samples and self.looks_at_rest >= LOOKS_AT_REST:
             return self._side(), DecidedBy.SIMULATION
         if not self.early:
             return None

@@ -23,6 +23,8 @@ BASE_TOLERANCE = 0.003
 
 _SCALARS = (
     "toppled_tilt",
+    "edge_tilt",
+    "edge_height",
     "upright_floor",
     "floor",
 )
