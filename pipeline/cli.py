@@ -39,6 +39,9 @@ def main(arguments: list[str] | None = None) -> int:
         for problem in error.problems:
             print(f"vsr: {problem}", file=sys.stderr)
         return REFUSED
+    except BrokenPipeError:  # whoever read our output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
     except KeyboardInterrupt:
         _log("stopped; what was done is kept, and the same command goes on from there")
         return STOPPED
@@ -205,7 +208,7 @@ def _workers(text: str) -> int:
 
 
 def _show(lines: list[str]) -> int:
-    print("\n".join(lines))
+    print("\n".join(lines), flush=True)
     return DONE
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ BATCHES_IN_FLIGHT = 4
 
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,
+    "distributed.worker.preload": ["pipeline.cluster"],
     # Dask makes malloc give memory back at once; with that, rebuilding Bullet's world for each run
     # costs more than its physics.
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 28,
@@ -142,7 +144,8 @@ def _distributed(
         if batch is None:
             return False
         if batch.shared not in sent:
-            sent[batch.shared] = client.scatter(shared(batch.shared), broadcast=True, hash=False)
+            # A task, not scattered data: the scheduler makes it anew where a worker took it along.
+            sent[batch.shared] = client.submit(_same, shared(batch.shared), pure=False)
         future = client.submit(function, sent[batch.shared], batch.items, pure=False)
         flying[future.key] = batch, suspect
         completed.add(future)
@@ -153,21 +156,33 @@ def _distributed(
         pass
     for future, result in completed:
         batch, alone = flying.pop(future.key)
-        if future.status == "error":
-            _raise_unless_killed(future, result)
+        if future.status == "finished":
+            yield Done(batch, result)
+        else:
+            sent.clear()  # what was shared may have failed with the worker
+            _raise_its_own_error(future, result)
             if alone:
                 yield Done(batch, None)
             else:
                 again += [batch._replace(items=(item,)) for item in batch.items]
-        else:
-            yield Done(batch, result)
         future.release()
         while len(flying) < room and submit():
             pass
 
 
-def _raise_unless_killed(future: Any, result: Any) -> None:
+def _same(thing: Any) -> Any:
+    return thing
+
+
+def _raise_its_own_error(future: Any, result: Any) -> None:
+    """Raise an error of the function; not that its worker died, or another with what is shared."""
     from distributed import KilledWorker
 
-    if not isinstance(result[1] if isinstance(result, tuple) else result, KilledWorker):
+    killed = isinstance(result[1] if isinstance(result, tuple) else result, KilledWorker)
+    if future.status == "error" and not killed:
         future.result()
+
+
+def dask_setup(worker: Any) -> None:
+    """Dask calls this in each local worker: Ctrl-C is for the client, which ends its workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -287,6 +287,25 @@ def test_split_vertices_are_merged(
     assert "28 split vertices merged" in rock.attrs["mended"]
 
 
+def test_vertices_split_by_texture_are_merged(
+    tmp_path: Path, vsr: Callable[..., object], derived: Path
+) -> None:
+    """Each corner of each face has its own vertex, normal and texture coordinate."""
+    mesh = prism(HEIGHT, SHIFT)
+    lines, corner = [], 0
+    for face, normal in zip(mesh.faces, mesh.face_normals, strict=True):
+        for vertex in mesh.vertices[face]:
+            corner += 1
+            lines += [
+                "v {} {} {}".format(*vertex),
+                "vn {} {} {}".format(*normal),
+                f"vt {corner / 50} {corner / 70}",
+            ]
+        lines.append("f " + " ".join(f"{n}/{n}/{n}" for n in range(corner - 2, corner + 1)))
+    (tmp_path / "rock.obj").write_text("\n".join(lines))
+    see_that_it_is_the_prism(weighed(vsr, tmp_path, derived, "rock.obj"))
+
+
 @pytest.mark.parametrize("turned", [(0,), (3,), (1, 6)])
 def test_single_faces_are_turned(
     tmp_path: Path, vsr: Callable[..., object], derived: Path, turned: tuple[int, ...]

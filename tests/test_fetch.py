@@ -33,7 +33,7 @@ class Handler(BaseHTTPRequestHandler):
         self.body = body
         super().__init__(*arguments)
 
-    def do_GET(self) -> None:  # noqa: N802 (the name http.server asks for)
+    def do_GET(self) -> None:
         if self.path not in ("/whole.dae", "/broken.dae"):
             self.send_error(404)
             return
@@ -55,7 +55,7 @@ def serve() -> Iterator[Callable[[bytes], str]]:
     def start(body: bytes) -> str:
         handler = functools.partial(Handler, body)
         server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
-        threading.Thread(target=server.serve_forever, daemon=True).start()
+        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
         servers.append(server)
         return f"http://127.0.0.1:{server.server_port}"
 
@@ -152,7 +152,7 @@ def test_wrong_checksum(serve: Callable[[bytes], str], published: bytes, raw: Pa
 
 def test_broken_transfer(serve: Callable[[bytes], str], published: bytes, raw: Path) -> None:
     url = f"{serve(published)}/broken.dae"
-    refusal(url, "transfer broke", url=url, raw=raw)
+    refusal(url, "no download", "IncompleteRead", url=url, raw=raw)
 
 
 def test_no_such_page(serve: Callable[[bytes], str], published: bytes, raw: Path) -> None:

@@ -7,7 +7,6 @@ represent.
 
 from __future__ import annotations
 
-import ctypes
 import importlib
 import os
 import pkgutil
@@ -67,16 +66,15 @@ class Engine(Protocol):
 
 @contextmanager
 def silenced() -> Iterator[None]:
-    """Keep a library from printing on standard output while it is imported."""
-    sys.stdout.flush()
-    kept = os.dup(1)
+    """Keep a library from writing to standard error while it is imported."""
+    sys.stderr.flush()
+    kept = os.dup(2)
     with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 (a descriptor, not a path)
-        os.dup2(nowhere.fileno(), 1)
+        os.dup2(nowhere.fileno(), 2)
     try:
         yield
     finally:
-        ctypes.CDLL(None).fflush(None)
-        os.dup2(kept, 1)
+        os.dup2(kept, 2)
         os.close(kept)
 
 
