@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -103,7 +102,7 @@ class Cluster:
                 cluster = distributed.LocalCluster(
                     n_workers=self.workers,
                     threads_per_worker=1,
-                    dashboard_address=os.environ.get("VSR_DASHBOARD", "127.0.0.1:0"),
+                    dashboard_address="127.0.0.1:0",
                     silence_logs=50,
                 )
             with cluster, distributed.Client(cluster) as client:

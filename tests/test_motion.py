@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -88,7 +89,7 @@ def test_what_remains_against_quadrature(pga: float, ratio: float, share: float)
     stops = sorted([t, *[z for z in zeros if z > t], max(t, zeros[-1])])
     expected = sum(
         quad(lambda s: abs(at(pulse.acceleration, s)), a, b, epsabs=1e-12)[0]
-        for a, b in zip(stops[:-1], stops[1:], strict=True)
+        for a, b in itertools.pairwise(stops)
         if b <= zeros[-1]
     )
     scale = pulse.peak_acceleration * ratio

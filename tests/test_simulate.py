@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from vsr_core import GRAVITY, engines, rocking, solid
 from vsr_core.bounds import Barrier, barrier
 from vsr_core.engines import State
+from vsr_core.engines.bullet import SCALED_RADIUS
 from vsr_core.motion import CosinePulse
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
 from vsr_core.scene import Contact, Rock, Scene
@@ -245,7 +246,9 @@ def test_sliding_starts_at_friction_times_gravity(friction: float) -> None:
     assert case.still == pytest.approx((-friction * GRAVITY, friction * GRAVITY))
     below = run(case, 0.99 * friction, 0.5, reduce=False)
     above = run(case, 1.05 * friction, 0.5, reduce=False)
-    assert below.slip < 1e-4
+    # Bullet's friction is solved to a squared speed of 1e-7 in its own unit: it may creep.
+    scaled = SCALED_RADIUS / case.full.rock.radius
+    assert below.slip < math.sqrt(1e-7 / scaled) * CosinePulse(1.0, 0.5).duration
     assert above.slip > 1e-3
     proved = run(case, 0.99 * friction, 0.5)
     assert (proved.outcome, proved.decided_by, proved.steps) == (
@@ -297,9 +300,13 @@ def lifted(scene: Scene, step: float, height: float):  # type: ignore[no-untyped
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.38, 0.8])
-def test_falls_freely_and_bounces_to_the_square_of_the_restitution(restitution: float) -> None:
+@pytest.mark.parametrize("height", [0.4, 0.40009, 0.40018])
+def test_falls_freely_and_bounces_to_the_square_of_the_restitution(
+    restitution: float, height: float
+) -> None:
+    """From heights that differ by a third of a step's fall: at any phase of a step."""
     rock, _ = rock_of((1.0, 1.0, 0.5))
-    step, height = 1e-4, 0.4
+    step = 1e-4
     world = lifted(Scene(rock, Contact(0.6, restitution)), step, height)
     duration = math.sqrt(2.0 * height / GRAVITY)
     steps = int(0.9 * duration / step)
@@ -309,13 +316,21 @@ def test_falls_freely_and_bounces_to_the_square_of_the_restitution(restitution: 
     # Bullet's step is symplectic Euler: late by half a step.
     assert start - world.state().position[2] == pytest.approx(fallen, rel=1.5 * step / duration)
     assert world.state().velocity[2] == pytest.approx(-GRAVITY * steps * step, rel=1e-6)
-    heights = []
-    for _ in range(int(1.2 * duration / step)):
+    impact, rising, heights = 0.0, False, []
+    for _ in range(int(2.0 * duration / step)):
         world.advance([0.0])
-        heights.append(world.state().position[2])
-    landed = int(np.argmin(heights))
-    rebound = max(heights[landed:]) - rock.height
-    assert rebound == pytest.approx(restitution**2 * height, rel=0.02, abs=1e-3)
+        state = world.state()
+        impact, rising = min(impact, state.velocity[2]), rising or state.velocity[2] > 1e-6
+        if rising and state.velocity[2] < 0.0:
+            break
+        if rising or state.position[2] <= rock.height:
+            heights.append(state.position[2] - rock.height)
+    assert impact == pytest.approx(-math.sqrt(2.0 * GRAVITY * height), rel=step / duration)
+    # Bullet mends what the impact penetrated, at most a step's fall, by speed: 0.005 of the impact
+    # speed where contacts bounce, 0.08 where they do not, which lifts by 0.6 % of the height.
+    more = 0.005 if restitution else 0.08
+    assert max(heights) >= restitution**2 * height - 2.0 * abs(impact) * step
+    assert max(heights) <= (restitution + more) ** 2 * height + abs(impact) * step
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25, 0.6])
@@ -327,6 +342,25 @@ def test_pair_friction_arrives_in_the_engine(friction: float) -> None:
     world.advance([push] * round(duration / step))
     expected = -(push - friction * GRAVITY) * duration
     assert world.state().velocity[0] == pytest.approx(expected, rel=0.005)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.05, 0.1])
+@pytest.mark.parametrize("size", [(1.0, 1.0, 2.0), (0.1, 0.1, 0.2)])
+def test_rolling_friction_is_a_length(size: tuple[float, float, float], offset: float) -> None:
+    """It shifts the contact force outwards: a block lifts at (b + offset) / h, at any mass."""
+    rock, _ = rock_of(size)
+    offset *= size[0]
+    lifts = (0.5 * size[0] + offset) / (0.5 * size[2])
+    step = automatic_time_step(rock, 0.01)
+    tilts = []
+    for share in (0.98, 1.02):
+        scene = Scene(rock, Contact(GRIPPING, 0.0, offset))
+        world = engines.load("bullet").build(scene, step, 1)
+        world.advance([share * lifts * GRAVITY] * 300)
+        tilts.append(math.acos(min(1.0, world.state().rotation[2, 2])))
+    assert tilts[0] < 1e-5
+    # 300 steps of 0.003 under the surplus moment, in units of sqrt(radius / g).
+    assert tilts[1] > 1e-3
 
 
 class Fake:
@@ -394,7 +428,7 @@ def test_a_rock_still_rocking_when_time_is_up_is_undecided(monkeypatch: pytest.M
     _, response, case = with_engine(
         monkeypatch, lambda world: {"velocity": np.array([0.0, 2.0, 0.0])}
     )
-    assert 0.5 * 2.0**2 > GRAVITY * (case.limits.edge_height - case.full.rock.height)
+    assert GRAVITY * (case.limits.edge_height - case.full.rock.height) < 0.5 * 2.0**2
     assert response.outcome is Outcome.UNSETTLED
     assert response.outcome.overturned == -1
 

@@ -252,7 +252,7 @@ class _Run:
         return Response(outcome, decided_by, self.peak_tilt, self.tilt, self.slip, steps)
 
 
-TIME_STEP_SHARE = 0.003
+TIME_STEP_SHARE = 0.002
 """Step in units of sqrt(radius / g) for a tolerance of 1 %; ``make bench`` shows the errors."""
 
 
