@@ -295,7 +295,7 @@ def test_base_polygon_runs_counter_clockwise() -> None:
         np.zeros((0, 3)),
         np.zeros((8, 3)),
         np.column_stack([np.random.default_rng(0).random((9, 2)), np.zeros(9)]),
-        (*SIGNS, 3.0, 0.0, 0.0),
+        SIGNS + np.array([3.0, 0.0, 0.0]),
     ],
     ids=["none", "one point", "flat", "centre outside"],
 )

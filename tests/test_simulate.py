@@ -359,7 +359,6 @@ def test_rolling_friction_is_a_length(size: tuple[float, float, float], offset: 
         world.advance([share * lifts * GRAVITY] * 300)
         tilts.append(math.acos(min(1.0, world.state().rotation[2, 2])))
     assert tilts[0] < 1e-5
-    # 300 steps of 0.003 under the surplus moment, in units of sqrt(radius / g).
     assert tilts[1] > 1e-3
 
 

@@ -86,7 +86,7 @@ def test_mass_properties_turn_with_the_rock(yaw: float, tilt: float, way: float)
         "z", yaw, degrees=True
     )
     mesh = given_mesh.copy()
-    mesh.vertices = (*turn.apply(mesh.vertices), 1.0, 2.0, 3.0)
+    mesh.vertices = turn.apply(mesh.vertices) + np.array([1.0, 2.0, 3.0])
     # Whatever face it comes to rest on, both are the same rock: r takes one to the other.
     turned = from_mesh(mesh, 2110.0)
     r = np.linalg.lstsq(level.vertices, turned.vertices, rcond=None)[0].T
