@@ -397,7 +397,7 @@ def compare(
     return differing
 
 
-@pytest.mark.parametrize("contact", [Contact(0.6), Contact(0.4, 0.38)])
+@pytest.mark.parametrize("contact", [Contact(0.6), Contact(0.6, 0.38)])
 @pytest.mark.parametrize(
     ("name", "low", "high"), [("box 1x1x2", 0.3, 1.2), ("box 0.3x0.4x1", 0.2, 0.9)]
 )

@@ -391,6 +391,7 @@ def with_engine(monkeypatch: pytest.MonkeyPatch, story) -> tuple[Fake, Response,
     return fake, run(case, 0.8, 0.3), case
 
 
+@pytest.mark.filterwarnings("ignore:invalid value encountered")
 @pytest.mark.parametrize(
     "story",
     [
