@@ -148,7 +148,9 @@ class MotionConfig(Section):
 class SimulationConfig(Section):
     """How runs are computed."""
 
-    engine: Literal["bullet"] = "bullet"
+    engine: Literal["bullet", "mujoco"] = Field(
+        "bullet", description="physics engine; mujoco is an extra"
+    )
     time_step: Literal["auto"] | Annotated[float, Field(gt=0, le=0.02)] = Field(
         "auto", description="step [s], or auto: chosen for `tolerance`"
     )

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from vsr_core import GRAVITY, engines, rocking, solid
 from vsr_core.bounds import Barrier, barrier
-from vsr_core.engines import State
 from vsr_core.engines.bullet import SCALED_RADIUS
 from vsr_core.motion import CosinePulse
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
-from vsr_core.scene import Contact, Rock, Scene
+from vsr_core.scene import Contact, Rock, Scene, State
 from vsr_core.simulate import HALVINGS, Case, Settings, automatic_time_step, prepare, simulate
 from vsr_core.surrogate import double_rock
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from vsr_core import GRAVITY
 from vsr_core.hull import convex_hull, touching
 
 Array = NDArray[np.float64]
@@ -22,14 +23,14 @@ class Rock:
 
     Attributes
     ----------
-    shape : "box" or "hull"
-    vertices : ndarray, shape (n, 3) [m], corners of its convex hull
+    shape : "box", "hull" or "sphere"
+    vertices : ndarray, shape (n, 3) [m], corners of its convex hull; six poles of a sphere
     mass : float [kg]
     inertia : ndarray, shape (3,) [kg m^2], principal moments
     axes : ndarray, shape (3, 3), principal axes as columns, right-handed
     """
 
-    shape: Literal["box", "hull"]
+    shape: Literal["box", "hull", "sphere"]
     vertices: Array
     mass: float
     inertia: Array
@@ -62,6 +63,24 @@ class Contact:
     rolling_friction: float = 0.0
 
 
+@dataclass(frozen=True)
+class State:
+    """Motion of the rock relative to the table.
+
+    Attributes
+    ----------
+    position : ndarray, shape (3,) [m], centre of mass; z above the pedestal
+    rotation : ndarray, shape (3, 3), takes the rest pose at yaw 0 to the present pose
+    velocity : ndarray, shape (3,) [m/s], of the centre of mass
+    spin : ndarray, shape (3,) [rad/s], angular velocity in the table's axes
+    """
+
+    position: Array
+    rotation: Array
+    velocity: Array
+    spin: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """One rock on one flat, level pedestal, turned by ``yaw`` before the table shakes along +x.
@@ -71,17 +90,22 @@ class Scene:
     rock : Rock
     contact : Contact
     yaw : float [rad], counter-clockwise seen from above
-    pedestal : "plane" or "box"
-        A half-space, or a slab of finite size as the user would draw it.
+    pedestal : "plane", "box", "mesh" or "none"
+        A half-space, a slab of finite size as the user would draw it, a triangulated surface as a
+        scan gives it, or nothing to fall on.
     kept_tilt : float [rad]
         Tilt up to which the rock's vertices are complete.
+    start : State, where it does not start at rest on the pedestal
+    gravity : float [m/s^2]
     """
 
     rock: Rock
     contact: Contact
     yaw: float = 0.0
-    pedestal: Literal["plane", "box"] = "box"
+    pedestal: Literal["plane", "box", "mesh", "none"] = "box"
     kept_tilt: float = float(np.pi)
+    start: State | None = None
+    gravity: float = GRAVITY
 
 
 @dataclass(frozen=True)
@@ -151,3 +175,10 @@ def reduce(scene: Scene) -> tuple[Scene, tuple[Reduction, ...]]:
                 )
             )
     return reduced, tuple(dropped)
+
+
+def resting(scene: Scene) -> State:
+    """State of the rock at rest on the pedestal, turned by the scene's yaw."""
+    cos, sin = np.cos(scene.yaw), np.sin(scene.yaw)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return State(np.array([0.0, 0.0, scene.rock.height]), turn, np.zeros(3), np.zeros(3))

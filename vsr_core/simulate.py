@@ -53,11 +53,13 @@ class Settings:
     time_step : float [s], the largest allowed; a whole number of steps fills the motion
     reduce : bool, whether to leave out what cannot change the outcome
     engine : str, name of a module in ``vsr_core.engines``
+    solver : Solver, effort of the engine's solver where it is not the engine's own
     """
 
     time_step: float
     reduce: bool = True
     engine: str = "bullet"
+    solver: engines.Solver | None = None
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,9 @@ class _Run:
         wait = max(4.0, WAITING_TIMES * math.sqrt(self.radius / GRAVITY))
         self.last_sample = self.pulse_samples + math.ceil(wait / self.interval)
         engine = engines.load(settings.engine)
-        self.world = engine.build(simulated, self.interval / self.substeps, self.substeps)
+        self.world = engine.build(
+            simulated, self.interval / self.substeps, self.substeps, settings.solver
+        )
         self.sample = 0
         self.time = 0.0
         self.tilt = self.peak_tilt = self.slip = 0.0

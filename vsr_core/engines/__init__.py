@@ -1,8 +1,8 @@
 """Physics engines: one module each, found by its name.
 
-A module offers ``build(scene, time_step, substeps) -> World`` and ``VERSION``, the engine's own
-version, which goes into the identity of a run. ``build`` raises ``Unfit`` for what it cannot
-represent.
+A module offers ``build(scene, time_step, substeps, solver) -> World``, ``SOLVER``, the effort it
+takes if none is stated, and ``VERSION``, the engine's own version, which goes into the identity of
+a run. ``build`` raises ``Unfit`` for what it cannot represent.
 """
 
 from __future__ import annotations
@@ -16,30 +16,22 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
-from vsr_core.scene import Scene
-
-Array = NDArray[np.float64]
+from vsr_core.errors import Unfit
+from vsr_core.scene import Scene, State
 
 
 @dataclass(frozen=True)
-class State:
-    """Motion of the rock relative to the table.
+class Solver:
+    """How hard an engine's contact solver works in each step.
 
     Attributes
     ----------
-    position : ndarray, shape (3,) [m], centre of mass; z above the pedestal
-    rotation : ndarray, shape (3, 3), takes the rest pose at yaw 0 to the present pose
-    velocity : ndarray, shape (3,) [m/s], of the centre of mass
-    spin : ndarray, shape (3,) [rad/s], angular velocity in the table's axes
+    iterations : int, at most
+    residual : float, in the engine's own measure, below which it stops earlier
     """
 
-    position: Array
-    rotation: Array
-    velocity: Array
-    spin: Array
+    iterations: int
+    residual: float
 
 
 class World(Protocol):
@@ -56,11 +48,15 @@ class Engine(Protocol):
     """What an engine's module offers."""
 
     VERSION: str
+    SOLVER: Solver
 
-    def build(self, scene: Scene, time_step: float, substeps: int) -> World:
-        """World with the rock at rest; ends earlier worlds of that scene.
+    def build(
+        self, scene: Scene, time_step: float, substeps: int, solver: Solver | None = None
+    ) -> World:
+        """World with the rock at its start; ends earlier worlds of that scene.
 
-        Each sample of the motion is held for ``substeps`` steps of ``time_step`` [s].
+        Each sample of the motion is held for ``substeps`` steps of ``time_step`` [s]. Without a
+        ``solver`` the engine's own ``SOLVER`` is used.
         """
 
 
@@ -84,5 +80,18 @@ def names() -> list[str]:
 
 
 def load(name: str) -> Engine:
-    """Engine by name; imports its library."""
-    return cast(Engine, importlib.import_module(f"{__name__}.{name}"))
+    """Engine by name; imports its library.
+
+    Raises
+    ------
+    Unfit
+        If the library is not installed.
+    """
+    try:
+        return cast(Engine, importlib.import_module(f"{__name__}.{name}"))
+    except ModuleNotFoundError as error:
+        raise Unfit(
+            f"the engine {name!r} without the library {error.name!r}",
+            "an engine other than bullet is an extra",
+            f"install it with .venv/bin/pip install '.[{name}]', or set simulation.engine: bullet",
+        ) from None

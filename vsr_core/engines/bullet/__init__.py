@@ -16,9 +16,9 @@ from importlib.metadata import version
 import numpy as np
 from numpy.typing import NDArray
 
-from vsr_core import GRAVITY
-from vsr_core.engines import State, silenced
-from vsr_core.scene import Rock, Scene
+from vsr_core.engines import Solver, silenced
+from vsr_core.engines.bullet.shapes import pedestal_shape, rock_shape
+from vsr_core.scene import Scene, State, resting
 
 with silenced():
     import pybullet
@@ -30,9 +30,9 @@ VERSION = version("pybullet")
 SCALED_RADIUS = 10.0
 """Radius of every rock inside the engine, in Bullet's length unit."""
 
-SOLVER_ITERATIONS = 50
-"""Bullet's default, as is the residual of 1e-7 that ends them early: with 1e-4 a run costs a fifth
-less, but a rock at rest creeps sixteen times as fast."""
+SOLVER = Solver(iterations=50, residual=1e-7)
+"""Bullet's defaults. With a residual of 1e-4 a run costs a fifth less, but a rock at rest creeps
+sixteen times as fast."""
 
 MASS = 0.001
 """Mass of every rock inside the engine. Beside a pedestal that is at rest it changes nothing, but
@@ -75,10 +75,15 @@ class BulletWorld:
         # still open takes the approach speed away without giving the rebound back.
         self._maximal = int(scene.contact.restitution == 0.0)
         margin = HULL_MARGIN if scene.rock.shape == "hull" else 0.0
-        self._place = [0.0, 0.0, scene.rock.height * self._scale + margin]
-        self._turn = _orientation(scene)
+        start = scene.start or resting(scene)
+        self._moving = scene.start is not None
+        self._weight = scene.gravity
+        self._place = (start.position * self._scale + [0.0, 0.0, margin]).tolist()
+        self._turn = _quaternion(start.rotation @ self._axes)
+        pace = math.sqrt(self._scale)
+        self._velocity = (start.velocity * pace).tolist()
+        self._spin = (start.spin / pace).tolist()
         pybullet.setPhysicsEngineParameter(
-            numSolverIterations=SOLVER_ITERATIONS,
             restitutionVelocityThreshold=RESTITUTION_THRESHOLD,
             deterministicOverlappingPairs=1,
             physicsClientId=self._client,
@@ -87,31 +92,33 @@ class BulletWorld:
             pybullet.setPhysicsEngineParameter(
                 erp=BOUNCING_ERP, contactERP=BOUNCING_ERP, physicsClientId=self._client
             )
-        self._add_pedestal(scene)
+        if scene.pedestal != "none":
+            self._add_pedestal(scene)
         self._rock = self._add_rock(scene)
 
-    def rewind(self, time_step: float, substeps: int) -> None:
-        """Put the rock back to rest, for ``substeps`` steps of ``time_step`` [s] a sample."""
+    def rewind(self, time_step: float, substeps: int, solver: Solver) -> None:
+        """Put the rock back to its start, for ``substeps`` steps of ``time_step`` [s] a sample."""
         interval = substeps * time_step * math.sqrt(self._scale)
         pybullet.setTimeStep(interval, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
-            numSubSteps=substeps if substeps > 1 else 0, physicsClientId=self._client
+            numSubSteps=substeps if substeps > 1 else 0,
+            numSolverIterations=solver.iterations,
+            solverResidualThreshold=solver.residual,
+            physicsClientId=self._client,
         )
         pybullet.setGravity(0.0, 0.0, 0.0, self._client)
-        for height in (10.0 * SCALED_RADIUS, self._place[2]):
-            pybullet.resetBasePositionAndOrientation(
-                self._rock, [0.0, 0.0, height], self._turn, self._client
-            )
-            pybullet.resetBaseVelocity(self._rock, [0.0] * 3, [0.0] * 3, self._client)
-            if height != self._place[2]:
-                pybullet.stepSimulation(self._client)
-        self.advance([0.0] * math.ceil(QUIET_STEPS / substeps))
+        self._put([0.0, 0.0, 10.0 * SCALED_RADIUS], [0.0] * 3, [0.0] * 3)
+        pybullet.stepSimulation(self._client)
+        self._put(self._place, self._velocity, self._spin)
+        if not self._moving:
+            self.advance([0.0] * math.ceil(QUIET_STEPS / substeps))
 
     def advance(self, acceleration: Iterable[float]) -> None:
         """Step through samples of the table's acceleration along +x [m/s^2]."""
         set_gravity, step, client = pybullet.setGravity, pybullet.stepSimulation, self._client
+        down = -self._weight
         for along_x in acceleration:
-            set_gravity(-along_x, 0.0, -GRAVITY, client)
+            set_gravity(-along_x, 0.0, down, client)
             step(client)
 
     def state(self) -> State:
@@ -130,16 +137,12 @@ class BulletWorld:
         """End the connection."""
         pybullet.disconnect(self._client)
 
+    def _put(self, place: list[float], velocity: list[float], spin: list[float]) -> None:
+        pybullet.resetBasePositionAndOrientation(self._rock, place, self._turn, self._client)
+        pybullet.resetBaseVelocity(self._rock, velocity, spin, self._client)
+
     def _add_pedestal(self, scene: Scene) -> None:
-        if scene.pedestal == "plane":
-            shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self._client)
-            centre = [0.0, 0.0, 0.0]
-        else:
-            half = [20.0 * SCALED_RADIUS, 20.0 * SCALED_RADIUS, SCALED_RADIUS]
-            shape = pybullet.createCollisionShape(
-                pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client
-            )
-            centre = [0.0, 0.0, -half[2]]
+        shape, centre = pedestal_shape(scene.pedestal, SCALED_RADIUS, self._client)
         body = pybullet.createMultiBody(
             0.0,
             shape,
@@ -164,7 +167,7 @@ class BulletWorld:
         rock, contact = scene.rock, scene.contact
         body = pybullet.createMultiBody(
             MASS,
-            self._collision_shape(rock),
+            rock_shape(rock, self._scale, HULL_MARGIN, self._client),
             -1,
             self._place,
             self._turn,
@@ -186,24 +189,11 @@ class BulletWorld:
         )
         return int(body)
 
-    def _collision_shape(self, rock: Rock) -> int:
-        if rock.shape == "box":
-            half = np.abs(rock.vertices).max(axis=0) * self._scale
-            return int(
-                pybullet.createCollisionShape(
-                    pybullet.GEOM_BOX, halfExtents=half.tolist(), physicsClientId=self._client
-                )
-            )
-        corners = rock.vertices @ rock.axes * self._scale
-        return int(
-            pybullet.createCollisionShape(
-                pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=self._client
-            )
-        )
 
-
-def build(scene: Scene, time_step: float, substeps: int = 1) -> BulletWorld:
-    """World with the rock at rest on the pedestal; ``substeps`` of ``time_step`` [s] a sample.
+def build(
+    scene: Scene, time_step: float, substeps: int = 1, solver: Solver | None = None
+) -> BulletWorld:
+    """World with the rock at its start; ``substeps`` of ``time_step`` [s] a sample.
 
     The world of an earlier call with the same scene is rewound and no longer valid itself.
     """
@@ -214,7 +204,7 @@ def build(scene: Scene, time_step: float, substeps: int = 1) -> BulletWorld:
     _worlds[scene] = world or BulletWorld(scene)
     while len(_worlds) > WORLDS_KEPT:
         _worlds.popitem(last=False)[1].close()
-    _worlds[scene].rewind(time_step, substeps)
+    _worlds[scene].rewind(time_step, substeps, solver or SOLVER)
     return _worlds[scene]
 
 
@@ -229,9 +219,8 @@ def _matrix(q: tuple[float, float, float, float]) -> Array:
     )
 
 
-def _orientation(scene: Scene) -> list[float]:
-    """Quaternion x, y, z, w of the rock's principal axes at its yaw."""
+def _quaternion(rotation: Array) -> list[float]:
+    """Quaternion x, y, z, w of a rotation matrix."""
     from scipy.spatial.transform import Rotation
 
-    turn = Rotation.from_euler("z", scene.yaw)
-    return [float(part) for part in (turn * Rotation.from_matrix(scene.rock.axes)).as_quat()]
+    return [float(part) for part in Rotation.from_matrix(rotation).as_quat()]

@@ -1,0 +1,142 @@
+"""Collision shapes of a rock and of what it stands on, as Bullet needs them."""
+
+from __future__ import annotations
+
+import tempfile
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.engines import silenced
+from vsr_core.hull import convex_hull
+from vsr_core.scene import Rock
+
+with silenced():
+    import pybullet
+
+Array = NDArray[np.float64]
+
+CONTACTS = 4
+"""Contact points that Bullet keeps between two shapes."""
+
+FLAT_SHARE = 1e-3
+"""Corners this close to the pedestal at rest bear the rock, as a share of its radius."""
+
+MOST_FEET = 15
+"""Bullet takes sixteen shapes in one body; one is the hull."""
+
+PEDESTAL_RADII = 20.0
+"""Half the width of a slab or of a triangulated pedestal, in radii of the rock."""
+
+MESH_CELLS = 80
+"""Squares along a triangulated pedestal: half a radius each."""
+
+
+def rock_shape(rock: Rock, scale: float, margin: float, client: int) -> int:
+    """Bullet's number of the rock's shape, in its principal axes, lengths times ``scale``.
+
+    A hull on a flat base of more than four corners gets feet, balls as small as its ``margin``
+    (in Bullet's length unit) in the corners of the base. Bullet keeps four contact points between
+    two shapes, so that without feet the rock would stand on four of its corners and topple before
+    its base says so.
+    """
+    if rock.shape == "box":
+        half = np.abs(rock.vertices).max(axis=0) * scale
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_BOX, halfExtents=half.tolist(), physicsClientId=client
+        )
+    elif rock.shape == "sphere":
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_SPHERE, radius=rock.radius * scale, physicsClientId=client
+        )
+    elif (feet := bearing_corners(rock)).shape[0] > CONTACTS:
+        shape = _hull_on_feet(rock, feet @ rock.axes * scale, scale, margin, client)
+    else:
+        corners = rock.vertices @ rock.axes * scale
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=client
+        )
+    return int(shape)
+
+
+def bearing_corners(rock: Rock) -> Array:
+    """Corners of the face that a rock rests on, shape (n, 3) [m]; at most ``MOST_FEET``.
+
+    Of a base with more, those go first whose triangle with their neighbours is smallest.
+    """
+    from scipy.spatial import ConvexHull
+
+    low = rock.vertices[:, 2].min() + FLAT_SHARE * rock.radius
+    base = rock.vertices[rock.vertices[:, 2] <= low]
+    if len(base) < 3:
+        return base
+    corners = base[ConvexHull(base[:, :2]).vertices]
+    while len(corners) > MOST_FEET:
+        before, after = (np.roll(corners[:, :2], shift, axis=0) for shift in (1, -1))
+        (x1, y1), (x2, y2) = (corners[:, :2] - before).T, (after - before).T
+        corners = np.delete(corners, np.argmin(np.abs(x1 * y2 - y1 * x2)), axis=0)
+    return corners
+
+
+def _hull_on_feet(rock: Rock, feet: Array, scale: float, margin: float, client: int) -> int:
+    hull = convex_hull(rock.vertices)
+    corners = hull.vertices @ rock.axes * scale
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (hull.facets + 1).tolist()]
+    count = 1 + len(feet)
+    # Among several shapes PyBullet takes a hull only from a file.
+    with tempfile.NamedTemporaryFile("w", suffix=".obj") as file:
+        file.write("\n".join(lines))
+        file.flush()
+        return int(
+            pybullet.createCollisionShapeArray(
+                shapeTypes=[pybullet.GEOM_MESH] + [pybullet.GEOM_SPHERE] * len(feet),
+                fileNames=[file.name] + [""] * len(feet),
+                radii=[margin] * count,
+                halfExtents=[[1.0] * 3] * count,
+                lengths=[1.0] * count,
+                meshScales=[[1.0] * 3] * count,
+                collisionFramePositions=[[0.0] * 3, *feet.tolist()],
+                collisionFrameOrientations=[[0.0, 0.0, 0.0, 1.0]] * count,
+                physicsClientId=client,
+            )
+        )
+
+
+def pedestal_shape(
+    kind: Literal["plane", "box", "mesh", "none"], radius: float, client: int
+) -> tuple[int, list[float]]:
+    """Bullet's number of a pedestal's shape and its centre; ``radius`` is the rock's in Bullet."""
+    half = PEDESTAL_RADII * radius
+    centre = [0.0, 0.0, 0.0]
+    if kind == "plane":
+        shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
+    elif kind == "box":
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_BOX, halfExtents=[half, half, radius], physicsClientId=client
+        )
+        centre = [0.0, 0.0, -radius]
+    else:
+        corners, triangles = _level_mesh(half)
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_MESH,
+            vertices=corners,
+            indices=triangles,
+            flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
+            physicsClientId=client,
+        )
+    return int(shape), centre
+
+
+def _level_mesh(half: float) -> tuple[list[list[float]], list[int]]:
+    """Corners and triangles of a level square, ``half`` its width to each side."""
+    along = np.linspace(-half, half, MESH_CELLS + 1)
+    corners = [[float(x), float(y), 0.0] for y in along for x in along]
+    triangles: list[int] = []
+    for row in range(MESH_CELLS):
+        for column in range(MESH_CELLS):
+            a = row * (MESH_CELLS + 1) + column
+            b = a + MESH_CELLS + 1
+            triangles += [a, a + 1, b + 1, a, b + 1, b]
+    return corners, triangles

@@ -1,0 +1,183 @@
+"""MuJoCo, a second opinion that shares no code with Bullet.
+
+Its contacts are springs, as stiff as the step allows, solved together by a convex optimisation;
+Bullet's are impulses, solved in turn. As in Bullet, every rock is scaled to one size by similarity,
+so that widths and tolerances are the same share of any rock.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterable
+from importlib.metadata import version
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.engines import Solver
+from vsr_core.errors import Unfit
+from vsr_core.scene import Rock, Scene, State, resting
+
+Array = NDArray[np.float64]
+
+VERSION = version("mujoco")
+
+SOLVER = Solver(iterations=100, residual=1e-8)
+"""MuJoCo's defaults."""
+
+SPRING_STEPS = 4.0
+"""Time constant of a contact in steps, critically damped. MuJoCo is stable from 2 on, but there the
+boundary of stocky blocks wanders by 2 % however small the step; from 4 on it converges,
+and nothing rebounds."""
+
+IMPEDANCE = (0.9, 0.95, 0.001)
+"""MuJoCo's default impedance of a contact: at first touch, when pressed, and how deep that is, as a
+share of the rock's radius."""
+
+WORLDS_KEPT = 2
+"""Worlds kept for the next run of the same scene: the reduced one and the complete one."""
+
+_worlds: OrderedDict[Scene, MujocoWorld] = OrderedDict()
+
+
+class MujocoWorld:
+    """One rock in a world of its own."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scale = 1.0 / scene.rock.radius
+        self._axes = scene.rock.axes
+        self._weight = scene.gravity
+        start = scene.start or resting(scene)
+        pace = math.sqrt(self._scale)
+        self._place = start.position * self._scale
+        self._turn = _quaternion(start.rotation @ self._axes)
+        self._velocity = start.velocity * pace
+        turned = start.rotation @ self._axes
+        self._spin = turned.T @ start.spin / pace
+        self._model = _model(scene, self._scale)
+        self._data = mujoco.MjData(self._model)
+        self._substeps = 1
+
+    def rewind(self, time_step: float, substeps: int, solver: Solver) -> None:
+        """Put the rock back to its start, for ``substeps`` steps of ``time_step`` [s] a sample."""
+        option = self._model.opt
+        option.timestep = time_step * math.sqrt(self._scale)
+        option.iterations, option.tolerance = solver.iterations, solver.residual
+        self._model.geom_solref[:, 0] = SPRING_STEPS * option.timestep
+        self._substeps = substeps
+        mujoco.mj_resetData(self._model, self._data)
+        self._data.qpos[:3], self._data.qpos[3:] = self._place, self._turn
+        self._data.qvel[:3], self._data.qvel[3:] = self._velocity, self._spin
+
+    def advance(self, acceleration: Iterable[float]) -> None:
+        """Step through samples of the table's acceleration along +x [m/s^2]."""
+        step, model, data, substeps = mujoco.mj_step, self._model, self._data, self._substeps
+        gravity = model.opt.gravity
+        gravity[2] = -self._weight
+        for along_x in acceleration:
+            gravity[0] = -along_x
+            step(model, data, substeps)
+
+    def state(self) -> State:
+        """Present state in SI units."""
+        data, pace = self._data, math.sqrt(self._scale)
+        turned = np.empty(9)
+        mujoco.mju_quat2Mat(turned, data.qpos[3:] / np.linalg.norm(data.qpos[3:]))
+        rotation = turned.reshape(3, 3)
+        return State(
+            data.qpos[:3] / self._scale,
+            rotation @ self._axes.T,
+            data.qvel[:3] / pace,
+            rotation @ data.qvel[3:] * pace,
+        )
+
+
+def build(
+    scene: Scene, time_step: float, substeps: int = 1, solver: Solver | None = None
+) -> MujocoWorld:
+    """World with the rock at its start; ``substeps`` of ``time_step`` [s] a sample.
+
+    The world of an earlier call with the same scene is rewound and no longer valid itself.
+
+    Raises
+    ------
+    Unfit
+        For a contact that bounces: MuJoCo knows springs and dampers, no coefficient of restitution.
+    """
+    if scene.contact.restitution > 0.0:
+        raise Unfit(
+            f"a restitution of {scene.contact.restitution:g} in MuJoCo",
+            "its contacts are springs and have no coefficient of restitution",
+            "set contact.restitution: 0, or simulation.engine: bullet",
+        )
+    world = _worlds.pop(scene, None) or MujocoWorld(scene)
+    _worlds[scene] = world
+    while len(_worlds) > WORLDS_KEPT:
+        _worlds.popitem(last=False)
+    world.rewind(time_step, substeps, solver or SOLVER)
+    return world
+
+
+def _model(scene: Scene, scale: float) -> mujoco.MjModel:
+    spec = mujoco.MjSpec()
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    # A state that is not finite must be seen, not quietly replaced by the initial one.
+    spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    rock, contact = scene.rock, scene.contact
+    rolls = contact.rolling_friction > 0.0
+    touch = {
+        # the larger of two geoms' values counts, so the rock's are the pair's
+        "friction": [contact.friction, 0.0, contact.rolling_friction * scale],
+        "condim": 6 if rolls else 3,
+        "solimp": [*IMPEDANCE, 0.5, 2.0],
+    }
+    if scene.pedestal == "plane":
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0], friction=[0.0] * 3
+        )
+    elif scene.pedestal == "box":
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[20.0, 20.0, 1.0],
+            pos=[0.0, 0.0, -1.0],
+            friction=[0.0] * 3,
+        )
+    elif scene.pedestal == "mesh":
+        raise Unfit(
+            "a triangulated pedestal in MuJoCo",
+            "it takes the convex hull of any mesh",
+            "use simulation.engine: bullet",
+        )
+    body = spec.worldbody.add_body(
+        mass=1.0,
+        inertia=(rock.inertia / rock.mass * scale**2).tolist(),
+        explicitinertial=True,
+        ipos=[0.0, 0.0, 0.0],
+    )
+    body.add_freejoint()
+    body.add_geom(**_shape(spec, rock, scale), **touch)
+    return spec.compile()
+
+
+def _shape(spec: mujoco.MjSpec, rock: Rock, scale: float) -> dict[str, object]:
+    if rock.shape == "box":
+        half = np.abs(rock.vertices).max(axis=0) * scale
+        return {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": half.tolist()}
+    if rock.shape == "sphere":
+        return {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [1.0, 0.0, 0.0]}
+    corners = rock.vertices @ rock.axes * scale
+    spec.add_mesh(
+        name="rock",
+        uservert=corners.ravel().tolist(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+    )
+    return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": "rock"}
+
+
+def _quaternion(rotation: Array) -> Array:
+    """Quaternion w, x, y, z, as MuJoCo orders it, of a rotation matrix."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+    return quaternion
