@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+import math
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    field_serializer,
+    field_validator,
+    model_validator,
+)
+
+if TYPE_CHECKING:
+    from vsr_core.servo import Servo
 
 _DIGITS = 12
 
@@ -145,6 +159,26 @@ class MotionConfig(Section):
         return pgv_pga
 
 
+class ServoConfig(Section):
+    """The servo of a driven table: PID of the pedestal's velocity."""
+
+    mass: float = Field(gt=0, description="mass of the pedestal [kg]")
+    kp: float = Field(gt=0, description="proportional gain [N s/m]")
+    ki: float = Field(ge=0, description="integral gain [N/m]")
+    kd: float = Field(ge=0, description="derivative gain [N s^2/m]")
+    period: float = Field(gt=0, le=0.1, description="time for which a force is held [s]")
+    force_limit: float | None = Field(
+        None, gt=0, description="largest force [N], or null where there is no limit"
+    )
+
+    def servo(self) -> Servo:
+        """The servo in the terms of the physics."""
+        from vsr_core.servo import Servo
+
+        limit = math.inf if self.force_limit is None else self.force_limit
+        return Servo(self.mass, self.kp, self.ki, self.kd, self.period, limit)
+
+
 class SimulationConfig(Section):
     """How runs are computed."""
 
@@ -168,10 +202,36 @@ class Config(Section):
     contact: ContactConfig
     motion: MotionConfig
     yaw: Values = Field(description="turn of the rock about z before the shaking along +x [degree]")
-    drive: Literal["table_frame"] = "table_frame"
+    drive: Literal["table_frame", "servo"] = Field(
+        "table_frame", description="motion as prescribed, or as a servo brings it about"
+    )
+    servo: ServoConfig
     simulation: SimulationConfig = SimulationConfig()
 
     _values = field_validator("yaw", mode="before")(_as_values)
+
+    @field_validator("servo")
+    @classmethod
+    def _stable(cls, servo: ServoConfig, info: ValidationInfo) -> ServoConfig:
+        from vsr_core.servo import check
+
+        if info.data.get("drive") == "servo":
+            check(servo.servo())
+        return servo
+
+    @field_validator("simulation")
+    @classmethod
+    def _can_drive(cls, simulation: SimulationConfig, info: ValidationInfo) -> SimulationConfig:
+        if info.data.get("drive") == "servo" and simulation.engine != "bullet":
+            raise ValueError("a servo needs Bullet; set engine: bullet, or drive: table_frame")
+        return simulation
+
+    @field_serializer("servo", mode="wrap")
+    def _empty_if_idle(
+        self, servo: ServoConfig, dump: SerializerFunctionWrapHandler
+    ) -> dict[str, Any]:
+        """A servo that drives nothing is no part of what determines a product."""
+        return dict(dump(servo)) if self.drive == "servo" else {}
 
     @field_validator("yaw")
     @classmethod

@@ -2,6 +2,26 @@
 
 The frame is the table's, so the pedestal is at rest and the table's acceleration a(t) acts on the
 rock as a body force -a(t) per unit mass. All energies are per unit mass of the rock [m^2/s^2].
+
+Every theorem here assumes
+
+- a rigid rock on a rigid, flat and level pedestal, wide enough to be a half-space;
+- a table in pure horizontal translation;
+- contact forces and impulses that push (N >= 0), stay inside Coulomb's cone and add no energy. So
+  it is for sticking, sliding, rolling, spinning and for impacts whose restitution, at most 1, is
+  one of impulse or of energy; Newton's ratio of speeds can add energy where an impact meets
+  friction (Stronge 1990);
+
+and what its docstring adds. An engine obeys them up to its errors only: see ``simulate`` for the
+guards, and ``tests/test_bounds_hunt.py`` for the hunt after counterexamples. ``still_range`` and
+all that take an ``impulse`` need a(t) in advance. A servo adds to it what the rock's push and its
+own error make, also after the motion has ended, so that they must not be used there.
+
+References
+----------
+Stronge, W. J. (1990). Rigid body collisions with friction. Proc. R. Soc. Lond. A 431, 169-181.
+Pang, J.-S. & Trinkle, J. C. (2000). Stability characterizations of rigid body contact problems with
+Coulomb friction. Z. Angew. Math. Mech. 80(10), 643-663.
 """
 
 from __future__ import annotations
@@ -29,10 +49,13 @@ _AZIMUTHS = 1440
 class Barrier:
     """Lower bounds of the height of the centre of mass over all poses that touch the pedestal.
 
-    A convex rock whose ``down`` direction is n cannot have its centre lower than
-    H(n) = max_v n.v over its vertices v. ``height[i]`` bounds H from below over all azimuths at
-    ``tilt[i]``: whoever passes that tilt, sliding, rolling, spinning or bouncing, has at least
-    that much potential energy.
+    Theorem: a rock whose ``down`` direction is n has its centre at H(n) = max_v n.v over its
+    vertices v, or higher. ``height[i]`` bounds H from below over all azimuths at ``tilt[i]``:
+    whoever passes that tilt, sliding, rolling, spinning or bouncing, has at least that much
+    potential energy. Tilt is continuous in time, so a way from one tilt to another passes all
+    between them, and needs the highest of their bounds.
+
+    Proof: no vertex is below the pedestal, and vertex v is n.v below the centre.
 
     Attributes
     ----------
@@ -46,7 +69,9 @@ class Barrier:
     edge_height : float [m]
         The barrier there: what the centre must reach to topple.
     upright_floor, floor : float [m]
-        Lowest possible height while not beyond ``edge_tilt``, and at all.
+        Lowest possible height while not beyond ``edge_tilt``, and at all. Along an arc of
+        directions on which one vertex touches, n.v is concave; so H has its minima over a cap of
+        directions at facet normals, or on the cap's rim, where ``height`` bounds it.
     """
 
     tilt: Array
@@ -66,9 +91,10 @@ class Barrier:
 def barrier(rock: Rock) -> Barrier:
     """Barrier of a rock with its complete hull.
 
-    H(n) changes by at most the rock's radius per radian, so the least of the sampled azimuths,
-    less half a spacing's change, is a bound for all of them. It is exact in tilt: any set of
-    tilts bounds a path that has to cross them.
+    At tilt t, H changes by at most radius * sin(t) per radian of azimuth, so the least of the
+    sampled azimuths, less half a spacing's change, is a bound for all of them. Nothing is lost by
+    the sampling in tilt: any set of tilts bounds a path that has to cross them. Leaving out
+    vertices that do not touch at a tilt only lowers its bound.
     """
     tilt = np.arange(0.0, math.pi + _TILT_STEP / 2, _TILT_STEP)
     azimuth = np.linspace(0.0, 2.0 * math.pi, _AZIMUTHS, endpoint=False)
@@ -96,10 +122,29 @@ def barrier(rock: Rock) -> Barrier:
 def still_range(rock: Rock, contact: Contact, yaw: float) -> tuple[float, float]:
     """Range of table accelerations (lowest, highest) [m/s^2] in which a resting rock stays at rest.
 
-    Theorem: while the resultant of weight and inertia passes through the interior of the base
-    and of the friction cone, contact forces exist that hold the rock still, and a rock at rest
-    stays so. Assumes a rigid rough pedestal, shaking along x and the rest pose of the hull, turned
-    by ``yaw`` [rad]; rolling friction can only help. A positive acceleration tips toward -x.
+    Theorem: the rock rests on its lowest face, and shaking along x presses it with (-a, 0, -g) at
+    its centre of mass. Forces at the corners of that face which hold it still, each in its own
+    friction cone, exist if and only if |a| <= mu g and the line of (-a, 0, -g) through the centre
+    meets the pedestal at a point p of the face. The range is where both are so.
+
+    Proof: p is a mean of the corners r_i with weights w_i >= 0 of sum 1. The forces w_i (a, 0, g)
+    add up to (a, 0, g), are in the cone if |a| <= mu g, and their moment about the centre,
+    p x (a, 0, g), is zero about all three axes because p is parallel to the force: however far p is
+    from the foot of the centre, nothing is left to twist the rock. Conversely, the normal forces
+    of any others add up to g, so their friction to mu g at most, and their moment needs the
+    centre of pressure at p.
+
+    So rest obeys all laws. No other motion from rest does that starts without turning about the
+    vertical, as in a plane: then all touching points start to slide by the same acceleration s;
+    N >= g, because the centre is above the face and no part of it sinks; and with the rise n >= 0
+    of p, twice the kinetic energy grows as t^2 times -a s_x - mu N |s| - g n <= 0. For turning
+    without lifting mu hypot(I_xz, I_yz) < I_zz is enough (moments about the centre, z vertical).
+    Leaning bodies beyond that can have a second solution, in which they start to turn by themselves
+    ("weak" stability, Pang & Trinkle 2000); random search found none below it.
+
+    Assumes besides a start at rest in the hull's rest pose, turned by ``yaw`` [rad], and standard
+    gravity. Restitution has no part in it, and rolling friction can only widen the range. A
+    positive acceleration tips toward -x.
     """
     hull = convex_hull(rock.vertices)
     toward_plus_x, toward_minus_x = tipping(hull, np.array([-yaw, math.pi - yaw])).uplift
@@ -112,9 +157,17 @@ def still_range(rock: Rock, contact: Contact, yaw: float) -> tuple[float, float]
 def reachable_energy(energy: float, impulse: float) -> float:
     """Most energy above the floor that a rock can have after more shaking.
 
-    Theorem: with e the energy above the lowest possible one, de/dt <= |a| v and v <= sqrt(2 e),
-    because contacts with a pedestal at rest never add energy; so sqrt(2 e) grows by at most the
-    integral of |a|. Holds with sliding, spinning, bouncing (restitution <= 1) and any direction.
+    Theorem: let e be the energy, kinetic and potential, above the lowest possible potential one.
+    Then sqrt(2 e) grows by at most the integral of |a|, whatever the rock does: slides, spins,
+    rolls, bounces, flies.
+
+    Proof: contacts with a pedestal at rest take energy or leave it, so de/dt <= -a.v <= |a| |v|
+    with v the velocity of the centre of mass; |v| <= sqrt(2 e), because the kinetic energy of
+    turning and the potential energy above its lowest are not negative; and impacts lower e at
+    once. Hence d sqrt(2 e)/dt <= |a|. No better bound holds for all rocks: pushes at the lowest
+    point of a rock that only moves there, and does not turn, reach it.
+
+    Assumes a(t) prescribed. It may be any horizontal vector; ``impulse`` is that of its length.
 
     Parameters
     ----------
@@ -127,7 +180,13 @@ def reachable_energy(energy: float, impulse: float) -> float:
 def cannot_topple(limits: Barrier, tilt: float, energy: float, impulse: float) -> bool:
     """Whether an upright rock at ``tilt`` [rad] can no longer pass ``edge_tilt``, so not topple.
 
-    ``energy`` is kinetic plus g z [m^2/s^2], ``impulse`` as in ``reachable_energy``.
+    Theorem: if true, the tilt stays at ``edge_tilt`` or below for ever. Proof: until it first
+    passes there, ``upright_floor`` is the lowest possible height, so that ``reachable_energy``
+    bounds the energy above it; and passing takes at least ``edge_height``. It says nothing about
+    sliding: the rock may still be displaced.
+
+    ``energy`` is kinetic plus g z [m^2/s^2], ``impulse`` as in ``reachable_energy``, with its
+    assumptions: a servo's table is not at rest after the motion, and no bound for it.
     """
     if tilt > limits.edge_tilt:
         return False
@@ -136,7 +195,11 @@ def cannot_topple(limits: Barrier, tilt: float, energy: float, impulse: float) -
 
 
 def cannot_return(limits: Barrier, tilt: float, energy: float, impulse: float) -> bool:
-    """Whether a rock lying at ``tilt`` [rad] can no longer come back below ``toppled_tilt``."""
+    """Whether a rock lying at ``tilt`` [rad] can no longer come back below ``toppled_tilt``.
+
+    Theorem: if true, the tilt stays above ``toppled_tilt`` for ever. Proof: as of
+    ``cannot_topple``, with the highest bound on the way back and the lowest height of all.
+    """
     if tilt <= limits.toppled_tilt:
         return False
     gap = GRAVITY * (limits.to_return(tilt) - limits.floor)
@@ -146,13 +209,15 @@ def cannot_return(limits: Barrier, tilt: float, energy: float, impulse: float) -
 def falls_on(lever: Array, spin: Array, inertia: Array, peak: float) -> bool:
     """Whether a rock past ``toppled_tilt`` keeps falling whatever is left of the shaking.
 
-    Theorem: a rock turns about a touching point, its centre beyond that point by the angle gamma
-    from the vertical. Shaking of at most ``peak`` tilts gravity by at most beta = atan(peak/g).
-    Once gamma >= beta the moment has the sign of the fall, until another point lands. Before
-    that, the worst shaking takes g' rho (1 - cos(beta - gamma)) of energy per unit mass on the
-    way to gamma = beta, with rho the lever and g' = hypot(g, peak); a rock that turns with more
-    gets there. Proved for plane motion without sliding; for spinning and sliding rocks checked
-    against complete runs (``make bench``).
+    Theorem, for plane motion about a touching point that neither slides nor lifts: let gamma be
+    the angle from the vertical at which the centre is beyond that point. Shaking of at most
+    ``peak`` tilts gravity by at most beta = atan(peak/g). From gamma >= beta on, the moment has
+    the sign of the fall, until another point lands. Before that, the worst shaking takes
+    g' rho (1 - cos(beta - gamma)) of energy per unit mass on the way to gamma = beta, with rho
+    the lever and g' = hypot(g, peak); a rock that turns with more gets there.
+
+    Levers count in the plane of the fall only: along an edge that touches, the point may be any.
+    ``cannot_be_stopped`` is a theorem for sliding and bouncing rocks too.
 
     Parameters
     ----------
@@ -161,17 +226,54 @@ def falls_on(lever: Array, spin: Array, inertia: Array, peak: float) -> bool:
     inertia : ndarray, shape (3, 3) [m^2], about the centre of mass, per unit mass, same axes
     peak : float [m/s^2], largest acceleration still to come
     """
-    x, y, z = (float(part) for part in lever)
-    across = math.hypot(x, y)
-    if across == 0.0:
+    across, axis, turning = _fall(lever, spin)
+    if across <= 0.0:
         return False
-    axis = np.array([-y, x, 0.0]) / across
-    turning = float(spin @ axis)
-    if turning <= 0.0:
-        return False
-    gap = math.atan(peak / GRAVITY) - math.atan2(across, z)
+    gap = math.atan(peak / GRAVITY) - math.atan2(across, float(lever[2]))
     if gap <= 0.0:
         return True
-    rho_squared = across * across + z * z
+    rho_squared = across * across + float(lever[2]) ** 2
     have = 0.5 * turning**2 * (rho_squared + float(axis @ inertia @ axis))
     return have > math.hypot(GRAVITY, peak) * math.sqrt(rho_squared) * (1.0 - math.cos(gap))
+
+
+def cannot_be_stopped(lever: Array, spin: Array, inertia: Array, contact: Contact) -> bool:
+    """Whether no shaking can stop the fall of a rock, because friction has no hold on it.
+
+    Theorem: let f be a fixed horizontal axis, and every point that touches lie behind the centre
+    of mass, toward the side that a turn about f comes from, by at least mu times its depth below
+    the centre, plus the length of rolling friction. Then the angular momentum about f through the
+    centre never decreases, whatever the table does, and also while the rock slides, bounces or
+    flies. In plane motion about f the rock therefore goes on turning at its present rate or faster
+    until another point comes down, from where the same holds if that point is as far behind.
+
+    Proof: weight and inertia act in the centre and have no moment about it. A contact force in the
+    cone, at (-q, -z) from the centre, has the moment N q - T z >= N (q - mu z) about f, less N
+    times the length of rolling friction: not negative. The same for an impulse. While a point
+    stays the lowest, q grows and z shrinks as the rock turns, in contact or in the air.
+
+    Nothing is assumed of the motion, which may be a servo's. The conclusion on the turning is for
+    plane motion; a rock that also spins is checked against complete runs (``make test-slow``).
+    That it "falls" means that it comes down on another part: it counts as overturned then, as a
+    block of Housner's does at 90 deg, whatever shaking might do to it afterwards.
+
+    Parameters
+    ----------
+    lever : ndarray, shape (3,) [m], from the lowest vertex to the centre of mass
+    spin : ndarray, shape (3,) [rad/s], angular velocity; f is along its horizontal part
+    inertia : ndarray, shape (3, 3) [m^2], about the centre of mass, per unit mass, same axes
+    contact : Contact
+    """
+    behind, axis, turning = _fall(lever, spin)
+    reach = contact.friction * float(lever[2]) + contact.rolling_friction
+    return turning > 0.0 and behind >= max(reach, 0.0) and float(axis @ inertia @ spin) > 0.0
+
+
+def _fall(lever: Array, spin: Array) -> tuple[float, Array, float]:
+    """Distance [m] of a point behind the centre, axis, shape (3,), and rate [rad/s] of a fall."""
+    x, y = float(spin[0]), float(spin[1])
+    turning = math.hypot(x, y)
+    if turning == 0.0:
+        return 0.0, np.zeros(3), 0.0
+    axis = np.array([x, y, 0.0]) / turning
+    return float(lever[0] * axis[1] - lever[1] * axis[0]), axis, turning

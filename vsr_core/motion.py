@@ -13,7 +13,7 @@ from vsr_core import GRAVITY
 
 
 class GroundMotion(Protocol):
-    """Horizontal acceleration of the table along +x, zero outside ``[0, duration]``."""
+    """Horizontal motion of the table along +x; it rests outside ``[0, duration]``."""
 
     @property
     def duration(self) -> float:
@@ -29,6 +29,9 @@ class GroundMotion(Protocol):
 
     def acceleration(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
         """Acceleration [m/s^2] at times ``t`` [s], shape of ``t``."""
+
+    def velocity(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Velocity [m/s] at times ``t`` [s], shape of ``t``."""
 
     def remaining_peak(self, t: float) -> float:
         """Largest absolute acceleration [m/s^2] after time ``t`` [s]."""

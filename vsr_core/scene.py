@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
 from vsr_core.hull import convex_hull, touching
+from vsr_core.servo import Servo
 
 Array = NDArray[np.float64]
 
@@ -97,6 +98,8 @@ class Scene:
         Tilt up to which the rock's vertices are complete.
     start : State, where it does not start at rest on the pedestal
     gravity : float [m/s^2]
+    drive : Servo, where one moves the pedestal along x and the rock can push it back
+        Without one the motion is prescribed and the scene is seen in the table's own frame.
     """
 
     rock: Rock
@@ -106,6 +109,7 @@ class Scene:
     kept_tilt: float = float(np.pi)
     start: State | None = None
     gravity: float = GRAVITY
+    drive: Servo | None = None
 
 
 @dataclass(frozen=True)
@@ -117,13 +121,17 @@ class Reduction:
 
 
 STANDING_REDUCTIONS = (
+    Reduction("trajectory", "only outcomes are wanted"),
+    Reduction("settling before the pulse", "the rest pose is known from the hull's geometry"),
+)
+"""What ``simulate`` itself leaves out when a scene is reduced."""
+
+TABLE_FRAME_REDUCTIONS = (
     Reduction(
         "joint, servo and moving pedestal",
         "the motion is prescribed, so the table's own frame is exact: gravity minus the table's "
         "acceleration",
     ),
-    Reduction("trajectory", "only outcomes are wanted"),
-    Reduction("settling before the pulse", "the rest pose is known from the hull's geometry"),
     Reduction(
         "runs below the uplift and sliding limits",
         "the resultant stays inside the base and the friction cone: nothing moves",
@@ -133,7 +141,7 @@ STANDING_REDUCTIONS = (
         "energy too small for any way back, or falling past every support",
     ),
 )
-"""What ``simulate`` itself leaves out when a scene is reduced."""
+"""What it leaves out besides where no servo moves the table."""
 
 
 def reduce(scene: Scene) -> tuple[Scene, tuple[Reduction, ...]]:
@@ -151,7 +159,9 @@ def reduce(scene: Scene) -> tuple[Scene, tuple[Reduction, ...]]:
     """
     dropped = [*STANDING_REDUCTIONS]
     reduced = scene
-    if scene.rock.shape == "hull" and scene.contact.restitution == 0.0:
+    if scene.drive is None:
+        dropped = [*TABLE_FRAME_REDUCTIONS, *dropped]
+    if scene.drive is None and scene.rock.shape == "hull" and scene.contact.restitution == 0.0:
         # On a plane Bullet finds one corner of a landing edge at a time, on a slab both. With a
         # box that shifts the boundary of short pulses by 3-5 %, and no face rebounds as it should.
         reduced = replace(reduced, pedestal="plane")

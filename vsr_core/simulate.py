@@ -4,26 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsr_core import GRAVITY, bounds, engines, scene
+from vsr_core import GRAVITY, bounds, engines, scene, servo
 from vsr_core.motion import GroundMotion
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
+from vsr_core.sampling import samples, sampling
 from vsr_core.scene import Reduction, Rock, Scene
 
 Array = NDArray[np.float64]
 
 LOOK_EVERY = 48
 """Time steps between two looks at the rock."""
-
-MOST_SUBSTEPS = 8
-"""Time steps under one sample of the motion, at most: calls to an engine cost as much as steps."""
-
-SAMPLING_SHARE = 0.1
-"""Longest hold of a sample, as a share of the motion's shortest time. A pulse held from mid to
-mid of steps of 0.1 rad is off by 0.1^2 / 24 = 0.04 %."""
 
 HALVINGS = 5
 """A run that fails its guards is repeated at half the step, this many times."""
@@ -50,7 +45,8 @@ class Settings:
 
     Attributes
     ----------
-    time_step : float [s], the largest allowed; a whole number of steps fills the motion
+    time_step : float [s], the largest allowed; a whole number of steps fills the motion, or the
+        control period of a drive
     reduce : bool, whether to leave out what cannot change the outcome
     engine : str, name of a module in ``vsr_core.engines``
     solver : Solver, effort of the engine's solver where it is not the engine's own
@@ -72,7 +68,8 @@ class Case:
     scene : Scene, as simulated; ``full`` itself if its rock was not reduced
     reductions : tuple of Reduction, what was left out
     limits : Barrier of the rock
-    still : tuple of float, lowest and highest table acceleration [m/s^2] that move nothing
+    still : tuple of float, lowest and highest table acceleration [m/s^2] that move nothing; zeros
+        for a drive, whose table accelerates a little more than it should
     """
 
     full: Scene
@@ -83,8 +80,18 @@ class Case:
 
 
 def prepare(described: Scene, limits: bounds.Barrier, *, reduce: bool) -> Case:
-    """Reduce a scene, or take it as it is; ``limits`` is the ``barrier`` of its rock."""
-    still = bounds.still_range(described.rock, described.contact, described.yaw)
+    """Reduce a scene, or take it as it is; ``limits`` is the ``barrier`` of its rock.
+
+    Raises
+    ------
+    Unfit
+        For a drive whose sampled loop is unstable.
+    """
+    if described.drive is None:
+        still = bounds.still_range(described.rock, described.contact, described.yaw)
+    else:
+        servo.check(described.drive)
+        still = (0.0, 0.0)
     reduced, reductions = scene.reduce(described) if reduce else (described, ())
     full = replace(reduced, rock=described.rock, kept_tilt=described.kept_tilt)
     return Case(full, reduced, reductions, limits, still)
@@ -104,6 +111,8 @@ def simulate(case: Case, motion: GroundMotion, settings: Settings) -> Response:
     if settings.reduce and motion.peak_acceleration < min(-case.still[0], case.still[1]):
         return Response(Outcome.BALANCED, DecidedBy.NO_UPLIFT_BOUND, 0.0, 0.0, 0.0, 0)
     simulated, time_step = case.scene, settings.time_step
+    if simulated.drive is not None:
+        time_step = min(time_step, simulated.drive.period)
     for _ in range(HALVINGS + 1):
         response = _Run(case, simulated, motion, settings, time_step).to_the_end()
         if response.peak_tilt > simulated.kept_tilt:
@@ -126,24 +135,28 @@ class _Run:
         settings: Settings,
         time_step: float,
     ) -> None:
-        self.motion, self.limits, self.early = motion, case.limits, settings.reduce
+        self.motion, self.limits = motion, case.limits
+        # The proofs assume the prescribed motion; a servo's table moves a little differently.
+        self.early = settings.reduce and simulated.drive is None
         rock = simulated.rock
         self.friction = simulated.contact.friction
         self.radius = rock.radius
         self.vertices = rock.vertices
+        self.kept_tilt = math.pi if simulated is case.full else simulated.kept_tilt
         self.foot = np.array([0.0, 0.0, -rock.height])
         self.inertia = rock.axes * (rock.inertia / rock.mass) @ rock.axes.T
-        held = int(SAMPLING_SHARE * motion.shortest_time / time_step)
-        self.substeps = max(1, min(MOST_SUBSTEPS, held))
-        self.look_every = LOOK_EVERY // self.substeps
-        self.pulse_samples = math.ceil(motion.duration / (time_step * self.substeps))
-        self.interval = motion.duration / self.pulse_samples
+        self.drive = simulated.drive
+        sampled = sampling(motion, self.drive, time_step)
+        self.interval, self.substeps = sampled.interval, sampled.substeps
+        self.pulse_samples = sampled.pulse_samples
+        self.look_every = max(1, LOOK_EVERY // self.substeps)
         wait = max(4.0, WAITING_TIMES * math.sqrt(self.radius / GRAVITY))
         self.last_sample = self.pulse_samples + math.ceil(wait / self.interval)
         engine = engines.load(settings.engine)
         self.world = engine.build(
             simulated, self.interval / self.substeps, self.substeps, settings.solver
         )
+        self.driven = cast(engines.DrivenWorld, self.world) if simulated.drive else None
         self.sample = 0
         self.time = 0.0
         self.tilt = self.peak_tilt = self.slip = 0.0
@@ -157,17 +170,19 @@ class _Run:
             return self._ended(Outcome.UNSTABLE, DecidedBy.SIMULATION)
         if self.kinetic > ENERGY_SLACK * GRAVITY * self.radius:
             return self._ended(Outcome.UNSETTLED, DecidedBy.SIMULATION)
-        middles: Array = (np.arange(self.last_sample, dtype=np.float64) + 0.5) * self.interval
-        acceleration = self.motion.acceleration(middles).tolist()
+        values = samples(self.motion, self.drive, self.interval, self.last_sample).tolist()
         while self.sample < self.last_sample:
             until = self._next_look()
-            self.world.advance(acceleration[self.sample : until])
+            self.world.advance(values[self.sample : until])
             self.sample, self.time = until, until * self.interval
             if not self._look():
                 return self._ended(Outcome.UNSTABLE, DecidedBy.SIMULATION)
+            if self.peak_tilt > self.kept_tilt:  # to be repeated with all vertices
+                break
             decided = self._decided()
             if decided:
                 return self._ended(*decided)
+        # By now a driven table stands as still as the motion wants it.
         side = self._side() if self._proved() else Outcome.UNSETTLED
         return self._ended(side, DecidedBy.SIMULATION)
 
@@ -186,7 +201,7 @@ class _Run:
         body_spin = rotation.T @ spin
         self.kinetic = 0.5 * float(velocity @ velocity + body_spin @ self.inertia @ body_spin)
         self.energy = self.kinetic + GRAVITY * height
-        at_rest = self.kinetic < REST_SHARE * GRAVITY * self.radius
+        at_rest = self.kinetic + self._table_kinetic() < REST_SHARE * GRAVITY * self.radius
         self.looks_at_rest = self.looks_at_rest + 1 if at_rest else 0
         self.state = state
         if not math.isfinite(self.energy):
@@ -199,11 +214,20 @@ class _Run:
         deepest = height + float(self.heights.min())
         if deepest < -PENETRATION_SHARE * self.radius:
             return False
-        given = self.motion.remaining_impulse(0.0) - self.motion.remaining_impulse(self.time)
         floor = GRAVITY * self.limits.floor
         start = GRAVITY * float(self.start.position[2]) - floor
-        allowed = bounds.reachable_energy(start, given) + ENERGY_SLACK * GRAVITY * self.radius
-        return self.energy - floor <= allowed
+        given = bounds.reachable_energy(start, self._impulse_so_far())
+        return self.energy - floor <= given + ENERGY_SLACK * GRAVITY * self.radius
+
+    def _impulse_so_far(self) -> float:
+        """Integral of the table's absolute acceleration [m/s], as measured if it is driven."""
+        if self.driven is not None:
+            return self.driven.impulse()
+        return self.motion.remaining_impulse(0.0) - self.motion.remaining_impulse(self.time)
+
+    def _table_kinetic(self) -> float:
+        """Half the square of a driven table's velocity [m^2/s^2]: a rest is no common motion."""
+        return 0.5 * self.driven.table()[1] ** 2 if self.driven is not None else 0.0
 
     def _decided(self) -> tuple[Outcome, DecidedBy] | None:
         if self.sample >= self.pulse_samples and self.looks_at_rest >= LOOKS_AT_REST:

@@ -179,7 +179,7 @@ STAGE = Stage(
     name="report",
     make=make,
     needs=("rock", "responses", "fragility"),
-    reads=("rock", "pedestal", "contact", "motion", "yaw", "drive", "simulation"),
+    reads=("rock", "pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
     inputs=_inputs,
     versions=("matplotlib", "jinja2"),
 )

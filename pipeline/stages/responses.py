@@ -108,5 +108,5 @@ STAGE = Stage(
     name="responses",
     make=make,
     needs=("rock", "motions", "runs"),
-    reads=("contact", "motion", "yaw", "drive", "simulation"),
+    reads=("contact", "motion", "yaw", "drive", "servo", "simulation"),
 )

@@ -19,6 +19,7 @@ from pipeline.stage import Job, Product, Stage
 from pipeline.store import RUNS, RunRow, RunStore, Store
 from vsr_core import GRAVITY, engines
 from vsr_core.outcome import DecidedBy, Outcome
+from vsr_core.servo import Servo
 
 BATCH = 40
 """Runs handed to a worker at once, 0.2-0.5 s of work."""
@@ -72,7 +73,7 @@ def groups(config: Config, store: Store) -> Iterator[Group]:
         "rock": [shape, rock.mass],
         "pedestal": config.pedestal.shape,
         "contact": [config.contact.restitution, config.contact.rolling_friction],
-        "drive": config.drive,
+        "drive": config.servo.model_dump() if config.drive == "servo" else config.drive,
         "motion": config.motion.kind,
         "simulation": [config.simulation.engine, time_step(config, rock), config.simulation.reduce],
         "engine": engines.load(config.simulation.engine).VERSION,
@@ -115,8 +116,12 @@ def prepared(config: Config, store: Store, yaw: float, friction: float) -> Any:
 
     rock, limits = load_rock(store)
     contact = Contact(friction, config.contact.restitution, config.contact.rolling_friction)
-    scene = Scene(rock, contact, math.radians(yaw))
+    scene = Scene(rock, contact, math.radians(yaw), drive=_drive(config))
     return prepare(scene, limits, reduce=config.simulation.reduce)
+
+
+def _drive(config: Config) -> Servo | None:
+    return config.servo.servo() if config.drive == "servo" else None
 
 
 def simulate_batch(shared: Any, cells: tuple[Cell, ...]) -> list[tuple[Any, ...]]:
@@ -197,7 +202,7 @@ STAGE = Stage(
     name="runs",
     make=make,
     needs=("rock",),
-    reads=("pedestal", "contact", "motion", "yaw", "drive", "simulation"),
+    reads=("pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
     code=(*SIMULATION_CODE, "pipeline.stages.runs:simulate_batch"),
     made_elsewhere=True,
     versions=("pybullet",),

@@ -35,13 +35,27 @@ class Solver:
 
 
 class World(Protocol):
-    """A scene under way, in the table's own frame."""
+    """A scene under way, in the table's own frame.
 
-    def advance(self, acceleration: Iterable[float]) -> None:
+    In a scene with a drive the samples that ``advance`` takes are velocity commands to the servo
+    [m/s], one per control period, and the world is a ``DrivenWorld``.
+    """
+
+    def advance(self, samples: Iterable[float], /) -> None:
         """Step through samples of the table's acceleration along +x [m/s^2], taken at mid-hold."""
 
     def state(self) -> State:
         """Present state; entries are not finite if the engine diverged."""
+
+
+class DrivenWorld(World, Protocol):
+    """A scene under way on a table that a servo moves; ``state`` is relative to the table."""
+
+    def table(self) -> tuple[float, float]:
+        """Position [m] and velocity [m/s] of the table along +x, both zero at the start."""
+
+    def impulse(self) -> float:
+        """Upper bound of the integral of the table's absolute acceleration so far [m/s]."""
 
 
 class Engine(Protocol):
@@ -55,8 +69,8 @@ class Engine(Protocol):
     ) -> World:
         """World with the rock at its start; ends earlier worlds of that scene.
 
-        Each sample of the motion is held for ``substeps`` steps of ``time_step`` [s]. Without a
-        ``solver`` the engine's own ``SOLVER`` is used.
+        Each sample of the motion is held for ``substeps`` steps of ``time_step`` [s]; with a drive
+        that is its control period. Without a ``solver`` the engine's own ``SOLVER`` is used.
         """
 
 

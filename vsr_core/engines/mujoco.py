@@ -105,7 +105,14 @@ def build(
     ------
     Unfit
         For a contact that bounces: MuJoCo knows springs and dampers, no coefficient of restitution.
+        For a drive, which is not built here.
     """
+    if scene.drive is not None:
+        raise Unfit(
+            "a servo in MuJoCo",
+            "its scenes are in the table's own frame",
+            "use simulation.engine: bullet, or drive: table_frame",
+        )
     if scene.contact.restitution > 0.0:
         raise Unfit(
             f"a restitution of {scene.contact.restitution:g} in MuJoCo",

@@ -39,8 +39,11 @@ MASS = 0.001
 Bullet caps the impulse of rolling friction at the coefficient times one unit of impulse, so that
 a heavy rock has none."""
 
-QUIET_STEPS = 12
-"""Steps at rest that let Bullet gather the contact points of a known rest pose."""
+QUIET_STEPS, QUIET_TIME = 12, 0.03
+"""Steps, and time in Bullet's unit, that let a rock touch down and Bullet gather its contacts."""
+
+START_GAP = 2e-4
+"""Height above the known rest pose from which the rock is set down, in Bullet's length unit."""
 
 HULL_MARGIN = 0.001
 """Bullet's collision margin around a convex hull, in its length unit; boxes have none outside."""
@@ -48,6 +51,8 @@ HULL_MARGIN = 0.001
 RESTITUTION_THRESHOLD = 0.01
 """Normal speed below which nothing bounces, in Bullet's unit of speed."""
 
+FASTEST = 1e9
+"""Speed to which Bullet holds a body in a joint tree, in its unit; 100 if not stated."""
 
 WORLDS_KEPT = 2
 """Worlds kept for the next run of the same scene: the reduced one and the complete one."""
@@ -72,8 +77,9 @@ class BulletWorld:
         self._scale = SCALED_RADIUS / scene.rock.radius
         self._axes = scene.rock.axes
         # In maximal coordinates (no joint tree) a step costs less than half, but a contact that is
-        # still open takes the approach speed away without giving the rebound back.
-        self._maximal = int(scene.contact.restitution == 0.0)
+        # still open takes the approach speed away without giving the rebound back. On a driven
+        # table, a joint tree itself, they save next to nothing.
+        self._maximal = int(scene.contact.restitution == 0.0 and scene.drive is None)
         margin = HULL_MARGIN if scene.rock.shape == "hull" else 0.0
         start = scene.start or resting(scene)
         self._moving = scene.start is not None
@@ -106,12 +112,11 @@ class BulletWorld:
             solverResidualThreshold=solver.residual,
             physicsClientId=self._client,
         )
-        pybullet.setGravity(0.0, 0.0, 0.0, self._client)
         self._put([0.0, 0.0, 10.0 * SCALED_RADIUS], [0.0] * 3, [0.0] * 3)
         pybullet.stepSimulation(self._client)
         self._put(self._place, self._velocity, self._spin)
         if not self._moving:
-            self.advance([0.0] * math.ceil(QUIET_STEPS / substeps))
+            self._set_down(math.ceil(max(QUIET_STEPS / substeps, QUIET_TIME / interval)))
 
     def advance(self, acceleration: Iterable[float]) -> None:
         """Step through samples of the table's acceleration along +x [m/s^2]."""
@@ -137,12 +142,37 @@ class BulletWorld:
         """End the connection."""
         pybullet.disconnect(self._client)
 
+    def _set_down(self, quiet: int) -> None:
+        """Lower the rock by ``START_GAP`` on the pedestal in ``quiet`` samples, then hold it.
+
+        A hull's contacts overlap by 1e-4 in its exact rest pose. Bullet mends that by a speed, the
+        greater the smaller the step, and would start the rock with a kick.
+        """
+        self._put([*self._place[:2], self._place[2] + START_GAP], [0.0] * 3, [0.0] * 3)
+        self.advance([0.0] * quiet)
+        pybullet.resetBaseVelocity(self._rock, [0.0] * 3, [0.0] * 3, self._client)
+
     def _put(self, place: list[float], velocity: list[float], spin: list[float]) -> None:
         pybullet.resetBasePositionAndOrientation(self._rock, place, self._turn, self._client)
         pybullet.resetBaseVelocity(self._rock, velocity, spin, self._client)
 
     def _add_pedestal(self, scene: Scene) -> None:
         shape, centre = pedestal_shape(scene.pedestal, SCALED_RADIUS, self._client)
+        body, link = self._pedestal_body(scene, shape, centre)
+        # Bullet multiplies friction and restitution of two bodies, and combines rolling friction
+        # as r1 mu2 + r2 mu1: with these values the rock's are the pair's.
+        pybullet.changeDynamics(
+            body,
+            link,
+            lateralFriction=1.0,
+            restitution=1.0,
+            rollingFriction=0.0,
+            spinningFriction=0.0,
+            physicsClientId=self._client,
+        )
+
+    def _pedestal_body(self, scene: Scene, shape: int, centre: list[float]) -> tuple[int, int]:
+        """Bullet's numbers of a body that stands still and of its link that bears the shape."""
         body = pybullet.createMultiBody(
             0.0,
             shape,
@@ -151,17 +181,7 @@ class BulletWorld:
             useMaximalCoordinates=self._maximal,
             physicsClientId=self._client,
         )
-        # Bullet multiplies friction and restitution of two bodies, and combines rolling friction
-        # as r1 mu2 + r2 mu1: with these values the rock's are the pair's.
-        pybullet.changeDynamics(
-            body,
-            -1,
-            lateralFriction=1.0,
-            restitution=1.0,
-            rollingFriction=0.0,
-            spinningFriction=0.0,
-            physicsClientId=self._client,
-        )
+        return int(body), -1
 
     def _add_rock(self, scene: Scene) -> int:
         rock, contact = scene.rock, scene.contact
@@ -184,6 +204,7 @@ class BulletWorld:
             spinningFriction=0.0,
             linearDamping=0.0,
             angularDamping=0.0,
+            maxJointVelocity=FASTEST,
             localInertiaDiagonal=(MASS / rock.mass * rock.inertia * self._scale**2).tolist(),
             physicsClientId=self._client,
         )
@@ -195,13 +216,21 @@ def build(
 ) -> BulletWorld:
     """World with the rock at its start; ``substeps`` of ``time_step`` [s] a sample.
 
-    The world of an earlier call with the same scene is rewound and no longer valid itself.
+    The world of an earlier call with the same scene is rewound and no longer valid itself. In a
+    scene with a drive it is a ``DrivenWorld``.
+
+    Raises
+    ------
+    Unfit
+        For a drive whose pedestal no servo can move, or whose control period is not a sample.
     """
+    from vsr_core.engines.bullet.driven import DrivenWorld
+
     world = _worlds.pop(scene, None)
     if world is not None and not np.isfinite(world.state().position).all():
         world.close()
         world = None
-    _worlds[scene] = world or BulletWorld(scene)
+    _worlds[scene] = world or (BulletWorld if scene.drive is None else DrivenWorld)(scene)
     while len(_worlds) > WORLDS_KEPT:
         _worlds.popitem(last=False)[1].close()
     _worlds[scene].rewind(time_step, substeps, solver or SOLVER)

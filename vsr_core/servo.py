@@ -1,0 +1,136 @@
+"""The servo that drives a table: its sampled loop, and whether that loop is stable.
+
+The pedestal is a rigid mass M on a frictionless slide. At the start of each control period h the
+servo measures the velocity v, takes the error e = v_desired - v, and holds until the next period
+
+    F = kp e + ki s + kd (e - e_before) / h,    s = s_before + h e,
+
+cut at the force limit: the integral includes the present error, the derivative is the backward
+difference, both start from zero. Under a constant force a free mass obeys v+ = v + F h / M exactly.
+A rock that sticks to the table adds mass, which only widens the range of stable periods.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Servo:
+    """A pedestal on a slide under PID control of its velocity.
+
+    Attributes
+    ----------
+    mass : float [kg], of the pedestal
+    kp : float [N s/m], above 0
+    ki : float [N/m], not below 0
+    kd : float [N s^2/m], not below 0
+    period : float [s], time for which a force is held
+    force_limit : float [N], largest absolute force; the integral goes on growing behind it
+    """
+
+    mass: float
+    kp: float
+    ki: float
+    kd: float
+    period: float
+    force_limit: float = math.inf
+
+    @property
+    def stiffness(self) -> float:
+        """Kp h / M: share of an error that one period takes away [1]."""
+        return self.kp * self.period / self.mass
+
+
+PUBLISHED = Servo(mass=5e4, kp=5e7, ki=5e7, kd=0.0, period=1e-3)
+"""The public Double Rock model of Chen et al. (2024), Seismica 3(1), at the step of its physics.
+Its velocity commands came at 200 Hz; a force held as long as that makes the loop unstable."""
+
+
+def closed_loop(servo: Servo) -> Array:
+    """Matrix that takes the state over one control period when the table is to stand still.
+
+    The state is (v, s_before / h, v_before) [m/s], of which the second is left out without
+    integral gain and the third without derivative gain: what no force depends on cannot make the
+    velocity grow. The integral alone would add an eigenvalue of 1.
+
+    Returns
+    -------
+    ndarray, shape (n, n), n = 1, 2 or 3 [1]
+    """
+    p, i, d = _shares(servo)
+    full = np.array([[1.0 - p - i - d, i, d], [-1.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    kept = [0, *([1] if i else []), *([2] if d else [])]
+    return full[np.ix_(kept, kept)]
+
+
+def spectral_radius(servo: Servo) -> float:
+    """Factor by which the slowest error shrinks, or the fastest grows, in a control period [1]."""
+    return float(np.abs(np.linalg.eigvals(closed_loop(servo))).max())
+
+
+def largest_stable_period(servo: Servo) -> float:
+    """Period [s] from which on the sampled loop is unstable; 0 if it is at every period.
+
+    With p = kp h / M, i = ki h^2 / M and d = kd / M the characteristic polynomial is
+
+        z^3 + (p + i + d - 2) z^2 + (1 - p - 2 d) z + d,
+
+    and Jury's conditions for kp > 0, ki, kd >= 0 come down to 2 p + i + 4 d < 4. Without ki and kd
+    that is h < 2 M / kp.
+
+    References
+    ----------
+    Jury, E. I. (1964). Theory and Application of the z-Transform Method. Wiley.
+
+    Examples
+    --------
+    >>> largest_stable_period(Servo(mass=50.0, kp=1000.0, ki=0.0, kd=0.0, period=0.01))
+    0.1
+    """
+    spare = servo.mass - servo.kd
+    if spare <= 0.0:
+        return 0.0
+    return 4.0 * spare / (servo.kp + math.sqrt(servo.kp**2 + 4.0 * servo.ki * spare))
+
+
+def check(servo: Servo) -> None:
+    """Refuse a servo whose sampled loop is unstable.
+
+    Raises
+    ------
+    Unfit
+        With Kp h / M, the spectral radius, the largest stable period and what to change.
+    """
+    longest = largest_stable_period(servo)
+    if servo.period < longest:
+        return
+    given = (
+        f"a servo with Kp h / M = {servo.stiffness:.4g} and a spectral radius of "
+        f"{spectral_radius(servo):.4g}"
+    )
+    if longest == 0.0:
+        raise Unfit(
+            given,
+            f"no period is stable with kd = {servo.kd:g} at or above the mass of {servo.mass:g} kg",
+            "lower kd",
+        )
+    raise Unfit(
+        given,
+        f"its sampled loop is stable for periods below {1e3 * longest:.4g} ms",
+        f"shorten the period from {1e3 * servo.period:.4g} ms, lower the gains or raise the mass",
+    )
+
+
+def _shares(servo: Servo) -> tuple[float, float, float]:
+    """The gains as shares of an error that they take away in a period [1]."""
+    h, mass = servo.period, servo.mass
+    return servo.kp * h / mass, servo.ki * h * h / mass, servo.kd / mass
