@@ -107,7 +107,8 @@ def _run(options: argparse.Namespace) -> int:
 
     job = _job(options)
     job.store.open()
-    unresolved = graph.make(ALIASES.get(options.product, options.product), job)
+    with job.cluster:
+        unresolved = graph.make(ALIASES.get(options.product, options.product), job)
     for name in ("report.html", "fragility.csv", "responses.nc"):
         path = job.store.folder / name
         if path.is_file() and options.product in ("fragility", "report"):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 BATCHES_IN_FLIGHT = 4
@@ -38,7 +38,7 @@ class Done(NamedTuple):
 
 @dataclass(frozen=True)
 class Cluster:
-    """Choice of workers; nothing starts before there is work.
+    """Choice of workers; nothing starts before there is work, and what started stays to the end.
 
     Attributes
     ----------
@@ -53,6 +53,15 @@ class Cluster:
     scheduler_file: str | None = None
     slurm: bool = False
     log: Callable[[str], None] = print
+    _open: ExitStack = field(default_factory=ExitStack, repr=False, compare=False)
+    _clients: list[Any] = field(default_factory=list, repr=False, compare=False)
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._clients.clear()
+        self._open.close()
 
     @property
     def local(self) -> bool:
@@ -77,8 +86,9 @@ class Cluster:
         if self.local and self.workers == 0:
             yield from _in_turn(function, batches, shared)
             return
-        with self._client() as client:
-            yield from _distributed(client, function, batches, shared)
+        if not self._clients:
+            self._clients.append(self._open.enter_context(self._client()))
+        yield from _distributed(self._clients[0], function, batches, shared)
 
     @contextmanager
     def _client(self) -> Iterator[Any]:

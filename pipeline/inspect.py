@@ -11,6 +11,7 @@ from typing import Any
 
 from pipeline import graph
 from pipeline.cluster import Cluster
+from pipeline.scenes import prepared
 from pipeline.stage import Job, stages
 from pipeline.store import RUNS, RunRow, RunStore, Store
 from vsr_core import GRAVITY
@@ -49,39 +50,52 @@ def status(product: str, job: Job) -> list[str]:
 
 def plan(product: str, job: Job) -> list[str]:
     """What would run, what it costs, and what is left out of the scene."""
-    from pipeline.stages.runs import groups, prepared, time_step
-
     todo = [
         name
         for name, identity in graph.identities(product, job.site).items()
         if any(graph.why(stages()[name], identity, job.store))
     ]
     lines = [f"stages to make: {', '.join(todo) or 'none'}"]
+    config = job.config
     with tempfile.TemporaryDirectory() as temporary:
-        rock = _with_rock(job, Path(temporary))
-        config = job.config
-        case = prepared(config, rock.store, config.yaw[0], config.contact.friction[0])
-        kept = done = total = proved = 0
-        for group in groups(config, rock.store):
-            stored = _stored(job.store, group.keys)
-            still = prepared(config, rock.store, group.yaw, group.friction).still
-            limit = min(-still[0], still[1]) / GRAVITY if config.simulation.reduce else 0.0
-            new = [
-                cell for cell, key in zip(group.cells, group.keys, strict=True) if key not in stored
-            ]
-            done, total = done + len(stored), total + len(group.keys)
-            proved += sum(pga < limit for _, pga in new)
-            kept += len(new)
-        lines.append(
-            f"runs: {total}; {done} stored, {kept} to do, {proved} of them proved without a step"
-        )
-        lines.append(f"time step: {1e3 * time_step(config, case.full.rock):.3g} ms")
-        lines.append(f"cost: {_cost(job, kept - proved)}")
+        store = _with_rock(job, Path(temporary)).store
+        case = prepared(config, store, config.yaw[0], config.contact.friction[0])
+        lines += _planned_runs(job, store, measured="precision" not in todo)
     lines.append("left out:")
     lines += [f"  {r.what}: {r.why}" for r in case.reductions] or [
         "  nothing (simulation.reduce: off)"
     ]
     return lines
+
+
+def _planned_runs(job: Job, rock: Store, *, measured: bool) -> list[str]:
+    """Runs to do and their cost; which are stored is known once the time step is ``measured``."""
+    from pipeline.stages.precision import time_step
+    from pipeline.stages.runs import groups
+
+    config = job.config
+    cells = [pga for _ in config.motion.pgv_pga for pga in config.motion.pga]
+    stored: dict[tuple[float, float], list[bool]] = {}
+    for group in groups(config, job.store) if measured else ():
+        kept = _stored(job.store, group.keys)
+        stored[group.yaw, group.friction] = [key in kept for key in group.keys]
+    total = proved = new = 0
+    for yaw in config.yaw:
+        for friction in config.contact.friction:
+            still = prepared(config, rock, yaw, friction).still
+            limit = min(-still[0], still[1]) / GRAVITY if config.simulation.reduce else 0.0
+            done = stored.get((yaw, friction), [False] * len(cells))
+            left = [pga for pga, kept in zip(cells, done, strict=True) if not kept]
+            total, new = total + len(cells), new + len(left)
+            proved += sum(pga < limit for pga in left)
+    frictions = config.contact.friction if measured else ()
+    steps = {time_step(config, job.store, friction) for friction in frictions}
+    text = ", ".join(f"{1e3 * step:.3g} ms" for step in sorted(steps))
+    return [
+        f"runs: {total}; {total - new} stored, {new} to do, {proved} of them proved without a step",
+        f"time step: {text or 'measured on the scene first, some seconds'}",
+        f"cost: {_cost(job, new - proved)}",
+    ]
 
 
 def _cost(job: Job, runs: int) -> str:
@@ -111,10 +125,10 @@ def _stored(store: Store, keys: Any) -> dict[bytes, RunRow]:
 
 
 def _runs(job: Job) -> tuple[int, int]:
-    """Runs stored and wanted; zero wanted where the rock is not made yet."""
+    """Runs stored and wanted; none wanted where the rock or its time step is not made yet."""
     from pipeline.stages.runs import groups
 
-    if job.store.manifest("rock") is None or job.store.damage("rock"):
+    if any(job.store.manifest(n) is None or job.store.damage(n) for n in ("rock", "precision")):
         return 0, 0
     kept = total = 0
     for group in groups(job.config, job.store):

@@ -73,9 +73,10 @@ def test_item_that_kills_its_worker_comes_back_alone(way: str) -> None:
     batches = [Batch(k, "two", tuple(range(10 * k, 10 * k + 10))) for k in range(4)]
     batches += [Batch(k, "two", (k,)) for k in range(40, 48)]
     done: dict[int, int | None] = {}
-    for batch, results in Cluster(2, log=quiet).run(work, iter(batches), lambda name: 2):
-        assert not set(batch.items) & set(done)
-        done.update(zip(batch.items, results or [None] * len(batch.items), strict=True))
+    with Cluster(2, log=quiet) as cluster:
+        for batch, results in cluster.run(work, iter(batches), lambda name: 2):
+            assert not set(batch.items) & set(done)
+            done.update(zip(batch.items, results or [None] * len(batch.items), strict=True))
     assert done == {item: None if item == 17 else 2 * item for item in range(48)}
 
 
@@ -84,8 +85,8 @@ def test_error_in_the_function_is_raised(workers: int) -> None:
     def work(shared: int, items: tuple[int, ...]) -> list[int]:
         raise ZeroDivisionError("mine")
 
-    with pytest.raises(ZeroDivisionError, match="mine"):
-        list(Cluster(workers, log=quiet).run(work, iter([Batch(0, "a", (1,))]), lambda name: 2))
+    with Cluster(workers, log=quiet) as cluster, pytest.raises(ZeroDivisionError, match="mine"):
+        list(cluster.run(work, iter([Batch(0, "a", (1,))]), lambda name: 2))
 
 
 @pytest.mark.parametrize("workers", [0, 2])
@@ -99,12 +100,13 @@ def test_holds_no_more_than_the_batches_in_flight(workers: int) -> None:
 
     most = 0
     results = []
-    for batch, result in Cluster(workers, log=quiet).run(
-        lambda shared, items: list(items), batches(), lambda name: None
-    ):
-        results += result
-        assert batch.items == tuple(result)
-        most = max(most, taken - len(results))
+    with Cluster(workers, log=quiet) as cluster:
+        for batch, result in cluster.run(
+            lambda shared, items: list(items), batches(), lambda name: None
+        ):
+            results += result
+            assert batch.items == tuple(result)
+            most = max(most, taken - len(results))
     assert sorted(results) == list(range(1, 101))
     assert most <= BATCHES_IN_FLIGHT * max(workers, 1)
     if workers == 0:
@@ -121,10 +123,11 @@ def test_shared_things_are_asked_for_once_each() -> None:
     batches = [Batch(k, "ab"[k // 5], (k,)) for k in range(10)]
     for workers in (0, 1):
         asked.clear()
-        done = Cluster(workers, log=quiet).run(lambda thing, items: [thing], iter(batches), shared)
-        assert {batch.tag: result for batch, result in done} == {
-            k: ["AB"[k // 5]] for k in range(10)
-        }
+        with Cluster(workers, log=quiet) as cluster:
+            done = cluster.run(lambda thing, items: [thing], iter(batches), shared)
+            assert {batch.tag: result for batch, result in done} == {
+                k: ["AB"[k // 5]] for k in range(10)
+            }
         assert asked == ["a", "b"]
 
 

@@ -43,6 +43,16 @@ def about_rock(rock: xr.Dataset) -> Row:
     }
 
 
+def precision(responses: xr.Dataset) -> list[Row]:
+    """Time step of each friction and the measured error of the boundary, with a sentence."""
+    names = ("friction", "time_step", "boundary_error", "boundary_error_worst")
+    columns = [responses[name].values.tolist() for name in names]
+    return [
+        {"friction": friction, "time_step": step, "error": error, "worst": worst}
+        for friction, step, error, worst in zip(*columns, strict=True)
+    ]
+
+
 def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
     """Toppled share, typical first-overturning PGA and model of each yaw and friction."""
     lower, upper = typical_pga(fragility)

@@ -76,7 +76,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         "models": tables.models(fragility),
         **_pictures(rock, responses, fragility),
         "left_out": [line.partition(": ")[::2] for line in left_out],
-        "time_step": float(responses.attrs["time_step_s"]),
+        "precision": tables.precision(responses),
         "simulation": job.config.simulation,
         "settings": settings(job.config),
         "command": command(job.site),

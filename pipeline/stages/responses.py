@@ -7,9 +7,11 @@ from typing import Any
 
 import yaml
 
-from pipeline.datasets import described, netcdf
+from pipeline.datasets import described, netcdf, read
 from pipeline.problems import InputError, Problem
+from pipeline.scenes import prepared
 from pipeline.stage import Job, Product, Stage
+from pipeline.stages.precision import FILE as PRECISION
 from pipeline.store import RUNS, RunRow, RunStore
 from vsr_core.outcome import Outcome
 
@@ -32,8 +34,6 @@ def make(job: Job) -> Product:
     import numpy as np
     import xarray as xr
 
-    from pipeline.stages.runs import prepared, time_step
-
     config = job.config
     arrays = _arrays(job)
     arrays["overturned"] = np.array([o.overturned for o in Outcome], dtype="i1")[arrays["outcome"]]
@@ -48,7 +48,9 @@ def make(job: Job) -> Product:
         fill = -1 if array.dtype.kind == "i" else np.nan
         dataset[name].encoding["_FillValue"] = array.dtype.type(fill)
     case = prepared(config, job.store, config.yaw[0], config.contact.friction[0])
-    dataset.attrs["time_step_s"] = time_step(config, case.full.rock)
+    precision = read(job.path(PRECISION))
+    for name in ("time_step", "boundary_error", "boundary_error_worst"):
+        dataset[name] = ("friction", precision[name].values)
     dataset.attrs["left_out"] = "\n".join(f"{r.what}: {r.why}" for r in case.reductions)
     counts = np.bincount(arrays["outcome"].ravel(), minlength=len(Outcome))
     summary = ", ".join(f"{counts[o]} {o.name.lower()}" for o in Outcome if counts[o])
@@ -107,6 +109,6 @@ def _write_config(path: Any, job: Job) -> None:
 STAGE = Stage(
     name="responses",
     make=make,
-    needs=("rock", "motions", "runs"),
+    needs=("rock", "motions", "precision", "runs"),
     reads=("contact", "motion", "yaw", "drive", "servo", "simulation"),
 )

@@ -15,27 +15,18 @@ from pipeline import keys
 from pipeline.cluster import Batch
 from pipeline.config import Config
 from pipeline.progress import Progress
+from pipeline.scenes import RUN_CODE, engine_version, identity, prepared
 from pipeline.stage import Job, Product, Stage
+from pipeline.stages.precision import time_step
 from pipeline.store import RUNS, RunRow, RunStore, Store
-from vsr_core import GRAVITY, engines
+from vsr_core import GRAVITY
 from vsr_core.outcome import DecidedBy, Outcome
-from vsr_core.servo import Servo
 
 BATCH = 40
 """Runs handed to a worker at once, 0.2-0.5 s of work."""
 
 SMALL = 200
 """Below this many runs no worker process is started."""
-
-SIMULATION_CODE = (
-    "vsr_core.simulate:prepare",
-    "vsr_core.simulate:simulate",
-    "vsr_core.simulate:automatic_time_step",
-    "vsr_core.bounds:barrier",
-    "vsr_core.motion:CosinePulse",
-    "vsr_core.engines.bullet:build",
-)
-"""What determines a run, for its key."""
 
 Cell = tuple[float, float]  # PGV/PGA [s], PGA [g]
 
@@ -64,36 +55,14 @@ class Group:
 
 def groups(config: Config, store: Store) -> Iterator[Group]:
     """Groups of a configuration, with the keys of their runs."""
-    from pipeline.stages.rock import load_rock
-
-    rock, _ = load_rock(store)
-    parts = (rock.vertices, rock.inertia, rock.axes)
-    shape = keys.digest_bytes(rock.shape.encode(), *(part.tobytes() for part in parts))
-    common = {
-        "rock": [shape, rock.mass],
-        "pedestal": config.pedestal.shape,
-        "contact": [config.contact.restitution, config.contact.rolling_friction],
-        "drive": config.servo.model_dump() if config.drive == "servo" else config.drive,
-        "motion": config.motion.kind,
-        "simulation": [config.simulation.engine, time_step(config, rock), config.simulation.reduce],
-        "engine": engines.load(config.simulation.engine).VERSION,
-        "code": keys.digest(keys.code(SIMULATION_CODE)),
-    }
+    common = {**identity(config, store), "motion": config.motion.kind}
+    steps = {friction: time_step(config, store, friction) for friction in config.contact.friction}
     cells = tuple((r, a) for r in config.motion.pgv_pga for a in config.motion.pga)
     for yaw in config.yaw:
-        for friction in config.contact.friction:
-            scene = keys.digest({**common, "yaw": yaw, "friction": friction}).encode()
-            yield Group(yaw, friction, cells, tuple(_key(scene, cell) for cell in cells))
-
-
-def time_step(config: Config, rock: Any) -> float:
-    """Time step [s] of a configuration; ``rock`` is a ``vsr_core.scene.Rock``."""
-    from vsr_core.simulate import automatic_time_step
-
-    given = config.simulation.time_step
-    if given == "auto":
-        return automatic_time_step(rock, config.simulation.tolerance)
-    return given
+        for friction, step in steps.items():
+            scene = {**common, "yaw": yaw, "friction": friction, "time_step": repr(step)}
+            name = keys.digest(scene).encode()
+            yield Group(yaw, friction, cells, tuple(_key(name, cell) for cell in cells))
 
 
 def missing(group: Group, runs: RunStore) -> list[int]:
@@ -104,24 +73,6 @@ def missing(group: Group, runs: RunStore) -> list[int]:
         for i, key in enumerate(group.keys)
         if key not in stored or stored[key].outcome == Outcome.CRASHED
     ]
-
-
-def prepared(config: Config, store: Store, yaw: float, friction: float) -> Any:
-    """The ``vsr_core.simulate.Case`` of one yaw [degree] and friction."""
-    import math
-
-    from pipeline.stages.rock import load_rock
-    from vsr_core.scene import Contact, Scene
-    from vsr_core.simulate import prepare
-
-    rock, limits = load_rock(store)
-    contact = Contact(friction, config.contact.restitution, config.contact.rolling_friction)
-    scene = Scene(rock, contact, math.radians(yaw), drive=_drive(config))
-    return prepare(scene, limits, reduce=config.simulation.reduce)
-
-
-def _drive(config: Config) -> Servo | None:
-    return config.servo.servo() if config.drive == "servo" else None
 
 
 def simulate_batch(shared: Any, cells: tuple[Cell, ...]) -> list[tuple[Any, ...]]:
@@ -169,8 +120,8 @@ def _shared(job: Job, name: str) -> Any:
     yaw, friction = map(float, name.split("/"))
     case = prepared(job.config, job.store, yaw, friction)
     simulation = job.config.simulation
-    settings = Settings(time_step(job.config, case.full.rock), simulation.reduce, simulation.engine)
-    return case, settings
+    step = time_step(job.config, job.store, friction)
+    return case, Settings(step, simulation.reduce, simulation.engine)
 
 
 def _batches(job: Job, runs: RunStore) -> Iterator[Batch]:
@@ -201,10 +152,15 @@ def _check(store: Store) -> str:
 STAGE = Stage(
     name="runs",
     make=make,
-    needs=("rock",),
+    needs=("rock", "precision"),
     reads=("pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
-    code=(*SIMULATION_CODE, "pipeline.stages.runs:simulate_batch"),
+    code=(
+        *RUN_CODE,
+        "pipeline.stages.runs:simulate_batch",
+        "vsr_core.engines.bullet:build",
+        "vsr_core.engines.mujoco:build",
+    ),
     made_elsewhere=True,
-    versions=("pybullet",),
+    inputs=engine_version,
     check=_check,
 )

@@ -1,0 +1,256 @@
+"""Error of the overturning boundary against the time step, measured on the scene itself.
+
+A row is one direction and one PGV/PGA. The reference is Housner's equation where a box rocks on an
+edge, else the same scene at a step of ``REFERENCE_SHARE``. From the reference's boundary, the PGA
+between standing and toppling, every step of a ladder is compared with it outwards, until they
+agree: how far that is, as a share of the boundary, is the error.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core import GRAVITY
+from vsr_core.motion import CosinePulse
+from vsr_core.outcome import Outcome
+from vsr_core.rocking import Block, first_overturning_pga, rocking_response
+from vsr_core.scene import Rock
+from vsr_core.simulate import Case, Settings, simulate
+
+Array = NDArray[np.float64]
+
+SHARES = (0.024, 0.016, 0.012, 0.008, 0.006, 0.004, 0.003, 0.002, 0.0015)
+"""Time steps tried, in units of sqrt(radius / g), coarsest first."""
+
+COARSE_SHARE, REFERENCE_SHARE = 0.006, 0.000375
+"""Step at which most scenes are right to 1 %, and a sixteenth of it, the reference."""
+
+BOX_PERIODS, HULL_PERIODS = (0.45, 0.6, 0.75), (0.45, 0.9)
+"""PGV/PGA of the rows in units of sqrt(radius / g). Housner's block topples there after at most
+three impacts; longer pulses rock it until the smallest difference decides."""
+
+OFFSETS = (0.00125, 0.0025, 0.005, 0.0075, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08)
+"""Distances from the boundary at which outcomes are compared, as shares of it."""
+
+WORST = 0.12
+"""Error noted where outcomes differ even at the largest of these."""
+
+WINDOW, HALVINGS = 0.1, 6
+"""Half the range, as a share, in which the reference's boundary is bisected, and how often."""
+
+KEPT_BY = 0.8
+"""Share of the rows that keep the error stated. The others are those where many impacts decide:
+there the outcome changes with the last digit, at any step."""
+
+STRONGEST = 4.0 * GRAVITY
+"""Strongest pulse tried [m/s^2]."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was measured on one direction and one PGV/PGA.
+
+    Attributes
+    ----------
+    pgv_pga : float [s]
+    reference : float [m/s^2], the boundary at the reference; nan if nothing topples the rock
+    exact : bool, whether the reference is Housner's equation
+    error : ndarray, shape (len(SHARES),), relative: no run further from the boundary differs
+    steps : ndarray, shape (len(SHARES),), mean time steps of a run
+    """
+
+    pgv_pga: float
+    reference: float
+    exact: bool
+    error: Array
+    steps: Array
+
+
+@dataclass(frozen=True)
+class Front:
+    """Error against time step of a scene.
+
+    Attributes
+    ----------
+    shares : ndarray, shape (k,), time steps in units of sqrt(radius / g), falling
+    error : ndarray, shape (k,), relative error of the boundary that ``KEPT_BY`` of the rows keep
+    worst : ndarray, shape (k,), the largest of them
+    steps : ndarray, shape (k,), mean time steps of a run near the boundary
+    """
+
+    shares: Array
+    error: Array
+    worst: Array
+    steps: Array
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A time step and what is known of its error.
+
+    Attributes
+    ----------
+    time_step : float [s]
+    error : float, relative error of the boundary at that step, kept by ``KEPT_BY`` of the rows
+    worst : float, the largest among the rows measured
+    within : bool, whether ``error`` is within the tolerance asked for
+    """
+
+    time_step: float
+    error: float
+    worst: float
+    within: bool
+
+
+def directions(rock: Rock) -> tuple[float, ...]:
+    """Yaws of the rows of a rock [rad]: the faces of a box, four quarters of any other."""
+    if rock.shape != "box":
+        return (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
+    half_x, half_y, _ = np.abs(rock.vertices).max(axis=0)
+    return (0.0,) if half_x == half_y else (0.0, 0.5 * math.pi)
+
+
+def periods(rock: Rock) -> tuple[float, ...]:
+    """PGV/PGA of the rows of a rock [s]."""
+    unit = step_unit(rock)
+    return tuple(unit * x for x in (BOX_PERIODS if rock.shape == "box" else HULL_PERIODS))
+
+
+def step_unit(rock: Rock) -> float:
+    """Unit of the time steps, sqrt(radius / g) [s]."""
+    return math.sqrt(rock.radius / GRAVITY)
+
+
+def measure(case: Case, pgv_pga: float, settings: Settings) -> Row:
+    """Error of one row at every step of the ladder; of ``settings`` all but the time step counts.
+
+    Parameters
+    ----------
+    case : Case, of the direction to be measured
+    pgv_pga : float [s]
+    settings : Settings
+    """
+    block = rocking_block(case)
+    topples: Callable[[float], bool]
+    if block is not None:
+        boundary = first_overturning_pga(block, pgv_pga, STRONGEST, 0.005 * GRAVITY)
+
+        def topples(pga: float) -> bool:
+            return rocking_response(block, pga, pgv_pga).overturned
+    else:
+        trial = _Trial(case, pgv_pga, settings, REFERENCE_SHARE)
+        boundary = _boundary(case, pgv_pga, settings, trial)
+        topples = trial
+    if not boundary < 0.9 * STRONGEST:
+        nothing = np.full(len(SHARES), math.nan)
+        return Row(pgv_pga, math.nan, block is not None, nothing, nothing)
+    expected = cache(topples)
+    error, steps = [], []
+    for share in SHARES:
+        trial = _Trial(case, pgv_pga, settings, share)
+        error.append(max(_agrees_from(trial, expected, boundary, side) for side in (-1.0, 1.0)))
+        steps.append(trial.steps / trial.runs)
+    return Row(pgv_pga, boundary, block is not None, np.array(error), np.array(steps))
+
+
+class _Trial:
+    """Whether a pulse topples the rock at one time step, counting runs and steps.
+
+    A run without a verdict counts as toppled: it must not pass for one that stands.
+    """
+
+    def __init__(self, case: Case, pgv_pga: float, settings: Settings, share: float) -> None:
+        self.case, self.pgv_pga = case, pgv_pga
+        self.settings = replace(settings, time_step=share * step_unit(case.full.rock))
+        self.runs = self.steps = 0
+
+    def __call__(self, pga: float) -> bool:
+        response = simulate(self.case, CosinePulse(pga, self.pgv_pga), self.settings)
+        self.runs += 1
+        self.steps += response.steps
+        return response.outcome not in (Outcome.BALANCED, Outcome.DISPLACED)
+
+
+def _boundary(case: Case, pgv_pga: float, settings: Settings, reference: _Trial) -> float:
+    """Boundary of the reference [m/s^2], sought around that of a coarse step."""
+    coarse = _Trial(case, pgv_pga, settings, COARSE_SHARE)
+    near = bisect(coarse, 0.9 * min(-case.still[0], case.still[1]), STRONGEST, 9)
+    return bisect(reference, (1.0 - WINDOW) * near, (1.0 + WINDOW) * near, HALVINGS)
+
+
+def bisect(topples: Callable[[float], bool], low: float, high: float, halvings: int) -> float:
+    """PGA [m/s^2] between one that stands and one that topples, from ``low`` and ``high``."""
+    for _ in range(halvings):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if topples(middle) else (middle, high)
+    return 0.5 * (low + high)
+
+
+def _agrees_from(
+    trial: _Trial, expected: Callable[[float], bool], boundary: float, side: float
+) -> float:
+    """Least offset on one side of the boundary at which a trial ends as expected."""
+    for offset in OFFSETS:
+        pga = boundary * (1.0 + side * offset)
+        if trial(pga) == expected(pga):
+            return offset
+    return WORST
+
+
+def rocking_block(case: Case) -> Block | None:
+    """Housner's block that a scene is; None if it is another.
+
+    A scene is one for a box that rocks about an edge across the shaking, on a pedestal that it
+    grips: friction above b/h, no restitution, no rolling friction, no servo.
+    """
+    full, contact = case.full, case.full.contact
+    half_x, half_y, half_z = (float(half) for half in np.abs(full.rock.vertices).max(axis=0))
+    straight = abs(math.cos(full.yaw)) > 1.0 - 1e-12
+    across = abs(math.sin(full.yaw)) > 1.0 - 1e-12
+    half = half_x if straight else half_y
+    rocks = half < 0.95 * half_z and contact.friction > 1.15 * half / half_z
+    plain = contact.restitution == contact.rolling_friction == 0.0 and full.drive is None
+    if full.rock.shape == "box" and rocks and plain and (straight or across):
+        return Block(half, half_z)
+    return None
+
+
+def front(error: Array, steps: Array) -> Front:
+    """Error against time step over the rows that something topples.
+
+    Parameters
+    ----------
+    error, steps : ndarray, shape (rows, len(SHARES)), as in ``Row``; nan where nothing topples it
+    """
+    toppled = np.isfinite(error).all(axis=1)
+    shares = np.array(SHARES)
+    if not toppled.any():
+        nothing = np.full(len(SHARES), math.nan)
+        return Front(shares, nothing, nothing, nothing)
+    error, steps = error[toppled], steps[toppled]
+    most = np.quantile(error, KEPT_BY, axis=0, method="higher")
+    return Front(shares, most, error.max(axis=0), steps.mean(axis=0))
+
+
+def choose(measured: Front, tolerance: float, unit: float) -> Choice:
+    """Coarsest step from which on, to all finer ones, the error is within ``tolerance``.
+
+    If there is none it is the finest, and the choice says so. ``unit`` is ``step_unit`` [s].
+    """
+    if not np.isfinite(measured.error).any():  # nothing topples it, at any step
+        return Choice(COARSE_SHARE * unit, math.nan, math.nan, within=True)
+    largest = np.maximum.accumulate(measured.error[::-1])[::-1]
+    good = np.nonzero(largest <= tolerance)[0]
+    at = int(good[0]) if good.size else len(measured.shares) - 1
+    return Choice(
+        float(measured.shares[at]) * unit,
+        float(measured.error[at]),
+        float(measured.worst[at]),
+        bool(good.size),
+    )
