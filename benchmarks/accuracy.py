@@ -1,64 +1,60 @@
-"""Error of the overturning boundary against Housner's block, over time step and solver."""
+"""Error of the boundary of Housner's block over the tolerance, and against the seed's set-up."""
 
 from __future__ import annotations
 
-import math
-import time
-
 import numpy as np
 
-from vsr_core import GRAVITY, bounds, solid
-from vsr_core.motion import CosinePulse
-from vsr_core.outcome import Outcome
-from vsr_core.rocking import Block, first_overturning_pga
+from vsr_core import bounds, comparison, peers, precision, solid
+from vsr_core.comparison import Target
 from vsr_core.scene import Contact, Scene
-from vsr_core.simulate import Case, Settings, automatic_time_step, prepare, simulate
+from vsr_core.simulate import Case, Settings, prepare
 
-# Blocks and PGV/PGA [s] at which fewer than four impacts decide (else the response is chaotic).
-CASES = (
-    ((1.0, 1.0, 2.0), (0.15, 0.2, 0.25)),
-    ((0.5, 0.5, 1.0), (0.1, 0.15)),
-    ((1.0, 1.0, 3.0), (0.15, 0.2, 0.25)),
-    ((0.11, 0.11, 0.55), (0.1,)),
-)
+SIZES = ((1.0, 1.0, 2.0), (0.5, 0.5, 1.0), (1.0, 1.0, 3.0), (0.11, 0.11, 0.55))
 
-TOLERANCES = (0.03, 0.01, 0.005)
+TOLERANCES = (0.04, 0.02, 0.01, 0.005)
 
 Row = tuple[str, str, str]
 
 
 def blocks() -> list[Row]:
-    """Largest error of the boundary and CPU per run, for several tolerances."""
-    rows = []
+    """Error and CPU of a run at the step chosen for several tolerances; the seed's beside it."""
+    cases = [_case(size) for size in SIZES]
+    targets = [(case, wanted) for case in cases for wanted in _targets(case)]
+    rows: list[Row] = []
+    own = float("nan")
     for tolerance in TOLERANCES:
-        worst, seconds, number = 0.0, 0.0, 0
-        for size, ratios in CASES:
-            case, block = _case(size)
-            settings = Settings(automatic_time_step(case.full.rock, tolerance))
-            for ratio in ratios:
-                exact = first_overturning_pga(block, ratio, 1.6 * GRAVITY, 0.002 * GRAVITY)
-                start = time.process_time()
-                found, tried = _first(case, settings, ratio, exact)
-                seconds, number = seconds + time.process_time() - start, number + tried
-                worst = max(worst, abs(found / exact - 1.0))
-        text = f"{100 * worst:.2f} %, {1e3 * seconds / number:.1f} ms"
-        rows.append(
-            (f"Housner's block, tolerance {tolerance:.1%}: worst error, CPU a run", text, "")
-        )
+        steps = {id(case): _step(case, tolerance) for case in cases}
+        scores = [
+            comparison.score(comparison.project(case, Settings(steps[id(case)])), wanted)
+            for case, wanted in targets
+        ]
+        cost = float(np.mean([score.seconds for score in scores]))
+        own = cost if tolerance == 0.01 else own
+        worst = max(score.error for score in scores)
+        text = f"{100 * worst:.2f} %, {1e3 * cost:.2f} ms"
+        rows.append((f"Housner's blocks, tolerance {tolerance:.1%}: worst error, CPU", text, ""))
+    seed = peers.load("seed")
+    case, wanted = targets[0]
+    found = comparison.score(
+        comparison.by_tilt(seed.build(case.full, seed.SWEEP[0]), case.limits.toppled_tilt), wanted
+    )
+    rows.append(("seed's set-up on 1x1x2 / this at 1 %, CPU", f"{found.seconds / own:.0f}", "10"))
+    rows.append(("  its error there", f"{100 * found.error:.2f} %", ""))
     return rows
 
 
-def _case(size: tuple[float, float, float]) -> tuple[Case, Block]:
+def _case(size: tuple[float, float, float]) -> Case:
     rock = solid.box(size, 2110.0).rock
-    case = prepare(Scene(rock, Contact(10.0)), bounds.barrier(rock), reduce=True)
-    return case, Block(size[0] / 2, size[2] / 2)
+    return prepare(Scene(rock, Contact(0.6)), bounds.barrier(rock), reduce=True)
 
 
-def _first(case: Case, settings: Settings, ratio: float, near: float) -> tuple[float, int]:
-    """First overturning PGA [m/s^2] on a grid of 0.2 % around ``near``, and the runs it took."""
-    grid = near * np.linspace(0.94, 1.06, 61)
-    for number, pga in enumerate(grid, 1):
-        response = simulate(case, CosinePulse(float(pga), ratio), settings)
-        if response.outcome is Outcome.OVERTURNED:
-            return float(pga), number
-    return math.inf, len(grid)
+def _targets(case: Case) -> list[Target]:
+    return [comparison.target(case, ratio, ()) for ratio in precision.periods(case.full.rock)]
+
+
+def _step(case: Case, tolerance: float) -> float:
+    rock = case.full.rock
+    rows = [precision.measure(case, r, Settings(1.0)) for r in precision.periods(rock)]
+    error, steps = np.array([row.error for row in rows]), np.array([row.steps for row in rows])
+    found = precision.choose(precision.front(error, steps), tolerance, precision.step_unit(rock))
+    return found.time_step

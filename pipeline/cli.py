@@ -19,11 +19,18 @@ if TYPE_CHECKING:
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
 
-PRODUCTS = ("rock", "motions", "responses", "fragility", "report")
+PRODUCTS = ("rock", "motions", "responses", "fragility", "report", "accuracy")
 """What `run` can make; each is a stage of that name."""
 
 ALIASES: dict[str, str] = {"fragility": "report"}
 """Products that come with more: fragility with its report."""
+
+SHOWN = {
+    "fragility": ("report.html", "fragility.csv", "responses.nc"),
+    "report": ("report.html", "fragility.csv", "responses.nc"),
+    "accuracy": ("accuracy.html", "accuracy.csv", "work_precision.png"),
+}
+"""Files that are named when a product is done."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -109,10 +116,8 @@ def _run(options: argparse.Namespace) -> int:
     job.store.open()
     with job.cluster:
         unresolved = graph.make(ALIASES.get(options.product, options.product), job)
-    for name in ("report.html", "fragility.csv", "responses.nc"):
-        path = job.store.folder / name
-        if path.is_file() and options.product in ("fragility", "report"):
-            _log(f"-> {path}")
+    for name in SHOWN.get(options.product, ()):
+        _log(f"-> {job.path(name)}")
     if unresolved:
         _log(f"{unresolved} runs are without a verdict; the report and responses.nc say which")
         return UNRESOLVED

@@ -20,8 +20,9 @@ from vsr_core.bounds import Barrier, barrier, reachable_energy, still_range
 from vsr_core.hull import convex_hull, tipping
 from vsr_core.motion import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
+from vsr_core.precision import step_unit
 from vsr_core.scene import Contact, Rock, Scene
-from vsr_core.simulate import Case, Settings, automatic_time_step, prepare
+from vsr_core.simulate import Case, Settings, prepare
 from vsr_core.surrogate import double_rock
 
 Array = NDArray[np.float64]
@@ -322,7 +323,7 @@ def complete(case: Case, motion: CosinePulse, contact: Contact) -> Response:
     """The run with every vertex and no rule, to rest."""
     assert case.full.contact == contact
     unreduced = replace(case, scene=case.full)
-    step = automatic_time_step(case.full.rock, 0.01)
+    step = 0.003 * step_unit(case.full.rock)
     return simulate.simulate(unreduced, motion, Settings(step, reduce=False))
 
 
@@ -358,9 +359,7 @@ def test_no_claim_is_contradicted_later_in_the_run(name: str, low: float, high: 
     claimed = np.zeros(3, dtype=int)
     for pga, ratio, yaw in cells(5, 36, low, high):
         case = case_of(name, Contact(0.6), yaw)
-        run = Watched(
-            case, CosinePulse.from_g(pga, ratio), automatic_time_step(case.full.rock, 0.01)
-        )
+        run = Watched(case, CosinePulse.from_g(pga, ratio), 0.003 * step_unit(case.full.rock))
         response = run.to_the_end()
         assert response.outcome.overturned >= 0
         tilts = np.array([claim[0] for claim in run.claims])
@@ -384,9 +383,7 @@ def compare(
     for pga, ratio, yaw in cells(seed, count, low, high):
         case = case_of(name, contact, yaw)
         motion = CosinePulse.from_g(pga, ratio)
-        reduced = simulate.simulate(
-            case, motion, Settings(automatic_time_step(case.full.rock, 0.01))
-        )
+        reduced = simulate.simulate(case, motion, Settings(0.003 * step_unit(case.full.rock)))
         full = complete(case, motion, contact)
         toppled += full.outcome is Outcome.OVERTURNED
         if reduced.outcome is not full.outcome:

@@ -88,9 +88,9 @@ def test_second_call_makes_nothing(
     assert counted.take() == 0
     assert stamps(folder) == before
     said = vsr("why", "--site", write_site(GRID)).out.splitlines()
-    stages = ("rock", "motions", "runs", "responses", "fragility", "report")
-    assert said[:6] == [f"{stage}: up to date" for stage in stages]
-    assert said[6].startswith("runs: 6 of 6 are stored")
+    stages = ("rock", "motions", "precision", "runs", "responses", "fragility", "report")
+    assert said[:7] == [f"{stage}: up to date" for stage in stages]
+    assert said[7].startswith("runs: 6 of 6 are stored")
     assert "stages to make: none" in vsr("plan", "--site", write_site(GRID)).out
     status = vsr("status", "--site", write_site(GRID)).out
     assert "to do" not in status

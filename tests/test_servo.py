@@ -24,10 +24,11 @@ from vsr_core.engines.bullet.driven import DrivenWorld
 from vsr_core.errors import Unfit
 from vsr_core.motion import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
+from vsr_core.precision import step_unit
 from vsr_core.sampling import samples, sampling
 from vsr_core.scene import Contact, Rock, Scene, State
 from vsr_core.servo import PUBLISHED, Servo, check, largest_stable_period, spectral_radius
-from vsr_core.simulate import Settings, automatic_time_step, prepare, simulate
+from vsr_core.simulate import Settings, prepare, simulate
 
 Array = NDArray[np.float64]
 PULSE = CosinePulse.from_g(0.2, 0.8)  # the paper's Fig. 7a
@@ -78,7 +79,7 @@ def driven(world: DrivenWorld, wanted: Array) -> Array:
 def outcome(drive: Servo | None, pga_g: float, ratio: float, friction: float = 0.6) -> Response:
     rock, limits = box()
     case = prepare(Scene(rock, Contact(friction), drive=drive), limits, reduce=True)
-    settings = Settings(automatic_time_step(rock, 0.01))
+    settings = Settings(0.002 * step_unit(rock))
     return simulate(case, CosinePulse.from_g(pga_g, ratio), settings)
 
 

@@ -18,8 +18,9 @@ from vsr_core.bounds import Barrier, barrier
 from vsr_core.engines.bullet import SCALED_RADIUS
 from vsr_core.motion import CosinePulse
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
+from vsr_core.precision import step_unit
 from vsr_core.scene import Contact, Rock, Scene, State
-from vsr_core.simulate import HALVINGS, Case, Settings, automatic_time_step, prepare, simulate
+from vsr_core.simulate import HALVINGS, Case, Settings, prepare, simulate
 from vsr_core.surrogate import double_rock
 
 Array = NDArray[np.float64]
@@ -67,7 +68,7 @@ def case_of(
 
 
 def run(case: Case, pga_g: float, ratio: float, *, reduce: bool = True) -> Response:
-    step = automatic_time_step(case.full.rock, 0.01)
+    step = 0.002 * step_unit(case.full.rock)
     return simulate(case, CosinePulse.from_g(pga_g, ratio), Settings(step, reduce=reduce))
 
 
@@ -350,7 +351,7 @@ def test_rolling_friction_is_a_length(size: tuple[float, float, float], offset: 
     rock, _ = rock_of(size)
     offset *= size[0]
     lifts = (0.5 * size[0] + offset) / (0.5 * size[2])
-    step = automatic_time_step(rock, 0.01)
+    step = 0.002 * step_unit(rock)
     tilts = []
     for share in (0.98, 1.02):
         scene = Scene(rock, Contact(GRIPPING, 0.0, offset))
@@ -370,7 +371,9 @@ class Fake:
         self.story = story
         self.time_steps: list[float] = []
 
-    def build(self, scene: Scene, time_step: float, substeps: int) -> Fake:
+    def build(
+        self, scene: Scene, time_step: float, substeps: int, solver: engines.Solver | None = None
+    ) -> Fake:
         self.time_steps.append(time_step)
         self.steps, self.height = 0, scene.rock.height
         return self

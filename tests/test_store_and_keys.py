@@ -22,7 +22,7 @@ from pipeline import ROOT, keys, store
 from pipeline.graph import identities
 from pipeline.layers import load_site
 from pipeline.problems import InputError
-from pipeline.stages.runs import SIMULATION_CODE
+from pipeline.scenes import code as run_code
 from pipeline.store import RUNS, RunRow, RunStore, Store
 
 SMALL = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2, 0.5]}\n"
@@ -313,7 +313,7 @@ def test_key_does_not_depend_on_the_order_or_spelling_in_yaml(
     for stage in keyed[0]:
         assert keyed[0][stage].key == keyed[1][stage].key
         changed = keyed[0][stage].key != keyed[2][stage].key
-        assert changed == (stage != "rock")
+        assert changed == (stage not in ("rock", "precision"))
 
 
 # Keys of code
@@ -484,8 +484,9 @@ def test_every_function_that_a_run_enters_is_in_its_key() -> None:
     """Followed while it runs, so that a call the syntax does not show would be found."""
     from vsr_core import GRAVITY, bounds, solid
     from vsr_core.motion import CosinePulse
+    from vsr_core.precision import step_unit
     from vsr_core.scene import Contact, Scene
-    from vsr_core.simulate import Settings, automatic_time_step, prepare, simulate
+    from vsr_core.simulate import Settings, prepare, simulate
 
     entered: set[str] = set()
 
@@ -499,17 +500,18 @@ def test_every_function_that_a_run_enters_is_in_its_key() -> None:
 
     rock = solid.box((0.5, 1.0, 2.0), 2000.0).rock
     cells = [(0.1, 0.3), (0.6, 0.3), (0.3, 1.0)]
+    step = 0.01 * step_unit(rock)
     sys.setprofile(follow)
     try:
         for reduce in (True, False):
             case = prepare(Scene(rock, Contact(0.6), 0.3), bounds.barrier(rock), reduce=reduce)
-            settings = Settings(automatic_time_step(rock, 0.05), reduce)
+            settings = Settings(step, reduce)
             for ratio, pga in cells:
                 simulate(case, CosinePulse(pga * GRAVITY, ratio), settings)
     finally:
         sys.setprofile(None)
     assert len(entered) > 15
-    assert entered - set(keys.code(SIMULATION_CODE)) == set()
+    assert entered - set(keys.code(run_code("bullet"))) == set()
 
 
 def test_manifest_holds_a_checksum_of_every_product(

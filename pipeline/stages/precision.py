@@ -65,12 +65,11 @@ def make(job: Job) -> Product:
     wanted = [friction for friction in frictions if names[friction] not in before]
     rows = _measure(job, wanted, places) if wanted else {}
     dataset = _measured(job.config, places, names, rows, before)
-    choices = [
-        _choice(dataset.isel(friction=at), job.config, rock) for at in range(len(frictions))
-    ]
+    choices = [_choice(dataset.isel(friction=at), job.config, rock) for at in range(len(frictions))]
     for name in ("time_step", "error", "worst", "within"):
         values = [float(getattr(choice, name)) for choice in choices]
         dataset[_NAMES.get(name, name)] = ("friction", values)
+    dataset.attrs["step_unit_s"] = precision.step_unit(rock)
     return Product({FILE: netcdf(described(dataset, job, "Precision"))}, _summary(choices))
 
 

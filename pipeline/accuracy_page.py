@@ -1,0 +1,143 @@
+"""The page of the accuracy stage: sentences, tables and pictures from its records."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from pipeline.config import Config
+from pipeline.figures.accuracy import (
+    boundary_convergence,
+    cheapest,
+    lines,
+    suite_convergence,
+    work_precision,
+)
+from pipeline.figures.style import png, png_uri, svg, svg_uri
+from pipeline.store import Writer
+from vsr_core import GRAVITY, precision
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from vsr_core.comparison import Target
+
+Record = dict[str, Any]
+Place = tuple[float, float]  # yaw [degree], PGV/PGA [s]
+
+
+def page(
+    site: str,
+    config: Config,
+    records: list[Record],
+    targets: dict[Place, Target],
+    chosen: xr.Dataset,
+    template: str,
+) -> str:
+    """The page as text."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    tolerance = config.simulation.tolerance
+    suite = [record for record in records if record["part"] == "reference"]
+    return environment.from_string(template).render(
+        site=site,
+        tolerance=tolerance,
+        choice={name: float(chosen[name].values[0]) for name in _CHOICE},
+        friction=config.contact.friction[0],
+        rows=_rows(targets),
+        lines=lines(records, "method"),
+        absent=[r for r in records if r["part"] == "method" and r["cpu_s"] == ""],
+        cheapest=_with_ratio(cheapest(records, 0.01)),
+        better=_better(records),
+        sweep=[record for record in records if record["part"] == "sweep"],
+        cells=[record for record in records if record["part"] == "cells"],
+        suite=_suite(suite),
+        work_precision=svg_uri(work_precision(records, tolerance, site)),
+        front=svg_uri(_front(chosen, tolerance)) if "row_error" in chosen else "",
+        convergence=png_uri(suite_convergence(suite)) if suite else "",
+    )
+
+
+_CHOICE = ("time_step", "boundary_error", "boundary_error_worst")
+
+
+def pictures(name: str, records: list[Record], tolerance: float, title: str) -> dict[str, Writer]:
+    """The work-precision diagram as files."""
+    figure = work_precision(records, tolerance, title)
+    return {
+        f"{name}.png": lambda path: _write(path, png(figure)),
+        f"{name}.svg": lambda path: _write(path, svg(figure)),
+    }
+
+
+def _write(path: Any, data: bytes) -> None:
+    path.write_bytes(data)
+
+
+def _rows(targets: dict[Place, Target]) -> list[Record]:
+    return [
+        {
+            "yaw": yaw,
+            "pgv_pga": pgv_pga,
+            "boundary": wanted.boundary / GRAVITY,
+            "answer": "Housner's equation" if wanted.exact else "two engines at 1/16 of the step",
+            "spread": wanted.spread,
+        }
+        for (yaw, pgv_pga), wanted in targets.items()
+    ]
+
+
+def _with_ratio(ways: list[Record]) -> list[Record]:
+    own = [way["cpu_s"] for way in ways if way["method"].startswith("project")]
+    return [{**way, "ratio": way["cpu_s"] / own[0] if own else math.nan} for way in ways]
+
+
+def _better(records: list[Record]) -> list[str]:
+    """Settings of others with less error at less cost than every setting of the project."""
+    ways = lines(records, "method")
+    own = [p for method, points in ways.items() if method.startswith("project") for p in points]
+    found = []
+    for method, points in ways.items():
+        if method.startswith("project"):
+            continue
+        for point in points:
+            rivals = [p for p in own if p["cpu_s"] <= point["cpu_s"]]
+            if all(p["error"] > point["error"] for p in rivals):
+                found.append(
+                    f"{method} at {point['setting']}: {100 * point['error']:.3g} % in "
+                    f"{1e3 * point['cpu_s']:.3g} ms"
+                )
+    return found
+
+
+def _suite(records: list[Record]) -> list[Record]:
+    """One row a case and engine: error at a millisecond and at the finest step."""
+    found: dict[str, Record] = {}
+    for record in records:
+        entry = found.setdefault(
+            record["method"], {"name": record["method"], "note": record["note"], "errors": {}}
+        )
+        entry["errors"][record["setting"]] = float(record["error"])
+    return [found[name] for name in sorted(found)]
+
+
+def _front(chosen: xr.Dataset, tolerance: float) -> Any:
+    first = chosen.isel(friction=0)
+    shares = first["step_share"].values
+    unit = 1e3 * float(chosen.attrs["step_unit_s"])
+    rows = [
+        {
+            "label": f"yaw {float(first['row_yaw'][at]):g} deg, "
+            f"PGV/PGA {float(first['row_pgv_pga'][at]):.2g} s",
+            "steps": shares * unit,
+            "error": first["row_error"].values[at],
+        }
+        for at in range(first.sizes["row"])
+        if bool((first["row_error"].values[at] == first["row_error"].values[at]).all())
+    ]
+    most = precision.front(first["row_error"].values, first["row_steps"].values)
+    rows.append({"label": "kept by four in five", "steps": shares * unit, "error": most.error})
+    return boundary_convergence(rows, 1e3 * float(first["time_step"]), tolerance)
