@@ -10,7 +10,6 @@ from pipeline.config import Config
 from pipeline.layers import Site
 from pipeline.problems import InputError
 from pipeline.store import Store
-from vsr_core import engines
 from vsr_core.errors import Unfit
 
 if TYPE_CHECKING:
@@ -33,6 +32,7 @@ def code(engine: str) -> tuple[str, ...]:
 def identity(config: Config, store: Store) -> dict[str, Any]:
     """What all runs of a configuration share, but for direction, friction, motion and time step."""
     from pipeline.stages.rock import load_rock
+    from vsr_core import engines
 
     rock, _ = load_rock(store)
     parts = (rock.vertices, rock.inertia, rock.axes)
@@ -72,6 +72,8 @@ def check_engine(site: Site, case: Case) -> None:
     InputError
         If it cannot.
     """
+    from vsr_core import engines
+
     try:
         engines.load(site.config.simulation.engine).build(case.scene, 1e-3, 1)
     except Unfit as error:
@@ -80,6 +82,8 @@ def check_engine(site: Site, case: Case) -> None:
 
 def engine_version(site: Site) -> dict[str, str]:
     """Version of the engine that a site names, for the identity of a stage."""
+    from vsr_core import engines
+
     name = site.config.simulation.engine
     try:
         return {f"engine {name}": engines.load(name).VERSION}

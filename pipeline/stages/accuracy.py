@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline import measuring
+from pipeline import ROOT
 from pipeline.cluster import Batch
 from pipeline.datasets import described, netcdf, read
 from pipeline.keys import digest_file
@@ -23,10 +23,9 @@ from pipeline.scenes import RUN_CODE, prepared
 from pipeline.stage import Job, Product, Stage
 from pipeline.stages.precision import FILE as PRECISION
 from pipeline.stages.precision import rows_of, time_step
-from vsr_core import GRAVITY, engines, peers, precision, reference, sweep
+from vsr_core import GRAVITY
 from vsr_core.errors import Unfit
 from vsr_core.outcome import Outcome
-from vsr_core.simulate import Settings
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,6 +54,8 @@ Place = tuple[float, float]  # yaw [degree], PGV/PGA [s]
 
 def make(job: Job) -> Product:
     """Compare ways of running on the site's own rows, and run the reference suite."""
+    from vsr_core import peers
+
     targets = _targets(job)
     records = _scores(job, targets)
     cells = _cells(job)
@@ -80,6 +81,8 @@ def make(job: Job) -> Product:
 
 def installed() -> tuple[str, ...]:
     """Engines whose library is there, the default first."""
+    from vsr_core import engines
+
     found = []
     for name in engines.names():
         try:
@@ -92,6 +95,8 @@ def installed() -> tuple[str, ...]:
 
 def _places(rock: Rock) -> list[Place]:
     """At most ``MOST_ROWS`` rows: each direction once, short and long pulses in turn."""
+    from vsr_core import precision
+
     rows = rows_of(rock)
     if len(rows) <= MOST_ROWS:
         return list(rows)
@@ -101,6 +106,7 @@ def _places(rock: Rock) -> list[Place]:
 
 
 def _targets(job: Job) -> dict[Place, Target]:
+    from pipeline import measuring
     from pipeline.stages.rock import load_rock
 
     rock, _ = load_rock(job.store)
@@ -119,6 +125,9 @@ def _targets(job: Job) -> dict[Place, Target]:
 
 def _scores(job: Job, targets: dict[Place, Target]) -> list[Record]:
     """Every way of running on every row, summed up over the rows."""
+    from pipeline import measuring
+    from vsr_core import peers, sweep
+
     shape = prepared(job.config, job.store, 0.0, job.config.contact.friction[0]).full.rock.shape
     engine = job.config.simulation.engine
     ways = [("project", name) for name in installed()]
@@ -156,6 +165,8 @@ def _scores(job: Job, targets: dict[Place, Target]) -> list[Record]:
 
 
 def _shared(job: Job, targets: dict[Place, Target], name: str) -> Any:
+    from vsr_core.simulate import Settings
+
     yaw, pgv_pga = map(float, name.split("/"))
     friction = job.config.contact.friction[0]
     case = prepared(job.config, job.store, yaw, friction)
@@ -168,11 +179,16 @@ def _shared(job: Job, targets: dict[Place, Target], name: str) -> Any:
 def _kept(errors: list[float]) -> float:
     import numpy as np
 
+    from vsr_core import precision
+
     return float(np.quantile(errors, precision.KEPT_BY, method="higher"))
 
 
 def _cells(job: Job) -> list[Record]:
     """Random cells of the grid in every engine, and at a sixteenth of the step."""
+    from pipeline import measuring
+    from vsr_core.simulate import Settings
+
     config, friction = job.config, job.config.contact.friction[0]
     step = time_step(config, job.store, friction)
     names = installed()
@@ -223,6 +239,9 @@ def _side(outcome: int) -> int:
 
 
 def _suite(job: Job) -> list[Record]:
+    from pipeline import measuring
+    from vsr_core import reference
+
     cases = {case.name: case for case in reference.cases()}
     there = installed()
     items = [
@@ -300,6 +319,11 @@ def _inputs(site: Site) -> dict[str, str]:
     return {TEMPLATE.name: digest_file(TEMPLATE)}
 
 
+def _modules(package: str) -> list[str]:
+    """Modules of a package of the physics, whose contents are found by name only."""
+    return sorted(path.stem for path in (ROOT / "vsr_core" / package).glob("[!_]*.py"))
+
+
 STAGE = Stage(
     name="accuracy",
     make=make,
@@ -313,7 +337,8 @@ STAGE = Stage(
         "pipeline.measuring:run_reference",
         "vsr_core.engines.bullet:build",
         "vsr_core.engines.mujoco:build",
-        *(f"vsr_core.peers.{name}:build" for name in peers.names()),
+        *(f"vsr_core.peers.{name}:build" for name in _modules("peers")),
+        *(f"vsr_core.reference.{name}:CASES" for name in _modules("reference")),
     ),
     inputs=_inputs,
     versions=("pybullet", "matplotlib", "jinja2"),

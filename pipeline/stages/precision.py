@@ -18,12 +18,12 @@ from pipeline.datasets import described, netcdf, read
 from pipeline.scenes import RUN_CODE, check_engine, engine_version, identity, prepared
 from pipeline.stage import Job, Product, Stage
 from pipeline.store import Store
-from vsr_core import GRAVITY, precision
+from vsr_core import GRAVITY
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vsr_core.precision import Row
+    from vsr_core.precision import Choice, Row
     from vsr_core.scene import Rock
     from vsr_core.simulate import Case, Settings
 
@@ -50,6 +50,8 @@ def time_step(config: Config, store: Store, friction: float) -> float:
 
 def make(job: Job) -> Product:
     """Measure the scene, or take the step that is given, and choose."""
+    from vsr_core.precision import step_unit
+
     frictions = job.config.contact.friction
     case = prepared(job.config, job.store, job.config.yaw[0], frictions[0])
     check_engine(job.site, case)
@@ -69,7 +71,7 @@ def make(job: Job) -> Product:
     for name in ("time_step", "error", "worst", "within"):
         values = [float(getattr(choice, name)) for choice in choices]
         dataset[_NAMES.get(name, name)] = ("friction", values)
-    dataset.attrs["step_unit_s"] = precision.step_unit(rock)
+    dataset.attrs["step_unit_s"] = step_unit(rock)
     return Product({FILE: netcdf(described(dataset, job, "Precision"))}, _summary(choices))
 
 
@@ -78,12 +80,16 @@ _NAMES = {"error": "boundary_error", "worst": "boundary_error_worst", "within": 
 
 def rows_of(rock: Rock) -> tuple[Place, ...]:
     """Yaw [degree] and PGV/PGA [s] of the rows of a rock."""
+    from vsr_core import precision
+
     yaws = [math.degrees(yaw) for yaw in precision.directions(rock)]
     return tuple((yaw, period) for yaw in yaws for period in precision.periods(rock))
 
 
 def measure_rows(shared: tuple[Case, Settings], items: tuple[float, ...]) -> list[Row]:
     """Rows of one direction and friction, on a worker; ``items`` are PGV/PGA [s]."""
+    from vsr_core import precision
+
     case, settings = shared
     return [precision.measure(case, pgv_pga, settings) for pgv_pga in items]
 
@@ -91,6 +97,8 @@ def measure_rows(shared: tuple[Case, Settings], items: tuple[float, ...]) -> lis
 def _measure(
     job: Job, frictions: Sequence[float], places: Sequence[Place]
 ) -> dict[tuple[float, Place], Row]:
+    from vsr_core import precision
+
     def batches() -> Iterator[Batch]:
         for friction in frictions:
             for place in places:
@@ -142,6 +150,8 @@ def _measured(
 ) -> xr.Dataset:
     import numpy as np
 
+    from vsr_core import precision
+
     frictions = config.contact.friction
     shape = (len(frictions), len(places), len(precision.SHARES))
     error, steps = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -183,13 +193,15 @@ def _dataset(frictions: Sequence[float], steps: Sequence[float]) -> xr.Dataset:
     )
 
 
-def _choice(dataset: xr.Dataset, config: Config, rock: Rock) -> precision.Choice:
+def _choice(dataset: xr.Dataset, config: Config, rock: Rock) -> Choice:
     """Choice from what was measured for one friction."""
+    from vsr_core import precision
+
     measured = precision.front(dataset["row_error"].values, dataset["row_steps"].values)
     return precision.choose(measured, config.simulation.tolerance, precision.step_unit(rock))
 
 
-def _summary(choices: Sequence[precision.Choice]) -> str:
+def _summary(choices: Sequence[Choice]) -> str:
     texts = {
         f"{1e3 * choice.time_step:.3g} ms"
         + (f", boundary right to {choice.error:.2%}" if choice.error == choice.error else "")
