@@ -241,7 +241,7 @@ def front(error: Array, steps: Array) -> Front:
         nothing = np.full(len(SHARES), math.nan)
         return Front(shares, nothing, nothing, nothing)
     error, steps = error[toppled], steps[toppled]
-    most = np.quantile(error, KEPT_BY, axis=0, method="higher")
+    most = np.quantile(error, KEPT_BY, axis=0, method="inverted_cdf")
     return Front(shares, most, error.max(axis=0), steps.mean(axis=0))
 
 

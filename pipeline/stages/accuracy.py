@@ -181,7 +181,7 @@ def _kept(errors: list[float]) -> float:
 
     from vsr_core import precision
 
-    return float(np.quantile(errors, precision.KEPT_BY, method="higher"))
+    return float(np.quantile(errors, precision.KEPT_BY, method="inverted_cdf"))
 
 
 def _cells(job: Job) -> list[Record]:

@@ -1,0 +1,174 @@
+"""The time step that the scene itself asks for: what is measured, and what is chosen from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vsr_core import GRAVITY, bounds, comparison, precision, servo, solid
+from vsr_core.comparison import Score, Target
+from vsr_core.motion import CosinePulse
+from vsr_core.outcome import DecidedBy, Outcome, Response
+from vsr_core.precision import OFFSETS, SHARES, WORST, Front, choose, front, measure
+from vsr_core.rocking import Block, rocking_response
+from vsr_core.scene import Contact, Scene
+from vsr_core.simulate import Case, Settings, prepare
+
+
+def box(size: tuple[float, float, float], contact: Contact, yaw: float = 0.0) -> Case:
+    rock = solid.box(size, 2110.0).rock
+    return prepare(Scene(rock, contact, yaw), bounds.barrier(rock), reduce=True)
+
+
+SLENDER = box((1.0, 1.0, 3.0), Contact(0.6))
+
+
+def test_error_stated_holds_on_pulses_that_were_not_tried() -> None:
+    """Beyond the error of a step, up to its window, every outcome is Housner's."""
+    ratio = precision.periods(SLENDER.full.rock)[0]
+    row = measure(SLENDER, ratio, Settings(1.0))
+    assert row.exact
+    block = Block(0.5, 1.5)
+    rng = np.random.default_rng(3)
+    checked = 0
+    for share, error in zip(SHARES, row.error, strict=True):
+        settings = Settings(share * precision.step_unit(SLENDER.full.rock))
+        test = comparison.project(SLENDER, settings)
+        for offset in rng.uniform(error, 0.08, 4) * rng.choice((-1.0, 1.0), 4):
+            pga = row.reference * (1.0 + offset)
+            checked += 1
+            assert test(CosinePulse(pga, ratio)) == rocking_response(block, pga, ratio).overturned
+    assert checked == 4 * len(SHARES)
+
+
+@pytest.mark.parametrize("bias", [-0.02, 0.02])
+def test_a_biased_simulation_is_found_out(monkeypatch: pytest.MonkeyPatch, bias: float) -> None:
+    """Pulses that arrive 2 % too strong or weak: an error of about 2 % that no step removes."""
+    honest = precision.simulate
+
+    def biased(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        return honest(case, replace(motion, pga=motion.pga * (1.0 + bias)), settings)
+
+    monkeypatch.setattr(precision, "simulate", biased)
+    row = measure(SLENDER, precision.periods(SLENDER.full.rock)[0], Settings(1.0))
+    fine = row.error[np.array(SHARES) <= 0.004]
+    assert ((fine >= 0.015) & (fine <= 0.03)).all()
+
+
+def test_a_simulation_without_verdicts_is_never_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost = Response(Outcome.UNSTABLE, DecidedBy.SIMULATION, math.nan, math.nan, math.nan, 7)
+    monkeypatch.setattr(precision, "simulate", lambda *arguments: lost)
+    row = measure(SLENDER, 0.2, Settings(1.0))
+    assert (row.error == WORST).all()
+
+
+def test_where_the_reference_changes_its_mind_either_outcome_passes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A hull whose finer runs differ between 10 and 10.5 m/s^2: coarse steps may say either."""
+    shapes = replace(SLENDER.full.rock, shape="hull")
+    case = replace(SLENDER, full=replace(SLENDER.full, rock=shapes), still=(-5.0, 5.0))
+    unit = precision.step_unit(shapes)
+
+    def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        share = settings.time_step / unit
+        second = math.isclose(share, precision.SECOND_SHARE)
+        limit = 10.5 if second else 10.2 if share > 0.01 else 10.0
+        over = Outcome.OVERTURNED if motion.pga > limit else Outcome.BALANCED
+        return Response(over, DecidedBy.SIMULATION, 0.0, 0.0, 0.0, 5)
+
+    monkeypatch.setattr(precision, "simulate", fake)
+    row = measure(case, 0.3, Settings(1.0))
+    assert not row.exact
+    assert row.reference == pytest.approx(10.0, rel=0.002)
+    assert (row.error == OFFSETS[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("case", "expected"),
+    [
+        (SLENDER, Block(0.5, 1.5)),
+        (box((1.0, 2.0, 3.0), Contact(0.8), math.pi / 2), Block(1.0, 1.5)),
+        (box((1.0, 2.0, 3.0), Contact(0.8), math.pi), Block(0.5, 1.5)),
+        (box((1.0, 1.0, 3.0), Contact(0.6), 0.3), None),
+        (box((1.0, 1.0, 2.0), Contact(0.5)), None),
+        (box((2.0, 1.0, 2.0), Contact(5.0)), None),
+        (box((1.0, 1.0, 3.0), Contact(0.6, 0.2)), None),
+        (box((1.0, 1.0, 3.0), Contact(0.6, 0.0, 0.01)), None),
+    ],
+)
+def test_housners_block_is_the_reference_only_where_it_applies(
+    case: Case, expected: Block | None
+) -> None:
+    assert precision.rocking_block(case) == expected
+
+
+def test_housners_block_is_no_reference_for_a_servo() -> None:
+    full = replace(SLENDER.full, drive=servo.PUBLISHED)
+    assert precision.rocking_block(replace(SLENDER, full=full)) is None
+
+
+def test_front_keeps_what_four_rows_in_five_keep() -> None:
+    error = np.outer([1.0, 2.0, 3.0, 4.0, 50.0, math.nan], np.linspace(2.0, 1.0, len(SHARES)))
+    steps = np.outer([1.0, 1.0, 1.0, 3.0, 4.0, math.nan], np.arange(len(SHARES)) + 1.0)
+    found = front(error, steps)
+    assert found.error == pytest.approx(np.linspace(8.0, 4.0, len(SHARES)))
+    assert found.worst == pytest.approx(np.linspace(100.0, 50.0, len(SHARES)))
+    assert found.steps == pytest.approx(2.0 * (np.arange(len(SHARES)) + 1.0))
+
+
+@pytest.mark.parametrize(
+    ("error", "tolerance", "step", "within"),
+    [
+        ((0.08, 0.04, 0.02, 0.01), 0.04, 4.0, True),
+        ((0.08, 0.04, 0.02, 0.01), 0.02, 2.0, True),
+        ((0.01, 0.04, 0.02, 0.01), 0.02, 2.0, True),  # good by luck above a bad one
+        ((0.08, 0.04, 0.02, 0.01), 0.005, 1.0, False),
+        ((math.nan,) * 4, 0.01, None, True),
+    ],
+)
+def test_choice_is_the_coarsest_from_which_on_all_keep_the_tolerance(
+    error: tuple[float, ...], tolerance: float, step: float | None, within: bool
+) -> None:
+    shares = np.array([8.0, 4.0, 2.0, 1.0])
+    chosen = choose(Front(shares, np.array(error), np.array(error), shares), tolerance, 0.5)
+    assert chosen.within is within
+    if step is not None:
+        assert chosen.time_step == 0.5 * step
+        assert chosen.error == error[list(shares).index(step)]
+
+
+def test_doubled_tolerance_is_cheaper() -> None:
+    rows = [measure(SLENDER, r, Settings(1.0)) for r in precision.periods(SLENDER.full.rock)]
+    measured = front(np.array([r.error for r in rows]), np.array([r.steps for r in rows]))
+    unit = precision.step_unit(SLENDER.full.rock)
+    steps = [choose(measured, tolerance, unit).time_step for tolerance in (0.005, 0.01, 0.02)]
+    assert steps == sorted(steps)
+    assert steps[2] >= 1.5 * steps[1] >= 1.5 * steps[0]
+
+
+def test_score_of_a_way_of_running_against_a_target() -> None:
+    """A way that is right from 1.5 % on above the boundary, and everywhere below it."""
+    right = {
+        10.0 * (1.0 + side * offset): int(side > 0) for offset in OFFSETS for side in (-1.0, 1.0)
+    }
+    wanted = Target(0.3, 10.0, True, 0.0, right)
+    found = comparison.score(lambda pulse: int(pulse.pga > 10.12), wanted)
+    assert found.error == 0.015
+    assert found.lost == 0
+    assert found.seconds >= 0.0
+    diverging = comparison.score(lambda pulse: -1, wanted)
+    assert diverging == Score(WORST, diverging.seconds, diverging.lost)
+    assert diverging.lost > 0
+
+
+def test_target_of_a_block_is_housners_equation() -> None:
+    wanted = comparison.target(SLENDER, 0.2, ())
+    assert wanted.exact
+    block = Block(0.5, 1.5)
+    for pga, topples in wanted.right.items():
+        assert topples == rocking_response(block, pga, 0.2).overturned
+    assert wanted.boundary / GRAVITY == pytest.approx(0.52, abs=0.01)  # Housner, 1x1x3 m at 0.20 s
