@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import sources
@@ -58,10 +60,16 @@ def make(job: Job) -> Product:
 
 def load_rock(store: Store) -> tuple[Rock, Barrier]:
     """The rock and its energy barrier, from the product."""
+    path = store.folder / FILE
+    return _load(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _load(path: Path, changed: int) -> tuple[Rock, Barrier]:
     from vsr_core.bounds import Barrier
     from vsr_core.scene import Rock
 
-    data = read(store.folder / FILE)
+    data = read(path)
     limits = Barrier(
         data["barrier_tilt"].values,
         data["barrier_height"].values,
