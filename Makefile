@@ -31,12 +31,16 @@ help:
 	' Makefile
 
 ## A rock
-.PHONY: fragility accuracy plan status why fetch
+.PHONY: fragility accuracy stability plan status why fetch
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(vsr) run fragility $(site) $(where)
 
 accuracy: setup ## error of SITE's boundary against run time, beside other ways of computing it
 	$(vsr) run accuracy $(site) $(where)
+
+stability: SITE ?= cuboid_1x1x2
+stability: setup ## stiff and extreme cases, each with its verdict
+	$(vsr) run stability $(site) $(where)
 
 plan: setup ## what would run for SITE, and what it costs
 	$(vsr) plan $(site)

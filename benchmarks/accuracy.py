@@ -56,5 +56,6 @@ def _step(case: Case, tolerance: float) -> float:
     rock = case.full.rock
     rows = [precision.measure(case, r, Settings(1.0)) for r in precision.periods(rock)]
     error, steps = np.array([row.error for row in rows]), np.array([row.steps for row in rows])
-    found = precision.choose(precision.front(error, steps), tolerance, precision.step_unit(rock))
-    return found.time_step
+    measured, unit = precision.front(error, steps), precision.step_unit(rock)
+    most = precision.longest(rock, "bullet", tolerance)
+    return precision.choose(measured, tolerance, unit, most).time_step

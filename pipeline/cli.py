@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
 
-PRODUCTS = ("rock", "motions", "responses", "fragility", "report", "accuracy")
+PRODUCTS = ("rock", "motions", "responses", "fragility", "report", "accuracy", "stability")
 """What `run` can make; each is a stage of that name."""
 
 ALIASES: dict[str, str] = {"fragility": "report"}
@@ -29,8 +29,13 @@ SHOWN = {
     "fragility": ("report.html", "fragility.csv", "responses.nc"),
     "report": ("report.html", "fragility.csv", "responses.nc"),
     "accuracy": ("accuracy.html", "accuracy.csv", "work_precision.png"),
+    "stability": ("stability.html", "stability.csv", "stability_map.png"),
 }
 """Files that are named when a product is done."""
+
+LOST = "runs are without a verdict; the report and responses.nc say which"
+UNRESOLVED_ARE = {"stability": "cases are silently wrong; stability.html says which"}
+"""What an exit code of 1 means, where it is not that runs are without a verdict."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -119,7 +124,7 @@ def _run(options: argparse.Namespace) -> int:
     for name in SHOWN.get(options.product, ()):
         _log(f"-> {job.path(name)}")
     if unresolved:
-        _log(f"{unresolved} runs are without a verdict; the report and responses.nc say which")
+        _log(f"{unresolved} {UNRESOLVED_ARE.get(options.product, LOST)}")
         return UNRESOLVED
     return DONE
 

@@ -64,20 +64,40 @@ def prepared(config: Config, store: Store, yaw: float, friction: float) -> Case:
     return prepare(scene, limits, reduce=config.simulation.reduce)
 
 
-def check_engine(site: Site, case: Case) -> None:
-    """See that the engine can hold a scene, before any run.
+def check_scene(site: Site, store: Store) -> Case:
+    """See that scene, engine and a given time step go together, before any run.
+
+    Returns
+    -------
+    Case
+        Of the first direction and friction.
 
     Raises
     ------
     InputError
-        If it cannot.
+        If they do not.
     """
     from vsr_core import engines
+    from vsr_core.motion import CosinePulse
+    from vsr_core.precheck import check, longest_step
+    from vsr_core.simulate import Settings
 
+    config, simulation = site.config, site.config.simulation
+    case = prepared(config, store, config.yaw[0], config.contact.friction[0])
+    key = "simulation.engine"
     try:
-        engines.load(site.config.simulation.engine).build(case.scene, 1e-3, 1)
+        engines.load(simulation.engine).build(case.scene, 1e-3, 1)
+        step = simulation.time_step
+        if step == "auto":
+            step = longest_step(case.full, simulation.engine)
+        else:
+            key = "simulation.time_step"
+        settings = Settings(step, simulation.reduce, simulation.engine)
+        for pgv_pga in {config.motion.pgv_pga[0], config.motion.pgv_pga[-1]}:
+            check(case, settings, CosinePulse.from_g(config.motion.pga[-1], pgv_pga))
     except Unfit as error:
-        raise InputError.from_unfit(site.file, "simulation.engine", error) from None
+        raise InputError.from_unfit(site.file, key, error) from None
+    return case
 
 
 def engine_version(site: Site) -> dict[str, str]:

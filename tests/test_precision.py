@@ -134,18 +134,30 @@ def test_choice_is_the_coarsest_from_which_on_all_keep_the_tolerance(
     error: tuple[float, ...], tolerance: float, step: float | None, within: bool
 ) -> None:
     shares = np.array([8.0, 4.0, 2.0, 1.0])
-    chosen = choose(Front(shares, np.array(error), np.array(error), shares), tolerance, 0.5)
+    chosen = choose(Front(shares, np.array(error), np.array(error), shares), tolerance, 0.5, 99.0)
     assert chosen.within is within
     if step is not None:
         assert chosen.time_step == 0.5 * step
         assert chosen.error == error[list(shares).index(step)]
 
 
+def test_no_step_is_longer_than_the_longest() -> None:
+    shares = np.array([8.0, 4.0, 2.0, 1.0])
+    for error in (np.full(4, 0.001), np.full(4, math.nan)):
+        chosen = choose(Front(shares, error, error, shares), 0.01, 0.5, 1.3)
+        assert chosen.time_step == 1.0
+        assert chosen.within
+
+
 def test_doubled_tolerance_is_cheaper() -> None:
     rows = [measure(SLENDER, r, Settings(1.0)) for r in precision.periods(SLENDER.full.rock)]
     measured = front(np.array([r.error for r in rows]), np.array([r.steps for r in rows]))
     unit = precision.step_unit(SLENDER.full.rock)
-    steps = [choose(measured, tolerance, unit).time_step for tolerance in (0.005, 0.01, 0.02)]
+    rock = SLENDER.full.rock
+    steps = [
+        choose(measured, wanted, unit, precision.longest(rock, "bullet", wanted)).time_step
+        for wanted in (0.005, 0.01, 0.02)
+    ]
     assert steps == sorted(steps)
     assert steps[2] >= 1.5 * steps[1] >= 1.5 * steps[0]
 

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from vsr_core import GRAVITY
 from vsr_core.motion import CosinePulse
 from vsr_core.outcome import Outcome
+from vsr_core.precheck import longest_step
 from vsr_core.rocking import Block, first_overturning_pga, rocking_response
-from vsr_core.scene import Rock
+from vsr_core.scene import Contact, Rock, Scene
 from vsr_core.simulate import Case, Settings, simulate
 
 Array = NDArray[np.float64]
@@ -156,6 +157,7 @@ def measure(case: Case, pgv_pga: float, settings: Settings) -> Row:
         def right(pga: float) -> bool | None:
             topples = fine(pga)
             return topples if second(pga) == topples else None
+
     if not boundary < 0.9 * STRONGEST:
         nothing = np.full(len(SHARES), math.nan)
         return Row(pgv_pga, math.nan, block is not None, nothing, nothing)
@@ -245,19 +247,30 @@ def front(error: Array, steps: Array) -> Front:
     return Front(shares, most, error.max(axis=0), steps.mean(axis=0))
 
 
-def choose(measured: Front, tolerance: float, unit: float) -> Choice:
+def longest(rock: Rock, engine: str, tolerance: float) -> float:
+    """Longest time step [s] for a tolerance, whatever the boundaries say.
+
+    ``precheck.longest_step`` holds for a tolerance of 1 %, and the error of a swing grows with the
+    step: a boundary may be right by luck where many impacts would not be.
+    """
+    ways = (Scene(rock, Contact(1.0), yaw) for yaw in directions(rock))
+    return min(longest_step(way, engine) for way in ways) * tolerance / 0.01
+
+
+def choose(measured: Front, tolerance: float, unit: float, most: float) -> Choice:
     """Coarsest step from which on, to all finer ones, the error is within ``tolerance``.
 
-    If there is none it is the finest, and the choice says so. ``unit`` is ``step_unit`` [s].
+    If there is none it is the finest, and the choice says so. ``unit`` is ``step_unit`` and
+    ``most`` the ``longest`` step [s].
     """
+    steps = measured.shares * unit
+    short = np.nonzero(steps <= most * (1.0 + 1e-9))[0]
+    first = int(short[0]) if short.size else len(steps) - 1
     if not np.isfinite(measured.error).any():  # nothing topples it, at any step
-        return Choice(COARSE_SHARE * unit, math.nan, math.nan, within=True)
+        return Choice(float(steps[first]), math.nan, math.nan, within=True)
     largest = np.maximum.accumulate(measured.error[::-1])[::-1]
-    good = np.nonzero(largest <= tolerance)[0]
-    at = int(good[0]) if good.size else len(measured.shares) - 1
+    good = np.nonzero((largest <= tolerance) & (np.arange(len(steps)) >= first))[0]
+    at = int(good[0]) if good.size else len(steps) - 1
     return Choice(
-        float(measured.shares[at]) * unit,
-        float(measured.error[at]),
-        float(measured.worst[at]),
-        bool(good.size),
+        float(steps[at]), float(measured.error[at]), float(measured.worst[at]), bool(good.size)
     )

@@ -15,7 +15,7 @@ from pipeline import keys
 from pipeline.cluster import Batch
 from pipeline.config import Config
 from pipeline.datasets import described, netcdf, read
-from pipeline.scenes import RUN_CODE, check_engine, engine_version, identity, prepared
+from pipeline.scenes import RUN_CODE, check_scene, engine_version, identity, prepared
 from pipeline.stage import Job, Product, Stage
 from pipeline.store import Store
 from vsr_core import GRAVITY
@@ -37,25 +37,21 @@ Place = tuple[float, float]  # yaw [degree], PGV/PGA [s]
 
 def time_step(config: Config, store: Store, friction: float) -> float:
     """Time step [s] of a friction; nan where it has to be measured first."""
-    from pipeline.stages.rock import load_rock
-
     given = config.simulation.time_step
     if given != "auto":
         return given
     old = _measured_before(store).get(_name(config, store, friction))
     if old is None:
         return math.nan
-    return _choice(old, config, load_rock(store)[0]).time_step
+    return _choice(old, config.simulation.tolerance).time_step
 
 
 def make(job: Job) -> Product:
     """Measure the scene, or take the step that is given, and choose."""
-    from vsr_core.precision import step_unit
+    from vsr_core.precision import longest, step_unit
 
     frictions = job.config.contact.friction
-    case = prepared(job.config, job.store, job.config.yaw[0], frictions[0])
-    check_engine(job.site, case)
-    rock = case.full.rock
+    rock = check_scene(job.site, job.store).full.rock
     given = job.config.simulation.time_step
     if given != "auto":
         dataset = _dataset(frictions, [given] * len(frictions))
@@ -67,11 +63,15 @@ def make(job: Job) -> Product:
     wanted = [friction for friction in frictions if names[friction] not in before]
     rows = _measure(job, wanted, places) if wanted else {}
     dataset = _measured(job.config, places, names, rows, before)
-    choices = [_choice(dataset.isel(friction=at), job.config, rock) for at in range(len(frictions))]
+    simulation = job.config.simulation
+    dataset.attrs["step_unit_s"] = step_unit(rock)
+    dataset.attrs["longest_step_s"] = longest(rock, simulation.engine, 0.01)
+    choices = [
+        _choice(dataset.isel(friction=at), simulation.tolerance) for at in range(len(frictions))
+    ]
     for name in ("time_step", "error", "worst", "within"):
         values = [float(getattr(choice, name)) for choice in choices]
         dataset[_NAMES.get(name, name)] = ("friction", values)
-    dataset.attrs["step_unit_s"] = step_unit(rock)
     return Product({FILE: netcdf(described(dataset, job, "Precision"))}, _summary(choices))
 
 
@@ -193,12 +193,13 @@ def _dataset(frictions: Sequence[float], steps: Sequence[float]) -> xr.Dataset:
     )
 
 
-def _choice(dataset: xr.Dataset, config: Config, rock: Rock) -> Choice:
+def _choice(dataset: xr.Dataset, tolerance: float) -> Choice:
     """Choice from what was measured for one friction."""
     from vsr_core import precision
 
     measured = precision.front(dataset["row_error"].values, dataset["row_steps"].values)
-    return precision.choose(measured, config.simulation.tolerance, precision.step_unit(rock))
+    unit, most = (float(dataset.attrs[name]) for name in ("step_unit_s", "longest_step_s"))
+    return precision.choose(measured, tolerance, unit, most * tolerance / 0.01)
 
 
 def _summary(choices: Sequence[Choice]) -> str:

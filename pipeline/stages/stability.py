@@ -1,0 +1,188 @@
+"""Stability: the stiff and extreme cases, each with its verdict."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.cluster import Batch
+from pipeline.keys import digest_file
+from pipeline.layers import Site
+from pipeline.stage import Job, Product, Stage
+from vsr_core import stability
+from vsr_core.stability import Finding, Verdict
+
+if TYPE_CHECKING:
+    from vsr_core.stability import Case
+
+TABLE, PAGE, PICTURE = "stability.csv", "stability.html", "stability_map"
+
+BATCH = 2
+"""Cases handed to a worker at once."""
+
+HEAVY = ("rest", "map")
+"""Families that take longest, and so come first."""
+
+COLUMNS = ("case", "family", "parameter", "value", "unit", "verdict", "measured", "expected",
+           "error", "tolerance", "note")  # fmt: skip
+
+TEMPLATE = Path(__file__).parents[1] / "templates" / PAGE
+
+DIED = Finding(
+    Verdict.WRONG, math.nan, math.nan, math.nan, "the process died in it; see the log of workers"
+)
+
+Record = dict[str, Any]
+
+
+def make(job: Job) -> Product:
+    """Run all cases and say what became of them."""
+    from pipeline.figures.stability import pdf, stability_map
+    from pipeline.figures.style import png, svg_uri
+    from vsr_core.stability.map import limits
+
+    cases = stability.cases()
+    job.log(f"stability: {len(cases)} cases")
+    findings = _findings(job, cases)
+    records = [_record(case, findings[name]) for name, case in cases.items()]
+    figure = stability_map(_points(cases, findings), limits())
+    text = _page(records, cases, svg_uri(figure))
+    counts = _counts(records)
+    files = {
+        TABLE: lambda path: _write_table(path, records),
+        PAGE: lambda path: path.write_text(text, encoding="utf-8"),
+        f"{PICTURE}.png": lambda path: path.write_bytes(png(figure)),
+        f"{PICTURE}.pdf": lambda path: path.write_bytes(pdf(figure)),
+    }
+    wrong = [record["case"] for record in records if record["verdict"] == Verdict.WRONG.value]
+    summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    if wrong:
+        summary += f": {'; '.join(wrong[:5])}{' ...' if len(wrong) > 5 else ''}"
+    return Product(files, summary, unresolved=len(wrong))
+
+
+def run_cases(shared: None, names: tuple[str, ...]) -> list[Finding]:
+    """Findings of the cases of those names, on a worker."""
+    cases = stability.cases()
+    return [cases[name].run() for name in names]
+
+
+def _findings(job: Job, cases: dict[str, Case]) -> dict[str, Finding]:
+    order = sorted(cases, key=lambda name: cases[name].family not in HEAVY)
+
+    def batches() -> Iterator[Batch]:
+        for start in range(0, len(order), BATCH):
+            names = tuple(order[start : start + BATCH])
+            yield Batch(names, "cases", names)
+
+    found: dict[str, Finding] = {}
+    for batch, results in job.cluster.run(run_cases, batches(), lambda name: None):
+        found |= zip(batch.items, results or [DIED] * len(batch.items), strict=True)
+    return found
+
+
+def _record(case: Case, finding: Finding) -> Record:
+    return {
+        "case": case.name,
+        "family": case.family,
+        "parameter": case.parameter,
+        "value": case.value,
+        "unit": case.unit,
+        "verdict": finding.verdict.value,
+        "measured": finding.measured,
+        "expected": finding.expected,
+        "error": finding.error,
+        "tolerance": case.tolerance,
+        "note": finding.note,
+    }
+
+
+def _counts(records: Sequence[Record]) -> dict[str, int]:
+    return {v.value: sum(record["verdict"] == v.value for record in records) for v in Verdict}
+
+
+def _points(cases: dict[str, Case], findings: dict[str, Finding]) -> list[Record]:
+    """The map's cases, by time step [s] and stiffness [N/m]."""
+    from vsr_core.stability.map import POINTS
+
+    return [
+        {"time_step": step, "stiffness": stiffness, "verdict": findings[name].verdict.value}
+        for name, (step, stiffness) in POINTS.items()
+        if name in findings
+    ]
+
+
+def _page(records: list[Record], cases: dict[str, Case], picture: str) -> str:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    for record in records:
+        record["reference"] = cases[record["case"]].reference
+    groups = []
+    for family in stability.families():
+        own = [record for record in records if record["family"] == family]
+        kinds = {record["reference"]: [r for r in own if r["reference"] == record["reference"]]
+                 for record in own}  # fmt: skip
+        groups.append(
+            {"name": family, "about": _about(family), "kinds": kinds, "counts": _counts(own)}
+        )
+    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+        counts=_counts(records),
+        total=len(records),
+        groups=groups,
+        wrong=[record for record in records if record["verdict"] == Verdict.WRONG.value],
+        picture=picture,
+        files={"table": TABLE, "picture": PICTURE},
+    )
+
+
+def _about(family: str) -> str:
+    """First line of a family's docstring."""
+    import importlib
+
+    text = importlib.import_module(f"{stability.__name__}.{family}").__doc__ or ""
+    return text.partition("\n")[0].rstrip(".")
+
+
+def _write_table(path: Path, records: list[Record]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore")
+        writer.writeheader()
+        writer.writerows(
+            {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in record.items()}
+            for record in records
+        )
+
+
+def _inputs(site: Site) -> dict[str, str]:
+    """The template, and the engines that there are beside the default."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        mujoco = version("mujoco")
+    except PackageNotFoundError:
+        mujoco = "not installed"
+    return {TEMPLATE.name: digest_file(TEMPLATE), "mujoco": mujoco}
+
+
+STAGE = Stage(
+    name="stability",
+    make=make,
+    code=(
+        "pipeline.stages.stability:run_cases",
+        "vsr_core.stability:cases",
+        *(f"vsr_core.stability.{family}:CASES" for family in stability.families()),
+        *(
+            f"vsr_core.engines.{engine}:{name}"
+            for engine in ("bullet", "mujoco")
+            for name in ("build", "SOLVER", "SLENDER_SHARE", "SLIDING_SHARE")
+        ),
+    ),
+    inputs=_inputs,
+    versions=("pybullet", "scipy", "trimesh", "matplotlib", "jinja2"),
+)
