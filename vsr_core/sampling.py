@@ -35,6 +35,12 @@ class Sampling:
     pulse_samples: int
 
 
+def first_step(motion: GroundMotion, drive: Servo | None, time_step: float) -> float:
+    """Step [s] to begin with: ``time_step``, or as fine as the motion or the drive needs it."""
+    longest = SAMPLING_SHARE * motion.shortest_time if drive is None else drive.period
+    return min(time_step, longest)
+
+
 def sampling(motion: GroundMotion, drive: Servo | None, time_step: float) -> Sampling:
     """Samples in steps of at most ``time_step`` [s].
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from vsr_core import GRAVITY, bounds, engines, scene, servo
 from vsr_core.motion import GroundMotion
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
-from vsr_core.sampling import samples, sampling
-from vsr_core.scene import Reduction, Rock, Scene
+from vsr_core.sampling import first_step, samples, sampling
+from vsr_core.scene import Reduction, Scene, State
 
 Array = NDArray[np.float64]
 
@@ -29,11 +29,19 @@ PENETRATION_SHARE = 0.01
 ENERGY_SLACK = 0.02
 """Numerical excess allowed over the energy the table can give, as a share of g times radius."""
 
-REST_SHARE = 1e-6
-"""Kinetic energy of a rock at rest, as a share of g times its radius."""
+REST_SHARE, REST_OF_BARRIER = 1e-6, 1e-3
+"""Kinetic energy of a rock at rest, as a share of g times its radius, and of what it has to climb
+to topple: a needle that hesitates on its edge is not at rest."""
 
-LOOKS_AT_REST = 4
-"""Looks in a row with that little energy that make a rest; a turning point has one at most."""
+REST_TIME = 0.28
+"""Time with that little energy that makes a rest, in units of sqrt(radius / g)."""
+
+CREEP_SHARE = 1e-4
+"""Farthest way of a rock in that time, as a share of its radius: even in the longest wait it would
+not creep a sixth of the way that counts as displaced."""
+
+DRIFT_SHARE = 0.01
+"""Farthest way of a rock that nothing has moved yet, as a share of its radius."""
 
 WAITING_TIMES = 40.0
 """Longest wait after the motion, in units of sqrt(radius / g); 4 s at the least, as the seed."""
@@ -69,7 +77,7 @@ class Case:
     reductions : tuple of Reduction, what was left out
     limits : Barrier of the rock
     still : tuple of float, lowest and highest table acceleration [m/s^2] that move nothing; zeros
-        for a drive, whose table accelerates a little more than it should
+        for springs, for a start on the move, and for a drive, whose table overshoots a little
     """
 
     full: Scene
@@ -87,11 +95,11 @@ def prepare(described: Scene, limits: bounds.Barrier, *, reduce: bool) -> Case:
     Unfit
         For a drive whose sampled loop is unstable.
     """
-    if described.drive is None:
-        still = bounds.still_range(described.rock, described.contact, described.yaw)
-    else:
+    still = (0.0, 0.0)
+    if described.drive is not None:
         servo.check(described.drive)
-        still = (0.0, 0.0)
+    elif described.contact.stiffness is None and described.start is None:
+        still = bounds.still_range(described.rock, described.contact, described.yaw)
     reduced, reductions = scene.reduce(described) if reduce else (described, ())
     full = replace(reduced, rock=described.rock, kept_tilt=described.kept_tilt)
     return Case(full, reduced, reductions, limits, still)
@@ -100,7 +108,8 @@ def prepare(described: Scene, limits: bounds.Barrier, *, reduce: bool) -> Case:
 def simulate(case: Case, motion: GroundMotion, settings: Settings) -> Response:
     """Outcome of one run.
 
-    Never raises for physics: a run that fails its guards at every step tried is ``UNSTABLE``.
+    Never raises for physics: a run that fails its guards at every step tried is ``UNSTABLE``. Steps
+    are as fine as the motion needs; ``precheck.check`` says if they are too coarse for the rock.
 
     Parameters
     ----------
@@ -110,9 +119,8 @@ def simulate(case: Case, motion: GroundMotion, settings: Settings) -> Response:
     """
     if settings.reduce and motion.peak_acceleration < min(-case.still[0], case.still[1]):
         return Response(Outcome.BALANCED, DecidedBy.NO_UPLIFT_BOUND, 0.0, 0.0, 0.0, 0)
-    simulated, time_step = case.scene, settings.time_step
-    if simulated.drive is not None:
-        time_step = min(time_step, simulated.drive.period)
+    simulated = case.scene
+    time_step = first_step(motion, simulated.drive, settings.time_step)
     for _ in range(HALVINGS + 1):
         response = _Run(case, simulated, motion, settings, time_step).to_the_end()
         if response.peak_tilt > simulated.kept_tilt:
@@ -136,10 +144,11 @@ class _Run:
         time_step: float,
     ) -> None:
         self.motion, self.limits = motion, case.limits
-        # The proofs assume the prescribed motion; a servo's table moves a little differently.
-        self.early = settings.reduce and simulated.drive is None
-        rock = simulated.rock
-        self.friction = simulated.contact.friction
+        rock, contact = simulated.rock, simulated.contact
+        # The proofs assume the prescribed motion; a servo's table moves a little differently. And
+        # they know nothing of energy kept in springs.
+        self.early = settings.reduce and simulated.drive is None and contact.stiffness is None
+        self.friction = contact.friction
         self.radius = rock.radius
         self.vertices = rock.vertices
         self.kept_tilt = math.pi if simulated is case.full else simulated.kept_tilt
@@ -150,7 +159,8 @@ class _Run:
         self.interval, self.substeps = sampled.interval, sampled.substeps
         self.pulse_samples = sampled.pulse_samples
         self.look_every = max(1, LOOK_EVERY // self.substeps)
-        wait = max(4.0, WAITING_TIMES * math.sqrt(self.radius / GRAVITY))
+        unit = math.sqrt(self.radius / GRAVITY)
+        wait = max(4.0, WAITING_TIMES * unit)
         self.last_sample = self.pulse_samples + math.ceil(wait / self.interval)
         engine = engines.load(settings.engine)
         self.world = engine.build(
@@ -160,17 +170,24 @@ class _Run:
         self.sample = 0
         self.time = 0.0
         self.tilt = self.peak_tilt = self.slip = 0.0
-        self.looks_at_rest = 0
+        climb = max(case.limits.edge_height - case.limits.upright_floor, 0.0)
+        self.rest_energy = GRAVITY * min(REST_SHARE * self.radius, REST_OF_BARRIER * climb)
+        self.rest_time = REST_TIME * unit
+        self.still_since: tuple[float, State] | None = None
         self.energy = GRAVITY * rock.height
         self.start = self.world.state()
         self.foot_start = self.start.position + self.start.rotation @ self.foot
+        self.values = samples(motion, self.drive, self.interval, self.last_sample)
+        moved = (self.values < case.still[0]) | (self.values > case.still[1])
+        # A rock on the move from its start is never at rest before the motion.
+        self.first_push = int(np.argmax(np.append(moved, True))) if simulated.start is None else -1
 
     def to_the_end(self) -> Response:
         if not self._look():
             return self._ended(Outcome.UNSTABLE, DecidedBy.SIMULATION)
         if self.kinetic > ENERGY_SLACK * GRAVITY * self.radius:
             return self._ended(Outcome.UNSETTLED, DecidedBy.SIMULATION)
-        values = samples(self.motion, self.drive, self.interval, self.last_sample).tolist()
+        values = self.values.tolist()
         while self.sample < self.last_sample:
             until = self._next_look()
             self.world.advance(values[self.sample : until])
@@ -201,9 +218,11 @@ class _Run:
         body_spin = rotation.T @ spin
         self.kinetic = 0.5 * float(velocity @ velocity + body_spin @ self.inertia @ body_spin)
         self.energy = self.kinetic + GRAVITY * height
-        at_rest = self.kinetic + self._table_kinetic() < REST_SHARE * GRAVITY * self.radius
-        self.looks_at_rest = self.looks_at_rest + 1 if at_rest else 0
         self.state = state
+        if self.kinetic + self._table_kinetic() >= self.rest_energy:
+            self.still_since = None
+        elif self.still_since is None:
+            self.still_since = (self.time, state)
         if not math.isfinite(self.energy):
             return False
         self.tilt = math.acos(max(-1.0, min(1.0, float(rotation[2, 2]))))
@@ -213,6 +232,9 @@ class _Run:
         self.heights = self.vertices @ rotation[2]
         deepest = height + float(self.heights.min())
         if deepest < -PENETRATION_SHARE * self.radius:
+            return False
+        drift = max(self.slip, self.tilt * self.radius)
+        if self.sample <= self.first_push and drift > DRIFT_SHARE * self.radius:
             return False
         floor = GRAVITY * self.limits.floor
         start = GRAVITY * float(self.start.position[2]) - floor
@@ -230,7 +252,7 @@ class _Run:
         return 0.5 * self.driven.table()[1] ** 2 if self.driven is not None else 0.0
 
     def _decided(self) -> tuple[Outcome, DecidedBy] | None:
-        if self.sample >= self.pulse_samples and self.looks_at_rest >= LOOKS_AT_REST:
+        if self.sample >= self.pulse_samples and self._rests():
             return self._side(), DecidedBy.SIMULATION
         if not self.early:
             return None
@@ -239,6 +261,15 @@ class _Run:
         if self._proved() and (self.tilt > self.limits.toppled_tilt or self._slip_is_known()):
             return self._side(), DecidedBy.ENERGY_BOUND
         return None
+
+    def _rests(self) -> bool:
+        """Whether the rock has stood still for ``REST_TIME`` and does not creep."""
+        if self.still_since is None or self.time - self.still_since[0] < self.rest_time:
+            return False
+        before, self.still_since = self.still_since[1], (self.time, self.state)
+        way = float(np.linalg.norm(self.state.position - before.position))
+        turn = float(np.linalg.norm(self.state.rotation - before.rotation)) / math.sqrt(2.0)
+        return way + turn * self.radius <= CREEP_SHARE * self.radius
 
     def _proved(self) -> bool:
         impulse = self.motion.remaining_impulse(self.time)
@@ -278,19 +309,3 @@ class _Run:
     def _ended(self, outcome: Outcome, decided_by: DecidedBy) -> Response:
         steps = self.sample * self.substeps
         return Response(outcome, decided_by, self.peak_tilt, self.tilt, self.slip, steps)
-
-
-TIME_STEP_SHARE = {"box": 0.002, "hull": 0.003}
-"""Step in units of sqrt(radius / g) for a tolerance of 1 %. A box lands on edges, a hull on
-points. Boxes: against Housner's block, safe islands included. Hulls: against a quarter of the step,
-where at most 1 in 75 cells of Double Rock changes sides."""
-
-
-def automatic_time_step(rock: Rock, tolerance: float) -> float:
-    """Largest time step [s] whose overturning boundary is within ``tolerance`` (relative).
-
-    The error of a rocking block is of first order in the step (impacts are located to a step),
-    so the step is proportional to the tolerance, up to three times the measured one.
-    """
-    share = TIME_STEP_SHARE[rock.shape] * min(tolerance / 0.01, 3.0)
-    return share * math.sqrt(rock.radius / GRAVITY)

@@ -77,7 +77,6 @@ def stability_map(records: list[Record], limits: Limits) -> Figure:
     return figure
 
 
-@styled
 def pdf(figure: Figure) -> bytes:
     """Render as PDF, the same bytes every time."""
     with mpl.rc_context({"pdf.fonttype": 42}), io.BytesIO() as file:

@@ -1,8 +1,9 @@
 """Physics engines: one module each, found by its name.
 
 A module offers ``build(scene, time_step, substeps, solver) -> World``, ``SOLVER``, the effort it
-takes if none is stated, and ``VERSION``, the engine's own version, which goes into the identity of
-a run. ``build`` raises ``Unfit`` for what it cannot represent.
+takes if none is stated, ``SLENDER_SHARE`` and ``SLIDING_SHARE``, what it takes of a rock, and
+``VERSION``, the engine's own version, which goes into the identity of a run. ``build`` raises
+``Unfit`` for what it cannot represent.
 """
 
 from __future__ import annotations
@@ -59,10 +60,22 @@ class DrivenWorld(World, Protocol):
 
 
 class Engine(Protocol):
-    """What an engine's module offers."""
+    """What an engine's module offers.
+
+    Attributes
+    ----------
+    VERSION : str
+    SOLVER : Solver
+    SLENDER_SHARE : float
+        Longest time step of a slender rock, as a share of tan(alpha) sqrt(radius / g).
+    SLIDING_SHARE : float
+        Friction, as a share of tan(alpha), from which on to 1 a rock topples that should slide.
+    """
 
     VERSION: str
     SOLVER: Solver
+    SLENDER_SHARE: float
+    SLIDING_SHARE: float
 
     def build(
         self, scene: Scene, time_step: float, substeps: int, solver: Solver | None = None

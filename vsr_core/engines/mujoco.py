@@ -27,6 +27,15 @@ VERSION = version("mujoco")
 SOLVER = Solver(iterations=100, residual=1e-8)
 """MuJoCo's defaults."""
 
+SLENDER_SHARE = 0.05
+"""Longest step of a slender rock, as a share of tan(alpha) sqrt(radius / g): springs give way by an
+amount that grows with the step. At 0.06 a block swings back to within 3 % of Housner's."""
+
+SLIDING_SHARE = 0.2
+"""Friction, as a share of tan(alpha), from which on to 1 a rock topples that should slide. MuJoCo's
+convex law of friction lifts what slides, at any time step: a block of tan(alpha) = 0.5 overturns
+from a friction of 0.3 on; at 0.1 it tilts by 0.04 rad at most."""
+
 SPRING_STEPS = 4.0
 """Time constant of a contact in steps, critically damped. MuJoCo is stable from 2 on, but there the
 boundary of stocky blocks wanders by 2 % however small the step; from 4 on it converges,
@@ -105,13 +114,19 @@ def build(
     ------
     Unfit
         For a contact that bounces: MuJoCo knows springs and dampers, no coefficient of restitution.
-        For a drive, which is not built here.
+        For springs of a given stiffness, and for a drive, which is not built here.
     """
     if scene.drive is not None:
         raise Unfit(
             "a servo in MuJoCo",
             "its scenes are in the table's own frame",
             "use simulation.engine: bullet, or drive: table_frame",
+        )
+    if scene.contact.stiffness is not None:
+        raise Unfit(
+            f"a contact stiffness of {scene.contact.stiffness:g} N/m in MuJoCo",
+            "its springs are relative to the mass that a point of contact feels, not in N/m",
+            "use simulation.engine: bullet, or a rigid contact",
         )
     if scene.contact.restitution > 0.0:
         raise Unfit(

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from vsr_core.engines import Solver, silenced
 from vsr_core.engines.bullet.shapes import pedestal_shape, rock_shape
+from vsr_core.engines.bullet.springs import RIGID, Springs, exact_springs
+from vsr_core.errors import Unfit
 from vsr_core.scene import Scene, State, resting
 
 with silenced():
@@ -33,6 +35,13 @@ SCALED_RADIUS = 10.0
 SOLVER = Solver(iterations=50, residual=1e-7)
 """Bullet's defaults. With a residual of 1e-4 a run costs a fifth less, but a rock at rest creeps
 sixteen times as fast."""
+
+SLENDER_SHARE = 0.2
+"""Longest step of a slender rock, as a share of tan(alpha) sqrt(radius / g). At 0.25 a needle
+swings back to within 3 % of Housner's; at 1.0 a knife edge falls over by itself."""
+
+SLIDING_SHARE = 1.0
+"""Friction, as a share of tan(alpha), from which to 1 a rock topples that should slide: never."""
 
 MASS = 0.001
 """Mass of every rock inside the engine. Beside a pedestal that is at rest it changes nothing, but
@@ -83,6 +92,7 @@ class BulletWorld:
         margin = HULL_MARGIN if scene.rock.shape == "hull" else 0.0
         start = scene.start or resting(scene)
         self._moving = scene.start is not None
+        self._springs = _springs(scene, self._scale)
         self._weight = scene.gravity
         self._place = (start.position * self._scale + [0.0, 0.0, margin]).tolist()
         self._turn = _quaternion(start.rotation @ self._axes)
@@ -101,6 +111,9 @@ class BulletWorld:
         if scene.pedestal != "none":
             self._add_pedestal(scene)
         self._rock = self._add_rock(scene)
+        if self._springs:
+            exact_springs(self._client)
+            self._springs.under(self._rock, -1, self._client)
 
     def rewind(self, time_step: float, substeps: int, solver: Solver) -> None:
         """Put the rock back to its start, for ``substeps`` steps of ``time_step`` [s] a sample."""
@@ -116,7 +129,7 @@ class BulletWorld:
         pybullet.stepSimulation(self._client)
         self._put(self._place, self._velocity, self._spin)
         if not self._moving:
-            self._set_down(math.ceil(max(QUIET_STEPS / substeps, QUIET_TIME / interval)))
+            self._set_down(substeps, interval)
 
     def advance(self, acceleration: Iterable[float]) -> None:
         """Step through samples of the table's acceleration along +x [m/s^2]."""
@@ -142,14 +155,22 @@ class BulletWorld:
         """End the connection."""
         pybullet.disconnect(self._client)
 
-    def _set_down(self, quiet: int) -> None:
-        """Lower the rock by ``START_GAP`` on the pedestal in ``quiet`` samples, then hold it.
+    def _set_down(self, substeps: int, interval: float) -> None:
+        """Lower the rock by ``START_GAP`` on the pedestal, leave it alone for a while, hold it.
 
         A hull's contacts overlap by 1e-4 in its exact rest pose. Bullet mends that by a speed, the
-        greater the smaller the step, and would start the rock with a kick.
+        greater the smaller the step, and would start the rock with a kick. On springs, which are
+        damped for that, it sinks in.
         """
         self._put([*self._place[:2], self._place[2] + START_GAP], [0.0] * 3, [0.0] * 3)
-        self.advance([0.0] * quiet)
+        quiet = QUIET_TIME
+        if self._springs:
+            damped = self._springs.damped(MASS)
+            damped.under(self._rock, -1, self._client)
+            quiet += damped.settling_time
+        self.advance([0.0] * math.ceil(max(QUIET_STEPS / substeps, quiet / interval)))
+        if self._springs:
+            self._springs.under(self._rock, -1, self._client)
         pybullet.resetBaseVelocity(self._rock, [0.0] * 3, [0.0] * 3, self._client)
 
     def _put(self, place: list[float], velocity: list[float], spin: list[float]) -> None:
@@ -170,6 +191,8 @@ class BulletWorld:
             spinningFriction=0.0,
             physicsClientId=self._client,
         )
+        if self._springs:
+            RIGID.under(body, link, self._client)
 
     def _pedestal_body(self, scene: Scene, shape: int, centre: list[float]) -> tuple[int, int]:
         """Bullet's numbers of a body that stands still and of its link that bears the shape."""
@@ -222,8 +245,17 @@ def build(
     Raises
     ------
     Unfit
-        For a drive whose pedestal no servo can move, or whose control period is not a sample.
+        For a drive whose pedestal no servo can move, or whose control period is not a sample; for
+        springs under anything but a box or a sphere on a slab, where their number is not known.
     """
+    if scene.contact.stiffness is not None and (
+        scene.rock.shape == "hull" or scene.pedestal != "box"
+    ):
+        raise Unfit(
+            f"a contact stiffness under a {scene.rock.shape} on a {scene.pedestal}",
+            "it is a spring at each point of contact, and Bullet keeps any number of them there",
+            "use a rigid contact, or a box on a slab",
+        )
     from vsr_core.engines.bullet.driven import DrivenWorld
 
     world = _worlds.pop(scene, None)
@@ -235,6 +267,16 @@ def build(
         _worlds.popitem(last=False)[1].close()
     _worlds[scene].rewind(time_step, substeps, solver or SOLVER)
     return _worlds[scene]
+
+
+def _springs(scene: Scene, scale: float) -> Springs | None:
+    """The springs of a scene in Bullet's units; None if its contact is rigid."""
+    contact, to_mass = scene.contact, MASS / scene.rock.mass
+    if contact.stiffness is None:
+        return None
+    return Springs(
+        contact.stiffness * to_mass / scale, contact.damping * to_mass / math.sqrt(scale)
+    )
 
 
 def _matrix(q: tuple[float, float, float, float]) -> Array:

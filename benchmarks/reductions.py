@@ -1,0 +1,434 @@
+"""What each reduction gains, one at a time, and how many outcomes it changes.
+
+    python -m benchmarks.reductions [--cells N] [--write FILE]
+
+Every row takes the same random cells twice, once as the program runs them and once without that
+one reduction, in turn, and compares CPU time and outcomes. A few minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core import GRAVITY, bounds, engines, sampling, solid
+from vsr_core.engines import Solver, bullet
+from vsr_core.motion import CosinePulse, GroundMotion
+from vsr_core.outcome import Outcome
+from vsr_core.precision import step_unit
+from vsr_core.scene import Contact, Rock, Scene, State
+from vsr_core.servo import Servo
+from vsr_core.simulate import Case, Settings, prepare, simulate
+from vsr_core.surrogate import double_rock
+
+Array = NDArray[np.float64]
+
+STEP_SHARE = {"box": 0.003, "hull": 0.006}
+"""Time steps, in units of sqrt(radius / g), at which the boundary is right to about 1 %."""
+
+FRICTION, YAWS, REST = 0.6, 12, 0.5  # 1, directions, s
+
+PROOF = "`vsr_core/bounds.py`"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run to be timed: what ``simulate`` takes, and what is changed around it."""
+
+    case: Case
+    motion: GroundMotion
+    settings: Settings
+    around: Callable[[], AbstractContextManager[None]] = nullcontext
+
+
+Pair = Callable[[Run], tuple[Run, Run] | None]
+"""From a run as the program does it: with and without a reduction; None where it has no part."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A reduction: what is left out, why that is harmless, and the two runs to compare."""
+
+    what: str
+    why: str
+    pair: Pair
+
+
+@dataclass(frozen=True)
+class Gain:
+    """CPU of a run without and with a reduction [s], runs, and how many end otherwise."""
+
+    without: float
+    reduced: float
+    runs: int
+    differing: int
+
+    def __str__(self) -> str:
+        return f"{self.without / self.reduced:.2f}"
+
+
+# ------------------------------------------------------------------- one reduction undone
+
+
+def slab(run: Run) -> tuple[Run, Run] | None:
+    """The pedestal as drawn in place of a plane."""
+    if run.case.scene.pedestal != "plane":
+        return None
+    return run, replace(run, case=_scenes(run.case, pedestal="box"))
+
+
+def driven(run: Run) -> tuple[Run, Run]:
+    """A joint and a controller that move the pedestal; neither run uses a proof or a plane.
+
+    The pedestal is so heavy that the rock cannot push it back, and the controller takes all of an
+    error away in one period: it is the prescribed motion, a period's resolution apart.
+    """
+    case = _scenes(replace(run.case, still=(0.0, 0.0)), pedestal="box")
+    mass, period = 1e4 * case.full.rock.mass, 1e-3
+    servo = Servo(mass, mass / period, 0.0, 0.0, period)
+    settings = replace(run.settings, time_step=period, reduce=False)
+    prescribed = replace(run, case=case, settings=settings)
+    return prescribed, replace(prescribed, case=_scenes(case, drive=servo))
+
+
+def all_vertices(run: Run) -> tuple[Run, Run] | None:
+    """Every vertex of the hull."""
+    if run.case.scene.rock is run.case.full.rock:
+        return None
+    return run, replace(run, case=_complete(run.case))
+
+
+def no_proof_before(run: Run) -> tuple[Run, Run]:
+    """Runs that provably cannot move are simulated."""
+    return run, replace(run, case=replace(run.case, still=(0.0, 0.0)))
+
+
+def to_rest(run: Run) -> tuple[Run, Run]:
+    """Every run goes on until the rock lies or stands at rest; both with all vertices."""
+    case = _complete(replace(run.case, still=(0.0, 0.0)))
+    known = replace(run, case=case)
+    return known, replace(known, settings=replace(run.settings, reduce=False))
+
+
+def settling(run: Run) -> tuple[Run, Run]:
+    """Half a second of rest before the pulse, on the same grid of samples."""
+    grid = sampling.sampling(run.motion, None, run.settings.time_step)
+    step = grid.interval / grid.substeps * (1.0 + 1e-9)
+    rest = math.ceil(REST / grid.interval) * grid.interval
+    at_once = replace(run, settings=replace(run.settings, time_step=step))
+    return at_once, replace(at_once, motion=Delayed(run.motion, rest))
+
+
+def rebuilt(run: Run) -> tuple[Run, Run]:
+    """A new world for each run."""
+    return run, replace(run, around=forgetting_worlds)
+
+
+def single_steps(run: Run) -> tuple[Run, Run]:
+    """A sample of the motion, and so a call to the engine, for each step."""
+    return run, replace(run, around=lambda: patched(sampling, "MOST_SUBSTEPS", 1))
+
+
+def all_iterations(run: Run) -> tuple[Run, Run]:
+    """All fifty iterations of the solver in every step."""
+    solver = Solver(bullet.SOLVER.iterations, 0.0)
+    return run, replace(run, settings=replace(run.settings, solver=solver))
+
+
+def trajectory(run: Run) -> tuple[Run, Run]:
+    """Position, orientation and velocity read and kept at every sample of the motion."""
+    return run, replace(run, around=recorded)
+
+
+def everything(run: Run) -> tuple[Run, Run]:
+    """The table's own frame and nothing else: all other rows undone."""
+    at_once, late = settling(replace(run, settings=all_iterations(run)[1].settings))
+    case = _complete(_scenes(replace(run.case, still=(0.0, 0.0)), pedestal="box"))
+    plain = replace(late, case=case, settings=replace(late.settings, reduce=False), around=plainly)
+    return replace(at_once, settings=replace(at_once.settings, solver=None)), plain
+
+
+ROWS = (
+    Row(
+        "joint and controller of the table",
+        "prescribed motion: the table's own frame is exact, with gravity minus its acceleration",
+        driven,
+    ),
+    Row("pedestal slab: a plane instead", "flat, and its edges are out of reach", slab),
+    Row(
+        "hull vertices that touch only beyond 80 deg",
+        "normals of their facets say so; a run that tilts further is repeated with all",
+        all_vertices,
+    ),
+    Row(
+        "runs that cannot move",
+        f"`still_range` in {PROOF}: forces that hold the rock exist",
+        no_proof_before,
+    ),
+    Row(
+        "time after the outcome is certain",
+        f"`cannot_topple`, `cannot_return`, the rule of the fall in {PROOF}",
+        to_rest,
+    ),
+    Row(
+        f"{REST:g} s of rest before the pulse",
+        "the rest pose is known from the hull's geometry",
+        settling,
+    ),
+    Row(
+        "building a world for each run",
+        "a world is rewound to the same bits, its contact cache emptied",
+        rebuilt,
+    ),
+    Row(
+        "a call to the engine for each step",
+        "a sample is held for at most a tenth of the pulse's radian: 0.04 % of it",
+        single_steps,
+    ),
+    Row(
+        "iterations of a solver that has converged",
+        "its residual is below 1e-7 of Bullet's unit; the time step's error is far larger",
+        all_iterations,
+    ),
+    Row("the trajectory", "only outcomes are wanted", trajectory),
+    Row("all of these at once, but the joint", "as above", everything),
+)
+
+
+def _scenes(case: Case, **changes: Any) -> Case:
+    """The case with both its scenes changed."""
+    full, scene = replace(case.full, **changes), replace(case.scene, **changes)
+    return replace(case, full=full, scene=scene)
+
+
+def _complete(case: Case) -> Case:
+    return replace(case, scene=case.full)
+
+
+@dataclass(frozen=True)
+class Delayed:
+    """A motion after ``rest`` [s] of nothing."""
+
+    motion: GroundMotion
+    rest: float
+
+    @property
+    def duration(self) -> float:
+        return self.rest + self.motion.duration
+
+    @property
+    def shortest_time(self) -> float:
+        return self.motion.shortest_time
+
+    @property
+    def peak_acceleration(self) -> float:
+        return self.motion.peak_acceleration
+
+    def acceleration(self, t: Array) -> Array:
+        return self.motion.acceleration(t - self.rest)
+
+    def velocity(self, t: Array) -> Array:
+        return self.motion.velocity(t - self.rest)
+
+    def remaining_peak(self, t: float) -> float:
+        return self.motion.remaining_peak(t - self.rest)
+
+    def remaining_impulse(self, t: float) -> float:
+        return self.motion.remaining_impulse(t - self.rest)
+
+
+class Recording:
+    """Bullet, with the state of the rock read and kept at every sample."""
+
+    VERSION, SOLVER = bullet.VERSION, bullet.SOLVER
+
+    def __init__(self, world: bullet.BulletWorld) -> None:
+        self._world = world
+        self._kept: list[State] = []
+
+    @classmethod
+    def build(cls, *arguments: Any) -> Recording:
+        return cls(bullet.build(*arguments))
+
+    def advance(self, values: list[float]) -> None:
+        for value in values:
+            self._world.advance([value])
+            self._kept.append(self._world.state())
+
+    def state(self) -> State:
+        return self._world.state()
+
+
+@contextmanager
+def patched(module: Any, name: str, value: Any) -> Iterator[None]:
+    """A module's attribute changed for a while."""
+    kept = getattr(module, name)
+    setattr(module, name, value)
+    try:
+        yield
+    finally:
+        setattr(module, name, kept)
+
+
+def recorded() -> AbstractContextManager[None]:
+    """Runs keep their trajectory."""
+    return patched(engines, "load", lambda name: Recording)
+
+
+@contextmanager
+def plainly() -> Iterator[None]:
+    """A new world, a call for each step, and a trajectory."""
+    with forgetting_worlds(), patched(sampling, "MOST_SUBSTEPS", 1), recorded():
+        yield
+
+
+@contextmanager
+def forgetting_worlds() -> Iterator[None]:
+    """No world is left from an earlier run."""
+    while bullet._worlds:
+        bullet._worlds.popitem()[1].close()
+    yield
+
+
+# ------------------------------------------------------------------- measuring
+
+
+def rocks() -> dict[str, Rock]:
+    """The rocks measured, by name."""
+    import trimesh
+
+    surrogate = trimesh.Trimesh(*double_rock(), process=False)
+    return {
+        "Double Rock (surrogate)": solid.from_mesh(surrogate, 2110.0).rock,
+        "1x1x2 m box": solid.box((1.0, 1.0, 2.0), 2110.0).rock,
+    }
+
+
+def cells(rock: Rock, number: int) -> list[Run]:
+    """Runs as the program does them: random PGA, PGV/PGA and yaw, one yaw after another."""
+    rng = np.random.default_rng(1)
+    limits = bounds.barrier(rock)
+    settings = Settings(STEP_SHARE[rock.shape] * step_unit(rock))
+    case = {
+        yaw: prepare(
+            Scene(rock, Contact(FRICTION), 2.0 * math.pi * yaw / YAWS), limits, reduce=True
+        )
+        for yaw in range(YAWS)
+    }
+    pga, ratio = rng.uniform(0.02, 1.0, (2, number))
+    return [
+        Run(case[yaw], CosinePulse(float(a) * GRAVITY, float(r)), settings)
+        for yaw, a, r in zip(np.sort(rng.integers(0, YAWS, number)), pga, ratio, strict=True)
+    ]
+
+
+def measure(row: Row, runs: list[Run]) -> Gain | None:
+    """CPU with and without, in turn. Cases that a pair makes are made once a yaw."""
+    made: dict[int, tuple[Case, Case]] = {}
+    spent = [0.0, 0.0]
+    differing = 0
+    for number, run in enumerate(runs):
+        pair = row.pair(run)
+        if pair is None:
+            return None
+        cases = made.setdefault(id(run.case), (pair[0].case, pair[1].case))
+        outcomes = [Outcome.CRASHED] * 2
+        for which in (0, 1) if number % 2 else (1, 0):
+            outcomes[which], seconds = _timed(replace(pair[which], case=cases[which]))
+            spent[which] += seconds
+        differing += outcomes[0] is not outcomes[1]
+    return Gain(spent[1] / len(runs), spent[0] / len(runs), len(runs), differing)
+
+
+def _timed(run: Run) -> tuple[Outcome, float]:
+    start = time.process_time()
+    with run.around():
+        response = simulate(run.case, run.motion, run.settings)
+    return response.outcome, time.process_time() - start
+
+
+Measured = list[tuple[Row, list[Gain | None]]]
+
+
+def table(names: list[str], measured: Measured) -> str:
+    """Aligned text."""
+    lines = [f"{'left out: gain, ms a run without -> with':<46}"]
+    lines[0] += "".join(f"{name:>28}" for name in names) + "   outcomes that differ"
+    for row, gains in measured:
+        cost = [
+            f"{gain}  {1e3 * gain.without:7.2f} -> {1e3 * gain.reduced:6.2f}" if gain else "-"
+            for gain in gains
+        ]
+        lines.append(f"{row.what:<46}" + "".join(f"{c:>28}" for c in cost) + f"   {_count(gains)}")
+    return "\n".join(lines)
+
+
+def page(names: list[str], measured: Measured, number: int) -> str:
+    """The table as Markdown, with what it shows and the command that makes it."""
+    head = ["what is left out", "why that is harmless", *(f"gain, {name}" for name in names)]
+    rows = [[*head, "outcomes that differ"], ["---"] * (len(head) + 1)]
+    for row, gains in measured:
+        cost = [str(gain) if gain else "-" for gain in gains]
+        rows.append([row.what, row.why, *cost, _count(gains)])
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    return TEXT.format(number=number, table="\n".join(lines))
+
+
+def _count(gains: list[Gain | None]) -> str:
+    done = [gain for gain in gains if gain]
+    return f"{sum(gain.differing for gain in done)} of {sum(gain.runs for gain in done)}"
+
+
+TEXT = """# What a run leaves out, and what that gains
+
+Made by `python -m benchmarks.reductions --write docs/reductions.md`; do not edit.
+
+A gain is the CPU time of a run without this one reduction over that with it, all else equal:
+{number} random cells of each rock on a flat pedestal, the same for every row (PGA 0.02-1 g,
+PGV/PGA 0.02-1 s, twelve yaws, friction 0.6). Runs with and without it take turns, so that a busy
+machine slows both. Gains do not multiply: what one reduction leaves out, another need not make
+faster. A dash says that the reduction has no part in that scene.
+
+{table}
+
+The first row is without proofs and with the slab on both sides, since a driven table allows
+neither. The table of that drive is ten thousand times as heavy as the rock and its controller takes
+all of an error away in one period of 1 ms. "Time after the outcome is certain" is measured with all
+vertices and without the proof for runs that cannot move; else runs that go on to the end would be
+repeated for their vertices.
+"""
+
+
+def main() -> int:
+    """Print the table, and write the page if asked."""
+    parser = argparse.ArgumentParser(prog="benchmarks.reductions")
+    parser.add_argument("--cells", type=int, default=150, help="runs of each rock in each row")
+    parser.add_argument("--write", type=Path, help="Markdown file to write")
+    options = parser.parse_args()
+    named = rocks()
+    measured: Measured = [(row, []) for row in ROWS]
+    # A row has up to four scenes a yaw; with fewer worlds kept, both sides would build anew.
+    with patched(bullet, "WORLDS_KEPT", 4):
+        for name, rock in named.items():
+            runs = cells(rock, options.cells)
+            for row, gains in measured:
+                gains.append(measure(row, runs))
+                print(f"{name}: {row.what}: {gains[-1] or '-'}", file=sys.stderr, flush=True)
+    print(table([*named], measured))
+    if options.write:
+        options.write.write_text(page([*named], measured, options.cells), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
