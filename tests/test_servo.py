@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 from pipeline import keys
 from pipeline.graph import identities
 from pipeline.layers import load_site
-from pipeline.stages.runs import SIMULATION_CODE, groups
+from pipeline.scenes import code as run_code
+from pipeline.stages.runs import groups
 from pipeline.store import Store
 from vsr_core import GRAVITY, engines, scene, solid
 from vsr_core.bounds import Barrier, barrier, reachable_energy
@@ -358,6 +359,7 @@ def test_a_driven_scene_keeps_its_slab_and_its_servo() -> None:
         "joint, servo and moving pedestal",
         "pedestal slab",
         "runs below the uplift and sliding limits",
+        "the motion before its first push",
         "time after the outcome is certain",
     }
 
@@ -475,7 +477,7 @@ def test_run_keys_hold_the_servo_that_drives(
         "vsr_core.engines.bullet.driven:DrivenWorld",
         "vsr_core.sampling:samples",
         "vsr_core.servo:check",
-    } <= set(keys.code(SIMULATION_CODE))
+    } <= set(keys.code(run_code("bullet")))
     reads = {name: i.facts["config"] for name, i in identities("report", load_site(site)).items()}
     assert {name for name in reads if "drive" in reads[name]} == {
         name for name in reads if "servo" in reads[name]

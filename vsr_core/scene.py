@@ -146,6 +146,10 @@ TABLE_FRAME_REDUCTIONS = (
         "the resultant stays inside the base and the friction cone: nothing moves",
     ),
     Reduction(
+        "the motion before its first push",
+        "until it leaves those limits nothing moves, so the run starts there",
+    ),
+    Reduction(
         "time after the outcome is certain",
         "energy too small for any way back, or falling past every support",
     ),

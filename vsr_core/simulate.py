@@ -167,7 +167,7 @@ class _Run:
             simulated, self.interval / self.substeps, self.substeps, settings.solver
         )
         self.driven = cast(engines.DrivenWorld, self.world) if simulated.drive else None
-        self.sample = 0
+        self.sample = self.begin = 0
         self.time = 0.0
         self.tilt = self.peak_tilt = self.slip = 0.0
         climb = max(case.limits.edge_height - case.limits.upright_floor, 0.0)
@@ -188,6 +188,9 @@ class _Run:
         if self.kinetic > ENERGY_SLACK * GRAVITY * self.radius:
             return self._ended(Outcome.UNSETTLED, DecidedBy.SIMULATION)
         values = self.values.tolist()
+        if self.early:  # until the first push nothing moves the rock: the theorem of still_range
+            self.sample = self.begin = max(0, min(self.first_push, self.pulse_samples))
+            self.time = self.sample * self.interval
         while self.sample < self.last_sample:
             until = self._next_look()
             self.world.advance(values[self.sample : until])
@@ -307,5 +310,5 @@ class _Run:
         return Outcome.BALANCED
 
     def _ended(self, outcome: Outcome, decided_by: DecidedBy) -> Response:
-        steps = self.sample * self.substeps
+        steps = (self.sample - self.begin) * self.substeps
         return Response(outcome, decided_by, self.peak_tilt, self.tilt, self.slip, steps)

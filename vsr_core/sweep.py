@@ -41,8 +41,8 @@ def variations() -> tuple[Variation, ...]:
             for count in (5, 10, 20, 50, 200)
         ),
         *(
-            Variation("residual that ends them", f"{residual:g}", _solver(50, residual), ("bullet",))
-            for residual in (1e-3, 1e-5, 1e-7, 0.0)
+            Variation("residual that ends them", f"{end:g}", _solver(50, end), ("bullet",))
+            for end in (1e-3, 1e-5, 1e-7, 0.0)
         ),
         Variation("pedestal", "plane", _pedestal("plane")),
         Variation("pedestal", "slab", _pedestal("box")),

@@ -109,8 +109,8 @@ def _case(name: str, width: float, quantity: Callable[..., float], tolerance: fl
 
 
 CASES = (
-    _case("slender", 0.4, ratio, 0.01),
-    _case("slender", 0.4, timing, 0.01),
-    _case("stocky", 1.4, ratio, 0.04),
-    _case("stocky", 1.4, timing, 0.01),
+    _case("slender", 0.4, ratio, 5e-3),
+    _case("slender", 0.4, timing, 4e-3),
+    _case("stocky", 1.4, ratio, 0.01),
+    _case("stocky", 1.4, timing, 4e-3),
 )

@@ -131,7 +131,7 @@ def _answer(height: float, slenderness: float, period: float) -> float:
     """First-overturning PGA [m/s^2] of Housner's equation."""
     block = _block(height, slenderness)
     # One impact decides: the lowest overturning interval is much wider than the step.
-    highest, step = 5.0 * block.uplift, 0.05 * block.uplift
+    highest, step = 5.0 * block.uplift, 0.1 * block.uplift
     return first_overturning_pga(block, period * _unit(block), highest, step)
 
 

@@ -24,8 +24,9 @@ FLAT_SHARE = 1e-3
 """Corners this close to the pedestal at rest bear the rock, as a share of its radius."""
 
 MOST_FEET = 6
-"""Corners of a base that get feet: with six a rock on a flat base stands to within 2 % of its static
-limit, as the hull itself adds the corner it leans on. Fifteen, all that Bullet takes, cost twice."""
+"""Corners of a base that get feet: with six a rock on a flat base stands to within 2 % of its
+static limit, as the hull adds the corner it leans on. Fifteen, all that Bullet takes, cost twice
+as much."""
 
 PEDESTAL_RADII = 20.0
 """Half the width of a slab or of a triangulated pedestal, in radii of the rock."""
