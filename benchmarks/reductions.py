@@ -36,7 +36,9 @@ Array = NDArray[np.float64]
 STEP_SHARE = {"box": 0.003, "hull": 0.006}
 """Time steps, in units of sqrt(radius / g), at which the boundary is right to about 1 %."""
 
-FRICTION, YAWS, REST = 0.6, 12, 0.5  # 1, directions, s
+FRICTION, YAWS = 0.6, 12
+
+REST, NEXT_TO_NOTHING = 0.5, 1e-12  # s, m/s^2
 
 PROOF = "`vsr_core/bounds.py`"
 
@@ -121,11 +123,12 @@ def to_rest(run: Run) -> tuple[Run, Run]:
 
 
 def settling(run: Run) -> tuple[Run, Run]:
-    """Half a second of rest before the pulse, on the same grid of samples."""
+    """Rest before the pulse, on the same grid of samples; neither run uses the proof of rest."""
+    case = replace(run.case, still=(0.0, 0.0))
     grid = sampling.sampling(run.motion, None, run.settings.time_step)
     step = grid.interval / grid.substeps * (1.0 + 1e-9)
     rest = math.ceil(REST / grid.interval) * grid.interval
-    at_once = replace(run, settings=replace(run.settings, time_step=step))
+    at_once = replace(run, case=case, settings=replace(run.settings, time_step=step))
     return at_once, replace(at_once, motion=Delayed(run.motion, rest))
 
 
@@ -217,7 +220,7 @@ def _complete(case: Case) -> Case:
 
 @dataclass(frozen=True)
 class Delayed:
-    """A motion after ``rest`` [s] of nothing."""
+    """A motion after ``rest`` [s] of next to nothing: of nothing ``simulate`` would skip."""
 
     motion: GroundMotion
     rest: float
@@ -235,7 +238,7 @@ class Delayed:
         return self.motion.peak_acceleration
 
     def acceleration(self, t: Array) -> Array:
-        return self.motion.acceleration(t - self.rest)
+        return np.where(t < self.rest, NEXT_TO_NOTHING, self.motion.acceleration(t - self.rest))
 
     def velocity(self, t: Array) -> Array:
         return self.motion.velocity(t - self.rest)
@@ -401,11 +404,15 @@ faster. A dash says that the reduction has no part in that scene.
 
 {table}
 
-The first row is without proofs and with the slab on both sides, since a driven table allows
-neither. The table of that drive is ten thousand times as heavy as the rock and its controller takes
-all of an error away in one period of 1 ms. "Time after the outcome is certain" is measured with all
-vertices and without the proof for runs that cannot move; else runs that go on to the end would be
-repeated for their vertices.
+Both sides of a row lack what would hide it:
+
+- the joint: no proofs, and the slab, since a driven table allows neither. It is ten thousand times
+  as heavy as the rock, and its controller takes all of an error away in one period of 1 ms. It does
+  not follow the jump at the end of the pulse within a period, so a cell next to the boundary may
+  end otherwise.
+- time after the outcome is certain: all vertices, or runs that go on to the end would be repeated
+  for them, and no proof of rest;
+- rest before the pulse: no proof of rest.
 """
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from pipeline import ROOT, cli, keys
+from vsr_core import precision
 
 BOX = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
 
@@ -43,7 +44,17 @@ def derived(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def vsr(capsys: pytest.CaptureFixture[str], derived: Path) -> Callable[..., Ran]:
+def quick_precision(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Measure the time step on one row a direction at two steps: enough where it is no subject."""
+    monkeypatch.setattr(precision, "SHARES", (0.006, 0.003))
+    monkeypatch.setattr(precision, "BOX_PERIODS", (0.6,))
+    monkeypatch.setattr(precision, "HULL_PERIODS", (0.45,))
+
+
+@pytest.fixture
+def vsr(
+    capsys: pytest.CaptureFixture[str], derived: Path, quick_precision: None
+) -> Callable[..., Ran]:
     """Run a command in this process, with products in ``derived``."""
 
     def run(*arguments: object, into: Path | None = None) -> Ran:

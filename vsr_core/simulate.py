@@ -178,7 +178,8 @@ class _Run:
         self.start = self.world.state()
         self.foot_start = self.start.position + self.start.rotation @ self.foot
         self.values = samples(motion, self.drive, self.interval, self.last_sample)
-        moved = (self.values < case.still[0]) | (self.values > case.still[1])
+        lowest, highest = case.still  # what is not a number is a push
+        moved = ~((lowest <= self.values) & (self.values <= highest))
         # A rock on the move from its start is never at rest before the motion.
         self.first_push = int(np.argmax(np.append(moved, True))) if simulated.start is None else -1
 

@@ -54,7 +54,8 @@ def rocking(block: Block, pulse: CosinePulse, times: Array) -> Array:
 
     theta'' = -p^2 [sin(s alpha - theta) + (a/g) cos(s alpha - theta)], s the side it leans to, from
     impact to impact and on either side of the pulse's end; rates keep their impact ratio.
-    Written apart from ``vsr_core.rocking``, as a check on that too.
+    Not for a block that comes to rest, which takes infinitely many impacts. Written apart from
+    ``vsr_core.rocking``, as a check on that too.
 
     Parameters
     ----------
@@ -131,8 +132,8 @@ def _case(
 
 
 _KICK = (
-    " No step is fine enough to be right to better than 0.5 % in Bullet and 2 % in MuJoCo: both "
-    "push apart what overlaps after an impact, at a speed that does not fall with the step."
+    " Below 1/2000 s the error wanders up to 0.6 % in Bullet and 2 % in MuJoCo: both push apart "
+    "what overlaps after an impact, at a speed that does not fall with the step."
 )
 
 CASES = (

@@ -111,8 +111,26 @@ def _unchecked(make: Callable[[], Record], engine: str) -> Measured:
     return Measured(float(outcome), -1.0, math.inf, outcome.name.lower())
 
 
-def _broken(value: float, count: int) -> Record:
-    return _with(_whole(200.0), slice(200, 200 + count), value)
+def _broken(value: float, count: int, first: int = 200) -> Record:
+    return _with(_whole(200.0), slice(first, first + count), value)
+
+
+class _Unaware(Record):
+    """A record whose integrals and peaks leave out what is not a number."""
+
+    @property
+    def peak_acceleration(self) -> float:
+        """Largest absolute acceleration [m/s^2]."""
+        return float(np.nanmax(np.abs(self.samples)))
+
+    def remaining_impulse(self, t: float) -> float:
+        """More than is left [m/s]."""
+        return self.peak_acceleration * max(self.duration - t, 0.0)
+
+
+def _unaware(first: int) -> Record:
+    whole = _broken(math.nan, 50, first)
+    return _Unaware(whole.interval, whole.samples)
 
 
 CASES = (
@@ -130,6 +148,11 @@ CASES = (
              partial(_unchecked, partial(_broken, value, n), engine))
         for engine in ("bullet", "mujoco")
         for what, value, n in (("a hole", math.nan, 50), ("an infinite sample", math.inf, 1))
+    ),
+    *(
+        Case(f"a hole {where} the motion, hidden from its bounds", "record", "samples", 50.0, "1",
+             NONE, 0.0, partial(_unchecked, partial(_unaware, first), "bullet"))
+        for where, first in (("before", 20), ("in", 200))
     ),
     Case("a jump to 0.4 g that stays", "record", "offset", 0.4, "g", REFERENCE, 0.02,
          partial(_slips, lambda: _with(_whole(200.0), slice(300, None), 0.4 * GRAVITY))),
