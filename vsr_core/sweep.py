@@ -6,9 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from vsr_core import servo
-from vsr_core.engines import Solver
+from vsr_core.engines import Solver, bullet
 from vsr_core.scene import Scene
 from vsr_core.simulate import Case, Settings, prepare
+
+RESIDUAL = bullet.SOLVER.residual
 
 Change = Callable[[Case, Settings], tuple[Case, Settings]]
 
@@ -37,12 +39,14 @@ def variations() -> tuple[Variation, ...]:
     return (
         Variation("as chosen", "", lambda case, settings: (case, settings)),
         *(
-            Variation("solver iterations", str(count), _solver(count, 1e-7), ("bullet",))
+            Variation(
+                "solver iterations", str(count), _solver(count, bullet.SOLVER.residual), ("bullet",)
+            )
             for count in (5, 10, 20, 50, 200)
         ),
         *(
             Variation("residual that ends them", f"{end:g}", _solver(50, end), ("bullet",))
-            for end in (1e-3, 1e-5, 1e-7, 0.0)
+            for end in (5e-2, 5e-3, 5e-4, 0.0)
         ),
         Variation("pedestal", "plane", _pedestal("plane")),
         Variation("pedestal", "slab", _pedestal("box")),
@@ -60,9 +64,7 @@ def _solver(iterations: int, residual: float) -> Change:
 
 def _pedestal(kind: str) -> Change:
     def change(case: Case, settings: Settings) -> tuple[Case, Settings]:
-        scenes = {
-            name: replace(getattr(case, name), pedestal=kind) for name in ("scene", "full")
-        }
+        scenes = {name: replace(getattr(case, name), pedestal=kind) for name in ("scene", "full")}
         return replace(case, **scenes), settings
 
     return change
