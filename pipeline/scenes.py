@@ -83,21 +83,24 @@ def check_scene(site: Site, store: Store) -> Case:
     from vsr_core.simulate import Settings
 
     config, simulation = site.config, site.config.simulation
-    case = prepared(config, store, config.yaw[0], config.contact.friction[0])
+    cases = [
+        prepared(config, store, yaw, friction)
+        for yaw in config.yaw
+        for friction in config.contact.friction
+    ]
     key = "simulation.engine"
     try:
-        engines.load(simulation.engine).build(case.scene, 1e-3, 1)
-        step = simulation.time_step
-        if step == "auto":
-            step = longest_step(case.full, simulation.engine)
-        else:
-            key = "simulation.time_step"
-        settings = Settings(step, simulation.reduce, simulation.engine)
-        for pgv_pga in {config.motion.pgv_pga[0], config.motion.pgv_pga[-1]}:
-            check(case, settings, CosinePulse.from_g(config.motion.pga[-1], pgv_pga))
+        engines.load(simulation.engine).build(cases[0].scene, 1e-3, 1)
+        given = simulation.time_step
+        key = key if given == "auto" else "simulation.time_step"
+        for case in cases:
+            step = longest_step(case.full, simulation.engine) if given == "auto" else given
+            settings = Settings(step, simulation.reduce, simulation.engine)
+            for pgv_pga in {config.motion.pgv_pga[0], config.motion.pgv_pga[-1]}:
+                check(case, settings, CosinePulse.from_g(config.motion.pga[-1], pgv_pga))
     except Unfit as error:
         raise InputError.from_unfit(site.file, key, error) from None
-    return case
+    return cases[0]
 
 
 def engine_version(site: Site) -> dict[str, str]:

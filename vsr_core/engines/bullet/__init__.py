@@ -74,7 +74,7 @@ WORLDS_KEPT = 2
 
 _worlds: OrderedDict[Scene, BulletWorld] = OrderedDict()
 
-BOUNCING_ERP = 0.001
+BOUNCING_ERP = 1e-4
 """Share of a penetration that Bullet mends in a step where contacts bounce. It mends it by speed,
 so that 0.2 makes a drop of e = 0.38 rebound by up to 14 % too high."""
 
