@@ -61,7 +61,6 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
     from pipeline.figures.summary import long_rows_in_words
 
     rows = tables.by_yaw(responses, fragility)
-    left_out = responses.attrs["left_out"].splitlines()
     return {
         "site": job.site.name,
         "rock": tables.about_rock(rock),
@@ -75,7 +74,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         "boundary": tables.boundary(fragility),
         "models": tables.models(fragility),
         **_pictures(rock, responses, fragility),
-        "left_out": [line.partition(": ")[::2] for line in left_out],
+        "left_out": tables.left_out(responses),
         "precision": tables.precision(responses),
         "simulation": job.config.simulation,
         "settings": settings(job.config),
