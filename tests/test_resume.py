@@ -285,11 +285,13 @@ def test_killed_process_goes_on_from_there(
     tmp_path: Path,
     number: signal.Signals,
 ) -> None:
-    whole = responses("yaw=[0, 45]", into=tmp_path / "whole")
+    settings = ("yaw=[0, 45]", "simulation.time_step=0.001")
+    whole = responses(*settings, into=tmp_path / "whole")
     assert counted.take() == 12
     command = ["run", "responses", "--site", write_site(GRID), "--workers", "0"]
+    command += [part for setting in settings for part in ("--set", setting)]
     process = subprocess.Popen(
-        [sys.executable, "-c", SLOW, *command, "--set", "yaw=[0, 45]", "--derived", str(derived)],
+        [sys.executable, "-c", SLOW, *command, "--derived", str(derived)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -306,7 +308,7 @@ def test_killed_process_goes_on_from_there(
         assert "the same command goes on from there" in said.splitlines()[-1]
     else:
         assert process.returncode == -signal.SIGKILL
-    file = responses("yaw=[0, 45]")
+    file = responses(*settings)
     assert counted.take() == 12 - 6
     assert file.read_bytes() == whole.read_bytes()
 

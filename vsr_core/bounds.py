@@ -6,11 +6,11 @@ rock as a body force -a(t) per unit mass. All energies are per unit mass of the 
 Every theorem here assumes
 
 - a rigid rock on a rigid, flat and level pedestal, wide enough to be a half-space;
-- a table in pure horizontal translation;
-- contact forces and impulses that push (N >= 0), stay inside Coulomb's cone and add no energy. So
-  it is for sticking, sliding, rolling, spinning and for impacts whose restitution, at most 1, is
-  one of impulse or of energy; Newton's ratio of speeds can add energy where an impact meets
-  friction (Stronge 1990);
+- a table in pure horizontal translation, and standard gravity;
+- contact forces and impulses that push (N >= 0), stay inside Coulomb's cone, and neither add energy
+  nor keep it in springs. So it is for sticking, sliding, rolling, spinning, and for impacts whose
+  restitution, at most 1, is one of impulse or of energy; Newton's ratio of speeds can add energy
+  where an impact meets friction (Stronge 1990);
 
 and what its docstring adds. An engine obeys them up to its errors only: see ``simulate`` for the
 guards, and ``tests/test_bounds_hunt.py`` for the hunt after counterexamples. ``still_range`` and
@@ -140,11 +140,12 @@ def still_range(rock: Rock, contact: Contact, yaw: float) -> tuple[float, float]
     of p, twice the kinetic energy grows as t^2 times -a s_x - mu N |s| - g n <= 0. For turning
     without lifting mu hypot(I_xz, I_yz) < I_zz is enough (moments about the centre, z vertical).
     Leaning bodies beyond that can have a second solution, in which they start to turn by themselves
-    ("weak" stability, Pang & Trinkle 2000); random search found none below it.
+    ("weak" stability, Pang & Trinkle 2000). Of six million random bodies that might pivot about one
+    corner, none below it could.
 
-    Assumes besides a start at rest in the hull's rest pose, turned by ``yaw`` [rad], and standard
-    gravity. Restitution has no part in it, and rolling friction can only widen the range. A
-    positive acceleration tips toward -x.
+    Assumes besides a start at rest in the hull's rest pose, turned by ``yaw`` [rad]. Restitution
+    has no part in it, and rolling friction can only widen the range. A positive acceleration tips
+    toward -x.
     """
     hull = convex_hull(rock.vertices)
     toward_plus_x, toward_minus_x = tipping(hull, np.array([-yaw, math.pi - yaw])).uplift
