@@ -40,6 +40,9 @@ FRICTION, YAWS = 0.6, 12
 
 REST, NEXT_TO_NOTHING = 0.5, 1e-12  # s, m/s^2
 
+NEARBY = (-0.04, -0.02, -0.01, -0.005, -0.002, 0.002, 0.005, 0.01, 0.02, 0.04)
+"""Changes of PGA, as shares, tried on a cell that ends otherwise: is it beside the boundary?"""
+
 PROOF = "`vsr_core/bounds.py`"
 
 
@@ -68,12 +71,12 @@ class Row:
 
 @dataclass(frozen=True)
 class Gain:
-    """CPU of a run without and with a reduction [s], runs, and how many end otherwise."""
+    """CPU of a run without and with a reduction [s], runs, and those that end otherwise."""
 
     without: float
     reduced: float
     runs: int
-    differing: int
+    differing: list[str]
 
     def __str__(self) -> str:
         return f"{self.without / self.reduced:.2f}"
@@ -340,7 +343,7 @@ def measure(row: Row, runs: list[Run]) -> Gain | None:
     """CPU with and without, in turn. Cases that a pair makes are made once a yaw."""
     made: dict[int, tuple[Case, Case]] = {}
     spent = [0.0, 0.0]
-    differing = 0
+    differing = []
     for number, run in enumerate(runs):
         pair = row.pair(run)
         if pair is None:
@@ -350,7 +353,8 @@ def measure(row: Row, runs: list[Run]) -> Gain | None:
         for which in (0, 1) if number % 2 else (1, 0):
             outcomes[which], seconds = _timed(replace(pair[which], case=cases[which]))
             spent[which] += seconds
-        differing += outcomes[0] is not outcomes[1]
+        if outcomes[0] is not outcomes[1]:
+            differing.append(_in_words(replace(pair[0], case=cases[0]), *outcomes))
     return Gain(spent[1] / len(runs), spent[0] / len(runs), len(runs), differing)
 
 
@@ -359,6 +363,20 @@ def _timed(run: Run) -> tuple[Outcome, float]:
     with run.around():
         response = simulate(run.case, run.motion, run.settings)
     return response.outcome, time.process_time() - start
+
+
+def _in_words(run: Run, with_it: Outcome, without: Outcome) -> str:
+    """The cell, both outcomes, and how little more or less PGA gives the one without."""
+    assert isinstance(run.motion, CosinePulse)
+    pulse, yaw = run.motion, math.degrees(run.case.full.yaw)
+    near = "no change of PGA up to 4 % does the same"
+    for share in sorted(NEARBY, key=abs):
+        nearby = replace(run, motion=replace(pulse, pga=pulse.pga * (1.0 + share)))
+        if _timed(nearby)[0] is without:
+            near = f"so does {share:+.1%} of PGA with it"
+            break
+    cell = f"{pulse.pga / GRAVITY:.4f} g, {pulse.pgv_pga:.4f} s, {yaw:.0f} deg"
+    return f"{cell}: {with_it.name.lower()}, without it {without.name.lower()}; {near}"
 
 
 Measured = list[tuple[Row, list[Gain | None]]]
@@ -374,7 +392,7 @@ def table(names: list[str], measured: Measured) -> str:
             for gain in gains
         ]
         lines.append(f"{row.what:<46}" + "".join(f"{c:>28}" for c in cost) + f"   {_count(gains)}")
-    return "\n".join(lines)
+    return "\n".join([*lines, "", "cells that end otherwise", _cells(names, measured)])
 
 
 def page(names: list[str], measured: Measured, number: int) -> str:
@@ -385,12 +403,24 @@ def page(names: list[str], measured: Measured, number: int) -> str:
         cost = [str(gain) if gain else "-" for gain in gains]
         rows.append([row.what, row.why, *cost, _count(gains)])
     lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return TEXT.format(number=number, table="\n".join(lines))
+    return TEXT.format(number=number, table="\n".join(lines), cells=_cells(names, measured))
 
 
 def _count(gains: list[Gain | None]) -> str:
     done = [gain for gain in gains if gain]
-    return f"{sum(gain.differing for gain in done)} of {sum(gain.runs for gain in done)}"
+    return f"{sum(len(gain.differing) for gain in done)} of {sum(gain.runs for gain in done)}"
+
+
+def _cells(names: list[str], measured: Measured) -> str:
+    """The cells that end otherwise, one a line."""
+    lines = [
+        f"- {row.what}; {name}: {cell}"
+        for row, gains in measured
+        for name, gain in zip(names, gains, strict=True)
+        if gain
+        for cell in gain.differing
+    ]
+    return "\n".join(lines) or "- none"
 
 
 TEXT = """# What a run leaves out, and what that gains
@@ -405,12 +435,15 @@ faster. A dash says that the reduction has no part in that scene.
 
 {table}
 
+Cells that end otherwise, with the least change of PGA that does the same to the program's own run:
+what small changes turn over lies on the boundary, or where many impacts decide.
+
+{cells}
+
 Both sides of a row lack what would hide it:
 
 - the joint: no proofs, and the slab, since a driven table allows neither. It is ten thousand times
-  as heavy as the rock, and its controller takes all of an error away in one period of 1 ms. That is
-  the prescribed motion but for the last digits, so a cell may end otherwise where many impacts
-  decide: where half a per cent of PGA changes the outcome to and fro.
+  as heavy as the rock, and its controller takes all of an error away in one period of 1 ms;
 - time after the outcome is certain: all vertices, or runs that go on to the end would be repeated
   for them, and no proof of rest;
 - rest before the pulse: no proof of rest.
