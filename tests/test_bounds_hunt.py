@@ -29,7 +29,6 @@ from vsr_core.bounds import (
     cannot_be_stopped,
     cannot_return,
     cannot_topple,
-    falls_on,
     still_range,
 )
 from vsr_core.scene import Contact, Rock
@@ -518,43 +517,3 @@ def nothing_stops_the_fall(seed: int, plane: bool) -> None:
 fall = given(SEED, st.booleans())
 test_fall = quick(12)(fall(nothing_stops_the_fall))
 test_fall_slow = slow(1100)(fall(nothing_stops_the_fall))  # in four of ten
-
-
-def nothing_holds_a_pivot(seed: int) -> None:
-    """250 rocks pinned to a point or an edge, after a claim, against all that ``peak`` allows.
-
-    (rho^2 + k^2) gamma'' = rho (g sin gamma - a cos gamma); half of them against a = peak for ever.
-    """
-    rng = np.random.default_rng(seed)
-    length, gyration = np.exp(rng.uniform(-1.0, 1.0, (2, BATCH)))
-    peak = np.exp(rng.uniform(-1.0, 4.0, BATCH))
-    beta = np.arctan(peak / GRAVITY)
-    gamma = beta * rng.uniform(0.0, 1.2, BATCH)
-    softness = length / (length**2 + gyration**2)
-    short = np.maximum(1.0 - np.cos(np.maximum(beta - gamma, 0.0)), 1e-6)
-    rate = np.sqrt(2.0 * np.hypot(GRAVITY, peak) * short * softness)
-    share = rng.uniform(0.8, 1.2, BATCH)
-    rate *= np.where(np.abs(share - 1.0) < 0.002, 1.002, share)
-    # In contact along an edge the lowest vertex may be anywhere on it.
-    aside = np.where(rng.random(BATCH) < 0.5, 0.0, rng.normal(0.0, 1.0, BATCH))
-    lever = np.stack([length * np.sin(gamma), aside, length * np.cos(gamma)], axis=1)
-    turned = turn_by(rng.uniform(0.0, 2.0 * math.pi, (BATCH, 1)) * [0.0, 0.0, 1.0])
-    lever, axis = np.einsum("nij,nj->ni", turned, lever), turned[:, :, 1]
-    claimed = np.array(
-        [
-            falls_on(lever[i], rate[i] * axis[i], gyration[i] ** 2 * np.eye(3), float(peak[i]))
-            for i in range(BATCH)
-        ]
-    )
-    always = rng.random(BATCH) < 0.5
-    dt = 0.002 * np.sqrt(length / GRAVITY)
-    for _ in range(600):
-        now = np.where(always, peak, rng.uniform(-1.0, 1.0, BATCH) * peak)
-        middle = gamma + 0.5 * dt * rate
-        rate = rate + dt * softness * (GRAVITY * np.sin(middle) - now * np.cos(middle))
-        gamma = middle + 0.5 * dt * rate
-        assert ((rate > 0.0) | (gamma > 0.5 * math.pi))[claimed].all()
-
-
-test_pivot = quick(10)(given(SEED)(nothing_holds_a_pivot))
-test_pivot_slow = slow(700)(given(SEED)(nothing_holds_a_pivot))  # in six of ten

@@ -207,37 +207,6 @@ def cannot_return(limits: Barrier, tilt: float, energy: float, impulse: float) -
     return reachable_energy(energy - GRAVITY * limits.floor, impulse) < gap
 
 
-def falls_on(lever: Array, spin: Array, inertia: Array, peak: float) -> bool:
-    """Whether a rock past ``toppled_tilt`` keeps falling whatever is left of the shaking.
-
-    Theorem, for plane motion about a touching point that neither slides nor lifts: let gamma be
-    the angle from the vertical at which the centre is beyond that point. Shaking of at most
-    ``peak`` tilts gravity by at most beta = atan(peak/g). From gamma >= beta on, the moment has
-    the sign of the fall, until another point lands. Before that, the worst shaking takes
-    g' rho (1 - cos(beta - gamma)) of energy per unit mass on the way to gamma = beta, with rho
-    the lever and g' = hypot(g, peak); a rock that turns with more gets there.
-
-    Levers count in the plane of the fall only: along an edge that touches, the point may be any.
-    ``cannot_be_stopped`` is a theorem for sliding and bouncing rocks too.
-
-    Parameters
-    ----------
-    lever : ndarray, shape (3,) [m], from the touching vertex to the centre of mass
-    spin : ndarray, shape (3,) [rad/s], angular velocity
-    inertia : ndarray, shape (3, 3) [m^2], about the centre of mass, per unit mass, same axes
-    peak : float [m/s^2], largest acceleration still to come
-    """
-    across, axis, turning = _fall(lever, spin)
-    if across <= 0.0:
-        return False
-    gap = math.atan(peak / GRAVITY) - math.atan2(across, float(lever[2]))
-    if gap <= 0.0:
-        return True
-    rho_squared = across * across + float(lever[2]) ** 2
-    have = 0.5 * turning**2 * (rho_squared + float(axis @ inertia @ axis))
-    return have > math.hypot(GRAVITY, peak) * math.sqrt(rho_squared) * (1.0 - math.cos(gap))
-
-
 def cannot_be_stopped(lever: Array, spin: Array, inertia: Array, contact: Contact) -> bool:
     """Whether no shaking can stop the fall of a rock, because friction has no hold on it.
 

@@ -148,7 +148,7 @@ class _Run:
         # The proofs assume the prescribed motion; a servo's table moves a little differently. And
         # they know nothing of energy kept in springs.
         self.early = settings.reduce and simulated.drive is None and contact.stiffness is None
-        self.friction = contact.friction
+        self.contact = contact
         self.radius = rock.radius
         self.vertices = rock.vertices
         self.kept_tilt = math.pi if simulated is case.full else simulated.kept_tilt
@@ -286,8 +286,7 @@ class _Run:
         turn = self.state.rotation
         lever = -(turn @ self.vertices[lowest])
         inertia = turn @ self.inertia @ turn.T
-        peak = self.motion.remaining_peak(self.time)
-        return bounds.falls_on(lever, self.state.spin, inertia, peak)
+        return bounds.cannot_be_stopped(lever, self.state.spin, inertia, self.contact)
 
     def _slip_is_known(self) -> bool:
         """Whether the rest of the energy can no longer slide an upright rock past the limit.
@@ -298,10 +297,10 @@ class _Run:
         limit = DISPLACED_SHARE * self.radius
         if self.slip > limit:
             return True
-        if self.sample < self.pulse_samples or self.friction == 0.0:
+        if self.sample < self.pulse_samples or self.contact.friction == 0.0:
             return False
         spare = self.energy - GRAVITY * self.limits.upright_floor
-        return self.slip + 1.5 * spare / (self.friction * GRAVITY) <= limit
+        return self.slip + 1.5 * spare / (self.contact.friction * GRAVITY) <= limit
 
     def _side(self) -> Outcome:
         if self.tilt > self.limits.toppled_tilt:
