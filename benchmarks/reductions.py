@@ -1,9 +1,10 @@
 """What each reduction gains, one at a time, and how many outcomes it changes.
 
-    python -m benchmarks.reductions [--cells N] [--write FILE]
+    python -m benchmarks.reductions [--cells N] [--write]
 
 Every row takes the same random cells twice, once as the program runs them and once without that
-one reduction, in turn, and compares CPU time and outcomes. A few minutes.
+one reduction, in turn, and compares CPU time and outcomes. A few minutes. ``--write`` writes the
+page, docs/reductions.md, and the gains that a site's report states.
 """
 
 from __future__ import annotations
@@ -15,12 +16,16 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
+import vsr_core.simulate as loop
+from pipeline import ROOT
+from pipeline.stages.report import GAINS
 from vsr_core import GRAVITY, bounds, engines, sampling, solid
 from vsr_core.engines import Solver, bullet
 from vsr_core.motion import CosinePulse, GroundMotion
@@ -29,12 +34,14 @@ from vsr_core.precision import step_unit
 from vsr_core.scene import Contact, Rock, Scene, State
 from vsr_core.servo import Servo
 from vsr_core.simulate import Case, Settings, prepare, simulate
-from vsr_core.surrogate import double_rock
+from vsr_core.surrogates.double_rock import double_rock
 
 Array = NDArray[np.float64]
 
 STEP_SHARE = {"box": 0.003, "hull": 0.006}
 """Time steps, in units of sqrt(radius / g), at which the boundary is right to about 1 %."""
+
+PAGE = ROOT / "docs" / "reductions.md"
 
 FRICTION, YAWS = 0.6, 12
 
@@ -62,11 +69,15 @@ Pair = Callable[[Run], tuple[Run, Run] | None]
 
 @dataclass(frozen=True)
 class Row:
-    """A reduction: what is left out, why that is harmless, and the two runs to compare."""
+    """A reduction: what is left out, why that is harmless, and the two runs to compare.
+
+    ``name`` is the end of the name by which a scene says that it is left out, if it does.
+    """
 
     what: str
     why: str
     pair: Pair
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -115,7 +126,12 @@ def all_vertices(run: Run) -> tuple[Run, Run] | None:
 
 def no_proof_before(run: Run) -> tuple[Run, Run]:
     """Runs that provably cannot move are simulated."""
-    return run, replace(run, case=replace(run.case, still=(0.0, 0.0)))
+    return (run, _from_the_start(run)) if _cannot_move(run) else (run, run)
+
+
+def whole_motion(run: Run) -> tuple[Run, Run]:
+    """All other runs start with their motion, and not at its first push."""
+    return (run, run) if _cannot_move(run) else (run, _from_the_start(run))
 
 
 def to_rest(run: Run) -> tuple[Run, Run]:
@@ -142,7 +158,7 @@ def rebuilt(run: Run) -> tuple[Run, Run]:
 
 def single_steps(run: Run) -> tuple[Run, Run]:
     """A sample of the motion, and so a call to the engine, for each step."""
-    return run, replace(run, around=lambda: patched(sampling, "MOST_SUBSTEPS", 1))
+    return run, replace(run, around=singly)
 
 
 def all_iterations(run: Run) -> tuple[Run, Run]:
@@ -170,27 +186,43 @@ ROWS = (
         "joint and controller of the table",
         "prescribed motion: the table's own frame is exact, with gravity minus its acceleration",
         driven,
+        "joint, servo and moving pedestal",
     ),
-    Row("pedestal slab: a plane instead", "flat, and its edges are out of reach", slab),
+    Row(
+        "pedestal slab: a plane instead",
+        "flat, and its edges are out of reach",
+        slab,
+        "pedestal slab",
+    ),
     Row(
         "hull vertices that touch only beyond 80 deg",
         "normals of their facets say so; a run that tilts further is repeated with all",
         all_vertices,
+        "hull vertices",
     ),
     Row(
         "runs that cannot move",
         f"`still_range` in {PROOF}: forces that hold the rock exist",
         no_proof_before,
+        "runs below the uplift and sliding limits",
+    ),
+    Row(
+        "the motion before its first push",
+        "until it leaves `still_range` nothing moves",
+        whole_motion,
+        "the motion before its first push",
     ),
     Row(
         "time after the outcome is certain",
         f"`cannot_topple`, `cannot_return`, the rule of the fall in {PROOF}",
         to_rest,
+        "time after the outcome is certain",
     ),
     Row(
         f"{REST:g} s of rest before the pulse",
         "the rest pose is known from the hull's geometry",
         settling,
+        "settling before the pulse",
     ),
     Row(
         "building a world for each run",
@@ -207,7 +239,7 @@ ROWS = (
         "the residual is 5e-4 of what gravity does in a step; the time step's error is far larger",
         all_iterations,
     ),
-    Row("the trajectory", "only outcomes are wanted", trajectory),
+    Row("the trajectory", "only outcomes are wanted", trajectory, "trajectory"),
     Row("all of these at once, but the joint", "as above", everything),
 )
 
@@ -220,6 +252,15 @@ def _scenes(case: Case, **changes: Any) -> Case:
 
 def _complete(case: Case) -> Case:
     return replace(case, scene=case.full)
+
+
+def _cannot_move(run: Run) -> bool:
+    """Whether ``simulate`` itself leaves the run out."""
+    return run.motion.peak_acceleration < min(-run.case.still[0], run.case.still[1])
+
+
+def _from_the_start(run: Run) -> Run:
+    return replace(run, case=replace(run.case, still=(0.0, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -246,9 +287,6 @@ class Delayed:
 
     def velocity(self, t: Array) -> Array:
         return self.motion.velocity(t - self.rest)
-
-    def remaining_peak(self, t: float) -> float:
-        return self.motion.remaining_peak(t - self.rest)
 
     def remaining_impulse(self, t: float) -> float:
         return self.motion.remaining_impulse(t - self.rest)
@@ -292,10 +330,15 @@ def recorded() -> AbstractContextManager[None]:
     return patched(engines, "load", lambda name: Recording)
 
 
+def singly() -> AbstractContextManager[None]:
+    """A sample of the motion is held for one step only."""
+    return patched(loop, "sampling", partial(sampling.sampling, most=1))
+
+
 @contextmanager
 def plainly() -> Iterator[None]:
     """A new world, a call for each step, and a trajectory."""
-    with forgetting_worlds(), patched(sampling, "MOST_SUBSTEPS", 1), recorded():
+    with forgetting_worlds(), singly(), recorded():
         yield
 
 
@@ -406,8 +449,15 @@ def page(names: list[str], measured: Measured, number: int) -> str:
     return TEXT.format(number=number, table="\n".join(lines), cells=_cells(names, measured))
 
 
-def _count(gains: list[Gain | None]) -> str:
-    done = [gain for gain in gains if gain]
+def stated(measured: Measured) -> str:
+    """Gains on the first rock, by the names that scenes give what they leave out, as YAML."""
+    found = {row.name: float(str(own[0])) for row, own in measured if row.name and own[0]}
+    head = "# Made by `python -m benchmarks.reductions --write`; do not edit.\n"
+    return head + yaml.safe_dump(found, sort_keys=False)
+
+
+def _count(own: list[Gain | None]) -> str:
+    done = [gain for gain in own if gain]
     return f"{sum(len(gain.differing) for gain in done)} of {sum(gain.runs for gain in done)}"
 
 
@@ -425,7 +475,7 @@ def _cells(names: list[str], measured: Measured) -> str:
 
 TEXT = """# What a run leaves out, and what that gains
 
-Made by `python -m benchmarks.reductions --write docs/reductions.md`; do not edit.
+Made by `python -m benchmarks.reductions --write`; do not edit.
 
 A gain is the CPU time of a run without this one reduction over that with it, all else equal:
 {number} random cells of each rock on a flat pedestal, the same for every row (PGA 0.02-1 g,
@@ -454,7 +504,7 @@ def main() -> int:
     """Print the table, and write the page if asked."""
     parser = argparse.ArgumentParser(prog="benchmarks.reductions")
     parser.add_argument("--cells", type=int, default=150, help="runs of each rock in each row")
-    parser.add_argument("--write", type=Path, help="Markdown file to write")
+    parser.add_argument("--write", action="store_true", help=f"write {PAGE.name} and {GAINS.name}")
     options = parser.parse_args()
     named = rocks()
     measured: Measured = [(row, []) for row in ROWS]
@@ -467,7 +517,8 @@ def main() -> int:
                 print(f"{name}: {row.what}: {gains[-1] or '-'}", file=sys.stderr, flush=True)
     print(table([*named], measured))
     if options.write:
-        options.write.write_text(page([*named], measured, options.cells), encoding="utf-8")
+        PAGE.write_text(page([*named], measured, options.cells), encoding="utf-8")
+        GAINS.write_text(stated(measured), encoding="utf-8")
     return 0
 
 

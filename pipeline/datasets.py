@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +17,18 @@ from vsr_core import outcome
 if TYPE_CHECKING:
     import xarray as xr
 
-_VERSIONS = ("vsr", "numpy", "scipy", "pybullet", "xarray")
+CATALOGUE = Path(__file__).with_name("catalogue.yaml")
+
+_VERSIONS = ("vsr", "numpy", "scipy", "xarray")
+
+_ENGINES = {"bullet": "PyBullet", "mujoco": "MuJoCo"}
+"""Libraries of the engines."""
 
 
 @cache
 def catalogue() -> dict[str, dict[str, str]]:
     """Variables by name: ``units``, ``long_name`` and perhaps ``flags``."""
-    path = Path(__file__).with_name("catalogue.yaml")
-    return dict(yaml.safe_load(path.read_text(encoding="utf-8")))
+    return dict(yaml.safe_load(CATALOGUE.read_text(encoding="utf-8")))
 
 
 def label(name: str) -> str:
@@ -50,11 +54,12 @@ def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
             attributes["flag_values"] = [flag.value for flag in flags]
             attributes["flag_meanings"] = " ".join(flag.name.lower() for flag in flags)
         dataset[name].attrs.update(attributes)
-    versions = {library: version(library) for library in _VERSIONS}
+    engine = _ENGINES[job.config.simulation.engine]
+    versions = {name: library_version(name) for name in (*_VERSIONS, engine.lower())}
     dataset.attrs |= {
         "Conventions": "CF-1.11",
         "title": f"{title}: {job.site.name}",
-        "source": f"virtual shake robot {versions['vsr']}, PyBullet {versions['pybullet']}",
+        "source": f"virtual shake robot {versions['vsr']}, {engine} {versions[engine.lower()]}",
         "history": f"made by stage from {job.site.file}",
         "references": "Chen et al. (2024), Virtual Shake Robot, Seismica 3(1)",
         "vsr_key": job.key,
@@ -62,6 +67,14 @@ def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
         "vsr_versions_json": json.dumps(versions, sort_keys=True),
     }
     return dataset
+
+
+def library_version(name: str) -> str:
+    """Version of a library, or that it is not installed: an engine may be an extra."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"
 
 
 def netcdf(dataset: xr.Dataset) -> Writer:

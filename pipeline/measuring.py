@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -111,8 +110,3 @@ def run_reference(steps: tuple[float, ...], items: tuple[tuple[str, str], ...]) 
             measured.append(Suite(name, engine, step, float(error), seconds))
         found.append(measured)
     return found
-
-
-def worst(values: list[float]) -> float:
-    """Largest of errors; infinite if one is not a number."""
-    return max(math.inf if math.isnan(value) else value for value in values)

@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import cli, measuring
-from pipeline.accuracy_page import _better
+from pipeline import cli, comparing, measuring
 from pipeline.datasets import read
 from pipeline.figures.accuracy import cheapest, lines, work_precision
+from pipeline.figures.accuracy_page import _better
 from pipeline.figures.style import png
-from pipeline.stages import accuracy
-from vsr_core import peers, precision, reference, sweep
+from vsr_core import agreement, peers, precision, reference, sweep
 
 pytest.importorskip("mujoco")
 
@@ -33,8 +32,8 @@ def small(monkeypatch: pytest.MonkeyPatch, quick_precision: None) -> None:
     monkeypatch.setattr(precision, "SHARES", (0.012, 0.006, 0.003))
     monkeypatch.setattr(precision, "BOX_PERIODS", (0.45, 0.6))
     monkeypatch.setattr(measuring, "BUDGET", 0.5)
-    monkeypatch.setattr(accuracy, "CELLS", 6)
-    monkeypatch.setattr(accuracy, "STEPS", (1 / 500, 1 / 1000))
+    monkeypatch.setattr(comparing, "CELLS", 6)
+    monkeypatch.setattr(comparing, "STEPS", (1 / 500, 1 / 1000))
     every = sweep.variations()
     few = tuple(
         v for v in every if v.what in ("as chosen", "pedestal") and v.value != "triangle mesh"
@@ -64,8 +63,8 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     assert methods == {"project, bullet", "project, mujoco"} | labels
     for row in measured:
         assert float(row["cpu_s"]) > 0.0
-        assert precision.OFFSETS[0] <= float(row["error"]) <= float(row["worst"])
-        assert float(row["worst"]) <= precision.WORST
+        assert agreement.OFFSETS[0] <= float(row["error"]) <= float(row["worst"])
+        assert float(row["worst"]) <= agreement.WORST
         assert row["rows"] == "2"
     own = {r["setting"]: float(r["error"]) for r in measured if r["method"] == "project, bullet"}
     assert own["0.003"] < 0.01  # against Housner's equation, at the finest of the steps
@@ -76,6 +75,7 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     for text in (*methods, "not installed: dartpy", "Housner", "asked for 1 %"):
         assert text.replace("'", "&#39;") in page
     assert (made / "work_precision.png").read_bytes().startswith(b"\x89PNG")
+    assert (made / "work_precision.pdf").read_bytes().startswith(b"%PDF")
     cells = read(made / "accuracy.nc")
     assert cells.sizes["cell"] == 6
     assert set(cells["cell_pga"].values.round(6)) <= {0.2, 0.4, 0.6}

@@ -13,7 +13,7 @@ import trimesh
 from vsr_core import GRAVITY, peers, rocking, solid
 from vsr_core.motion import CosinePulse
 from vsr_core.scene import Contact, Rock, Scene
-from vsr_core.surrogate import double_rock
+from vsr_core.surrogates.double_rock import double_rock
 
 METHODS = ["dart", "drake", "mujoco_default", "mujoco_stiff", "seed"]
 PRECISE = ["dart", "drake", "mujoco_default", "mujoco_stiff"]

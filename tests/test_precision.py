@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from vsr_core import GRAVITY, bounds, comparison, precision, servo, solid
+from vsr_core.agreement import OFFSETS, WORST, rocking_block
 from vsr_core.comparison import Score, Target
 from vsr_core.motion import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
-from vsr_core.precision import OFFSETS, SHARES, WORST, Front, choose, front, measure
+from vsr_core.precision import SHARES, Front, choose, front, measure
 from vsr_core.rocking import Block, rocking_response
 from vsr_core.scene import Contact, Scene
 from vsr_core.simulate import Case, Settings, prepare
@@ -24,6 +25,16 @@ def box(size: tuple[float, float, float], contact: Contact, yaw: float = 0.0) ->
 
 
 SLENDER = box((1.0, 1.0, 3.0), Contact(0.6))
+
+
+def hull(still: float) -> Case:
+    """A case that no equation answers; ``still`` [m/s^2] is what it bears for certain."""
+    shapes = replace(SLENDER.full.rock, shape="hull")
+    return replace(SLENDER, full=replace(SLENDER.full, rock=shapes), still=(-still, still))
+
+
+def ending(outcome: Outcome) -> Response:
+    return Response(outcome, DecidedBy.SIMULATION, 0.0, 0.0, 0.0, 5)
 
 
 def test_error_stated_holds_on_pulses_that_were_not_tried() -> None:
@@ -40,7 +51,7 @@ def test_error_stated_holds_on_pulses_that_were_not_tried() -> None:
         for offset in rng.uniform(error, 0.08, 4) * rng.choice((-1.0, 1.0), 4):
             pga = row.reference * (1.0 + offset)
             checked += 1
-            assert test(CosinePulse(pga, ratio)) == rocking_response(block, pga, ratio).overturned
+            assert test(CosinePulse(pga, ratio)) is rocking_response(block, pga, ratio).overturned
     assert checked == 4 * len(SHARES)
 
 
@@ -69,16 +80,14 @@ def test_where_the_reference_changes_its_mind_either_outcome_passes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A hull whose finer runs differ between 10 and 10.5 m/s^2: coarse steps may say either."""
-    shapes = replace(SLENDER.full.rock, shape="hull")
-    case = replace(SLENDER, full=replace(SLENDER.full, rock=shapes), still=(-5.0, 5.0))
-    unit = precision.step_unit(shapes)
+    case = hull(5.0)
+    unit = precision.step_unit(case.full.rock)
 
     def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
         share = settings.time_step / unit
         second = math.isclose(share, precision.SECOND_SHARE)
         limit = 10.5 if second else 10.2 if share > 0.01 else 10.0
-        over = Outcome.OVERTURNED if motion.pga > limit else Outcome.BALANCED
-        return Response(over, DecidedBy.SIMULATION, 0.0, 0.0, 0.0, 5)
+        return ending(Outcome.OVERTURNED if motion.pga > limit else Outcome.BALANCED)
 
     monkeypatch.setattr(precision, "simulate", fake)
     row = measure(case, 0.3, Settings(1.0))
@@ -103,12 +112,12 @@ def test_where_the_reference_changes_its_mind_either_outcome_passes(
 def test_housners_block_is_the_reference_only_where_it_applies(
     case: Case, expected: Block | None
 ) -> None:
-    assert precision.rocking_block(case) == expected
+    assert rocking_block(case) == expected
 
 
 def test_housners_block_is_no_reference_for_a_servo() -> None:
     full = replace(SLENDER.full, drive=servo.PUBLISHED)
-    assert precision.rocking_block(replace(SLENDER, full=full)) is None
+    assert rocking_block(replace(SLENDER, full=full)) is None
 
 
 def test_front_keeps_what_four_rows_in_five_keep() -> None:
@@ -164,15 +173,13 @@ def test_doubled_tolerance_is_cheaper() -> None:
 
 def test_score_of_a_way_of_running_against_a_target() -> None:
     """A way that is right from 1.5 % on above the boundary, and everywhere below it."""
-    right = {
-        10.0 * (1.0 + side * offset): int(side > 0) for offset in OFFSETS for side in (-1.0, 1.0)
-    }
+    right = {10.0 * (1.0 + side * offset): side > 0.0 for offset in OFFSETS for side in (-1.0, 1.0)}
     wanted = Target(0.3, 10.0, True, 0.0, right)
-    found = comparison.score(lambda pulse: int(pulse.pga > 10.12), wanted)
+    found = comparison.score(lambda pulse: pulse.pga > 10.12, wanted)
     assert found.error == 0.015
     assert found.lost == 0
     assert found.seconds >= 0.0
-    diverging = comparison.score(lambda pulse: -1, wanted)
+    diverging = comparison.score(lambda pulse: None, wanted)
     assert diverging == Score(WORST, diverging.seconds, diverging.lost)
     assert diverging.lost > 0
 
@@ -180,7 +187,43 @@ def test_score_of_a_way_of_running_against_a_target() -> None:
 def test_target_of_a_block_is_housners_equation() -> None:
     wanted = comparison.target(SLENDER, 0.2, ())
     assert wanted.exact
+    assert len(wanted.right) == 2 * len(OFFSETS)
     block = Block(0.5, 1.5)
     for pga, topples in wanted.right.items():
-        assert topples == rocking_response(block, pga, 0.2).overturned
+        assert topples is rocking_response(block, pga, 0.2).overturned
     assert wanted.boundary / GRAVITY == pytest.approx(0.52, abs=0.01)  # Housner, 1x1x3 m at 0.20 s
+
+
+@pytest.mark.parametrize("lost", [Outcome.UNSETTLED, Outcome.UNSTABLE, Outcome.CRASHED])
+def test_runs_without_verdicts_are_not_right_for_being_as_lost_as_the_reference(
+    monkeypatch: pytest.MonkeyPatch, lost: Outcome
+) -> None:
+    monkeypatch.setattr(precision, "simulate", lambda *arguments: ending(lost))
+    assert (measure(hull(5.0), 0.3, Settings(1.0)).error == WORST).all()
+
+
+def test_target_of_two_engines_is_what_both_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They topple from 10 and 10.4 m/s^2 on: 10.2 on average, and no answer between them."""
+    limits = {"bullet": 10.0, "mujoco": 10.4}
+
+    def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        over = motion.pga > limits[settings.engine]
+        return ending(Outcome.OVERTURNED if over else Outcome.DISPLACED)
+
+    monkeypatch.setattr(comparison, "simulate", fake)
+    wanted = comparison.target(hull(5.0), 0.3, ("bullet", "mujoco"))
+    assert not wanted.exact
+    assert wanted.boundary == pytest.approx(10.2, rel=0.002)
+    assert wanted.spread == pytest.approx(0.4 / 10.2, abs=0.004)
+    assert len(wanted.right) == 2 * len(OFFSETS)
+    for pga, topples in wanted.right.items():
+        assert topples is (pga > 10.4 if abs(pga - 10.2) > 0.2 else None)
+    assert comparison.score(lambda pulse: pulse.pga > 10.2, wanted).error == OFFSETS[0]
+    assert comparison.score(lambda pulse: None, wanted).error == WORST
+
+
+def test_no_target_where_nothing_topples_the_rock(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(comparison, "simulate", lambda *arguments: ending(Outcome.BALANCED))
+    wanted = comparison.target(hull(5.0), 0.3, ("bullet", "mujoco"))
+    assert math.isnan(wanted.boundary)
+    assert wanted.right == {}

@@ -196,7 +196,8 @@ def test_a_wrong_case_is_counted_and_shown(make_stage: Callable[..., Path]) -> N
 
 
 def test_figures_are_the_same_bytes_every_time() -> None:
-    from pipeline.figures.stability import pdf, stability_map
+    from pipeline.figures.stability import stability_map
+    from pipeline.figures.style import pdf
 
     points = [
         {"time_step": h, "stiffness": k, "verdict": "flagged"}

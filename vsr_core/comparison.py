@@ -8,29 +8,18 @@ passes.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
-from vsr_core import GRAVITY
+from vsr_core.agreement import Topples, agrees_from, answer, levels, verdict
 from vsr_core.motion import CosinePulse
-from vsr_core.outcome import Outcome
-from vsr_core.precision import (
-    OFFSETS,
-    REFERENCE_SHARE,
-    STRONGEST,
-    WORST,
-    bisect,
-    rocking_block,
-    step_unit,
-)
-from vsr_core.rocking import first_overturning_pga, rocking_response
+from vsr_core.precision import COARSE_SHARE, REFERENCE_SHARE, step_unit
 from vsr_core.simulate import Case, Settings, simulate
 
-Test = Callable[[CosinePulse], int]
-"""Runs one pulse from rest: 1 the rock toppled, 0 it stands, -1 no verdict."""
+Test = Callable[[CosinePulse], bool | None]
+"""Runs one pulse from rest: whether the rock toppled, None without a verdict."""
 
 COST_AT = (0.7, 0.9, 1.1, 1.6)
 """Pulses on which the CPU time of a run is measured, as shares of the boundary."""
@@ -46,14 +35,14 @@ class Target:
     boundary : float [m/s^2]; nan if nothing topples the rock
     exact : bool, whether by Housner's equation
     spread : float, how far the two references are apart, relative; 0 if exact
-    right : dict, from PGA [m/s^2] to 1 topples, 0 stands, -1 the references differ
+    right : dict, from the PGAs compared [m/s^2] to toppling; None where the references differ
     """
 
     pgv_pga: float
     boundary: float
     exact: bool
     spread: float
-    right: Mapping[float, int]
+    right: Mapping[float, bool | None]
 
 
 @dataclass(frozen=True)
@@ -74,37 +63,28 @@ class Score:
 
 def target(case: Case, pgv_pga: float, engines: tuple[str, ...]) -> Target:
     """Reference of a row; ``engines`` are those that give it where no equation does."""
-    block = rocking_block(case)
-    if block is not None:
-        boundary = first_overturning_pga(block, pgv_pga, STRONGEST, 0.005 * GRAVITY)
-        right = {
-            pga: int(rocking_response(block, pga, pgv_pga).overturned) for pga in _levels(boundary)
-        }
-        return Target(pgv_pga, boundary, True, 0.0, right)
-    step = REFERENCE_SHARE * step_unit(case.full.rock)
-    tests = [project(case, Settings(step, engine=engine)) for engine in engines]
-    coarse = project(case, Settings(16.0 * step, engine=engines[0]))
-    low = 0.9 * min(-case.still[0], case.still[1])
-    near = bisect(_topples(coarse, pgv_pga), low, STRONGEST, 9)
-    found = [bisect(_topples(test, pgv_pga), 0.9 * near, 1.1 * near, 6) for test in tests]
-    boundary = float(np.mean(found))
-    if boundary > 0.9 * STRONGEST:
-        return Target(pgv_pga, float("nan"), False, 0.0, {})
-    right = {}
-    for pga in _levels(boundary):
-        outcomes = {test(CosinePulse(pga, pgv_pga)) for test in tests}
-        right[pga] = outcomes.pop() if len(outcomes) == 1 else -1
-    return Target(pgv_pga, boundary, False, float(np.ptp(found)) / boundary, right)
+    unit = step_unit(case.full.rock)
+
+    def run(settings: Settings) -> Topples:
+        test = project(case, settings)
+        return lambda pga: test(CosinePulse(pga, pgv_pga))
+
+    references = [run(Settings(REFERENCE_SHARE * unit, engine=name)) for name in engines]
+    known = answer(case, pgv_pga, run(Settings(COARSE_SHARE * unit)), references, references)
+    nothing = math.isnan(known.boundary)
+    compared = () if nothing else (pga for pair in levels(known.boundary) for pga in pair)
+    right = {pga: known.right(pga) for pga in compared}
+    return Target(pgv_pga, known.boundary, known.exact, known.spread, right)
 
 
 def score(test: Test, wanted: Target) -> Score:
     """Error and cost of one way of running on one row."""
     lost = 0
 
-    def outcome(level: float) -> int:
+    def outcome(pga: float) -> bool | None:
         nonlocal lost
-        found = test(CosinePulse(level, wanted.pgv_pga))
-        lost += found < 0
+        found = test(CosinePulse(pga, wanted.pgv_pga))
+        lost += found is None
         return found
 
     outcome(COST_AT[0] * wanted.boundary)  # what is built and imported once is no cost of a run
@@ -112,42 +92,19 @@ def score(test: Test, wanted: Target) -> Score:
     for share in COST_AT:
         outcome(share * wanted.boundary)
     seconds = (time.process_time() - start) / len(COST_AT)
-    error = max(_agrees_from(outcome, wanted, side) for side in (-1.0, 1.0))
-    return Score(error, seconds, lost)
+    return Score(agrees_from(outcome, wanted.right.__getitem__, wanted.boundary), seconds, lost)
 
 
 def project(case: Case, settings: Settings) -> Test:
     """The own way of running a test, outcomes proved where they can be."""
-
-    def test(pulse: CosinePulse) -> int:
-        outcome = simulate(case, pulse, settings).outcome
-        return 1 if outcome is Outcome.OVERTURNED else 0 if outcome.overturned == 0 else -1
-
-    return test
+    return lambda pulse: verdict(simulate(case, pulse, settings).outcome)
 
 
 def by_tilt(largest_tilt: Callable[[CosinePulse], float], toppled: float) -> Test:
     """A test that reads the largest tilt [rad], nan where it diverged."""
 
-    def test(pulse: CosinePulse) -> int:
+    def test(pulse: CosinePulse) -> bool | None:
         tilt = largest_tilt(pulse)
-        return -1 if tilt != tilt else int(tilt > toppled)
+        return None if math.isnan(tilt) else bool(tilt > toppled)
 
     return test
-
-
-def _levels(boundary: float) -> list[float]:
-    return [boundary * (1.0 + side * offset) for offset in OFFSETS for side in (-1.0, 1.0)]
-
-
-def _agrees_from(outcome: Callable[[float], int], wanted: Target, side: float) -> float:
-    """Least offset on one side of the boundary at which an outcome is right."""
-    for offset in OFFSETS:
-        pga = wanted.boundary * (1.0 + side * offset)
-        if wanted.right[pga] in (-1, outcome(pga)):
-            return offset
-    return WORST
-
-
-def _topples(test: Test, pgv_pga: float) -> Callable[[float], bool]:
-    return lambda pga: test(CosinePulse(pga, pgv_pga)) != 0

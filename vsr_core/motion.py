@@ -33,9 +33,6 @@ class GroundMotion(Protocol):
     def velocity(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
         """Velocity [m/s] at times ``t`` [s], shape of ``t``."""
 
-    def remaining_peak(self, t: float) -> float:
-        """Largest absolute acceleration [m/s^2] after time ``t`` [s]."""
-
     def remaining_impulse(self, t: float) -> float:
         """Integral of the absolute acceleration [m/s] from ``t`` [s] to the end."""
 
@@ -105,10 +102,6 @@ class CosinePulse:
         inside = (t >= 0.0) & (t <= self.duration)
         amplitude = self.pga * self.pgv_pga**2
         return np.where(inside, amplitude * (1.0 - np.cos(t / self.pgv_pga)), 0.0)
-
-    def remaining_peak(self, t: float) -> float:
-        """Largest absolute acceleration after ``t``: the pulse ends on its full PGA."""
-        return self.peak_acceleration if t < self.duration else 0.0
 
     def remaining_impulse(self, t: float) -> float:
         """Integral of |acceleration| [m/s] from ``t`` to the end; 4 PGV for the whole pulse."""

@@ -1,16 +1,14 @@
 """Error of the overturning boundary against the time step, measured on the scene itself.
 
 A row is one direction and one PGV/PGA. The reference is Housner's equation where a box rocks on an
-edge, else the same scene at a step of ``REFERENCE_SHARE``. From the reference's boundary, the PGA
-between standing and toppling, every step of a ladder is compared with it outwards, until they
-agree: how far that is, as a share of the boundary, is the error. A pulse on which the reference
-itself changes its mind with its step has no right answer, and either outcome passes.
+edge, else the same scene at a step of ``REFERENCE_SHARE``; every step of a ladder is compared with
+it. A pulse on which the reference itself changes its mind with its step has no right answer, and
+either outcome passes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -18,15 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.agreement import agrees_from, answer, verdict
 from vsr_core.motion import CosinePulse
-from vsr_core.outcome import Outcome
 from vsr_core.precheck import longest_step
-from vsr_core.rocking import Block, first_overturning_pga, rocking_response
 from vsr_core.scene import Contact, Rock, Scene
 from vsr_core.simulate import Case, Settings, simulate
 
 Array = NDArray[np.float64]
-Right = Callable[[float], bool | None]  # from PGA [m/s^2]: topples or stands, None undecidable
 
 SHARES = (0.048, 0.032, 0.024, 0.016, 0.012, 0.008, 0.006, 0.004, 0.003, 0.002)
 """Time steps tried, in units of sqrt(radius / g), coarsest first."""
@@ -41,21 +37,9 @@ BOX_PERIODS, HULL_PERIODS = (0.45, 0.6, 0.75), (0.45, 0.9)
 """PGV/PGA of the rows in units of sqrt(radius / g). Housner's block topples there after at most
 three impacts; longer pulses rock it until the smallest difference decides."""
 
-OFFSETS = (0.00125, 0.0025, 0.005, 0.0075, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08)
-"""Distances from the boundary at which outcomes are compared, as shares of it."""
-
-WORST = 0.12
-"""Error noted where outcomes differ even at the largest of these."""
-
-WINDOW, HALVINGS = 0.1, 6
-"""Half the range, as a share, in which the reference's boundary is bisected, and how often."""
-
 KEPT_BY = 0.8
 """Share of the rows that keep the error stated. The others are those where many impacts decide:
 there the outcome changes with the last digit, at any step."""
-
-STRONGEST = 4.0 * GRAVITY
-"""Strongest pulse tried [m/s^2]."""
 
 
 @dataclass(frozen=True)
@@ -142,92 +126,36 @@ def measure(case: Case, pgv_pga: float, settings: Settings) -> Row:
     pgv_pga : float [s]
     settings : Settings
     """
-    block = rocking_block(case)
-    right: Right
-    if block is not None:
-        boundary = first_overturning_pga(block, pgv_pga, STRONGEST, 0.005 * GRAVITY)
-
-        def right(pga: float) -> bool:
-            return rocking_response(block, pga, pgv_pga).overturned
-    else:
-        fine = _Trial(case, pgv_pga, settings, REFERENCE_SHARE)
-        second = _Trial(case, pgv_pga, settings, SECOND_SHARE)
-        boundary = _boundary(case, pgv_pga, settings, fine)
-
-        def right(pga: float) -> bool | None:
-            topples = fine(pga)
-            return topples if second(pga) == topples else None
-
-    if not boundary < 0.9 * STRONGEST:
+    fine, second, coarse = (
+        _Trial(case, pgv_pga, settings, share)
+        for share in (REFERENCE_SHARE, SECOND_SHARE, COARSE_SHARE)
+    )
+    known = answer(case, pgv_pga, coarse, (fine,), (fine, second))
+    if math.isnan(known.boundary):
         nothing = np.full(len(SHARES), math.nan)
-        return Row(pgv_pga, math.nan, block is not None, nothing, nothing)
-    expected = cache(right)
+        return Row(pgv_pga, math.nan, known.exact, nothing, nothing)
+    right = cache(known.right)
     error, steps = [], []
     for share in SHARES:
         trial = _Trial(case, pgv_pga, settings, share)
-        error.append(max(_agrees_from(trial, expected, boundary, side) for side in (-1.0, 1.0)))
+        error.append(agrees_from(trial, right, known.boundary))
         steps.append(trial.steps / trial.runs)
-    return Row(pgv_pga, boundary, block is not None, np.array(error), np.array(steps))
+    return Row(pgv_pga, known.boundary, known.exact, np.array(error), np.array(steps))
 
 
 class _Trial:
-    """Whether a pulse topples the rock at one time step, counting runs and steps.
-
-    A run without a verdict counts as toppled: it must not pass for one that stands.
-    """
+    """Whether a pulse topples the rock at one time step, counting runs and steps."""
 
     def __init__(self, case: Case, pgv_pga: float, settings: Settings, share: float) -> None:
         self.case, self.pgv_pga = case, pgv_pga
         self.settings = replace(settings, time_step=share * step_unit(case.full.rock))
         self.runs = self.steps = 0
 
-    def __call__(self, pga: float) -> bool:
+    def __call__(self, pga: float) -> bool | None:
         response = simulate(self.case, CosinePulse(pga, self.pgv_pga), self.settings)
         self.runs += 1
         self.steps += response.steps
-        return response.outcome not in (Outcome.BALANCED, Outcome.DISPLACED)
-
-
-def _boundary(case: Case, pgv_pga: float, settings: Settings, reference: _Trial) -> float:
-    """Boundary of the reference [m/s^2], sought around that of a coarse step."""
-    coarse = _Trial(case, pgv_pga, settings, COARSE_SHARE)
-    near = bisect(coarse, 0.9 * min(-case.still[0], case.still[1]), STRONGEST, 9)
-    return bisect(reference, (1.0 - WINDOW) * near, (1.0 + WINDOW) * near, HALVINGS)
-
-
-def bisect(topples: Callable[[float], bool], low: float, high: float, halvings: int) -> float:
-    """PGA [m/s^2] between one that stands and one that topples, from ``low`` and ``high``."""
-    for _ in range(halvings):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if topples(middle) else (middle, high)
-    return 0.5 * (low + high)
-
-
-def _agrees_from(trial: _Trial, expected: Right, boundary: float, side: float) -> float:
-    """Least offset on one side of the boundary at which a trial ends as expected."""
-    for offset in OFFSETS:
-        pga = boundary * (1.0 + side * offset)
-        if expected(pga) in (None, trial(pga)):
-            return offset
-    return WORST
-
-
-def rocking_block(case: Case) -> Block | None:
-    """Housner's block that a scene is; None if it is another.
-
-    A scene is one for a box that rocks about an edge across the shaking, on a pedestal that it
-    grips: friction above b/h, no restitution, no rolling friction, no servo.
-    """
-    full, contact = case.full, case.full.contact
-    half_x, half_y, half_z = (float(half) for half in np.abs(full.rock.vertices).max(axis=0))
-    straight = abs(math.cos(full.yaw)) > 1.0 - 1e-12
-    across = abs(math.sin(full.yaw)) > 1.0 - 1e-12
-    half = half_x if straight else half_y
-    rocks = half < 0.95 * half_z and contact.friction > 1.15 * half / half_z
-    plain = contact.restitution == contact.rolling_friction == 0.0 and full.drive is None
-    if full.rock.shape == "box" and rocks and plain and (straight or across):
-        return Block(half, half_z)
-    return None
+        return verdict(response.outcome)
 
 
 def front(error: Array, steps: Array) -> Front:

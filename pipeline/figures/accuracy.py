@@ -10,11 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from pipeline.figures.style import FAINT, INK, MARKERS, SERIES, styled
+from vsr_core.agreement import WORST
 
 Record = dict[str, Any]
-
-BEYOND = 0.12
-"""Errors from here on are drawn here: the methods' outcomes were not followed further."""
 
 
 def lines(records: list[Record], part: str) -> dict[str, list[Record]]:
@@ -47,7 +45,7 @@ def work_precision(records: list[Record], tolerance: float, title: str) -> Figur
         own = method.startswith("project")
         axes.plot(
             [1e3 * point["cpu_s"] for point in points],
-            [100.0 * min(point["error"], BEYOND) for point in points],
+            [100.0 * min(point["error"], WORST) for point in points],
             color=INK if own and at == 0 else SERIES[at % len(SERIES)],
             marker=MARKERS[at % len(MARKERS)],
             markersize=6 if own else 5,
@@ -156,7 +154,7 @@ def suite_convergence(records: list[Record]) -> Figure:
 
 def _percent_axis(axes: Any) -> None:
     axes.set_yscale("log")
-    axes.set_ylim(0.09, 100.0 * BEYOND * 1.25)
+    axes.set_ylim(0.09, 100.0 * WORST * 1.25)
     axes.set_yticks([0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0])
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: ""))

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import math
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -75,13 +73,6 @@ def stability_map(records: list[Record], limits: Limits) -> Figure:
     axes.set_ylabel("time step [ms]")
     _legend(figure, axes, records)
     return figure
-
-
-def pdf(figure: Figure) -> bytes:
-    """Render as PDF, the same bytes every time."""
-    with mpl.rc_context({"pdf.fonttype": 42}), io.BytesIO() as file:
-        figure.savefig(file, format="pdf", metadata={"CreationDate": None})
-        return file.getvalue()
 
 
 def _edges(centres: Any) -> Any:

@@ -12,6 +12,9 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pipeline.store import Writer
+from pipeline.writers import binary
+
 P = ParamSpec("P")
 
 # Red and blue as the paper draws them, apart in lightness too, so that they differ in grey and
@@ -23,7 +26,6 @@ UNDECIDED = "#ffffff"
 MODEL = "#ffd23f"
 INK = "#1c1c1c"
 FAINT = "#8a8a8a"
-STONE = "#c9bda9"
 BASE = "#e08a00"
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 """Okabe and Ito's colours, for lines that are told apart by colour."""
@@ -47,6 +49,7 @@ _RC: Any = {
     "xtick.labelsize": 8.0,
     "ytick.labelsize": 8.0,
     "svg.hashsalt": "vsr",
+    "pdf.fonttype": 42,  # text that can be selected and edited
 }
 
 
@@ -73,6 +76,18 @@ def svg(figure: Figure) -> bytes:
     with mpl.rc_context(_RC), io.BytesIO() as file:
         figure.savefig(file, format="svg", facecolor="white", metadata={"Date": None})
         return file.getvalue()
+
+
+def pdf(figure: Figure) -> bytes:
+    """Render as PDF, the same bytes every time."""
+    with mpl.rc_context(_RC), io.BytesIO() as file:
+        figure.savefig(file, format="pdf", metadata={"CreationDate": None})
+        return file.getvalue()
+
+
+def pictures(name: str, figure: Figure) -> dict[str, Writer]:
+    """The files of a figure that is a product: PNG and PDF."""
+    return {f"{name}.png": binary(png(figure)), f"{name}.pdf": binary(pdf(figure))}
 
 
 def png_uri(figure: Figure) -> str:

@@ -24,18 +24,6 @@ HOW = {
 }
 """What decided a run, in words."""
 
-GAINS = {
-    "joint, servo and moving pedestal": 1.3,
-    "pedestal slab": 1.4,
-    "hull vertices": 1.3,
-    "runs below the uplift and sliding limits": 1.7,
-    "time after the outcome is certain": 3.4,
-    "settling before the pulse": 1.4,
-    "trajectory": 1.3,
-}
-"""CPU time without a reduction over that with it, on Double Rock's surrogate: docs/reductions.md,
-which `python -m benchmarks.reductions` makes."""
-
 EARLY = (DecidedBy.ENERGY_BOUND, DecidedBy.NO_RETURN)
 
 
@@ -55,12 +43,18 @@ def about_rock(rock: xr.Dataset) -> Row:
     }
 
 
-def left_out(responses: xr.Dataset) -> list[Row]:
-    """What was left out of the scene, why that is harmless, and what it gains where measured."""
+def left_out(responses: xr.Dataset, gains: dict[str, float]) -> list[Row]:
+    """What was left out of the scene, why that is harmless, and what it gains where measured.
+
+    Parameters
+    ----------
+    responses : Dataset
+    gains : dict, from the end of a reduction's name to CPU time without it over that with it
+    """
     rows = []
     for line in responses.attrs["left_out"].splitlines():
         what, _, why = line.partition(": ")
-        gain = next((gain for name, gain in GAINS.items() if what.endswith(name)), None)
+        gain = next((gain for name, gain in gains.items() if what.endswith(name)), None)
         rows.append({"what": what, "why": why, "gain": gain})
     return rows
 

@@ -15,7 +15,14 @@ from pipeline import keys
 from pipeline.cluster import Batch
 from pipeline.config import Config
 from pipeline.datasets import described, netcdf, read
-from pipeline.scenes import RUN_CODE, check_scene, engine_version, identity, prepared
+from pipeline.scenes import (
+    ENGINE_CODE,
+    RUN_CODE,
+    check_scene,
+    engine_version,
+    identity,
+    prepared,
+)
 from pipeline.stage import Job, Product, Stage
 from pipeline.store import Store
 from vsr_core import GRAVITY
@@ -217,11 +224,6 @@ STAGE = Stage(
     make=make,
     needs=("rock",),
     reads=("pedestal", "contact", "drive", "servo", "simulation"),
-    code=(
-        *RUN_CODE,
-        "pipeline.stages.precision:measure_rows",
-        "vsr_core.engines.bullet:build",
-        "vsr_core.engines.mujoco:build",
-    ),
+    code=(*RUN_CODE, "pipeline.stages.precision:measure_rows", *ENGINE_CODE),
     inputs=engine_version,
 )

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import shlex
-from pathlib import Path
 from typing import Any
 
 import yaml
 
+from pipeline import ROOT, pages, writers
 from pipeline.config import Config, Range
-from pipeline.datasets import read
+from pipeline.datasets import CATALOGUE, read
 from pipeline.keys import digest_file
 from pipeline.layers import SITES, Site, known, load_site
 from pipeline.problems import InputError
@@ -22,9 +22,9 @@ from pipeline.stages.rock import FILE as ROCK
 
 FILE = "report.html"
 
-_PIPELINE = Path(__file__).parents[1]
-
-TEMPLATE = _PIPELINE / "templates" / FILE
+GAINS = ROOT / "pipeline" / "gains.yaml"
+"""CPU time without a reduction over that with it, on the surrogate of Double Rock, by the end of
+the reduction's name; `python -m benchmarks.reductions` measures it."""
 
 MOST_LISTED = 500
 """Runs without a verdict that are listed one by one."""
@@ -41,18 +41,13 @@ PAPER = (
 
 def make(job: Job) -> Product:
     """Draw the figures and fill in the page."""
-    from jinja2 import Environment, StrictUndefined
-
     rock, responses, fragility = (read(job.path(name)) for name in (ROCK, RESPONSES, FRAGILITY))
     facts = _facts(job, rock, responses, fragility)
-    page = Environment(  # everything is escaped: names and paths are the user's
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    ).from_string(TEMPLATE.read_text(encoding="utf-8"))
-    text = page.render(facts)
+    text = pages.filled(FILE, facts)
     lost = facts["unresolved"]["total"]
     verdict = f"{lost} runs WITHOUT a verdict" if lost else "every run has a verdict"
     note = f"{len(facts['diagrams'])} diagrams, {len(text) / 1e6:.2f} MB; {verdict}"
-    return Product({FILE: lambda path: _write(path, text)}, note)
+    return Product({FILE: writers.text(text)}, note)
 
 
 def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any]:
@@ -74,7 +69,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         "boundary": tables.boundary(fragility),
         "models": tables.models(fragility),
         **_pictures(rock, responses, fragility),
-        "left_out": tables.left_out(responses),
+        "left_out": tables.left_out(responses, yaml.safe_load(GAINS.read_text(encoding="utf-8"))),
         "precision": tables.precision(responses),
         "simulation": job.config.simulation,
         "settings": settings(job.config),
@@ -167,11 +162,8 @@ def _timings(notes: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _inputs(site: Site) -> dict[str, str]:
     """Files that the page is made from, besides code and products."""
-    return {path.name: digest_file(path) for path in (TEMPLATE, _PIPELINE / "catalogue.yaml")}
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+    files = {path.name: digest_file(path) for path in (GAINS, CATALOGUE)}
+    return files | {FILE: pages.digest(FILE)}
 
 
 STAGE = Stage(

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline import pages, writers
 from pipeline.cluster import Batch
-from pipeline.keys import digest_file
+from pipeline.datasets import library_version
 from pipeline.layers import Site
+from pipeline.scenes import ENGINES
 from pipeline.stage import Job, Product, Stage
 from vsr_core import stability
 from vsr_core.stability import Finding, Verdict
@@ -29,8 +29,6 @@ HEAVY = ("rest", "map")
 COLUMNS = ("case", "family", "parameter", "value", "unit", "verdict", "measured", "expected",
            "error", "tolerance", "note")  # fmt: skip
 
-TEMPLATE = Path(__file__).parents[1] / "templates" / PAGE
-
 DIED = Finding(
     Verdict.WRONG, math.nan, math.nan, math.nan, "the process died in it; see the log of workers"
 )
@@ -40,8 +38,8 @@ Record = dict[str, Any]
 
 def make(job: Job) -> Product:
     """Run all cases and say what became of them."""
-    from pipeline.figures.stability import pdf, stability_map
-    from pipeline.figures.style import png, svg_uri
+    from pipeline.figures.stability import stability_map
+    from pipeline.figures.style import pictures, svg_uri
     from vsr_core.stability.map import limits
 
     cases = stability.cases()
@@ -52,12 +50,11 @@ def make(job: Job) -> Product:
     text = _page(records, cases, svg_uri(figure))
     counts = _counts(records)
     files = {
-        TABLE: lambda path: _write_table(path, records),
-        PAGE: lambda path: path.write_text(text, encoding="utf-8"),
-        f"{PICTURE}.png": lambda path: path.write_bytes(png(figure)),
-        f"{PICTURE}.pdf": lambda path: path.write_bytes(pdf(figure)),
+        TABLE: writers.table(COLUMNS, records),
+        PAGE: writers.text(text),
+        **pictures(PICTURE, figure),
     }
-    wrong = [record["case"] for record in records if record["verdict"] == Verdict.WRONG.value]
+    wrong = [record["case"] for record in _wrong(records)]
     summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     if wrong:
         summary += f": {'; '.join(wrong[:5])}{' ...' if len(wrong) > 5 else ''}"
@@ -104,6 +101,10 @@ def _counts(records: Sequence[Record]) -> dict[str, int]:
     return {v.value: sum(record["verdict"] == v.value for record in records) for v in Verdict}
 
 
+def _wrong(records: Sequence[Record]) -> list[Record]:
+    return [record for record in records if record["verdict"] == Verdict.WRONG.value]
+
+
 def _points(cases: dict[str, Case], findings: dict[str, Finding]) -> list[Record]:
     """The map's cases, by time step [s] and stiffness [N/m]."""
     from vsr_core.stability.map import POINTS
@@ -116,29 +117,24 @@ def _points(cases: dict[str, Case], findings: dict[str, Finding]) -> list[Record
 
 
 def _page(records: list[Record], cases: dict[str, Case], picture: str) -> str:
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    for record in records:
-        record["reference"] = cases[record["case"]].reference
     groups = []
     for family in stability.families():
         own = [record for record in records if record["family"] == family]
-        kinds = {record["reference"]: [r for r in own if r["reference"] == record["reference"]]
-                 for record in own}  # fmt: skip
+        kinds: dict[str, list[Record]] = {}
+        for record in own:
+            kinds.setdefault(cases[record["case"]].reference, []).append(record)
         groups.append(
             {"name": family, "about": _about(family), "kinds": kinds, "counts": _counts(own)}
         )
-    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
-        counts=_counts(records),
-        total=len(records),
-        groups=groups,
-        wrong=[record for record in records if record["verdict"] == Verdict.WRONG.value],
-        picture=picture,
-        files={"table": TABLE, "picture": PICTURE},
-    )
+    facts = {
+        "counts": _counts(records),
+        "total": len(records),
+        "groups": groups,
+        "wrong": _wrong(records),
+        "picture": picture,
+        "files": {"table": TABLE, "picture": PICTURE},
+    }
+    return pages.filled(PAGE, facts)
 
 
 def _about(family: str) -> str:
@@ -149,25 +145,9 @@ def _about(family: str) -> str:
     return text.partition("\n")[0].rstrip(".")
 
 
-def _write_table(path: Path, records: list[Record]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore")
-        writer.writeheader()
-        writer.writerows(
-            {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in record.items()}
-            for record in records
-        )
-
-
 def _inputs(site: Site) -> dict[str, str]:
     """The template, and the engines that there are beside the default."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        mujoco = version("mujoco")
-    except PackageNotFoundError:
-        mujoco = "not installed"
-    return {TEMPLATE.name: digest_file(TEMPLATE), "mujoco": mujoco}
+    return {PAGE: pages.digest(PAGE), "mujoco": library_version("mujoco")}
 
 
 STAGE = Stage(
@@ -178,8 +158,8 @@ STAGE = Stage(
         "vsr_core.stability:cases",
         *(f"vsr_core.stability.{family}:CASES" for family in stability.families()),
         *(
-            f"vsr_core.engines.{engine}:{name}"
-            for engine in ("bullet", "mujoco")
+            f"{engine}:{name}"
+            for engine in ENGINES
             for name in ("build", "SOLVER", "SLENDER_SHARE", "SLIDING_SHARE")
         ),
     ),

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.agreement import bisect
 from vsr_core.bounds import barrier
 from vsr_core.motion import CosinePulse
 from vsr_core.outcome import Outcome
-from vsr_core.precision import bisect
 from vsr_core.reference import BOTH, Reference
 from vsr_core.reference._run import GRIPPING, box
 from vsr_core.rocking import (

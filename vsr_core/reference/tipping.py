@@ -13,7 +13,7 @@ from functools import cache, partial
 import numpy as np
 
 from vsr_core import GRAVITY, engines, solid
-from vsr_core.precision import bisect
+from vsr_core.agreement import bisect
 from vsr_core.reference import BOTH, Reference
 from vsr_core.reference._run import DENSITY, GRIPPING, box, whole
 from vsr_core.scene import Contact, Rock, Scene

@@ -71,11 +71,6 @@ class Record:
         found: Array = np.interp(t, times, np.concatenate([[0.0], np.cumsum(middle)]))
         return found
 
-    def remaining_peak(self, t: float) -> float:
-        """Largest absolute acceleration [m/s^2] after ``t`` [s]."""
-        left = self.samples[min(int(t / self.interval), len(self.samples)) :]
-        return float(np.abs(left).max(initial=0.0))
-
     def remaining_impulse(self, t: float) -> float:
         """Integral of the absolute acceleration [m/s] from ``t`` [s] on."""
         times = self.interval * np.arange(len(self._impulse))

@@ -5,76 +5,59 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from pipeline.comparing import Place, Record
 from pipeline.config import Config
-from pipeline.figures.accuracy import (
-    boundary_convergence,
-    cheapest,
-    lines,
-    suite_convergence,
-    work_precision,
-)
-from pipeline.figures.style import png, png_uri, svg, svg_uri
-from pipeline.store import Writer
+from pipeline.figures.accuracy import boundary_convergence, cheapest, lines, suite_convergence
+from pipeline.figures.style import png_uri, svg_uri
 from vsr_core import GRAVITY, precision
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
     from vsr_core.comparison import Target
 
-Record = dict[str, Any]
-Place = tuple[float, float]  # yaw [degree], PGV/PGA [s]
+_CHOICE = ("time_step", "boundary_error", "boundary_error_worst")
 
 
-def page(
+def facts(
     site: str,
     config: Config,
     records: list[Record],
     targets: dict[Place, Target],
     chosen: xr.Dataset,
-    template: str,
-) -> str:
-    """The page as text."""
-    from jinja2 import Environment, StrictUndefined
+    diagram: Figure,
+) -> dict[str, Any]:
+    """Everything that the page says.
 
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    Parameters
+    ----------
+    site : str
+    config : Config
+    records : list of Record
+    targets : dict of the rows
+    chosen : Dataset, what the precision stage measured and chose
+    diagram : Figure, error against CPU time
+    """
     tolerance = config.simulation.tolerance
     suite = [record for record in records if record["part"] == "reference"]
-    return environment.from_string(template).render(
-        site=site,
-        tolerance=tolerance,
-        choice={name: float(chosen[name].values[0]) for name in _CHOICE},
-        friction=config.contact.friction[0],
-        rows=_rows(targets),
-        lines=lines(records, "method"),
-        absent=[r for r in records if r["part"] == "method" and r["cpu_s"] == ""],
-        cheapest=_with_ratio(cheapest(records, 0.01)),
-        better=_better(records),
-        sweep=[record for record in records if record["part"] == "sweep"],
-        cells=[record for record in records if record["part"] == "cells"],
-        suite=_suite(suite),
-        work_precision=svg_uri(work_precision(records, tolerance, site)),
-        front=svg_uri(_front(chosen, tolerance)) if "row_error" in chosen else "",
-        convergence=png_uri(suite_convergence(suite)) if suite else "",
-    )
-
-
-_CHOICE = ("time_step", "boundary_error", "boundary_error_worst")
-
-
-def pictures(name: str, records: list[Record], tolerance: float, title: str) -> dict[str, Writer]:
-    """The work-precision diagram as files."""
-    figure = work_precision(records, tolerance, title)
     return {
-        f"{name}.png": lambda path: _write(path, png(figure)),
-        f"{name}.svg": lambda path: _write(path, svg(figure)),
+        "site": site,
+        "tolerance": tolerance,
+        "choice": {name: float(chosen[name].values[0]) for name in _CHOICE},
+        "friction": config.contact.friction[0],
+        "rows": _rows(targets),
+        "lines": lines(records, "method"),
+        "absent": [r for r in records if r["part"] == "method" and r["cpu_s"] == ""],
+        "cheapest": _with_ratio(cheapest(records, 0.01)),
+        "better": _better(records),
+        "sweep": [record for record in records if record["part"] == "sweep"],
+        "cells": [record for record in records if record["part"] == "cells"],
+        "suite": _suite(suite),
+        "work_precision": svg_uri(diagram),
+        "front": svg_uri(_front(chosen, tolerance)) if "row_error" in chosen else "",
+        "convergence": png_uri(suite_convergence(suite)) if suite else "",
     }
-
-
-def _write(path: Any, data: bytes) -> None:
-    path.write_bytes(data)
 
 
 def _rows(targets: dict[Place, Target]) -> list[Record]:
@@ -124,7 +107,7 @@ def _suite(records: list[Record]) -> list[Record]:
     return [found[name] for name in sorted(found)]
 
 
-def _front(chosen: xr.Dataset, tolerance: float) -> Any:
+def _front(chosen: xr.Dataset, tolerance: float) -> Figure:
     first = chosen.isel(friction=0)
     shares = first["step_share"].values
     unit = 1e3 * float(chosen.attrs["step_unit_s"])
