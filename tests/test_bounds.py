@@ -23,7 +23,7 @@ from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.precision import step_unit
 from vsr_core.scene import Contact, Rock, Scene
 from vsr_core.simulate import Case, Settings, prepare
-from vsr_core.surrogate import double_rock
+from vsr_core.surrogates.double_rock import double_rock
 
 Array = NDArray[np.float64]
 HALF = st.floats(0.1, 3.0)

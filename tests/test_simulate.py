@@ -19,9 +19,9 @@ from vsr_core.engines.bullet import SOLVER
 from vsr_core.motion import CosinePulse
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
 from vsr_core.precision import step_unit
-from vsr_core.scene import Contact, Rock, Scene, State
+from vsr_core.scene import Contact, Rock, Scene, State, resting
 from vsr_core.simulate import HALVINGS, Case, Settings, prepare, simulate
-from vsr_core.surrogate import double_rock
+from vsr_core.surrogates.double_rock import double_rock
 
 Array = NDArray[np.float64]
 GRIPPING, PAPER = 10.0, 0.6
@@ -290,12 +290,9 @@ def test_density_does_not_matter() -> None:
 
 def lifted(scene: Scene, step: float, height: float):  # type: ignore[no-untyped-def]
     """A world whose rock hangs ``height`` [m] above its rest pose."""
-    import pybullet
-
     world = engines.load("bullet").build(scene, step, 1)
-    place = [0.0, 0.0, world._place[2] + height * world._scale]
-    pybullet.resetBasePositionAndOrientation(world._rock, place, world._turn, world._client)
-    pybullet.resetBaseVelocity(world._rock, [0.0] * 3, [0.0] * 3, world._client)
+    rest = resting(scene)
+    world.put(replace(rest, position=rest.position + [0.0, 0.0, height]))
     return world
 
 

@@ -105,7 +105,7 @@ def convex_hull(points: Array) -> Hull:
     return Hull(corners, facets, normals, offsets, hull.neighbors, face)
 
 
-def settle(hull: Hull) -> tuple[Array, float]:
+def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float]:
     """Rest pose on a level plane, found by rolling from facet to facet.
 
     The rock starts on the facet that faces down most and rolls over the edge that its centre of
@@ -119,7 +119,7 @@ def settle(hull: Hull) -> tuple[Array, float]:
     Raises
     ------
     Unfit
-        If the rock turns by more than ``MAX_SETTLING_TURN``: it does not stand as given.
+        If the rock turns by more than ``largest`` [rad]: it does not stand as given.
     """
     given = np.array([0.0, 0.0, -1.0])
     facet = int(np.argmax(hull.normals @ given))
@@ -132,10 +132,10 @@ def settle(hull: Hull) -> tuple[Array, float]:
         facet = int(outline.neighbour[edge])
     rotation = _rotation(hull.normals[facet], given)
     turned = float(np.arccos(np.clip(hull.normals[facet] @ given, -1.0, 1.0)))
-    if turned > MAX_SETTLING_TURN:
+    if turned > largest:
         raise Unfit(
             f"a rock that falls by {np.degrees(turned):.0f} deg before it rests",
-            f"it stands as given, within {np.degrees(MAX_SETTLING_TURN):.0f} deg, z up",
+            f"it stands as given, within {np.degrees(largest):.0f} deg, z up",
             "turn the mesh upright, or restore the base it stands on",
         )
     return rotation, turned

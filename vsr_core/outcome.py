@@ -41,6 +41,15 @@ class DecidedBy(IntEnum):
     NO_RETURN = 3
 
 
+class StopReason(IntEnum):
+    """What ended a journey over the terrain."""
+
+    REST = 0
+    LEFT_TERRAIN = 1
+    TIME = 2
+    UNDONE = 3
+
+
 @dataclass(frozen=True)
 class Response:
     """Result of one run.

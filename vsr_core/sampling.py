@@ -41,8 +41,10 @@ def first_step(motion: GroundMotion, drive: Servo | None, time_step: float) -> f
     return min(time_step, longest)
 
 
-def sampling(motion: GroundMotion, drive: Servo | None, time_step: float) -> Sampling:
-    """Samples in steps of at most ``time_step`` [s].
+def sampling(
+    motion: GroundMotion, drive: Servo | None, time_step: float, most: int = MOST_SUBSTEPS
+) -> Sampling:
+    """Samples in steps of at most ``time_step`` [s], without a drive at most ``most`` of them each.
 
     A whole number of them fills the motion. A drive takes one per control period instead, and a
     whole number of steps fills that.
@@ -51,7 +53,7 @@ def sampling(motion: GroundMotion, drive: Servo | None, time_step: float) -> Sam
         substeps = _times(time_step, drive.period)
         return Sampling(drive.period, substeps, _times(drive.period, motion.duration))
     held = int(SAMPLING_SHARE * motion.shortest_time / time_step)
-    substeps = max(1, min(MOST_SUBSTEPS, held))
+    substeps = max(1, min(most, held))
     samples = math.ceil(motion.duration / (time_step * substeps))
     return Sampling(motion.duration / samples, substeps, samples)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from vsr_core import GRAVITY
 from vsr_core.hull import convex_hull, tipping, touching
 from vsr_core.servo import Servo
+from vsr_core.terrain import Terrain
 
 Array = NDArray[np.float64]
 
@@ -79,7 +80,7 @@ class State:
 
     Attributes
     ----------
-    position : ndarray, shape (3,) [m], centre of mass; z above the pedestal
+    position : ndarray, shape (3,) [m], centre of mass; z above the pedestal, or in a site's frame
     rotation : ndarray, shape (3, 3), takes the rest pose at yaw 0 to the present pose
     velocity : ndarray, shape (3,) [m/s], of the centre of mass
     spin : ndarray, shape (3,) [rad/s], angular velocity in the table's axes
@@ -93,20 +94,24 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One rock on one flat, level pedestal, turned by ``yaw`` before the table shakes along +x.
+    """One rock on its pedestal, turned by ``yaw`` before the table shakes along +x.
+
+    On a terrain, ``yaw`` turns rock and terrain together. All is then told in the site's frame, in
+    which they stay as they are and the table shakes along (cos yaw, -sin yaw).
 
     Attributes
     ----------
     rock : Rock
     contact : Contact
     yaw : float [rad], counter-clockwise seen from above
-    pedestal : "plane", "box", "mesh" or "none"
-        A half-space, a slab of finite size as the user would draw it, a triangulated surface as a
-        scan gives it, or nothing to fall on.
+    pedestal : "plane", "box", "mesh", "none" or "terrain"
+        A half-space, a slab of finite size as the user would draw it, a level surface of triangles,
+        nothing to fall on, or the ``terrain``.
     kept_tilt : float [rad]
         Tilt up to which the rock's vertices are complete.
     start : State, where it does not start at rest on the pedestal
     gravity : float [m/s^2]
+    terrain : Terrain, where the rock stands on one; it then has a ``start``
     drive : Servo, where one moves the pedestal along x and the rock can push it back
         Without one the motion is prescribed and the scene is seen in the table's own frame.
     """
@@ -114,11 +119,12 @@ class Scene:
     rock: Rock
     contact: Contact
     yaw: float = 0.0
-    pedestal: Literal["plane", "box", "mesh", "none"] = "box"
+    pedestal: Literal["plane", "box", "mesh", "none", "terrain"] = "box"
     kept_tilt: float = float(np.pi)
     start: State | None = None
     gravity: float = GRAVITY
     drive: Servo | None = None
+    terrain: Terrain | None = None
 
 
 @dataclass(frozen=True)

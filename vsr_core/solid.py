@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,9 +23,14 @@ LARGEST_SIZE = 30.0
 SMALLEST_SIZE = 0.005
 """The same for one whose longest side is shorter [m]."""
 
+LARGEST_LEVELLING = np.radians(45.0)
+"""A rock that stands on a slope or leans may turn this far to stand on a level pedestal [rad]."""
+
 CROSSING_SHARE = 0.001
 """Share of the surface that may cross itself: a real scan holds a few folded faces, whose volume
 is nothing to its mass; a surface that passes through itself has no inside."""
+
+_ROUNDING = 64.0 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True)
@@ -61,27 +66,46 @@ def box(size: tuple[float, float, float], density: float) -> Solid:
     return Solid(rock, corners, np.array(mesh.faces), x * y * z, 0.0)
 
 
-def from_mesh(mesh: trimesh.Trimesh, density: float) -> Solid:
+def from_mesh(mesh: trimesh.Trimesh, density: float, *, as_scanned: bool = False) -> Solid:
     """Rock from a checked mesh (see ``checked``) of uniform ``density`` [kg/m^3].
 
     Volume, centre of mass and inertia are the surface integrals of a closed polyhedron
     (Eberly 2002, as in trimesh).
 
+    Parameters
+    ----------
+    mesh : Trimesh [m]
+    density : float [kg/m^3]
+    as_scanned : bool
+        Whether it keeps its pose, as on a terrain, or is set on a level pedestal.
+
     Raises
     ------
     Unfit
-        If the rock does not stand as given.
+        If the rock is to stand on a level pedestal and does not as given.
     """
     centre = np.array(mesh.center_mass)
     surface = np.array(mesh.vertices) - centre
     hull = convex_hull(surface)
-    rotation, turned = settle(hull)
+    rotation, turned = (np.eye(3), 0.0) if as_scanned else settle(hull)
     inertia = density * rotation @ np.array(mesh.moment_inertia) @ rotation.T
     moments, axes = np.linalg.eigh(inertia)
     axes[:, 0] *= np.sign(np.linalg.det(axes))
     volume = float(mesh.volume)
     rock = Rock("hull", hull.turned(rotation).vertices, density * volume, moments, axes)
     return Solid(rock, surface @ rotation.T, np.array(mesh.faces), volume, turned)
+
+
+def standing(rock: Rock) -> Rock:
+    """A rock in the pose of a scan, set on a level pedestal as near to that pose as it stands.
+
+    Raises
+    ------
+    Unfit
+        If it has to turn by more than ``LARGEST_LEVELLING``.
+    """
+    rotation, _ = settle(convex_hull(rock.vertices), LARGEST_LEVELLING)
+    return replace(rock, vertices=rock.vertices @ rotation.T, axes=rotation @ rock.axes)
 
 
 def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
@@ -214,12 +238,20 @@ def _sharing_a_cell(low: Array, high: Array) -> NDArray[np.int64]:
 
 
 def _pierces(start: Array, end: Array, triangle: Array) -> NDArray[np.bool_]:
-    """Whether segments pass strictly through the inside of triangles, pair by pair."""
+    """Whether segments pass strictly through the inside of triangles, pair by pair.
+
+    An end within the rounding of the triangle's plane is in it: triangles of one plane do not
+    cross.
+    """
+    a, b, c = triangle[:, 0], triangle[:, 1], triangle[:, 2]
+    far = np.abs(np.stack([b - a, c - a, start - a, end - a])).max(axis=(0, 2))
+    at = np.abs(np.stack([a, b, c, start, end])).max(axis=(0, 2))
+    rounding = _ROUNDING * far**2 * np.maximum(far, at)
 
     def volume(a: Array, b: Array, c: Array, d: Array) -> Array:
         return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)
 
-    a, b, c = triangle[:, 0], triangle[:, 1], triangle[:, 2]
-    across = volume(a, b, c, start) * volume(a, b, c, end) < 0.0
+    one, other = volume(a, b, c, start), volume(a, b, c, end)
+    across = (one * other < 0.0) & (np.minimum(np.abs(one), np.abs(other)) > rounding)
     sides = np.sign([volume(start, end, a, b), volume(start, end, b, c), volume(start, end, c, a)])
     return across & (np.abs(sides.sum(axis=0)) == 3)

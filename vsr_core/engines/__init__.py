@@ -59,6 +59,16 @@ class DrivenWorld(World, Protocol):
         """Upper bound of the integral of the table's absolute acceleration so far [m/s]."""
 
 
+class GroundWorld(World, Protocol):
+    """A scene under way on a terrain; the table shakes along (cos yaw, -sin yaw)."""
+
+    def put(self, state: State) -> None:
+        """Have the rock go on from a state."""
+
+    def contacts(self) -> tuple[int, float]:
+        """Number of points at which the rock touched in the last step, and the deepest [m]."""
+
+
 class Engine(Protocol):
     """What an engine's module offers.
 

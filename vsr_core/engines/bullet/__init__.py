@@ -11,13 +11,16 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Iterable
+from dataclasses import replace
 from importlib.metadata import version
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
 from vsr_core.engines import Solver, silenced
+from vsr_core.engines.bullet.ground import Ground
 from vsr_core.engines.bullet.shapes import pedestal_shape, rock_shape
 from vsr_core.engines.bullet.springs import RIGID, Springs, exact_springs
 from vsr_core.errors import Unfit
@@ -99,16 +102,18 @@ class BulletWorld:
         # still open takes the approach speed away without giving the rebound back. On a driven
         # table, a joint tree itself, they save next to nothing.
         self._maximal = int(scene.contact.restitution == 0.0 and scene.drive is None)
-        margin = HULL_MARGIN if scene.rock.shape == "hull" else 0.0
-        start = scene.start or resting(scene)
+        margin = HULL_MARGIN if scene.rock.shape == "hull" and scene.terrain is None else 0.0
+        self._lift = np.array([0.0, 0.0, margin])
+        self._start = scene.start or resting(scene)
         self._moving = scene.start is not None
         self._springs = _springs(scene, self._scale)
         self._weight = scene.gravity
-        self._place = (start.position * self._scale + [0.0, 0.0, margin]).tolist()
-        self._turn = _quaternion(start.rotation @ self._axes)
-        pace = math.sqrt(self._scale)
-        self._velocity = (start.velocity * pace).tolist()
-        self._spin = (start.spin / pace).tolist()
+        self._along = 1.0, 0.0
+        self._aloft = 10.0 * SCALED_RADIUS
+        if scene.terrain is not None:
+            # Its yaw turns the rock and the ground it stands on: the same as turning the shaking.
+            self._along = math.cos(scene.yaw), -math.sin(scene.yaw)
+            self._aloft += self._scale * float(scene.terrain.vertices[:, 2].max())
         pybullet.setPhysicsEngineParameter(
             restitutionVelocityThreshold=RESTITUTION_THRESHOLD,
             deterministicOverlappingPairs=1,
@@ -118,9 +123,14 @@ class BulletWorld:
         self._gap = BOUNCING_GAP if bounces else GAP
         erp = BOUNCING_ERP if bounces else ERP
         pybullet.setPhysicsEngineParameter(erp=erp, contactERP=erp, physicsClientId=self._client)
-        if scene.pedestal != "none":
-            self._add_pedestal(scene)
+        if scene.pedestal != "none" and scene.pedestal != "terrain":
+            self._add_pedestal(scene, scene.pedestal)
         self._rock = self._add_rock(scene)
+        self._ground: Ground | None = None
+        if scene.terrain is not None:
+            self._ground = Ground(
+                scene.terrain, scene.rock.vertices, self._scale, self._client, self._maximal
+            )
         if self._springs:
             exact_springs(self._client)
             self._springs.under(self._rock, -1, self._client)
@@ -136,18 +146,28 @@ class BulletWorld:
             solverResidualThreshold=(solver.residual * GRAVITY * interval / substeps) ** 2,
             physicsClientId=self._client,
         )
-        self._put([0.0, 0.0, 10.0 * SCALED_RADIUS], [0.0] * 3, [0.0] * 3)
+        self._sample = substeps * time_step
+        if self._ground is not None:
+            self._ground.clear()
+        start = self._start
+        aloft = np.array([0.0, 0.0, self._aloft / self._scale])
+        self.put(replace(start, position=aloft, velocity=np.zeros(3), spin=np.zeros(3)))
         pybullet.stepSimulation(self._client)
-        self._put(self._place, self._velocity, self._spin)
-        if not self._moving:
+        if self._moving:
+            self.put(start)
+        else:
             self._set_down(substeps, interval)
 
     def advance(self, acceleration: Iterable[float]) -> None:
-        """Step through samples of the table's acceleration along +x [m/s^2]."""
+        """Step through samples of the table's acceleration along the shaking [m/s^2]."""
         set_gravity, step, client = pybullet.setGravity, pybullet.stepSimulation, self._client
-        down = -self._weight
-        for along_x in acceleration:
-            set_gravity(-along_x, 0.0, down, client)
+        (x, y), down = self._along, -self._weight
+        if self._ground is not None:
+            acceleration = list(acceleration)
+            most = math.hypot(max(map(abs, acceleration)), self._weight)
+            self._ground.follow(self.state(), len(acceleration) * self._sample, most)
+        for along in acceleration:
+            set_gravity(-along * x, -along * y, down, client)
             step(client)
 
     def state(self) -> State:
@@ -162,6 +182,23 @@ class BulletWorld:
             np.array(spin) * pace,
         )
 
+    def put(self, state: State) -> None:
+        """Have the rock go on from a state."""
+        pace = math.sqrt(self._scale)
+        place = state.position * self._scale + self._lift
+        pybullet.resetBasePositionAndOrientation(
+            self._rock, place.tolist(), _quaternion(state.rotation @ self._axes), self._client
+        )
+        pybullet.resetBaseVelocity(
+            self._rock, (state.velocity * pace).tolist(), (state.spin / pace).tolist(), self._client
+        )
+
+    def contacts(self) -> tuple[int, float]:
+        """Number of points at which the rock touched in the last step, and the deepest [m]."""
+        points = pybullet.getContactPoints(self._rock, physicsClientId=self._client)
+        touching = [point[8] for point in points if point[9] > 0.0]
+        return len(touching), max(-min(touching, default=0.0), 0.0) / self._scale
+
     def close(self) -> None:
         """End the connection."""
         pybullet.disconnect(self._client)
@@ -173,7 +210,8 @@ class BulletWorld:
         greater the smaller the step, and would start the rock with a kick. On springs, which are
         damped for that, it sinks in.
         """
-        self._put([*self._place[:2], self._place[2] + START_GAP], [0.0] * 3, [0.0] * 3)
+        above = np.array([0.0, 0.0, START_GAP / self._scale])
+        self.put(replace(self._start, position=self._start.position + above))
         quiet = QUIET_TIME
         if self._springs:
             damped = self._springs.damped(MASS)
@@ -184,12 +222,8 @@ class BulletWorld:
             self._springs.under(self._rock, -1, self._client)
         pybullet.resetBaseVelocity(self._rock, [0.0] * 3, [0.0] * 3, self._client)
 
-    def _put(self, place: list[float], velocity: list[float], spin: list[float]) -> None:
-        pybullet.resetBasePositionAndOrientation(self._rock, place, self._turn, self._client)
-        pybullet.resetBaseVelocity(self._rock, velocity, spin, self._client)
-
-    def _add_pedestal(self, scene: Scene) -> None:
-        shape, centre = pedestal_shape(scene.pedestal, SCALED_RADIUS, self._client)
+    def _add_pedestal(self, scene: Scene, kind: Literal["plane", "box", "mesh"]) -> None:
+        shape, centre = pedestal_shape(kind, SCALED_RADIUS, self._client)
         body, link = self._pedestal_body(scene, shape, centre)
         # Bullet multiplies friction and restitution of two bodies, and combines rolling friction
         # as r1 mu2 + r2 mu1: with these values the rock's are the pair's.
@@ -223,8 +257,6 @@ class BulletWorld:
             MASS,
             rock_shape(rock, self._scale, HULL_MARGIN, self._client),
             -1,
-            self._place,
-            self._turn,
             useMaximalCoordinates=self._maximal,
             physicsClientId=self._client,
         )

@@ -107,7 +107,7 @@ def _hull_on_feet(rock: Rock, feet: Array, scale: float, margin: float, client: 
 
 
 def pedestal_shape(
-    kind: Literal["plane", "box", "mesh", "none"], radius: float, client: int
+    kind: Literal["plane", "box", "mesh"], radius: float, client: int
 ) -> tuple[int, list[float]]:
     """Bullet's number of a pedestal's shape and its centre; ``radius`` is the rock's in Bullet."""
     half = PEDESTAL_RADII * radius
@@ -120,25 +120,29 @@ def pedestal_shape(
         )
         centre = [0.0, 0.0, -radius]
     else:
-        corners, triangles = _level_mesh(half)
-        shape = pybullet.createCollisionShape(
-            pybullet.GEOM_MESH,
-            vertices=corners,
-            indices=triangles,
-            flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
-            physicsClientId=client,
-        )
+        shape = _sheet(*_level_mesh(half), client)
     return int(shape), centre
 
 
-def _level_mesh(half: float) -> tuple[list[list[float]], list[int]]:
+def _sheet(corners: Array, triangles: NDArray[np.int64], client: int) -> int:
+    shape = pybullet.createCollisionShape(
+        pybullet.GEOM_MESH,
+        vertices=corners.tolist(),
+        indices=triangles.ravel().tolist(),
+        flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
+        physicsClientId=client,
+    )
+    return int(shape)
+
+
+def _level_mesh(half: float) -> tuple[Array, NDArray[np.int64]]:
     """Corners and triangles of a level square, ``half`` its width to each side."""
     along = np.linspace(-half, half, MESH_CELLS + 1)
-    corners = [[float(x), float(y), 0.0] for y in along for x in along]
-    triangles: list[int] = []
-    for row in range(MESH_CELLS):
-        for column in range(MESH_CELLS):
-            a = row * (MESH_CELLS + 1) + column
-            b = a + MESH_CELLS + 1
-            triangles += [a, a + 1, b + 1, a, b + 1, b]
+    x, y = np.meshgrid(along, along)
+    corners = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    row = MESH_CELLS + 1
+    a = (row * np.arange(MESH_CELLS)[:, None] + np.arange(MESH_CELLS)).ravel()
+    triangles = np.concatenate(
+        [np.column_stack([a, a + 1, a + row + 1]), np.column_stack([a, a + row + 1, a + row])]
+    )
     return corners, triangles

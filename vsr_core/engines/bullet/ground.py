@@ -1,0 +1,157 @@
+"""A terrain as Bullet needs it: only what of it a rock may touch next.
+
+Bullet tests a hull against every triangle in its bounding box, touched or not; on a scan these are
+hundreds, and each costs as much as a box on a plane. So a terrain is a set of blocks, its convex
+pieces or else tiles of a few triangles, and only the blocks near the rock's surface are in Bullet's
+world. The cost follows what the rock touches, however large the terrain.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.engines import silenced
+from vsr_core.hull import convex_hull
+from vsr_core.scene import State
+from vsr_core.terrain import Terrain
+
+with silenced():
+    import pybullet
+
+Array = NDArray[np.float64]
+
+TILE_FACES = 6
+"""Most triangles of a tile."""
+
+NEAREST, AHEAD = 0.2, 0.02
+"""Blocks come within this distance of the rock, in Bullet's length unit (a fiftieth of the rock's
+radius), or within the way of its fastest point in the time ``AHEAD`` [s] if that is more. They are
+looked for again before any of its points can have gone that far."""
+
+FAR_TIMES = 2.0
+"""Blocks go when they are this many times as far."""
+
+
+class Ground:
+    """The blocks of a terrain around a rock, in one world.
+
+    Parameters
+    ----------
+    terrain : Terrain
+    corners : ndarray, shape (n, 3) [m], of the rock in its own coordinates
+    scale : float, Bullet's length unit per metre
+    client, maximal : int, Bullet's connection and kind of bodies
+    """
+
+    def __init__(
+        self, terrain: Terrain, corners: Array, scale: float, client: int, maximal: int
+    ) -> None:
+        self._client, self._maximal, self._scale = client, maximal, scale
+        self._convex = bool(terrain.pieces)
+        held = [piece * scale for piece in terrain.pieces] or _tiles(
+            terrain.vertices[terrain.faces] * scale
+        )
+        most = max(len(points) for points in held)
+        padded = [np.concatenate([p, np.repeat(p[:1], most - len(p), axis=0)]) for p in held]
+        self._blocks, self._points = held, np.array(padded)
+        self._low, self._high = self._points.min(axis=1), self._points.max(axis=1)
+        hull = convex_hull(corners * scale)
+        self._normals, self._offsets = hull.normals, hull.offsets
+        self._radius = float(np.linalg.norm(corners, axis=1).max()) * scale
+        self._shapes: dict[int, int] = {}
+        self._bodies: dict[int, int] = {}
+        self._room = 0.0
+
+    def clear(self) -> None:
+        """Take all blocks away: the next run begins as the first one did."""
+        for body in self._bodies.values():
+            pybullet.removeBody(body, self._client)
+        self._bodies.clear()
+        self._room = 0.0
+
+    def follow(self, state: State, duration: float, acceleration: float) -> None:
+        """See that all blocks are there that the rock may touch within ``duration`` [s].
+
+        ``acceleration`` [m/s^2] bounds what can speed it up in that time without contact.
+        """
+        speed = float(np.linalg.norm(state.velocity)) + acceleration * duration
+        speed = speed * self._scale + float(np.linalg.norm(state.spin)) * self._radius
+        way = speed * duration
+        if not math.isfinite(way):
+            return
+        if way > self._room:
+            near = max(NEAREST, speed * AHEAD, 1.01 * way)
+            self._gather(state, near)
+            self._room = near
+        self._room -= way
+
+    def _gather(self, state: State, near: float) -> None:
+        centre = state.position * self._scale
+        reach = self._radius + FAR_TIMES * near
+        around = np.flatnonzero(
+            ((self._low <= centre + reach) & (self._high >= centre - reach)).all(axis=1)
+        )
+        points = (self._points[around] - centre) @ state.rotation
+        # A plane of the hull that has all of a block before it keeps them that far apart.
+        apart = (points @ self._normals.T).min(axis=1) - self._offsets
+        distance = dict(zip(around.tolist(), apart.max(axis=1).tolist(), strict=True))
+        gone = [b for b in self._bodies if distance.get(b, math.inf) > FAR_TIMES * near]
+        for block in gone:
+            pybullet.removeBody(self._bodies.pop(block), self._client)
+        for block, gap in distance.items():
+            if gap <= near and block not in self._bodies:
+                self._bodies[block] = self._body(block)
+
+    def _body(self, block: int) -> int:
+        body = pybullet.createMultiBody(
+            0.0,
+            self._shape(block),
+            -1,
+            useMaximalCoordinates=self._maximal,
+            physicsClientId=self._client,
+        )
+        pybullet.changeDynamics(
+            body,
+            -1,
+            lateralFriction=1.0,
+            restitution=1.0,
+            rollingFriction=0.0,
+            spinningFriction=0.0,
+            physicsClientId=self._client,
+        )
+        return int(body)
+
+    def _shape(self, number: int) -> int:
+        if number not in self._shapes:
+            corners = self._blocks[number].tolist()
+            sheet = {
+                "indices": list(range(len(corners))),
+                "flags": pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
+            }
+            self._shapes[number] = int(
+                pybullet.createCollisionShape(
+                    pybullet.GEOM_MESH,
+                    vertices=corners,
+                    physicsClientId=self._client,
+                    **({} if self._convex else sheet),
+                )
+            )
+        return self._shapes[number]
+
+
+def _tiles(triangles: Array) -> list[Array]:
+    """Corners of compact groups of at most ``TILE_FACES`` triangles, halved along their extent."""
+    centres = triangles.mean(axis=1)
+    groups, whole = [np.arange(len(centres))], []
+    while groups:
+        group = groups.pop()
+        if len(group) <= TILE_FACES:
+            whole.append(triangles[group].reshape(-1, 3))
+            continue
+        extent = np.ptp(centres[group], axis=0)
+        order = group[np.argsort(centres[group, int(np.argmax(extent))], kind="stable")]
+        groups += [order[: len(order) // 2], order[len(order) // 2 :]]
+    return whole

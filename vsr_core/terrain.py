@@ -1,0 +1,120 @@
+"""The ground that a rock stands on and travels over: an open sheet of triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+CELLS_A_FACE = 0.5
+"""Cells of the lookup grid per triangle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """Ground in the site's frame.
+
+    Its z is up, its origin vertically below the rock's centre of mass, at the height of the rock's
+    lowest point as it stands.
+
+    Attributes
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+        Corners of each triangle, counter-clockwise seen from outside: normals leave the ground.
+    pieces : tuple of ndarray, each of shape (k, 3) [m]
+        Corners of convex pieces that stand for it in a simulation; none if its triangles do.
+    """
+
+    vertices: Array
+    faces: Indices
+    pieces: tuple[Array, ...] = ()
+
+    def surfaces(self, x: float, y: float) -> tuple[Array, NDArray[np.bool_]]:
+        """Heights [m] at which the vertical through (x, y) [m] meets the ground, ascending.
+
+        Returns
+        -------
+        height : ndarray, shape (k,)
+            Empty where there is no ground.
+        upward : ndarray of bool, shape (k,)
+            Whether the ground lies below there (its normal points up).
+        """
+        faces = self.around(x, y)
+        a, b, c = (self.vertices[self.faces[faces, k]] for k in range(3))
+        u, v = b - a, c - a
+        twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+        px, py = x - a[:, 0], y - a[:, 1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = (px * v[:, 1] - py * v[:, 0]) / twice
+            t = (u[:, 0] * py - u[:, 1] * px) / twice
+        inside = (s >= 0.0) & (t >= 0.0) & (s + t <= 1.0)
+        height = (a[:, 2] + s * u[:, 2] + t * v[:, 2])[inside]
+        order = np.argsort(height)
+        return height[order], (twice[inside] > 0.0)[order]
+
+    def around(self, x: float, y: float) -> Indices:
+        """Faces near the vertical through (x, y) [m]: all that it meets are among them."""
+        return self._lookup.at(x, y)
+
+    def depth(self, point: Array) -> float | None:
+        """How far ``point``, shape (3,) [m], is below the ground [m]; 0 above it.
+
+        None where there is no ground below or above: it is beyond the border.
+        """
+        height, upward = self.surfaces(float(point[0]), float(point[1]))
+        if not len(height):
+            return None
+        above = int(np.searchsorted(height, point[2]))
+        buried = above < len(height) and bool(upward[above])
+        return float(height[above] - point[2]) if buried else 0.0
+
+    @property
+    def lowest(self) -> float:
+        """Height of its lowest point [m]."""
+        return float(self.vertices[:, 2].min())
+
+    @cached_property
+    def _lookup(self) -> _Grid:
+        corners = self.vertices[self.faces][:, :, :2]
+        return _Grid.over(corners.min(axis=1), corners.max(axis=1))
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Which boxes in the plane reach into each cell of a regular grid."""
+
+    origin: Array
+    cell: float
+    shape: tuple[int, int]
+    first: Indices
+    box: Indices
+
+    @classmethod
+    def over(cls, low: Array, high: Array) -> _Grid:
+        origin, extent = low.min(axis=0), high.max(axis=0) - low.min(axis=0)
+        cell = float(np.sqrt(max(extent.prod(), 1e-12) / (CELLS_A_FACE * len(low))))
+        nx, ny = (int(n) for n in np.floor(extent / cell).astype(int) + 1)
+        begin = np.floor((low - origin) / cell).astype(np.int64)
+        spans = np.floor((high - origin) / cell).astype(np.int64) - begin + 1
+        count = spans.prod(axis=1)
+        box = np.repeat(np.arange(len(low)), count)
+        within = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count)
+        across = spans[box, 1]
+        place = (begin[box, 0] + within // across) * ny + begin[box, 1] + within % across
+        order = np.argsort(place, kind="stable")
+        first = np.searchsorted(place[order], np.arange(nx * ny + 1))
+        return cls(origin, cell, (nx, ny), first, box[order])
+
+    def at(self, x: float, y: float) -> Indices:
+        i = int((x - self.origin[0]) // self.cell)
+        j = int((y - self.origin[1]) // self.cell)
+        if not (0 <= i < self.shape[0] and 0 <= j < self.shape[1]):
+            return self.box[:0]
+        place = i * self.shape[1] + j
+        return self.box[self.first[place] : self.first[place + 1]]
