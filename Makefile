@@ -31,9 +31,15 @@ help:
 	' Makefile
 
 ## A rock
-.PHONY: fragility accuracy stability plan status why fetch
+.PHONY: fragility displacement prep accuracy stability plan status why fetch
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(vsr) run fragility $(site) $(where)
+
+displacement: setup ## where the rock of SITE goes over its terrain: trajectories and report
+	$(vsr) run displacement $(site) $(where)
+
+prep: setup ## rock and terrain from SITE's scan, with a page of every step
+	$(vsr) prep $(site)
 
 accuracy: setup ## error of SITE's boundary against run time, beside other ways of computing it
 	$(vsr) run accuracy $(site) $(where)

@@ -1,4 +1,4 @@
-"""The command line: run, plan, status, why, list, clean, fetch."""
+"""The command line: prep, run, plan, status, why, list, clean, fetch."""
 
 from __future__ import annotations
 
@@ -19,15 +19,26 @@ if TYPE_CHECKING:
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
 
-PRODUCTS = ("rock", "motions", "responses", "fragility", "report", "accuracy", "stability")
+PRODUCTS = (
+    "rock",
+    "motions",
+    "responses",
+    "fragility",
+    "report",
+    "displacement",
+    "accuracy",
+    "stability",
+)
 """What `run` can make; each is a stage of that name."""
 
-ALIASES: dict[str, str] = {"fragility": "report"}
-"""Products that come with more: fragility with its report."""
+ALIASES: dict[str, str] = {"fragility": "report", "displacement": "displacement_report"}
+"""Products that come with more: fragility and displacement with their reports."""
 
 SHOWN = {
     "fragility": ("report.html", "fragility.csv", "responses.nc"),
     "report": ("report.html", "fragility.csv", "responses.nc"),
+    "displacement": ("displacement.html", "trajectories.html", "correlation.csv"),
+    "prep": ("prep.html", "terrain.nc"),
     "accuracy": ("accuracy.html", "accuracy.csv", "work_precision.png"),
     "stability": ("stability.html", "stability.csv", "stability_map.png"),
 }
@@ -89,6 +100,8 @@ def _parser() -> argparse.ArgumentParser:
     run = add("run", _run, "make a product and all that it needs")
     run.add_argument("product", choices=PRODUCTS, metavar="PRODUCT", help=", ".join(PRODUCTS))
     add_site(run)
+    prep = add("prep", _prep, "rock and terrain of a scan, with a page of every step to look at")
+    add_site(prep)
     where = run.add_mutually_exclusive_group()
     where.add_argument("--workers", type=_workers, metavar="N", help="worker processes; 0 for none")
     where.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask scheduler")
@@ -126,6 +139,27 @@ def _run(options: argparse.Namespace) -> int:
     if unresolved:
         _log(f"{unresolved} {UNRESOLVED_ARE.get(options.product, LOST)}")
         return UNRESOLVED
+    return DONE
+
+
+def _prep(options: argparse.Namespace) -> int:
+    from pipeline import graph
+
+    job = _job(options)
+    if not job.config.on_terrain:
+        shape = f"a {job.config.pedestal.shape} pedestal"
+        rule, remedy = "rock and terrain are parts of one scan", "set pedestal.shape: mesh"
+        raise InputError(Problem(job.site.file, "pedestal.shape", shape, rule, remedy))
+    job.store.open()
+    with job.cluster:
+        graph.make("scan", job)
+        page, terrain = SHOWN["prep"]
+        _log(f"-> {job.path(page)}")
+        if job.config.pedestal.cut is None:
+            _log("the cut is a proposal; to accept it, set pedestal.cut: proposal")
+            return DONE
+        graph.make("terrain", job)
+    _log(f"-> {job.path(terrain)}")
     return DONE
 
 

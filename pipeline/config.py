@@ -72,6 +72,9 @@ Values = Annotated[tuple[float, ...], AfterValidator(_distinct)]
 Grid = Annotated[Values, AfterValidator(_ascending)]
 
 
+Vector = tuple[float, float, float]
+
+
 class RockConfig(Section):
     """What stands on the pedestal."""
 
@@ -83,9 +86,12 @@ class RockConfig(Section):
         None, description="scan of the rock, z up; .ply .stl .obj .dae .glb; relative to this file"
     )
     fallback: str | None = Field(
-        None, description="generator in vsr_core.surrogate used where the scan is absent"
+        None, description="generator in vsr_core.surrogates used where the scan is absent"
     )
     scale: float = Field(1.0, gt=0, description="metres per unit of the mesh file")
+    closing: Literal["caps", "hull", "poisson"] = Field(
+        "caps", description="how the open underside of a rock in a terrain scan is closed"
+    )
     density: float = Field(gt=0, le=30_000, description="density [kg m-3]")
 
     @field_validator("size")
@@ -104,10 +110,50 @@ class RockConfig(Section):
         return self
 
 
-class PedestalConfig(Section):
-    """What the rock stands on."""
+class PlaneCut(Section):
+    """The rock is what lies on one side of a plane, in the scan's coordinates."""
 
-    shape: Literal["flat"] = "flat"
+    kind: Literal["plane"]
+    point: Vector = Field(description="a point of the plane [m]")
+    normal: Vector = Field(description="its normal, toward the rock")
+
+
+class BoxCut(Section):
+    """The rock is what lies in a box, in the scan's coordinates."""
+
+    kind: Literal["box"]
+    low: Vector = Field(description="its lowest corner [m]")
+    high: Vector = Field(description="its highest corner [m]")
+
+
+class PolygonCut(Section):
+    """The rock is what lies in a polygon seen from above, in the scan's coordinates."""
+
+    kind: Literal["polygon"]
+    corners: tuple[tuple[float, float], ...] = Field(min_length=3, description="x, y [m]")
+
+
+class ColourCut(Section):
+    """The rock is what the scan's vertices colour so."""
+
+    kind: Literal["colour"]
+    rgb: tuple[int, int, int] = Field(description="red, green, blue, 0 to 255")
+    tolerance: float = Field(40.0, gt=0, le=442, description="distance in that space")
+
+
+Cut = Annotated[PlaneCut | BoxCut | PolygonCut | ColourCut, Field(discriminator="kind")]
+
+
+class PedestalConfig(Section):
+    """What the rock stands on: level ground, or the terrain in its scan."""
+
+    shape: Literal["flat", "mesh"] = "flat"
+    cut: Literal["proposal"] | Cut | None = Field(
+        None, description="what of the scan is the rock; proposal accepts what `vsr prep` shows"
+    )
+    clearance: float = Field(
+        0.001, gt=0, le=0.05, description="gap between the rock and its seat before it settles [m]"
+    )
 
 
 class ContactConfig(Section):
@@ -194,6 +240,25 @@ class SimulationConfig(Section):
     reduce: bool = Field(True, description="leave out what cannot change an outcome")
 
 
+class FoundConfig(Section):
+    """A rock that lies on the terrain, to ask where it came from and how strong the shaking was."""
+
+    place: tuple[float, float] = Field(
+        description="x, y of its middle, in the scan's coordinates [m]"
+    )
+    sigma: float = Field(gt=0, description="standard deviation of that place [m]")
+    identity: float = Field(1.0, gt=0, le=1, description="probability that it is this rock [1]")
+    area: float | None = Field(
+        None, gt=0, description="ground on which it could lie had it come from elsewhere [m2]"
+    )
+
+    @model_validator(mode="after")
+    def _elsewhere_is_known(self) -> FoundConfig:
+        if self.identity < 1.0 and self.area is None:
+            raise ValueError("with an identity below 1 another rock lies anywhere; give its `area`")
+        return self
+
+
 class Config(Section):
     """Everything that determines the products of a site."""
 
@@ -207,8 +272,30 @@ class Config(Section):
     )
     servo: ServoConfig
     simulation: SimulationConfig = SimulationConfig()
+    found: FoundConfig | None = None
 
     _values = field_validator("yaw", mode="before")(_as_values)
+
+    @property
+    def on_terrain(self) -> bool:
+        """Whether the rock stands on a terrain."""
+        return self.pedestal.shape == "mesh"
+
+    @field_validator("pedestal")
+    @classmethod
+    def _is_in_a_scan(cls, pedestal: PedestalConfig, info: ValidationInfo) -> PedestalConfig:
+        rock = info.data.get("rock")
+        if pedestal.shape == "mesh" and rock is not None and rock.shape != "mesh":
+            raise ValueError("terrain comes with the rock in one scan; set rock.shape: mesh")
+        return pedestal
+
+    @field_validator("drive")
+    @classmethod
+    def _can_carry(cls, drive: str, info: ValidationInfo) -> str:
+        pedestal = info.data.get("pedestal")
+        if drive == "servo" and pedestal is not None and pedestal.shape == "mesh":
+            raise ValueError("a servo drives a flat pedestal; set drive: table_frame")
+        return drive
 
     @field_validator("servo")
     @classmethod
@@ -224,6 +311,9 @@ class Config(Section):
     def _can_drive(cls, simulation: SimulationConfig, info: ValidationInfo) -> SimulationConfig:
         if info.data.get("drive") == "servo" and simulation.engine != "bullet":
             raise ValueError("a servo needs Bullet; set engine: bullet, or drive: table_frame")
+        pedestal = info.data.get("pedestal")
+        if simulation.engine != "bullet" and pedestal is not None and pedestal.shape == "mesh":
+            raise ValueError("MuJoCo takes the convex hull of any terrain; set engine: bullet")
         return simulation
 
     @field_serializer("servo", mode="wrap")

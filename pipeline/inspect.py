@@ -11,13 +11,16 @@ from typing import Any
 
 from pipeline import graph
 from pipeline.cluster import Cluster
-from pipeline.scenes import prepared
+from pipeline.scenes import left_out, prepared
 from pipeline.stage import Job, stages
-from pipeline.store import RUNS, RunRow, RunStore, Store
+from pipeline.store import RUNS, JourneyRow, RunRow, RunStore, Store
 from vsr_core import GRAVITY
+from vsr_core.outcome import Outcome
 
-TYPICAL_MS = 6.0
+TYPICAL_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 150.0
 """CPU time of a run [ms] before any was measured here."""
+
+Kind = type[RunRow] | type[JourneyRow]
 
 
 def why(product: str, job: Job) -> list[str]:
@@ -28,8 +31,9 @@ def why(product: str, job: Job) -> list[str]:
         if not reasons:
             lines.append(f"{name}: up to date")
         lines += [f"{name}: {reason}" for reason in reasons]
-    kept, total = _runs(job)
+    counts, total = _runs(job, _kind(product))
     if total:
+        kept = counts.total()
         lines.append(f"runs: {kept} of {total} are stored and stay; {total - kept} to do")
     return lines
 
@@ -39,12 +43,13 @@ def status(product: str, job: Job) -> list[str]:
     lines = [f"{job.site.name} in {job.store.folder}"]
     for name, identity in graph.identities(product, job.site).items():
         reasons = list(graph.why(stages()[name], identity, job.store))
-        lines.append(f"  {name:<11}{'done' if not reasons else 'to do: ' + reasons[0]}")
-    kept, total = _runs(job)
+        lines.append(f"  {name:<20}{'done' if not reasons else 'to do: ' + reasons[0]}")
+    counts, total = _runs(job, _kind(product))
     if total:
-        lines.append(f"  {kept} of {total} runs stored")
-        counts = _outcomes(job)
-        lines += [f"    {number:>7} {outcome}" for outcome, number in counts.most_common()]
+        lines.append(f"  {counts.total()} of {total} runs stored")
+        lines += [
+            f"    {number:>7} {Outcome(code).name.lower()}" for code, number in counts.most_common()
+        ]
     return lines
 
 
@@ -60,30 +65,36 @@ def plan(product: str, job: Job) -> list[str]:
     with tempfile.TemporaryDirectory() as temporary:
         store = _with_rock(job, Path(temporary)).store
         case = prepared(config, store, config.yaw[0], config.contact.friction[0])
-        lines += _planned_runs(job, store, measured="precision" not in todo)
+        measured = "precision" not in todo and "terrain" not in todo
+        lines += _planned_runs(job, store, _kind(product), measured=measured)
+        dropped = left_out(config, case)
     lines.append("left out:")
-    lines += [f"  {r.what}: {r.why}" for r in case.reductions] or [
-        "  nothing (simulation.reduce: off)"
-    ]
+    lines += [f"  {r.what}: {r.why}" for r in dropped] or ["  nothing (simulation.reduce: off)"]
     return lines
 
 
-def _planned_runs(job: Job, rock: Store, *, measured: bool) -> list[str]:
+def _kind(product: str) -> Kind:
+    """Journeys over a terrain, or runs."""
+    return JourneyRow if "journeys" in (stage.name for stage in graph.upstream(product)) else RunRow
+
+
+def _planned_runs(job: Job, rock: Store, kind: Kind, *, measured: bool) -> list[str]:
     """Runs to do and their cost; which are stored is known once the time step is ``measured``."""
+    from pipeline.running import groups
     from pipeline.stages.precision import time_step
-    from pipeline.stages.runs import groups
 
     config = job.config
     cells = [pga for _ in config.motion.pgv_pga for pga in config.motion.pga]
     stored: dict[tuple[float, float], list[bool]] = {}
     for group in groups(config, job.store) if measured else ():
-        kept = _stored(job.store, group.keys)
+        kept = _stored(job.store, group.keys, kind)
         stored[group.yaw, group.friction] = [key in kept for key in group.keys]
     total = proved = new = 0
     for yaw in config.yaw:
         for friction in config.contact.friction:
             still = prepared(config, rock, yaw, friction).still
-            limit = min(-still[0], still[1]) / GRAVITY if config.simulation.reduce else 0.0
+            proves = config.simulation.reduce and not config.on_terrain
+            limit = min(-still[0], still[1]) / GRAVITY if proves else 0.0
             done = stored.get((yaw, friction), [False] * len(cells))
             left = [pga for pga, kept in zip(cells, done, strict=True) if not kept]
             total, new = total + len(cells), new + len(left)
@@ -94,13 +105,15 @@ def _planned_runs(job: Job, rock: Store, *, measured: bool) -> list[str]:
     return [
         f"runs: {total}; {total - new} stored, {new} to do, {proved} of them proved without a step",
         f"time step: {text or 'measured on the scene first, some seconds'}",
-        f"cost: {_cost(job, new - proved)}",
+        f"cost: {_cost(job, new - proved, kind)}",
     ]
 
 
-def _cost(job: Job, runs: int) -> str:
-    measured = [note for note in job.store.notes("runs") if note["runs"]]
-    each = 1e3 * measured[-1]["cpu_seconds"] / measured[-1]["runs"] if measured else TYPICAL_MS
+def _cost(job: Job, runs: int, kind: Kind) -> str:
+    name = "runs" if kind is RunRow else "journeys"
+    measured = [note for note in job.store.notes(name) if note["runs"]]
+    typical = TYPICAL_ON_TERRAIN_MS if job.config.on_terrain else TYPICAL_MS
+    each = 1e3 * measured[-1]["cpu_seconds"] / measured[-1]["runs"] if measured else typical
     source = "as measured here" if measured else "typical"
     workers = max(job.cluster.workers, 1)
     seconds = runs * each / 1e3 / workers
@@ -117,32 +130,24 @@ def _with_rock(job: Job, folder: Path) -> Job:
     return aside
 
 
-def _stored(store: Store, keys: Any) -> dict[bytes, RunRow]:
+def _stored(store: Store, keys: Any, kind: Kind) -> dict[bytes, int]:
+    """Outcomes of the runs that are stored."""
     if not (store.folder / RUNS).is_file():
         return {}
-    with closing(RunStore(store.folder)) as runs:
-        return runs.get(keys)
+    with closing(RunStore(store.folder, kind)) as runs:
+        return runs.outcomes(keys)
 
 
-def _runs(job: Job) -> tuple[int, int]:
-    """Runs stored and wanted; none wanted where the rock or its time step is not made yet."""
-    from pipeline.stages.runs import groups
+def _runs(job: Job, kind: Kind) -> tuple[Counter[int], int]:
+    """Outcomes of the runs stored, and how many are wanted; none where no key is known yet."""
+    from pipeline.running import groups
 
-    if any(job.store.manifest(n) is None or job.store.damage(n) for n in ("rock", "precision")):
-        return 0, 0
-    kept = total = 0
+    needed = ("rock", "terrain", "precision")
+    if any(job.store.manifest(name) is None or job.store.damage(name) for name in needed):
+        return Counter(), 0
+    counts: Counter[int] = Counter()
+    total = 0
     for group in groups(job.config, job.store):
-        kept += len(_stored(job.store, group.keys))
+        counts.update(_stored(job.store, group.keys, kind).values())
         total += len(group.keys)
-    return kept, total
-
-
-def _outcomes(job: Job) -> Counter[str]:
-    from pipeline.stages.runs import groups
-    from vsr_core.outcome import Outcome
-
-    counts: Counter[str] = Counter()
-    for group in groups(job.config, job.store):
-        rows = _stored(job.store, group.keys).values()
-        counts.update(Outcome(row.outcome).name.lower() for row in rows)
-    return counts
+    return counts, total

@@ -13,7 +13,9 @@ from pipeline.store import Store
 from vsr_core.errors import Unfit
 
 if TYPE_CHECKING:
+    from vsr_core.scene import Contact, Reduction
     from vsr_core.simulate import Case
+    from vsr_core.travel import Site as Ground
 
 RUN_CODE = (
     "vsr_core.simulate:prepare",
@@ -23,10 +25,20 @@ RUN_CODE = (
 )
 """What determines a run, besides the engine."""
 
+TERRAIN_CODE = (*RUN_CODE, "vsr_core.travel:travel", "pipeline.scenes:on_terrain")
+"""The same on a terrain."""
 
-def code(engine: str) -> tuple[str, ...]:
-    """Roots of the code that determines a run in an engine."""
-    return (*RUN_CODE, f"vsr_core.engines.{engine}:build")
+ENGINES = ("vsr_core.engines.bullet", "vsr_core.engines.mujoco")
+"""Modules of all engines, which are found by name only."""
+
+ENGINE_CODE = tuple(f"{engine}:build" for engine in ENGINES)
+"""Roots of the code of stages that run in any engine."""
+
+
+def code(config: Config) -> tuple[str, ...]:
+    """Roots of the code that determines the runs of a configuration."""
+    roots = TERRAIN_CODE if config.on_terrain else RUN_CODE
+    return (*roots, f"vsr_core.engines.{config.simulation.engine}:build")
 
 
 def identity(config: Config, store: Store) -> dict[str, Any]:
@@ -42,26 +54,80 @@ def identity(config: Config, store: Store) -> dict[str, Any]:
             keys.digest_bytes(rock.shape.encode(), *(part.tobytes() for part in parts)),
             rock.mass,
         ],
-        "pedestal": config.pedestal.shape,
+        "pedestal": _terrain_identity(store) if config.on_terrain else config.pedestal.shape,
         "contact": [config.contact.restitution, config.contact.rolling_friction],
         "drive": config.servo.model_dump() if config.drive == "servo" else config.drive,
         "simulation": [engine, config.simulation.reduce],
         "engine": engines.load(engine).VERSION,
-        "code": keys.digest(keys.code(code(engine))),
+        "code": keys.digest(keys.code(code(config))),
     }
 
 
+def _terrain_identity(store: Store) -> str:
+    from pipeline.stages.terrain import load_terrain
+
+    ground = load_terrain(store)
+    starts = (
+        array for start in ground.starts.values() for array in (start.position, start.rotation)
+    )
+    arrays = (ground.terrain.vertices, ground.terrain.faces, *ground.terrain.pieces, *starts)
+    return keys.digest_bytes(*(array.tobytes() for array in arrays))
+
+
 def prepared(config: Config, store: Store, yaw: float, friction: float) -> Case:
-    """The case of one yaw [degree] and friction."""
+    """The case of one yaw [degree] and friction on a flat pedestal."""
     from pipeline.stages.rock import load_rock
-    from vsr_core.scene import Contact, Scene
+    from vsr_core.scene import Scene
     from vsr_core.simulate import prepare
+    from vsr_core.solid import standing
 
     rock, limits = load_rock(store)
-    contact = Contact(friction, config.contact.restitution, config.contact.rolling_friction)
     drive = config.servo.servo() if config.drive == "servo" else None
-    scene = Scene(rock, contact, math.radians(yaw), drive=drive)
+    if config.on_terrain:
+        rock = standing(rock)
+    scene = Scene(rock, contact(config, friction), math.radians(yaw), drive=drive)
     return prepare(scene, limits, reduce=config.simulation.reduce)
+
+
+def on_terrain(config: Config, store: Store, yaw: float, friction: float) -> Ground:
+    """The rock on its terrain, for shaking at one yaw [degree] and friction."""
+    from dataclasses import replace
+
+    from pipeline.stages.rock import load_rock
+    from pipeline.stages.terrain import load_terrain
+    from vsr_core import detail, travel
+    from vsr_core.scene import Scene
+
+    rock, limits = load_rock(store)
+    ground = load_terrain(store)
+    reduce = config.simulation.reduce
+    terrain = ground.terrain if reduce else replace(ground.terrain, pieces=())
+    seat = Scene(
+        detail.on_its_seat(rock) if reduce else rock,
+        contact(config, friction),
+        math.radians(yaw),
+        "terrain",
+        start=ground.starts[friction],
+        terrain=terrain,
+    )
+    flight = replace(seat, rock=detail.in_flight(rock)) if reduce else seat
+    return travel.Site(seat, flight, limits.toppled_tilt)
+
+
+def contact(config: Config, friction: float) -> Contact:
+    """The pair's contact at one friction."""
+    from vsr_core.scene import Contact
+
+    return Contact(friction, config.contact.restitution, config.contact.rolling_friction)
+
+
+def left_out(config: Config, case: Case) -> tuple[Reduction, ...]:
+    """What the runs of a configuration leave out; ``case`` is that of a flat pedestal."""
+    from vsr_core.travel import REDUCTIONS
+
+    if not config.on_terrain:
+        return case.reductions
+    return REDUCTIONS if config.simulation.reduce else ()
 
 
 def check_scene(site: Site, store: Store) -> Case:

@@ -88,10 +88,13 @@ def load(source: Source, site: Site) -> trimesh.Trimesh:
     import trimesh
 
     if source.path is None:
-        from vsr_core import surrogate
+        from vsr_core.surrogates import GENERATORS, SITES
+        from vsr_core.surrogates.scan import scan
 
-        vertices, faces = surrogate.GENERATORS[source.fallback]()
-        return trimesh.Trimesh(vertices, faces, process=False)
+        if not site.config.on_terrain:
+            return trimesh.Trimesh(*GENERATORS[source.fallback](), process=False)
+        raw = scan(SITES[source.fallback]())
+        return trimesh.Trimesh(raw.vertices, raw.faces, vertex_colors=raw.colours, process=False)
     try:
         mesh = trimesh.load(source.path, force="mesh", process=False)
     except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
@@ -109,17 +112,18 @@ def load(source: Source, site: Site) -> trimesh.Trimesh:
 
 
 def _surrogate(site: Site, folder: Path) -> Source:
-    from vsr_core import surrogate
+    from vsr_core.surrogates import GENERATORS, SITES
 
+    known = SITES if site.config.on_terrain else GENERATORS
     name = site.config.rock.fallback
     if not name:
         raise _problem(
             site, f"{shown(folder)}, which holds no scan", "it holds one", "put a scan there"
         )
-    if name not in surrogate.GENERATORS:
-        known = ", ".join(surrogate.GENERATORS)
+    if name not in known:
+        names = ", ".join(known)
         raise InputError(
-            Problem(site.file, "rock.fallback", repr(name), f"it is one of {known}", "correct it")
+            Problem(site.file, "rock.fallback", repr(name), f"it is one of {names}", "correct it")
         )
     return Source(None, name, "surrogate made from published figures (no scan found)")
 

@@ -10,12 +10,15 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
 
 from pipeline.keys import digest_file
 from pipeline.problems import InputError, Problem
+from pipeline.writers import text
 
 Writer = Callable[[Path], None]
+
+Row = TypeVar("Row", bound="RunRow | JourneyRow")
 
 RUNS = "runs.sqlite"
 LOG = "log.jsonl"
@@ -31,6 +34,22 @@ class RunRow(NamedTuple):
     final_tilt: float
     slip: float
     steps: int
+
+
+class JourneyRow(NamedTuple):
+    """A stored run on a terrain with its trajectory, packed by ``pipeline.trajectories``."""
+
+    key: bytes
+    outcome: int
+    peak_tilt: float
+    slip: float
+    steps: int
+    stop_reason: int
+    trajectory: bytes
+
+
+_TABLES: dict[type, str] = {RunRow: "runs", JourneyRow: "journeys"}
+_COLUMNS = {bytes: "BLOB", int: "INTEGER", float: "REAL"}
 
 
 class Store:
@@ -80,8 +99,8 @@ class Store:
         """Write products beside their names, rename them, then write the manifest."""
         with writing(self.folder):
             files = {name: self._put(self.folder / name, write) for name, write in writers.items()}
-            text = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
-            self._put(self._manifests / f"{stage}.json", lambda path: _write_text(path, text))
+            manifest = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
+            self._put(self._manifests / f"{stage}.json", text(manifest))
 
     def forget(self, stage: str) -> None:
         """Drop a stage's manifest, so that it is made again."""
@@ -102,6 +121,7 @@ class Store:
 
     def _put(self, final: Path, write: Writer) -> str:
         part = self.folder / f".part-{os.getpid()}-{final.name}"
+        final.parent.mkdir(exist_ok=True)
         try:
             write(part)
             with part.open("rb+") as file:
@@ -113,20 +133,22 @@ class Store:
         return checksum
 
 
-class RunStore:
+class RunStore(Generic[Row]):
     """Run results by key, in SQLite with a write-ahead log: survives ``kill -9``.
 
     One process writes; at most the batches not yet handed over are lost.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, row: type[Row]) -> None:
+        types = get_type_hints(row)
+        columns = ", ".join(f"{name} {_COLUMNS[types[name]]}" for name in row._fields[1:])
+        self._row, self._table = row, _TABLES[row]
         with writing(folder):
             self._database = sqlite3.connect(folder / RUNS, isolation_level=None, timeout=30.0)
             self._database.execute("PRAGMA journal_mode=WAL")
             self._database.execute("PRAGMA synchronous=NORMAL")
             self._database.execute(
-                "CREATE TABLE IF NOT EXISTS runs (key BLOB PRIMARY KEY, outcome INTEGER, "
-                "decided_by INTEGER, peak_tilt REAL, final_tilt REAL, slip REAL, steps INTEGER) "
+                f"CREATE TABLE IF NOT EXISTS {self._table} (key BLOB PRIMARY KEY, {columns}) "
                 "WITHOUT ROWID"
             )
         self._folder = folder
@@ -135,31 +157,40 @@ class RunStore:
         """Close the database."""
         self._database.close()
 
-    def add(self, rows: Iterable[RunRow]) -> None:
+    def add(self, rows: Iterable[Row]) -> None:
         """Keep rows, all or none."""
+        places = ", ".join("?" * len(self._row._fields))
         with writing(self._folder):
             self._database.execute("BEGIN IMMEDIATE")
             try:
                 self._database.executemany(
-                    "INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?)", rows
+                    f"INSERT OR REPLACE INTO {self._table} VALUES ({places})",  # noqa: S608
+                    rows,
                 )
             except BaseException:
                 self._database.execute("ROLLBACK")
                 raise
             self._database.execute("COMMIT")
 
-    def get(self, keys: Iterable[bytes]) -> dict[bytes, RunRow]:
+    def get(self, keys: Iterable[bytes]) -> dict[bytes, Row]:
         """Stored rows among ``keys``."""
+        found = self._select(f"{self._table}.*", keys)
+        return {row[0]: self._row(*row) for row in found}
+
+    def outcomes(self, keys: Iterable[bytes]) -> dict[bytes, int]:
+        """Outcomes of those of ``keys`` that are stored."""
+        return dict(self._select("key, outcome", keys))
+
+    def _select(self, what: str, keys: Iterable[bytes]) -> list[Any]:
         database = self._database
         with writing(self._folder):
             database.execute("CREATE TEMP TABLE IF NOT EXISTS wanted (key BLOB PRIMARY KEY)")
             database.execute("BEGIN")
             database.execute("DELETE FROM wanted")
             database.executemany("INSERT OR IGNORE INTO wanted VALUES (?)", ((k,) for k in keys))
-            with closing(
-                database.execute("SELECT runs.* FROM wanted JOIN runs USING (key)")
-            ) as rows:
-                found = {row[0]: RunRow(*row) for row in rows}
+            query = f"SELECT {what} FROM wanted JOIN {self._table} USING (key)"  # noqa: S608
+            with closing(database.execute(query)) as rows:
+                found = list(rows)
             database.execute("COMMIT")
         return found
 
@@ -179,7 +210,3 @@ def writing(folder: Path) -> Iterator[None]:
                 "free space, change its permissions, or give another with DERIVED=",
             )
         ) from error
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from vsr_core.errors import Unfit
 from vsr_core.solid import box, checked, from_mesh, self_intersections
-from vsr_core.surrogate import double_rock
+from vsr_core.surrogates.double_rock import double_rock
 
 Array = NDArray[np.float64]
 SIDE = st.floats(0.05, 3.0)

@@ -8,7 +8,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from vsr_core.surrogate import double_rock
+from vsr_core.surrogates.double_rock import double_rock
 
 SIZE = np.array([1.238, 0.754, 1.5085])  # m
 LOWEST = np.array([-0.654, -0.344, 0.0])  # m

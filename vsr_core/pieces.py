@@ -24,12 +24,14 @@ Indices = NDArray[np.int64]
 MOST_POINTS = 150
 """Most vertices of the patch of a piece: beyond it another one is begun."""
 
+LARGE_TIMES = 15.0
+"""Facets with a side this many times the tolerance are looked at in seven points, not in one."""
+
 CORNER_SHARE = 0.2
 """Corners of a piece are left out as long as it sinks by less than this share of the tolerance."""
 
 _BARYCENTRIC = np.array(
     [
-        [1 / 3, 1 / 3, 1 / 3],
         [0.5, 0.5, 0.0],
         [0.5, 0.0, 0.5],
         [0.0, 0.5, 0.5],
@@ -97,8 +99,9 @@ class _Growing:
         self, terrain: Terrain, tolerance: Callable[[Array], Array], thickness: float
     ) -> None:
         self._terrain, self._tolerance, self._thickness = terrain, tolerance, thickness
-        self._triangles = terrain.vertices[terrain.faces]
-        a, b, c = (self._triangles[:, k] for k in range(3))
+        corners = terrain.vertices[terrain.faces]
+        self._triangles = _Triangles(corners)
+        a, b, c = (corners[:, k] for k in range(3))
         self._areas = np.cross(b - a, c - a)
 
     def body(self, patch: Indices) -> Array:
@@ -129,15 +132,29 @@ class _Growing:
         except QhullError:
             return None
         outer = hull.equations[:, :3] @ outward > 0.02
-        facets = corners[hull.simplices[outer]]
-        samples = np.einsum("kb,fbx->fkx", _BARYCENTRIC, facets).reshape(-1, 3)
-        distance = _distances(samples, self._triangles[patch])
+        # Facets between points of the patch face the air too where walls make a concave corner.
+        outer |= (hull.simplices < len(points)).all(axis=1)
+        samples = np.concatenate(
+            [
+                self._on_facets(corners[hull.simplices[outer]]),
+                _above_hollows(points, hull.equations[outer]),
+            ]
+        )
+        distance = self._triangles.distances(samples, patch)
         allowed = self._tolerance(samples)
         for k in np.flatnonzero(distance > allowed):
             distance[k] = self._from_all(samples[k], distance[k])
             if distance[k] > allowed[k]:
                 return None
         return float(distance.max())
+
+    def _on_facets(self, facets: Array) -> Array:
+        """Points on facets, shape (k, 3, 3) [m]: their middles, of large ones seven points."""
+        middles = facets.mean(axis=1)
+        longest = np.linalg.norm(facets - np.roll(facets, 1, axis=1), axis=2).max(axis=1)
+        large = facets[longest > LARGE_TIMES * self._tolerance(middles)]
+        more = np.einsum("kb,fbx->fkx", _BARYCENTRIC, large).reshape(-1, 3)
+        return np.concatenate([middles, more])
 
     def _from_all(self, point: Array, distance: float) -> float:
         """Distance [m] of a point from the terrain if that is less; 0 below it."""
@@ -146,7 +163,7 @@ class _Growing:
         near = self._terrain.around(float(point[0]), float(point[1]))
         if not len(near):
             return distance
-        return min(distance, float(_distances(point[None], self._triangles[near])[0]))
+        return min(distance, float(self._triangles.distances(point[None], near)[0]))
 
     def _points(self, patch: Indices) -> tuple[Array, Array]:
         corners = self._terrain.vertices[np.unique(self._terrain.faces[patch])]
@@ -155,19 +172,55 @@ class _Growing:
         return corners, outward / length if length > 0.0 else np.zeros(3)
 
 
+def _above_hollows(points: Array, planes: Array) -> Array:
+    """The points of a hull's planes, shape (k, 4), nearest to each point that lies below them."""
+    below = -(points @ planes[:, :3].T + planes[:, 3])
+    nearest = below.argmin(axis=1)
+    depth = below[np.arange(len(points)), nearest]
+    feet = points + depth[:, None] * planes[nearest, :3]
+    return feet[depth > 1e-9]
+
+
 def _spans_volume(points: Array) -> bool:
     extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return len(points) > 3 and bool(extent[2] > 1e-6 * extent[0])
 
 
-def _distances(points: Array, triangles: Array) -> Array:
-    """Distance [m] of each point, shape (n, 3), from the nearest of triangles, shape (m, 3, 3)."""
-    from trimesh.triangles import closest_point
+class _Triangles:
+    """Triangles, shape (m, 3, 3) [m], made ready for distances from many points."""
 
-    n, m = len(points), len(triangles)
-    repeated = np.repeat(points, m, axis=0)
-    nearest = closest_point(np.tile(triangles, (n, 1, 1)), repeated)
-    return np.linalg.norm(repeated - nearest, axis=1).reshape(n, m).min(axis=1)
+    def __init__(self, corners: Array) -> None:
+        self._a = corners[:, 0]
+        u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        normal = np.cross(u, v)
+        square = np.maximum((normal**2).sum(axis=1), 1e-300)[:, None]
+        self._s, self._t = np.cross(v, normal) / square, np.cross(normal, u) / square
+        self._n = normal / np.sqrt(square)
+        self._starts = corners.transpose(1, 0, 2)
+        self._sides = np.roll(self._starts, -1, axis=0) - self._starts
+        self._squares = np.maximum((self._sides**2).sum(axis=2), 1e-300)
+
+    def distances(self, points: Array, among: Indices) -> Array:
+        """Distance [m] of each point, shape (n, 3), from the nearest of the triangles ``among``.
+
+        To the plane where a point projects into the triangle, else to the nearest of its sides.
+        """
+        a = self._a[among]
+
+        def along(vector: Array, origin: Array) -> Array:
+            return points @ vector.T - (vector * origin).sum(axis=1)
+
+        s, t = along(self._s[among], a), along(self._t[among], a)
+        inside = (s >= 0.0) & (t >= 0.0) & (s + t <= 1.0)
+        least = np.where(inside, along(self._n[among], a) ** 2, np.inf)
+        lengths = (points**2).sum(axis=1)[:, None]
+        for start, side, square in zip(self._starts, self._sides, self._squares, strict=True):
+            start, side, square = start[among], side[among], square[among]
+            onto = along(side, start)
+            part = np.clip(onto / square, 0.0, 1.0)
+            offset = lengths - 2.0 * points @ start.T + (start**2).sum(axis=1)
+            least = np.minimum(least, offset - part * (2.0 * onto - part * square))
+        return np.sqrt(np.maximum(least.min(axis=1), 0.0))
 
 
 def _neighbours(faces: Indices) -> list[set[int]]:

@@ -9,7 +9,7 @@ import yaml
 
 from pipeline.datasets import described, netcdf, read
 from pipeline.problems import InputError, Problem
-from pipeline.scenes import prepared
+from pipeline.scenes import left_out, prepared
 from pipeline.stage import Job, Product, Stage
 from pipeline.stages.precision import FILE as PRECISION
 from pipeline.store import RUNS, RunRow, RunStore
@@ -51,7 +51,7 @@ def make(job: Job) -> Product:
     precision = read(job.path(PRECISION))
     for name in ("time_step", "boundary_error", "boundary_error_worst"):
         dataset[name] = ("friction", precision[name].values)
-    dataset.attrs["left_out"] = "\n".join(f"{r.what}: {r.why}" for r in case.reductions)
+    dataset.attrs["left_out"] = "\n".join(f"{r.what}: {r.why}" for r in left_out(config, case))
     counts = np.bincount(arrays["outcome"].ravel(), minlength=len(Outcome))
     summary = ", ".join(f"{counts[o]} {o.name.lower()}" for o in Outcome if counts[o])
     files = {
@@ -65,14 +65,14 @@ def make(job: Job) -> Product:
 def _arrays(job: Job) -> dict[str, Any]:
     import numpy as np
 
-    from pipeline.stages.runs import groups
+    from pipeline.running import groups
 
     config = job.config
     shape = tuple(
         map(len, (config.yaw, config.contact.friction, config.motion.pgv_pga, config.motion.pga))
     )
     arrays = {name: np.full(shape, fill, dtype) for name, (dtype, fill) in _TYPES.items()}
-    with closing(RunStore(job.store.folder)) as runs:
+    with closing(RunStore(job.store.folder, RunRow)) as runs:
         for number, group in enumerate(groups(config, job.store)):
             stored = runs.get(group.keys)
             lost = sum(key not in stored for key in group.keys)

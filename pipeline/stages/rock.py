@@ -11,6 +11,8 @@ from pipeline.datasets import described, netcdf, read
 from pipeline.layers import shown
 from pipeline.problems import InputError, Problem
 from pipeline.stage import Job, Product, Stage
+from pipeline.stages.scan import FILE as SCAN
+from pipeline.stages.scan import PAGE
 from pipeline.store import Store
 
 if TYPE_CHECKING:
@@ -34,6 +36,8 @@ _SCALARS = (
 
 def make(job: Job) -> Product:
     """Read, check, weigh and set down the rock."""
+    from vsr_core.solid import standing
+
     solid, source, mended = _solid(job)
     rolling, radius = job.config.contact.rolling_friction, solid.rock.radius
     if rolling > 0.05 * radius:
@@ -46,7 +50,7 @@ def make(job: Job) -> Product:
                 "give metres; 0 if you have a coefficient in mind",
             )
         )
-    dataset = _dataset(solid)
+    dataset = _dataset(solid, standing(solid.rock) if job.config.on_terrain else solid.rock)
     dataset.attrs |= {
         "shape_source": source,
         "mended": "; ".join(mended),
@@ -93,6 +97,8 @@ def _solid(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
     if rock.shape == "box":
         assert rock.size is not None
         return solid.box(rock.size, rock.density), "box", ()
+    if job.config.on_terrain:
+        return _from_scan(job)
     source = sources.find(job.site)
     mesh = sources.load(source, job.site)
     try:
@@ -104,7 +110,40 @@ def _solid(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
         raise InputError.from_unfit(where, file, error) from None
 
 
-def _dataset(solid: Solid) -> Any:
+def _from_scan(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
+    """The rock in the pose in which it stands on its terrain."""
+    import numpy as np
+    import trimesh
+
+    from vsr_core import solid
+    from vsr_core.errors import Unfit
+
+    scan = read(job.path(SCAN))
+    if not scan.attrs["accepted"]:
+        raise InputError(
+            Problem(
+                job.site.file,
+                "pedestal.cut",
+                "nothing",
+                "it says what of the scan is the rock",
+                f"look at the proposal in {job.path(PAGE)} (`vsr prep --site {job.site.name}`) and "
+                "set pedestal.cut: proposal, or give a plane, box, polygon or colour",
+            )
+        )
+    faces = scan["rock_face"].values.astype(np.int64)
+    mesh = trimesh.Trimesh(scan["rock_vertex"].values, faces, process=False)
+    try:
+        mesh, mended = solid.checked(mesh)
+        made = solid.from_mesh(mesh, job.config.rock.density, as_scanned=True)
+        solid.standing(made.rock)
+    except Unfit as error:
+        raise InputError.from_unfit(
+            f"{job.site.file}: rock.mesh", scan.attrs["shape_source"], error
+        ) from None
+    return made, scan.attrs["shape_source"], mended
+
+
+def _dataset(solid: Solid, level: Rock) -> Any:
     import numpy as np
     import xarray as xr
 
@@ -112,8 +151,8 @@ def _dataset(solid: Solid) -> Any:
     from vsr_core.hull import base_polygon, convex_hull, tipping
 
     rock = solid.rock
-    tips = tipping(convex_hull(rock.vertices), np.radians(np.arange(360.0)))
-    limits = barrier(rock)
+    tips = tipping(convex_hull(level.vertices), np.radians(np.arange(360.0)))
+    limits = barrier(level)
     attributes = {f"barrier_{name}": getattr(limits, name) for name in _SCALARS}
     return xr.Dataset(
         {
@@ -124,7 +163,7 @@ def _dataset(solid: Solid) -> Any:
             "principal_axis": (("xyz", "axis"), rock.axes),
             "base_polygon": (
                 ("base_corner", "xy"),
-                base_polygon(rock.vertices, BASE_TOLERANCE * rock.height),
+                base_polygon(level.vertices, BASE_TOLERANCE * level.height),
             ),
             "uplift_pga": ("direction", tips.uplift),
             "tipping_pga": ("direction", tips.overturning),
@@ -145,8 +184,9 @@ def _degrees(angle: float) -> float:
 STAGE = Stage(
     name="rock",
     make=make,
-    reads=("rock", "contact.rolling_friction"),
-    code=("pipeline.sources:load", "vsr_core.surrogate:double_rock"),
+    needs=("scan",),
+    reads=("rock", "pedestal", "contact.rolling_friction"),
+    code=("pipeline.sources:load", "vsr_core.surrogates.double_rock:double_rock"),
     inputs=sources.digests,
     versions=("trimesh", "scipy"),
 )

@@ -28,6 +28,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from vsr_core.surrogates.stack import bezier, closed_stack, polygon_radius
+
 # Figures of the rock in the pose of the published mesh: z up, standing on z = 0, centre of mass
 # over the origin.
 BOUNDS = ((-0.654, -0.344, 0.0), (0.584, 0.409, 1.5085))
@@ -70,15 +72,6 @@ _RELIEF_WAVES = 24
 _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 
-def _bezier(control: tuple[float, ...], s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Value at ``s`` in [0, 1] of the Bezier curve with these control values."""
-    n = len(control) - 1
-    value = np.zeros_like(s)
-    for k, c in enumerate(control):
-        value += c * math.comb(n, k) * s**k * (1.0 - s) ** (n - k)
-    return value
-
-
 def _ring_angles(count: int, corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Ascending angles [rad], evenly spaced but for the nearest to each corner, moved onto it."""
     step = 2.0 * math.pi / count
@@ -86,18 +79,6 @@ def _ring_angles(count: int, corners: NDArray[np.float64]) -> NDArray[np.float64
     nearest = np.rint(corners / step).astype(int)
     angles[nearest % count] = corners - 2.0 * math.pi * (nearest // count)
     return angles
-
-
-def _polygon_radius(
-    angles: NDArray[np.float64], corners: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Distance [m] from the origin to a convex polygon around it, corners (n, 2) [m]."""
-    edges = np.roll(corners, -1, axis=0) - corners
-    normals = np.column_stack([edges[:, 1], -edges[:, 0]])
-    offsets = np.sum(normals * corners, axis=1)
-    facing = normals @ np.array([np.cos(angles), np.sin(angles)])
-    reciprocal: NDArray[np.float64] = np.max(facing / offsets[:, None], axis=0)
-    return 1.0 / reciprocal
 
 
 def _relief(angles: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -149,39 +130,19 @@ def double_rock(subdivisions: int = 72) -> tuple[NDArray[np.float64], NDArray[np
     corners = np.array(BASE_POLYGON) - (_CENTRE_X[0], _CENTRE_Y[0])
     corner_angles = np.arctan2(corners[:, 1], corners[:, 0]) % (2.0 * math.pi)
     angles = _ring_angles(subdivisions, corner_angles)
-    turned = angles - _bezier(_DIRECTION, s)
+    turned = angles - bezier(_DIRECTION, s)
     superellipse = (
-        np.abs(np.cos(turned) / _bezier(_HALF_WIDTH_1, s)) ** _SQUARENESS
-        + np.abs(np.sin(turned) / _bezier(_HALF_WIDTH_2, s)) ** _SQUARENESS
+        np.abs(np.cos(turned) / bezier(_HALF_WIDTH_1, s)) ** _SQUARENESS
+        + np.abs(np.sin(turned) / bezier(_HALF_WIDTH_2, s)) ** _SQUARENESS
     ) ** (-1.0 / _SQUARENESS)
     body = superellipse * np.sqrt(1.0 - s**_TOP_SHARPNESS) * (1.0 + _relief(angles, s))
     t = np.minimum(s / _BASE_FRACTION, 1.0)
     blend = t * t * (3.0 - 2.0 * t)
-    radius = (1.0 - blend) * _polygon_radius(angles, corners) + blend * body
+    radius = (1.0 - blend) * polygon_radius(angles, corners) + blend * body
 
-    x = _bezier(_CENTRE_X, s) + radius * np.cos(angles)
-    y = _bezier(_CENTRE_Y, s) + radius * np.sin(angles)
+    x = bezier(_CENTRE_X, s) + radius * np.cos(angles)
+    y = bezier(_CENTRE_Y, s) + radius * np.sin(angles)
     z = np.broadcast_to(height * s, x.shape)
     bottom = (_CENTRE_X[0], _CENTRE_Y[0], 0.0)
     top = (_CENTRE_X[-1], _CENTRE_Y[-1], height)
-    vertices = np.vstack([np.stack([x, y, z], axis=-1).reshape(-1, 3), bottom, top])
-
-    here = np.arange(subdivisions)
-    after = np.roll(here, -1)
-    lower = subdivisions * np.arange(rings - 1)[:, None]
-    upper = lower + subdivisions
-    sides = np.concatenate(
-        [
-            np.stack(np.broadcast_arrays(lower + here, lower + after, upper + after), axis=-1),
-            np.stack(np.broadcast_arrays(lower + here, upper + after, upper + here), axis=-1),
-        ]
-    ).reshape(-1, 3)
-    last = subdivisions * (rings - 1)
-    apex = np.full(subdivisions, subdivisions * rings)
-    floor = np.column_stack([apex, after, here])
-    cap = np.column_stack([apex + 1, last + here, last + after])
-    return np.round(vertices, 6), np.concatenate([floor, sides, cap]).astype(np.int64)
-
-
-GENERATORS = {"double_rock": double_rock}
-"""Surrogates by name."""
+    return closed_stack(np.stack([x, y, z], axis=-1), bottom, top)

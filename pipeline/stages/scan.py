@@ -1,0 +1,103 @@
+"""Scan: rock and terrain from one raw mesh, each step weighed, with a page to look at."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pipeline import pages, sources
+from pipeline.config import Config
+from pipeline.datasets import described, netcdf
+from pipeline.layers import Site, shown
+from pipeline.problems import InputError
+from pipeline.stage import Job, Product, Stage
+from pipeline.writers import text
+from vsr_core.errors import Unfit
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from vsr_core.scan.workflow import Prepared
+
+FILE, PAGE = "scan.nc", "prep.html"
+
+
+def make(job: Job) -> Product:
+    """Separate, close and weigh; a proposed cut is shown, and used once it is accepted."""
+    if not job.config.on_terrain:
+        return Product({}, "flat pedestal, nothing to separate")
+    from pipeline.figures import prep_page
+
+    source = sources.find(job.site)
+    prepared = _prepared(job, source)
+    accepted = job.config.pedestal.cut is not None
+    dataset = _dataset(prepared)
+    dataset.attrs |= {"accepted": int(accepted), "shape_source": source.label}
+    page = prep_page.page(job.site.name, source.label, prepared, accepted=accepted)
+    files = {FILE: netcdf(described(dataset, job, "Scan")), PAGE: text(page)}
+    return Product(files, prepared.summary)
+
+
+def cut_of(config: Config) -> Any:
+    """The user's cut in the terms of the physics; None where one is to be proposed."""
+    from vsr_core.scan import cuts
+
+    cut = config.pedestal.cut
+    if cut is None or cut == "proposal":
+        return None
+    given = cut.model_dump(exclude={"kind"})
+    return {
+        "plane": cuts.Plane,
+        "box": cuts.Box,
+        "polygon": cuts.Polygon,
+        "colour": cuts.Colour,
+    }[cut.kind](**given)
+
+
+def _prepared(job: Job, source: sources.Source) -> Prepared:
+    from vsr_core.scan.workflow import prepare_scan
+
+    config = job.config
+    mesh = sources.load(source, job.site)
+    try:
+        return prepare_scan(
+            mesh,
+            cut_of(config),
+            closing=config.rock.closing,
+            density=config.rock.density,
+            clearance=config.pedestal.clearance,
+        )
+    except Unfit as error:
+        file = shown(source.path) if source.path else "surrogate"
+        raise InputError.from_unfit(f"{job.site.file}: rock.mesh", file, error) from None
+
+
+def _dataset(prepared: Prepared) -> xr.Dataset:
+    import numpy as np
+    import xarray as xr
+
+    rock, terrain = prepared.rock, prepared.terrain
+    return xr.Dataset(
+        {
+            "rock_vertex": (("rock_corner", "xyz"), np.array(rock.vertices)),
+            "rock_face": (("rock_triangle", "three"), np.array(rock.faces, np.int32)),
+            "terrain_vertex": (("terrain_corner", "xyz"), terrain.vertices),
+            "terrain_face": (("terrain_triangle", "three"), terrain.faces.astype(np.int32)),
+        },
+        attrs={"origin_in_scan": prepared.origin},
+    )
+
+
+def _inputs(site: Site) -> dict[str, str]:
+    if not site.config.on_terrain:
+        return {}
+    return sources.digests(site) | {PAGE: pages.digest(PAGE)}
+
+
+STAGE = Stage(
+    name="scan",
+    make=make,
+    reads=("rock", "pedestal"),
+    code=("pipeline.sources:load", "vsr_core.surrogates.scan:scan"),
+    inputs=_inputs,
+    versions=("trimesh", "scipy"),
+)

@@ -1,0 +1,343 @@
+// What is shown: a run, a time and a view, by mouse, touch and keys. Drawn when something changed.
+//
+// window.vsr is for tests: time [s], position [m] and quaternion (x y z w) of the rock, run (its
+// place in the list, null without runs), view (azimuth, elevation [rad], distance, target [m]),
+// playing, triangles drawn last, and error, the last one of WebGL (0 for none).
+"use strict";
+
+const byId = (id) => document.getElementById(id);
+const canvas = byId("scene");
+const data = unpacked(JSON.parse(byId("data").textContent));
+const { runs, samples } = data;
+const state = { run: runs.length ? 0 : null, time: 0, playing: false, view: null, triangles: 0, error: 0 };
+let draw = null;
+
+function decoded(text, Kind) {
+  return new Kind(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+}
+
+function unpacked(packed) {
+  const mesh = ({ vertices, faces }) => ({
+    vertices: decoded(vertices, Float32Array), faces: decoded(faces, Uint32Array),
+  });
+  const given = packed.samples, first = [0];
+  for (const count of given.count) first.push(first.at(-1) + count);
+  const low = decoded(given.low, Float32Array), step = decoded(given.step, Float32Array);
+  const place = Float32Array.from(decoded(given.place, Uint16Array));
+  for (let run = 0; run < given.count.length; run++)
+    for (let i = 3 * first[run]; i < 3 * first[run + 1]; i++)
+      place[i] = low[3 * run + i % 3] + step[3 * run + i % 3] * place[i];
+  const speed = Float32Array.from(
+    decoded(given.speed, Uint16Array), (value) => value / 65535 * given.largest_speed);
+  return {
+    ...packed, terrain: mesh(packed.terrain), rock: mesh(packed.rock),
+    samples: {
+      first, place, speed, largest: given.largest_speed,
+      time: decoded(given.time, Float32Array), turn: decoded(given.turn, Int16Array),
+    },
+  };
+}
+
+// ---- The rock at a time
+
+const placeOf = (sample) => Array.from(samples.place.subarray(3 * sample, 3 * sample + 3));
+const turnOf = (sample) => unit(Array.from(samples.turn.subarray(4 * sample, 4 * sample + 4)));
+const startOf = (run) => run === null ? data.start : placeOf(samples.first[run]);
+const spanOf = (run) => run === null
+  ? [0, 0] : [samples.time[samples.first[run]], samples.time[samples.first[run + 1] - 1]];
+
+function poseNow() {
+  if (state.run === null) return { position: data.start, quaternion: [0, 0, 0, 1], speed: 0 };
+  let [low, high] = [samples.first[state.run], samples.first[state.run + 1] - 1];
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (samples.time[middle] <= state.time) low = middle;
+    else high = middle;
+  }
+  const span = samples.time[high] - samples.time[low];
+  const share = span > 0 ? Math.min(Math.max((state.time - samples.time[low]) / span, 0), 1) : 0;
+  return {
+    position: mix(placeOf(low), placeOf(high), share),
+    quaternion: slerp(turnOf(low), turnOf(high), share),
+    speed: (1 - share) * samples.speed[low] + share * samples.speed[high],
+  };
+}
+
+function choose(run) {
+  state.run = run;
+  byId("run").value = run;
+  [byId("time").min, byId("time").max] = spanOf(run);
+  setTime(spanOf(run)[0]);
+}
+
+function setTime(time) {
+  const [start, end] = spanOf(state.run);
+  state.time = Math.min(Math.max(time, start), end);
+  request();
+}
+
+function play(on) {
+  const [start, end] = spanOf(state.run);
+  state.playing = on && state.run !== null;
+  if (state.playing && state.time >= end) setTime(start);
+  let last = performance.now();
+  const tick = (now) => {
+    if (!state.playing) return;
+    setTime(state.time + Math.max(now - last, 0) / 1000);
+    last = now;
+    state.playing = state.time < spanOf(state.run)[1];
+    requestAnimationFrame(tick);
+  };
+  requestAnimationFrame(tick);
+  request();
+}
+
+// ---- The picture and what is written around it
+
+const aspect = () => canvas.width / canvas.height;
+const pixel = () => 2 * FIELD * state.view.distance / canvas.clientHeight; // [m], mid-view
+
+function firstView() {
+  const points = [data.start];
+  for (let sample = 0; sample < samples.speed.length; sample++) points.push(placeOf(sample));
+  return viewOf(data.view, points, data.radius, aspect());
+}
+
+let asked = false;
+function request() {
+  if (asked) return;
+  asked = true;
+  requestAnimationFrame(() => {
+    asked = false;
+    const pose = poseNow(), camera = cameraOf(state.view, aspect());
+    state.triangles = draw({ camera, pose, run: state.run, all: byId("others").checked });
+    state.error = gl.getError();
+    write(pose, camera);
+  });
+}
+
+const metres = (value) => `${value.toFixed(2)} m`;
+const brief = (value, digits) => String(+value.toPrecision(digits));
+
+function nameOf(run) {
+  return `PGA ${brief(run.pga, 3)} g, PGV/PGA ${brief(run.pgv_pga, 3)} s, yaw ${run.yaw}°, `
+    + `friction ${run.friction}, path ${metres(run.trajectory_length)}`;
+}
+
+function write(pose, camera) {
+  byId("speed").textContent = `${pose.speed.toFixed(2)} m/s`;
+  byId("height").textContent = metres(pose.position[2]);
+  byId("distance").textContent = metres(Math.hypot(...add(pose.position, startOf(state.run), -1)));
+  byId("now").textContent = `${state.time.toFixed(2)} of ${spanOf(state.run)[1].toFixed(2)} s`;
+  byId("time").value = state.time;
+  byId("play").textContent = state.playing ? "Pause" : "Play";
+  const power = 10 ** Math.floor(Math.log10(100 * pixel()));
+  const length = [5, 2, 1].map((step) => step * power).find((value) => value <= 100 * pixel());
+  byId("ruler").style.width = `${length / pixel()}px`;
+  byId("length").textContent = `${brief(length, 1)} m`;
+  const flat = (v) => [dot(camera.axes[0], v), -dot(camera.axes[1], v)];
+  [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((axis, k) => {
+    const [x, y] = flat(axis), end = `translate(${44 * x} ${44 * y})`;
+    setAll(byId("xyz"[k]), { x2: 34 * x, y2: 34 * y });
+    setAll(byId("xyz"[k]).nextElementSibling, { transform: end, opacity: Math.hypot(x, y) > 0.4 ? 1 : 0 });
+  });
+  if (state.run === null) return;
+  const yaw = runs[state.run].yaw * Math.PI / 180;
+  const [x, y] = flat([Math.cos(yaw), -Math.sin(yaw), 0]).map((value) => 30 * value);
+  setAll(byId("shaking"), { x1: -x, y1: -y, x2: x, y2: y });
+}
+
+function setAll(element, attributes) {
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+}
+
+function trouble(text) {
+  byId("trouble").textContent = text;
+  byId("trouble").hidden = false;
+}
+
+// ---- Turning, moving, coming closer
+
+function turn(across, down) {
+  state.view.azimuth -= across;
+  state.view.elevation = Math.min(Math.max(state.view.elevation + down, -0.3), 1.55);
+  request();
+}
+
+function move(across, down) {
+  const [right, up] = axesOf(state.view);
+  state.view.target = add(add(state.view.target, right, -across * pixel()), up, down * pixel());
+  request();
+}
+
+// Comes closer to what is some pixels off the middle, which stays there.
+function zoom(factor, across = 0, down = 0) {
+  const before = pixel();
+  state.view.distance = Math.min(Math.max(state.view.distance * factor, 0.5 * data.radius), 2000);
+  const grown = before / pixel() - 1;
+  move(-across * grown, -down * grown);
+}
+
+function reset() {
+  state.view = firstView();
+  request();
+}
+
+const fingers = new Map();
+let travelled = 0;
+
+function press(event) {
+  canvas.setPointerCapture(event.pointerId);
+  fingers.set(event.pointerId, event);
+  travelled = 0;
+}
+
+function drag(event) {
+  const before = fingers.get(event.pointerId);
+  if (!before) {
+    hover(event);
+    return;
+  }
+  const [across, down] = [event.clientX - before.clientX, event.clientY - before.clientY];
+  const other = [...fingers.values()].find((finger) => finger.pointerId !== event.pointerId);
+  travelled += Math.abs(across) + Math.abs(down);
+  fingers.set(event.pointerId, event);
+  byId("tip").hidden = true;
+  if (other) {
+    const apart = (finger) => Math.hypot(finger.clientX - other.clientX, finger.clientY - other.clientY);
+    zoom(Math.max(apart(before), 1) / Math.max(apart(event), 1));
+    move(across / 2, down / 2);
+  } else if (event.shiftKey || event.buttons & 6) move(across, down);
+  else turn(0.006 * across, 0.006 * down);
+}
+
+function release(event) {
+  const pressed = fingers.delete(event.pointerId);
+  if (!pressed || travelled > 4 || event.type !== "pointerup") return;
+  const found = nearest(event);
+  if (found) choose(found.run);
+}
+
+// The sample of a path that is drawn, next to the pointer and at most 14 pixels off.
+function nearest(event) {
+  if (state.run === null) return null;
+  const { matrix: m } = cameraOf(state.view, aspect()), box = canvas.getBoundingClientRect();
+  const [x, y] = [event.clientX - box.left, event.clientY - box.top];
+  const all = byId("others").checked;
+  const [start, end] = all ? [0, samples.speed.length] : samples.first.slice(state.run, state.run + 2);
+  let [least, sample] = [14 ** 2, -1];
+  for (let i = start; i < end; i++) {
+    const [p, q, r] = [samples.place[3 * i], samples.place[3 * i + 1], samples.place[3 * i + 2]];
+    const w = m[3] * p + m[7] * q + m[11] * r + m[15];
+    const u = (0.5 + 0.5 * (m[0] * p + m[4] * q + m[8] * r + m[12]) / w) * box.width - x;
+    const v = (0.5 - 0.5 * (m[1] * p + m[5] * q + m[9] * r + m[13]) / w) * box.height - y;
+    if (w > 0 && u * u + v * v < least) [least, sample] = [u * u + v * v, i];
+  }
+  return sample < 0 ? null : { sample, run: samples.first.filter((first) => first <= sample).length - 1 };
+}
+
+function hover(event) {
+  const found = nearest(event), tip = byId("tip");
+  tip.hidden = !found;
+  if (!found) return;
+  const place = placeOf(found.sample);
+  tip.textContent = [
+    ...nameOf(runs[found.run]).split(", "), "", `time ${samples.time[found.sample].toFixed(2)} s`,
+    `speed ${samples.speed[found.sample].toFixed(2)} m/s`, `height z ${metres(place[2])}`,
+    `from start ${metres(Math.hypot(...add(place, startOf(found.run), -1)))}`,
+  ].join("\n");
+  const box = canvas.getBoundingClientRect();
+  tip.style.left = `${Math.min(event.clientX - box.left + 14, box.width - tip.offsetWidth)}px`;
+  tip.style.top = `${Math.min(event.clientY - box.top + 14, box.height - tip.offsetHeight)}px`;
+}
+
+const KEYS = {
+  ArrowLeft: () => turn(-0.1, 0), ArrowRight: () => turn(0.1, 0),
+  ArrowUp: () => turn(0, -0.1), ArrowDown: () => turn(0, 0.1),
+  "+": () => zoom(0.85), "=": () => zoom(0.85), "-": () => zoom(1 / 0.85),
+  0: reset, " ": () => play(!state.playing),
+};
+
+function listen() {
+  const on = (element, event, act, options) => element.addEventListener(event, act, options);
+  on(canvas, "pointerdown", press);
+  on(canvas, "pointermove", drag);
+  on(canvas, "pointerup", release);
+  on(canvas, "pointercancel", release);
+  on(canvas, "pointerleave", () => { byId("tip").hidden = true; });
+  on(canvas, "contextmenu", (event) => event.preventDefault());
+  on(canvas, "wheel", (event) => {
+    event.preventDefault();
+    const middle = [canvas.clientWidth / 2, canvas.clientHeight / 2];
+    zoom(Math.exp(0.0012 * event.deltaY), event.offsetX - middle[0], event.offsetY - middle[1]);
+  }, { passive: false });
+  on(canvas, "keydown", (event) => {
+    if (!KEYS[event.key] || event.ctrlKey || event.metaKey) return;
+    event.preventDefault();
+    KEYS[event.key]();
+  });
+  on(canvas, "webglcontextlost", () => trouble("The graphics card was taken away. Load the page again."));
+  on(byId("play"), "click", () => play(!state.playing));
+  on(byId("time"), "input", (event) => {
+    state.playing = false;
+    setTime(event.target.valueAsNumber);
+  });
+  on(byId("time"), "keydown", (event) => {
+    const step = { ArrowRight: 0.05, ArrowUp: 0.05, ArrowLeft: -0.05, ArrowDown: -0.05 }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    setTime(state.time + step);
+  });
+  on(byId("run"), "change", (event) => choose(+event.target.value));
+  on(byId("others"), "change", request);
+  new ResizeObserver(() => {
+    fit();
+    request();
+  }).observe(canvas);
+}
+
+function fit() {
+  const size = [canvas.clientWidth, canvas.clientHeight];
+  const [width, height] = size.map((side) => Math.max(Math.round(side * (window.devicePixelRatio || 1)), 1));
+  if (width !== canvas.width || height !== canvas.height) [canvas.width, canvas.height] = [width, height];
+}
+
+function begin() {
+  runs.forEach((run, k) => byId("run").add(new Option(`${k + 1}: ${nameOf(run)}, ${run.stop}`, k)));
+  if (!runs.length) {
+    byId("run").add(new Option("no run toppled"));
+    byId("shaking").remove();
+    byId("along").remove();
+  }
+  for (const id of ["run", "time", "play", "others"]) byId(id).disabled = !runs.length;
+  const colours = data.colours.map((part) => `rgb(${part.map((value) => Math.round(255 * value))})`);
+  byId("bar").style.background = `linear-gradient(to right, ${colours})`;
+  byId("half").textContent = brief(samples.largest / 2, 2);
+  byId("largest").textContent = brief(samples.largest, 2);
+  fit();
+  state.view = firstView();
+  listen();
+  const lengths = runs.map((run) => run.trajectory_length);
+  if (runs.length) choose(lengths.indexOf(Math.max(...lengths)));
+  else request();
+}
+
+window.vsr = Object.freeze({
+  get time() { return state.time; },
+  get position() { return poseNow().position; },
+  get quaternion() { return poseNow().quaternion; },
+  get run() { return state.run; },
+  get view() { return { ...state.view }; },
+  get playing() { return state.playing; },
+  get triangles() { return state.triangles; },
+  get error() { return state.error; },
+});
+
+const gl = canvas.getContext("webgl2", { antialias: true });
+if (gl) {
+  draw = drawingOf(gl, data);
+  begin();
+} else {
+  trouble("This browser has no WebGL 2, with which this page draws. Try another browser, or allow "
+    + "this one to use the graphics card.");
+}

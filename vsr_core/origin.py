@@ -1,0 +1,263 @@
+"""Where a rock that was found came from, and under which shaking.
+
+The forward model is many runs: from a start, under a motion, to an end. A place where the rock was
+found turns them round by Bayes' rule,
+
+    P(cell | place)  ~  P(cell) * mean over the runs of the cell of N(end - place; sigma),
+
+where a cell is a start, a PGA and a PGV/PGA. The kernel is cut at ``REACH`` sigma, so that a place
+that no run explains gets no answer instead of the least bad one. ``sigma`` is the uncertainty of
+the place and of the forward model together: a run says where the rock comes to rest to within the
+scatter of its bounces, not to the millimetre.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+
+Array = NDArray[np.float64]
+
+REACH = 3.0
+"""Distance, in sigma, beyond which an end does not explain a place."""
+
+FEW = 10.0
+"""Effective runs below which an answer is said to rest on few."""
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Forward:
+    """Runs whose resting place is known; all arrays over the runs.
+
+    A run that ended before the rock lay still, or without a verdict, does not belong here.
+
+    Attributes
+    ----------
+    start : ndarray of int, shape (n,), number of the start
+    pga : ndarray, shape (n,) [g]
+    pgv_pga : ndarray, shape (n,) [s]
+    end : ndarray, shape (n, 2) [m], x and y at rest; NaN if the rock left the terrain, so that it
+        rests nowhere on it. A rock that did not topple rests where it stands.
+    """
+
+    start: NDArray[np.int64]
+    pga: Array
+    pgv_pga: Array
+    end: Array
+
+    def __post_init__(self) -> None:
+        shapes = (self.start.shape, self.pga.shape, self.pgv_pga.shape, self.end.shape[:1])
+        if len(set(shapes)) > 1 or self.end.shape[1:] != (2,):
+            raise Unfit(
+                f"arrays of shapes {(*shapes[:3], self.end.shape)}",
+                "each run has a start, a PGA, a PGV/PGA and an end of two coordinates",
+                "give arrays (n,), (n,), (n,) and (n, 2)",
+            )
+        if len(self.start) == 0:
+            raise Unfit(
+                "no forward run", "the inverse turns forward runs round", "run a grid first"
+            )
+
+
+@dataclass(frozen=True)
+class Found:
+    """A rock found somewhere.
+
+    Attributes
+    ----------
+    place : (float, float) [m], x and y
+    sigma : float [m], standard deviation of each coordinate
+    identity : float, probability that it is the rock of the runs, before looking at the place
+    area : float [m^2], over which another rock could as well lie; needed if ``identity`` < 1
+
+    Raises
+    ------
+    Unfit
+        If ``sigma``, ``identity`` or ``area`` is out of range.
+    """
+
+    place: tuple[float, float]
+    sigma: float
+    identity: float = 1.0
+    area: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.sigma < math.inf and np.isfinite(self.place).all()):
+            raise Unfit(
+                f"a place {self.place} known to {self.sigma} m",
+                "a place is finite and its uncertainty above 0",
+                "give sigma in metres; the accuracy of the survey at least",
+            )
+        if not 0.0 < self.identity <= 1.0 or not self.area > 0.0:
+            raise Unfit(
+                f"identity {self.identity} and area {self.area} m2",
+                "a probability above 0 and an area above 0",
+                "correct them",
+            )
+        if self.identity < 1.0 and math.isinf(self.area):
+            raise Unfit(
+                f"identity {self.identity} without an area",
+                "another rock lies somewhere on an area",
+                "give the plan area of the terrain [m2]",
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """What a place says about the start and the shaking.
+
+    Attributes
+    ----------
+    start : ndarray of int, shape (s,)
+    pga : ndarray, shape (p,) [g]
+    pgv_pga : ndarray, shape (r,) [s]
+    probability : ndarray, shape (s, r, p), sums to 1; 0 in cells without a run; all NaN if there
+        is no answer
+    weight : ndarray, shape (n,), share of each run in the answer; 0 where there is none
+    evidence : float [1/m^2], density of the rock's ends at the place, before it was found
+    identity : float, probability, now, that the found rock is the one of the runs; NaN if it is
+        certain to be and yet no run explains it
+    near : int, runs that end within ``REACH`` sigma of the place
+    nearest : float [m], from the place to the nearest end; inf without any
+    effective : float, effective sample size: the number of equal weights that scatter as much
+    statement : str, a sentence on what the answer rests on
+    """
+
+    start: NDArray[np.int64]
+    pga: Array
+    pgv_pga: Array
+    probability: Array
+    weight: Array
+    evidence: float
+    identity: float
+    near: int
+    nearest: float
+    effective: float
+    statement: str
+
+    @property
+    def answered(self) -> bool:
+        """Whether any run explains the place."""
+        return self.evidence > 0.0
+
+    @property
+    def of_start(self) -> Array:
+        """Probability of each start, shape (s,)."""
+        total: Array = self.probability.sum(axis=(1, 2))
+        return total
+
+    @property
+    def of_motion(self) -> Array:
+        """Probability of each motion whatever the start, shape (r, p)."""
+        total: Array = self.probability.sum(axis=0)
+        return total
+
+    def region(self, share: float) -> NDArray[np.bool_]:
+        """Mark the most probable motions that hold ``share`` of it, shape (r, p).
+
+        Motions as probable as the last one needed are all in it.
+        """
+        motion = self.of_motion
+        if not self.answered:
+            return np.zeros(motion.shape, dtype=bool)
+        falling = np.sort(motion, axis=None)[::-1]
+        last = int(np.searchsorted(np.cumsum(falling), share * (1.0 - _ROUNDING)))
+        least = falling[min(last, falling.size - 1)]
+        inside: NDArray[np.bool_] = (motion >= least * (1.0 - _ROUNDING)) & (motion > 0.0)
+        return inside
+
+
+def trace(forward: Forward, found: Found, prior: Array | None = None) -> Origin:
+    """Probability of each start and motion, given where the rock was found.
+
+    Parameters
+    ----------
+    forward : Forward
+    found : Found
+    prior : ndarray, shape (s, r, p), optional
+        Not negative, of any sum, over the sorted starts, PGV/PGA and PGA of the runs. Alike in
+        all cells that hold a run if not given. Cells without a run get nothing: what happens
+        there is not known.
+
+    Raises
+    ------
+    Unfit
+        If the prior is of another shape, negative, or nothing where there are runs.
+    """
+    start, at_start = np.unique(forward.start, return_inverse=True)
+    ratio, at_ratio = np.unique(forward.pgv_pga, return_inverse=True)
+    pga, at_pga = np.unique(forward.pga, return_inverse=True)
+    cell = (at_start, at_ratio, at_pga)
+    runs = np.zeros((len(start), len(ratio), len(pga)))
+    np.add.at(runs, cell, 1.0)
+    before = _prior(runs, prior)
+
+    distance = np.hypot(*(forward.end - found.place).T)
+    distance[np.isnan(distance)] = np.inf
+    near, nearest = int((distance <= REACH * found.sigma).sum()), float(distance.min())
+    weight = before[cell] / runs[cell] * _kernel(distance, found.sigma)
+    evidence = float(weight.sum())
+    effective, after = 0.0, np.full(runs.shape, np.nan)
+    identity = math.nan if found.identity == 1.0 else 0.0
+    if evidence > 0.0:
+        weight = weight / evidence
+        effective = 1.0 / float(weight @ weight)
+        other = (1.0 - found.identity) / found.area
+        identity = found.identity * evidence / (found.identity * evidence + other)
+        after = (1.0 - identity) * before  # another rock says nothing of this one
+        np.add.at(after, cell, identity * weight)
+    statement = _statement(found, near, nearest, effective)
+    return Origin(
+        start, pga, ratio, after, weight, evidence, identity, near, nearest, effective, statement
+    )
+
+
+def _prior(runs: Array, prior: Array | None) -> Array:
+    """Probability of the cells that hold runs, summing to 1."""
+    covered = runs > 0.0
+    if prior is None:
+        return covered / covered.sum()
+    if prior.shape != runs.shape or not (prior >= 0.0).all():
+        raise Unfit(
+            f"a prior of shape {prior.shape}",
+            f"it is not negative and of shape {runs.shape}: starts, PGV/PGA, PGA",
+            "give one number a cell",
+        )
+    total = float(prior[covered].sum())
+    if not 0.0 < total < math.inf:
+        raise Unfit(
+            "a prior that is nothing in every cell with a run",
+            "what is impossible beforehand stays impossible",
+            "run the motions that the prior allows",
+        )
+    return np.where(covered, prior / total, 0.0)
+
+
+def _kernel(distance: Array, sigma: float) -> Array:
+    """Density [1/m^2] of a place at ``distance`` from an end, nothing beyond the reach."""
+    scaled = distance / sigma
+    share = 1.0 - math.exp(-0.5 * REACH**2)
+    height = 1.0 / (2.0 * math.pi * sigma**2 * share)
+    return np.where(scaled <= REACH, height * np.exp(-0.5 * scaled**2), 0.0)
+
+
+def _statement(found: Found, near: int, nearest: float, effective: float) -> str:
+    reach = f"{REACH:g} sigma ({REACH * found.sigma:.3g} m)"
+    if not near:
+        where = (
+            f"the nearest ends {nearest:.3g} m away" if math.isfinite(nearest) else "none is on it"
+        )
+        return f"No answer: no forward run ends within {reach} of the place; {where}."
+    if effective == 0.0:
+        return f"No answer: the {near} runs that end within {reach} have no prior probability."
+    text = f"{near} forward runs end within {reach} of the place, worth {effective:.1f} equal ones"
+    return (
+        f"{text}: few, so that more runs may change the answer." if effective < FEW else f"{text}."
+    )

@@ -1,0 +1,161 @@
+"""Where a noisy surface turns inward, and the cheapest seam along such hollows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+from vsr_core.scan.clean import areas
+from vsr_core.scan.topology import edges, ends
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+NOISE = 0.2
+"""Normals are smoothed until three edges in four turn by less than this [rad]."""
+
+HOLLOW = np.radians(20.0)
+"""A surface that turns inward by less than this at an edge [rad] has no hollow there."""
+
+LARGEST_FACES = 1_500_000
+"""Faces whose seam is sought at once; about 2 GB."""
+
+_KEPT = {1: 0.17, 2: 0.12, 4: 0.08, 8: 0.05}  # of a sharp turn, by rounds of smoothing
+_CHEAP = 0.02  # cost of a length along a sharp hollow, of the cost anywhere else
+
+
+@dataclass(frozen=True)
+class Turns:
+    """How a surface turns across its inner edges.
+
+    Attributes
+    ----------
+    side : ndarray of int, shape (e, 2), the two sides of each edge (see ``topology.Edges``)
+    length : ndarray, shape (e,) [m]
+    inward : ndarray, shape (e,) [rad], about the sharp turn there, positive in a hollow
+    noise : float [rad], turn that three edges in four stay below
+    """
+
+    side: Index
+    length: Array
+    inward: Array
+    noise: float
+
+    @property
+    def faces(self) -> Index:
+        """The faces on either side of each edge, shape (e, 2)."""
+        return self.side // 3
+
+    @property
+    def hollow(self) -> Mask:
+        """Edges that turn clearly inward, shape (e,)."""
+        return self.inward > max(self.noise, HOLLOW)
+
+    @property
+    def cost(self) -> Array:
+        """Cost of a seam along each edge [m]: its length, less the hollower it is."""
+        falling = np.exp(-np.maximum(self.inward, 0.0) / max(self.noise, 0.5 * HOLLOW))
+        return self.length * (_CHEAP + (1.0 - _CHEAP) * falling)
+
+
+def smoothed_normals(vertices: Array, faces: Index, rounds: int) -> Array:
+    """Unit normals of faces, ``rounds`` times averaged over all faces that share a vertex.
+
+    Returns
+    -------
+    ndarray, shape (m, 3)
+    """
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    vector = np.cross(b - a, c - a)
+    area = np.linalg.norm(vector, axis=1, keepdims=True)
+    for _ in range(rounds):
+        vector = _normed(_around_vertices(vector, faces, len(vertices))) * area
+    return _normed(vector)
+
+
+def _around_vertices(values: Array, faces: Index, count: int) -> Array:
+    """Sum, over the corners of each face, of the values of all faces at the corner."""
+    flat = faces.ravel()
+    at = [np.bincount(flat, np.repeat(values[:, k], 3), count) for k in range(3)]
+    return np.column_stack([sums[faces].sum(axis=1) for sums in at])
+
+
+def _normed(vector: Array) -> Array:
+    return vector / np.maximum(np.linalg.norm(vector, axis=1, keepdims=True), 1e-300)
+
+
+def turns(vertices: Array, faces: Index) -> Turns:
+    """Turn of a surface across its edges, smoothed as much as its noise asks for.
+
+    The turn at an edge is the difference of the normals beside it along the way from the middle
+    of one face to that of the other. Smoothing spreads it over neighbouring edges; it is scaled
+    such that the deepest edge along a sharp, regular hollow keeps its turn.
+
+    Raises
+    ------
+    Unfit
+        If the surface has too many faces.
+    """
+    if len(faces) > LARGEST_FACES:
+        raise Unfit(
+            f"a scan of {len(faces) / 1e6:.1f} million faces",
+            f"a seam is sought among at most {LARGEST_FACES / 1e6:.1f} million",
+            "decimate or crop it first; half the faces resolve the seam to 1.4 edges instead of 1",
+        )
+    side = edges(faces).pairs
+    one, other = side.T // 3
+    start, end = ends(faces, side[:, 0]).T
+    length = np.linalg.norm(vertices[start] - vertices[end], axis=1)
+    middle = vertices[faces].mean(axis=1)
+    along = _normed(middle[other] - middle[one])
+    for rounds in _KEPT:
+        normal = smoothed_normals(vertices, faces, rounds) / _KEPT[rounds]
+        inward = np.einsum("ij,ij->i", normal[one] - normal[other], along)
+        noise = float(np.percentile(np.abs(inward), 75.0))
+        if noise <= NOISE:
+            break
+    return Turns(side, length, inward, noise)
+
+
+def cheapest_cut(found: Turns, count: int, rock: Mask, ground: Mask) -> Mask:
+    """Which of ``count`` faces a cheapest seam leaves with the rock (minimum cut).
+
+    Parameters
+    ----------
+    rock, ground : ndarray of bool, shape (count,), faces known to be of either; disjoint
+
+    Returns
+    -------
+    ndarray of bool, shape (count,)
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
+    node = np.where(rock, 0, 1)
+    free = ~(rock | ground)
+    node[free] = 2 + np.arange(int(free.sum()))
+    one, other = node[found.faces].T
+    apart = one != other
+    one, other = one[apart], other[apart]
+    cost = found.cost[apart]
+    whole = np.maximum(np.round(cost * (1e4 / cost.max())), 1.0).astype(np.int32)
+    size = 2 + int(free.sum())
+    graph = coo_array(
+        (np.concatenate([whole, whole]), (np.append(one, other), np.append(other, one))),
+        shape=(size, size),
+    ).tocsr()
+    left = graph - maximum_flow(graph.astype(np.int32), 0, 1).flow
+    left.data = np.maximum(left.data, 0)
+    left.eliminate_zeros()
+    reached = np.zeros(size, dtype=bool)
+    reached[breadth_first_order(left, 0, return_predecessors=False)] = True
+    return reached[node]
+
+
+def mean_edge(vertices: Array, faces: Index) -> float:
+    """Side of the equilateral triangle of the mean area [m]: a mesh's resolution."""
+    return float(np.sqrt(4.0 / np.sqrt(3.0) * areas(vertices, faces).mean()))

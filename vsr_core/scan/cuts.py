@@ -1,0 +1,156 @@
+"""A user's cut between rock and ground: a function over the scan, positive on the rock.
+
+The mesh is split where the function is zero, so that a cut's rim lies on the cut itself and not
+on the nearest edges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+from vsr_core.scan.topology import edges, ends
+
+if TYPE_CHECKING:
+    import trimesh
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+Point: TypeAlias = tuple[float, float, float]
+
+_NEAR_END = 0.05  # a cut within this share of an edge's end passes through the vertex
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The rock is on the side of a plane to which ``normal`` points; ``point`` lies on it [m]."""
+
+    point: Point
+    normal: Point
+
+    def inside(self, mesh: trimesh.Trimesh) -> Array:
+        """Height of each vertex over the plane [m], shape (n,)."""
+        normal = np.array(self.normal, dtype=np.float64)
+        if not np.linalg.norm(normal) > 0.0:
+            raise Unfit("a plane without a normal", "it points to the rock", "give its direction")
+        return (mesh.vertices - np.array(self.point)) @ (normal / np.linalg.norm(normal))
+
+
+@dataclass(frozen=True)
+class Box:
+    """The rock is within a box along the axes, from ``low`` to ``high`` [m]."""
+
+    low: Point
+    high: Point
+
+    def inside(self, mesh: trimesh.Trimesh) -> Array:
+        """Distance of each vertex to the box, positive inside [m], shape (n,)."""
+        if not (np.array(self.low) < np.array(self.high)).all():
+            raise Unfit(f"a box from {self.low} to {self.high}", "low is below high", "swap them")
+        below, above = mesh.vertices - np.array(self.low), np.array(self.high) - mesh.vertices
+        return np.minimum(below, above).min(axis=1)
+
+
+@dataclass(frozen=True)
+class Polygon:
+    """The rock is within a vertical prism over a polygon of x, y corners [m]."""
+
+    corners: tuple[tuple[float, float], ...]
+
+    def inside(self, mesh: trimesh.Trimesh) -> Array:
+        """Distance of each vertex to the prism's walls, positive inside [m], shape (n,)."""
+        import shapely
+
+        polygon = shapely.Polygon(self.corners) if len(self.corners) > 2 else shapely.Polygon()
+        if polygon.is_empty or not polygon.is_valid:
+            raise Unfit(
+                f"a polygon of {len(self.corners)} corners that encloses nothing or crosses itself",
+                "its corners run once around the rock",
+                "give them in order",
+            )
+        points = shapely.points(mesh.vertices[:, :2])
+        away: Array = shapely.distance(polygon.exterior, points)
+        return np.where(shapely.contains(polygon, points), away, -away)
+
+
+@dataclass(frozen=True)
+class Colour:
+    """The rock is painted in a colour (red, green, blue, 0 to 255), within a tolerance."""
+
+    rgb: tuple[int, int, int]
+    tolerance: float = 60.0
+
+    def inside(self, mesh: trimesh.Trimesh) -> Array:
+        """Tolerance less each vertex's distance from the colour, shape (n,)."""
+        if mesh.visual.kind != "vertex":
+            raise Unfit(
+                "a scan without colours of vertices",
+                "a cut by colour needs them",
+                "bake the texture into vertex colours, or give another cut",
+            )
+        colours = np.asarray(mesh.visual.vertex_colors, dtype=np.float64)[:, :3]
+        return self.tolerance - np.linalg.norm(colours - np.array(self.rgb), axis=1)
+
+
+Cut: TypeAlias = Plane | Box | Polygon | Colour
+
+
+def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Index, Mask]:
+    """Faces split along a cut.
+
+    Returns
+    -------
+    vertices : ndarray, shape (n, 3) [m], the mesh's own first
+    faces : ndarray of int, shape (m, 3)
+    rock : ndarray of bool, shape (m,), on the rock's side
+    """
+    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
+    value = _without_slivers(cut.inside(mesh), faces)
+    found = edges(faces)
+    start, end = ends(faces, found.side[found.first]).T
+    crossed = value[start] * value[end] < 0.0
+    start, end = start[crossed], end[crossed]
+    share = (value[start] / (value[start] - value[end]))[:, None]
+    between = np.full(3 * len(faces), -1)
+    number = np.full(len(found.first), -1)
+    number[crossed] = len(vertices) + np.arange(len(start))
+    between[found.side] = np.repeat(number, found.count)
+    vertices = np.concatenate([vertices, (1.0 - share) * vertices[start] + share * vertices[end]])
+    faces = _split_faces(faces, between.reshape(-1, 3))
+    value = np.append(value, np.zeros(len(start)))
+    return vertices, faces, value[faces].sum(axis=1) > 0.0
+
+
+def _without_slivers(value: Array, faces: Index) -> Array:
+    """Values set to zero at the vertices close to which an edge is cut."""
+    found = edges(faces)
+    start, end = ends(faces, found.side[found.first]).T
+    crossed = value[start] * value[end] < 0.0
+    start, end = start[crossed], end[crossed]
+    share = value[start] / (value[start] - value[end])
+    value = value.copy()
+    value[start[share < _NEAR_END]] = 0.0
+    value[end[share > 1.0 - _NEAR_END]] = 0.0
+    return value
+
+
+def _split_faces(faces: Index, between: Index) -> Index:
+    """Faces replaced by their parts; ``between`` numbers the new vertex on each side, or is -1."""
+    cuts = (between >= 0).sum(axis=1)
+    parts = [faces[cuts == 0]]
+    for k in range(3):
+        turn = [(k + j) % 3 for j in range(3)]
+        one = (cuts == 1) & (between[:, k] >= 0)
+        a, b, c = faces[one][:, turn].T
+        m = between[one, k]
+        parts += [np.column_stack([a, m, c]), np.column_stack([m, b, c])]
+        two = (cuts == 2) & (between[:, turn[2]] < 0)
+        a, b, c = faces[two][:, turn].T
+        m, n = between[two, k], between[two, turn[1]]
+        parts += [np.column_stack(part) for part in ((m, b, n), (a, m, n), (a, n, c))]
+    return np.concatenate(parts)

@@ -1,0 +1,146 @@
+"""A surface across a rim: triangles between its vertices, and even ones inside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+from vsr_core.scan.topology import Index, ends, edges, rims
+
+Array = NDArray[np.float64]
+
+_STRIP = 0.6  # width of the strip along the rim, of the spacing, that holds no inner vertex
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Coordinates u, v in a plane and h along ``up``, all in metres.
+
+    Attributes
+    ----------
+    origin : ndarray, shape (3,) [m]
+    axes : ndarray, shape (3, 3), rows: the unit vectors of u, v and h, right-handed
+    """
+
+    origin: Array
+    axes: Array
+
+    def into(self, points: Array) -> Array:
+        """Points, shape (n, 3) [m], in these coordinates."""
+        return (points - self.origin) @ self.axes.T
+
+    def back(self, points: Array) -> Array:
+        """The reverse of ``into``."""
+        return self.origin + points @ self.axes
+
+
+def frame(points: Array, up: Array) -> Frame:
+    """Frame about the middle of points, shape (n, 3) [m], with h along ``up``, shape (3,)."""
+    h = up / np.linalg.norm(up)
+    u = np.cross(np.eye(3)[int(np.argmin(np.abs(h)))], h)
+    u /= np.linalg.norm(u)
+    return Frame(points.mean(axis=0), np.array([u, np.cross(h, u), h]))
+
+
+def area_vector(loop: Array) -> Array:
+    """Area vector of a closed loop of points, shape (n, 3) [m]: its normal, counter-clockwise."""
+    middle = loop - loop.mean(axis=0)
+    return 0.5 * np.cross(middle, np.roll(middle, -1, axis=0)).sum(axis=0)
+
+
+def across(rim: Array, spacing: float = np.inf) -> tuple[Array, Index]:
+    """Triangles that fill a simple polygon, every side of it the side of one triangle.
+
+    Parameters
+    ----------
+    rim : ndarray, shape (n, 2) [m], counter-clockwise
+    spacing : float [m], of the vertices inside; none if infinite
+
+    Returns
+    -------
+    inner : ndarray, shape (k, 2) [m], vertices inside
+    faces : ndarray of int, shape (m, 3), counter-clockwise; n, n + 1, ... are the inner ones
+
+    Raises
+    ------
+    Unfit
+        If the polygon crosses itself.
+    """
+    import shapely
+
+    if not (polygon := shapely.Polygon(rim)).is_valid:
+        raise Unfit(
+            f"a rim of {len(rim)} edges that crosses itself, seen along its normal",
+            "a rim is filled across the plane it lies in",
+            "smooth or crop the scan there, or cut along a plane",
+        )
+    inner, even = _lattice(polygon, spacing)
+    holes = [inner[loop] for loop in rims(even)]
+    strip = shapely.constrained_delaunay_triangles(shapely.Polygon(rim, holes))
+    corners = shapely.get_coordinates(strip).reshape(-1, 4, 2)[:, :3]
+    faces = _named(corners.reshape(-1, 2), np.concatenate([rim, inner])).reshape(-1, 3)
+    side = corners[:, 1:] - corners[:, :1]
+    clockwise = side[:, 0, 0] * side[:, 1, 1] < side[:, 0, 1] * side[:, 1, 0]
+    faces[clockwise] = faces[clockwise, ::-1]
+    faces = np.concatenate([faces, even + len(rim)])
+    _see_that_it_is_whole(faces, len(rim))
+    return inner, faces
+
+
+def _lattice(polygon: object, spacing: float) -> tuple[Array, Index]:
+    """Vertices and faces of the equilateral triangles well inside a polygon."""
+    import shapely
+
+    none = np.empty((0, 2)), np.empty((0, 3), dtype=np.int64)
+    if not np.isfinite(spacing):
+        return none
+    room = shapely.buffer(polygon, -_STRIP * spacing)
+    if room.is_empty:
+        return none
+    low, high = np.array(room.bounds).reshape(2, 2)
+    height = spacing * np.sqrt(0.75)
+    wide, tall = np.ceil((high - low) / (spacing, height)).astype(int) + 3
+    row, column = np.divmod(np.arange(wide * tall), wide)
+    x = low[0] + (column - 1.0 + 0.5 * (row % 2)) * spacing
+    points = np.column_stack([x, low[1] + (row - 1.0) * height])
+    here = np.flatnonzero((column < wide - 1) & (row < tall - 1))
+    odd = row[here] % 2
+    up = np.column_stack([here, here + 1, here + wide + odd])
+    down = np.column_stack([here + 1 - odd, here + wide + 1, here + wide])
+    faces = np.concatenate([up, down])
+    kept = shapely.contains(room, shapely.points(points))
+    faces = _without_pinches(faces[kept[faces].all(axis=1)])
+    used, local = np.unique(faces, return_inverse=True)
+    return points[used], local.reshape(-1, 3)
+
+
+def _without_pinches(faces: Index) -> Index:
+    """Faces less those at a vertex where their rim meets itself."""
+    while len(faces):
+        start = np.sort(ends(faces, edges(faces).open)[:, 0])
+        pinched = start[1:][start[1:] == start[:-1]]
+        if len(pinched) == 0:
+            break
+        faces = faces[~np.isin(faces, pinched).any(axis=1)]
+    return faces
+
+
+def _named(corners: Array, points: Array) -> Index:
+    """Number of the point that each corner is."""
+    from scipy.spatial import cKDTree
+
+    return np.asarray(cKDTree(points).query(corners)[1], dtype=np.int64)
+
+
+def _see_that_it_is_whole(faces: Index, rim: int) -> None:
+    left = ends(faces, edges(faces).open)
+    expected = np.column_stack([np.arange(rim), (np.arange(rim) + 1) % rim])
+    if {tuple(e) for e in left.tolist()} != {tuple(e) for e in expected.tolist()}:
+        raise Unfit(
+            f"a rim of {rim} edges that cannot be filled",
+            "its points are distinct",
+            "clean the scan first",
+        )

@@ -1,0 +1,180 @@
+"""Rock and ground told apart in one scan: by a user's cut, and what a seam is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+from vsr_core.scan.clean import areas
+from vsr_core.scan.concave import Turns, cheapest_cut, turns
+from vsr_core.scan.cuts import Cut, split
+from vsr_core.scan.topology import at_border, chains, edges, ends, pieces
+
+if TYPE_CHECKING:
+    import trimesh
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Seam:
+    """A closed loop between rock and ground.
+
+    Attributes
+    ----------
+    loop : ndarray of int, shape (n,), vertices in order, the rock to their left
+    points : ndarray, shape (n, 3) [m], where they are in the scan
+    length : float [m]
+    concave : float, share of its length along a clear hollow
+    """
+
+    loop: Index
+    points: Array
+    length: float
+    concave: float
+
+
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """A scan whose faces are rock or ground.
+
+    Attributes
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+    rock : ndarray of bool, shape (m,)
+    seams : tuple of Seam, the longest first
+    confidence : float, 0 to 1: 1 for a cut that was given; for a proposed seam see ``propose``
+    notes : tuple of str
+    """
+
+    vertices: Array
+    faces: Index
+    rock: Mask
+    seams: tuple[Seam, ...]
+    confidence: float
+    notes: tuple[str, ...]
+    settled: bool = False
+
+
+def by_cut(mesh: trimesh.Trimesh, cut: Cut, reach: float = 0.0) -> Separation:
+    """Rock and ground by a user's cut through a clean scan.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh [m]
+    cut : Plane, Box, Polygon or Colour, in the mesh's coordinates
+    reach : float [m]
+        0 takes the cut as it is; else the seam moves to the hollow nearby, by at most this.
+
+    Raises
+    ------
+    Unfit
+        If the cut leaves no rock or no ground, or touches the border of the scan.
+    """
+    vertices, faces, rock = split(mesh, cut)
+    rock, notes = whole(vertices, faces, rock)
+    found = turns(vertices, faces)
+    if reach > 0.0:
+        rock = _to_the_hollow(vertices, faces, rock, found, reach)
+        rock, more = whole(vertices, faces, rock)
+        notes += more
+    return Separation(vertices, faces, rock, seams(vertices, faces, rock, found), 1.0, notes)
+
+
+def whole(vertices: Array, faces: Index, rock: Mask) -> tuple[Mask, tuple[str, ...]]:
+    """Rock in one piece without islands of ground: the largest piece of what is given.
+
+    Raises
+    ------
+    Unfit
+        If there is no rock, no ground, or the rock reaches the border of the scan.
+    """
+    area = areas(vertices, faces)
+    outer = at_border(faces, len(vertices))
+    if not outer.any():
+        raise Unfit(
+            "a scan without a rim",
+            "rock and ground form one open surface",
+            "use a closed rock as it is",
+        )
+    if not rock.any():
+        raise Unfit("a cut that leaves no rock", "part of the scan is rock", "move the cut")
+    pairs = edges(faces).pairs // 3
+    before, thin = rock, np.ones(1, dtype=bool)
+    while thin.any():
+        rock = _largest(pairs, area, rock)
+        if (rock & outer).any():
+            raise Unfit(
+                "a cut that touches the border of the scan",
+                "the ground surrounds the rock",
+                "move the cut, or scan more of the ground",
+            )
+        piece = pieces(pairs[rock[pairs[:, 0]] == rock[pairs[:, 1]]], len(faces))
+        rock = ~np.isin(piece, piece[outer])
+        thin = _thin(faces, pairs, rock, len(vertices))
+        rock = rock & ~thin
+    lost, won = area[before & ~rock].sum(), area[rock & ~before].sum()
+    notes = [f"{lost:.2g} m2 cut off beside the rock left to the ground"] if lost > 0.0 else []
+    if won > 0.0:
+        notes.append(f"{won:.2g} m2 of ground within the rock made rock")
+    return rock, tuple(notes)
+
+
+def _largest(pairs: Index, area: Array, rock: Mask) -> Mask:
+    """The connected part of the rock of the largest area."""
+    piece = pieces(pairs[rock[pairs].all(axis=1)], len(area))
+    return rock & (piece == int(np.argmax(np.bincount(piece[rock], weights=area[rock]))))
+
+
+def _thin(faces: Index, pairs: Index, rock: Mask, count: int) -> Mask:
+    """Faces of rock with all corners at a seam: they would lie in the surface that closes it."""
+    at_seam = np.zeros(count, dtype=bool)
+    one, other = pairs[rock[pairs[:, 0]] != rock[pairs[:, 1]]].T
+    shared = (faces[one][:, :, None] == faces[other][:, None, :]).any(axis=2)
+    at_seam[faces[one][shared]] = True
+    return rock & at_seam[faces].all(axis=1)
+
+
+def seams(vertices: Array, faces: Index, rock: Mask, found: Turns) -> tuple[Seam, ...]:
+    """Loops between rock and ground, the longest first."""
+    one, other = found.faces.T
+    between = np.flatnonzero(rock[one] != rock[other])
+    side = np.where(rock[one[between]], found.side[between, 0], found.side[between, 1])
+    links = ends(faces, side)
+    hollow = found.hollow[between]
+    made = []
+    for loop in chains(links):
+        own = np.isin(links[:, 0], loop)
+        length = float(found.length[between][own].sum())
+        concave = float(found.length[between][own & hollow].sum()) / length
+        made.append(Seam(loop, vertices[loop], length, concave))
+    return tuple(sorted(made, key=lambda seam: -seam.length))
+
+
+def _to_the_hollow(
+    vertices: Array, faces: Index, rock: Mask, found: Turns, reach: float
+) -> Mask:
+    """The cheapest seam within ``reach`` of a cut."""
+    from scipy.spatial import cKDTree
+
+    one, other = found.faces.T
+    between = rock[one] != rock[other]
+    start, end = ends(faces, found.side[between, 0]).T
+    middle = 0.5 * (vertices[start] + vertices[end])
+    away = cKDTree(middle).query(vertices[faces].mean(axis=1), distance_upper_bound=reach)[0]
+    near = np.isfinite(away)
+    ground = ~rock & (~near | at_border(faces, len(vertices)))
+    if not (rock & ~near).any() or not ground.any():
+        raise Unfit(
+            f"a seam sought within {reach} m of the cut",
+            "part of the rock and of the ground lie further away",
+            "seek it within less",
+        )
+    return cheapest_cut(found, len(faces), rock & ~near, ground)
