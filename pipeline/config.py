@@ -151,6 +151,9 @@ class PedestalConfig(Section):
     cut: Literal["proposal"] | Cut | None = Field(
         None, description="what of the scan is the rock; proposal accepts what `vsr prep` shows"
     )
+    near: Vector | None = Field(
+        None, description="a point on the rock, where the scan shows several [m]"
+    )
     clearance: float = Field(
         0.001, gt=0, le=0.05, description="gap between the rock and its seat before it settles [m]"
     )

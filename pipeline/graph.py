@@ -113,7 +113,8 @@ def _ensure(stage: Stage, wanted: dict[str, Identity], job: Job) -> None:
         "retry": product.retry,
     }
     job.store.publish(stage.name, facts, product.files)
-    job.log(f"{stage.name}: {product.summary}")
+    if product.summary:
+        job.log(f"{stage.name}: {product.summary}")
 
 
 def _forget_crashed(name: str, store: Store) -> None:

@@ -25,7 +25,7 @@ class Product:
     Attributes
     ----------
     files : dict, from file name to a function that writes it to a given path
-    summary : str, one line for the log
+    summary : str, one line for the log; empty where there was nothing to do
     unresolved : int, runs without a verdict; the command then ends with exit code 1
     retry : int, runs that a later call should try again
     """

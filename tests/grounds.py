@@ -6,12 +6,14 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vsr_core import travel
 from vsr_core.pieces import pieces
 from vsr_core.scene import Contact, Rock, Scene, State
+from vsr_core.solid import from_mesh
 from vsr_core.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -58,6 +60,35 @@ def bumpy(seed: int, height: float, length: float, half: float = 4.0, cells: int
     return sheet(waves, half, cells)
 
 
+def extruded(profile: Array, half: float, cells: int = 6) -> Terrain:
+    """Ground whose section is the line through ``profile``, x and z [m], along all of y.
+
+    The line may turn back under itself. The ground is on its right, seen along it.
+    """
+    y = np.linspace(-half, half, cells + 1)
+    flat = over(lambda x, y: 0.0 * x, np.arange(len(profile), dtype=float), y)
+    x, z = np.asarray(profile)[flat.vertices[:, 0].astype(int)].T
+    return Terrain(np.column_stack([x, flat.vertices[:, 1], z]), flat.faces)
+
+
+def cliff(depth: float, edge: float = 0.6, half: float = 6.0) -> Terrain:
+    """Level ground that ends at x = ``edge``, above another level ``depth`` [m] below it."""
+    x = np.concatenate([np.linspace(-half, edge, 9), np.linspace(edge + 0.03, half, 9)])
+    y = np.linspace(-half, half, 13)
+    return over(lambda x, y: -depth * (x > edge + 0.01), x, y)
+
+
+def perch(bumps: float = 0.05, half: float = 6.0, cells: int = 32) -> Terrain:
+    """A small level top from which bumpy slopes go down to both sides."""
+
+    def height(x: Array, y: Array) -> Array:
+        away = np.clip((np.hypot(x, y) - 0.45) / 0.3, 0.0, 1.0)
+        falls = -0.5 * np.maximum(np.abs(x) - 0.5, 0.0) - 0.1 * np.maximum(np.abs(y) - 0.5, 0.0)
+        return falls + bumps * away * np.sin(3.1 * x + 0.4) * np.cos(2.3 * y - 0.2)
+
+    return sheet(height, half, cells)
+
+
 def niche(half_width: float, wall: float, half: float = 4.0) -> Terrain:
     """A level square floor with steep walls of height ``wall`` [m] on three sides, open to +x.
 
@@ -73,6 +104,18 @@ def niche(half_width: float, wall: float, half: float = 4.0) -> Terrain:
         return walls - math.tan(math.radians(30.0)) * np.maximum(x - half_width, 0.0)
 
     return over(height, x, y)
+
+
+def lump(seed: int = 0, corners: int = 60) -> Rock:
+    """An irregular rock of about 0.5 m x 0.5 m x 0.9 m on a small flat base."""
+    rng = np.random.default_rng(seed)
+    way = np.sort(rng.uniform(0.0, 2.0 * np.pi, 7))
+    way = way + np.linspace(0.0, 2.0 * np.pi, 7, endpoint=False)
+    base = np.column_stack([0.14 * np.cos(way), 0.12 * np.sin(way), np.zeros(7)])
+    belly = rng.standard_normal((corners, 3))
+    belly = belly / np.linalg.norm(belly, axis=1)[:, None] * [0.26, 0.23, 0.42] + [0.02, 0.0, 0.46]
+    mesh = trimesh.convex.convex_hull(np.concatenate([base, belly]))
+    return from_mesh(mesh, 2110.0).rock
 
 
 def in_pieces(terrain: Terrain, tolerance: float, thickness: float) -> Terrain:

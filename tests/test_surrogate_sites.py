@@ -211,7 +211,8 @@ def flanks(site: SurrogateSite, height: float) -> tuple[Array, Array]:
 
 def test_supports_stand_before_and_behind_the_rock() -> None:
     site = made("double_rock_terrain")
-    rock, ground = flanks(site, 0.36)
+    ground = flanks(site, 0.36)[1]
+    rock = np.concatenate([flanks(site, height)[0] for height in np.linspace(0.02, 0.5, 9)])
     for side in (rock[:, 0].max(), rock[:, 0].min()):
         ahead = ground[(ground[:, 0] * side > 0.0) & (np.abs(ground[:, 1]) < 0.3)]
         gap = np.linalg.norm(ahead[:, None] - rock, axis=2).min()
@@ -272,7 +273,7 @@ def test_sites_are_repeatable(name: str) -> None:
 
 def test_too_narrow_a_gap_is_refused() -> None:
     with pytest.raises(ValueError, match="widen the gap"):
-        double_rock_terrain.site(replace(SHAPE, gap=0.005))
+        double_rock_terrain.site(replace(SHAPE, gap=-0.1))
 
 
 def test_scan_is_one_open_sheet_in_projected_coordinates(name: str) -> None:

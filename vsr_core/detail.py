@@ -65,14 +65,17 @@ def needed(corners: Array, tolerance: float, chosen: NDArray[np.bool_]) -> NDArr
     ----------
     corners : ndarray, shape (n, 3) [m]
     tolerance : float [m]
-    chosen : ndarray of bool, shape (n,), to begin with; they span a volume
+    chosen : ndarray of bool, shape (n,), to begin with
 
     Returns
     -------
     ndarray of bool, shape (n,)
+        All of them if those to begin with span no volume.
     """
     from scipy.spatial import ConvexHull
 
+    if not _spans_volume(corners[chosen]):
+        return np.ones(len(corners), dtype=bool)
     chosen = chosen.copy()
     while not chosen.all():
         hull = ConvexHull(corners[chosen])
@@ -82,6 +85,13 @@ def needed(corners: Array, tolerance: float, chosen: NDArray[np.bool_]) -> NDArr
             break
         chosen[farthest] = True
     return chosen
+
+
+def _spans_volume(points: Array) -> bool:
+    if len(points) < 4:
+        return False
+    extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(extent[2] > 1e-6 * extent[0])
 
 
 def _outside(points: Array, triangles: Array, planes: Array) -> Array:

@@ -112,8 +112,6 @@ class _Growing:
         for way in (*np.eye(3), outward, np.cross(outward, [0.6, 0.8, 0.0])):
             along = corners @ way
             extreme[[along.argmin(), along.argmax()]] = True
-        if not _spans_volume(corners[extreme]):
-            extreme[:] = True
         allowed = CORNER_SHARE * float(self._tolerance(points.mean(axis=0)[None])[0])
         return corners[needed(corners, allowed, extreme)]
 
@@ -179,11 +177,6 @@ def _above_hollows(points: Array, planes: Array) -> Array:
     depth = below[np.arange(len(points)), nearest]
     feet = points + depth[:, None] * planes[nearest, :3]
     return feet[depth > 1e-9]
-
-
-def _spans_volume(points: Array) -> bool:
-    extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return len(points) > 3 and bool(extent[2] > 1e-6 * extent[0])
 
 
 class _Triangles:

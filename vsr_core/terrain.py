@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,18 +46,17 @@ class Terrain:
         upward : ndarray of bool, shape (k,)
             Whether the ground lies below there (its normal points up).
         """
-        faces = self.around(x, y)
-        a, b, c = (self.vertices[self.faces[faces, k]] for k in range(3))
-        u, v = b - a, c - a
-        twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-        px, py = x - a[:, 0], y - a[:, 1]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            s = (px * v[:, 1] - py * v[:, 0]) / twice
-            t = (u[:, 0] * py - u[:, 1] * px) / twice
-        inside = (s >= 0.0) & (t >= 0.0) & (s + t <= 1.0)
-        height = (a[:, 2] + s * u[:, 2] + t * v[:, 2])[inside]
+        corners = self.vertices[self.faces[self.around(x, y)]]
+        u, v = corners[:, :, 0] - x, corners[:, :, 1] - y
+        # Twice the area between (x, y) and the side opposite each corner. Faces that share a side
+        # get the same number with opposite signs: no vertical slips through between them.
+        i, j = [1, 2, 0], [2, 0, 1]
+        area = u[:, i] * v[:, j] - u[:, j] * v[:, i]
+        twice = area.sum(axis=1)
+        met = ((area >= 0.0).all(axis=1) | (area <= 0.0).all(axis=1)) & (twice != 0.0)
+        height = (area[met] * corners[met, :, 2]).sum(axis=1) / twice[met]
         order = np.argsort(height)
-        return height[order], (twice[inside] > 0.0)[order]
+        return height[order], (twice[met] > 0.0)[order]
 
     def around(self, x: float, y: float) -> Indices:
         """Faces near the vertical through (x, y) [m]: all that it meets are among them."""
@@ -112,8 +112,9 @@ class _Grid:
         return cls(origin, cell, (nx, ny), first, box[order])
 
     def at(self, x: float, y: float) -> Indices:
-        i = int((x - self.origin[0]) // self.cell)
-        j = int((y - self.origin[1]) // self.cell)
+        # Not by //, which rounds otherwise than what put the boxes into their cells.
+        i = math.floor((x - self.origin[0]) / self.cell)
+        j = math.floor((y - self.origin[1]) / self.cell)
         if not (0 <= i < self.shape[0] and 0 <= j < self.shape[1]):
             return self.box[:0]
         place = i * self.shape[1] + j

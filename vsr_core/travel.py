@@ -255,7 +255,10 @@ class _Run:
             if self.sample < self.pulse_samples < until:
                 until = self.pulse_samples
             self.world.advance(values[self.sample : until])
-            before, self.state = self.state, self.world.state()
+            before, state = self.state, self.world.state()
+            if not _finite(state):
+                return self._ended(Outcome.UNSTABLE, StopReason.UNDONE)
+            self.state = state
             self._keep(before, until)
             self.sample, self.time = until, until * self.interval
             looks += 1
@@ -304,21 +307,20 @@ class _Run:
         given = -self.values[self.sample : until].sum() * self.interval * self.along
         given[2] -= GRAVITY * duration
         change = float(np.linalg.norm(state.velocity - before.velocity - given))
+        touched_before = self.touched
         self.touched |= change > TOUCH_SHARE * GRAVITY * duration
         impact = change > GRAVITY * duration + IMPACT_SHARE * math.sqrt(GRAVITY * self.radius)
         time = until * self.interval
         if impact and self.kept[-1][0] < self.time:
-            self.kept.append((self.time, before, False))
+            self.kept.append((self.time, before, touched_before))
         if impact or time >= self.kept[-1][0] + KEPT_TIME - 1e-9:
             self.kept.append((time, state, self.touched))
             self.touched = False
 
     def _sound(self, closely: bool) -> bool:
-        """Whether the guards hold: finite, no energy from nowhere, not inside the ground."""
+        """Whether the guards hold: no energy from nowhere, not inside the ground."""
         state = self.state
         energy = _kinetic(self.site.seat, state) + GRAVITY * float(state.position[2])
-        if not math.isfinite(energy):
-            return False
         upright = float(state.rotation[2] @ self.start.rotation[2])
         self.tilt = math.acos(max(-1.0, min(1.0, upright)))
         self.peak_tilt = max(self.peak_tilt, self.tilt)
@@ -386,6 +388,11 @@ def clear(world: engines.GroundWorld, state: State) -> State:
         state = replace(state, position=state.position + above)
         world.put(state)
     return state
+
+
+def _finite(state: State) -> bool:
+    parts = (state.position, state.rotation, state.velocity, state.spin)
+    return all(bool(np.isfinite(part).all()) for part in parts)
 
 
 def _kinetic(scene: Scene, state: State) -> float:

@@ -24,7 +24,7 @@ FILE, PAGE = "scan.nc", "prep.html"
 def make(job: Job) -> Product:
     """Separate, close and weigh; a proposed cut is shown, and used once it is accepted."""
     if not job.config.on_terrain:
-        return Product({}, "flat pedestal, nothing to separate")
+        return Product({}, "")
     from pipeline.figures import prep_page
 
     source = sources.find(job.site)
@@ -34,7 +34,18 @@ def make(job: Job) -> Product:
     dataset.attrs |= {"accepted": int(accepted), "shape_source": source.label}
     page = prep_page.page(job.site.name, source.label, prepared, accepted=accepted)
     files = {FILE: netcdf(described(dataset, job, "Scan")), PAGE: text(page)}
-    return Product(files, prepared.summary)
+    return Product(files, _summary(prepared, job))
+
+
+def _summary(prepared: Prepared, job: Job) -> str:
+    solid = prepared.steps[-1].after
+    given = job.config.pedestal.cut
+    how = "cut as given" if given not in (None, "proposal") else "cut along the hollow"
+    length = sum(seam.length for seam in prepared.separation.seams)
+    return (
+        f"{how}, {length:.2f} m long; rock of {solid.volume:.4g} m3 closed by "
+        f"{job.config.rock.closing}; ground of {len(prepared.terrain.faces)} faces"
+    )
 
 
 def cut_of(config: Config) -> Any:
@@ -62,6 +73,7 @@ def _prepared(job: Job, source: sources.Source) -> Prepared:
         return prepare_scan(
             mesh,
             cut_of(config),
+            near=config.pedestal.near,
             closing=config.rock.closing,
             density=config.rock.density,
             clearance=config.pedestal.clearance,

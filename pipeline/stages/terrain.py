@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,7 +29,7 @@ FILE = "terrain.nc"
 NEAR_RADII = 2.0
 """Distance from the rock, in its radii, up to which the ground is as detailed as its seat."""
 
-SEAT_SHARE, SLOPE_SHARE = 0.008, 0.025
+SEAT_SHARE, SLOPE_SHARE = 0.008, 0.04
 """How far convex pieces may stand out of the ground, near the rock and beyond, as a share of the
 rock's radius."""
 
@@ -51,7 +51,7 @@ class Ground:
 def make(job: Job) -> Product:
     """Make the ground light enough to run on, and set the rock down."""
     if not job.config.on_terrain:
-        return Product({}, "flat pedestal")
+        return Product({}, "")
     import numpy as np
 
     from vsr_core.terrain import Terrain
@@ -103,8 +103,8 @@ def _load(path: Path, changed: int) -> Ground:
 
 def _light(whole: Terrain, job: Job) -> Terrain:
     import numpy as np
-    from vsr_core.scan.simplify import lighter_terrain
 
+    from vsr_core.coarse import coarser
     from vsr_core.pieces import pieces
 
     radius = load_rock(job.store)[0].radius
@@ -113,9 +113,9 @@ def _light(whole: Terrain, job: Job) -> Terrain:
         near = np.hypot(points[:, 0], points[:, 1]) < NEAR_RADII * radius
         return np.where(near, SEAT_SHARE, SLOPE_SHARE) * radius
 
-    light = lighter_terrain(whole, tolerance)
-    made = pieces(light, tolerance, THICKNESS_SHARE * radius)
-    return type(whole)(whole.vertices, whole.faces, made)
+    light = coarser(whole, tolerance)
+    made = pieces(light.terrain, tolerance, THICKNESS_SHARE * radius)
+    return replace(whole, pieces=made)
 
 
 def _rest(terrain: Terrain, job: Job, friction: float) -> State:

@@ -106,20 +106,20 @@ def whole(vertices: Array, faces: Index, rock: Mask) -> tuple[Mask, tuple[str, .
         )
     if not rock.any():
         raise Unfit("a cut that leaves no rock", "part of the scan is rock", "move the cut")
-    pairs = edges(faces).pairs // 3
-    before, thin = rock, np.ones(1, dtype=bool)
-    while thin.any():
-        rock = _largest(pairs, area, rock)
+    side = edges(faces).pairs
+    before, given = rock, None
+    while given is None or (rock != given).any():
+        given = rock
+        rock = _largest(faces, side, area, rock)
         if (rock & outer).any():
             raise Unfit(
                 "a cut that touches the border of the scan",
                 "the ground surrounds the rock",
                 "move the cut, or scan more of the ground",
             )
-        piece = pieces(pairs[rock[pairs[:, 0]] == rock[pairs[:, 1]]], len(faces))
+        one, other = side.T // 3
+        piece = pieces((side // 3)[rock[one] == rock[other]], len(faces))
         rock = ~np.isin(piece, piece[outer])
-        thin = _thin(faces, pairs, rock, len(vertices))
-        rock = rock & ~thin
     lost, won = area[before & ~rock].sum(), area[rock & ~before].sum()
     notes = [f"{lost:.2g} m2 cut off beside the rock left to the ground"] if lost > 0.0 else []
     if won > 0.0:
@@ -127,19 +127,18 @@ def whole(vertices: Array, faces: Index, rock: Mask) -> tuple[Mask, tuple[str, .
     return rock, tuple(notes)
 
 
-def _largest(pairs: Index, area: Array, rock: Mask) -> Mask:
-    """The connected part of the rock of the largest area."""
-    piece = pieces(pairs[rock[pairs].all(axis=1)], len(area))
+def _largest(faces: Index, side: Index, area: Array, rock: Mask) -> Mask:
+    """The largest part of the rock that hangs together by more than an edge across it.
+
+    An edge from seam to seam would be an edge of the surface that closes the rock as well.
+    """
+    one, other = side.T // 3
+    links = ends(faces, side[:, 0])
+    at_seam = np.zeros(int(faces.max()) + 1, dtype=bool)
+    at_seam[links[rock[one] != rock[other]]] = True
+    held = rock[one] & rock[other] & ~at_seam[links].all(axis=1)
+    piece = pieces((side // 3)[held], len(area))
     return rock & (piece == int(np.argmax(np.bincount(piece[rock], weights=area[rock]))))
-
-
-def _thin(faces: Index, pairs: Index, rock: Mask, count: int) -> Mask:
-    """Faces of rock with all corners at a seam: they would lie in the surface that closes it."""
-    at_seam = np.zeros(count, dtype=bool)
-    one, other = pairs[rock[pairs[:, 0]] != rock[pairs[:, 1]]].T
-    shared = (faces[one][:, :, None] == faces[other][:, None, :]).any(axis=2)
-    at_seam[faces[one][shared]] = True
-    return rock & at_seam[faces].all(axis=1)
 
 
 def seams(vertices: Array, faces: Index, rock: Mask, found: Turns) -> tuple[Seam, ...]:

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _ALIKE = 0.35  # width, in |difference of normals|, of the weight of neighbours
-_ROUNDS = 8  # of the filter
+_ROUNDS = 6  # of the filter
 _FOLLOWING = 20  # rounds in which vertices follow the normals
 
 

@@ -34,8 +34,7 @@ class Shape:
     Attributes
     ----------
     clearance : of the seat below the rock's base
-    front_height, back_height, side_height : tops of the supports toward +x, -x and the two sides,
-        above the seat
+    front_height, back_height : tops of the supports toward +x and -x, above the seat
     front_depth, back_depth : radial thickness of the supports
     gap : between the supports' edges and the rock's hull below them
     slope : float [degree], mean slope below the shoulder
@@ -52,9 +51,8 @@ class Shape:
     """
 
     clearance: float = 0.001
-    front_height: float = 0.46
+    front_height: float = 0.52
     back_height: float = 0.5
-    side_height: float = 0.12
     front_depth: float = 0.34
     back_depth: float = 0.6
     gap: float = 0.04
@@ -65,7 +63,7 @@ class Shape:
     step_share: float = 0.85
     roughness: float = 0.09
     chute: float = 0.35
-    niche_x: float = 3.2
+    niche_x: float = 2.8
     niche_y: float = 0.15
     niche_length: float = 2.1
     niche_width: float = 2.9
@@ -86,9 +84,8 @@ _DIP = 0.2  # slope of the supports' tops, away from the rock
 _HEART = (-0.2, -0.05)  # x, y inside every level cut of the rock up to the supports' tops [m]
 
 # Supports: from and to [degree about the heart, from +x], height and depth as shares.
-_FRONT = ((-38.0, -3.0, 1.0, 1.0), (2.0, 30.0, 0.86, 1.15))
-_BACK = ((150.0, 178.0, 0.85, 1.0), (182.0, 212.0, 1.0, 0.9))
-_SIDES = ((62.0, 104.0, 1.0, 1.0), (-108.0, -74.0, 0.8, 1.2))
+_FRONT = ((-16.0, 16.0, 1.0, 1.0),)
+_BACK = ((166.0, 194.0, 1.0, 1.0),)
 
 
 def site(shape: Shape = SHAPE) -> SurrogateSite:
@@ -198,10 +195,10 @@ def _spacing(shape: Shape) -> Field:
 
 def _supports(rock: Array, shape: Shape) -> list[Block]:
     """Blocks around the seat, their inner walls along the rock's flanks."""
-    thickness = {"front": shape.front_depth, "back": shape.back_depth, "side": 0.3}
-    heights = {"front": shape.front_height, "back": shape.back_height, "side": shape.side_height}
+    thickness = {"front": shape.front_depth, "back": shape.back_depth}
+    heights = {"front": shape.front_height, "back": shape.back_height}
     blocks = []
-    for kind, parts in (("front", _FRONT), ("back", _BACK), ("side", _SIDES)):
+    for kind, parts in (("front", _FRONT), ("back", _BACK)):
         for start, end, tall, deep in parts:
             height, depth = heights[kind] * tall, thickness[kind] * deep
             outline = _sector(rock, (start, end), height, depth, shape.gap)

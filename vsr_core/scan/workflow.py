@@ -1,0 +1,188 @@
+"""From a raw scan to a rock and the ground that it stands on, each step weighed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+from vsr_core.scan.clean import clean
+from vsr_core.scan.close import Closed, by_poisson, caps, hull
+from vsr_core.scan.cuts import Box, Colour, Cut, Plane, Polygon
+from vsr_core.scan.mate import inside, mated
+from vsr_core.scan.propose import propose
+from vsr_core.scan.separate import Separation, by_cut
+from vsr_core.scan.weigh import Measure, Step, hausdorff, largest_change, measured
+from vsr_core.terrain import Terrain
+
+if TYPE_CHECKING:
+    import trimesh
+
+Array = NDArray[np.float64]
+Closing = Literal["caps", "hull", "poisson"]
+
+CLOSINGS: dict[Closing, Callable[[Separation], Closed]] = {
+    "caps": caps,
+    "hull": hull,
+    "poisson": by_poisson,
+}
+"""Ways of closing a rock by name."""
+
+START_TOLERANCE = 1e-6
+"""Depth [m] of a rock in the ground that is rounding and no interpenetration."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Another closing, to see what an unseen underside does to the result.
+
+    Attributes
+    ----------
+    closing : str
+    measure : Measure, or None where it failed
+    moved : float [m], of the centre of mass from that of the closing chosen
+    tipping_change : float [rad], largest change of a static tipping angle against it
+    reason : str, why it failed
+    """
+
+    closing: str
+    measure: Measure | None
+    moved: float
+    tipping_change: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A rock on its terrain.
+
+    Attributes
+    ----------
+    rock : trimesh.Trimesh [m], closed, in the site's frame
+    terrain : Terrain, in the site's frame
+    origin : ndarray, shape (3,) [m], of the site's frame in the scan's coordinates
+    separation : Separation, in the coordinates of the clean scan
+    cleaned : trimesh.Trimesh [m], the clean scan
+    shift : ndarray, shape (3,) [m], from the clean scan's coordinates to the site's frame
+    steps : tuple of Step
+    trials : tuple of Trial, the other closings
+    notes : tuple of str
+    """
+
+    rock: trimesh.Trimesh
+    terrain: Terrain
+    origin: Array
+    separation: Separation
+    cleaned: trimesh.Trimesh
+    shift: Array
+    steps: tuple[Step, ...]
+    trials: tuple[Trial, ...]
+    notes: tuple[str, ...]
+
+
+def prepare_scan(
+    mesh: trimesh.Trimesh,
+    cut: Cut | None,
+    *,
+    near: tuple[float, float, float] | None = None,
+    closing: Closing,
+    density: float,
+    clearance: float,
+) -> Prepared:
+    """Rock and terrain from a raw scan in metres, z up.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh [m]
+    cut : what of it is the rock, in its coordinates; None to propose the hollow around the rock
+    near : three floats [m], a point on the rock, where several rocks stand on the ground
+    closing : "caps", "hull" or "poisson"
+    density : float [kg/m^3]
+    clearance : float [m], between the rock and the ground beneath it
+
+    Raises
+    ------
+    Unfit
+        If a step cannot be done; see ``clean``, ``by_cut``, ``propose``, ``caps``, ``mated``.
+    """
+    cleaned = clean(mesh)
+    if cut is None:
+        point = None if near is None else tuple(np.array(near) - cleaned.offset)
+        separation = propose(cleaned.mesh, point)  # type: ignore[arg-type]
+    else:
+        separation = by_cut(cleaned.mesh, _moved(cut, -cleaned.offset))
+    closed = CLOSINGS[closing](separation)
+    ground = mated(separation, closed, clearance)
+    depth = inside(ground.terrain, closed.rock)
+    if depth > START_TOLERANCE:
+        raise Unfit(
+            f"a rock that starts {1e3 * depth:.3g} mm inside the ground",
+            "rock and ground do not overlap",
+            "move the cut, or widen pedestal.clearance",
+        )
+    shift = -np.append(closed.rock.center_mass[:2], closed.rock.vertices[:, 2].min())
+    rock = closed.rock.copy()
+    rock.apply_translation(shift)
+    terrain = Terrain(ground.terrain.vertices + shift, ground.terrain.faces)
+    steps, trials = _weighed(mesh, cleaned.mesh, cleaned.notes, separation, closed, density, closing)
+    return Prepared(
+        rock,
+        terrain,
+        cleaned.offset - shift,
+        separation,
+        cleaned.mesh,
+        shift,
+        steps,
+        trials,
+        (*cleaned.notes, *closed.notes, *ground.notes),
+    )
+
+
+def _moved(cut: Cut, by: Array) -> Cut:
+    """A cut in coordinates that are shifted."""
+    x, y, _ = by
+    if isinstance(cut, Plane):
+        return replace(cut, point=tuple(np.array(cut.point) + by))
+    if isinstance(cut, Box):
+        return replace(cut, low=tuple(np.array(cut.low) + by), high=tuple(np.array(cut.high) + by))
+    if isinstance(cut, Polygon):
+        return replace(cut, corners=tuple((a + x, b + y) for a, b in cut.corners))
+    assert isinstance(cut, Colour)
+    return cut
+
+
+def _weighed(
+    raw: trimesh.Trimesh,
+    cleaned: trimesh.Trimesh,
+    notes: tuple[str, ...],
+    separation: Separation,
+    closed: Closed,
+    density: float,
+    closing: Closing,
+) -> tuple[tuple[Step, ...], tuple[Trial, ...]]:
+    import trimesh
+
+    faces = separation.faces[separation.rock]
+    patch = trimesh.Trimesh(separation.vertices, faces, process=False)
+    patch.remove_unreferenced_vertices()
+    whole, part, solid = (measured(m, density) for m in (cleaned, patch, closed.rock))
+    steps = (
+        Step("clean", measured(raw, density), whole, np.nan, notes),
+        Step("separate", whole, part, np.nan, separation.notes),
+        Step(f"close ({closing})", part, solid, hausdorff(patch, closed.rock), closed.notes),
+    )
+    others = tuple(name for name in CLOSINGS if name != closing)
+    return steps, tuple(_trial(name, separation, solid, density) for name in others)
+
+
+def _trial(name: Closing, separation: Separation, chosen: Measure, density: float) -> Trial:
+    try:
+        other = measured(CLOSINGS[name](separation).rock, density)
+    except Unfit as error:
+        return Trial(name, None, np.nan, np.nan, error.given)
+    moved = float(np.linalg.norm(other.centre_of_mass - chosen.centre_of_mass))
+    return Trial(name, other, moved, largest_change(chosen, other), "")
