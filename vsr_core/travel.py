@@ -19,12 +19,12 @@ from vsr_core.errors import Unfit
 from vsr_core.motion import GroundMotion
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response, StopReason
 from vsr_core.sampling import first_step, samples, sampling
-from vsr_core.scene import Reduction, Scene, State
+from vsr_core.scene import Reduction, Rock, Scene, State
 from vsr_core.simulate import ENERGY_SLACK, HALVINGS, Settings
 
 Array = NDArray[np.float64]
 
-LOOK_TIME = 0.005
+LOOK_TIME = 0.0075
 """Longest time between two looks at the rock [s]."""
 
 KEPT_TIME = 0.02
@@ -192,11 +192,11 @@ def settled(scene: Scene, time_step: float) -> State:
     assert scene.start is not None
     radius = scene.rock.radius
     world = engines.load("bullet").build(scene, time_step, 1)
-    rest = _Rest(radius)
+    rest, inertia = _Rest(radius), _inertia(scene.rock)
     for look in range(math.ceil(LONGEST_TIME / LOOK_TIME)):
         world.advance([0.0] * math.ceil(LOOK_TIME / time_step))
         state = world.state()
-        if rest.seen(look * LOOK_TIME, state, _kinetic(scene, state)):
+        if rest.seen(look * LOOK_TIME, state, _kinetic(inertia, state)):
             break
     else:
         raise Unfit(
@@ -226,6 +226,7 @@ class _Run:
         assert scene.start is not None
         assert scene.terrain is not None
         self.rock, self.radius = scene.rock, scene.rock.radius
+        self.inertia = _inertia(scene.rock)
         self.terrain = scene.terrain
         most = max(1, int(LOOK_TIME / time_step))
         sampled = sampling(motion, None, time_step, most)
@@ -258,7 +259,7 @@ class _Run:
             before, state = self.state, self.world.state()
             if not _finite(state):
                 return self._ended(Outcome.UNSTABLE, StopReason.UNDONE)
-            self.state = state
+            self.state, self.kinetic = state, _kinetic(self.inertia, state)
             self._keep(before, until)
             self.sample, self.time = until, until * self.interval
             looks += 1
@@ -273,7 +274,7 @@ class _Run:
                     return self._ended(Outcome.OVERTURNED, StopReason.UNDONE)
                 if self.settings.reduce:
                     self._go_on_in(self.site.flight)
-            at_rest = self.rest.seen(self.time, self.state, _kinetic(self.site.seat, self.state))
+            at_rest = self.rest.seen(self.time, self.state, self.kinetic)
             if at_rest and self.sample >= self.pulse_samples:
                 return self._ended(self._side(), StopReason.REST)
         outcome = Outcome.OVERTURNED if self.toppled else Outcome.UNSETTLED
@@ -320,7 +321,7 @@ class _Run:
     def _sound(self, closely: bool) -> bool:
         """Whether the guards hold: no energy from nowhere, not inside the ground."""
         state = self.state
-        energy = _kinetic(self.site.seat, state) + GRAVITY * float(state.position[2])
+        energy = self.kinetic + GRAVITY * float(state.position[2])
         upright = float(state.rotation[2] @ self.start.rotation[2])
         self.tilt = math.acos(max(-1.0, min(1.0, upright)))
         self.peak_tilt = max(self.peak_tilt, self.tilt)
@@ -391,16 +392,19 @@ def clear(world: engines.GroundWorld, state: State) -> State:
 
 
 def _finite(state: State) -> bool:
-    parts = (state.position, state.rotation, state.velocity, state.spin)
-    return all(bool(np.isfinite(part).all()) for part in parts)
+    total = state.position.sum() + state.rotation.sum() + state.velocity.sum() + state.spin.sum()
+    return math.isfinite(float(total))
 
 
-def _kinetic(scene: Scene, state: State) -> float:
+def _inertia(rock: Rock) -> Array:
+    """Inertia about the centre of mass per unit mass, in the rock's axes, shape (3, 3) [m^2]."""
+    return rock.axes * (rock.inertia / rock.mass) @ rock.axes.T
+
+
+def _kinetic(inertia: Array, state: State) -> float:
     """Kinetic energy per unit mass [m^2/s^2]."""
-    rock = scene.rock
-    spin = (state.rotation @ rock.axes).T @ state.spin
-    turning = float(spin @ (rock.inertia / rock.mass * spin))
-    return 0.5 * (float(state.velocity @ state.velocity) + turning)
+    spin = state.spin @ state.rotation
+    return 0.5 * float(state.velocity @ state.velocity + spin @ inertia @ spin)
 
 
 def _angle(rotation: Array) -> float:

@@ -27,8 +27,12 @@ CONCAVE_SHARE = 0.6
 SAME = 0.8
 """Two cuts whose rocks share this part of their joint area are one."""
 
-RIVAL_AREA = 0.25
-"""Another rock counts if its area is at least this part of the best one's."""
+RIVAL_SIZE = 4.0
+"""Another rock counts if its area is within this factor of the best one's; what is smaller are
+pebbles, what is larger is relief of the ground."""
+
+RIVAL_COST = 0.15
+"""And if its seam costs at most this part of its length [1], or three times the best one's."""
 
 _LEVELS = np.linspace(0.9, 0.1, 9)  # heights above the ground of the seeds, of the highest
 _STANDS_OUT = 0.15  # of the highest, by which a seed's top must rise above its foot
@@ -151,7 +155,12 @@ def _the_one(
         return min(held, key=lambda cut: cut.cost)
     best = min(good, key=lambda cut: cut.cost)
     apart = [cut for cut in good if not (cut.rock & best.rock).any()]
-    rivals = [cut for cut in apart if cut.area > RIVAL_AREA * best.area]
+    rivals = [
+        cut
+        for cut in apart
+        if best.area / RIVAL_SIZE < cut.area < best.area * RIVAL_SIZE
+        and cut.cost < max(RIVAL_COST, 3.0 * best.cost)
+    ]
     if rivals:
         places = [_place(cut.top) for cut in (best, *rivals)]
         raise Unfit(

@@ -126,6 +126,7 @@ class BulletWorld:
         if scene.pedestal != "none" and scene.pedestal != "terrain":
             self._add_pedestal(scene, scene.pedestal)
         self._rock = self._add_rock(scene)
+        self._known: State | None = None  # as last read, until the next step
         self._ground: Ground | None = None
         if scene.terrain is not None:
             self._ground = Ground(
@@ -166,24 +167,29 @@ class BulletWorld:
             acceleration = list(acceleration)
             most = math.hypot(max(map(abs, acceleration)), self._weight)
             self._ground.follow(self.state(), len(acceleration) * self._sample, most)
+        self._known = None
         for along in acceleration:
             set_gravity(-along * x, -along * y, down, client)
             step(client)
 
     def state(self) -> State:
         """Present state in SI units."""
+        if self._known is not None:
+            return self._known
         position, quaternion = pybullet.getBasePositionAndOrientation(self._rock, self._client)
         velocity, spin = pybullet.getBaseVelocity(self._rock, self._client)
         pace = math.sqrt(self._scale)
-        return State(
+        self._known = State(
             np.array(position) / self._scale,
             _matrix(quaternion) @ self._axes.T,
             np.array(velocity) / pace,
             np.array(spin) * pace,
         )
+        return self._known
 
     def put(self, state: State) -> None:
         """Have the rock go on from a state."""
+        self._known = None
         pace = math.sqrt(self._scale)
         place = state.position * self._scale + self._lift
         pybullet.resetBasePositionAndOrientation(

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 TILE_FACES = 6
 """Most triangles of a tile."""
 
-NEAREST, AHEAD = 0.2, 0.02
+NEAREST, AHEAD = 0.2, 0.04
 """Blocks come within this distance of the rock, in Bullet's length unit (a fiftieth of the rock's
 radius), or within the way of its fastest point in the time ``AHEAD`` [s] if that is more. They are
 looked for again before any of its points can have gone that far."""
@@ -54,10 +54,13 @@ class Ground:
         held = [piece * scale for piece in terrain.pieces] or _tiles(
             terrain.vertices[terrain.faces] * scale
         )
-        most = max(len(points) for points in held)
-        padded = [np.concatenate([p, np.repeat(p[:1], most - len(p), axis=0)]) for p in held]
-        self._blocks, self._points = held, np.array(padded)
-        self._low, self._high = self._points.min(axis=1), self._points.max(axis=1)
+        self._blocks, self._points = held, np.concatenate(held)
+        self._low = np.array([points.min(axis=0) for points in held])
+        self._high = np.array([points.max(axis=0) for points in held])
+        self._middles = 0.5 * (self._low + self._high)
+        self._halves = 0.5 * np.linalg.norm(self._high - self._low, axis=1)
+        self._counts = np.array([len(points) for points in held])
+        self._firsts = np.cumsum(self._counts) - self._counts
         hull = convex_hull(corners * scale)
         self._normals, self._offsets = hull.normals, hull.offsets
         self._radius = float(np.linalg.norm(corners, axis=1).max()) * scale
@@ -94,16 +97,28 @@ class Ground:
         around = np.flatnonzero(
             ((self._low <= centre + reach) & (self._high >= centre - reach)).all(axis=1)
         )
-        points = (self._points[around] - centre) @ state.rotation
-        # A plane of the hull that has all of a block before it keeps them that far apart.
-        apart = (points @ self._normals.T).min(axis=1) - self._offsets
-        distance = dict(zip(around.tolist(), apart.max(axis=1).tolist(), strict=True))
+        middles = (self._middles[around] - centre) @ state.rotation
+        ahead = (middles @ self._normals.T - self._offsets).max(axis=1)
+        around = around[ahead - self._halves[around] <= FAR_TIMES * near]
+        distance = dict(zip(around.tolist(), self._apart(around, centre, state), strict=True))
         gone = [b for b in self._bodies if distance.get(b, math.inf) > FAR_TIMES * near]
         for block in gone:
             pybullet.removeBody(self._bodies.pop(block), self._client)
         for block, gap in distance.items():
             if gap <= near and block not in self._bodies:
                 self._bodies[block] = self._body(block)
+
+    def _apart(self, blocks: NDArray[np.intp], centre: Array, state: State) -> list[float]:
+        """Lower bounds of the distance of blocks from the rock."""
+        if not len(blocks):
+            return []
+        counts = self._counts[blocks]
+        begin = np.cumsum(counts) - counts
+        own = np.arange(counts.sum()) + np.repeat(self._firsts[blocks] - begin, counts)
+        points = (self._points[own] - centre) @ state.rotation
+        # A plane of the hull that has all of a block before it keeps them that far apart.
+        ahead = np.minimum.reduceat(points @ self._normals.T, begin, axis=0) - self._offsets
+        return [float(gap) for gap in ahead.max(axis=1)]
 
     def _body(self, block: int) -> int:
         body = pybullet.createMultiBody(
