@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _ALIKE = 0.35  # width, in |difference of normals|, of the weight of neighbours
-_ROUNDS = 6  # of the filter
-_FOLLOWING = 20  # rounds in which vertices follow the normals
+_ROUNDS = 2  # of the filter
+_FOLLOWING = 5  # rounds in which vertices follow the normals
 
 
 def smoothed(vertices: Array, faces: Index) -> Array:

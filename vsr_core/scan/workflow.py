@@ -15,6 +15,7 @@ from vsr_core.scan.close import Closed, by_poisson, caps, hull
 from vsr_core.scan.cuts import Box, Colour, Cut, Plane, Polygon
 from vsr_core.scan.mate import inside, mated
 from vsr_core.scan.propose import propose
+from vsr_core.scan.rim import settled
 from vsr_core.scan.separate import Separation, by_cut
 from vsr_core.scan.weigh import Measure, Step, hausdorff, largest_change, measured
 from vsr_core.terrain import Terrain
@@ -115,6 +116,7 @@ def prepare_scan(
         separation = propose(cleaned.mesh, point)  # type: ignore[arg-type]
     else:
         separation = by_cut(cleaned.mesh, _moved(cut, -cleaned.offset))
+    separation = settled(separation)
     closed = CLOSINGS[closing](separation)
     ground = mated(separation, closed, clearance)
     depth = inside(ground.terrain, closed.rock)

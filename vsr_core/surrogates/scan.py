@@ -20,6 +20,9 @@ Indices = NDArray[np.int64]
 _SPLIT_SHARE = 0.02
 """Share of faces with vertices of their own, doubled from their neighbours'."""
 
+_HIDDEN = 0.01
+"""Height [m] above the seat below which the crevice hides the rock."""
+
 _PATCH = 0.25
 """Radius [m] of the two patches, one on the rock and one beside it, that are wound wrongly."""
 
@@ -94,25 +97,33 @@ def scan(
 def _seen(site: SurrogateSite) -> tuple[Array, Indices, NDArray[np.bool_]]:
     """Vertices, faces and which of them are rock, of the one sheet that can be seen.
 
-    The rock below its rim and the terrain within its own are hidden; a strip joins the two rims.
+    The rock below ``_HIDDEN`` and the terrain within the seat's rim are not; a strip joins the two.
     """
-    lowest = site.rock_vertices[site.rock_rim, 2].min()
-    rock = site.rock_faces[(site.rock_vertices[site.rock_faces, 2] >= lowest).all(axis=1)]
+    rim, count = site.rock_vertices[site.rock_rim], len(site.rock_vertices)
+    rock = (site.rock_vertices[site.rock_faces, 2] >= rim[:, 2].min()).all(axis=1)
     hole = site.terrain_vertices[site.seat_rim, :2]
     middles = site.terrain_vertices[site.terrain_faces, :2].mean(axis=1)
-    terrain = len(site.rock_vertices) + site.terrain_faces[~inside(middles, hole)]
-    inner, outer = site.rock_rim, len(site.rock_vertices) + site.seat_rim
-    inner_next, outer_next = np.roll(inner, -1), np.roll(outer, -1)
-    strip = np.vstack(
+    terrain = count + site.terrain_faces[~inside(middles, hole)]
+    share = (_HIDDEN / rim[:, 2])[:, None]
+    foot = (1.0 - share) * site.contact_rim + share * rim
+    vertices = np.vstack([site.rock_vertices, site.terrain_vertices, foot])
+    low = len(vertices) - len(foot) + np.arange(len(foot))
+    side = _band(low, site.rock_rim)
+    faces = np.vstack([site.rock_faces[rock], side, terrain, _band(count + site.seat_rim, low)])
+    used, named = np.unique(faces, return_inverse=True)
+    shown = np.arange(len(faces)) < np.count_nonzero(rock) + len(side)
+    return vertices[used], named.reshape(-1, 3), shown
+
+
+def _band(outer: Indices, inner: Indices) -> Indices:
+    """Triangles between two loops of as many vertices, counter-clockwise seen from outside."""
+    outer_next, inner_next = np.roll(outer, -1), np.roll(inner, -1)
+    return np.vstack(
         [
             np.column_stack([outer, outer_next, inner_next]),
             np.column_stack([outer, inner_next, inner]),
         ]
     )
-    faces = np.vstack([rock, terrain, strip])
-    used, faces = np.unique(faces, return_inverse=True)
-    vertices = np.vstack([site.rock_vertices, site.terrain_vertices])[used]
-    return vertices, faces.reshape(-1, 3), np.arange(len(faces)) < len(rock)
 
 
 def _refined(
