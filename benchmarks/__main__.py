@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks import accuracy, speed
+from benchmarks import accuracy, displacement, speed
 
 
 def main() -> int:
@@ -30,6 +30,8 @@ def main() -> int:
         rows += speed.one_yaw(site, folder)
         if not options.quick:
             rows += speed.whole_site(site, folder)
+            rows += displacement.grid(folder)
+            rows += displacement.reductions(folder)
         rows += accuracy.blocks()
         for what, measured, target in rows:
             print(f"{what:<62} {measured:>18}   {target}", flush=True)

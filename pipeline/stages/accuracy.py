@@ -12,6 +12,7 @@ from pipeline import ROOT, comparing, pages, writers
 from pipeline.comparing import Place, Record
 from pipeline.datasets import described, netcdf, read
 from pipeline.layers import Site
+from pipeline.problems import InputError, Problem
 from pipeline.scenes import ENGINE_CODE, RUN_CODE
 from pipeline.stage import Job, Product, Stage
 from pipeline.stages.precision import FILE as PRECISION
@@ -31,6 +32,16 @@ def make(job: Job) -> Product:
     from pipeline.figures.accuracy_page import facts
     from pipeline.figures.style import pictures
 
+    if job.config.on_terrain:
+        raise InputError(
+            Problem(
+                job.site.file,
+                "pedestal.shape",
+                "a terrain",
+                "other ways of running are compared on a flat pedestal",
+                "use the site of the same rock on a flat pedestal, or set pedestal.shape: flat",
+            )
+        )
     targets = comparing.find_targets(job)
     records = comparing.score_ways(job, targets)
     cells = comparing.sample_cells(job)

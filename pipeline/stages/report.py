@@ -58,6 +58,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
     rows = tables.by_yaw(responses, fragility)
     return {
         "site": job.site.name,
+        "on_terrain": job.config.on_terrain,
         "rock": tables.about_rock(rock),
         "density": job.config.rock.density,
         "rows": rows,

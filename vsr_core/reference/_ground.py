@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vsr_core import GRAVITY
 from vsr_core.pieces import pieces
 from vsr_core.reference._run import Path
 from vsr_core.scene import Contact, Rock, Scene, State
@@ -45,8 +47,8 @@ def slope(angle: float, ends: tuple[float, float], half: float, cell: float, cut
     if not cut:
         return Terrain(vertices @ turn.T, faces)
     held: list[Array] = []
-    for x in zip(along[:-1], along[1:], strict=True):
-        for y in zip(across[:-1], across[1:], strict=True):
+    for x in pairwise(along):
+        for y in pairwise(across):
             square = Terrain(*sheet(np.array(x), np.zeros(2), np.array(y)))
             held += [piece @ turn.T for piece in in_pieces(square)]
     return Terrain(vertices @ turn.T, faces, tuple(held))
@@ -55,9 +57,7 @@ def slope(angle: float, ends: tuple[float, float], half: float, cell: float, cut
 def sheet(x: Array, z: Array, across: Array) -> tuple[Array, Indices]:
     """Vertices [m] and triangles of a profile (x, z), both shape (n,), drawn out along y."""
     width = len(across)
-    vertices = np.column_stack(
-        [np.repeat(x, width), np.tile(across, len(x)), np.repeat(z, width)]
-    )
+    vertices = np.column_stack([np.repeat(x, width), np.tile(across, len(x)), np.repeat(z, width)])
     a = (width * np.arange(len(x) - 1)[:, None] + np.arange(width - 1)).ravel()
     b, c, d = a + width, a + width + 1, a + 1
     faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
@@ -69,12 +69,19 @@ def in_pieces(terrain: Terrain) -> tuple[Array, ...]:
     return pieces(terrain, lambda points: np.full(len(points), TOLERANCE), THICKNESS)
 
 
-def scene(rock: Rock, contact: Contact, ground: Terrain, angle: float, start: State) -> Scene:
+def scene(
+    rock: Rock,
+    contact: Contact,
+    ground: Terrain,
+    angle: float,
+    start: State,
+    gravity: float = GRAVITY,
+) -> Scene:
     """Scene on a slope; ``start`` is told in the slope's axes."""
     turn = axes(angle)
     told = (start.position, start.rotation, start.velocity, start.spin)
     placed = State(*(turn @ part for part in told))
-    return Scene(rock, contact, pedestal="terrain", start=placed, terrain=ground)
+    return Scene(rock, contact, pedestal="terrain", start=placed, terrain=ground, gravity=gravity)
 
 
 def seen(path: Path, angle: float) -> Path:

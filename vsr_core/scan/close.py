@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vsr_core.errors import Unfit
 from vsr_core.scan.concave import smoothed_normals
 from vsr_core.scan.fill import Frame, across, area_vector, frame
-from vsr_core.scan.rim import laid, planes_beside, to_both
+from vsr_core.scan.rim import LARGEST_MOVE, laid, planes_beside, to_both
 from vsr_core.scan.separate import Separation
 from vsr_core.scan.topology import rims
 from vsr_core.scan.underside import Height, Planes, lower_hull, planes, poisson
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 SNAP = 4.0
 """A rim's vertices within this many times its scatter about a cap, or an edge, move onto it."""
@@ -117,7 +118,7 @@ def caps(separation: Separation) -> Closed:
         found = planes(rim.points, rim.slope)
         away = np.abs(found(rim.points[:, :2]) - rim.points[:, 2])
         near = away <= max(SNAP * found.scatter, rim.edge)
-        placed = _along_walls(rim, found, near) if not separation.settled else _straight(rim, found, near)
+        placed = _onto(found, rim, near, straight=separation.settled)
         far = np.linalg.norm(placed - rim.points, axis=1).max()
         slope = rim.slope.mean(axis=0)
         tilt = np.degrees(np.arctan(np.linalg.norm(found.rows[:, :2] - slope, axis=1)))
@@ -288,21 +289,21 @@ def _rim(vertices: Array, separation: Separation, loop: Index) -> Rim:
     return Rim(into, edge, into.into(points), slope, into.into(centre), normal @ into.axes.T)
 
 
-def _straight(rim: Rim, found: Planes, near: NDArray[np.bool_]) -> Array:
+def _onto(found: Planes, rim: Rim, near: Mask, *, straight: bool) -> Array:
+    """A rim's points near the planes of its cap moved onto them.
+
+    Straight up or down, or else to where the rock's side meets the planes.
+    """
     placed = rim.points.copy()
-    placed[near, 2] = found(placed[near, :2])
-    return placed
-
-
-def _along_walls(rim: Rim, found: Planes, near: NDArray[np.bool_]) -> Array:
-    """Points near the planes of a cap moved to where the rock's side meets them."""
-    which = np.argmax(found.sign * found.each(rim.points[:, :2]), axis=1)
-    rows = found.rows[which]
-    plane = np.column_stack([-rows[:, :2], np.ones(len(rows))])
-    plane /= np.linalg.norm(plane, axis=1, keepdims=True)
-    on_plane = np.column_stack([np.zeros((len(rows), 2)), rows[:, 2]])
-    way = to_both(rim.points, rim.centre, rim.normal, on_plane, plane)
-    placed = rim.points + way * near[:, None]
+    if not straight:
+        which = np.argmax(found.sign * found.each(rim.points[:, :2]), axis=1)
+        rows = found.rows[which]
+        plane = np.column_stack([-rows[:, :2], np.ones(len(rows))])
+        plane /= np.linalg.norm(plane, axis=1, keepdims=True)
+        on_plane = np.column_stack([np.zeros((len(rows), 2)), rows[:, 2]])
+        farthest = LARGEST_MOVE * rim.edge
+        way = to_both(rim.points, rim.centre, rim.normal, on_plane, plane, farthest)
+        placed[near] += way[near]
     placed[near, 2] = found(placed[near, :2])
     return placed
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core.errors import Unfit
+from vsr_core.scan.distance import signed_distance
 from vsr_core.terrain import Terrain
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 LARGEST_PUSH = 0.1
 """Ground that reaches deeper into the rock than this share of the rock's size is no noise."""
@@ -33,11 +35,13 @@ class Mated:
     Attributes
     ----------
     terrain : Terrain, in the scan's coordinates
+    seat : ndarray of bool, shape (m,), its faces beneath the rock
     pushed : float [m], farthest that ground which poked into the rock was moved away
     notes : tuple of str
     """
 
     terrain: Terrain
+    seat: Mask
     pushed: float
     notes: tuple[str, ...]
 
@@ -59,7 +63,9 @@ def mated(separation: Separation, closed: Closed, clearance: float) -> Mated:
     copied = {}
     for cap in closed.caps:
         own = np.concatenate([cap.rim, cap.inner])
-        copied.update(zip(own.tolist(), range(len(vertices), len(vertices) + len(own)), strict=True))
+        copied.update(
+            zip(own.tolist(), range(len(vertices), len(vertices) + len(own)), strict=True)
+        )
         vertices = np.concatenate([vertices, vertices[own] - clearance * cap.up])
         faces.append(cap.faces[:, ::-1])
     name = np.arange(len(vertices))
@@ -74,7 +80,8 @@ def mated(separation: Separation, closed: Closed, clearance: float) -> Mated:
             f"{count} vertices of the ground in or near the rock moved away, by at most "
             f"{1e3 * pushed:.1f} mm"
         )
-    return Mated(Terrain(ground, triangles), pushed, tuple(notes))
+    seat = np.arange(len(triangles)) >= len(faces[0])
+    return Mated(Terrain(ground, triangles), seat, pushed, tuple(notes))
 
 
 def inside(terrain: Terrain, rock: trimesh.Trimesh) -> float:
@@ -121,17 +128,11 @@ def _pushed_out(
 
 def _from_rock(rock: trimesh.Trimesh, points: Array) -> tuple[Array, Array]:
     """Way out of the rock, shape (n, 3), and distance from it [m], negative inside."""
-    from trimesh.proximity import closest_point
-
-    if not len(points):
-        return np.empty((0, 3)), np.empty(0)
-    nearest, distance, face = closest_point(rock, points)
-    within = rock.contains(points)
-    way = np.where(within[:, None], nearest - points, points - nearest)
-    touching = distance < 1e-9
+    distance, nearest, face = signed_distance(rock, points)
+    touching = np.abs(distance) < 1e-9
+    way = (points - nearest) / np.where(touching, 1.0, distance)[:, None]
     way[touching] = np.array(rock.face_normals)[face[touching]]
-    length = np.where(touching, 1.0, distance)
-    return way / length[:, None], np.where(within, -distance, distance)
+    return way, distance
 
 
 def _caught(ground: Array, faces: Index, rock: trimesh.Trimesh) -> Index:

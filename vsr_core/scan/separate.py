@@ -52,6 +52,7 @@ class Separation:
     seams : tuple of Seam, the longest first
     confidence : float, 0 to 1: 1 for a cut that was given; for a proposed seam see ``propose``
     notes : tuple of str
+    settled : bool, whether the seams lie where rock and ground would meet (see ``rim``)
     """
 
     vertices: Array

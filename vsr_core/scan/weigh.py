@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from vsr_core.errors import Unfit
 from vsr_core.hull import convex_hull, settle, tipping
+from vsr_core.solid import LARGEST_LEVELLING
 
 if TYPE_CHECKING:
     import trimesh
@@ -18,8 +19,6 @@ Array = NDArray[np.float64]
 
 DIRECTIONS = np.radians(np.arange(0.0, 360.0, 5.0))
 """Directions [rad] in which tipping is compared."""
-
-_SAMPLES = 3000  # points on each surface besides its vertices
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,9 @@ def tips(mesh: trimesh.Trimesh) -> Array:
     """Static tipping angles of a closed mesh set on a level plane [rad], shape (72,)."""
     try:
         hull = convex_hull(np.array(mesh.vertices) - np.array(mesh.center_mass))
-        return np.asarray(tipping(hull.turned(settle(hull)[0]), DIRECTIONS).angle)
+        return np.asarray(
+            tipping(hull.turned(settle(hull, LARGEST_LEVELLING)[0]), DIRECTIONS).angle
+        )
     except Unfit:
         return np.full(len(DIRECTIONS), np.nan)
 
@@ -96,23 +97,3 @@ def tips(mesh: trimesh.Trimesh) -> Array:
 def largest_change(one: Measure, other: Measure) -> float:
     """Largest difference of static tipping angles of two solids [rad]."""
     return float(np.abs(one.tipping - other.tipping).max())
-
-
-def hausdorff(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
-    """Distance [m] of the farthest point of either surface from the other.
-
-    At all vertices and at as many random points, the same every time: a lower bound of the
-    Hausdorff distance, and the distance itself where the farthest point is a vertex.
-    """
-    return max(_farthest(one, other), _farthest(other, one))
-
-
-def _farthest(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
-    from trimesh.proximity import closest_point
-    from trimesh.sample import sample_surface
-
-    used = np.unique(one.faces)
-    points = np.concatenate(
-        [np.array(one.vertices)[used], sample_surface(one, _SAMPLES, seed=1)[0]]
-    )
-    return float(closest_point(other, points)[1].max())

@@ -10,20 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core.errors import Unfit
+from vsr_core.scan.alternatives import Alternative, alternatives
 from vsr_core.scan.clean import clean
 from vsr_core.scan.close import Closed, by_poisson, caps, hull
 from vsr_core.scan.cuts import Box, Colour, Cut, Plane, Polygon
+from vsr_core.scan.distance import hausdorff
 from vsr_core.scan.mate import inside, mated
 from vsr_core.scan.propose import propose
 from vsr_core.scan.rim import settled
 from vsr_core.scan.separate import Separation, by_cut
-from vsr_core.scan.weigh import Measure, Step, hausdorff, largest_change, measured
+from vsr_core.scan.weigh import Measure, Step, largest_change, measured
 from vsr_core.terrain import Terrain
 
 if TYPE_CHECKING:
     import trimesh
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Closing = Literal["caps", "hull", "poisson"]
 
 CLOSINGS: dict[Closing, Callable[[Separation], Closed]] = {
@@ -35,6 +38,10 @@ CLOSINGS: dict[Closing, Callable[[Separation], Closed]] = {
 
 START_TOLERANCE = 1e-6
 """Depth [m] of a rock in the ground that is rounding and no interpenetration."""
+
+
+SAME_FACE = 1e-6
+"""Faces whose middles agree to this [m] are one."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +71,14 @@ class Prepared:
     Attributes
     ----------
     rock : trimesh.Trimesh [m], closed, in the site's frame
+    added : ndarray of bool, its faces that the scan did not see
     terrain : Terrain, in the site's frame
+    seat : ndarray of bool, its faces beneath the rock, which the scan did not see
     origin : ndarray, shape (3,) [m], of the site's frame in the scan's coordinates
     separation : Separation, in the coordinates of the clean scan
+    proposed : bool, whether the cut was proposed, and not given
+    alternatives : tuple of Alternative, cuts that could take its place, in the scan's coordinates
+    closing : str, how the rock was closed
     cleaned : trimesh.Trimesh [m], the clean scan
     shift : ndarray, shape (3,) [m], from the clean scan's coordinates to the site's frame
     steps : tuple of Step
@@ -75,9 +87,14 @@ class Prepared:
     """
 
     rock: trimesh.Trimesh
+    added: Mask
     terrain: Terrain
+    seat: Mask
     origin: Array
     separation: Separation
+    proposed: bool
+    alternatives: tuple[Alternative, ...]
+    closing: Closing
     cleaned: trimesh.Trimesh
     shift: Array
     steps: tuple[Step, ...]
@@ -130,12 +147,22 @@ def prepare_scan(
     rock = closed.rock.copy()
     rock.apply_translation(shift)
     terrain = Terrain(ground.terrain.vertices + shift, ground.terrain.faces)
-    steps, trials = _weighed(mesh, cleaned.mesh, cleaned.notes, separation, closed, density, closing)
+    steps, trials = _weighed(
+        mesh, cleaned.mesh, cleaned.notes, separation, closed, density, closing
+    )
     return Prepared(
         rock,
+        _added(closed),
         terrain,
+        ground.seat,
         cleaned.offset - shift,
         separation,
+        cut is None,
+        tuple(
+            replace(other, cut=_moved(other.cut, cleaned.offset))
+            for other in alternatives(cleaned.mesh, separation)
+        ),
+        closing,
         cleaned.mesh,
         shift,
         steps,
@@ -157,6 +184,15 @@ def _moved(cut: Cut, by: Array) -> Cut:
     return cut
 
 
+def _added(closed: Closed) -> Mask:
+    """Which faces of a closed rock are of its caps."""
+    from scipy.spatial import cKDTree
+
+    caps = np.concatenate([cap.faces for cap in closed.caps])
+    middle = closed.vertices[caps].mean(axis=1)
+    return np.asarray(cKDTree(middle).query(closed.rock.triangles_center)[0] < SAME_FACE)
+
+
 def _weighed(
     raw: trimesh.Trimesh,
     cleaned: trimesh.Trimesh,
@@ -171,11 +207,12 @@ def _weighed(
     faces = separation.faces[separation.rock]
     patch = trimesh.Trimesh(separation.vertices, faces, process=False)
     patch.remove_unreferenced_vertices()
+    own = closed.notes[len(separation.notes) :]
     whole, part, solid = (measured(m, density) for m in (cleaned, patch, closed.rock))
     steps = (
         Step("clean", measured(raw, density), whole, np.nan, notes),
         Step("separate", whole, part, np.nan, separation.notes),
-        Step(f"close ({closing})", part, solid, hausdorff(patch, closed.rock), closed.notes),
+        Step(f"close ({closing})", part, solid, hausdorff(patch, closed.rock), own),
     )
     others = tuple(name for name in CLOSINGS if name != closing)
     return steps, tuple(_trial(name, separation, solid, density) for name in others)

@@ -1,0 +1,113 @@
+"""Speed of large displacement: a whole grid, what a larger terrain costs, what reductions gain."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.speed import WORKERS, Row
+from pipeline.layers import load_site
+from pipeline.scenes import on_terrain
+from pipeline.store import Store
+from vsr_core.motion import CosinePulse
+from vsr_core.simulate import Settings
+from vsr_core.travel import Site, travel
+
+SITE = "double_rock_terrain"
+
+STEP = 0.0018
+"""Time step [s] of the comparisons, about what this site measures for itself."""
+
+CELLS = [(0.5, 0.3), (0.7, 0.5), (0.8, 0.7), (0.9, 0.4), (1.0, 0.6), (1.0, 0.9)]
+"""PGA [g] and PGV/PGA [s] of the runs compared."""
+
+
+def grid(folder: Path) -> list[Row]:
+    """The site from its raw scan to the report, 2,500 runs with trajectories."""
+    prepared = _command(folder, "prep")
+    whole = _command(folder, "run", "displacement", "--workers", str(WORKERS))
+    log = (folder / SITE / "log.jsonl").read_text(encoding="utf-8").splitlines()
+    note = next(fact for fact in map(json.loads, reversed(log)) if fact["stage"] == "journeys")
+    again = _command(folder, "run", "displacement", "--workers", str(WORKERS))
+    wall, cpu = note["seconds"], note["cpu_seconds"]
+    return [
+        ("raw scan to rock and terrain [s]", f"{prepared:.0f}", ""),
+        ("2,500 runs with trajectories on the terrain [s]", f"{wall:.0f}", "at most 240"),
+        ("  CPU of a run [ms]", f"{1e3 * cpu / note['runs']:.0f}", ""),
+        ("  workers and store beyond that [%]", f"{100 * (wall * WORKERS / cpu - 1):.0f}", ""),
+        ("  time step, statistics, figures and pages [s]", f"{whole - wall:.0f}", ""),
+        ("  the second call [s]", f"{again:.1f}", "at most 3"),
+    ]
+
+
+def reductions(folder: Path) -> list[Row]:
+    """CPU on a terrain four times as large, and without one reduction each; ``grid`` goes first."""
+    config = load_site(SITE).config
+    store = Store(folder / SITE)
+    site = on_terrain(config, store, 0.0, config.contact.friction[0])
+    rock = on_terrain(
+        config.model_copy(
+            update={"simulation": config.simulation.model_copy(update={"reduce": False})}
+        ),
+        store,
+        0.0,
+        config.contact.friction[0],
+    ).seat.rock
+    usual = _cost(site)
+    others = (
+        ("CPU of a step on a terrain four times as large", _larger(site), "about 1"),
+        ("CPU of a step with the seat's hull to the end", replace(site, flight=site.seat), ""),
+        ("CPU of a step with all corners of the hull", _with(site, rock=rock), ""),
+    )
+    return [
+        (f"{what} / as it is", f"{_cost(other) / usual:.2f}", target)
+        for what, other, target in others
+    ]
+
+
+def _larger(site: Site) -> Site:
+    """The site with three more copies of its terrain around it, out of the rock's reach."""
+    terrain = site.seat.terrain
+    assert terrain is not None
+    extent = np.append(np.ptp(terrain.vertices[:, :2], axis=0), 0.0)
+    shifts = [extent * way for way in ([0, 0, 0], [-1, 0, 0], [0, 1, 0], [-1, 1, 0])]
+    count = len(terrain.vertices)
+    larger = replace(
+        terrain,
+        vertices=np.concatenate([terrain.vertices + shift for shift in shifts]),
+        faces=np.concatenate([terrain.faces + k * count for k in range(len(shifts))]),
+        pieces=tuple(piece + shift for shift in shifts for piece in terrain.pieces),
+    )
+    return replace(
+        site,
+        seat=replace(site.seat, terrain=larger),
+        flight=replace(site.flight, terrain=larger),
+    )
+
+
+def _with(site: Site, **changes: object) -> Site:
+    seat = replace(site.seat, **changes)  # type: ignore[arg-type]
+    return replace(site, seat=seat, flight=seat)
+
+
+def _cost(site: Site) -> float:
+    """CPU time of a step [s], over the cells."""
+    travel(site, CosinePulse.from_g(0.2, 0.1), Settings(STEP))  # builds the worlds
+    start, steps = time.process_time(), 0
+    for pga, pgv_pga in CELLS:
+        steps += travel(site, CosinePulse.from_g(pga, pgv_pga), Settings(STEP)).response.steps
+    return (time.process_time() - start) / steps
+
+
+def _command(folder: Path, *words: str) -> float:
+    """Wall time of a command [s]."""
+    command = [sys.executable, "-m", "pipeline", *words, "--site", SITE, "--derived", str(folder)]
+    start = time.monotonic()
+    subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
+    return time.monotonic() - start
