@@ -95,7 +95,8 @@ def on_terrain(config: Config, store: Store, yaw: float, friction: float) -> Gro
 
     from pipeline.stages.rock import load_rock
     from pipeline.stages.terrain import load_terrain
-    from vsr_core import detail, travel
+    from vsr_core import GRAVITY, detail, travel
+    from vsr_core.precheck import COARSEST_SHARE
     from vsr_core.scene import Scene
 
     rock, limits = load_rock(store)
@@ -110,8 +111,11 @@ def on_terrain(config: Config, store: Store, yaw: float, friction: float) -> Gro
         start=ground.starts[friction],
         terrain=terrain,
     )
-    flight = replace(seat, rock=detail.in_flight(rock)) if reduce else seat
-    return travel.Site(seat, flight, limits.toppled_tilt)
+    if not reduce:
+        return travel.Site(seat, seat, limits.toppled_tilt)
+    flight = replace(seat, rock=detail.in_flight(rock))
+    step = COARSEST_SHARE * math.sqrt(rock.radius / GRAVITY)
+    return travel.Site(seat, flight, limits.toppled_tilt, travel.still(seat, step))
 
 
 def contact(config: Config, friction: float) -> Contact:

@@ -78,7 +78,7 @@ def cliff(depth: float, edge: float = 0.6, half: float = 6.0) -> Terrain:
     return over(lambda x, y: -depth * (x > edge + 0.01), x, y)
 
 
-def perch(bumps: float = 0.05, half: float = 6.0, cells: int = 32) -> Terrain:
+def perch(bumps: float = 0.05, half: float = 5.0, cells: int = 20) -> Terrain:
     """A small level top from which bumpy slopes go down to both sides."""
 
     def height(x: Array, y: Array) -> Array:

@@ -56,7 +56,7 @@ def ground_of(name: str) -> Terrain:
     made: dict[str, Callable[[], Terrain]] = {
         "level": grounds.level,
         "perch": grounds.perch,
-        "cliff": lambda: grounds.cliff(3.0, 0.35),
+        "cliff": lambda: grounds.cliff(3.0, 0.3),
         "niche": lambda: grounds.niche(0.75, 0.4),
     }
     return made[name]()
@@ -88,6 +88,12 @@ def cells(seed: int, count: int, low: float, high: float, longest: float = 0.5) 
     return np.column_stack([pga, ratio, yaw])
 
 
+def squarely(chosen: Array) -> Array:
+    """The same cells, shaken along x or y: on one corner a box has no boundary, but a fringe."""
+    quarter = 0.5 * math.pi
+    return np.column_stack([chosen[:, :2], np.round(chosen[:, 2] / quarter) * quarter])
+
+
 # Level ground is a flat pedestal
 
 
@@ -101,7 +107,9 @@ def like_the_plane(rock: str, ground: str, chosen: Array, shift: float = 0.03) -
         case = prepare(Scene(body, Contact(0.6), yaw), limits, reduce=True)
 
         def flat(share: float, case=case, pga=pga, ratio=ratio) -> int:  # type: ignore[no-untyped-def]
-            return simulate(case, CosinePulse.from_g(share * pga, ratio), settings).outcome.overturned
+            return simulate(
+                case, CosinePulse.from_g(share * pga, ratio), settings
+            ).outcome.overturned
 
         site = site_of(rock, ground)
         site = replace(site, seat=replace(site.seat, yaw=yaw))
@@ -118,23 +126,27 @@ def like_the_plane(rock: str, ground: str, chosen: Array, shift: float = 0.03) -
 @pytest.mark.parametrize(
     ("rock", "ground", "count"),
     [
-        ("box", "level", 16),
-        ("box", "level pieces", 20),
-        ("double rock", "level pieces", 12),
-        ("double rock", "level", 3),
+        ("box", "level", 12),
+        ("box", "level pieces", 12),
+        ("double rock", "level pieces", 6),
     ],
 )
 def test_level_ground_is_a_flat_pedestal(rock: str, ground: str, count: int) -> None:
-    low, high = (0.4, 1.2) if rock == "box" else (0.08, 0.3)
-    like_the_plane(rock, ground, cells(1, count, low, high, 0.3))
+    """After the first impacts: many of them magnify any difference."""
+    if rock == "box":
+        like_the_plane(rock, ground, squarely(cells(1, count, 0.4, 1.2, 0.2)))
+    else:
+        like_the_plane(rock, ground, cells(1, count, 0.08, 0.5, 0.15))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ground", ["level", "level pieces"])
 @pytest.mark.parametrize("rock", ["box", "double rock"])
 def test_level_ground_is_a_flat_pedestal_on_a_grid(rock: str, ground: str) -> None:
-    low, high = (0.3, 1.2) if rock == "box" else (0.08, 0.5)
-    like_the_plane(rock, ground, cells(2, 60, low, high))
+    if rock == "box":
+        like_the_plane(rock, ground, squarely(cells(2, 60, 0.3, 1.2, 0.3)))
+    else:
+        like_the_plane(rock, ground, cells(2, 60, 0.08, 0.5, 0.3))
 
 
 def boundary(over: Callable[[float], bool], low: float, high: float) -> float:
@@ -174,7 +186,9 @@ def test_slip_on_level_ground_is_that_on_the_plane() -> None:
         case = prepare(Scene(squat, Contact(0.3), yaw), limits, reduce=False)
         flat = simulate(case, CosinePulse.from_g(pga, ratio), usual(squat, reduce=False))
         for ground in ("level", "level pieces"):
-            site = grounds.site(squat, ground_of(ground), limits.toppled_tilt, yaw=yaw, friction=0.3)
+            site = grounds.site(
+                squat, ground_of(ground), limits.toppled_tilt, yaw=yaw, friction=0.3
+            )
             found = travel.travel(site, CosinePulse.from_g(pga, ratio), usual(squat))
             assert found.response.outcome is flat.outcome is Outcome.DISPLACED
             assert found.response.slip == pytest.approx(flat.slip, rel=0.02)
@@ -294,9 +308,7 @@ def test_density_does_not_matter() -> None:
             site.seat, rock=replace(rock, mass=7.0 * rock.mass, inertia=7.0 * rock.inertia)
         )
         one, other = run(site, pga, ratio), run(Site(scene, scene, site.toppled_tilt), pga, ratio)
-        times = np.linspace(0.0, 0.8, 40)
-        np.testing.assert_allclose(place(one, times), place(other, times), atol=1e-5)
-        assert one.response.outcome is other.response.outcome
+        early(one, other, np.eye(3), rock.radius)
 
 
 # The same run twice
@@ -332,6 +344,19 @@ import test_travel
 for cell in reversed(test_travel.various()):
     print(test_travel.digest(test_travel.run(*cell)))
 """
+
+
+def test_a_world_is_as_new_at_every_step() -> None:
+    """Steps that do not fill a sample in binary numbers too."""
+    site = site_of("box", "level pieces")
+    rng = np.random.default_rng(0)
+    for share in rng.uniform(0.002, 0.006, 12):
+        scene = replace(site.seat)
+        new = Site(scene, scene, site.toppled_tilt)
+        motion = CosinePulse.from_g(1.0, float(rng.uniform(0.05, 0.1)))
+        settings = usual(scene.rock, float(share))
+        first, again = (travel.travel(new, motion, settings, follow=False) for _ in range(2))
+        assert digest(first) == digest(again)
 
 
 def test_a_run_knows_nothing_of_the_runs_before() -> None:
@@ -390,7 +415,7 @@ def in_the_niche(count: int) -> None:
 
 
 def test_a_reduced_scene_does_as_the_complete_one() -> None:
-    in_the_niche(8)
+    in_the_niche(5)
 
 
 @pytest.mark.slow
@@ -404,9 +429,10 @@ def test_a_reduced_scene_does_as_the_complete_one_on_a_grid() -> None:
 @cache
 def fallen() -> tuple[Site, Travel, CosinePulse]:
     """A box that is pushed off a cliff of 3 m."""
-    site = site_of("box", "cliff")
-    motion = CosinePulse.from_g(-0.9, 0.15)
-    return site, travel.travel(site, motion, usual(site.seat.rock)), motion
+    box, limits = rock_of("box")
+    site = grounds.site(box, ground_of("cliff"), limits.toppled_tilt, friction=0.2)
+    motion = CosinePulse.from_g(-0.8, 0.3)
+    return site, travel.travel(site, motion, usual(box)), motion
 
 
 TOPPLING = [("box", "cliff"), ("lump", "perch pieces"), ("lump", "niche pieces")]
@@ -440,29 +466,31 @@ def test_positions_and_poses_follow_from_velocities(rock: str, ground: str) -> N
     gaps = np.diff(path.time)[:, None]
     moved = np.diff(path.position, axis=0)
     middle = 0.5 * (path.velocity[1:] + path.velocity[:-1]) * gaps
-    # Over the time of a look around an impact, when is not known.
+    # What is no impact may still push between two samples, and when it did is not known.
+    unseen = travel.IMPACT_SHARE * math.sqrt(GRAVITY * site.seat.rock.radius)
     jumps = np.linalg.norm(np.diff(path.velocity, axis=0), axis=1)[:, None]
-    assert (np.abs(moved - middle) <= 0.5 * jumps * gaps + 0.003 * gaps).all()
-    assert np.linalg.norm((moved - middle).sum(axis=0)) < 0.01 * path.length
+    assert (np.abs(moved - middle) <= (0.5 * jumps + unseen) * gaps).all()
+    assert np.abs(moved - middle).sum() < 0.03 * path.length
     turn = Rotation.from_quat(path.quaternion)
     turned = (turn[1:] * turn[:-1].inv()).as_rotvec()
     twice = 0.5 * (path.spin[1:] + path.spin[:-1]) * gaps
     bends = np.linalg.norm(np.diff(path.spin, axis=0), axis=1)[:, None]
-    assert (np.abs(turned - twice) <= 0.5 * bends * gaps + 0.01 * gaps).all()
+    assert (np.abs(turned - twice) <= (0.5 * bends + unseen / site.seat.rock.radius) * gaps).all()
+    assert np.abs(turned - twice).sum() < 0.03 * np.linalg.norm(turned, axis=1).sum()
 
 
 def clearance(site: Site, found: Travel) -> Array:
-    """Height of the rock's lowest corner above the ground [m], at each sample."""
-    assert site.seat.terrain is not None
+    """Least height of the rock's surface above the ground [m], at each sample."""
+    terrain = site.seat.terrain
+    assert terrain is not None
+    surface = trimesh.convex.convex_hull(site.seat.rock.vertices)
+    while len(surface.vertices) < 200:
+        surface = surface.subdivide()
     clear = []
     path = found.trajectory
     for position, quaternion in zip(path.position, path.quaternion, strict=True):
-        corners = Rotation.from_quat(quaternion).apply(site.seat.rock.vertices) + position
-        heights = [
-            corner[2] - site.seat.terrain.surfaces(corner[0], corner[1])[0][-1]
-            for corner in corners
-        ]
-        clear.append(min(heights))
+        points = Rotation.from_quat(quaternion).apply(surface.vertices) + position
+        clear.append(min(z - terrain.surfaces(x, y)[0][-1] for x, y, z in points.tolist()))
     return np.array(clear)
 
 
@@ -471,11 +499,10 @@ def test_free_flight_is_ballistic() -> None:
     site, found, motion = fallen()
     path = found.trajectory
     aloft = clearance(site, found) > 0.01
-    assert aloft.sum() > 15
-    first, last = np.flatnonzero(aloft)[[0, -1]]
-    flight = slice(first + 1, last + 1)
-    assert aloft[flight].all()
-    assert not path.contact[flight][1:].any()
+    first = int(np.argmax(aloft))
+    flight = slice(first, first + int(np.argmin(aloft[first:])))
+    assert flight.stop - flight.start > 15
+    assert path.time[flight][0] < motion.duration
     time = path.time[flight] - path.time[flight][0]
     along = np.array([1.0, 0.0, 0.0])
     table = motion.velocity(path.time[flight])
@@ -513,15 +540,13 @@ def test_contact_is_told_by_the_distance_from_the_ground() -> None:
 
 def test_contact_before_an_impact_is_told_too() -> None:
     """A block that slides into a wall has touched the ground all the way."""
-    floor = grounds.extruded(np.array([[-4, 0], [-1.5, 0], [1.5, 0], [1.52, 1], [4, 1]]), 3.0)
+    floor = grounds.extruded(np.array([[-4, 0], [-1.5, 0], [0.8, 0], [0.82, 1], [4, 1]]), 3.0)
     block = solid.box((0.6, 0.6, 0.3), 2000.0).rock
-    start = replace(grounds.at_rest(block.height), velocity=np.array([4.0, 0.0, 0.0]))
-    site = grounds.site(block, floor, friction=0.1, start=start)
-    found = travel.travel(site, CosinePulse.from_g(1e-6, 0.05), usual(block))
+    found = run(grounds.site(block, floor, friction=0.1), -0.7, 0.25)
     path = found.trajectory
-    struck = np.flatnonzero(np.diff(path.velocity[:, 0]) < -1.0)
+    struck = np.flatnonzero(np.diff(path.velocity[:, 0]) < -0.5)
     assert len(struck)
-    assert path.position[struck[0], 0] == pytest.approx(1.2, abs=0.05)
+    assert path.position[struck[0], 0] == pytest.approx(0.5, abs=0.05)
     assert path.contact[: struck[0] + 2].all()
 
 
@@ -540,14 +565,13 @@ def test_numbers_of_a_trajectory() -> None:
 
 def test_largest_speed_is_that_before_the_impact() -> None:
     """A fall of h ends at sqrt(v0^2 + 2 g h): sampled at 50 Hz alone it would be missed."""
-    site, found, motion = fallen()
+    site, found, _ = fallen()
     path = found.trajectory
-    aloft = np.flatnonzero(clearance(site, found) > 0.01)
-    last = aloft[-1]
-    assert path.largest_speed >= np.linalg.norm(path.velocity[last])
-    landing = int(np.argmax(np.linalg.norm(path.velocity, axis=1)))
-    # Not a look's fall less than when the first corner comes down.
-    assert clearance(site, found)[landing] < path.largest_speed * travel.LOOK_TIME
+    clear, speed = clearance(site, found), np.linalg.norm(path.velocity, axis=1)
+    landing = int(np.argmax(speed))
+    assert clear[:landing].max() > 0.5
+    # A look's way, at the most, over the ground.
+    assert clear[landing] < 1.5 * speed[landing] * travel.LOOK_TIME
 
 
 @pytest.mark.parametrize(("rock", "ground"), TOPPLING)
@@ -595,25 +619,25 @@ def test_leaves_a_small_terrain() -> None:
     """Sliding off a table top is no toppling, and falling off its end is no rest."""
     block = solid.box((0.6, 0.6, 0.3), 2000.0).rock
     small = grounds.level(0.8, 4)
-    for velocity in ([2.0, 0.0, 0.0], [0.3, -2.0, 0.0]):
-        start = replace(grounds.at_rest(block.height), velocity=np.array(velocity))
-        site = grounds.site(block, small, friction=0.02, start=start)
-        found = travel.travel(site, CosinePulse.from_g(1e-6, 0.05), usual(block))
+    for yaw in (0.0, 1.2):
+        found = run(grounds.site(block, small, friction=0.02, yaw=yaw), 0.6, 0.5)
+        path = found.trajectory
         assert found.stop is StopReason.LEFT_TERRAIN
         assert found.response.outcome is Outcome.UNSETTLED
-        end = found.trajectory.position[-1]
-        assert 0.8 < np.abs(end[:2]).max() < 0.8 + 2.0 * (travel.BORDER_LOOKS + 1) * travel.LOOK_TIME
+        over = np.abs(path.position[-1, :2]).max() - 0.8
+        late = (travel.BORDER_LOOKS + 1) * travel.LOOK_TIME
+        assert 0.0 < over < path.largest_speed * late
 
 
 def test_slides_on_until_time_is_up() -> None:
     block = solid.box((0.6, 0.6, 0.3), 2000.0).rock
     start = replace(grounds.at_rest(block.height), velocity=np.array([0.2, 0.0, 0.0]))
     site = grounds.site(block, ground_of("level pieces"), friction=0.0, start=start)
-    found = travel.travel(site, CosinePulse.from_g(1e-6, 0.05), Settings(0.004))
+    found = travel.travel(site, CosinePulse.from_g(1e-6, 0.05), Settings(0.002))
     assert (found.stop, found.response.outcome) == (StopReason.TIME, Outcome.UNSETTLED)
     path = found.trajectory
     assert path.time[-1] == pytest.approx(travel.LONGEST_TIME + 0.1 * math.pi, abs=0.05)
-    assert path.velocity[-1] == pytest.approx([0.2, 0.0, 0.0], abs=1e-3)
+    assert path.velocity[-1] == pytest.approx([0.2, 0.0, 0.0], abs=0.01)
 
 
 class Fake:
@@ -629,16 +653,16 @@ class Fake:
         self, scene: Scene, time_step: float, substeps: int, solver: engines.Solver | None = None
     ) -> Fake:
         self.time_steps.append(time_step)
-        self.samples = 0
+        self.interval, self.time = time_step * substeps, 0.0
         assert scene.start is not None
         self.start = scene.start
         return self
 
     def advance(self, acceleration: Iterable[float]) -> None:
-        self.samples += len(list(acceleration))
+        self.time += len(list(acceleration)) * self.interval
 
     def now(self) -> dict[str, Array | float]:
-        return self.story(self) if self.samples > 200 else {}
+        return self.story(self) if self.time > 0.5 else {}
 
     def state(self) -> State:
         return replace(self.start, **{k: v for k, v in self.now().items() if k != "deep"})
@@ -662,7 +686,9 @@ STORIES: dict[str, Callable[[Fake], dict[str, Array | float]]] = {
 }
 
 
-def faked(monkeypatch: pytest.MonkeyPatch, story: str | Callable[..., object]) -> tuple[Fake, Travel]:
+def faked(
+    monkeypatch: pytest.MonkeyPatch, story: str | Callable[..., object]
+) -> tuple[Fake, Travel]:
     fake = Fake(STORIES[story] if isinstance(story, str) else story)  # type: ignore[arg-type]
     site = site_of("box", "level")
     monkeypatch.setattr(engines, "load", lambda name: types.SimpleNamespace(build=fake.build))
@@ -699,7 +725,7 @@ def test_what_a_shake_can_give_is_no_error(monkeypatch: pytest.MonkeyPatch) -> N
     most = 4.0 * 0.5 * GRAVITY * 0.3
 
     def fast(world: Fake) -> dict[str, Array]:
-        over = world.samples * world.time_steps[-1] > 3.0
+        over = world.time > 0.98 * 2.0 * math.pi * 0.3
         return {"velocity": np.array([0.97 * most if over else 0.0, 0.0, 0.0])}
 
     _, found = faked(monkeypatch, fast)
@@ -740,7 +766,10 @@ def test_finds_the_pose_of_a_rock_on_a_slope() -> None:
     ("start", "said"),
     [
         (grounds.at_rest(0.8), "moves by 0.3"),
-        (grounds.at_rest(0.55, Rotation.from_euler("y", 35.0, degrees=True).as_matrix()), "turns by"),
+        (
+            grounds.at_rest(0.55, Rotation.from_euler("y", 35.0, degrees=True).as_matrix()),
+            "turns by",
+        ),
         (replace(grounds.at_rest(3.0), position=np.array([9.0, 0.0, 3.0])), "still moves"),
     ],
     ids=["in the air", "leaning", "beyond the border"],
@@ -783,16 +812,16 @@ def test_toppling_is_known_without_following() -> None:
 @pytest.mark.parametrize("drop", [0.11, 0.12])
 def test_a_rock_that_sinks_has_toppled(drop: float) -> None:
     """It slides, upright, down a ramp to a lower level: toppled from 0.116 radii down."""
-    block = solid.box((0.3, 0.3, 0.3), 2000.0).rock
+    block = solid.box((0.3, 0.3, 0.2), 2000.0).rock
     depth = drop * block.radius
-    steps = np.array([[-3.0, 0.0], [0.4, 0.0], [0.8, -depth], [4.0, -depth]])
-    start = replace(grounds.at_rest(block.height), velocity=np.array([2.0, 0.0, 0.0]))
-    site = grounds.site(block, grounds.extruded(steps, 2.0), 1.0, friction=0.1, start=start)
+    steps = np.array([[-3.0, 0.0], [0.2, 0.0], [0.5, -depth], [3.0, -depth]])
+    start = replace(grounds.at_rest(block.height), velocity=np.array([0.25, 0.0, 0.0]))
+    site = grounds.site(block, grounds.extruded(steps, 2.0), friction=0.0, start=start)
     found = travel.travel(site, CosinePulse.from_g(1e-6, 0.05), usual(block))
-    assert found.stop is StopReason.REST
-    assert found.trajectory.position[-1, 0] > 0.8
-    assert found.response.final_tilt < 0.01
-    assert found.response.outcome is (Outcome.OVERTURNED if drop > 0.116 else Outcome.DISPLACED)
+    assert found.stop is StopReason.LEFT_TERRAIN
+    assert found.trajectory.position[-1, 0] > 3.0
+    assert found.response.peak_tilt < 0.3
+    assert found.response.outcome is (Outcome.OVERTURNED if drop > 0.116 else Outcome.UNSETTLED)
 
 
 # The world
@@ -856,15 +885,16 @@ def test_all_ground_that_a_rock_touches_is_there(ground: str) -> None:
             points = over @ state.rotation.T + state.position
             centre = triangles.mean(axis=1)
             near = np.linalg.norm(centre - state.position, axis=1) < rock.radius + 0.6
-            if terrain.depth(state.position) is None or not near.any():
+            if terrain.depth(state.position) is None:
                 break
+            if not near.any():
+                continue
             small = trimesh.Trimesh(triangles[near].reshape(-1, 3), process=False, faces=None)
             small.faces = np.arange(3 * near.sum()).reshape(-1, 3)
             close, distance, _ = trimesh.proximity.closest_point(small, points)
             touched = close[distance < 0.001 * rock.radius]
-            held = blocks_at(world, touched)
-            assert held.all()
-            checked += len(held)
+            assert blocks_at(world, touched).all()
+            checked += len(touched)
     assert checked > 50
 
 
@@ -873,7 +903,7 @@ def blocks_at(world: object, points: Array) -> NDArray[np.bool_]:
     ground: bullet_ground.Ground = world._ground  # type: ignore[attr-defined]
     scaled = points * ground._scale
     found = np.zeros(len(points), dtype=bool)
-    for block in ground._bodies:
+    for block in ground._bodies if len(points) else ():
         corners = ground._blocks[block]
         if ground._convex:
             hull = trimesh.convex.convex_hull(corners)
@@ -906,12 +936,13 @@ def test_a_scanned_rock_keeps_its_pose_and_stands_when_asked_to() -> None:
     tilted.vertices = mesh.vertices @ turn.T + [4.0, 5.0, 6.0]
     scanned = solid.from_mesh(tilted, 2110.0, as_scanned=True)
     assert scanned.turned == 0.0
-    np.testing.assert_allclose(
-        scanned.vertices, tilted.vertices - tilted.center_mass, atol=1e-9
-    )
+    np.testing.assert_allclose(scanned.vertices, tilted.vertices - tilted.center_mass, atol=1e-9)
     stood = solid.standing(scanned.rock)
     assert stood.height == pytest.approx(level.height, abs=1e-6)
-    assert (stood.mass, stood.inertia.tolist()) == (scanned.rock.mass, scanned.rock.inertia.tolist())
+    assert (stood.mass, stood.inertia.tolist()) == (
+        scanned.rock.mass,
+        scanned.rock.inertia.tolist(),
+    )
     # The turn between the two is the same for corners and axes, and small.
     r = np.linalg.lstsq(scanned.rock.vertices, stood.vertices, rcond=None)[0].T
     np.testing.assert_allclose(r @ r.T, np.eye(3), atol=1e-9)
@@ -920,18 +951,17 @@ def test_a_scanned_rock_keeps_its_pose_and_stands_when_asked_to() -> None:
 
 
 def test_a_rock_that_lies_far_from_a_level_stand_is_refused() -> None:
-    wedge = trimesh.creation.box((1.0, 1.0, 1.0))
-    for degrees, fits in ((40.0, True), (-40.0, True)):
-        turned = wedge.copy()
-        turned.vertices = wedge.vertices @ Rotation.from_euler(
-            "x", degrees, degrees=True
-        ).as_matrix().T
-        rock = solid.from_mesh(turned, 2000.0, as_scanned=True).rock
-        assert solid.standing(rock).height == pytest.approx(0.5) == fits * 0.5
-    needle = trimesh.creation.box((0.2, 0.2, 2.0))
-    needle.vertices = needle.vertices @ Rotation.from_euler("x", 44.0, degrees=True).as_matrix().T
-    with pytest.raises(Unfit, match="falls by"):
-        solid.standing(solid.from_mesh(needle, 2000.0, as_scanned=True).rock)
+    cube = trimesh.creation.box((1.0, 1.0, 1.0))
+    for degrees in (40.0, -20.0, 0.0):
+        scanned = cube.copy()
+        scanned.vertices = Rotation.from_euler("x", degrees, degrees=True).apply(cube.vertices)
+        rock = solid.from_mesh(scanned, 2000.0, as_scanned=True).rock
+        assert rock.height > 0.6 or degrees == 0.0
+        assert solid.standing(rock).height == pytest.approx(0.5)
+    # On a corner, a cube is 54.7 deg from each of its faces.
+    scanned.vertices = Rotation.align_vectors([[0, 0, 1]], [[1, 1, 1]])[0].apply(cube.vertices)
+    with pytest.raises(Unfit, match="falls by 55 deg"):
+        solid.standing(solid.from_mesh(scanned, 2000.0, as_scanned=True).rock)
 
 
 # Samples of the motion

@@ -21,6 +21,7 @@ from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response, Stop
 from vsr_core.sampling import first_step, samples, sampling
 from vsr_core.scene import Reduction, Rock, Scene, State
 from vsr_core.simulate import ENERGY_SLACK, HALVINGS, Settings
+from vsr_core.stance import still_range
 
 Array = NDArray[np.float64]
 
@@ -53,6 +54,9 @@ g radius and it moves by less than ``REST_WAY`` radius."""
 LONGEST_TIME, LONGEST_TIMES = 20.0, 80.0
 """Longest wait after the motion: seconds, and units of sqrt(radius / g), whichever is more."""
 
+QUIET_STEPS = 12
+"""Steps in which the engine finds what a rock at rest stands on."""
+
 BORDER_LOOKS = 8
 """Looks between two looks at where the ground is."""
 
@@ -62,6 +66,10 @@ REDUCTIONS = (
         "joint, servo and moving terrain",
         "the motion is prescribed, so the table's own frame is exact: gravity minus the table's "
         "acceleration",
+    ),
+    Reduction(
+        "runs below the uplift and sliding limits",
+        "forces in the friction cones at the points of contact balance weight and inertia",
     ),
     Reduction(
         "triangles of the terrain",
@@ -141,11 +149,13 @@ class Site:
     seat : Scene, on a terrain and with a start, as detailed as it is known
     flight : Scene, of the same rock on the same terrain, for the time after toppling
     toppled_tilt : float [rad], beyond which the rock has toppled
+    still : tuple of float, lowest and highest table acceleration [m/s^2] that move nothing
     """
 
     seat: Scene
     flight: Scene
     toppled_tilt: float
+    still: tuple[float, float] = (0.0, 0.0)
 
 
 def travel(site: Site, motion: GroundMotion, settings: Settings, *, follow: bool = True) -> Travel:
@@ -162,6 +172,10 @@ def travel(site: Site, motion: GroundMotion, settings: Settings, *, follow: bool
         Whether to go on after toppling; without, only the outcome and the way up to there are
         wanted.
     """
+    if settings.reduce and motion.peak_acceleration < min(-site.still[0], site.still[1]):
+        assert site.seat.start is not None
+        stands = Response(Outcome.BALANCED, DecidedBy.NO_UPLIFT_BOUND, 0.0, 0.0, 0.0, 0)
+        return Travel(stands, StopReason.REST, _trajectory([(0.0, site.seat.start, True)]))
     time_step = first_step(motion, None, settings.time_step)
     for _ in range(HALVINGS + 1):
         found = _Run(site, motion, settings, time_step).to_the_end(follow)
@@ -174,6 +188,21 @@ def travel(site: Site, motion: GroundMotion, settings: Settings, *, follow: bool
 def topple(site: Site, motion: GroundMotion, settings: Settings) -> Response:
     """Outcome of one run, without what follows when the rock has toppled."""
     return travel(site, motion, settings, follow=False).response
+
+
+def still(scene: Scene, time_step: float) -> tuple[float, float]:
+    """Range of table accelerations [m/s^2] in which a rock on its seat stays at rest.
+
+    Parameters
+    ----------
+    scene : Scene, on a terrain, with the rock at rest as its start
+    time_step : float [s]
+    """
+    world = cast(engines.GroundWorld, engines.load("bullet").build(scene, time_step, 1))
+    world.advance([0.0] * QUIET_STEPS)
+    along = np.array([math.cos(scene.yaw), -math.sin(scene.yaw), 0.0])
+    centre = world.state().position
+    return still_range(*world.footing(), centre, scene.contact.friction, along)
 
 
 def settled(scene: Scene, time_step: float) -> State:
@@ -228,8 +257,9 @@ class _Run:
         self.rock, self.radius = scene.rock, scene.rock.radius
         self.inertia = _inertia(scene.rock)
         self.terrain = scene.terrain
-        most = max(1, int(LOOK_TIME / time_step))
-        sampled = sampling(motion, None, time_step, most)
+        most = sampling(motion, None, time_step, max(1, int(LOOK_TIME / time_step))).substeps
+        # Bullet finds the steps in a sample by division, and one less where that is not exact.
+        sampled = sampling(motion, None, time_step, 1 << (most.bit_length() - 1))
         self.interval, self.substeps = sampled.interval, sampled.substeps
         self.pulse_samples = sampled.pulse_samples
         wait = max(LONGEST_TIME, LONGEST_TIMES * math.sqrt(self.radius / GRAVITY))
@@ -241,7 +271,8 @@ class _Run:
         self.floor = GRAVITY * (self.terrain.lowest - self.radius)
         self.world = self._enter(scene)
         self.start = self.state = scene.start
-        self.sample, self.time = 0, 0.0
+        self.sample = self.looks = 0
+        self.time = 0.0
         self.tilt = self.peak_tilt = self.slip = 0.0
         self.toppled = False
         self.rest = _Rest(self.radius)
@@ -250,35 +281,48 @@ class _Run:
 
     def to_the_end(self, follow: bool) -> Travel:
         values = self.values.tolist()
-        looks = 0
         while self.sample < self.last_sample:
             until = min(self.sample + self.look_every, self.last_sample)
             if self.sample < self.pulse_samples < until:
                 until = self.pulse_samples
             self.world.advance(values[self.sample : until])
-            before, state = self.state, self.world.state()
-            if not _finite(state):
-                return self._ended(Outcome.UNSTABLE, StopReason.UNDONE)
-            self.state, self.kinetic = state, _kinetic(self.inertia, state)
-            self._keep(before, until)
-            self.sample, self.time = until, until * self.interval
-            looks += 1
-            if not self._sound(looks % BORDER_LOOKS == 0):
-                return self._ended(Outcome.UNSTABLE, StopReason.UNDONE)
-            if looks % BORDER_LOOKS == 0 and self.terrain.depth(self.state.position) is None:
-                outcome = Outcome.OVERTURNED if self.toppled else Outcome.UNSETTLED
-                return self._ended(outcome, StopReason.LEFT_TERRAIN)
-            if not self.toppled and self._topples():
-                self.toppled = True
-                if not follow:
-                    return self._ended(Outcome.OVERTURNED, StopReason.UNDONE)
-                if self.settings.reduce:
-                    self._go_on_in(self.site.flight)
-            at_rest = self.rest.seen(self.time, self.state, self.kinetic)
-            if at_rest and self.sample >= self.pulse_samples:
-                return self._ended(self._side(), StopReason.REST)
+            decided = self._look(until) or self._decided(follow)
+            if decided:
+                return self._ended(*decided)
         outcome = Outcome.OVERTURNED if self.toppled else Outcome.UNSETTLED
         return self._ended(outcome, StopReason.TIME)
+
+    def _look(self, until: int) -> tuple[Outcome, StopReason] | None:
+        """Read the rock; what ends the run if a guard fails or there is no ground any more."""
+        before, state = self.state, self.world.state()
+        if not _finite(state):
+            return Outcome.UNSTABLE, StopReason.UNDONE
+        self.state, self.kinetic = state, _kinetic(self.inertia, state)
+        self._keep(before, until)
+        self.sample, self.time = until, until * self.interval
+        self.looks += 1
+        closely = self.looks % BORDER_LOOKS == 0
+        if not self._sound(closely):
+            return Outcome.UNSTABLE, StopReason.UNDONE
+        if closely and self.terrain.depth(state.position) is None:
+            outcome = Outcome.OVERTURNED if self.toppled else Outcome.UNSETTLED
+            return outcome, StopReason.LEFT_TERRAIN
+        return None
+
+    def _decided(self, follow: bool) -> tuple[Outcome, StopReason] | None:
+        """What ends a sound run: it toppled and is not followed, or it rests."""
+        if not self.toppled and self._topples():
+            if not self._sound(closely=True):  # it may have sunk into the ground
+                return Outcome.UNSTABLE, StopReason.UNDONE
+            self.toppled = True
+            if not follow:
+                return Outcome.OVERTURNED, StopReason.UNDONE
+            if self.settings.reduce:
+                self._go_on_in(self.site.flight)
+        at_rest = self.rest.seen(self.time, self.state, self.kinetic)
+        if at_rest and self.sample >= self.pulse_samples:
+            return self._side(), StopReason.REST
+        return None
 
     def _enter(self, scene: Scene) -> engines.GroundWorld:
         engine = engines.load(self.settings.engine)

@@ -36,9 +36,6 @@ rock's radius."""
 THICKNESS_SHARE = 0.05
 """Thickness of the pieces, as a share of the rock's radius: more than a run may sink in."""
 
-SETTLING_SHARE = 0.006
-"""Time step at which the rock settles, in units of sqrt(radius / g)."""
-
 
 @dataclass(frozen=True)
 class Ground:
@@ -122,6 +119,7 @@ def _rest(terrain: Terrain, job: Job, friction: float) -> State:
     import numpy as np
 
     from vsr_core import GRAVITY, detail
+    from vsr_core.precheck import COARSEST_SHARE
     from vsr_core.scene import Scene, State
     from vsr_core.travel import settled
 
@@ -132,7 +130,7 @@ def _rest(terrain: Terrain, job: Job, friction: float) -> State:
     scene = Scene(
         rock, contact(job.config, friction), 0.0, "terrain", start=scanned, terrain=terrain
     )
-    return settled(scene, SETTLING_SHARE * math.sqrt(rock.radius / GRAVITY))
+    return settled(scene, COARSEST_SHARE * math.sqrt(rock.radius / GRAVITY))
 
 
 def _dataset(whole: Terrain, terrain: Terrain, starts: dict[float, State]) -> xr.Dataset:

@@ -17,6 +17,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 from vsr_core.errors import Unfit
 from vsr_core.scene import Scene, State
 
@@ -67,6 +70,12 @@ class GroundWorld(World, Protocol):
 
     def contacts(self) -> tuple[int, float]:
         """Number of points at which the rock touched in the last step, and the deepest [m]."""
+
+    def footing(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Points that bore the rock in the last step, and the way the ground pushed there.
+
+        Both have shape (k, 3), in the site's frame, [m] and [1].
+        """
 
 
 class Engine(Protocol):

@@ -64,9 +64,9 @@ def sheet(x: Array, z: Array, across: Array) -> tuple[Array, Indices]:
     return vertices, faces.astype(np.int64)
 
 
-def in_pieces(terrain: Terrain) -> tuple[Array, ...]:
-    """Convex pieces of a terrain that stand for it to ``TOLERANCE``."""
-    return pieces(terrain, lambda points: np.full(len(points), TOLERANCE), THICKNESS)
+def in_pieces(terrain: Terrain, tolerance: float = TOLERANCE) -> tuple[Array, ...]:
+    """Convex pieces of a terrain that stand for it to ``tolerance`` [m]."""
+    return pieces(terrain, lambda points: np.full(len(points), tolerance), THICKNESS)
 
 
 def scene(

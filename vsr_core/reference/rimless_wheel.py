@@ -100,9 +100,7 @@ def prism(sides: int) -> Rock:
     return solid.from_mesh(mesh, DENSITY, as_scanned=True).rock
 
 
-def rolled(
-    wheel: Wheel, restitution: float, cell: float, cut: bool, engine: str, time_step: float
-) -> Path:
+def rolled(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> Path:
     """Path of ``STEPS`` steps in the slope's axes, from just after an impact at terminal speed."""
     rate = wheel.kept * wheel.terminal
     apothem = RADIUS * math.cos(wheel.half)
@@ -111,20 +109,19 @@ def rolled(
     start = State(np.array([0.0, 0.0, apothem]), np.eye(3), velocity, np.array([0.0, rate, 0.0]))
     number, step = whole(STEPS * wheel.period, time_step)
     ground = slope(wheel.angle, (-1.0, 7.0), 1.5, cell, cut)
-    contact = Contact(GRIPPING, restitution)
-    placed = scene(prism(wheel.sides), contact, ground, wheel.angle, start)
+    placed = scene(prism(wheel.sides), Contact(GRIPPING), ground, wheel.angle, start)
     return seen(run(engine, placed, step, np.zeros(number)), wheel.angle)
 
 
 def way(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> float:
     """Error of the way of twelve steps at terminal speed, relative to twelve facets."""
-    path = rolled(wheel, 0.0, cell, cut, engine, time_step)
+    path = rolled(wheel, cell, cut, engine, time_step)
     return abs(float(path.position[-1, 0]) / (STEPS * wheel.facet) - 1.0)
 
 
 def straightness(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> float:
     """How far it leaves its line in twelve steps, relative to twelve facets."""
-    path = rolled(wheel, 0.0, cell, cut, engine, time_step)
+    path = rolled(wheel, cell, cut, engine, time_step)
     return float(np.abs(path.position[:, 1]).max()) / (STEPS * wheel.facet)
 
 

@@ -205,6 +205,13 @@ class BulletWorld:
         touching = [point[8] for point in points if point[9] > 0.0]
         return len(touching), max(-min(touching, default=0.0), 0.0) / self._scale
 
+    def footing(self) -> tuple[Array, Array]:
+        """Points that bore the rock in the last step, and the way the ground pushed there."""
+        points = pybullet.getContactPoints(self._rock, physicsClientId=self._client)
+        bearing = [point for point in points if point[9] > 0.0]
+        places = np.array([point[6] for point in bearing]).reshape(-1, 3) / self._scale
+        return places, np.array([point[7] for point in bearing]).reshape(-1, 3)
+
     def close(self) -> None:
         """End the connection."""
         pybullet.disconnect(self._client)

@@ -1,0 +1,239 @@
+"""Rebound, rolling and sliding on terrain against known answers, and what the coefficients do.
+
+    python -m benchmarks.rebound [--write]
+
+Ten minutes. ``--write`` writes the page, docs/rebound.md, and its figure.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks import tumbling
+from pipeline import ROOT
+from vsr_core.reference import dissipation, impact, incline, rimless_wheel, runout
+from vsr_core.reference._ground import slope
+from vsr_core.scene import Contact
+from vsr_core.terrain import Terrain
+
+PAGE, FIGURE = ROOT / "docs" / "rebound.md", ROOT / "docs" / "rebound.png"
+
+RESTITUTIONS, FRICTIONS = tumbling.RESTITUTIONS, tumbling.FRICTIONS
+
+STEPS = (4e-3, 2e-3, 1e-3, 0.5e-3)
+"""Time steps [s]; the third is that of the table of all coefficients."""
+
+USUAL = Contact(0.6, 0.38)
+"""Coefficients at which steps and grounds are compared."""
+
+HULLS = 24
+"""Hulls that tumble for the table of energy."""
+
+ENGINE = "bullet"
+
+STEEP, GENTLE = math.radians(55.0), math.radians(10.0)
+"""Slopes for a sphere that slips at the least of the frictions, and for a block that stops."""
+
+GROUNDS = {"triangles, 0.5 m": (0.5, False), "pieces, 1 m": (1.0, True)}
+
+SIZES = (12.0, 3.0, 1.0, 0.5, 0.2)
+"""Of triangles and of pieces [m]; the first is all of the ground."""
+
+
+Pair = tuple[float, float]
+"""What is computed, and the answer; nan where there is none."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A quantity with an answer.
+
+    ``measure`` takes a contact, the size of cells, whether they are pieces, and a time step. The
+    error is relative to ``unit``, or to the answer if that is 0.
+    """
+
+    what: str
+    measure: Callable[[Contact, float, bool, float], Pair]
+    unit: float = 0.0
+
+    def error(self, pair: Pair) -> float:
+        """Error as a share; nan where there is no answer."""
+        return abs(pair[0] - pair[1]) / (self.unit or abs(pair[1]))
+
+
+# ------------------------------------------------------------------- what is measured
+
+
+def _sphere(contact: Contact, cell: float, cut: bool, step: float) -> Pair:
+    ground = incline.ground(STEEP, cell, cut)
+    found, _ = incline.descend(ground, STEEP, contact, ENGINE, step)
+    return found, incline.acceleration(STEEP, contact.friction)[0]
+
+
+def _impact(what: str, throw: str, part: str, unit: float) -> Row:
+    def measure(contact: Contact, cell: float, cut: bool, step: float) -> Pair:
+        ground = slope(impact.ANGLE, (-3.0, 3.0), 3.0, cell, cut)
+        before, after, theory, inertia = impact.thrown(
+            impact.THROWS[throw], contact, ground, ENGINE, step
+        )
+
+        def read(motion: impact.Motion) -> float:
+            kept = motion.energy(inertia) / before.energy(inertia)
+            along, _, normal = motion.velocity
+            parts = {"along": along, "normal": normal, "spin": motion.spin[1], "energy": kept}
+            return float(parts[part])
+
+        return read(after), read(theory)
+
+    return Row(what, measure, unit)
+
+
+def _wheel(contact: Contact, cell: float, cut: bool, step: float) -> Pair:
+    if contact.restitution > 0.0:
+        return math.nan, math.nan
+    wheel = rimless_wheel.WHEELS[0]
+    path = rimless_wheel.rolled(wheel, cell, cut, ENGINE, step)
+    duration = rimless_wheel.STEPS * wheel.period
+    return float(path.position[-1, 0]) / duration, wheel.facet / wheel.period
+
+
+def _line(contact: Contact, cell: float, cut: bool, step: float) -> Pair:
+    ground = slope(GENTLE, (-1.0, 11.0), 3.0, cell, cut)
+    found = runout.energy_line(runout.block(), GENTLE, contact, ground, ENGINE, step)
+    return found, contact.friction
+
+
+def _bend(contact: Contact, cell: float, cut: bool, step: float) -> Pair:
+    bend = runout.Bend()
+    answer = bend.run_out(contact.friction)
+    if answer == 0.0:
+        return math.nan, math.nan
+    facets = round(bend.radius * bend.angle / cell)
+    return runout.bending(bend, contact, facets, cut, ENGINE, step), answer
+
+
+ROWS = (
+    Row("sphere on a slope of 55 deg: acceleration [m/s2]", _sphere),
+    _impact("sphere hits a slope: speed along it after [m/s]", "sphere", "along", 3.6),
+    _impact("block falls flat: normal speed after [m/s]", "face", "normal", 3.6),
+    _impact("block falls flat: speed along the slope after [m/s]", "face", "along", 3.6),
+    _impact("block falls on an edge: spin after [rad/s]", "edge", "spin", 5.1),
+    _impact("block falls on a corner: share of energy kept", "corner", "energy", 1.0),
+    Row("wheel of eight facets on 15 deg: terminal speed [m/s]", _wheel),
+    Row("block slides to rest on 10 deg: fall of its energy line", _line),
+    Row("block slides down 35 deg and through a bend: run-out [m]", _bend),
+)
+"""Errors of speeds after impacts are relative to that before, of spins to that over the radius."""
+
+
+# ------------------------------------------------------------------- tables
+
+Line = list[str]
+
+
+def coefficients() -> Iterable[Line]:
+    """All rows at all coefficients at the third step."""
+    for row in ROWS:
+        for ground, (cell, cut) in GROUNDS.items():
+            for restitution in RESTITUTIONS:
+                contacts = [Contact(friction, restitution) for friction in FRICTIONS]
+                pairs = [row.measure(contact, cell, cut, STEPS[2]) for contact in contacts]
+                if all(math.isnan(answer) for _, answer in pairs):
+                    continue
+                found, answers = zip(*pairs, strict=True)
+                errors = [percent(row.error(pair)) for pair in pairs]
+                parts = (map(_number, answers), map(_number, found), errors)
+                yield [row.what, ground, f"{restitution:g}", *(" / ".join(p) for p in parts)]
+
+
+def steps() -> Iterable[Line]:
+    """Error of all rows at all steps, at the usual coefficients or others with an answer."""
+    for row in ROWS:
+        for ground, (cell, cut) in GROUNDS.items():
+            for contact in (USUAL, Contact(USUAL.friction), Contact(FRICTIONS[0])):
+                pairs = [row.measure(contact, cell, cut, step) for step in STEPS]
+                if not math.isnan(pairs[0][1]):
+                    break
+            name = f"{contact.restitution:g}, {contact.friction:g}"
+            yield [row.what, ground, name, *(percent(row.error(pair)) for pair in pairs)]
+
+
+def borders() -> Iterable[Line]:
+    """Error of a rolling sphere and of a sliding block against the size of triangles and pieces."""
+    angle = math.radians(20.0)
+    for name, cut in (("triangles", False), ("pieces", True)):
+        for size in SIZES:
+            rolled = incline.rolling(angle, 0.6, size, cut, ENGINE, STEPS[2])
+            slid = [
+                runout.sliding(GENTLE, Contact(0.6, restitution), size, cut, ENGINE, STEPS[2])
+                for restitution in RESTITUTIONS
+            ]
+            yield [name, f"{size:g}", percent(rolled), *map(percent, slid)]
+
+
+def energies() -> Iterable[Line]:
+    """Largest rise of the energy of hulls that tumble, and how many rise by a hundredth."""
+    for restitution in RESTITUTIONS:
+        for ground, cut in (("triangles", False), ("pieces", True)):
+            cells = []
+            for friction in FRICTIONS:
+                contact = Contact(friction, restitution)
+                rises = [dissipation.rise(k, contact, cut, ENGINE, STEPS[2]) for k in range(HULLS)]
+                many = sum(rise > 0.01 for rise in rises)
+                cells.append(f"{max(rises):.4f} ({many})")
+            yield [f"{restitution:g}", ground, *cells]
+
+
+def tumbled(found: dict[tuple[Contact, bool], tumbling.Runs]) -> Iterable[Line]:
+    """Run-outs of the ensemble."""
+    for (contact, cut), runs in found.items():
+        mean, spread = float(runs.way.mean()), float(runs.way.std(ddof=1))
+        yield [
+            f"{contact.restitution:g}",
+            f"{contact.friction:g}",
+            "pieces" if cut else "triangles",
+            f"{mean:.1f} ± {spread / math.sqrt(len(runs.way)):.1f}",
+            f"{spread:.1f}",
+            f"{np.median(runs.beyond):.1f}",
+            f"{runs.speed.mean():.1f}",
+            str(runs.left),
+        ]
+
+
+def ensembles() -> dict[tuple[Contact, bool], tumbling.Runs]:
+    """The rock that tumbles, on pieces with all coefficients, on triangles with some."""
+    contacts = [Contact(mu, e) for e in RESTITUTIONS for mu in FRICTIONS]
+    wanted = [(contact, True) for contact in contacts]
+    wanted += [(Contact(USUAL.friction, e), False) for e in RESTITUTIONS]
+    found = {}
+    for contact, cut in wanted:
+        found[contact, cut] = tumbling.runs(contact, cut)
+        print(f"tumbling: {contact}, {cut}", file=sys.stderr, flush=True)
+    return found
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{0.0 if abs(value) < 5e-4 else value:.3g}"
+
+
+def percent(share: float) -> str:
+    """A share in percent, with the digits that matter."""
+    if math.isnan(share):
+        return "-"
+    return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"
+
+
+def table(head: Line, lines: Iterable[Line]) -> str:
+    """Markdown; a cell that repeats the one above is left empty in the first column."""
+    rows, above = [], ""
+    for line in lines:
+        rows.append(["" if line[0] == above else line[0], *line[1:]])
+        above = line[0]
+    every = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(row)} |" for row in every)
