@@ -15,12 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks import tumbling
+from benchmarks import rebound_figure, tumbling
 from pipeline import ROOT
+from pipeline.figures.style import png
+from vsr_core.engines.bullet import RESTITUTION_THRESHOLD, SCALED_RADIUS
 from vsr_core.reference import dissipation, impact, incline, rimless_wheel, runout
 from vsr_core.reference._ground import slope
 from vsr_core.scene import Contact
-from vsr_core.terrain import Terrain
 
 PAGE, FIGURE = ROOT / "docs" / "rebound.md", ROOT / "docs" / "rebound.png"
 
@@ -237,3 +238,122 @@ def table(head: Line, lines: Iterable[Line]) -> str:
         above = line[0]
     every = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(row)} |" for row in every)
+
+
+def page(found: rebound_figure.Ensemble) -> str:
+    """The page in Markdown."""
+    three = " / ".join(f"{friction:g}" for friction in FRICTIONS)
+    head = ["case", "ground", "e", f"answer, friction {three}", "computed", "error"]
+    milliseconds = [f"{1e3 * step:g} ms" for step in STEPS]
+    slid = [f"sliding block, e = {e:g}" for e in RESTITUTIONS]
+    energy_head = ["e", "ground", *(f"friction {friction:g}" for friction in FRICTIONS)]
+    ends_head = ["e", "friction", "ground", "level way [m]", "spread [m]",
+                 "median beyond the foot [m]", "mean top speed [m/s]", "not at rest"]  # fmt: skip
+    bend = runout.Bend()
+    drop, level = bend.top[1], -bend.top[0]
+    return TEXT.format(
+        step=f"{1e3 * STEPS[2]:g} ms",
+        coefficients=table(head, coefficients()),
+        steps=table(["case", "ground", "e, friction", *milliseconds], steps()),
+        borders=table(["ground", "size [m]", "rolling sphere", *slid], borders()),
+        energies=table(energy_head, energies()),
+        tumbled=table(ends_head, tumbled(found)),
+        hulls=HULLS,
+        pushes=tumbling.PUSHES,
+        bent=f"{bend.run_out(FRICTIONS[0]):.2f} m",
+        straight=f"{drop / FRICTIONS[0] - level:.2f} m",
+        threshold=f"{1e3 * RESTITUTION_THRESHOLD / math.sqrt(SCALED_RADIUS):.0f} mm/s",
+    )
+
+
+TEXT = """# Rebound, rolling and sliding on terrain
+
+Made by `python -m benchmarks.rebound --write`; do not edit.
+
+What the model of contact does on ground of triangles and of convex pieces, on cases with an answer:
+the families `incline`, `impact`, `rimless_wheel`, `runout` and `dissipation` of
+`vsr_core/reference/`. e is the restitution. Where nothing else is said the step is {step}.
+
+![Impacts, rolling, sliding and tumbling](rebound.png)
+
+## Answers
+
+{coefficients}
+
+Errors of speeds after an impact are relative to the speed before, spins to that over the block's
+radius. Impacts: Newton's restitution at the point that touches, and the impulse of friction that
+stops it or lies on Coulomb's cone against the slip that is left; a face that falls flat cannot
+turn. The wheel (McGeer 1990) has an answer only without a rebound. A block on an even slope loses
+the friction a metre of level way, whatever its mass. In a bend it loses more: the ground that turns
+it presses on it, so that a point mass comes {bent} far where Coulomb's line alone gives {straight};
+the facets of the bend take a few percent more.
+
+## Time steps
+
+{steps}
+
+## Borders inside the ground
+
+An even slope must not be felt to be made of parts. A sphere of half a metre rolls 6 m down 20 deg.
+A block of 0.4 x 0.4 x 0.1 m slides to rest on 10 deg at a friction of 0.6; the error is that of the
+fall of its energy line.
+
+{borders}
+
+## Energy
+
+{hulls} hulls of random corners fall on rough slopes and tumble. Largest rise of the energy above
+what it was before, over g times the radius, and how many of the hulls have one above 0.01.
+
+{energies}
+
+## A rock that tumbles
+
+{pushes} pushes of the Double Rock surrogate, the same for every line: any pose, 0.5 to 2.5 m/s
+downhill, on a rough slope of 35 deg whose foot is 14 m ahead and that runs out on rough level
+ground. The level way from start to end: its mean with the standard error, and the spread of single
+runs.
+
+{tumbled}
+
+A single way says little: the spread of the thirty is what restitution, friction and the first pose
+leave open, and a difference between two lines is one only where it is several standard errors.
+
+## Where the model is wrong
+
+- **Restitution is Newton's.** The point that touches leaves with e times its normal speed. Where
+  friction acts off the centre of mass that is not a share of the energy: a rock can gain some in an
+  impact (Kane & Levinson 1985), from restitutions of about 0.8 on. Stronge's energetic restitution
+  (panel a, dashed) cannot; Bullet has none.
+- **Below {threshold}** of normal speed (for a rock of 1 m radius) nothing rebounds.
+- **Points of contact.** Bullet keeps four between two bodies and finds one in a step. Of an edge
+  that comes down flat one end lands first: the rock is turned aside, and the impact takes less than
+  it should. A prism that rolls on gets faster than the exact one (panel b) and leaves its line.
+- **Borders.** Each triangle and each piece is a body of its own. A hull that lies across a border
+  is at times pushed back by the side of the part ahead, and a block that slides then trips or stops
+  on even ground (panel c). A sphere, and a rock that comes down on its corners, hardly notice.
+- **Friction without restitution** is a pyramid: an impulse may be up to 1.4 times as large as the
+  cone's, and where points share a load some keep friction of an earlier iteration. With restitution
+  Bullet has another solver, and a cone.
+- **A hull that rolls and rebounds** has no steady speed; nothing here says how well it is computed.
+- Rock and ground are rigid: nothing breaks, and no soil is pushed aside.
+"""
+
+
+def main() -> int:
+    """Print the page, or write it with its figure if asked."""
+    parser = argparse.ArgumentParser(prog="benchmarks.rebound")
+    parser.add_argument("--write", action="store_true", help=f"write {PAGE.name} and {FIGURE.name}")
+    options = parser.parse_args()
+    found = ensembles()
+    text = page(found)
+    if options.write:
+        PAGE.write_text(text, encoding="utf-8")
+        FIGURE.write_bytes(png(rebound_figure.figure(found, GENTLE)))
+    else:
+        print(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -99,8 +99,9 @@ def push(number: int) -> State:
     """State at the start: any pose, pushed downhill at 0.5 to 2.5 m/s within 20 deg."""
     rng = np.random.default_rng(number)
     turn = Rotation.random(random_state=number).as_matrix()
-    below = float((rock().vertices @ turn.T)[:, 2].min())
-    height = float(ground(False).surfaces(START, 0.0)[0][-1]) + ABOVE - below
+    corners = rock().vertices @ turn.T
+    below = [ground(False).surfaces(START + x, y)[0][-1] - z for x, y, z in corners.tolist()]
+    height = float(max(below)) + ABOVE
     aside, speed = math.radians(rng.uniform(-20.0, 20.0)), rng.uniform(0.5, 2.5)
     velocity = speed * np.array([math.cos(aside), math.sin(aside), 0.0])
     return State(np.array([START, 0.0, height]), turn, velocity, rng.normal(size=3))

@@ -39,16 +39,18 @@ def upstream(name: str) -> list[Stage]:
 
 
 def identities(name: str, site: Site) -> dict[str, Identity]:
-    """Identity of each stage that a product needs."""
+    """Identity of each stage that a product needs and that applies, each after what it needs."""
     found: dict[str, Identity] = {}
     for stage in upstream(name):
+        if not stage.applies(site.config):
+            continue
         found[stage.name] = Identity(
             {
                 "config": stage.settings(site.config),
                 "code": keys.code(stage.roots()),
                 "inputs": stage.inputs(site),
                 "versions": {library: version(library) for library in stage.versions},
-                "needs": {need: found[need].key for need in stage.needs},
+                "needs": {need: found[need].key for need in stage.needs if need in found},
             }
         )
     return found
@@ -94,15 +96,13 @@ def make(name: str, job: Job) -> int:
     """Bring a product up to date; returns the number of runs without a verdict."""
     wanted = identities(name, job.site)
     _forget_crashed(name, job.store)
-    _ensure(stages()[name], wanted, job)
+    for stage, identity in wanted.items():
+        _ensure(stages()[stage], identity, job)
     manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
     return max(int(manifest["unresolved"]) for manifest in manifests)
 
 
-def _ensure(stage: Stage, wanted: dict[str, Identity], job: Job) -> None:
-    for need in stage.needs:
-        _ensure(stages()[need], wanted, job)
-    identity = wanted[stage.name]
+def _ensure(stage: Stage, identity: Identity, job: Job) -> None:
     if not any(why(stage, identity, job.store)):
         return
     product = stage.make(Job(job.site, job.store, job.cluster, identity.key, job.log))
@@ -113,8 +113,7 @@ def _ensure(stage: Stage, wanted: dict[str, Identity], job: Job) -> None:
         "retry": product.retry,
     }
     job.store.publish(stage.name, facts, product.files)
-    if product.summary:
-        job.log(f"{stage.name}: {product.summary}")
+    job.log(f"{stage.name}: {product.summary}")
 
 
 def _forget_crashed(name: str, store: Store) -> None:

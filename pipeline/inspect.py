@@ -142,8 +142,9 @@ def _runs(job: Job, kind: Kind) -> tuple[Counter[int], int]:
     """Outcomes of the runs stored, and how many are wanted; none where no key is known yet."""
     from pipeline.running import groups
 
-    needed = ("rock", "terrain", "precision")
-    if any(job.store.manifest(name) is None or job.store.damage(name) for name in needed):
+    needed = [stages()[name] for name in ("rock", "terrain", "precision")]
+    names = [stage.name for stage in needed if stage.applies(job.config)]
+    if any(job.store.manifest(name) is None or job.store.damage(name) for name in names):
         return Counter(), 0
     counts: Counter[int] = Counter()
     total = 0

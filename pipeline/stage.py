@@ -25,7 +25,7 @@ class Product:
     Attributes
     ----------
     files : dict, from file name to a function that writes it to a given path
-    summary : str, one line for the log; empty where there was nothing to do
+    summary : str, one line for the log
     unresolved : int, runs without a verdict; the command then ends with exit code 1
     retry : int, runs that a later call should try again
     """
@@ -76,6 +76,7 @@ class Stage:
     needs : stages whose products it reads
     reads : dotted keys of the configuration that decide its product
     code : roots of the code that decides it, as ``module:name``, besides ``make``
+    applies : whether a configuration has any use for it; else it is passed over
     made_elsewhere : whether ``make`` only arranges for ``code`` to run and is no root itself
     inputs : digests of files outside the configuration, by name, for the key
     versions : libraries whose version decides the result
@@ -90,6 +91,7 @@ class Stage:
     inputs: Callable[[Site], dict[str, str]] = field(default=lambda site: {})
     versions: tuple[str, ...] = ()
     check: Callable[[Store], str] = field(default=lambda store: "")
+    applies: Callable[[Config], bool] = field(default=lambda config: True)
     made_elsewhere: bool = False
 
     def roots(self) -> tuple[str, ...]:

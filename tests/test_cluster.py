@@ -8,13 +8,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from pipeline import ROOT
+from pipeline import ROOT, running
 from pipeline.cluster import BATCHES_IN_FLIGHT, Batch, Cluster
 from pipeline.datasets import read
 from pipeline.stages import runs
@@ -32,7 +33,7 @@ def quiet(line: str) -> None:
 
 @pytest.fixture(autouse=True)
 def always_a_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runs, "SMALL", 0)
+    monkeypatch.setattr(running, "SMALL", 0)
 
 
 @pytest.fixture
@@ -58,7 +59,7 @@ def test_same_bytes_for_any_workers_and_batches(
     one = responses("alone", 0).read_bytes()
     assert set(np.unique(read(responses("alone", 0))["overturned"])) == {0, 1}
     for workers, batch in ((0, 1), (0, 7), (1, 4), (2, 1), (2, 1000)):
-        monkeypatch.setattr(runs, "BATCH", batch)
+        monkeypatch.setattr(runs, "WORK", replace(runs.WORK, batch=batch))
         assert responses(f"{workers}-{batch}", workers).read_bytes() == one
 
 
@@ -151,7 +152,7 @@ def test_crashed_run_is_told_and_tried_again(
         return simulate_batch(shared, cells)
 
     with monkeypatch.context() as patch:
-        patch.setattr(runs, "simulate_batch", deadly)
+        patch.setattr(runs, "WORK", replace(runs.WORK, function=deadly))
         ran = vsr(*command)
     assert ran.code == 1
     assert "1 runs are without a verdict" in ran.err
@@ -169,7 +170,7 @@ def test_crashed_run_is_told_and_tried_again(
         simulated.extend(cells)
         return simulate_batch(shared, cells)
 
-    monkeypatch.setattr(runs, "simulate_batch", counting)
+    monkeypatch.setattr(runs, "WORK", replace(runs.WORK, function=counting))
     assert vsr(*command[:-1], "0").code == 0
     assert simulated == [(0.3, 0.8)]
     whole = tmp_path / "whole"
@@ -180,16 +181,17 @@ def test_crashed_run_is_told_and_tried_again(
 
 INTERRUPTED = """
 import os, signal, sys, time
-from pipeline import cli
+from dataclasses import replace
+from pipeline import cli, running
 from pipeline.stages import runs
 
 def run():
-    runs.SMALL, runs.BATCH = 0, 3
-    add = runs.RunStore.add
+    running.SMALL, runs.WORK = 0, replace(runs.WORK, batch=3)
+    add = running.RunStore.add
     def stop(store, rows):
         add(store, rows)
         os.killpg(0, signal.SIGINT)  # as a terminal does: the workers get it too
-    runs.RunStore.add = stop
+    running.RunStore.add = stop
     sys.exit(cli.main(sys.argv[1:]))
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -231,7 +232,7 @@ def test_interrupt_keeps_whole_batches(
     monkeypatch: pytest.MonkeyPatch,
     stop_at: int,
 ) -> None:
-    monkeypatch.setattr(runs, "BATCH", 4)
+    monkeypatch.setattr(runs, "WORK", replace(runs.WORK, batch=4))
     settings = ("yaw=[0, 45]", "contact.friction=[0.5, 0.8]")
     whole = responses(*settings, into=tmp_path / "whole")
     assert counted.take() == 24
@@ -257,11 +258,13 @@ def test_interrupt_keeps_whole_batches(
 
 SLOW = """
 import sys, time
+from dataclasses import replace
+
 import vsr_core.simulate
 from pipeline.cli import main
 from pipeline.stages import runs
 
-runs.BATCH = 4
+runs.WORK = replace(runs.WORK, batch=4)
 simulate, done = vsr_core.simulate.simulate, []
 
 def slow(*arguments):

@@ -129,7 +129,7 @@ def rows(batch):
             time.sleep(600)
         yield RunRow((10 * batch + i).to_bytes(16, "big"), 1, 0, 0.5, 0.25, 0.125 * i, batch)
 
-runs = RunStore(Path(sys.argv[1]))
+runs = RunStore(Path(sys.argv[1]), RunRow)
 for batch in range(9):
     runs.add(rows(batch))
 """
@@ -144,7 +144,7 @@ def test_killed_writer_loses_its_open_batch_only(tmp_path: Path) -> None:
         assert said.readline() == "in the middle\n"
         writer.send_signal(signal.SIGKILL)
     assert writer.wait() == -signal.SIGKILL
-    with closing(RunStore(tmp_path)) as runs:
+    with closing(RunStore(tmp_path, RunRow)) as runs:
         found = runs.get(row(i).key for i in range(100))
         assert sorted(found) == [row(i).key for i in range(70)]
         assert found[row(63).key] == RunRow(row(63).key, 1, 0, 0.5, 0.25, 0.375, 6)
@@ -161,7 +161,7 @@ def test_rows_are_added_all_or_none(tmp_path: Path, error: type[BaseException]) 
         yield row(2)
         raise error
 
-    with closing(RunStore(tmp_path)) as runs:
+    with closing(RunStore(tmp_path, RunRow)) as runs:
         runs.add([row(1)])
         with pytest.raises(error):
             runs.add(rows())
@@ -174,9 +174,9 @@ def test_rows_are_added_all_or_none(tmp_path: Path, error: type[BaseException]) 
 def test_rows_come_back_as_they_went(tmp_path: Path) -> None:
     lost = RunRow(b"x" * 16, 5, 0, None, None, None, 0)  # type: ignore[arg-type]
     odd = RunRow(b"y" * 16, 1, 3, math.pi, math.nextafter(1.0, 2.0), 5e-324, 2**31 - 1)
-    with closing(RunStore(tmp_path)) as runs:
+    with closing(RunStore(tmp_path, RunRow)) as runs:
         runs.add([lost, odd])
-    with closing(RunStore(tmp_path)) as runs:
+    with closing(RunStore(tmp_path, RunRow)) as runs:
         assert runs.get([b"x" * 16, b"y" * 16, b"z" * 16]) == {lost.key: lost, odd.key: odd}
         assert runs.get([]) == {}
 
@@ -511,7 +511,7 @@ def test_every_function_that_a_run_enters_is_in_its_key() -> None:
     finally:
         sys.setprofile(None)
     assert len(entered) > 15
-    assert entered - set(keys.code(run_code("bullet"))) == set()
+    assert entered - set(keys.code(run_code(load_site("cuboid_1x1x2").config))) == set()
 
 
 def test_manifest_holds_a_checksum_of_every_product(

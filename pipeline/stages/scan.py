@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from pipeline import pages, sources
@@ -23,8 +24,6 @@ FILE, PAGE = "scan.nc", "prep.html"
 
 def make(job: Job) -> Product:
     """Separate, close and weigh; a proposed cut is shown, and used once it is accepted."""
-    if not job.config.on_terrain:
-        return Product({}, "")
     from pipeline.figures import prep_page
 
     source = sources.find(job.site)
@@ -100,8 +99,6 @@ def _dataset(prepared: Prepared) -> xr.Dataset:
 
 
 def _inputs(site: Site) -> dict[str, str]:
-    if not site.config.on_terrain:
-        return {}
     return sources.digests(site) | {PAGE: pages.digest(PAGE)}
 
 
@@ -111,5 +108,6 @@ STAGE = Stage(
     reads=("rock", "pedestal"),
     code=("pipeline.sources:load", "vsr_core.surrogates.scan:scan"),
     inputs=_inputs,
+    applies=attrgetter("on_terrain"),
     versions=("trimesh", "scipy"),
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,8 +48,6 @@ class Ground:
 
 def make(job: Job) -> Product:
     """Make the ground light enough to run on, and set the rock down."""
-    if not job.config.on_terrain:
-        return Product({}, "")
     import numpy as np
 
     from vsr_core.terrain import Terrain
@@ -166,4 +165,5 @@ STAGE = Stage(
     reads=("pedestal", "contact", "simulation.reduce"),
     code=("vsr_core.engines.bullet:build",),
     versions=("pybullet",),
+    applies=attrgetter("on_terrain"),
 )

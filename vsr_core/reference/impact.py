@@ -46,8 +46,8 @@ takes the approach of an open contact in one step and the rest of it in the next
 RIGID = 1e9
 """Times the inertia of what cannot turn."""
 
-WAYS = 182
-"""Directions between which those of slip are looked for; even, so that none is straight ahead."""
+WAYS = 180
+"""Directions between which those of slip are looked for; none is straight ahead or back."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -135,7 +135,7 @@ def _sliding(point: Array, yields: Array, wanted: float, mu: float) -> Array:
     def aside(angle: float) -> float:
         return float(np.cross(way(angle), slip(angle))[2])
 
-    tried = math.atan2(point[1], point[0]) + np.linspace(-math.pi, math.pi, WAYS)
+    tried = math.atan2(point[1], point[0]) + np.linspace(-3.0, 2.0 * math.pi - 3.0, WAYS)
     off = np.array([aside(angle) for angle in tried])
     ends = [
         float(brentq(aside, tried[k], tried[k + 1]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from vsr_core.errors import Unfit
 from vsr_core.scan.clean import areas
 from vsr_core.scan.cuts import Box, Colour, Cut, Plane, Polygon
 from vsr_core.scan.fill import area_vector
+from vsr_core.scan.rim import settled
 from vsr_core.scan.separate import Separation, by_cut
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 MOST_CORNERS = 12
 """A polygon to write down by hand has no more corners than this."""
 
-_MARGIN = 0.05  # of the rock's size, by which a box or polygon is wider than it
+_CLOSE, _WIDE = 0.015, 0.05  # of the rock's size, between a cut and the seam or the rock
 _DIGITS = 3  # of metres that are written down
 _BETWEEN = np.arange(0.0, 1.0, 0.125)  # places on each edge of a seam that are compared
 
@@ -55,46 +56,58 @@ def alternatives(mesh: trimesh.Trimesh, separation: Separation) -> tuple[Alterna
     """
     seam = separation.seams[0].points
     rock = separation.vertices[np.unique(separation.faces[separation.rock])]
-    made = [_plane(seam), _box(seam, rock), _polygon(seam, 0.0), _polygon(rock, _MARGIN)]
-    if mesh.visual.kind == "vertex":
-        made.append(_colour(mesh, rock))
+    colours = _colours(mesh)
+    size = float(np.ptp(rock, axis=0).max())
+    made: list[Cut] = [
+        _plane(seam, _CLOSE * size),
+        _box(seam, rock, _CLOSE * size, _WIDE * size),
+        _polygon(seam, _CLOSE * size),
+        _polygon(rock, _WIDE * size),
+    ]
+    if colours is not None:
+        made.append(_colour(np.array(mesh.vertices), colours, rock))
     tried = [_tried(mesh, separation, cut) for cut in made]
     worse = max(tried[2:4], key=lambda found: np.nan_to_num(found.away, nan=np.inf))
     return tuple(found for found in tried if found is not worse)
 
 
-def _plane(seam: Array) -> Plane:
-    """Through the middle of a seam, square to it."""
+def _plane(seam: Array, above: float) -> Plane:
+    """Square to a seam, ``above`` its middle [m]: noise of the ground stays below."""
     normal = area_vector(seam)
-    return Plane(_three(seam.mean(axis=0)), _three(normal / np.linalg.norm(normal)))
+    normal /= np.linalg.norm(normal)
+    return Plane(_three(seam.mean(axis=0) + above * normal), _three(normal))
 
 
-def _box(seam: Array, rock: Array) -> Box:
-    """Around a rock, down to the highest point of its seam: none of the ground is in it."""
-    low, high = rock.min(axis=0), rock.max(axis=0)
-    margin = _MARGIN * float((high - low).max())
-    low[2] = seam[:, 2].max() + margin
-    return Box(_three(low - margin), _three(high + margin))
+def _box(seam: Array, rock: Array, above: float, margin: float) -> Box:
+    """Around a rock, down to ``above`` the highest point of its seam [m]."""
+    low, high = rock.min(axis=0) - margin, rock.max(axis=0) + margin
+    low[2] = seam[:, 2].max() + above
+    return Box(_three(low), _three(high))
 
 
 def _polygon(points: Array, margin: float) -> Polygon:
-    """Outline of points from above, wider by a share of their size, with few corners."""
+    """Outline of points from above, wider by ``margin`` [m], with few corners."""
     import shapely
 
-    size = float(np.ptp(points, axis=0).max())
-    outline = shapely.convex_hull(shapely.MultiPoint(points[:, :2])).buffer(margin * size)
+    outline = shapely.convex_hull(shapely.MultiPoint(points[:, :2])).buffer(margin)
     tolerance = 0.0
     while len(corners := shapely.get_coordinates(outline.simplify(tolerance))[:-1]) > MOST_CORNERS:
-        tolerance = max(1.3 * tolerance, 0.005 * size)
+        tolerance = max(1.3 * tolerance, 0.1 * margin)
     return Polygon(tuple((round(x, _DIGITS), round(y, _DIGITS)) for x, y in corners.tolist()))
 
 
-def _colour(mesh: trimesh.Trimesh, rock: Array) -> Colour:
+def _colours(mesh: trimesh.Trimesh) -> Array | None:
+    """Red, green and blue of each vertex, shape (n, 3), 0 to 255, where there are any."""
+    visual: Any = mesh.visual
+    if visual.kind != "vertex":
+        return None
+    return np.asarray(visual.vertex_colors, dtype=np.float64)[:, :3]
+
+
+def _colour(vertices: Array, colours: Array, rock: Array) -> Colour:
     """Of the rock in the mean, as tolerant as tells it best from what lies around it."""
     from scipy.spatial import cKDTree
 
-    vertices = np.array(mesh.vertices)
-    colours = np.asarray(mesh.visual.vertex_colors, dtype=np.float64)[:, :3]
     reach = float(np.ptp(rock, axis=0).max())
     near = np.linalg.norm(vertices - rock.mean(axis=0), axis=1) < 2.0 * reach
     # Vertices of the seam have moved by up to two edges; a hundredth of the rock is less.
@@ -109,7 +122,7 @@ def _colour(mesh: trimesh.Trimesh, rock: Array) -> Colour:
 
 def _tried(mesh: trimesh.Trimesh, separation: Separation, cut: Cut) -> Alternative:
     try:
-        other = by_cut(mesh, cut)
+        other = settled(by_cut(mesh, cut))
     except Unfit as error:
         return Alternative(cut, np.nan, np.nan, error.given)
     area = [float(areas(s.vertices, s.faces)[s.rock].sum()) for s in (other, separation)]

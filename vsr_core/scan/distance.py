@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from vsr_core.scan.topology import edges
+
 if TYPE_CHECKING:
     import trimesh
 
@@ -15,6 +17,9 @@ Index = NDArray[np.int64]
 
 SAMPLES = 20_000
 """Points, beside the vertices, at which a distance between surfaces is measured."""
+
+_ON = 1e-9  # a barycentric share below this is none
+_CHUNK = 20_000  # points looked up at a time, to save memory
 
 
 def signed_distance(mesh: trimesh.Trimesh, points: Array) -> tuple[Array, Array, Index]:
@@ -47,8 +52,6 @@ def signed_distance(mesh: trimesh.Trimesh, points: Array) -> tuple[Array, Array,
 
 def _pseudonormals(mesh: trimesh.Trimesh, face: Index, share: Array) -> Array:
     """Normal of the face, edge or vertex that a point with these barycentric shares lies on."""
-    from vsr_core.scan.topology import edges
-
     faces = np.asarray(mesh.faces, dtype=np.int64)
     normal = np.array(mesh.face_normals[face])
     off = share < _ON
@@ -62,9 +65,6 @@ def _pseudonormals(mesh: trimesh.Trimesh, face: Index, share: Array) -> Array:
         at_vertex = ~off[:, k] & (off.sum(axis=1) == 2)
         normal[at_vertex] = mesh.vertex_normals[faces[face[at_vertex], k]]
     return normal
-
-
-_ON = 1e-9  # a barycentric share below this is none
 
 
 def hausdorff(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
@@ -81,12 +81,16 @@ def _one_way(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
     import trimesh
 
     spread = trimesh.sample.sample_surface(one, SAMPLES, seed=0)[0]
-    points = np.concatenate([one.vertices, spread])
+    used = np.unique(one.faces)
+    return farthest(np.concatenate([np.array(one.vertices)[used], spread]), other)
+
+
+def farthest(points: Array, mesh: trimesh.Trimesh) -> float:
+    """Largest distance of points, shape (n, 3) [m], from a surface [m]."""
+    import trimesh
+
     largest = 0.0
     for first in range(0, len(points), _CHUNK):
-        away = trimesh.proximity.closest_point(other, points[first : first + _CHUNK])[1]
+        away = trimesh.proximity.closest_point(mesh, points[first : first + _CHUNK])[1]
         largest = max(largest, float(away.max()))
     return largest
-
-
-_CHUNK = 20_000  # points looked up at a time, to save memory

@@ -1,4 +1,4 @@
-"""The ground beneath a rock, which no scan sees: it follows the rock's underside, a little lower."""
+"""The ground beneath a rock, which no scan sees: it follows the underside, a little lower."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def mated(separation: Separation, closed: Closed, clearance: float) -> Mated:
     """
     vertices = closed.vertices.copy()
     faces = [separation.faces[~separation.rock]]
-    copied = {}
+    copied: dict[int, int] = {}
     for cap in closed.caps:
         own = np.concatenate([cap.rim, cap.inner])
         copied.update(
@@ -138,10 +138,7 @@ def _from_rock(rock: trimesh.Trimesh, points: Array) -> tuple[Array, Array]:
 def _caught(ground: Array, faces: Index, rock: trimesh.Trimesh) -> Index:
     """Faces of the ground above which a vertex of the rock lies hidden."""
     terrain = Terrain(ground, faces)
-    found = []
-    for vertex in np.array(rock.vertices):
-        if terrain.depth(vertex):
-            found.append(_just_above(terrain, vertex))
+    found = [_just_above(terrain, v) for v in np.array(rock.vertices) if terrain.depth(v)]
     return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.int64)
 
 

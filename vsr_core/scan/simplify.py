@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core.errors import Unfit
-from vsr_core.scan.distance import hausdorff
+from vsr_core.scan.distance import farthest, hausdorff
 from vsr_core.scan.topology import edges, ends
 
 if TYPE_CHECKING:
@@ -22,6 +22,8 @@ Mask = NDArray[np.bool_]
 FEWEST = 0.02
 """At most this reduction is tried, as a share of the faces that may go."""
 
+_SOME = 1000  # vertices at which a trial is looked at before it is measured
+_AGGRESSION = 4.0  # of the decimation; a lower one stops before it has reached a small number
 _TRIALS = 6  # of the number of faces, halving the range of its logarithm
 
 
@@ -60,20 +62,21 @@ def simplified(mesh: trimesh.Trimesh, bound: float, kept: Mask) -> Simplified:
         raise Unfit(f"an error bound of {bound} m", "it is positive", "give it in metres")
     free = ~kept[mesh.faces].any(axis=1)
     best = Simplified(mesh, 0.0)
+    some = np.array(mesh.vertices)[:: max(len(mesh.vertices) // _SOME, 1)]
     most, fewest = 0.0, np.log(FEWEST)
     share = fewest
     for _ in range(_TRIALS):
         if free.sum() < 8:
             break
         tried = _decimated(mesh, free, float(np.exp(share)))
-        error = hausdorff(mesh, tried)
-        if error <= bound and _as_sound(mesh, tried):
-            best, most = (Simplified(tried, error), share)
-            if share == fewest:
-                break
-            most, share = share, 0.5 * (share + fewest)
+        near = _as_sound(mesh, tried) and farthest(some, tried) <= bound
+        if near and (error := hausdorff(mesh, tried)) <= bound:
+            best, most = Simplified(tried, error), share
         else:
-            fewest, share = share, 0.5 * (share + most)
+            fewest = share
+        if most == fewest:
+            break
+        share = 0.5 * (most + fewest)
     return best
 
 
@@ -109,6 +112,7 @@ def _decimated(mesh: trimesh.Trimesh, free: Mask, share: float) -> trimesh.Trime
         vertices[used],
         local.astype(np.int32),
         target_count=max(int(share * len(local)), 4),
+        agg=_AGGRESSION,
         preserve_border=True,
     )
     border = used[np.unique(ends(local, edges(local).open))]

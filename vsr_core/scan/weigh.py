@@ -85,8 +85,13 @@ def measured(mesh: trimesh.Trimesh, density: float) -> Measure:
 
 def tips(mesh: trimesh.Trimesh) -> Array:
     """Static tipping angles of a closed mesh set on a level plane [rad], shape (72,)."""
+    return tips_of(np.array(mesh.vertices) - np.array(mesh.center_mass))
+
+
+def tips_of(points: Array) -> Array:
+    """The same of points, shape (n, 3) [m], about the centre of mass; nan if they do not stand."""
     try:
-        hull = convex_hull(np.array(mesh.vertices) - np.array(mesh.center_mass))
+        hull = convex_hull(points)
         return np.asarray(
             tipping(hull.turned(settle(hull, LARGEST_LEVELLING)[0]), DIRECTIONS).angle
         )

@@ -130,7 +130,7 @@ def prepare_scan(
     cleaned = clean(mesh)
     if cut is None:
         point = None if near is None else tuple(np.array(near) - cleaned.offset)
-        separation = propose(cleaned.mesh, point)  # type: ignore[arg-type]
+        separation = propose(cleaned.mesh, point)
     else:
         separation = by_cut(cleaned.mesh, _moved(cut, -cleaned.offset))
     separation = settled(separation)

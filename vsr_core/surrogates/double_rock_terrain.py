@@ -51,7 +51,7 @@ class Shape:
     """
 
     clearance: float = 0.001
-    front_height: float = 0.52
+    front_height: float = 0.45
     back_height: float = 0.5
     front_depth: float = 0.34
     back_depth: float = 0.6
@@ -84,8 +84,8 @@ _DIP = 0.2  # slope of the supports' tops, away from the rock
 _HEART = (-0.2, -0.05)  # x, y inside every level cut of the rock up to the supports' tops [m]
 
 # Supports: from and to [degree about the heart, from +x], height and depth as shares.
-_FRONT = ((-16.0, 16.0, 1.0, 1.0),)
-_BACK = ((166.0, 194.0, 1.0, 1.0),)
+_FRONT = ((-32.0, -2.0, 1.0, 1.0), (2.0, 32.0, 0.9, 1.15))
+_BACK = ((150.0, 178.0, 0.85, 1.0), (182.0, 212.0, 1.0, 0.9))
 
 
 def site(shape: Shape = SHAPE) -> SurrogateSite:
