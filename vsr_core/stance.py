@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 WAYS = 8
 """Edges of the pyramid inside each friction cone."""
 
+_UNBOUNDED = 3  # how SciPy says that walls hold the rock against any shaking
+
 SAFE_SHARE = 0.9
 """Share of the range that is relied on: contacts of an engine are as exact as its tolerances."""
 
@@ -61,8 +63,9 @@ def still_range(
     for sign in (1.0, -1.0):
         aim = np.append(np.zeros(len(edges)), sign)
         result = linprog(aim, A_eq=np.vstack([forces, moments]), b_eq=balance, bounds=limits)
-        if result.status != 0:
+        if result.status not in (0, _UNBOUNDED):
             return 0.0, 0.0
-        found.append(SAFE_SHARE * float(result.x[-1]))
+        value = -sign * math.inf if result.status == _UNBOUNDED else float(result.x[-1])
+        found.append(SAFE_SHARE * value)
     lowest, highest = found
     return (lowest, highest) if lowest < 0.0 < highest else (0.0, 0.0)
