@@ -12,9 +12,10 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 
+import grounds
 import numpy as np
 import pytest
 
@@ -22,8 +23,11 @@ from pipeline import ROOT, keys, store
 from pipeline.graph import identities
 from pipeline.layers import load_site
 from pipeline.problems import InputError
+from pipeline.running import Group, missing
 from pipeline.scenes import code as run_code
-from pipeline.store import RUNS, RunRow, RunStore, Store
+from pipeline.store import RUNS, JourneyRow, RunRow, RunStore, Store
+from vsr_core import engines
+from vsr_core.outcome import Outcome
 
 SMALL = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2, 0.5]}\n"
 FACTS = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0}
@@ -179,6 +183,60 @@ def test_rows_come_back_as_they_went(tmp_path: Path) -> None:
     with closing(RunStore(tmp_path, RunRow)) as runs:
         assert runs.get([b"x" * 16, b"y" * 16, b"z" * 16]) == {lost.key: lost, odd.key: odd}
         assert runs.get([]) == {}
+
+
+def test_two_kinds_of_rows_in_one_file(tmp_path: Path) -> None:
+    """Runs and journeys of the same cells, by the same keys, know nothing of each other."""
+    one, other = row(1, outcome=2), row(2)
+    journeys = [
+        JourneyRow(one.key, 1, 0.5, math.nextafter(0.1, 1.0), 12, 0, bytes(range(256)) * 300),
+        JourneyRow(other.key, 5, None, None, 0, 3, b""),  # type: ignore[arg-type]
+    ]
+    with (
+        closing(RunStore(tmp_path, RunRow)) as runs,
+        closing(RunStore(tmp_path, JourneyRow)) as travelled,
+    ):
+        runs.add([one])
+        assert travelled.get([one.key]) == {}
+        travelled.add(journeys)
+        assert runs.get([one.key, other.key]) == {one.key: one}
+        runs.add([other])
+    with closing(RunStore(tmp_path, JourneyRow)) as travelled:
+        found = travelled.get([one.key, other.key, b"z" * 16])
+        assert found == {journey.key: journey for journey in journeys}
+        assert isinstance(found[one.key].trajectory, bytes)
+        assert travelled.outcomes([one.key, other.key, b"z" * 16]) == {one.key: 1, other.key: 5}
+        travelled.add([journeys[1]._replace(outcome=1)])  # a crashed one that was tried again
+        assert travelled.outcomes([other.key]) == {other.key: 1}
+    with closing(RunStore(tmp_path, RunRow)) as runs:
+        assert runs.outcomes([one.key, other.key]) == {one.key: 2, other.key: 1}
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_journeys_are_added_all_or_none(tmp_path: Path, error: type[BaseException]) -> None:
+    whole = JourneyRow(b"a" * 16, 1, 0.5, 0.1, 9, 0, b"way")
+
+    def rows() -> Iterator[JourneyRow]:
+        yield whole._replace(trajectory=b"other")
+        raise error
+
+    with closing(RunStore(tmp_path, JourneyRow)) as travelled:
+        travelled.add([whole])
+        with pytest.raises(error):
+            travelled.add(rows())
+        assert travelled.get([whole.key]) == {whole.key: whole}
+
+
+def test_only_runs_that_are_not_stored_or_crashed_are_missing(tmp_path: Path) -> None:
+    keys_of = tuple(bytes([k]) * 16 for k in range(1, 5))
+    group = Group(0.0, 0.6, tuple((0.1, 0.1 * k) for k in range(1, 5)), keys_of)
+    with closing(RunStore(tmp_path, JourneyRow)) as travelled:
+        assert missing(group, travelled) == [0, 1, 2, 3]
+        done = JourneyRow(keys_of[1], 1, 0.5, 0.1, 9, 0, b"way")
+        travelled.add([done, done._replace(key=keys_of[2], outcome=int(Outcome.CRASHED))])
+        assert missing(group, travelled) == [0, 2, 3]
+    with closing(RunStore(tmp_path, RunRow)) as runs:
+        assert missing(group, runs) == [0, 1, 2, 3]
 
 
 # Folders that cannot be written to
@@ -480,14 +538,9 @@ def test_stages_decided_by_a_function(
         assert "rock" not in changed
 
 
-def test_every_function_that_a_run_enters_is_in_its_key() -> None:
-    """Followed while it runs, so that a call the syntax does not show would be found."""
-    from vsr_core import GRAVITY, bounds, solid
-    from vsr_core.motion import CosinePulse
-    from vsr_core.precision import step_unit
-    from vsr_core.scene import Contact, Scene
-    from vsr_core.simulate import Settings, prepare, simulate
-
+@contextmanager
+def following() -> Iterator[set[str]]:
+    """Definitions of ``vsr_core`` whose code is entered meanwhile."""
     entered: set[str] = set()
 
     def follow(frame, event: str, _: object) -> None:
@@ -498,20 +551,51 @@ def test_every_function_that_a_run_enters_is_in_its_key() -> None:
             if not name.startswith("<"):
                 entered.add(f"{module.removesuffix('.__init__')}:{name}")
 
+    engines.load("bullet")  # what only an import enters does not count
+    sys.setprofile(follow)
+    try:
+        yield entered
+    finally:
+        sys.setprofile(None)
+
+
+def test_every_function_that_a_run_enters_is_in_its_key() -> None:
+    """Followed while it runs, so that a call the syntax does not show would be found."""
+    from vsr_core import GRAVITY, bounds, solid
+    from vsr_core.motion import CosinePulse
+    from vsr_core.precision import step_unit
+    from vsr_core.scene import Contact, Scene
+    from vsr_core.simulate import Settings, prepare, simulate
+
     rock = solid.box((0.5, 1.0, 2.0), 2000.0).rock
     cells = [(0.1, 0.3), (0.6, 0.3), (0.3, 1.0)]
     step = 0.01 * step_unit(rock)
-    sys.setprofile(follow)
-    try:
+    with following() as entered:
         for reduce in (True, False):
             case = prepare(Scene(rock, Contact(0.6), 0.3), bounds.barrier(rock), reduce=reduce)
             settings = Settings(step, reduce)
             for ratio, pga in cells:
                 simulate(case, CosinePulse(pga * GRAVITY, ratio), settings)
-    finally:
-        sys.setprofile(None)
     assert len(entered) > 15
     assert entered - set(keys.code(run_code(load_site("cuboid_1x1x2").config))) == set()
+
+
+def test_every_function_that_a_journey_enters_is_in_its_key() -> None:
+    from vsr_core.motion import CosinePulse
+    from vsr_core.simulate import Settings
+    from vsr_core.travel import travel
+
+    rock = grounds.lump()
+    triangles = grounds.perch(cells=6)
+    places = [grounds.site(rock, triangles), grounds.site(rock, grounds.cliff(1.0, 0.3))]
+    places.append(grounds.site(rock, grounds.in_pieces(triangles, 0.01, 0.04)))
+    with following() as entered:
+        for place in places:
+            for pga in (0.01, 0.7):
+                travel(place, CosinePulse.from_g(pga, 0.15), Settings(0.002))
+    assert len(entered) > 15
+    roots = run_code(load_site("double_rock_terrain").config)
+    assert entered - set(keys.code(roots)) == set()
 
 
 def test_manifest_holds_a_checksum_of_every_product(

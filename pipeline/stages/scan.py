@@ -64,7 +64,7 @@ def cut_of(config: Config) -> Any:
 
 
 def _prepared(job: Job, source: sources.Source) -> Prepared:
-    from vsr_core.scan.workflow import prepare_scan
+    from vsr_core.scan.workflow import Miscut, prepare_scan
 
     config = job.config
     mesh = sources.load(source, job.site)
@@ -77,6 +77,8 @@ def _prepared(job: Job, source: sources.Source) -> Prepared:
             density=config.rock.density,
             clearance=config.pedestal.clearance,
         )
+    except Miscut as error:
+        raise InputError.from_unfit(job.site.file, "pedestal.cut", error) from None
     except Unfit as error:
         file = shown(source.path) if source.path else "surrogate"
         raise InputError.from_unfit(f"{job.site.file}: rock.mesh", file, error) from None

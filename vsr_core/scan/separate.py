@@ -79,7 +79,11 @@ def by_cut(mesh: trimesh.Trimesh, cut: Cut, reach: float = 0.0) -> Separation:
     Unfit
         If the cut leaves no rock or no ground, or touches the border of the scan.
     """
-    vertices, faces, rock = split(mesh, cut)
+    if reach > 0.0:
+        vertices, faces = np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
+        rock = cut.inside(mesh)[faces].sum(axis=1) > 0.0
+    else:
+        vertices, faces, rock = split(mesh, cut)
     rock, notes = whole(vertices, faces, rock)
     found = turns(vertices, faces)
     if reach > 0.0:

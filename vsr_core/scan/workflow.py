@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from vsr_core.errors import Unfit
 from vsr_core.scan.alternatives import Alternative, alternatives
-from vsr_core.scan.clean import clean
+from vsr_core.scan.clean import Cleaned, clean
 from vsr_core.scan.close import Closed, by_poisson, caps, hull
 from vsr_core.scan.cuts import Box, Colour, Cut, Plane, Polygon
 from vsr_core.scan.distance import hausdorff
@@ -42,6 +42,10 @@ START_TOLERANCE = 1e-6
 
 SAME_FACE = 1e-6
 """Faces whose middles agree to this [m] are one."""
+
+
+class Miscut(Unfit):
+    """A refusal that another cut may cure."""
 
 
 @dataclass(frozen=True)
@@ -124,16 +128,16 @@ def prepare_scan(
 
     Raises
     ------
+    Miscut
+        If rock and ground cannot be told apart so; see ``by_cut`` and ``propose``.
     Unfit
-        If a step cannot be done; see ``clean``, ``by_cut``, ``propose``, ``caps``, ``mated``.
+        If another step cannot be done; see ``clean``, ``caps``, ``mated``.
     """
     cleaned = clean(mesh)
-    if cut is None:
-        point = None if near is None else tuple(np.array(near) - cleaned.offset)
-        separation = propose(cleaned.mesh, point)
-    else:
-        separation = by_cut(cleaned.mesh, _moved(cut, -cleaned.offset))
-    separation = settled(separation)
+    try:
+        separation = settled(_told_apart(cleaned, cut, near))
+    except Unfit as error:
+        raise Miscut(error.given, error.rule, error.remedy) from error
     closed = CLOSINGS[closing](separation)
     ground = mated(separation, closed, clearance)
     depth = inside(ground.terrain, closed.rock)
@@ -169,6 +173,14 @@ def prepare_scan(
         trials,
         (*cleaned.notes, *closed.notes, *ground.notes),
     )
+
+
+def _told_apart(
+    cleaned: Cleaned, cut: Cut | None, near: tuple[float, float, float] | None
+) -> Separation:
+    if cut is not None:
+        return by_cut(cleaned.mesh, _moved(cut, -cleaned.offset))
+    return propose(cleaned.mesh, None if near is None else tuple(np.array(near) - cleaned.offset))
 
 
 def _moved(cut: Cut, by: Array) -> Cut:
