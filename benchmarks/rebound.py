@@ -203,7 +203,7 @@ def tumbled(found: dict[tuple[Contact, bool], tumbling.Runs]) -> Iterable[Line]:
             f"{spread:.1f}",
             f"{np.median(runs.beyond):.1f}",
             f"{runs.speed.mean():.1f}",
-            str(runs.left),
+            str(runs.away),
         ]
 
 
@@ -227,6 +227,8 @@ def percent(share: float) -> str:
     """A share in percent, with the digits that matter."""
     if math.isnan(share):
         return "-"
+    if share < 1e-4:
+        return "< 0.01 %"
     return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"
 
 
@@ -248,7 +250,7 @@ def page(found: rebound_figure.Ensemble) -> str:
     slid = [f"sliding block, e = {e:g}" for e in RESTITUTIONS]
     energy_head = ["e", "ground", *(f"friction {friction:g}" for friction in FRICTIONS)]
     ends_head = ["e", "friction", "ground", "level way [m]", "spread [m]",
-                 "median beyond the foot [m]", "mean top speed [m/s]", "not at rest"]  # fmt: skip
+                 "median beyond the foot [m]", "mean top speed [m/s]", "lost"]  # fmt: skip
     bend = runout.Bend()
     drop, level = bend.top[1], -bend.top[0]
     return TEXT.format(
@@ -283,10 +285,10 @@ the families `incline`, `impact`, `rimless_wheel`, `runout` and `dissipation` of
 Errors of speeds after an impact are relative to the speed before, spins to that over the block's
 radius. Impacts: Newton's restitution at the point that touches, and the impulse of friction that
 stops it or lies on Coulomb's cone against the slip that is left; a face that falls flat cannot
-turn. The wheel (McGeer 1990) has an answer only without a rebound. A block on an even slope loses
-the friction a metre of level way, whatever its mass. In a bend it loses more: the ground that turns
-it presses on it, so that a point mass comes {bent} far where Coulomb's line alone gives {straight};
-the facets of the bend take a few percent more.
+turn. The wheel (McGeer 1990) grips, whatever the friction, and has an answer only without a
+rebound. A block on an even slope loses the friction a metre of level way, whatever its mass. In a
+bend it loses more: the ground that turns it presses on it, so that a point mass comes {bent} far
+where Coulomb's line alone gives {straight}; the facets of the bend take a few percent more.
 
 ## Time steps
 
@@ -312,7 +314,7 @@ what it was before, over g times the radius, and how many of the hulls have one 
 {pushes} pushes of the Double Rock surrogate, the same for every line: any pose, 0.5 to 2.5 m/s
 downhill, on a rough slope of 35 deg whose foot is 14 m ahead and that runs out on rough level
 ground. The level way from start to end: its mean with the standard error, and the spread of single
-runs.
+runs. Lost are those that left the ground or were under way after 40 s.
 
 {tumbled}
 
@@ -329,9 +331,12 @@ leave open, and a difference between two lines is one only where it is several s
 - **Points of contact.** Bullet keeps four between two bodies and finds one in a step. Of an edge
   that comes down flat one end lands first: the rock is turned aside, and the impact takes less than
   it should. A prism that rolls on gets faster than the exact one (panel b) and leaves its line.
-- **Borders.** Each triangle and each piece is a body of its own. A hull that lies across a border
-  is at times pushed back by the side of the part ahead, and a block that slides then trips or stops
-  on even ground (panel c). A sphere, and a rock that comes down on its corners, hardly notice.
+- **Borders.** Each triangle and each piece is a shape of its own. A hull that lies across a border
+  can be pushed back by the side of the part ahead, and a block that slides then trips or stops on
+  even ground (panel c). The table of borders says how much: most without restitution, where Bullet
+  keeps contacts over a wider gap. A sphere and a rock that comes down on its corners hardly notice.
+  Rough ground has true edges everywhere; what its parts do to a rock that tumbles is the difference
+  between the lines of triangles and of pieces above.
 - **Friction without restitution** is a pyramid: an impulse may be up to 1.4 times as large as the
   cone's, and where points share a load some keep friction of an earlier iteration. With restitution
   Bullet has another solver, and a cone.

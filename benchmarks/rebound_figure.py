@@ -63,7 +63,7 @@ def _edges(panel: Axes) -> None:
     panel.set_ylabel("energy kept in the impact of an edge")
     panel.set_title("a  impact of an edge, friction 0.6", loc="left")
     panel.set_ylim(0.0, 1.5)
-    panel.legend(ncols=2, loc="upper center")
+    panel.legend(ncols=2, loc="upper center", fontsize=7.0, columnspacing=1.0)
 
 
 def _kept(lean: float, contact: Contact, ground: Terrain) -> tuple[float, float, float]:

@@ -32,7 +32,7 @@ PUSHES = 30
 
 ANGLE = math.radians(35.0)
 
-SLOPE, LEVEL, HALF, CELL = 16.0, 44.0, 14.0, 0.8
+SLOPE, LEVEL, HALF, CELL = 16.0, 44.0, 26.0, 0.8
 """Level length of the slope, of the ground before it, half its width, and its triangles [m]."""
 
 WAVES, HIGH = 3.0, 0.08
@@ -47,8 +47,9 @@ START, ABOVE = -14.0, 0.3
 LOOK, STILL, LONGEST = 0.05, 20, 40.0
 """Time between two looks [s], looks without a motion that make a rest, and longest run [s]."""
 
-MOVES = 1e-3
-"""Way between two looks that is a motion, as a share of the radius."""
+MOVES = 0.01
+"""Way between two looks that is a motion, as a share of the radius. Less goes nowhere: on two
+facets almost in one plane a rock rocks for a minute."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +61,13 @@ class Runs:
     way : ndarray, shape (n,) [m], level way from start to end
     beyond : ndarray, shape (n,) [m], way of the end beyond the foot of the slope
     speed : ndarray, shape (n,) [m/s], largest
-    left : int, how many left the ground or were still under way at the end
+    away : int, how many left the ground or were still under way at the end
     """
 
     way: Array
     beyond: Array
     speed: Array
-    left: int
+    away: int
 
 
 @cache

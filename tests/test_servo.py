@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from pipeline import keys
 from pipeline.graph import identities
 from pipeline.layers import load_site
-from pipeline.scenes import code as run_code
 from pipeline.running import groups
+from pipeline.scenes import code as run_code
 from pipeline.store import Store
 from vsr_core import GRAVITY, engines, scene, solid
 from vsr_core.bounds import Barrier, barrier, reachable_energy

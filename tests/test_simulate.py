@@ -292,7 +292,7 @@ def lifted(scene: Scene, step: float, height: float):  # type: ignore[no-untyped
     """A world whose rock hangs ``height`` [m] above its rest pose."""
     world = engines.load("bullet").build(scene, step, 1)
     rest = resting(scene)
-    world.put(replace(rest, position=rest.position + [0.0, 0.0, height]))
+    world.put(replace(rest, position=rest.position + np.array([0.0, 0.0, height])))
     return world
 
 

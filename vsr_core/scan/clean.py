@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +67,7 @@ def clean(mesh: trimesh.Trimesh) -> Cleaned:
 
     _see_that_it_fits(mesh)
     notes: list[str] = []
-    colours = mesh.visual.vertex_colors if mesh.visual.kind == "vertex" else None
+    colours = colours_of(mesh)
     vertices, offset, faces = _near_origin(mesh, notes)
     origin, faces = _merged(vertices, faces, notes)
     vertices = vertices[origin]
@@ -104,11 +104,17 @@ def _see_that_it_fits(mesh: trimesh.Trimesh) -> None:
         )
 
 
+def colours_of(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
+    """Colours of a mesh's vertices, shape (n, 4); None where it has none."""
+    visual: Any = mesh.visual
+    return np.asarray(visual.vertex_colors) if getattr(visual, "kind", None) == "vertex" else None
+
+
 def _near_origin(mesh: trimesh.Trimesh, notes: list[str]) -> tuple[Array, Array, Index]:
     """Vertices less whole metres, those metres, and the faces whose vertices are finite."""
     vertices = np.array(mesh.vertices, dtype=np.float64)
     faces = np.asarray(mesh.faces, dtype=np.int64)
-    finite = np.isfinite(vertices).all(axis=1)
+    finite = np.asarray(np.isfinite(vertices).all(axis=1))
     if not finite.all():
         whole = finite[faces].all(axis=1)
         notes.append(
@@ -257,7 +263,7 @@ def _one_piece(vertices: Array, faces: Index, notes: list[str]) -> Index:
     del pairs, alike
     count = int(patch.max()) + 1
     # Every patch and its turned twin: patches wound against each other hang with the other's twin.
-    twins = pieces(np.concatenate([across + (0, count), across + (count, 0)]), 2 * count)
+    twins = pieces(np.concatenate([(*across, 0, count), (*across, count, 0)]), 2 * count)
     if (twins[:count] == twins[count:]).any():
         raise Unfit("a surface with one side", "a scan has an outside", "remesh the scan")
     piece = np.minimum(twins[:count], twins[count:])

@@ -123,8 +123,8 @@ def caps(separation: Separation) -> Closed:
         slope = rim.slope.mean(axis=0)
         tilt = np.degrees(np.arctan(np.linalg.norm(found.rows[:, :2] - slope, axis=1)))
         note = (
-            f"{len(found.rows)} plane(s), {', '.join(f'{t:.0f}' for t in tilt)} deg from the ground "
-            f"beside; the rim scatters by {1e3 * found.scatter:.1f} mm; "
+            f"{len(found.rows)} plane(s), {', '.join(f'{t:.0f}' for t in tilt)} deg from the "
+            f"ground beside; the rim scatters by {1e3 * found.scatter:.1f} mm; "
             f"{int(near.sum())} of {len(near)} vertices moved onto them, by at most "
             f"{1e3 * far:.1f} mm"
         )
@@ -238,9 +238,7 @@ def _unfolded(vertices: Array, faces: Index, fixed: Index) -> tuple[Array, tuple
     )
 
 
-def _cap(
-    vertices: Array, separation: Separation, rim: Index, shape: Shape
-) -> tuple[Array, Cap]:
+def _cap(vertices: Array, separation: Separation, rim: Index, shape: Shape) -> tuple[Array, Cap]:
     """A cap across one rim, and the vertices with it."""
     faces = separation.faces[separation.rock]
     given = _rim(vertices, separation, rim)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core.errors import Unfit
+from vsr_core.scan.clean import colours_of
 from vsr_core.scan.topology import edges, ends
 
 if TYPE_CHECKING:
@@ -87,14 +88,15 @@ class Colour:
 
     def inside(self, mesh: trimesh.Trimesh) -> Array:
         """Tolerance less each vertex's distance from the colour, shape (n,)."""
-        if mesh.visual.kind != "vertex":
+        colours = colours_of(mesh)
+        if colours is None:
             raise Unfit(
                 "a scan without colours of vertices",
                 "a cut by colour needs them",
                 "bake the texture into vertex colours, or give another cut",
             )
-        colours = np.asarray(mesh.visual.vertex_colors, dtype=np.float64)[:, :3]
-        return self.tolerance - np.linalg.norm(colours - np.array(self.rgb), axis=1)
+        given = colours[:, :3].astype(np.float64)
+        return self.tolerance - np.linalg.norm(given - np.array(self.rgb), axis=1)
 
 
 Cut: TypeAlias = Plane | Box | Polygon | Colour

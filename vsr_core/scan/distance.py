@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from vsr_core.scan.topology import edges
+from vsr_core.scan.topology import edges, pieces
 
 if TYPE_CHECKING:
     import trimesh
@@ -19,7 +19,7 @@ SAMPLES = 20_000
 """Points, beside the vertices, at which a distance between surfaces is measured."""
 
 FAR = 4.0
-"""Points further from a surface than this many of its edges need no exact distance."""
+"""Vertices further from a surface than this many of its edges need no exact distance."""
 
 _ON = 1e-9  # a barycentric share below this is none
 _CHUNK = 10_000  # points looked up at a time, to save memory
@@ -29,8 +29,7 @@ def signed_distance(mesh: trimesh.Trimesh, points: Array) -> tuple[Array, Array,
     """Distance of points from a surface, positive on the side to which its normals point.
 
     The sign is that of the pseudonormal of the nearest face, edge or vertex, which is exact
-    (Baerentzen & Aanaes 2005) but for points nearest to an open rim. Points further from every
-    vertex than ``FAR`` times the longest edge at the nearest one are measured to that vertex.
+    (Baerentzen & Aanaes 2005) but for points nearest to an open rim.
 
     Parameters
     ----------
@@ -44,28 +43,47 @@ def signed_distance(mesh: trimesh.Trimesh, points: Array) -> tuple[Array, Array,
     face : ndarray of int, shape (n,), that it is on
     """
     import trimesh
-    from scipy.spatial import cKDTree
 
-    vertices, faces = np.array(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64)
-    used = np.unique(faces)
-    distance, vertex = cKDTree(vertices[used]).query(points)
-    vertex = used[vertex]
-    longest, own = np.zeros(len(vertices)), np.zeros(len(vertices), dtype=np.int64)
-    sides = np.linalg.norm(vertices[faces] - vertices[np.roll(faces, 1, axis=1)], axis=2)
-    for k in range(3):
-        np.maximum.at(longest, faces[:, k], sides.max(axis=1))
-        own[faces[:, k]] = np.arange(len(faces))
-    nearest, face, normal = vertices[vertex], own[vertex], mesh.vertex_normals[vertex]
-    for near in _chunks(np.flatnonzero(distance <= FAR * longest[vertex])):
-        at, distance[near], on = trimesh.proximity.closest_point(mesh, points[near])
-        share = trimesh.triangles.points_to_barycentric(mesh.triangles[on], at)
-        nearest[near], face[near], normal[near] = at, on, _pseudonormals(mesh, on, share)
-    side = np.einsum("ij,ij->i", points - nearest, normal)
+    distance, nearest = np.empty(len(points)), np.empty((len(points), 3))
+    face = np.empty(len(points), dtype=np.int64)
+    for chunk in _chunks(len(points)):
+        found = trimesh.proximity.closest_point(mesh, points[chunk])
+        nearest[chunk], distance[chunk], face[chunk] = found
+    share = trimesh.triangles.points_to_barycentric(mesh.triangles[face], nearest)
+    side = np.einsum("ij,ij->i", points - nearest, _pseudonormals(mesh, face, share))
     return np.where(side < 0.0, -distance, distance), nearest, face
 
 
-def _chunks(which: Index) -> list[Index]:
-    return np.array_split(which, len(which) // _CHUNK + 1) if len(which) else []
+def vertex_distance(one: trimesh.Trimesh, other: trimesh.Trimesh) -> Array:
+    """Signed distance of the vertices of one surface from another [m], shape (n,).
+
+    Exact near the other surface. Vertices further from it than ``FAR`` of its edges are on the
+    side of one of those that they hang together with, and as far as the nearest vertex.
+    """
+    from scipy.spatial import cKDTree
+
+    vertices, faces = np.array(other.vertices), np.array(other.faces, dtype=np.int64)
+    points, links = np.array(one.vertices), np.asarray(one.edges_unique, dtype=np.int64)
+    longest = np.zeros(len(vertices))
+    sides = np.linalg.norm(vertices[faces] - vertices[np.roll(faces, 1, axis=1)], axis=2)
+    for k in range(3):
+        np.maximum.at(longest, faces[:, k], sides.max(axis=1))
+    used = np.unique(faces)
+    distance, vertex = cKDTree(vertices[used]).query(points)
+    far = distance > FAR * longest[used[vertex]]
+    piece = pieces(links[far[links].all(axis=1)], len(points))
+    first = np.flatnonzero(far)[np.unique(piece[far], return_index=True)[1]]
+    exact = np.union1d(np.flatnonzero(~far), first)
+    near, _, _ = signed_distance(other, points[exact])
+    side = np.ones(int(piece.max()) + 1)
+    side[piece[first]] = np.sign(near[np.searchsorted(exact, first)])
+    distance[far] *= side[piece[far]]
+    distance[exact] = near
+    return distance
+
+
+def _chunks(count: int) -> list[slice]:
+    return [slice(first, first + _CHUNK) for first in range(0, count, _CHUNK)]
 
 
 def _pseudonormals(mesh: trimesh.Trimesh, face: Index, share: Array) -> Array:
@@ -109,5 +127,5 @@ def farthest(points: Array, mesh: trimesh.Trimesh) -> float:
 
     return max(
         float(trimesh.proximity.closest_point(mesh, points[chunk])[1].max())
-        for chunk in _chunks(np.arange(len(points)))
+        for chunk in _chunks(len(points))
     )

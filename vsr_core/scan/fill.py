@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core.errors import Unfit
-from vsr_core.scan.topology import Index, ends, edges, rims
+from vsr_core.scan.topology import Index, edges, ends, rims
 
 Array = NDArray[np.float64]
 

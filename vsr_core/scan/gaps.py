@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core.errors import Unfit
+from vsr_core.scan.clean import colours_of
 from vsr_core.scan.fill import across, area_vector, frame
 from vsr_core.scan.topology import edges, ends, rims
 
@@ -32,7 +33,9 @@ def filled(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
         return mesh, ()
     links = np.sort(ends(faces, np.arange(3 * len(faces))), axis=1)
     known = set(map(tuple, links[np.isin(links, np.concatenate(loops)).all(axis=1)].tolist()))
-    fills, middles, area = [], [], 0.0
+    fills: list[Index] = []
+    middles: list[Index] = []
+    area = 0.0
     for loop in loops:
         area += float(np.linalg.norm(area_vector(vertices[loop])))
         fill = _across(vertices, loop, known)
@@ -41,17 +44,16 @@ def filled(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
             middles.append(loop)
             fill = np.column_stack([np.roll(loop, -1), loop, middle])
         fills.append(fill)
-    colours = None
-    if mesh.visual.kind == "vertex":
-        given = np.asarray(mesh.visual.vertex_colors)
-        colours = np.concatenate([given, *[given[loop[:1]] for loop in middles]])
+    colours = colours_of(mesh)
+    if colours is not None:
+        colours = np.concatenate([colours, *[colours[loop[:1]] for loop in middles]])
     vertices = np.concatenate([vertices, *[vertices[loop].mean(axis=0)[None] for loop in middles]])
     whole = trimesh.Trimesh(
         vertices, np.concatenate([faces, *fills]), vertex_colors=colours, process=False
     )
     longest = _length(vertices[loops[-1]])
     return whole, (
-        f"{len(loops)} gaps of the scan filled ({area:.2g} m2, the longest {longest:.2g} m around): "
+        f"{len(loops)} gaps of the scan filled ({area:.2g} m2, the longest {longest:.2g} m round): "
         "what was not seen there is made up",
     )
 

@@ -103,9 +103,7 @@ def propose(mesh: trimesh.Trimesh, near: tuple[float, float, float] | None = Non
     )
 
 
-def _candidates(
-    vertices: Array, faces: Index, found: Turns, outer: Mask
-) -> list[_Found]:
+def _candidates(vertices: Array, faces: Index, found: Turns, outer: Mask) -> list[_Found]:
     """Different cuts around what rises above the ground."""
     height = _above_ground(vertices, faces, outer)
     area, middle = areas(vertices, faces), vertices[faces].mean(axis=1)

@@ -162,9 +162,7 @@ def seams(vertices: Array, faces: Index, rock: Mask, found: Turns) -> tuple[Seam
     return tuple(sorted(made, key=lambda seam: -seam.length))
 
 
-def _to_the_hollow(
-    vertices: Array, faces: Index, rock: Mask, found: Turns, reach: float
-) -> Mask:
+def _to_the_hollow(vertices: Array, faces: Index, rock: Mask, found: Turns, reach: float) -> Mask:
     """The cheapest seam within ``reach`` of a cut."""
     from scipy.spatial import cKDTree
 

@@ -60,7 +60,7 @@ def simplified(mesh: trimesh.Trimesh, bound: float, kept: Mask) -> Simplified:
     """
     if not bound > 0.0:
         raise Unfit(f"an error bound of {bound} m", "it is positive", "give it in metres")
-    free = ~kept[mesh.faces].any(axis=1)
+    free = np.asarray(~kept[mesh.faces].any(axis=1))
     best = Simplified(mesh, 0.0)
     some = np.array(mesh.vertices)[:: max(len(mesh.vertices) // _SOME, 1)]
     most, fewest = 0.0, np.log(FEWEST)

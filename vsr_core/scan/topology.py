@@ -52,11 +52,11 @@ def edges(faces: Index) -> Edges:
         np.minimum(one, other, out=key[:, k])
         key[:, k] *= int(faces.max(initial=0)) + 1
         key[:, k] += np.maximum(one, other)
-    key = key.ravel()
-    side = np.argsort(key)
-    key = key[side]
-    first = np.flatnonzero(np.concatenate([[len(key) > 0], key[1:] != key[:-1]]))
-    return Edges(side, first, np.diff(first, append=len(key)))
+    flat = key.reshape(-1)
+    side = np.argsort(flat)
+    flat = flat[side]
+    first = np.flatnonzero(np.concatenate([[len(flat) > 0], flat[1:] != flat[:-1]]))
+    return Edges(side, first, np.diff(first, append=len(flat)))
 
 
 def ends(faces: Index, side: Index) -> Index:

@@ -90,9 +90,7 @@ def _parts(rim: Array, count: int) -> list[NDArray[np.int64]]:
     ]
 
 
-def _envelope(
-    rim: Array, slope: Array, part: NDArray[np.int64], count: int, sign: int
-) -> Planes:
+def _envelope(rim: Array, slope: Array, part: NDArray[np.int64], count: int, sign: int) -> Planes:
     """Envelope of ``count`` planes, from a first guess of which points lie in which."""
     found = Planes(np.zeros((count, 3)), sign, np.inf)
     for _ in range(20):
