@@ -86,7 +86,8 @@ CHERT, WOOD = 2110.0, 1500.0  # kg/m3, the paper's sections 4.2 and 5.1
 @pytest.mark.parametrize("name", known())
 def test_shipped_sites(name: str) -> None:
     config = load_site(name).config
-    assert config.pedestal.shape == "flat"
+    on_terrain = name in ("double_rock_terrain", "granite_dells")
+    assert config.pedestal.shape == ("mesh" if on_terrain else "flat")
     assert config.contact.friction == (0.6,)
     assert len(config.motion.pga) == len(config.motion.pgv_pga) == 50
     if name.startswith("cuboid_"):
@@ -101,6 +102,9 @@ def test_shipped_sites(name: str) -> None:
         assert config.rock.density == WOOD
         assert config.motion.pga[::49] == (0.05, 0.5)
         assert config.motion.pgv_pga[::49] == (0.05, 0.35)
+    elif on_terrain:
+        assert config.rock.fallback == name
+        assert config.pedestal.cut == "proposal"
     else:
         assert name == "double_rock"
         assert config.rock.density == CHERT

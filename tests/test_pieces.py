@@ -127,6 +127,15 @@ def test_on_its_seat_the_whole_base_stays() -> None:
     assert shortfall(rock.vertices, flight.vertices) <= detail.FLIGHT_SHARE * rock.radius
 
 
+def test_a_round_base_stays_round_on_the_seat_only() -> None:
+    drum = trimesh.creation.cylinder(0.3, 1.0, sections=64)
+    rock = from_mesh(drum, 2000.0, as_scanned=True).rock
+    low = [rock.vertices[:, 2] < 0.0, on_its_seat(rock).vertices[:, 2] < 0.0]
+    assert [int(part.sum()) for part in low] == [64, 64]
+    assert (on_its_seat(rock).vertices[:, 2] > 0.0).sum() < 64
+    assert (in_flight(rock).vertices[:, 2] < 0.0).sum() < 40
+
+
 def test_a_rock_that_needs_all_corners_is_itself() -> None:
     mesh = trimesh.creation.icosahedron()
     rock = from_mesh(mesh, 2000.0, as_scanned=True).rock

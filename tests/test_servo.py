@@ -477,7 +477,7 @@ def test_run_keys_hold_the_servo_that_drives(
         "vsr_core.engines.bullet.driven:DrivenWorld",
         "vsr_core.sampling:samples",
         "vsr_core.servo:check",
-    } <= set(keys.code(run_code("bullet")))
+    } <= set(keys.code(run_code(load_site(site).config)))
     reads = {name: i.facts["config"] for name, i in identities("report", load_site(site)).items()}
     assert {name for name in reads if "drive" in reads[name]} == {
         name for name in reads if "servo" in reads[name]

@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from importlib import import_module
 from pathlib import Path
 
 import grounds
@@ -26,7 +27,6 @@ from pipeline.problems import InputError
 from pipeline.running import Group, missing
 from pipeline.scenes import code as run_code
 from pipeline.store import RUNS, JourneyRow, RunRow, RunStore, Store
-from vsr_core import engines
 from vsr_core.outcome import Outcome
 
 SMALL = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2, 0.5]}\n"
@@ -551,7 +551,7 @@ def following() -> Iterator[set[str]]:
             if not name.startswith("<"):
                 entered.add(f"{module.removesuffix('.__init__')}:{name}")
 
-    engines.load("bullet")  # what only an import enters does not count
+    import_module("vsr_core.engines.bullet.driven")  # what only an import enters does not count
     sys.setprofile(follow)
     try:
         yield entered

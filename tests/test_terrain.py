@@ -101,6 +101,16 @@ def test_border_of_a_sheet() -> None:
             assert terrain.depth(np.array([away * x, away * y, -1.0])) is None
 
 
+def test_border_on_the_rim_of_a_cell() -> None:
+    """Of the lookup: 1.0 m is the start of its 11th cell of 0.1 m, though 1.0 // 0.1 is 9."""
+    strip = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.01, 0.0], [0.0, 0.01, 0.0]])
+    near, far = strip * [0.5, 1.0, 1.0], strip + np.array([1.0, 0.0, 0.0])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    terrain = Terrain(np.vstack([near, far]), faces)
+    assert terrain.depth(np.array([1.0, 0.005, -1.0])) == 1.0
+    assert terrain.depth(np.array([0.75, 0.005, -1.0])) is None
+
+
 def test_hole_in_a_sheet() -> None:
     whole = grounds.level(2.0, 8)
     centre = whole.vertices[whole.faces].mean(axis=1)[:, :2]

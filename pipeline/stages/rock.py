@@ -126,8 +126,8 @@ def _from_scan(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
                 "pedestal.cut",
                 "nothing",
                 "it says what of the scan is the rock",
-                f"look at {job.path(PAGE)} and set pedestal.cut: proposal, or give a plane, box, "
-                "polygon or colour",
+                f"look at {PAGE}, which `vsr prep` makes, and set pedestal.cut: proposal, or "
+                "give a plane, box, polygon or colour",
             )
         )
     faces = scan["rock_face"].values.astype(np.int64)

@@ -263,7 +263,9 @@ def _one_piece(vertices: Array, faces: Index, notes: list[str]) -> Index:
     del pairs, alike
     count = int(patch.max()) + 1
     # Every patch and its turned twin: patches wound against each other hang with the other's twin.
-    twins = pieces(np.concatenate([(*across, 0, count), (*across, count, 0)]), 2 * count)
+    twins = pieces(
+        np.concatenate([across + np.array([0, count]), across + np.array([count, 0])]), 2 * count
+    )
     if (twins[:count] == twins[count:]).any():
         raise Unfit("a surface with one side", "a scan has an outside", "remesh the scan")
     piece = np.minimum(twins[:count], twins[count:])

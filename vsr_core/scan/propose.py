@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
+ORIGIN: Array = np.zeros(3)
+
 CONCAVE_SHARE = 0.6
 """Share of a seam's length along a clear hollow, below which it is none."""
 
@@ -50,7 +52,11 @@ class _Found:
     top: Array
 
 
-def propose(mesh: trimesh.Trimesh, near: tuple[float, float, float] | None = None) -> Separation:
+def propose(
+    mesh: trimesh.Trimesh,
+    near: tuple[float, float, float] | None = None,
+    offset: Array = ORIGIN,
+) -> Separation:
     """Rock and ground of a clean scan, told apart by the hollow between them.
 
     What rises above the ground, at several heights, seeds a minimum cut whose cost is a length
@@ -63,7 +69,8 @@ def propose(mesh: trimesh.Trimesh, near: tuple[float, float, float] | None = Non
     ----------
     mesh : trimesh.Trimesh [m], z up
     near : three floats [m], optional
-        A point on or in the rock, where several stand on the ground.
+        A point on or in the rock, where several stand on the ground, in the given coordinates.
+    offset : ndarray, shape (3,) [m], given coordinates are the mesh's plus these
 
     Raises
     ------
@@ -75,7 +82,7 @@ def propose(mesh: trimesh.Trimesh, near: tuple[float, float, float] | None = Non
     if not outer.any():
         whole(vertices, faces, ~outer)
     found = turns(vertices, faces)
-    cuts = _candidates(vertices, faces, found, outer)
+    cuts = _candidates(vertices, faces, found, outer, offset)
     good = [cut for cut in cuts if cut.concave >= CONCAVE_SHARE]
     if not good:
         raise Unfit(
@@ -84,7 +91,7 @@ def propose(mesh: trimesh.Trimesh, near: tuple[float, float, float] | None = Non
             f"{CONCAVE_SHARE:.0%} of the seam between rock and ground is a hollow",
             "give a cut: a plane, a box, a polygon or a colour",
         )
-    best = _the_one(good, vertices, faces, near)
+    best = _the_one(good, vertices[faces].mean(axis=1) + offset, near)
     inside = [cut for cut in cuts if (cut.rock & best.rock).any()]
     seeds = sum(cut.seeds for cut in inside if not (cut.rock & ~best.rock).any())
     rock, notes = whole(vertices, faces, best.rock)
@@ -103,7 +110,9 @@ def propose(mesh: trimesh.Trimesh, near: tuple[float, float, float] | None = Non
     )
 
 
-def _candidates(vertices: Array, faces: Index, found: Turns, outer: Mask) -> list[_Found]:
+def _candidates(
+    vertices: Array, faces: Index, found: Turns, outer: Mask, offset: Array
+) -> list[_Found]:
     """Different cuts around what rises above the ground."""
     height = _above_ground(vertices, faces, outer)
     area, middle = areas(vertices, faces), vertices[faces].mean(axis=1)
@@ -116,7 +125,7 @@ def _candidates(vertices: Array, faces: Index, found: Turns, outer: Mask) -> lis
         np.maximum.at(tops, piece[above], height[above])
         for name in np.flatnonzero(tops > (level + _STANDS_OUT * (level < 0.85)) * highest):
             seed = above & (piece == name)
-            top = middle[seed][np.argmax(height[seed])]
+            top = middle[seed][np.argmax(height[seed])] + offset
             rock = cheapest_cut(found, len(faces), seed, outer)
             _add(cuts, rock, area, found, top)
     return cuts
@@ -136,13 +145,10 @@ def _add(cuts: list[_Found], rock: Mask, area: Array, found: Turns, top: Array) 
     cuts.append(_Found(rock, float(area[rock].sum()), cost, concave, 1, top))
 
 
-def _the_one(
-    good: list[_Found], vertices: Array, faces: Index, near: tuple[float, float, float] | None
-) -> _Found:
+def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float] | None) -> _Found:
     """The cheapest cut, or of those that hold the face nearest to a point."""
     if near is not None:
-        away = np.linalg.norm(vertices[faces].mean(axis=1) - np.array(near), axis=1)
-        nearest = int(np.argmin(away))
+        nearest = int(np.argmin(np.linalg.norm(middle - np.array(near), axis=1)))
         held = [cut for cut in good if cut.rock[nearest]]
         if not held:
             raise Unfit(

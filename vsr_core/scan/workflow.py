@@ -180,7 +180,7 @@ def _told_apart(
 ) -> Separation:
     if cut is not None:
         return by_cut(cleaned.mesh, _moved(cut, -cleaned.offset))
-    return propose(cleaned.mesh, None if near is None else tuple(np.array(near) - cleaned.offset))
+    return propose(cleaned.mesh, near, cleaned.offset)
 
 
 def _moved(cut: Cut, by: Array) -> Cut:

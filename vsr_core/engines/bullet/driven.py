@@ -53,6 +53,7 @@ class DrivenWorld(BulletWorld):
 
     def advance(self, velocity: Iterable[float]) -> None:
         """Step through velocity commands [m/s], each for one control period."""
+        self._known = None
         servo = self._servo
         hold = servo.period / servo.mass
         pybullet.setGravity(0.0, 0.0, -self._weight, self._client)
