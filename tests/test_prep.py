@@ -444,7 +444,6 @@ def test_point_beside_every_rock(tmp_path: Path, refused: Refused) -> None:
     refuse(refused, tmp_path, survey(), ("no rock at", "tops found"), "near: [0.9, 0.9, 0.0]")
 
 
-@pytest.mark.xfail(strict=True, reason="named near the origin, where the cleaned scan is")
 def test_places_of_rocks_are_in_the_scans_own_coordinates(tmp_path: Path, refused: Refused) -> None:
     write_ply(tmp_path / "scan.ply", two_rocks(), FAR)
     said = refused("prep", "--site", site(tmp_path), words=("2 rocks",))

@@ -209,11 +209,11 @@ def test_slip_on_level_ground_is_that_on_the_plane() -> None:
 
 def test_outcomes_that_stand() -> None:
     squat = solid.box((0.8, 0.8, 0.3), 2000.0).rock
-    for friction, outcome in [(0.3, Outcome.DISPLACED), (0.9, Outcome.BALANCED)]:
-        site = grounds.site(squat, ground_of("level pieces"), 1.0, friction=friction)
-        response = run(site, 0.8, 0.2).response
+    site = grounds.site(squat, ground_of("level pieces"), 1.0, friction=0.3)
+    for pga, outcome in [(0.4, Outcome.BALANCED), (0.5, Outcome.DISPLACED)]:
+        response = run(site, pga, 0.2).response
         assert response.outcome is outcome
-        assert (response.slip > DISPLACED_SHARE * squat.radius) == (outcome is Outcome.DISPLACED)
+        assert 0.4 < response.slip / (DISPLACED_SHARE * squat.radius) < 2.0
 
 
 # Symmetries
@@ -363,7 +363,7 @@ def test_a_world_is_as_new_at_every_step() -> None:
     """Steps that do not fill a sample in binary numbers too."""
     site = site_of("box", "level pieces")
     rng = np.random.default_rng(0)
-    for share in rng.uniform(0.002, 0.006, 12):
+    for share in rng.uniform(0.002, 0.006, 30):
         scene = replace(site.seat)
         new = Site(scene, scene, site.toppled_tilt)
         motion = CosinePulse.from_g(1.0, float(rng.uniform(0.05, 0.1)))
@@ -434,6 +434,50 @@ def test_a_reduced_scene_does_as_the_complete_one() -> None:
 @pytest.mark.slow
 def test_a_reduced_scene_does_as_the_complete_one_on_a_grid() -> None:
     in_the_niche(40)
+
+
+def test_a_toppled_rock_goes_on_in_the_other_scene() -> None:
+    """Told apart by ground that is lower there; a reduced one may be a little higher, too."""
+    site = site_of("box", "level pieces")
+    level = ground_of("level pieces")
+    rest = {}
+    for lift in (-0.5, 0.0, 0.02):
+        ground = grounds.moved(level, np.eye(3), np.array([0.0, 0.0, lift]))
+        other = replace(site, flight=replace(site.seat, terrain=ground))
+        for reduce in (True, False):
+            motion = CosinePulse.from_g(1.0, 0.2)
+            found = travel.travel(other, motion, usual(site.seat.rock, reduce=reduce))
+            assert (found.response.outcome, found.stop) == (Outcome.OVERTURNED, StopReason.REST)
+            rest[lift, reduce] = found.trajectory.position[-1, 2]
+    lying = rest[0.0, False]
+    assert lying == pytest.approx(0.2, abs=0.06)  # on one of its longer faces
+    for (lift, reduce), height in rest.items():
+        assert height == pytest.approx(lying + lift * reduce, abs=0.055)
+        assert height - lift * reduce > 0.195
+
+
+def test_a_state_is_raised_out_of_the_ground() -> None:
+    site = site_of("box", "level pieces")
+    assert site.seat.start is not None
+    world = engines.load("bullet").build(site.seat, 5e-4, 1)
+    for depth in (0.0, 0.003, 0.03):
+        pressed = replace(
+            site.seat.start, position=site.seat.start.position - [0.0, 0.0, depth], spin=np.ones(3)
+        )
+        world.put(pressed)
+        raised = travel.clear(world, pressed)
+        lift = raised.position - pressed.position
+        np.testing.assert_allclose(lift[:2], 0.0)
+        assert depth - 1e-4 <= lift[2] <= 1.25 * depth + 1e-3
+        np.testing.assert_array_equal(raised.rotation, pressed.rotation)
+        np.testing.assert_array_equal(raised.spin, pressed.spin)
+        np.testing.assert_allclose(world.state().position, raised.position, atol=1e-9)
+        world.put(replace(raised, spin=np.zeros(3)))
+        world.advance([0.0])
+        assert world.contacts()[1] < 1e-3
+    aloft = replace(site.seat.start, position=np.array([0.0, 0.0, 2.0]))
+    world.put(aloft)
+    np.testing.assert_array_equal(travel.clear(world, aloft).position, aloft.position)
 
 
 # Trajectories
@@ -560,12 +604,14 @@ def test_contact_before_an_impact_is_told_too() -> None:
     """A block that slides into a wall has touched the ground all the way."""
     floor = grounds.extruded(np.array([[-4, 0], [-1.5, 0], [0.8, 0], [0.82, 1], [4, 1]]), 3.0)
     block = solid.box((0.6, 0.6, 0.3), 2000.0).rock
-    found = run(grounds.site(block, floor, friction=0.1), -0.7, 0.25)
-    path = found.trajectory
-    struck = np.flatnonzero(np.diff(path.velocity[:, 0]) < -0.5)
-    assert len(struck)
-    assert path.position[struck[0], 0] == pytest.approx(0.5, abs=0.05)
-    assert path.contact[: struck[0] + 2].all()
+    early_samples = 0
+    for pga in (-0.65, -0.7, -0.8):
+        path = run(grounds.site(block, floor, friction=0.1), pga, 0.25).trajectory
+        struck = int(np.argmax(np.diff(path.velocity[:, 0]) < -0.5))
+        assert path.position[struck, 0] == pytest.approx(0.5, abs=0.05)
+        assert path.contact[: struck + 2].all()
+        early_samples += path.time[struck] - path.time[struck - 1] < 0.015
+    assert early_samples >= 1
 
 
 def test_numbers_of_a_trajectory() -> None:
@@ -725,6 +771,37 @@ def test_a_world_that_breaks_the_guards_is_unstable(
     path = found.trajectory
     for array in (path.time, path.position, path.quaternion, path.velocity, path.spin):
         assert np.isfinite(array).all()
+
+
+@pytest.mark.parametrize("look", range(4))
+def test_what_sinks_into_the_ground_has_not_toppled(
+    monkeypatch: pytest.MonkeyPatch, look: int
+) -> None:
+    """At whatever look: only every eighth is a close one."""
+
+    def sunk(world: Fake) -> dict[str, Array]:
+        down = world.time > 0.6 + look * travel.LOOK_TIME
+        return {"position": np.array([0.0, 0.0, -0.1])} if down else {}
+
+    _, found = faked(monkeypatch, sunk)
+    assert (found.response.outcome, found.stop) == (Outcome.UNSTABLE, StopReason.UNDONE)
+    site = site_of("box", "level")
+    alone = travel.topple(site, CosinePulse.from_g(0.5, 0.3), usual(site.seat.rock))
+    assert alone.outcome is Outcome.UNSTABLE
+
+
+def test_creeping_is_no_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slow enough for the kinetic energy of a rest, and yet under way."""
+    site = site_of("box", "level")
+    start = site.seat.start
+    assert start is not None
+
+    def creeps(world: Fake) -> dict[str, Array]:
+        velocity = np.array([0.01, 0.0, 0.0])
+        return {"position": start.position + velocity * world.time, "velocity": velocity}
+
+    _, found = faked(monkeypatch, creeps)
+    assert (found.response.outcome, found.stop) == (Outcome.UNSETTLED, StopReason.TIME)
 
 
 def test_a_guard_that_holds_at_a_finer_step_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
