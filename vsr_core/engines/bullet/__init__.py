@@ -200,10 +200,10 @@ class BulletWorld:
         )
 
     def contacts(self) -> tuple[int, float]:
-        """Number of points at which the rock touched in the last step, and the deepest [m]."""
+        """Number of points that bore the rock in the last step, and the deepest in the ground [m]."""
         points = pybullet.getContactPoints(self._rock, physicsClientId=self._client)
-        touching = [point[8] for point in points if point[9] > 0.0]
-        return len(touching), max(-min(touching, default=0.0), 0.0) / self._scale
+        deepest = min((point[8] for point in points), default=0.0)
+        return sum(point[9] > 0.0 for point in points), max(-deepest, 0.0) / self._scale
 
     def footing(self) -> tuple[Array, Array]:
         """Points that bore the rock in the last step, and the way the ground pushed there."""
