@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from vsr_core import GRAVITY
 from vsr_core.engines import Solver, silenced
 from vsr_core.engines.bullet.ground import Ground
-from vsr_core.engines.bullet.shapes import pedestal_shape, rock_shape
+from vsr_core.engines.bullet.shapes import pedestal_shape, rock_shape, surroundings
 from vsr_core.engines.bullet.springs import RIGID, Springs, exact_springs
 from vsr_core.errors import Unfit
 from vsr_core.scene import Scene, State, resting
@@ -81,9 +81,10 @@ BOUNCING_ERP = 1e-4
 """Share of a penetration that Bullet mends in a step where contacts bounce. It mends it by speed,
 so that 0.2 makes a drop of e = 0.38 rebound by up to 14 % too high."""
 
-GAP, BOUNCING_GAP = 0.02, 1e-4
+GAP, SMALL_GAP = 0.02, 1e-4
 """Gap below which a contact is kept, in Bullet's length unit: its default, and where contacts
-bounce. Within it the approach is stopped without a rebound: with 0.02 fine steps lose it all."""
+bounce or the ground is a terrain. Within it the approach is stopped without a rebound: with 0.02
+fine steps lose it all. On terrain a rock that slides is held by contacts behind a border."""
 
 
 class BulletWorld:
@@ -120,7 +121,7 @@ class BulletWorld:
             physicsClientId=self._client,
         )
         bounces = scene.contact.restitution > 0.0
-        self._gap = BOUNCING_GAP if bounces else GAP
+        self._gap = SMALL_GAP if bounces or scene.terrain is not None else GAP
         erp = BOUNCING_ERP if bounces else ERP
         pybullet.setPhysicsEngineParameter(erp=erp, contactERP=erp, physicsClientId=self._client)
         if scene.pedestal != "none" and scene.pedestal != "terrain":
@@ -130,7 +131,7 @@ class BulletWorld:
         self._ground: Ground | None = None
         if scene.terrain is not None:
             self._ground = Ground(
-                scene.terrain, scene.rock.vertices, self._scale, self._client, self._maximal
+                scene.terrain, surroundings(scene.rock), self._scale, self._client, self._maximal
             )
         if self._springs:
             exact_springs(self._client)
@@ -268,7 +269,7 @@ class BulletWorld:
         rock, contact = scene.rock, scene.contact
         body = pybullet.createMultiBody(
             MASS,
-            rock_shape(rock, self._scale, HULL_MARGIN, self._client),
+            rock_shape(rock, self._scale, HULL_MARGIN, scene.terrain is None, self._client),
             -1,
             useMaximalCoordinates=self._maximal,
             physicsClientId=self._client,

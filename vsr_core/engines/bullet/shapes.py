@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 from typing import Literal
 
@@ -35,13 +36,14 @@ MESH_CELLS = 80
 """Squares along a triangulated pedestal: half a radius each."""
 
 
-def rock_shape(rock: Rock, scale: float, margin: float, client: int) -> int:
+def rock_shape(rock: Rock, scale: float, margin: float, level: bool, client: int) -> int:
     """Bullet's number of the rock's shape, in its principal axes, lengths times ``scale``.
 
-    A hull on a flat base of more than four corners gets feet, balls as small as its ``margin``
-    (in Bullet's length unit) in the corners of the base. Bullet keeps four contact points between
-    two shapes, so that without feet the rock would stand on four of its corners and topple before
-    its base says so.
+    On ``level`` ground a hull with a flat base of more than four corners gets feet, balls as small
+    as its ``margin`` (in Bullet's length unit) in the corners of the base. Bullet keeps four
+    contact points between two shapes, so that without feet the rock would stand on four of its
+    corners and topple before its base says so. On terrain several blocks bear it, and feet would
+    catch on their borders.
     """
     if rock.shape == "box":
         half = np.abs(rock.vertices).max(axis=0) * scale
@@ -52,7 +54,7 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int) -> int:
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_SPHERE, radius=rock.radius * scale, physicsClientId=client
         )
-    elif (feet := bearing_corners(rock)).shape[0] > CONTACTS:
+    elif level and (feet := bearing_corners(rock)).shape[0] > CONTACTS:
         shape = _hull_on_feet(rock, feet @ rock.axes * scale, scale, margin, client)
     else:
         corners = rock.vertices @ rock.axes * scale
@@ -60,6 +62,13 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int) -> int:
             pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=client
         )
     return int(shape)
+
+
+def surroundings(rock: Rock) -> Array:
+    """Corners of a convex body that holds the rock, shape (n, 3) [m]: its hull, or a cube."""
+    if rock.shape == "sphere":
+        return rock.radius * np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    return rock.vertices
 
 
 def bearing_corners(rock: Rock) -> Array:
