@@ -201,7 +201,7 @@ class BulletWorld:
         )
 
     def contacts(self) -> tuple[int, float]:
-        """Number of points that bore the rock in the last step, and the deepest in the ground [m]."""
+        """Number of points that bore the rock in the last step; the deepest in the ground [m]."""
         points = pybullet.getContactPoints(self._rock, physicsClientId=self._client)
         deepest = min((point[8] for point in points), default=0.0)
         return sum(point[9] > 0.0 for point in points), max(-deepest, 0.0) / self._scale
