@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 TILE_FACES = 6
 """Most triangles of a tile."""
 
-NEAREST, AHEAD = 0.2, 0.04
-"""Blocks come within this distance of the rock, in Bullet's length unit (a fiftieth of the rock's
-radius), or within the way of its fastest point in the time ``AHEAD`` [s] if that is more. They are
-looked for again before any of its points can have gone that far."""
+NEAREST = 0.06
+"""Distance, in Bullet's length unit (0.6 % of the rock's radius), within which a block comes into
+the world, besides what the rock may reach before the next look."""
 
-FAR_TIMES = 2.0
-"""Blocks go when they are this many times as far."""
+KEPT = 0.2
+"""Way of the rock, in the same unit, after which it is seen whether a block can go again: to come
+and to go cost as much as some steps."""
 
 
 class Ground:
@@ -55,10 +55,11 @@ class Ground:
             terrain.vertices[terrain.faces] * scale
         )
         self._blocks, self._points = held, np.concatenate(held)
-        self._low = np.array([points.min(axis=0) for points in held])
-        self._high = np.array([points.max(axis=0) for points in held])
-        self._middles = 0.5 * (self._low + self._high)
-        self._halves = 0.5 * np.linalg.norm(self._high - self._low, axis=1)
+        low, high = (
+            np.array([reach(points, axis=0) for points in held]) for reach in (np.min, np.max)
+        )
+        self._middles = 0.5 * (low + high)
+        self._halves = 0.5 * np.linalg.norm(high - low, axis=1)
         self._counts = np.array([len(points) for points in held])
         self._firsts = np.cumsum(self._counts) - self._counts
         hull = convex_hull(corners * scale)
@@ -66,14 +67,16 @@ class Ground:
         self._radius = float(np.linalg.norm(corners, axis=1).max()) * scale
         self._shapes: dict[int, int] = {}
         self._bodies: dict[int, int] = {}
-        self._room = 0.0
+        self._way, self._safe = 0.0, -math.inf
+        self._due = np.full(len(held), -math.inf)
 
     def clear(self) -> None:
         """Take all blocks away: the next run begins as the first one did."""
         for body in self._bodies.values():
             pybullet.removeBody(body, self._client)
         self._bodies.clear()
-        self._room = 0.0
+        self._way, self._safe = 0.0, -math.inf
+        self._due[:] = -math.inf
 
     def follow(self, state: State, duration: float, acceleration: float) -> None:
         """See that all blocks are there that the rock may touch within ``duration`` [s].
@@ -82,43 +85,47 @@ class Ground:
         """
         speed = float(np.linalg.norm(state.velocity)) + acceleration * duration
         speed = speed * self._scale + float(np.linalg.norm(state.spin)) * self._radius
-        way = speed * duration
-        if not math.isfinite(way):
+        ahead = speed * duration
+        if not math.isfinite(ahead):
             return
-        if way > self._room:
-            near = max(NEAREST, speed * AHEAD, 1.01 * way)
-            self._gather(state, near)
-            self._room = near
-        self._room -= way
+        if self._way + ahead > self._safe:
+            self._gather(state, ahead + NEAREST)
+            self._safe = self._way + ahead + NEAREST
+        self._way += ahead
 
     def _gather(self, state: State, near: float) -> None:
-        centre = state.position * self._scale
-        reach = self._radius + FAR_TIMES * near
-        around = np.flatnonzero(
-            ((self._low <= centre + reach) & (self._high >= centre - reach)).all(axis=1)
-        )
-        middles = (self._middles[around] - centre) @ state.rotation
-        ahead = (middles @ self._normals.T - self._offsets).max(axis=1)
-        around = around[ahead - self._halves[around] <= FAR_TIMES * near]
-        distance = dict(zip(around.tolist(), self._apart(around, centre, state), strict=True))
-        gone = [b for b in self._bodies if distance.get(b, math.inf) > FAR_TIMES * near]
-        for block in gone:
-            pybullet.removeBody(self._bodies.pop(block), self._client)
-        for block, gap in distance.items():
-            if gap <= near and block not in self._bodies:
-                self._bodies[block] = self._body(block)
+        """Look again at the blocks that may have come near, and bring or take them.
 
-    def _apart(self, blocks: NDArray[np.intp], centre: Array, state: State) -> list[float]:
+        A block a distance away is not looked at again before all ways since can add up to that.
+        """
+        due = np.flatnonzero(self._due <= self._way + near)
+        if not len(due):
+            return
+        centre = state.position * self._scale
+        off = self._middles[due] - centre
+        gaps = np.sqrt((off * off).sum(axis=1)) - self._halves[due] - self._radius
+        close = gaps <= near
+        gaps[close] = self._apart(due[close], centre, state)
+        self._due[due] = self._way + gaps
+        for block, gap in zip(due.tolist(), gaps.tolist(), strict=True):
+            if gap <= near:
+                if block not in self._bodies:
+                    self._bodies[block] = self._body(block)
+                self._due[block] = self._way + near + KEPT
+            elif block in self._bodies:
+                pybullet.removeBody(self._bodies.pop(block), self._client)
+
+    def _apart(self, blocks: NDArray[np.intp], centre: Array, state: State) -> Array:
         """Lower bounds of the distance of blocks from the rock."""
         if not len(blocks):
-            return []
+            return np.empty(0)
         counts = self._counts[blocks]
         begin = np.cumsum(counts) - counts
         own = np.arange(counts.sum()) + np.repeat(self._firsts[blocks] - begin, counts)
         points = (self._points[own] - centre) @ state.rotation
         # A plane of the hull that has all of a block before it keeps them that far apart.
-        ahead = np.minimum.reduceat(points @ self._normals.T, begin, axis=0) - self._offsets
-        return [float(gap) for gap in ahead.max(axis=1)]
+        ahead = np.minimum.reduceat(self._normals @ points.T, begin, axis=1)
+        return np.asarray((ahead - self._offsets[:, None]).max(axis=0))
 
     def _body(self, block: int) -> int:
         body = pybullet.createMultiBody(

@@ -36,14 +36,13 @@ MESH_CELLS = 80
 """Squares along a triangulated pedestal: half a radius each."""
 
 
-def rock_shape(rock: Rock, scale: float, margin: float, level: bool, client: int) -> int:
+def rock_shape(rock: Rock, scale: float, margin: float, client: int) -> int:
     """Bullet's number of the rock's shape, in its principal axes, lengths times ``scale``.
 
-    On ``level`` ground a hull with a flat base of more than four corners gets feet, balls as small
-    as its ``margin`` (in Bullet's length unit) in the corners of the base. Bullet keeps four
-    contact points between two shapes, so that without feet the rock would stand on four of its
-    corners and topple before its base says so. On terrain several blocks bear it, and feet would
-    catch on their borders.
+    A hull on a flat base of more than four corners gets feet, balls as small as its ``margin``
+    (in Bullet's length unit) in the corners of the base. Bullet keeps four contact points between
+    two shapes, so that without feet the rock would stand on four of its corners and topple before
+    its base says so.
     """
     if rock.shape == "box":
         half = np.abs(rock.vertices).max(axis=0) * scale
@@ -54,7 +53,7 @@ def rock_shape(rock: Rock, scale: float, margin: float, level: bool, client: int
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_SPHERE, radius=rock.radius * scale, physicsClientId=client
         )
-    elif level and (feet := bearing_corners(rock)).shape[0] > CONTACTS:
+    elif (feet := bearing_corners(rock)).shape[0] > CONTACTS:
         shape = _hull_on_feet(rock, feet @ rock.axes * scale, scale, margin, client)
     else:
         corners = rock.vertices @ rock.axes * scale
