@@ -1,4 +1,4 @@
-"""The command line: prep, run, plan, status, why, list, clean, fetch."""
+"""The command line: prep, run, plan, status, why, feasible, list, clean, fetch."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ PRODUCTS = (
     "displacement",
     "accuracy",
     "stability",
+    "drive",
 )
 """What `run` can make; each is a stage of that name."""
 
@@ -41,6 +42,8 @@ SHOWN = {
     "prep": ("prep.html", "terrain.nc"),
     "accuracy": ("accuracy.html", "accuracy.csv", "work_precision.png"),
     "stability": ("stability.html", "stability.csv", "stability_map.png"),
+    "drive": ("drive.html", "drive.csv", "drive.nc"),
+    "feasible": ("feasible.png", "feasible.csv"),
 }
 """Files that are named when a product is done."""
 
@@ -117,7 +120,11 @@ def _parser() -> argparse.ArgumentParser:
             "product", nargs="?", default="fragility", choices=PRODUCTS, metavar="PRODUCT"
         )
         add_site(sub)
-    add("list", _list, "sites, studies and products")
+    feasible = add("feasible", _feasible, "what a shake table can do of a site's motions")
+    add_site(feasible)
+    feasible.add_argument("--table", required=True, metavar="NAME_OR_YAML")
+    feasible.add_argument("--export", metavar="DIR", help="write the table's commands there")
+    add("list", _list, "sites, studies, tables and products")
     clean = add("clean", _clean, "remove derived data, of one site or all; never data/raw")
     clean.add_argument("--site", metavar="NAME")
     clean.add_argument("--yes", action="store_true", help="do not ask")
@@ -181,11 +188,24 @@ def _why(options: argparse.Namespace) -> int:
     return _show(inspect.why(ALIASES.get(options.product, options.product), _job(options)))
 
 
+def _feasible(options: argparse.Namespace) -> int:
+    from pipeline import feasible
+
+    job = _job(options)
+    job.store.open()
+    with job.cluster:
+        lines = feasible.make(job, options.table, Path(options.export) if options.export else None)
+    for name in SHOWN["feasible"]:
+        _log(f"-> {job.path(name)}")
+    return _show(lines)
+
+
 def _list(options: argparse.Namespace) -> int:
-    from pipeline.layers import STUDIES, known
+    from pipeline.layers import STUDIES, TABLES, known
 
     print("sites:   ", *known())
     print("studies: ", *(known(STUDIES) or ["none"]))
+    print("tables:  ", *known(TABLES))
     print("products:", *PRODUCTS)
     return DONE
 

@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pipeline.cluster import Batch
+from pipeline.config import PulseConfig
 from pipeline.scenes import prepared
 from pipeline.stage import Job
 from pipeline.stages.precision import rows_of, time_step
@@ -147,6 +148,7 @@ def sample_cells(job: Job) -> list[Record]:
     from vsr_core.simulate import Settings
 
     config, friction = job.config, job.config.contact.friction[0]
+    assert isinstance(config.motion, PulseConfig)
     step = time_step(config, job.store, friction)
     names = installed()
     every = [Settings(step, config.simulation.reduce, name) for name in names]

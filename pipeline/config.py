@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
@@ -18,6 +19,7 @@ from pydantic import (
 )
 
 if TYPE_CHECKING:
+    from vsr_core.records.processing import Processing
     from vsr_core.servo import Servo
 
 _DIGITS = 12
@@ -178,25 +180,28 @@ class ContactConfig(Section):
         return friction
 
 
-class MotionConfig(Section):
-    """The grid of ground motions."""
+def _in_g(pga: tuple[float, ...]) -> tuple[float, ...]:
+    if pga[0] <= 0.0:
+        raise ValueError("a PGA is positive; start above 0 g")
+    if pga[-1] > 10.0:
+        raise ValueError(
+            "PGA is in g and at most 10; g? write 0.3 for 30 percent of g, or 1 for 9.81 m/s2"
+        )
+    return pga
+
+
+Peaks = Annotated[Grid, BeforeValidator(_as_values), AfterValidator(_in_g)]
+"""Peak ground accelerations [g]."""
+
+
+class PulseConfig(Section):
+    """The grid of cosine pulses."""
 
     kind: Literal["cosine_pulse"] = "cosine_pulse"
-    pga: Grid = Field(description="peak ground acceleration [g]")
+    pga: Peaks = Field(description="peak ground acceleration [g]")
     pgv_pga: Grid = Field(description="ratio of peak velocity to peak acceleration [s]")
 
-    _values = field_validator("pga", "pgv_pga", mode="before")(_as_values)
-
-    @field_validator("pga")
-    @classmethod
-    def _in_g(cls, pga: tuple[float, ...]) -> tuple[float, ...]:
-        if pga[0] <= 0.0:
-            raise ValueError("a PGA is positive; start above 0 g")
-        if pga[-1] > 10.0:
-            raise ValueError(
-                "PGA is in g and at most 10; g? write 0.3 for 30 percent of g, or 1 for 9.81 m/s2"
-            )
-        return pga
+    _values = field_validator("pgv_pga", mode="before")(_as_values)
 
     @field_validator("pgv_pga")
     @classmethod
@@ -206,6 +211,81 @@ class MotionConfig(Section):
         if pgv_pga[-1] > 10.0:
             raise ValueError("PGV/PGA is in seconds and at most 10; s? write 0.3 for 300 ms")
         return pgv_pga
+
+
+Corner = Annotated[float, Field(gt=0, le=1000)]
+
+
+class ProcessingConfig(Section):
+    """What is done to each record; no filter is there unless it is asked for."""
+
+    order: Literal["paper", "standard", "none"] = Field(
+        description="order: paper (filters), standard (line, filters, baseline) or none"
+    )
+    highpass: Corner | None = Field(description="corner [Hz] of the high-pass, or null")
+    lowpass: Corner | None = Field(description="corner [Hz] of the low-pass, or null")
+    poles: int = Field(4, ge=1, le=10, description="poles of each filter in one pass")
+    resample: Corner | None = Field(None, le=100_000, description="new rate [1/s], band-limited")
+
+    @model_validator(mode="after")
+    def _corners_make_sense(self) -> ProcessingConfig:
+        if self.order == "none" and (self.highpass is not None or self.lowpass is not None):
+            raise ValueError("order none has no corners; set both to null, or order to paper")
+        if (self.highpass or 0.0) >= (self.lowpass or math.inf):
+            raise ValueError("the high-pass lies below the low-pass; exchange the corners")
+        return self
+
+    def how(self) -> Processing:
+        """The same in the terms of the physics."""
+        from vsr_core.records.processing import Processing
+
+        return Processing(self.order, self.highpass, self.lowpass, self.poles, self.resample)
+
+
+class ResponseConfig(Section):
+    """Removal of an instrument's response."""
+
+    file: str = Field(description="StationXML of the instruments; relative to this file")
+    corners: tuple[float, float, float, float] = Field(
+        description="f1 < f2 < f3 < f4 [Hz] of the taper of the spectrum"
+    )
+
+    @field_validator("corners")
+    @classmethod
+    def _ascend(cls, corners: tuple[float, ...]) -> tuple[float, ...]:
+        if corners[0] < 0.0 or list(corners) != sorted(set(corners)):
+            raise ValueError("corners ascend from 0 Hz or more; sort them")
+        return corners
+
+
+class RecordConfig(Section):
+    """Recorded motions, each scaled to every PGA."""
+
+    kind: Literal["record"] = "record"
+    files: Annotated[tuple[str, ...], BeforeValidator(_as_values), Field(min_length=1)] = Field(
+        description="recorded motions or folders of them; relative to this file"
+    )
+    component: str | None = Field(None, description="channel or column, where a file has several")
+    unit: str | None = Field(None, description="unit of the files that state none, e.g. m/s2, gal")
+    response: ResponseConfig | None = None
+    processing: ProcessingConfig
+    pga: Peaks = Field(description="peak ground acceleration after processing [g]")
+
+
+class TableMotionConfig(Section):
+    """Motions of a table in up to six axes, each scaled to every PGA."""
+
+    kind: Literal["table"] = "table"
+    files: Annotated[tuple[str, ...], BeforeValidator(_as_values), Field(min_length=1)] = Field(
+        description="CSV or NetCDF files of time and axes; relative to this file"
+    )
+    pga: Peaks = Field(description="peak acceleration, tilt of gravity included [g]")
+
+
+MotionConfig = Annotated[
+    PulseConfig | RecordConfig | TableMotionConfig, Field(discriminator="kind")
+]
+"""The ground motions of a study; a kind is a class here and a function in `pipeline.shaking`."""
 
 
 class ServoConfig(Section):
@@ -219,13 +299,33 @@ class ServoConfig(Section):
     force_limit: float | None = Field(
         None, gt=0, description="largest force [N], or null where there is no limit"
     )
+    command_rate: float | None = Field(
+        None, gt=0, description="velocity commands in a second [Hz], null for one each period"
+    )
+
+    @model_validator(mode="after")
+    def _holds_commands(self) -> ServoConfig:
+        if self.command_rate is None:
+            return self
+        periods = 1.0 / (self.command_rate * self.period)
+        if round(periods) < 1 or not math.isclose(periods, round(periods), rel_tol=1e-6):
+            raise ValueError(
+                "a command lasts a whole number of control periods; "
+                f"with periods of {self.period:g} s set command_rate to {1.0 / self.period:.6g} Hz "
+                "over a whole number"
+            )
+        return self
+
+    def _hold(self) -> int:
+        """Control periods for which a command is held."""
+        return 1 if self.command_rate is None else round(1.0 / (self.command_rate * self.period))
 
     def servo(self) -> Servo:
         """The servo in the terms of the physics."""
         from vsr_core.servo import Servo
 
         limit = math.inf if self.force_limit is None else self.force_limit
-        return Servo(self.mass, self.kp, self.ki, self.kd, self.period, limit)
+        return Servo(self.mass, self.kp, self.ki, self.kd, self.period, limit, self._hold())
 
 
 class SimulationConfig(Section):
@@ -292,12 +392,25 @@ class Config(Section):
             raise ValueError("terrain comes with the rock in one scan; set rock.shape: mesh")
         return pedestal
 
+    @field_validator("motion")
+    @classmethod
+    def _has_a_way(cls, motion: MotionConfig, info: ValidationInfo) -> MotionConfig:
+        pedestal = info.data.get("pedestal")
+        if isinstance(motion, TableMotionConfig) and pedestal and pedestal.shape == "mesh":
+            raise ValueError(
+                "a table in several axes carries a flat pedestal; set pedestal.shape: flat, or "
+                "motion.kind: record"
+            )
+        return motion
+
     @field_validator("drive")
     @classmethod
     def _can_carry(cls, drive: str, info: ValidationInfo) -> str:
         pedestal = info.data.get("pedestal")
         if drive == "servo" and pedestal is not None and pedestal.shape == "mesh":
             raise ValueError("a servo drives a flat pedestal; set drive: table_frame")
+        if drive == "servo" and isinstance(info.data.get("motion"), TableMotionConfig):
+            raise ValueError("a servo's table slides along x; set drive: table_frame")
         return drive
 
     @field_validator("servo")

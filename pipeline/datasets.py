@@ -69,6 +69,11 @@ def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
     return dataset
 
 
+def rows_of(dataset: xr.Dataset) -> str:
+    """Name of the dimension of the ground motions: ``pgv_pga`` of pulses, ``record``."""
+    return "record" if "record" in dataset.dims else "pgv_pga"
+
+
 def library_version(name: str) -> str:
     """Version of a library, or that it is not installed: an engine may be an extra."""
     try:

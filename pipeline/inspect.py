@@ -9,9 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pipeline import graph
+from pipeline import graph, shaking
 from pipeline.cluster import Cluster
+from pipeline.config import PulseConfig
 from pipeline.scenes import left_out, prepared
+from pipeline.shaking import Cell, Shaking
 from pipeline.stage import Job, stages
 from pipeline.store import RUNS, JourneyRow, RunRow, RunStore, Store
 from vsr_core import GRAVITY
@@ -61,11 +63,13 @@ def plan(product: str, job: Job) -> list[str]:
         if any(graph.why(stages()[name], identity, job.store))
     ]
     lines = [f"stages to make: {', '.join(todo) or 'none'}"]
+    if not {"runs", "journeys"} & {stage.name for stage in graph.upstream(product)}:
+        return lines
     config = job.config
     with tempfile.TemporaryDirectory() as temporary:
         store = _with_rock(job, Path(temporary)).store
         case = prepared(config, store, config.yaw[0], config.contact.friction[0])
-        measured = "precision" not in todo and "terrain" not in todo
+        measured = not {"motions", "precision", "terrain"} & set(todo)
         lines += _planned_runs(job, store, _kind(product), measured=measured)
         dropped = left_out(config, case)
     lines.append("left out:")
@@ -84,7 +88,8 @@ def _planned_runs(job: Job, rock: Store, kind: Kind, *, measured: bool) -> list[
     from pipeline.stages.precision import time_step
 
     config = job.config
-    cells = [pga for _ in config.motion.pgv_pga for pga in config.motion.pga]
+    motions = shaking.of_site(job.site)
+    cells = [cell.pga for cell in shaking.cells(motions)]
     stored: dict[tuple[float, float], list[bool]] = {}
     for group in groups(config, job.store) if measured else ():
         kept = _stored(job.store, group.keys, kind)
@@ -94,6 +99,7 @@ def _planned_runs(job: Job, rock: Store, kind: Kind, *, measured: bool) -> list[
         for friction in config.contact.friction:
             still = prepared(config, rock, yaw, friction).still
             proves = config.simulation.reduce and not config.on_terrain
+            proves = proves and config.motion.kind != "table"
             limit = min(-still[0], still[1]) / GRAVITY if proves else 0.0
             done = stored.get((yaw, friction), [False] * len(cells))
             left = [pga for pga, kept in zip(cells, done, strict=True) if not kept]
@@ -103,10 +109,25 @@ def _planned_runs(job: Job, rock: Store, kind: Kind, *, measured: bool) -> list[
     steps = {time_step(config, job.store, friction) for friction in frictions}
     text = ", ".join(f"{1e3 * step:.3g} ms" for step in sorted(steps))
     return [
+        *_motions(motions),
         f"runs: {total}; {total - new} stored, {new} to do, {proved} of them proved without a step",
         f"time step: {text or 'measured on the scene first, some seconds'}",
         f"cost: {_cost(job, new - proved, kind)}",
     ]
+
+
+def _motions(motions: Shaking) -> list[str]:
+    """Each record, with its length and PGV/PGA; nothing of pulses."""
+    if motions.dimension != "record":
+        return []
+    lengths = [
+        motions.motion(Cell(row, motions.pga[-1])).duration for row in range(len(motions.rows))
+    ]
+    lines = [
+        f"  {name}: {length:.1f} s, PGV/PGA {ratio:.3g} s"
+        for name, length, ratio in zip(motions.rows, lengths, motions.pgv_pga, strict=True)
+    ]
+    return [f"records: {len(lines)}, each at {len(motions.pga)} PGA", *lines]
 
 
 def _cost(job: Job, runs: int, kind: Kind) -> str:
@@ -122,12 +143,16 @@ def _cost(job: Job, runs: int, kind: Kind) -> str:
 
 def _with_rock(job: Job, folder: Path) -> Job:
     """The job with its rock at hand: as stored, or made in a temporary folder."""
-    if not any(graph.why(stages()["rock"], graph.identities("rock", job.site)["rock"], job.store)):
+    if not _is_stale("rock", job):
         return job
     aside = replace(job, store=Store(folder), cluster=Cluster(0), log=lambda line: None)
     aside.store.open()
     graph.make("rock", aside)
     return aside
+
+
+def _is_stale(name: str, job: Job) -> bool:
+    return any(graph.why(stages()[name], graph.identities(name, job.site)[name], job.store))
 
 
 def _stored(store: Store, keys: Any, kind: Kind) -> dict[bytes, int]:
@@ -142,10 +167,12 @@ def _runs(job: Job, kind: Kind) -> tuple[Counter[int], int]:
     """Outcomes of the runs stored, and how many are wanted; none where no key is known yet."""
     from pipeline.running import groups
 
-    needed = [stages()[name] for name in ("rock", "terrain", "precision")]
+    needed = [stages()[name] for name in ("rock", "terrain", "precision", "motions")]
     names = [stage.name for stage in needed if stage.applies(job.config)]
     if any(job.store.manifest(name) is None or job.store.damage(name) for name in names):
         return Counter(), 0
+    if not isinstance(job.config.motion, PulseConfig) and _is_stale("motions", job):
+        return Counter(), 0  # which runs are wanted is known once the records are read anew
     counts: Counter[int] = Counter()
     total = 0
     for group in groups(job.config, job.store):

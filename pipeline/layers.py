@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import difflib
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, get_args
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -17,7 +17,10 @@ from pipeline.problems import InputError, Problem
 
 SITES = ROOT / "configs" / "sites"
 STUDIES = ROOT / "configs" / "studies"
+TABLES = ROOT / "configs" / "tables"
 BASE = ROOT / "configs" / "base.yaml"
+
+Checked = TypeVar("Checked", bound=BaseModel)
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,11 @@ class Site:
     config: Config
     file: str
     folder: Path
+    folders: dict[str, Path] = field(default_factory=dict)
+
+    def folder_of(self, key: str) -> Path:
+        """Folder that a path is relative to: that of the file which set its dotted key."""
+        return self.folders.get(key, self.folder)
 
 
 class _Loader(yaml.SafeLoader):
@@ -92,10 +100,10 @@ def load_site(site: str, study: str | None = None, settings: tuple[str, ...] = (
         With one problem per line, for everything that is wrong at once.
     """
     path = _find(site, SITES, "site")
-    layers = [(shown(file), _read(file)) for file in (BASE, path)]
+    files = [BASE, path]
     if study:
-        file = _find(study, STUDIES, "study")
-        layers.append((shown(file), _read(file)))
+        files.append(_find(study, STUDIES, "study"))
+    layers = [(shown(file), _read(file)) for file in files]
     layers += [("--set", _setting(item)) for item in settings]
     merged: dict[str, Any] = {}
     origin: dict[tuple[str, ...], str] = {}
@@ -107,7 +115,26 @@ def load_site(site: str, study: str | None = None, settings: tuple[str, ...] = (
         problems = [_problem(item, origin, shown(path)) for item in error.errors()]
         by_key = {(problem.file, problem.key): problem for problem in problems}
         raise InputError(*by_key.values()) from None
-    return Site(path.stem, config, shown(path), path.parent)
+    parents = {shown(file): file.parent for file in files}
+    folders = {".".join(key): parents[at] for key, at in origin.items() if at in parents}
+    return Site(path.stem, config, shown(path), path.parent, folders)
+
+
+def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple[Checked, str]:
+    """A configuration of one file, by its name in a folder or by its path; and the file as shown.
+
+    Raises
+    ------
+    InputError
+        With one problem per line, for everything that is wrong at once.
+    """
+    path = _find(name, folder, what)
+    file = shown(path)
+    try:
+        return model.model_validate(_read(path)), file
+    except ValidationError as error:
+        problems = (_problem(item, {}, file, model) for item in error.errors())
+        raise InputError(*problems) from None
 
 
 def shown(path: Path) -> str:
@@ -182,6 +209,8 @@ def _merge(
         here = (*path, key)
         origin[here] = source
         if isinstance(value, dict) and isinstance(into.get(key), dict):
+            if "kind" in value and value["kind"] != into[key].get("kind"):
+                into[key] = {}  # what was said of another kind does not hold
             _merge(into[key], value, origin, source, here)
         elif isinstance(value, dict):
             into[key] = {}
@@ -190,49 +219,81 @@ def _merge(
             into[key] = value
 
 
-def _problem(error: Any, origin: dict[tuple[str, ...], str], site: str) -> Problem:
-    place = tuple(
-        str(part) for part in error["loc"] if not str(part).startswith(("literal", "constr"))
-    )
+def _problem(
+    error: Any,
+    origin: dict[tuple[str, ...], str],
+    site: str,
+    root: type[BaseModel] = Config,
+) -> Problem:
+    place, models = _walk(error["loc"], root)
+    given: Any = error["input"]
+    if error["type"] == "union_tag_invalid":
+        place, models = (*place, "kind"), [*models, None]
+        given = error["ctx"]["tag"]
     source = next(
         (origin[place[:n]] for n in range(len(place), 0, -1) if place[:n] in origin), site
     )
     key = ".".join(place)
     if error["type"] == "extra_forbidden":
-        names = _names(place[:-1])
+        names = list(models[-1].model_fields) if models[-1] else ["start", "stop", "num"]
         near = difflib.get_close_matches(place[-1], names, 1)
         hint = f"did you mean {near[0]}?" if near else f"the keys here are {', '.join(names)}"
         return Problem(source, key, "an unknown key", "every key is known", hint)
     if error["type"] == "missing":
-        return Problem(source, key, "nothing", "the key is required", _description(place))
-    given = repr(error["input"])
+        return Problem(source, key, "nothing", "the key is required", _description(place, models))
+    given = repr(given)
     given = given if len(given) <= 60 else given[:57] + "..."
     if error["type"] == "value_error":
         rule, _, remedy = str(error["ctx"]["error"]).partition("; ")
         return Problem(source, key, given, rule, remedy)
+    if error["type"] == "union_tag_invalid":
+        return Problem(source, key, given, f"it is {error['ctx']['expected_tags']}", "correct it")
     rule = error["msg"][0].lower() + error["msg"][1:]
-    return Problem(source, key, given, rule, _description(place))
+    return Problem(source, key, given, rule, _description(place, models))
 
 
-def _section(place: tuple[str, ...]) -> type[BaseModel] | None:
-    model: Any = Config
-    for part in place:
-        field = model.model_fields.get(part)
-        model = field.annotation if field else None
-        if not (isinstance(model, type) and issubclass(model, BaseModel)):
-            return None
-    return model
+Sections = dict[str, type[BaseModel]]
+"""Sections that a key may hold, by their kind."""
 
 
-def _names(place: tuple[str, ...]) -> list[str]:
-    model = _section(place)
-    return list(model.model_fields) if model else ["start", "stop", "num"]
+def _walk(
+    location: tuple[Any, ...], root: type[BaseModel]
+) -> tuple[tuple[str, ...], list[type[BaseModel] | None]]:
+    """Keys of a problem's place, without the names of a union's members, and what holds each."""
+    place: list[str] = []
+    models: list[type[BaseModel] | None] = []
+    inner: type[BaseModel] | Sections | None = root
+    for part in map(str, location):
+        if part.startswith(("literal", "constr", "tagged-union")):
+            continue
+        if isinstance(inner, dict):
+            inner = inner.get(part)
+            continue
+        place.append(part)
+        models.append(inner)
+        field = inner.model_fields.get(part) if inner else None
+        inner = _inner(field.annotation) if field else None
+    return tuple(place), models
 
 
-def _description(place: tuple[str, ...]) -> str:
-    for end in range(len(place), 0, -1):
-        model = _section(place[: end - 1])
-        field = model.model_fields.get(place[end - 1]) if model else None
+def _inner(annotation: Any) -> type[BaseModel] | Sections | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    members = [inner for member in get_args(annotation) if (inner := _inner(member))]
+    if len(members) < 2:
+        return members[0] if members else None
+    kinds: Sections = {}
+    for member in members:
+        if not isinstance(member, dict):
+            (kind,) = get_args(member.model_fields["kind"].annotation)
+            member = {kind: member}
+        kinds |= member
+    return kinds
+
+
+def _description(place: tuple[str, ...], models: list[type[BaseModel] | None]) -> str:
+    for name, model in zip(reversed(place), reversed(models), strict=True):
+        field = model.model_fields.get(name) if model else None
         if field and field.description:
             return f"it is the {field.description}"
     return "correct it in the configuration"

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline import keys
+from pipeline import keys, shaking
 from pipeline.cluster import Batch
 from pipeline.config import Config
 from pipeline.progress import Progress
 from pipeline.scenes import identity
+from pipeline.shaking import Cell
 from pipeline.stage import Job, Product
 from pipeline.stages.precision import time_step
 from pipeline.store import RUNS, JourneyRow, RunRow, RunStore, Store
@@ -22,8 +22,6 @@ from vsr_core.outcome import Outcome
 
 SMALL = 200
 """Below this many runs no worker process is started."""
-
-Cell = tuple[float, float]  # PGV/PGA [s], PGA [g]
 
 
 @dataclass(frozen=True)
@@ -33,16 +31,17 @@ class Work:
     Attributes
     ----------
     row : type of its rows
-    function : run on a worker, from what its cells share and the cells to the values of a row
-        after the key, for each; and the CPU time used [s] as a last entry
-    shared : from the job and a group's name, yaw and friction, to what its cells share
+    function : run on a worker, from what its cells share (place and settings, and the motions) and
+        the cells to the values of a row after the key, for each; and the CPU time used [s] as a
+        last entry
+    shared : from the job and a group's name, yaw and friction, to its place and settings
     crashed : values of a row whose worker died
     batch : int, runs handed to a worker at once, 0.2-0.5 s of work
     """
 
     row: type[RunRow] | type[JourneyRow]
     function: Callable[[Any, tuple[Cell, ...]], list[Any]]
-    shared: Callable[[Job, float, float], Any]
+    shared: Callable[[Job, float, float], tuple[Any, Any]]
     crashed: tuple[Any, ...]
     batch: int
 
@@ -71,14 +70,16 @@ class Group:
 
 def groups(config: Config, store: Store) -> Iterator[Group]:
     """Groups of a configuration, with the keys of their runs."""
-    common = {**identity(config, store), "motion": config.motion.kind}
+    motions = shaking.of_store(config, store)
+    common = {**identity(config, store), "motion": motions.identity()}
     steps = {friction: time_step(config, store, friction) for friction in config.contact.friction}
-    cells = tuple((r, a) for r in config.motion.pgv_pga for a in config.motion.pga)
+    cells = shaking.cells(motions)
+    tokens = [motions.token(cell) for cell in cells]
     for yaw in config.yaw:
         for friction, step in steps.items():
             scene = {**common, "yaw": yaw, "friction": friction, "time_step": repr(step)}
             name = keys.digest(scene).encode()
-            yield Group(yaw, friction, cells, tuple(_key(name, cell) for cell in cells))
+            yield Group(yaw, friction, cells, tuple(_key(name, token) for token in tokens))
 
 
 def missing(group: Group, runs: RunStore[Any]) -> list[int]:
@@ -96,13 +97,14 @@ def run_missing(job: Job, name: str, work: Work) -> Product:
         total = sum(len(missing(group, runs)) for group in groups(job.config, job.store))
         cluster = job.cluster.in_process() if total < SMALL else job.cluster
         cpu = 0.0
+        motions = shaking.of_store(job.config, job.store)
+
+        def shared(group: str) -> tuple[Any, ...]:
+            return *work.shared(job, *map(float, group.split("/"))), motions
+
         with Progress(total, job.log) as progress:
             batches = _batches(job, runs, work.batch)
-            for batch, results in cluster.run(
-                work.function,
-                batches,
-                lambda group: work.shared(job, *map(float, group.split("/"))),
-            ):
+            for batch, results in cluster.run(work.function, batches, shared):
                 rows, used = _rows(batch, results, work)
                 runs.add(rows)
                 cpu += used
@@ -138,5 +140,5 @@ def _rows(batch: Batch, results: Any, work: Work) -> tuple[list[Any], float]:
     ], cpu
 
 
-def _key(scene: bytes, cell: Cell) -> bytes:
-    return hashlib.blake2b(struct.pack("<2d", *cell), key=scene, digest_size=16).digest()
+def _key(scene: bytes, motion: bytes) -> bytes:
+    return hashlib.blake2b(motion, key=scene, digest_size=16).digest()

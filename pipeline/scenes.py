@@ -127,8 +127,11 @@ def contact(config: Config, friction: float) -> Contact:
 
 def left_out(config: Config, case: Case) -> tuple[Reduction, ...]:
     """What the runs of a configuration leave out; ``case`` is that of a flat pedestal."""
+    from vsr_core.scene import TABLE_FRAME_REDUCTIONS
     from vsr_core.travel import REDUCTIONS
 
+    if config.motion.kind == "table":  # proofs are for motions along x
+        return tuple(r for r in case.reductions if r not in TABLE_FRAME_REDUCTIONS[1:])
     if not config.on_terrain:
         return case.reductions
     return REDUCTIONS if config.simulation.reduce else ()
@@ -147,8 +150,8 @@ def check_scene(site: Site, store: Store) -> Case:
     InputError
         If they do not.
     """
+    from pipeline import shaking
     from vsr_core import engines
-    from vsr_core.motion import CosinePulse
     from vsr_core.precheck import check, longest_step
     from vsr_core.simulate import Settings
 
@@ -158,6 +161,7 @@ def check_scene(site: Site, store: Store) -> Case:
         for yaw in config.yaw
         for friction in config.contact.friction
     ]
+    strongest = shaking.strongest(shaking.of_site(site))
     key = "simulation.engine"
     try:
         engines.load(simulation.engine).build(cases[0].scene, 1e-3, 1)
@@ -166,8 +170,8 @@ def check_scene(site: Site, store: Store) -> Case:
         for case in cases:
             step = longest_step(case.full, simulation.engine) if given == "auto" else given
             settings = Settings(step, simulation.reduce, simulation.engine)
-            for pgv_pga in {config.motion.pgv_pga[0], config.motion.pgv_pga[-1]}:
-                check(case, settings, CosinePulse.from_g(config.motion.pga[-1], pgv_pga))
+            for motion in strongest:
+                check(case, settings, motion)
     except Unfit as error:
         raise InputError.from_unfit(site.file, key, error) from None
     return cases[0]

@@ -146,8 +146,8 @@ def test_crashed_run_is_told_and_tried_again(
     command = ("run", "responses", "--site", site, "--workers", "1")
     simulate_batch = runs.simulate_batch
 
-    def deadly(shared: Any, cells: tuple[tuple[float, float], ...]) -> list[tuple[Any, ...]]:
-        if (0.3, 0.8) in cells and shared[0].full.yaw == 0.0:
+    def deadly(shared: Any, cells: tuple[Any, ...]) -> list[tuple[Any, ...]]:
+        if (1, 0.8) in cells and shared[0].full.yaw == 0.0:
             os._exit(1)
         return simulate_batch(shared, cells)
 
@@ -172,7 +172,7 @@ def test_crashed_run_is_told_and_tried_again(
 
     monkeypatch.setattr(runs, "WORK", replace(runs.WORK, function=counting))
     assert vsr(*command[:-1], "0").code == 0
-    assert simulated == [(0.3, 0.8)]
+    assert simulated == [(1, 0.8)]
     whole = tmp_path / "whole"
     assert vsr(*command[:-1], "0", into=whole).code == 0
     again = (derived / "rock" / "responses.nc").read_bytes()

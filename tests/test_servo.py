@@ -232,6 +232,31 @@ def errors(servo: Servo, rock: Rock, friction: float) -> Array:
     return speeds - PULSE.velocity(servo.period * np.arange(1, number + 1))
 
 
+def test_held_commands_are_stairs_and_on_time_in_the_mean() -> None:
+    """A servo that takes an error away in a period climbs each in a ramp and then waits."""
+    rock, _ = box((2.0, 2.0, 0.5))
+    servo = replace(quick(1e4, 1.0), hold=5)
+    number = 5 * math.ceil(PULSE.duration / 0.005)
+    speeds = driven(
+        world_of(Scene(rock, Contact(0.0), drive=servo)), samples(PULSE, servo, 1e-3, number)
+    )
+    stairs = speeds.reshape(-1, 5)
+    np.testing.assert_allclose(stairs, stairs[:, :1].repeat(5, axis=1), atol=1e-9)
+    # Within a command the table covers the distance of the motion, to second order.
+    before = np.concatenate([[0.0], speeds[:-1]])
+    way = 1e-3 * np.cumsum(0.5 * (before + speeds))[4::5]
+    exact = PULSE.displacement(0.005 * np.arange(1, number // 5 + 1))
+    np.testing.assert_allclose(way[:-1], exact[:-1], atol=2e-5)
+    late = PULSE.displacement(0.005 * np.arange(1, number // 5 + 1) - 5e-4)
+    assert np.abs(way - late).max() > 5e-4  # half a period would show
+
+
+def test_commands_in_every_period_are_the_velocity_at_its_end() -> None:
+    wanted = samples(PULSE, PUBLISHED, 1e-3, 100)
+    exact = PULSE.velocity(1e-3 * (np.arange(100) + 1.0))
+    np.testing.assert_allclose(wanted, exact, rtol=1e-14)
+
+
 def test_published_servo_follows_the_pulse() -> None:
     """PHYSICS.md: 1e-3 m/s on a PGV of 1.57 m/s, measured in another trial."""
     error = errors(PUBLISHED, box()[0], 0.6)
@@ -423,6 +448,8 @@ def test_a_servo_in_mujoco_is_refused(
         ("servo.mass=0", ("servo.mass", "got 0", "mass of the pedestal [kg]")),
         ("servo.period=5", ("servo.period", "got 5", "0.1", "[s]")),
         ("servo.kd=6e4", ("servo", "no period is stable", "lower kd")),
+        ("servo.command_rate=300", ("whole number of control periods", "1000 Hz")),
+        ("servo.command_rate=1500", ("whole number of control periods", "1000 Hz")),
     ],
 )
 def test_wrong_servo(
@@ -436,9 +463,13 @@ def test_wrong_servo(
 
 
 def test_the_published_servo_is_the_default(write_site: Callable[..., str]) -> None:
-    assert load_site(write_site("drive: servo\n")).config.servo.servo() == PUBLISHED
+    """With its commands at 200 Hz."""
+    held = replace(PUBLISHED, hold=5)
+    assert load_site(write_site("drive: servo\n")).config.servo.servo() == held
+    every = load_site(write_site("drive: servo\nservo: {command_rate: null}\n")).config.servo
+    assert every.servo() == PUBLISHED
     limited = load_site(write_site("drive: servo\nservo: {force_limit: 3e4}\n")).config.servo
-    assert limited.servo() == replace(PUBLISHED, force_limit=3e4)
+    assert limited.servo() == replace(held, force_limit=3e4)
 
 
 def test_a_servo_counts_only_where_it_drives(
@@ -470,9 +501,10 @@ def test_run_keys_hold_the_servo_that_drives(
 
     assert run_keys("servo.period=0.0005") == run_keys()
     found = {run_keys()}
-    for change in ("mass=6e4", "kp=4e7", "ki=0", "kd=10", "period=0.0005", "force_limit=1e6"):
+    changes = ("mass=6e4", "kp=4e7", "ki=0", "kd=10", "period=0.0005", "force_limit=1e6")
+    for change in (*changes, "command_rate=100"):
         found.add(run_keys("drive=servo", f"servo.{change}"))
-    assert len(found) == 7
+    assert len(found) == 8
     assert {
         "vsr_core.engines.bullet.driven:DrivenWorld",
         "vsr_core.sampling:samples",

@@ -6,7 +6,7 @@ rock as a body force -a(t) per unit mass. All energies are per unit mass of the 
 Every theorem here assumes
 
 - a rigid rock on a rigid, flat and level pedestal, wide enough to be a half-space;
-- a table in pure horizontal translation, and standard gravity;
+- a table in pure translation, along x where nothing else is said, and standard gravity;
 - contact forces and impulses that push (N >= 0), stay inside Coulomb's cone, and neither add energy
   nor keep it in springs. So it is for sticking, sliding, rolling, spinning, and for impacts whose
   restitution, at most 1, is one of impulse or of energy; Newton's ratio of speeds can add energy
@@ -168,7 +168,8 @@ def reachable_energy(energy: float, impulse: float) -> float:
     once. Hence d sqrt(2 e)/dt <= |a|. No better bound holds for all rocks: pushes at the lowest
     point of a rock that only moves there, and does not turn, reach it.
 
-    Assumes a(t) prescribed. It may be any horizontal vector; ``impulse`` is that of its length.
+    Assumes a(t) prescribed. It may be any vector, also a vertical one: the proof asks nothing of
+    its direction. ``impulse`` is that of its length.
 
     Parameters
     ----------

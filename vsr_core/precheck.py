@@ -14,6 +14,7 @@ from vsr_core.sampling import first_step, samples, sampling
 from vsr_core.scene import Contact, Rock, Scene
 from vsr_core.servo import Servo
 from vsr_core.simulate import Case, Settings
+from vsr_core.table_motion import TableMotion
 
 COARSEST_SHARE = 0.006
 """Longest step in units of sqrt(radius / g). At it a released block of 1:1.5 to 1:20 swings back to
@@ -55,6 +56,12 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
     """
     scene = case.full
     _check_motion(motion, scene.drive)
+    if isinstance(motion, TableMotion) and motion.turns and settings.engine != "bullet":
+        raise Unfit(
+            f"a table that turns in {settings.engine}",
+            "what its turning does to the rock is built in Bullet only",
+            "use simulation.engine: bullet",
+        )
     slenderness, sliding = _slenderness(scene), engines.load(settings.engine).SLIDING_SHARE
     if sliding * slenderness < scene.contact.friction < slenderness:
         raise Unfit(
@@ -137,10 +144,17 @@ def _check_motion(motion: GroundMotion, drive: Servo | None) -> None:
             "its acceleration, duration and shortest time must be finite",
             "fill its gaps, or cut it before them",
         )
-    if drive is not None and drive.period > PERIOD_SHARE * motion.shortest_time:
+    if drive is not None and isinstance(motion, TableMotion):
         raise Unfit(
-            f"a control period of {1e3 * drive.period:.4g} ms for a motion whose shortest time is "
-            f"{1e3 * motion.shortest_time:.4g} ms",
+            "a servo for a motion in several axes",
+            "its table slides along x",
+            "set drive: table_frame",
+        )
+    if drive is not None and drive.command_period > PERIOD_SHARE * motion.shortest_time:
+        what = "control" if drive.hold == 1 else "command"
+        raise Unfit(
+            f"a {what} period of {1e3 * drive.command_period:.4g} ms for a motion whose shortest "
+            f"time is {1e3 * motion.shortest_time:.4g} ms",
             f"a servo follows it at periods up to {PERIOD_SHARE:g} of that",
             "shorten the period, or leave out the shortest motions",
         )

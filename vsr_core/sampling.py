@@ -61,19 +61,22 @@ def sampling(
 def samples(
     motion: GroundMotion, drive: Servo | None, interval: float, number: int
 ) -> NDArray[np.float64]:
-    """Acceleration [m/s^2] at the middle of each hold; of a drive, velocity [m/s] at its end.
+    """Acceleration [m/s^2] at the middle of each hold; of a drive, its commands [m/s].
 
-    A servo with Kp h / M = 1 takes all of an error away within a period. Asked for the velocity
-    at the end of it, it is on time, and the jump of a pulse's acceleration comes with the first
-    period; asked for the one at its start it would lag by a period.
+    A servo with Kp h / M = 1 takes all of an error away within a control period h, in a ramp, and
+    keeps to a command that is held for T until the next. It is on time in the mean if the command
+    is the velocity (T + h) / 2 after its start. Without a hold, T = h, that is the one at the end
+    of the period, and the jump of a pulse's acceleration comes with the first one.
 
     Returns
     -------
-    ndarray, shape (number,)
+    ndarray, shape (number,); (number, 3) or (number, 9) of a table that moves in several axes
     """
-    starts = np.arange(number, dtype=np.float64) * interval
     if drive is not None:
-        return motion.velocity(starts + interval)
+        starts = np.arange(math.ceil(number / drive.hold), dtype=np.float64) * drive.command_period
+        middle = 0.5 * (drive.command_period + drive.period)
+        return np.repeat(motion.velocity(starts + middle), drive.hold)[:number]
+    starts = np.arange(number, dtype=np.float64) * interval
     return motion.acceleration(starts + 0.5 * interval)
 
 

@@ -153,7 +153,8 @@ TABLE_FRAME_REDUCTIONS = (
     ),
     Reduction(
         "the motion before its first push",
-        "until it leaves those limits nothing moves, so the run starts there",
+        "until it leaves those limits nothing moves, so the run starts there; it passes over rests "
+        "in a record as well",
     ),
     Reduction(
         "time after the outcome is certain",

@@ -8,6 +8,9 @@ servo measures the velocity v, takes the error e = v_desired - v, and holds unti
 cut at the force limit: the integral includes the present error, the derivative is the backward
 difference, both start from zero. Under a constant force a free mass obeys v+ = v + F h / M exactly.
 A rock that sticks to the table adds mass, which only widens the range of stable periods.
+
+Commands v_desired may come more rarely than the loop runs; each is then held for several periods
+(Chen et al. 2024, Eqs 8-12: 100-200 Hz). What is commanded has no part in whether a loop is stable.
 """
 
 from __future__ import annotations
@@ -35,6 +38,7 @@ class Servo:
     kd : float [N s^2/m], not below 0
     period : float [s], time for which a force is held
     force_limit : float [N], largest absolute force; the integral goes on growing behind it
+    hold : int, control periods for which a command is held
     """
 
     mass: float
@@ -43,6 +47,12 @@ class Servo:
     kd: float
     period: float
     force_limit: float = math.inf
+    hold: int = 1
+
+    @property
+    def command_period(self) -> float:
+        """Time for which a command is held [s]."""
+        return self.hold * self.period
 
     @property
     def stiffness(self) -> float:
@@ -51,8 +61,34 @@ class Servo:
 
 
 PUBLISHED = Servo(mass=5e4, kp=5e7, ki=5e7, kd=0.0, period=1e-3)
-"""The public Double Rock model of Chen et al. (2024), Seismica 3(1), at the step of its physics.
-Its velocity commands came at 200 Hz; a force held as long as that makes the loop unstable."""
+"""The public Double Rock model of Chen et al. (2024), Seismica 3(1), at the step of its physics,
+with a command for each. Theirs came at 200 Hz (``hold`` of 5); a force held as long as that makes
+the loop unstable."""
+
+
+def loop(servo: Servo, commands: Array) -> Array:
+    """Velocity of a free rigid mass at the end of each period, by the sampled law, exactly.
+
+    Parameters
+    ----------
+    servo : Servo, with the mass of all that moves
+    commands : ndarray, shape (n,) [m/s], one a control period
+
+    Returns
+    -------
+    ndarray, shape (n,) [m/s]
+    """
+    speed = total = before = 0.0
+    speeds = []
+    for command in commands.tolist():
+        error = command - speed
+        total += servo.period * error
+        force = servo.kp * error + servo.ki * total + servo.kd * (error - before) / servo.period
+        force = max(-servo.force_limit, min(servo.force_limit, force))
+        speed += force * servo.period / servo.mass
+        before = error
+        speeds.append(speed)
+    return np.array(speeds)
 
 
 def closed_loop(servo: Servo) -> Array:

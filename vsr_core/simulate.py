@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import cast
+from functools import lru_cache
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +14,9 @@ from numpy.typing import NDArray
 from vsr_core import GRAVITY, bounds, engines, scene, servo
 from vsr_core.motion import GroundMotion
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
-from vsr_core.sampling import first_step, samples, sampling
-from vsr_core.scene import Reduction, Scene, State
+from vsr_core.sampling import MOST_SUBSTEPS, first_step, samples, sampling
+from vsr_core.scene import Contact, Reduction, Rock, Scene, State
+from vsr_core.table_motion import TableMotion
 
 Array = NDArray[np.float64]
 
@@ -39,6 +42,12 @@ REST_TIME = 0.28
 CREEP_SHARE = 1e-4
 """Farthest way of a rock in that time, as a share of its radius: even in the longest wait it would
 not creep a sixth of the way that counts as displaced."""
+
+LEVEL_TILT = 1e-3
+"""Tilt [rad] up to which a rock at rest stands on the face that it began on."""
+
+STILL_SHARE = 0.95
+"""Share of the range in which nothing moves a rock that is used once it has moved."""
 
 DRIFT_SHARE = 0.01
 """Farthest way of a rock that nothing has moved yet, as a share of its radius."""
@@ -114,10 +123,12 @@ def simulate(case: Case, motion: GroundMotion, settings: Settings) -> Response:
     Parameters
     ----------
     case : Case, from ``prepare`` with the same ``reduce`` as in ``settings``
-    motion : GroundMotion
+    motion : GroundMotion, a TableMotion for several axes
     settings : Settings
     """
-    if settings.reduce and motion.peak_acceleration < min(-case.still[0], case.still[1]):
+    along_x = not isinstance(motion, TableMotion)
+    still = min(-case.still[0], case.still[1])
+    if settings.reduce and along_x and motion.peak_acceleration < still:
         return Response(Outcome.BALANCED, DecidedBy.NO_UPLIFT_BOUND, 0.0, 0.0, 0.0, 0)
     simulated = case.scene
     time_step = first_step(motion, simulated.drive, settings.time_step)
@@ -147,15 +158,19 @@ class _Run:
         rock, contact = simulated.rock, simulated.contact
         # The proofs assume the prescribed motion; a servo's table moves a little differently. And
         # they know nothing of energy kept in springs.
+        # And a table that tilts has not gravity along z.
+        self.turns = isinstance(motion, TableMotion) and motion.turns
         self.early = settings.reduce and simulated.drive is None and contact.stiffness is None
-        self.contact = contact
+        self.early = self.early and not self.turns
+        self.rock, self.contact = rock, contact
         self.radius = rock.radius
         self.vertices = rock.vertices
         self.kept_tilt = math.pi if simulated is case.full else simulated.kept_tilt
         self.foot = np.array([0.0, 0.0, -rock.height])
         self.inertia = rock.axes * (rock.inertia / rock.mass) @ rock.axes.T
         self.drive = simulated.drive
-        sampled = sampling(motion, self.drive, time_step)
+        # Where the table turns, what the rock feels depends on its state in every step.
+        sampled = sampling(motion, self.drive, time_step, 1 if self.turns else MOST_SUBSTEPS)
         self.interval, self.substeps = sampled.interval, sampled.substeps
         self.pulse_samples = sampled.pulse_samples
         self.look_every = max(1, LOOK_EVERY // self.substeps)
@@ -167,7 +182,7 @@ class _Run:
             simulated, self.interval / self.substeps, self.substeps, settings.solver
         )
         self.driven = cast(engines.DrivenWorld, self.world) if simulated.drive else None
-        self.sample = self.begin = 0
+        self.sample = self.begin = self.passed = 0
         self.time = 0.0
         self.tilt = self.peak_tilt = self.slip = 0.0
         climb = max(case.limits.edge_height - case.limits.upright_floor, 0.0)
@@ -178,10 +193,8 @@ class _Run:
         self.start = self.world.state()
         self.foot_start = self.start.position + self.start.rotation @ self.foot
         self.values = samples(motion, self.drive, self.interval, self.last_sample)
-        lowest, highest = case.still  # what is not a number is a push
-        moved = ~((lowest <= self.values) & (self.values <= highest))
         # A rock on the move from its start is never at rest before the motion.
-        self.first_push = int(np.argmax(np.append(moved, True))) if simulated.start is None else -1
+        self.first_push = self._first_push(case.still) if simulated.start is None else -1
 
     def to_the_end(self) -> Response:
         if not self._look():
@@ -192,9 +205,10 @@ class _Run:
         if self.early:  # until the first push nothing moves the rock: the theorem of still_range
             self.sample = self.begin = max(0, min(self.first_push, self.pulse_samples))
             self.time = self.sample * self.interval
+        steps = self._steps()
         while self.sample < self.last_sample:
             until = self._next_look()
-            self.world.advance(values[self.sample : until])
+            steps(values[self.sample : until])
             self.sample, self.time = until, until * self.interval
             if not self._look():
                 return self._ended(Outcome.UNSTABLE, DecidedBy.SIMULATION)
@@ -203,9 +217,39 @@ class _Run:
             decided = self._decided()
             if decided:
                 return self._ended(*decided)
+            if self.early and self.values.ndim == 1 and until < self.pulse_samples:
+                self._pass_over_rest()
         # By now a driven table stands as still as the motion wants it.
         side = self._side() if self._proved() else Outcome.UNSETTLED
         return self._ended(side, DecidedBy.SIMULATION)
+
+    def _first_push(self, still: tuple[float, float]) -> int:
+        """Number of the first sample that moves the rock; the first of all in several axes."""
+        if self.values.ndim > 1:
+            return 0
+        lowest, highest = still  # what is not a number is a push
+        moved = ~((lowest <= self.values) & (self.values <= highest))
+        return int(np.argmax(np.append(moved, True)))
+
+    def _pass_over_rest(self) -> None:
+        """Go on at the next push if the rock rests: until then nothing moves it."""
+        if self.tilt > LEVEL_TILT or not self._rests():
+            return
+        turn = self.state.rotation
+        yaw = round(math.degrees(math.atan2(turn[1, 0], turn[0, 0])))
+        lowest, highest = _still_range(self.rock, self.contact, yaw)
+        ahead = self.values[self.sample : self.pulse_samples]
+        moved = ~((STILL_SHARE * lowest <= ahead) & (ahead <= STILL_SHARE * highest))
+        passed = int(np.argmax(np.append(moved, True)))
+        self.sample += passed
+        self.passed += passed
+        self.time = self.sample * self.interval
+
+    def _steps(self) -> Callable[[Any], None]:
+        """How the world takes samples of this motion."""
+        if self.turns:
+            return cast(engines.TurningWorld, self.world).turn
+        return self.world.advance if self.values.ndim == 1 else self.world.shake
 
     def _next_look(self) -> int:
         """Looks are evenly spaced, and one falls on the end of the motion."""
@@ -246,9 +290,11 @@ class _Run:
         return self.energy - floor <= given + ENERGY_SLACK * GRAVITY * self.radius
 
     def _impulse_so_far(self) -> float:
-        """Integral of the table's absolute acceleration [m/s], as measured if it is driven."""
+        """Integral of the table's absolute acceleration [m/s], as measured if driven or turning."""
         if self.driven is not None:
             return self.driven.impulse()
+        if self.turns:
+            return cast(engines.TurningWorld, self.world).impulse()
         return self.motion.remaining_impulse(0.0) - self.motion.remaining_impulse(self.time)
 
     def _table_kinetic(self) -> float:
@@ -310,5 +356,11 @@ class _Run:
         return Outcome.BALANCED
 
     def _ended(self, outcome: Outcome, decided_by: DecidedBy) -> Response:
-        steps = (self.sample - self.begin) * self.substeps
+        steps = (self.sample - self.begin - self.passed) * self.substeps
         return Response(outcome, decided_by, self.peak_tilt, self.tilt, self.slip, steps)
+
+
+@lru_cache(maxsize=1024)
+def _still_range(rock: Rock, contact: Contact, degrees: int) -> tuple[float, float]:
+    """``bounds.still_range`` of a rock that was turned by whole degrees."""
+    return bounds.still_range(rock, contact, math.radians(degrees))

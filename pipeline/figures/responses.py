@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from pipeline.datasets import label
+from pipeline.datasets import label, rows_of
 from pipeline.figures import style
 from pipeline.figures.summary import undecided
 from vsr_core.outcome import DecidedBy, Outcome
@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 
 PROVED, UPRIGHT, OVERTURNED, UNDECIDED = range(4)
 """What a cell of the diagram shows."""
+
+MOST_NAMED, LONGEST = 16, 14
+"""Records named at the side of a diagram, and letters of a name."""
 
 _KINDS = (
     (OVERTURNED, style.OVERTURNED, "overturned"),
@@ -53,14 +56,14 @@ def overturning_diagram(
     _boundary(axes, fit)
     _model(axes, fit)
     axes.set_xlabel(label("pga"))
-    axes.set_ylabel("PGV/PGA [s]")
+    _rows(axes, runs)
     axes.set_title(name)
     style.legend_below(figure, axes, 2, top=0.2)
     return figure
 
 
 def shown(runs: xr.Dataset) -> NDArray[np.int64]:
-    """Classify each cell of a diagram, shape (pgv_pga, pga), as one of the kinds above."""
+    """Classify each cell of a diagram, shape (rows, pga), as one of the kinds above."""
     kinds = np.where(runs["overturned"].values == 1, OVERTURNED, UPRIGHT)
     proved = runs["decided_by"].values == DecidedBy.NO_UPLIFT_BOUND
     kinds[proved & (kinds == UPRIGHT)] = PROVED
@@ -68,8 +71,31 @@ def shown(runs: xr.Dataset) -> NDArray[np.int64]:
     return kinds
 
 
+def heights(data: xr.Dataset) -> Array:
+    """Where the rows of a diagram lie: at their PGV/PGA [s], records one above the other."""
+    if rows_of(data) == "record":
+        return np.arange(data.sizes["record"], dtype=np.float64)
+    ratio: Array = data["pgv_pga"].values
+    return ratio
+
+
+def _rows(axes: Axes, runs: xr.Dataset) -> None:
+    if rows_of(runs) == "pgv_pga":
+        axes.set_ylabel("PGV/PGA [s]")
+        return
+    shown_every = -(-runs.sizes["record"] // MOST_NAMED)
+    places = heights(runs)[::shown_every]
+    names = [
+        f"{name[:LONGEST]}\n{ratio:.3g} s"
+        for name, ratio in zip(runs["record"].values, runs["pgv_pga"].values, strict=True)
+    ]
+    axes.set_yticks(places, names[::shown_every], fontsize=7)
+    axes.set_ylabel("record, with its PGV/PGA")
+    axes.set_position((0.215, 0.3, 0.76, 0.63))
+
+
 def _cells(axes: Axes, runs: xr.Dataset) -> None:
-    pga, ratio = runs["pga"].values, runs["pgv_pga"].values
+    pga, ratio = runs["pga"].values, heights(runs)
     kinds = shown(runs)
     colours = {kind: colour for kind, colour, _ in _KINDS}
     axes.pcolormesh(
@@ -95,7 +121,7 @@ def _marks(axes: Axes, runs: xr.Dataset, cells: NDArray[np.bool_], gid: str, siz
     if not cells.any():
         return
     row, column = np.nonzero(cells)
-    x, y = runs["pga"].values[column], runs["pgv_pga"].values[row]
+    x, y = runs["pga"].values[column], heights(runs)[row]
     if gid == "displaced":
         axes.plot(
             x,
@@ -129,7 +155,7 @@ def _boundary(axes: Axes, fit: xr.Dataset) -> None:
     both = np.isfinite(lower) & np.isfinite(upper)
     if both.any():
         axes.hlines(
-            fit["pgv_pga"].values[both],
+            heights(fit)[both],
             lower[both],
             upper[both],
             color="black",
@@ -146,11 +172,15 @@ def _model(axes: Axes, fit: xr.Dataset) -> None:
     if name not in fit["model"].values:
         return
     model = fit.sel(model=name)
-    ratio, pga = fit["pgv_pga"].values, fit["pga"].values
+    ratio, pga = heights(fit), fit["pga"].values
     median = model["median_pga"].values
     inside = (median >= pga[0]) & (median <= pga[-1])
     lower, upper = model["median_pga_interval"].values.T
     known = ~np.isnan(lower) & ~np.isnan(upper) & (upper >= pga[0]) & (lower <= pga[-1])
+    if rows_of(fit) == "record":
+        ends = np.clip([lower, upper], pga[0], pga[-1])[:, known]
+        _model_of_records(axes, name, np.where(inside, median, np.nan), ratio[known], ends)
+        return
     axes.plot(
         np.where(inside, median, np.nan),
         ratio,
@@ -169,6 +199,34 @@ def _model(axes: Axes, fit: xr.Dataset) -> None:
         facecolor=style.MODEL,
         alpha=0.55,
         lw=0,
+        label="95 % interval of that median",
+        gid="interval",
+        zorder=4,
+    )
+
+
+def _model_of_records(
+    axes: Axes, name: str, median: Array, rows: Array, ends: NDArray[np.float64]
+) -> None:
+    """Median and interval of a model, each record for itself: nothing lies between two of them."""
+    axes.plot(
+        median,
+        np.arange(len(median)),
+        "D",
+        ms=6,
+        mfc=style.MODEL,
+        mec="black",
+        label=f"{name} model, median",
+        gid="median",
+        zorder=5,
+    )
+    axes.hlines(
+        rows,
+        ends[0],
+        ends[1],
+        lw=3.0,
+        color=style.MODEL,
+        alpha=0.75,
         label="95 % interval of that median",
         gid="interval",
         zorder=4,

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from pipeline.datasets import rows_of
 from pipeline.figures.summary import between, groups, typical_pga, undecided, weak_directions
 from vsr_core.outcome import DecidedBy, Outcome
 
@@ -148,17 +149,42 @@ def unresolved(responses: xr.Dataset, most: int) -> Row:
     dims = responses["outcome"].dims
     listed = []
     for place in map(tuple, places[:most]):
-        row: Row = {str(d): float(responses[d][i]) for d, i in zip(dims, place, strict=True)}
+        at = dict(zip(map(str, dims), place, strict=True))
+        row: Row = {name: float(responses[name][at[name]]) for name in ("yaw", "friction", "pga")}
+        row["motion"] = heads(responses)[at[rows_of(responses)]]
         row["outcome"] = names.get(int(responses["outcome"].values[place]), "missing")
         row["tilt"] = float(np.degrees(responses["peak_tilt"].values[place]))
         listed.append(row)
     return {"total": len(places), "listed": listed}
 
 
+def heads(data: xr.Dataset) -> list[str]:
+    """Names of the rows of motions: their PGV/PGA, or the records."""
+    if rows_of(data) == "record":
+        return [str(name) for name in data["record"].values]
+    return [f"{ratio:.6g} s" for ratio in data["pgv_pga"].values]
+
+
+def records(motions: xr.Dataset) -> list[Row]:
+    """Each record with its measures before scaling, and what was mended."""
+    words = ("record", "station", "channel", "record_source", "record_unit", "repairs")
+    numbers = ("pgv_pga", "record_pga", "record_pgv", "record_pgd", "sa_1hz", "sa_2hz", "arias")
+    return [
+        {name: str(motions[name].values[i]) for name in words}
+        | {
+            name: float(motions[name].values[i])
+            for name in (*numbers, "cav", "significant_duration")
+        }
+        for i in range(motions.sizes["record"])
+    ]
+
+
 def boundary(fragility: xr.Dataset) -> Row:
-    """First overturning, and the recommended model's median, near a few PGV/PGA."""
+    """First overturning, and the recommended model's median, near a few PGV/PGA or per record."""
     grid, ratios = fragility["pga"].values, fragility["pgv_pga"].values
-    columns = sorted({int(np.argmin(abs(ratios - ratio))) for ratio in RATIOS})
+    columns = list(range(len(ratios)))
+    if rows_of(fragility) == "pgv_pga":
+        columns = sorted({int(np.argmin(abs(ratios - ratio))) for ratio in RATIOS})
     rows = []
     for place, name in groups(fragility):
         upper = fragility["first_overturning_pga"].values[place][columns]
@@ -174,7 +200,7 @@ def boundary(fragility: xr.Dataset) -> Row:
             for cell, median, interval in zip(cells, medians, ends, strict=True):
                 cell["model"] = _with_interval(median, interval, grid)
         rows.append({"name": name, "model": model or "none", "cells": cells})
-    return {"ratios": [float(ratios[c]) for c in columns], "rows": rows}
+    return {"heads": [heads(fragility)[c] for c in columns], "rows": rows}
 
 
 def _with_interval(median: float, interval: NDArray[np.float64], grid: NDArray[np.float64]) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from pipeline import ROOT, comparing, pages, writers
 from pipeline.comparing import Place, Record
+from pipeline.config import PulseConfig
 from pipeline.datasets import described, netcdf, read
 from pipeline.layers import Site
 from pipeline.problems import InputError, Problem
@@ -40,6 +41,16 @@ def make(job: Job) -> Product:
                 "a terrain",
                 "other ways of running are compared on a flat pedestal",
                 "use the site of the same rock on a flat pedestal, or set pedestal.shape: flat",
+            )
+        )
+    if not isinstance(job.config.motion, PulseConfig):
+        raise InputError(
+            Problem(
+                job.site.file,
+                "motion.kind",
+                job.config.motion.kind,
+                "other ways of running are compared under pulses",
+                "use the site with motion.kind: cosine_pulse",
             )
         )
     targets = comparing.find_targets(job)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
+from pipeline import shaking
 from pipeline.datasets import described, netcdf
 from pipeline.problems import InputError, Problem
 from pipeline.running import groups
+from pipeline.shaking import Shaking
 from pipeline.stage import Job, Product, Stage
 from pipeline.store import RUNS, JourneyRow, RunStore
 from pipeline.trajectories import SAMPLE, unpack
@@ -41,7 +43,12 @@ def make(job: Job) -> Product:
     """Assemble the journeys and correlate them."""
     import numpy as np
 
-    dataset = _dataset(*_journeys(job))
+    motions = shaking.of_store(job.config, job.store)
+    dataset = _dataset(*_journeys(job, motions))
+    if motions.dimension == "record":
+        every = [motions.rows[cell.row] for cell in shaking.cells(motions)]
+        times = dataset.sizes["run"] // len(every)
+        dataset = dataset.assign_coords(record=("run", np.array(every * times)))
     dataset.attrs["featureType"] = "trajectory"
     counts = np.bincount(dataset["outcome"].values, minlength=len(Outcome))
     text = ", ".join(f"{counts[o]} {o.name.lower()}" for o in Outcome if counts[o])
@@ -53,7 +60,7 @@ def make(job: Job) -> Product:
     return Product(files, f"{text}; {dataset.sizes['sample']} samples", unresolved=unresolved)
 
 
-def _journeys(job: Job) -> tuple[list[tuple[float, ...]], list[JourneyRow]]:
+def _journeys(job: Job, motions: Shaking) -> tuple[list[tuple[float, ...]], list[JourneyRow]]:
     """PGA, PGV/PGA, yaw and friction of every run, and its row."""
     cells: list[tuple[float, ...]] = []
     rows: list[JourneyRow] = []
@@ -72,7 +79,9 @@ def _journeys(job: Job) -> tuple[list[tuple[float, ...]], list[JourneyRow]]:
                         "start again to redo them",
                     )
                 )
-            cells += [(pga, ratio, group.yaw, group.friction) for ratio, pga in group.cells]
+            cells += [
+                (pga, motions.pgv_pga[row], group.yaw, group.friction) for row, pga in group.cells
+            ]
             rows += [stored[key] for key in group.keys]
     return cells, rows
 
@@ -141,6 +150,6 @@ def _correlations(dataset: xr.Dataset) -> list[dict[str, Any]]:
 STAGE = Stage(
     name="displacement",
     make=make,
-    needs=("rock", "terrain", "precision", "journeys"),
+    needs=("rock", "terrain", "precision", "motions", "journeys"),
     reads=("contact", "motion", "yaw", "drive", "simulation"),
 )

@@ -6,7 +6,7 @@ import csv
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.datasets import described, netcdf, read
+from pipeline.datasets import described, netcdf, read, rows_of
 from pipeline.stage import Job, Product, Stage
 from pipeline.stages.responses import FILE as RESPONSES
 
@@ -50,19 +50,19 @@ def _dataset(data: Any, fits: Fits) -> Any:
     import xarray as xr
 
     sizes = data.sizes
-    groups = ("yaw", "friction")
+    groups, row = ("yaw", "friction"), rows_of(data)
     models = ["logistic", "lognormal", "smooth"]
     shapes: dict[str, tuple[str, ...]] = {
-        "last_balanced_pga": (*groups, "pgv_pga"),
-        "first_overturning_pga": (*groups, "pgv_pga"),
-        "censored": (*groups, "pgv_pga"),
-        "islands": (*groups, "pgv_pga"),
+        "last_balanced_pga": (*groups, row),
+        "first_overturning_pga": (*groups, row),
+        "censored": (*groups, row),
+        "islands": (*groups, row),
         "clusters": groups,
         "toppled_share": groups,
-        "median_pga": (*groups, "model", "pgv_pga"),
-        "median_pga_interval": (*groups, "model", "pgv_pga", "bound"),
-        "band_pga": (*groups, "model", "pgv_pga", "bound"),
-        "probability": (*groups, "model", "pgv_pga", "pga"),
+        "median_pga": (*groups, "model", row),
+        "median_pga_interval": (*groups, "model", row, "bound"),
+        "band_pga": (*groups, "model", row, "bound"),
+        "probability": (*groups, "model", row, "pga"),
         "separated": (*groups, "model"),
         "log_loss": (*groups, "model"),
         "log_loss_error": (*groups, "model"),
@@ -70,10 +70,10 @@ def _dataset(data: Any, fits: Fits) -> Any:
         "accuracy": (*groups, "model"),
         "coefficient": (*groups, "parameter"),
         "coefficient_interval": (*groups, "parameter", "bound"),
-        "theta": (*groups, "pgv_pga"),
-        "theta_interval": (*groups, "pgv_pga", "bound"),
-        "beta": (*groups, "pgv_pga"),
-        "beta_interval": (*groups, "pgv_pga", "bound"),
+        "theta": (*groups, row),
+        "theta_interval": (*groups, row, "bound"),
+        "beta": (*groups, row),
+        "beta_interval": (*groups, row, "bound"),
     }
     length = {**sizes, "model": len(models), "bound": 2, "parameter": 3}
     arrays = {
@@ -93,7 +93,8 @@ def _dataset(data: Any, fits: Fits) -> Any:
         words["recommended"][place], words["reason"][place] = fit.recommended, fit.reason
     dataset = xr.Dataset(
         {name: (dims, arrays[name]) for name, dims in shapes.items()},
-        {**{d: data[d].values for d in ("yaw", "friction", "pgv_pga", "pga")}, "model": models}
+        {**{d: data[d].values for d in ("yaw", "friction", row, "pga")}, "model": models}
+        | {str(name): (row, c.values) for name, c in data[row].coords.items() if name != row}
         | {"bound": ["lower", "upper"], "parameter": ["b0", "b1", "b2"]},
     )
     for name, array in words.items():
@@ -152,6 +153,14 @@ def _write_table(path: Path, data: Any, fits: Fits) -> None:
         "lower",
         "upper",
     ]
+    names = {}
+    if rows_of(data) == "record":
+        columns.append("record")
+        names = dict(zip(data["pgv_pga"].values, data["record"].values, strict=True))
+
+    def named(r: Any) -> list[str]:
+        return [str(names.get(r, ""))] if names else []
+
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
         table.writerow(columns)
@@ -173,6 +182,7 @@ def _write_table(path: Path, data: Any, fits: Fits) -> None:
                         _g(high),
                         _g(low),
                         _g(high),
+                        *named(r),
                     ]
                 )
             for model in fit.models:
@@ -187,7 +197,7 @@ def _write_table(path: Path, data: Any, fits: Fits) -> None:
                     model.method,
                 ]
                 for quantity, r, *values in _quantities(data["pgv_pga"].values, model):
-                    table.writerow([*group, *about, quantity, r, *map(_g, values)])
+                    table.writerow([*group, *about, quantity, r, *map(_g, values), *named(r)])
 
 
 def _quantities(pgv_pga: Any, model: ModelFit) -> Any:

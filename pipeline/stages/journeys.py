@@ -6,29 +6,29 @@ import time
 from typing import Any
 
 from pipeline.problems import InputError, Problem
-from pipeline.running import Cell, Work, database_is_there, run_missing
+from pipeline.running import Work, database_is_there, run_missing
 from pipeline.scenes import ENGINE_CODE, TERRAIN_CODE, engine_version, on_terrain
+from pipeline.shaking import MOTION_CODE, Cell
 from pipeline.stage import Job, Product, Stage
 from pipeline.stages.precision import time_step
 from pipeline.store import JourneyRow
-from vsr_core import GRAVITY
 from vsr_core.outcome import Outcome, StopReason
 
 
 def follow_batch(shared: Any, cells: tuple[Cell, ...]) -> list[tuple[Any, ...]]:
-    """Journeys of the cells, on a worker; ``shared`` is a Site and its Settings.
+    """Journeys of the cells, on a worker.
 
-    The last entry of the list is the CPU time used [s].
+    ``shared`` is a Site with its Settings, and the motions. The last entry of the list is the CPU
+    time used [s].
     """
     from pipeline.trajectories import pack
-    from vsr_core.motion import CosinePulse
     from vsr_core.travel import travel
 
-    site, settings = shared
+    site, settings, motions = shared
     start = time.process_time()
     rows: list[tuple[Any, ...]] = []
-    for pgv_pga, pga in cells:
-        found = travel(site, CosinePulse(pga * GRAVITY, pgv_pga), settings)
+    for cell in cells:
+        found = travel(site, motions.motion(cell), settings)
         r = found.response
         packed = pack(found.trajectory)
         rows.append((int(r.outcome), r.peak_tilt, r.slip, r.steps, int(found.stop), packed))
@@ -71,9 +71,9 @@ WORK = Work(
 STAGE = Stage(
     name="journeys",
     make=make,
-    needs=("rock", "terrain", "precision"),
+    needs=("rock", "terrain", "precision", "motions"),
     reads=("pedestal", "contact", "motion", "yaw", "drive", "simulation"),
-    code=(*TERRAIN_CODE, "pipeline.stages.journeys:follow_batch", *ENGINE_CODE),
+    code=(*TERRAIN_CODE, "pipeline.stages.journeys:follow_batch", *MOTION_CODE, *ENGINE_CODE),
     made_elsewhere=True,
     inputs=engine_version,
     check=database_is_there,

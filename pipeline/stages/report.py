@@ -9,11 +9,12 @@ from typing import Any
 import yaml
 
 from pipeline import ROOT, pages, writers
-from pipeline.config import Config, Range
+from pipeline.config import Config, Range, RecordConfig, TableMotionConfig
 from pipeline.datasets import CATALOGUE, read
 from pipeline.keys import digest_file
 from pipeline.layers import SITES, Site, known, load_site
 from pipeline.problems import InputError
+from pipeline.shaking import FILE as MOTIONS
 from pipeline.stage import Job, Product, Stage
 from pipeline.stages.fragility import FILE as FRAGILITY
 from pipeline.stages.fragility import TABLE
@@ -28,6 +29,9 @@ the reduction's name; `python -m benchmarks.reductions` measures it."""
 
 MOST_LISTED = 500
 """Runs without a verdict that are listed one by one."""
+
+MOST_DRAWN = 12
+"""Records that are drawn; the others are in the table."""
 
 MANY = 4
 """Evenly spaced values beyond this number are shown as a range."""
@@ -70,6 +74,8 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         "boundary": tables.boundary(fragility),
         "models": tables.models(fragility),
         **_pictures(rock, responses, fragility),
+        **_records(job),
+        "tables": _tables(job, responses),
         "left_out": tables.left_out(responses, yaml.safe_load(GAINS.read_text(encoding="utf-8"))),
         "precision": tables.precision(responses),
         "simulation": job.config.simulation,
@@ -103,6 +109,28 @@ def _pictures(rock: Any, responses: Any, fragility: Any) -> dict[str, Any]:
         "rock_views": png_uri(rock_views(rock)),
         "yaw_polar": svg_uri(fragility_by_yaw(fragility, rock)),
     }
+
+
+def _records(job: Job) -> dict[str, Any]:
+    """Table and pictures of the records; empty where the motions are pulses."""
+    from pipeline.figures import tables
+    from pipeline.figures.records import record_figure
+    from pipeline.figures.style import png_uri
+
+    if not isinstance(job.config.motion, RecordConfig):
+        return {"records": [], "processing": None}
+    motions = read(job.path(MOTIONS))
+    rows = tables.records(motions)
+    for number, row in enumerate(rows[:MOST_DRAWN]):
+        row["image"] = png_uri(record_figure(motions, number))
+    return {"records": rows, "processing": job.config.motion.processing}
+
+
+def _tables(job: Job, responses: Any) -> list[str]:
+    """Names of the motions in several axes; none where they are others."""
+    if not isinstance(job.config.motion, TableMotionConfig):
+        return []
+    return [str(name) for name in responses["record"].values]
 
 
 def settings(config: Config) -> str:
@@ -170,7 +198,7 @@ def _inputs(site: Site) -> dict[str, str]:
 STAGE = Stage(
     name="report",
     make=make,
-    needs=("rock", "responses", "fragility"),
+    needs=("rock", "motions", "responses", "fragility"),
     reads=("rock", "pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
     inputs=_inputs,
     versions=("matplotlib", "jinja2"),

@@ -1,4 +1,4 @@
-"""Responses: the stored runs as a dataset on (yaw, friction, PGV/PGA, PGA)."""
+"""Responses: the stored runs as a dataset on (yaw, friction, PGV/PGA or record, PGA)."""
 
 from __future__ import annotations
 
@@ -7,17 +7,19 @@ from typing import Any
 
 import yaml
 
+from pipeline import shaking
 from pipeline.datasets import described, netcdf, read
 from pipeline.problems import InputError, Problem
 from pipeline.scenes import left_out, prepared
+from pipeline.shaking import FILE as MOTIONS
+from pipeline.shaking import Shaking
 from pipeline.stage import Job, Product, Stage
+from pipeline.stages.motions import MEASURES
 from pipeline.stages.precision import FILE as PRECISION
 from pipeline.store import RUNS, RunRow, RunStore
 from vsr_core.outcome import Outcome
 
 FILE = "responses.nc"
-
-DIMENSIONS = ("yaw", "friction", "pgv_pga", "pga")
 
 _TYPES = {
     "outcome": ("i1", -1),
@@ -35,15 +37,18 @@ def make(job: Job) -> Product:
     import xarray as xr
 
     config = job.config
-    arrays = _arrays(job)
+    motions = shaking.of_store(config, job.store)
+    dimensions = ("yaw", "friction", motions.dimension, "pga")
+    arrays = _arrays(job, motions)
     arrays["overturned"] = np.array([o.overturned for o in Outcome], dtype="i1")[arrays["outcome"]]
     coordinates = {
         "yaw": list(config.yaw),
         "friction": list(config.contact.friction),
-        "pgv_pga": list(config.motion.pgv_pga),
-        "pga": list(config.motion.pga),
+        motions.dimension: list(motions.rows),
+        "pga": list(motions.pga),
+        **_measures(job, motions),
     }
-    dataset = xr.Dataset({name: (DIMENSIONS, array) for name, array in arrays.items()}, coordinates)
+    dataset = xr.Dataset({name: (dimensions, array) for name, array in arrays.items()}, coordinates)
     for name, array in arrays.items():
         fill = -1 if array.dtype.kind == "i" else np.nan
         dataset[name].encoding["_FillValue"] = array.dtype.type(fill)
@@ -62,15 +67,22 @@ def make(job: Job) -> Product:
     return Product(files, summary, unresolved=unresolved)
 
 
-def _arrays(job: Job) -> dict[str, Any]:
+def _measures(job: Job, motions: Shaking) -> dict[str, Any]:
+    """Intensity measures of records, as coordinates along them."""
+    if motions.dimension != "record":
+        return {}
+    data = read(job.path(MOTIONS))
+    known = (name for name in MEASURES.values() if name in data)
+    return {name: ("record", data[name].values) for name in known}
+
+
+def _arrays(job: Job, motions: Shaking) -> dict[str, Any]:
     import numpy as np
 
     from pipeline.running import groups
 
     config = job.config
-    shape = tuple(
-        map(len, (config.yaw, config.contact.friction, config.motion.pgv_pga, config.motion.pga))
-    )
+    shape = tuple(map(len, (config.yaw, config.contact.friction, motions.rows, motions.pga)))
     arrays = {name: np.full(shape, fill, dtype) for name, (dtype, fill) in _TYPES.items()}
     with closing(RunStore(job.store.folder, RunRow)) as runs:
         for number, group in enumerate(groups(config, job.store)):

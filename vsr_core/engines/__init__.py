@@ -12,7 +12,7 @@ import importlib
 import os
 import pkgutil
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol, cast
@@ -48,8 +48,24 @@ class World(Protocol):
     def advance(self, samples: Iterable[float], /) -> None:
         """Step through samples of the table's acceleration along +x [m/s^2], taken at mid-hold."""
 
+    def shake(self, acceleration: Sequence[Sequence[float]], /) -> None:
+        """Step through samples of it along x, y and z [m/s^2], three numbers each."""
+
     def state(self) -> State:
         """Present state; entries are not finite if the engine diverged."""
+
+
+class TurningWorld(World, Protocol):
+    """A scene under way on a table that turns too."""
+
+    def turn(self, samples: Sequence[Sequence[float]], /) -> None:
+        """Step through samples of a ``TableMotion``, nine numbers each, one time step a sample."""
+
+    def impulse(self) -> float:
+        """Upper bound of the growth of sqrt(2 e) by that so far [m/s].
+
+        e is the energy of the rock relative to the table, per unit mass, with gravity along -z.
+        """
 
 
 class DrivenWorld(World, Protocol):
@@ -57,6 +73,9 @@ class DrivenWorld(World, Protocol):
 
     def table(self) -> tuple[float, float]:
         """Position [m] and velocity [m/s] of the table along +x, both zero at the start."""
+
+    def force(self) -> float:
+        """Force of the servo on the table in the last control period [N]."""
 
     def impulse(self) -> float:
         """Upper bound of the integral of the table's absolute acceleration so far [m/s]."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 
 import mujoco
@@ -91,6 +91,13 @@ class MujocoWorld:
         for along_x in acceleration:
             gravity[0] = -along_x
             step(model, data, substeps)
+
+    def shake(self, acceleration: Sequence[Sequence[float]]) -> None:
+        """Step through samples of the table's acceleration along x, y and z [m/s^2]."""
+        model, data = self._model, self._data
+        for x, y, z in acceleration:
+            model.opt.gravity[:] = -x, -y, -self._weight - z
+            mujoco.mj_step(model, data, self._substeps)
 
     def state(self) -> State:
         """Present state in SI units."""

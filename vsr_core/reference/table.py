@@ -7,6 +7,7 @@ Chen et al. (2024), Seismica 3(1): the servo and its published gains, Fig. 7a.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import cast
 
@@ -19,7 +20,7 @@ from vsr_core.reference import Reference
 from vsr_core.reference._run import box
 from vsr_core.sampling import samples, sampling
 from vsr_core.scene import Contact, Scene
-from vsr_core.servo import PUBLISHED
+from vsr_core.servo import PUBLISHED, loop
 
 Array = NDArray[np.float64]
 
@@ -43,34 +44,8 @@ def tracking(engine: str, time_step: float) -> float:
     for command in wanted.tolist():
         driven.advance([command])
         got.append(driven.table()[1])
-    exact = loop(wanted, PUBLISHED.mass + _scene().rock.mass)
+    exact = loop(replace(PUBLISHED, mass=PUBLISHED.mass + _scene().rock.mass), wanted)
     return float(np.sqrt(np.mean((np.array(got) - exact) ** 2))) / (PULSE.pga * PULSE.pgv_pga)
-
-
-def loop(wanted: Array, mass: float) -> Array:
-    """Velocity of a free mass under the servo's sampled law, exact for a force held over a period.
-
-    Parameters
-    ----------
-    wanted : ndarray, shape (n,) [m/s], commands, one a control period
-    mass : float [kg], of all that moves
-
-    Returns
-    -------
-    ndarray, shape (n,) [m/s], at the end of each period
-    """
-    servo = PUBLISHED
-    speed = integral = before = 0.0
-    reached = []
-    for command in wanted.tolist():
-        error = command - speed
-        integral += error * servo.period
-        slope = (error - before) / servo.period
-        force = servo.kp * error + servo.ki * integral + servo.kd * slope
-        speed += force * servo.period / mass
-        before = error
-        reached.append(speed)
-    return np.array(reached)
 
 
 CASES = (

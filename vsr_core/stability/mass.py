@@ -15,11 +15,10 @@ from vsr_core.motion import CosinePulse
 from vsr_core.precheck import check
 from vsr_core.sampling import samples
 from vsr_core.scene import Contact, Scene
-from vsr_core.servo import Servo
+from vsr_core.servo import Servo, loop
 from vsr_core.simulate import Settings, prepare
 from vsr_core.stability import Case, Measured
 from vsr_core.stability._trial import GRIPPING, _barrier, box, same
-from vsr_core.stability.servo import sampled_loop
 
 PERIOD = 1e-3
 
@@ -45,7 +44,7 @@ def _rides(ratio: float, share: float, gained: str) -> Measured:
     for speed in wanted.tolist():
         world.advance([speed])
         speeds.append(world.table()[1])
-    expected = sampled_loop(replace(servo, mass=table + rock.mass), wanted)
+    expected = loop(replace(servo, mass=table + rock.mass), wanted)
     difference = float(np.abs(np.array(speeds) - expected).max())
     pgv = PULSE.pga * PULSE.pgv_pga
     end = same(speeds[-1], float(expected[-1]), pgv)

@@ -15,7 +15,7 @@ from vsr_core.motion import CosinePulse
 from vsr_core.precheck import check
 from vsr_core.sampling import samples
 from vsr_core.scene import Contact, Scene
-from vsr_core.servo import PUBLISHED, Servo
+from vsr_core.servo import PUBLISHED, Servo, loop
 from vsr_core.simulate import Settings, prepare
 from vsr_core.stability import Case, Measured
 from vsr_core.stability._trial import GRIPPING, Array, _barrier, boundary, box, step_of
@@ -32,21 +32,6 @@ LOOP = (
 BOUNDARY = "first overturning PGA [g] on the driven table; Housner's; relative"
 
 
-def sampled_loop(servo: Servo, wanted: Array) -> Array:
-    """Velocities [m/s] of a rigid mass at the end of each period, in the words of ``servo``."""
-    speed = total = before = 0.0
-    speeds = []
-    for target in wanted.tolist():
-        error = target - speed
-        total += servo.period * error
-        force = servo.kp * error + servo.ki * total + servo.kd * (error - before) / servo.period
-        force = max(-servo.force_limit, min(servo.force_limit, force))
-        speed += force * servo.period / servo.mass
-        before = error
-        speeds.append(speed)
-    return np.array(speeds)
-
-
 def _tracks(servo: Servo) -> Measured:
     rock = box(1.0, 1.0, 2.0)
     scene = Scene(rock, Contact(FRICTION), drive=servo)
@@ -58,7 +43,7 @@ def _tracks(servo: Servo) -> Measured:
     for speed in wanted.tolist():
         world.advance([speed])
         speeds.append(world.table()[1])
-    expected = sampled_loop(replace(servo, mass=servo.mass + rock.mass), wanted)
+    expected = loop(replace(servo, mass=servo.mass + rock.mass), wanted)
     pgv = PULSE.pga * PULSE.pgv_pga
     measured = np.array(speeds)
     error = float(np.abs(measured - expected).max()) / pgv

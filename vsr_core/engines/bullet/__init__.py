@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from typing import Literal
@@ -83,8 +83,8 @@ so that 0.2 makes a drop of e = 0.38 rebound by up to 14 % too high."""
 
 GAP, SMALL_GAP = 0.02, 1e-4
 """Gap below which a contact is kept, in Bullet's length unit: its default, and where contacts
-bounce or the ground is a terrain. Within it the approach is stopped without a rebound: with 0.02
-fine steps lose it all. On terrain a rock that slides is held by contacts behind a border."""
+bounce or the ground is made of pieces. Within it the approach is stopped without a rebound: with
+0.02 fine steps lose it all, and a rock that slides over pieces is held by those behind a border."""
 
 
 class BulletWorld:
@@ -121,13 +121,16 @@ class BulletWorld:
             physicsClientId=self._client,
         )
         bounces = scene.contact.restitution > 0.0
-        self._gap = SMALL_GAP if bounces or scene.terrain is not None else GAP
+        in_pieces = scene.terrain is not None and bool(scene.terrain.pieces)
+        self._gap = SMALL_GAP if bounces or in_pieces else GAP
         erp = BOUNCING_ERP if bounces else ERP
         pybullet.setPhysicsEngineParameter(erp=erp, contactERP=erp, physicsClientId=self._client)
         if scene.pedestal != "none" and scene.pedestal != "terrain":
             self._add_pedestal(scene, scene.pedestal)
         self._rock = self._add_rock(scene)
         self._known: State | None = None  # as last read, until the next step
+        self._impulse = 0.0
+        self._moments = scene.rock.inertia / scene.rock.mass * self._scale**2
         self._ground: Ground | None = None
         if scene.terrain is not None:
             self._ground = Ground(
@@ -149,6 +152,7 @@ class BulletWorld:
             physicsClientId=self._client,
         )
         self._sample = substeps * time_step
+        self._impulse = 0.0
         if self._ground is not None:
             self._ground.clear()
         start = self._start
@@ -172,6 +176,40 @@ class BulletWorld:
         for along in acceleration:
             set_gravity(-along * x, -along * y, down, client)
             step(client)
+
+    def shake(self, acceleration: Sequence[Sequence[float]]) -> None:
+        """Step through samples of the table's acceleration along its x, y and z [m/s^2]."""
+        set_gravity, step, client = pybullet.setGravity, pybullet.stepSimulation, self._client
+        (cos, sin), weight = self._along, self._weight
+        if self._ground is not None:
+            most = max(math.hypot(x, y, weight + z) for x, y, z in acceleration)
+            self._ground.follow(self.state(), len(acceleration) * self._sample, most)
+        self._known = None
+        for x, y, z in acceleration:
+            set_gravity(sin * y - cos * x, -sin * x - cos * y, -weight - z, client)
+            step(client)
+
+    def turn(self, samples: Sequence[Sequence[float]]) -> None:
+        """Step through samples of a table that turns, nine numbers each, one step a sample."""
+        from vsr_core.engines.bullet.turning import turn
+
+        pace = math.sqrt(self._scale)
+        units = [1.0] * 3 + [1.0 / pace] * 3 + [1.0 / self._scale] * 3
+        scaled = (np.asarray(samples) * units).tolist()
+        self._known = None
+        given = turn(
+            self._client,
+            self._rock,
+            self._moments.tolist(),
+            scaled,
+            self._sample * pace,
+            self._weight,
+        )
+        self._impulse += given / pace
+
+    def impulse(self) -> float:
+        """Upper bound of the growth of sqrt(2 e) by what ``turn`` did so far [m/s]."""
+        return self._impulse
 
     def state(self) -> State:
         """Present state in SI units."""
@@ -269,7 +307,7 @@ class BulletWorld:
         rock, contact = scene.rock, scene.contact
         body = pybullet.createMultiBody(
             MASS,
-            rock_shape(rock, self._scale, HULL_MARGIN, scene.terrain is None, self._client),
+            rock_shape(rock, self._scale, HULL_MARGIN, self._client),
             -1,
             useMaximalCoordinates=self._maximal,
             physicsClientId=self._client,

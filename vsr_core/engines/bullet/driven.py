@@ -48,7 +48,7 @@ class DrivenWorld(BulletWorld):
                 "divide the period into the substeps",
             )
         pybullet.resetJointState(self._table, 0, 0.0, 0.0, physicsClientId=self._client)
-        self._speed = self._integral = self._error = self._impulse = 0.0
+        self._speed = self._integral = self._error = self._force = 0.0
         super().rewind(time_step, substeps, solver)
 
     def advance(self, velocity: Iterable[float]) -> None:
@@ -64,7 +64,7 @@ class DrivenWorld(BulletWorld):
             force = servo.kp * error + servo.ki * self._integral + servo.kd * change
             force = max(-servo.force_limit, min(servo.force_limit, force))
             self._push(force)
-            before, self._error = self._speed, error
+            before, self._error, self._force = self._speed, error, force
             self._speed = self.table()[1]
             # What the servo's force did not do, the rock did.
             own = force * hold
@@ -84,6 +84,10 @@ class DrivenWorld(BulletWorld):
         """Position [m] and velocity [m/s] of the table along +x."""
         position, velocity, *_ = pybullet.getJointState(self._table, 0, self._client)
         return position / self._scale, velocity / math.sqrt(self._scale)
+
+    def force(self) -> float:
+        """The servo's force on the table in the last control period [N]."""
+        return self._force
 
     def impulse(self) -> float:
         """Upper bound of the integral of the table's absolute acceleration so far [m/s].

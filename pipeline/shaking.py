@@ -1,0 +1,193 @@
+"""The ground motions of a study: rows of a grid, each at every PGA.
+
+A row is one PGV/PGA of the cosine pulses or one record. Each kind of motion in the configuration
+has a class here that makes its motions; `of_store` and `of_site` choose it.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from pipeline import keys
+from pipeline.config import Config, PulseConfig, TableMotionConfig
+from pipeline.datasets import read
+from pipeline.layers import Site
+from pipeline.store import Store
+from vsr_core import GRAVITY
+
+if TYPE_CHECKING:
+    from vsr_core.motion import GroundMotion
+    from vsr_core.records.trace import Trace
+    from vsr_core.table_motion import SampledMotion
+
+FILE = "motions.nc"
+
+RECORD_CODE = ("vsr_core.records.motion:RecordedMotion",)
+TABLE_CODE = ("vsr_core.table_motion:SampledMotion",)
+MOTION_CODE = ("vsr_core.motion:CosinePulse", *RECORD_CODE, *TABLE_CODE)
+"""Roots of the code of all motions, which runs reach through a variable."""
+
+
+class Cell(NamedTuple):
+    """Place of a run in the grid: number of its row, and PGA [g]."""
+
+    row: int
+    pga: float
+
+
+class Shaking(Protocol):
+    """The motions of a study; small enough to travel to a worker."""
+
+    @property
+    def dimension(self) -> str:
+        """Name of the dimension of the rows."""
+
+    @property
+    def rows(self) -> tuple[Any, ...]:
+        """Coordinate of the rows."""
+
+    @property
+    def pgv_pga(self) -> tuple[float, ...]:
+        """PGV/PGA of each row [s], ascending."""
+
+    @property
+    def pga(self) -> tuple[float, ...]:
+        """PGA of each column [g]."""
+
+    def motion(self, cell: Cell) -> GroundMotion:
+        """The motion of a run."""
+
+    def token(self, cell: Cell) -> bytes:
+        """What tells the motion of a run from those of all others of its kind."""
+
+    def identity(self) -> Any:
+        """What all its motions share, for the identity of their runs."""
+
+
+def cells(shaking: Shaking) -> tuple[Cell, ...]:
+    """All cells of the grid, PGA running fastest."""
+    return tuple(Cell(row, pga) for row in range(len(shaking.rows)) for pga in shaking.pga)
+
+
+def strongest(shaking: Shaking) -> list[GroundMotion]:
+    """The motions of largest PGA: every record, the shortest and the longest pulse."""
+    rows = range(len(shaking.rows)) if shaking.dimension == "record" else (0, -1)
+    return [shaking.motion(Cell(row, shaking.pga[-1])) for row in rows]
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """Cosine pulses."""
+
+    pgv_pga: tuple[float, ...]
+    pga: tuple[float, ...]
+    dimension: str = field(default="pgv_pga", init=False)
+
+    @property
+    def rows(self) -> tuple[float, ...]:
+        return self.pgv_pga
+
+    def motion(self, cell: Cell) -> GroundMotion:
+        from vsr_core.motion import CosinePulse
+
+        return CosinePulse(cell.pga * GRAVITY, self.pgv_pga[cell.row])
+
+    def token(self, cell: Cell) -> bytes:
+        return struct.pack("<2d", self.pgv_pga[cell.row], cell.pga)
+
+    def identity(self) -> Any:
+        return "cosine_pulse"
+
+
+@dataclass(frozen=True, eq=False)
+class Records:
+    """Recorded motions, after processing, and scaled to each PGA."""
+
+    rows: tuple[str, ...]
+    traces: tuple[Trace, ...]
+    pgv_pga: tuple[float, ...]
+    pga: tuple[float, ...]
+    dimension: str = field(default="record", init=False)
+
+    def motion(self, cell: Cell) -> GroundMotion:
+        from vsr_core.records.motion import RecordedMotion
+
+        return RecordedMotion.scaled(self.traces[cell.row], cell.pga)
+
+    def token(self, cell: Cell) -> bytes:
+        from vsr_core.records.motion import RecordedMotion
+
+        trace = RecordedMotion.scaled(self.traces[cell.row], cell.pga).trace
+        step = struct.pack("<d", trace.interval)
+        return keys.digest_bytes(step, trace.acceleration.tobytes()).encode()
+
+    def identity(self) -> Any:
+        return ["record", keys.digest(keys.code(RECORD_CODE))]
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """Motions of a table in up to six axes, all of them scaled together to each PGA."""
+
+    rows: tuple[str, ...]
+    motions: tuple[SampledMotion, ...]
+    pgv_pga: tuple[float, ...]
+    pga: tuple[float, ...]
+    dimension: str = field(default="record", init=False)
+
+    def motion(self, cell: Cell) -> SampledMotion:
+        whole = self.motions[cell.row]
+        return whole.scaled(cell.pga * GRAVITY / whole.peak_acceleration)
+
+    def token(self, cell: Cell) -> bytes:
+        motion = self.motion(cell)
+        return keys.digest_bytes(motion.time.tobytes(), motion.samples.tobytes()).encode()
+
+    def identity(self) -> Any:
+        return ["table", keys.digest(keys.code(TABLE_CODE))]
+
+
+def of_store(config: Config, store: Store) -> Shaking:
+    """The motions of a study; records as the stage of motions has made them."""
+    if isinstance(config.motion, PulseConfig):
+        return Pulses(config.motion.pgv_pga, config.motion.pga)
+    data = read(store.folder / FILE)
+    if isinstance(config.motion, TableMotionConfig):
+        from pipeline import table_motions
+
+        return Tables(*table_motions.of_dataset(data), config.motion.pga)
+    from vsr_core.records.trace import Trace
+
+    ends = data["record_size"].values.cumsum()
+    samples = data["acceleration"].values
+    traces = [
+        Trace(samples[end - size : end].copy(), float(step))
+        for end, size, step in zip(
+            ends, data["record_size"].values, data["interval"].values, strict=True
+        )
+    ]
+    names = tuple(str(name) for name in data["record"].values)
+    ratios = tuple(float(value) for value in data["pgv_pga"].values)
+    return Records(names, tuple(traces), ratios, config.motion.pga)
+
+
+def of_site(site: Site) -> Shaking:
+    """The motions of a study; records from their files, before any product is made."""
+    motion = site.config.motion
+    if isinstance(motion, PulseConfig):
+        return Pulses(motion.pgv_pga, motion.pga)
+    if isinstance(motion, TableMotionConfig):
+        from pipeline import table_motions
+
+        return Tables(*table_motions.of_site(site, motion), motion.pga)
+    from pipeline.records import load
+
+    ready = load(site, motion)
+    return Records(
+        tuple(one.name for one in ready),
+        tuple(one.trace for one in ready),
+        tuple(one.measures.pgv_pga for one in ready),
+        motion.pga,
+    )

@@ -1,0 +1,132 @@
+"""A recorded acceleration as read, and the units in which files state it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core import GRAVITY
+from vsr_core.errors import Unfit
+
+Array = NDArray[np.float64]
+
+_FACTORS = {
+    1.0: ("m/s2", "m/s/s", "ms-2", "m*s-2", "meter/second2"),
+    0.01: ("cm/s2", "cm/s/s", "cms-2", "cm*s-2", "gal", "gals"),
+    0.001: ("mm/s2", "mm/s/s", "mms-2", "mm*s-2"),
+    GRAVITY: ("g", "standard_gravity"),
+    0.001 * GRAVITY: ("mg",),
+}
+_KNOWN = {name: factor for factor, names in _FACTORS.items() for name in names}
+
+_RAW = ("counts", "count", "v", "volt", "volts", "mv")
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Acceleration at evenly spaced times, from one instrument.
+
+    Attributes
+    ----------
+    acceleration : ndarray, shape (n,) or (n, channels) [m/s^2], nan where a sample is missing
+    interval : float [s]
+    channels : tuple of str, one name per channel
+    station : str, as the file names it; may be empty
+    source : str, format and origin in words
+    unit : str, of the acceleration in the file
+    repairs : tuple of str, what was mended, in words
+    """
+
+    acceleration: Array
+    interval: float
+    channels: tuple[str, ...]
+    station: str
+    source: str
+    unit: str
+    repairs: tuple[str, ...] = ()
+
+    def channel(self, name: str | None) -> Record:
+        """The record of one channel; without a name, of the only one.
+
+        Raises
+        ------
+        Unfit
+            If there is no such channel, or several to choose from.
+        """
+        columns = self.acceleration.reshape(len(self.acceleration), -1)
+        listed = ", ".join(self.channels)
+        if name is None and len(self.channels) == 1:
+            return replace(self, acceleration=columns[:, 0])
+        if name is None:
+            raise Unfit(
+                f"{len(self.channels)} channels ({listed})",
+                "a rock is shaken along one",
+                "name one of them as motion.component",
+            )
+        if name not in self.channels:
+            raise Unfit(f"no channel {name!r}", f"the channels are {listed}", "name one of them")
+        at = self.channels.index(name)
+        return replace(self, acceleration=columns[:, at], channels=(name,))
+
+
+def factor(unit: str) -> float:
+    """What one of a unit is in m/s^2.
+
+    Raises
+    ------
+    Unfit
+        For counts and volts, which only an instrument's response makes an acceleration, and for
+        what is no unit of acceleration.
+
+    Examples
+    --------
+    >>> factor("cm/sec^2"), factor("m s**-2"), factor("Gal")
+    (0.01, 1.0, 0.01)
+    """
+    name = _plain(unit)
+    if name in _RAW:
+        raise Unfit(
+            f"a record in {unit}",
+            "only the instrument's response makes an acceleration of it",
+            "give the response (motion.response), or convert the record to m/s2",
+        )
+    if name not in _KNOWN:
+        raise Unfit(
+            f"the unit {unit!r}", "it is m/s2, cm/s2, mm/s2, gal, g or mg", "correct motion.unit"
+        )
+    return _KNOWN[name]
+
+
+def is_acceleration(unit: str) -> bool:
+    """Whether a unit is one of acceleration."""
+    return _plain(unit) in _KNOWN
+
+
+def stated(in_file: str | None, given: str | None) -> str:
+    """The unit of a file: what it states, or what is given where it states none.
+
+    Raises
+    ------
+    Unfit
+        If neither is there, or the two differ.
+    """
+    if in_file is None and given is None:
+        raise Unfit(
+            "a record without a unit",
+            "a number alone is no acceleration",
+            "state it as motion.unit",
+        )
+    if in_file is not None and given is not None and factor(in_file) != factor(given):
+        raise Unfit(
+            f"motion.unit {given} for a file in {in_file}",
+            "the two agree where a file states its unit",
+            "leave motion.unit out, or correct the file",
+        )
+    return str(in_file if in_file is not None else given)
+
+
+def _plain(unit: str) -> str:
+    name = unit.strip().lower().replace("sec", "s").replace("^", "").replace("**", "")
+    return name.replace(" ", "").replace("·", "*")

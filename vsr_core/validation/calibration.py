@@ -1,0 +1,58 @@
+"""From the share of an ensemble to a probability, calibrated on half of the ground motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """P = 1 / (1 + exp(-(intercept + slope * log-odds of the ensemble))).
+
+    Attributes
+    ----------
+    intercept, slope : float; 0 and 1 leave the ensemble as it is
+    tests : int, on which it was fitted
+    """
+
+    intercept: float = 0.0
+    slope: float = 1.0
+    tests: int = 0
+
+    def probability(self, overturned: Array, members: Array) -> Array:
+        """Calibrated probabilities, shape (n,); see ``calibrate``."""
+        score = self.intercept + self.slope * log_odds(overturned, members)
+        return np.asarray(1.0 / (1.0 + np.exp(-score)))
+
+
+def log_odds(overturned: Array, members: Array) -> Array:
+    """Log-odds of overturning with half a member more on each side (Jeffreys), shape (n,)."""
+    return np.asarray(np.log((overturned + 0.5) / (members - overturned + 0.5)))
+
+
+def calibrate(overturned: Array, members: Array, happened: Flags) -> Calibration:
+    """Logistic regression of outcomes on the ensemble's log-odds (Platt 1999).
+
+    Parameters
+    ----------
+    overturned, members : ndarray, shape (n,), members that overturned and that have a verdict
+    happened : ndarray of bool, shape (n,)
+
+    Returns
+    -------
+    Calibration
+        One that changes nothing where all tests ended alike.
+    """
+    from sklearn.linear_model import LogisticRegression
+
+    if happened.all() or not happened.any():
+        return Calibration()
+    score = log_odds(overturned, members)[:, None]
+    fit = LogisticRegression(C=np.inf).fit(score, happened)
+    return Calibration(float(fit.intercept_[0]), float(fit.coef_[0, 0]), len(happened))
