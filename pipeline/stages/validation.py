@@ -1,0 +1,161 @@
+"""Validation: every recorded shake-table test predicted as a probability, and scored."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pipeline import pages, writers
+from pipeline.datasets import described, netcdf
+from pipeline.keys import digest_file
+from pipeline.layers import Site
+from pipeline.shake_table import ASSUMED, OUTCOMES, RECORDS, Tests, scan, scans_in, tests_in
+from pipeline.stage import Job, Product, Stage
+from pipeline.table_runs import ROOTS, Draw, outcomes
+from vsr_core.outcome import Outcome
+
+if TYPE_CHECKING:
+    from pipeline.validating import Predictions
+
+FILE, TABLE, PAGE, DOUBTS, FAILED = (
+    "validation.nc",
+    "validation.csv",
+    "validation.html",
+    "validation_unknowns.csv",
+    "validation_failed.csv",
+)
+
+DOUBTFUL = (0.15, 0.85)
+"""Tests with a share in this range are run again at the ends of each prior."""
+
+
+def make(job: Job) -> Product:
+    """Predict the tests, score the predictions beside others', and say what they hang on."""
+    from pipeline import validating
+    from pipeline.figures import validation as figures
+    from pipeline.figures.style import pictures, png_uri
+
+    tests = tests_in(job.site.folder)
+    forms = validating.forms({n: scan(path) for n, path in scans_in(job.site.folder).items()})
+    predicted = _predict(job, tests, forms)
+    doubts = _doubts(job, tests, forms, predicted)
+    records = validating.records(tests, predicted)
+    failed = validating.failed(tests, predicted)
+    drawn = {
+        "validation_reliability": figures.reliability(tests, predicted),
+        "validation_roc": figures.roc(tests, predicted),
+        "validation_fragility": figures.fragility(tests, predicted),
+        "validation_tests": figures.map_of_tests(tests, predicted),
+    }
+    facts = {
+        "site": job.site.name,
+        "tests": len(tests.number),
+        "specimens": validating.specimens(tests, forms),
+        "assumed": tests.config.model_dump(mode="json"),
+        "records": records,
+        "calibration": predicted.calibration,
+        "classes": validating.confusions(tests, predicted),
+        "doubts": doubts,
+        "failed": failed,
+        "pictures": {name: png_uri(figure) for name, figure in drawn.items()},
+    }
+    dataset = described(validating.dataset(tests, predicted), job, "Shake-table tests")
+    files = {
+        FILE: netcdf(dataset),
+        TABLE: writers.table(validating.COLUMNS, records),
+        DOUBTS: writers.table(validating.DOUBT_COLUMNS, doubts),
+        FAILED: writers.table(validating.FAILED_COLUMNS, failed),
+        PAGE: writers.text(pages.filled("validation.html", facts)),
+    }
+    for name, figure in drawn.items():
+        files |= pictures(name, figure)
+    unresolved = int((predicted.members < tests.config.members).sum())
+    return Product(files, _summary(records), unresolved=unresolved)
+
+
+def _predict(job: Job, tests: Tests, forms: Any) -> Predictions:
+    from pipeline import validating
+    from vsr_core.validation.priors import best_guess, draws
+
+    priors = tests.config.priors()
+    members = {
+        f"{specimen}/{number}": Draw(specimen, member)
+        for specimen in tests.specimens
+        for number, member in enumerate(draws(priors, tests.config.members))
+    }
+    guesses = {
+        f"{specimen}/best guess": Draw(specimen, best_guess(priors)) for specimen in tests.specimens
+    }
+    every = {**guesses, **members}
+    job.log(f"validation: {len(tests.number)} tests, {len(tests.specimens)} specimens")
+    found = outcomes(job, tests, forms, every, dict.fromkeys(every, tests.number))
+    return validating.predictions(tests, found)
+
+
+def _doubts(job: Job, tests: Tests, forms: Any, predicted: Predictions) -> list[dict[str, Any]]:
+    """What each unknown does to the tests that are in doubt, from one end of it to the other."""
+    from vsr_core.validation.priors import extremes
+
+    low, high = DOUBTFUL
+    draws: dict[str, Draw] = {}
+    wanted: dict[str, tuple[int, ...]] = {}
+    unknowns = extremes(tests.config.priors())
+    for row, specimen in enumerate(tests.specimens):
+        share = predicted.share[row]
+        doubtful = tuple(
+            number
+            for number, p in zip(tests.number, share.tolist(), strict=True)
+            if low <= p <= high
+        )
+        for unknown, pair in unknowns.items():
+            for end, member in zip(("low", "high"), pair, strict=True):
+                name = f"{specimen}/{unknown}/{end}"
+                draws[name], wanted[name] = Draw(specimen, member), doubtful
+    found = outcomes(job, tests, forms, draws, wanted)
+    records = []
+    for specimen in tests.specimens:
+        for unknown in unknowns:
+            low_end, high_end = (found[f"{specimen}/{unknown}/{end}"] for end in ("low", "high"))
+            sides = [
+                [row.outcome == Outcome.OVERTURNED for row in end.values()]
+                for end in (low_end, high_end)
+            ]
+            count = len(sides[0])
+            changed = sum(one != other for one, other in zip(*sides, strict=True))
+            records.append(
+                {
+                    "specimen": specimen,
+                    "unknown": unknown,
+                    "tests": count,
+                    "overturned_low": sum(sides[0]),
+                    "overturned_high": sum(sides[1]),
+                    "changed": changed / count if count else float("nan"),
+                }
+            )
+    return records
+
+
+def _summary(records: list[dict[str, Any]]) -> str:
+    rows = [r for r in records if r["predictor"] == "ensemble" and r["subset"] == "all"]
+    parts = [
+        f"specimen {r['specimen']}: balanced accuracy {r['balanced_accuracy']:.3f}, "
+        f"Matthews {r['matthews']:.3f}, Brier {r['brier']:.4f}"
+        for r in rows
+        if r["n"]
+    ]
+    return "; ".join(parts) or "no outcomes to compare with"
+
+
+def _inputs(site: Site) -> dict[str, str]:
+    names = [RECORDS, OUTCOMES, ASSUMED, *(path.name for path in scans_in(site.folder).values())]
+    paths = [site.folder / name for name in names]
+    page = {"page": pages.digest("validation.html")}
+    return page | {path.name: digest_file(path) for path in paths if path.is_file()}
+
+
+STAGE = Stage(
+    name="validation",
+    make=make,
+    code=ROOTS,
+    inputs=_inputs,
+    versions=("scikit-learn", "scipy"),
+)
