@@ -8,13 +8,12 @@ import sys
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pipeline import ROOT
 from pipeline.problems import InputError, Problem
 
 if TYPE_CHECKING:
-    from pipeline.layers import Site
     from pipeline.stage import Job
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
@@ -29,6 +28,7 @@ PRODUCTS = (
     "accuracy",
     "stability",
     "drive",
+    "validation",
 )
 """What `run` can make; each is a stage of that name."""
 
@@ -43,6 +43,7 @@ SHOWN = {
     "accuracy": ("accuracy.html", "accuracy.csv", "work_precision.png"),
     "stability": ("stability.html", "stability.csv", "stability_map.png"),
     "drive": ("drive.html", "drive.csv", "drive.nc"),
+    "validation": ("validation.html", "validation.csv", "validation.nc"),
     "feasible": ("feasible.png", "feasible.csv"),
 }
 """Files that are named when a product is done."""
@@ -95,14 +96,15 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--derived", default=str(ROOT / "data" / "derived"), metavar="DIR")
         return sub
 
-    def add_site(sub: argparse.ArgumentParser) -> None:
-        sub.add_argument("--site", required=True, metavar="NAME_OR_YAML")
+    def add_site(sub: argparse.ArgumentParser, required: bool = True) -> None:
+        sub.add_argument("--site", required=required, metavar="NAME_OR_YAML")
         sub.add_argument("--study", metavar="NAME_OR_YAML")
         sub.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
 
     run = add("run", _run, "make a product and all that it needs")
     run.add_argument("product", choices=PRODUCTS, metavar="PRODUCT", help=", ".join(PRODUCTS))
-    add_site(run)
+    add_site(run, required=False)
+    run.add_argument("--table", metavar="FOLDER", help="recorded shake-table tests to predict")
     prep = add("prep", _prep, "rock and terrain of a scan, with a page of every step to look at")
     add_site(prep)
     where = run.add_mutually_exclusive_group()
@@ -248,8 +250,14 @@ def _job(options: argparse.Namespace) -> Job:
     from pipeline.stage import Job
     from pipeline.store import Store
 
-    site: Site = load_site(options.site, options.study, tuple(options.settings))
     given = vars(options)
+    if given.get("product") == "validation":
+        from pipeline.shake_table import site_of
+
+        site = site_of(_wanted(given, "table", "a folder of shake-table tests"))
+    else:
+        name = str(_wanted(given, "site", "a site, or the path of its YAML"))
+        site = load_site(name, options.study, tuple(options.settings))
     cores = (
         len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     )
@@ -262,6 +270,15 @@ def _job(options: argparse.Namespace) -> Job:
         _log,
     )
     return Job(site, Store(Path(options.derived) / site.name), cluster, "", _log)
+
+
+def _wanted(given: dict[str, Any], option: str, what: str) -> Path:
+    value = given.get(option)
+    if not value:
+        raise InputError(
+            Problem(f"--{option}", "", "nothing", f"the product needs {what}", "give it")
+        )
+    return Path(value)
 
 
 def _workers(text: str) -> int:

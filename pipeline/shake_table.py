@@ -50,15 +50,15 @@ class TableConfig(Section):
         0.5, ge=0, le=1, description="probability that the drive points the other way [1]"
     )
     friction: Pair = Field((0.5, 0.9), description="range of the friction [1]")
-    restitution: Pair = Field((0.0, 0.5), description="range of the restitution [1]")
+    restitution: Pair = Field((0.0, 0.0), description="range of the restitution [1]")
     amplitude: Spread = Field(
         Spread(mean=1.0, sd=0.03), description="factor on the acceleration [1]"
     )
-    mixing: Pair = Field((0.25, 0.75), description="way from a scan to that of its replica [1]")
+    mixing: Pair = Field((0.15, 0.85), description="way from a scan to that of its replica [1]")
     base_error: float = Field(
-        2.0, ge=0, le=10, description="error of the base, in errors of one scan [1]"
+        1.0, ge=0, le=10, description="error of the base, in units of a scan without replica [1]"
     )
-    centre_of_mass: float = Field(0.003, ge=0, le=1, description="its error along each axis [m]")
+    centre_of_mass: float = Field(0.004, ge=0, le=1, description="its error along each axis [m]")
     members: int = Field(20, ge=1, le=10_000, description="draws of the ensemble")
 
     def priors(self) -> Priors:

@@ -20,12 +20,12 @@ from vsr_core import GRAVITY
 if TYPE_CHECKING:
     from vsr_core.motion import GroundMotion
     from vsr_core.records.trace import Trace
-    from vsr_core.table_motion import SampledMotion
+    from vsr_core.sampled_motion import SampledMotion
 
 FILE = "motions.nc"
 
 RECORD_CODE = ("vsr_core.records.motion:RecordedMotion",)
-TABLE_CODE = ("vsr_core.table_motion:SampledMotion",)
+TABLE_CODE = ("vsr_core.sampled_motion:SampledMotion",)
 MOTION_CODE = ("vsr_core.motion:CosinePulse", *RECORD_CODE, *TABLE_CODE)
 """Roots of the code of all motions, which runs reach through a variable."""
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from vsr_core.table_motion import SampledMotion
+    from vsr_core.sampled_motion import SampledMotion
 
     Array = NDArray[np.float64]
 
@@ -44,7 +44,8 @@ def load(path: Path) -> SampledMotion:
     """
     import numpy as np
 
-    from vsr_core.table_motion import AXES, sampled
+    from vsr_core.sampled_motion import sampled
+    from vsr_core.table_motion import AXES
 
     try:
         columns = _netcdf(path) if path.suffix.lower() in (".nc", ".nc4") else _csv(path)

@@ -15,7 +15,7 @@ from vsr_core.errors import Unfit
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vsr_core.table_motion import SampledMotion
+    from vsr_core.sampled_motion import SampledMotion
 
 Loaded = tuple[tuple[str, ...], tuple["SampledMotion", ...], tuple[float, ...]]
 """Names, motions and their PGV/PGA [s], by ascending PGV/PGA."""
@@ -86,7 +86,7 @@ def of_dataset(data: Any) -> Loaded:
     """The motions from the product."""
     import numpy as np
 
-    from vsr_core.table_motion import SampledMotion
+    from vsr_core.sampled_motion import SampledMotion
 
     ends = np.cumsum(data["record_size"].values)
     samples = np.hstack([data["table_position"].values, data["table_angle"].values])

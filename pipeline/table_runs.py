@@ -169,7 +169,7 @@ def _identities(
     shapes = {
         specimen: keys.digest_bytes(
             *(part.tobytes() for part in (form.vertices, form.normals, form.faces, form.other)),
-            repr(form.error).encode(),
+            repr(form.spread).encode(),
         )
         for specimen, form in forms.items()
     }

@@ -120,11 +120,11 @@ def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, tuple[Fla
     share, calibrated = made.share[row], made.calibrated[row]
     velocity = logistic(intensity.sum(axis=1, keepdims=True), happened, motions)
     found: dict[str, tuple[Flags, Array | None]] = {
-        "ensemble": (share >= 0.5, share),
-        "calibrated ensemble": (calibrated >= 0.5, calibrated),
+        "ensemble": (scores.decided(share), share),
+        "calibrated ensemble": (scores.decided(calibrated), calibrated),
         "best guess": (made.best_guess[row], None),
-        "logistic of PGA and PGV/PGA": (regression >= 0.5, regression),
-        "logistic of PGV": (velocity >= 0.5, velocity),
+        "logistic of PGA and PGV/PGA": (scores.decided(regression), regression),
+        "logistic of PGV": (scores.decided(velocity), velocity),
         "always balanced": (np.zeros(len(happened), dtype=bool), None),
     }
     for (owner, name), values in tests.published.items():
@@ -202,7 +202,7 @@ def confusions(tests: Tests, made: Predictions) -> list[Record]:
         if specimen not in tests.happened:
             continue
         happened = np.array(tests.happened[specimen]) == 1
-        sides = made.share[row] >= 0.5
+        sides = scores.decided(made.share[row])
         for name, unit, values in (("PGA", "g", tests.pga), ("PGV/PGA", "s", tests.pgv_pga)):
             measure = np.array(values)
             edges = np.quantile(measure, np.linspace(0.0, 1.0, CLASSES + 1))
@@ -250,10 +250,10 @@ def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
     found = xr.Dataset(
         {
             "probability": (dims, made.share),
-            "predicted": (dims, (made.share >= 0.5).astype("i1")),
+            "predicted": (dims, _decided(made.share)),
             "best_guess": (dims, made.best_guess.astype("i1")),
             "probability_calibrated": (dims, made.calibrated),
-            "predicted_calibrated": (dims, (made.calibrated >= 0.5).astype("i1")),
+            "predicted_calibrated": (dims, _decided(made.calibrated)),
             "members": (dims, made.members.astype("i4")),
             "happened": (dims, happened),
         },
@@ -268,3 +268,7 @@ def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
     )
     found["happened"].encoding["_FillValue"] = np.int8(-1)
     return found
+
+
+def _decided(probability: Array) -> NDArray[np.int8]:
+    return np.array([scores.decided(row) for row in probability], dtype=np.int8)

@@ -23,18 +23,11 @@ from vsr_core.errors import Unfit
 from vsr_core.motion import CosinePulse
 from vsr_core.outcome import Outcome, Response
 from vsr_core.precheck import check
+from vsr_core.sampled_motion import SampledMotion, sampled
 from vsr_core.scene import Contact, Rock, Scene, State
 from vsr_core.servo import PUBLISHED
 from vsr_core.simulate import Settings, prepare, simulate
-from vsr_core.table_motion import (
-    AXES,
-    AxisPulse,
-    SampledMotion,
-    TableMotion,
-    rotation,
-    sampled,
-    spin,
-)
+from vsr_core.table_motion import AXES, AxisPulse, AxisPulses, TableMotion, rotation, spin
 
 Array = NDArray[np.float64]
 STEP = 1e-3

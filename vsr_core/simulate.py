@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY, bounds, engines, scene, servo
+from vsr_core.errors import Unfit
+from vsr_core.hull import convex_hull, settle
 from vsr_core.motion import GroundMotion
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
 from vsr_core.sampling import MOST_SUBSTEPS, first_step, samples, sampling
@@ -43,8 +45,8 @@ CREEP_SHARE = 1e-4
 """Farthest way of a rock in that time, as a share of its radius: even in the longest wait it would
 not creep a sixth of the way that counts as displaced."""
 
-LEVEL_TILT = 1e-3
-"""Tilt [rad] up to which a rock at rest stands on the face that it began on."""
+STANDING_TURN = 3e-3
+"""Farthest turn [rad] of a rock at rest from the face that it stands on."""
 
 STILL_SHARE = 0.95
 """Share of the range in which nothing moves a rock that is used once it has moved."""
@@ -233,11 +235,14 @@ class _Run:
 
     def _pass_over_rest(self) -> None:
         """Go on at the next push if the rock rests: until then nothing moves it."""
-        if self.tilt > LEVEL_TILT or not self._rests():
+        if self.tilt > self.limits.toppled_tilt or not self._rests():
             return
         turn = self.state.rotation
-        yaw = round(math.degrees(math.atan2(turn[1, 0], turn[0, 0])))
-        lowest, highest = _still_range(self.rock, self.contact, yaw)
+        upright = _upright(turn[2])
+        heading = turn @ upright.T
+        yaw = round(math.degrees(math.atan2(heading[1, 0], heading[0, 0])))
+        up = tuple(np.round(turn[2], 3).tolist())
+        lowest, highest = _still_range(self.rock, self.contact, up, yaw)
         ahead = self.values[self.sample : self.pulse_samples]
         moved = ~((STILL_SHARE * lowest <= ahead) & (ahead <= STILL_SHARE * highest))
         passed = int(np.argmax(np.append(moved, True)))
@@ -360,7 +365,25 @@ class _Run:
         return Response(outcome, decided_by, self.peak_tilt, self.tilt, self.slip, steps)
 
 
+def _upright(up: Array) -> Array:
+    """Smallest rotation, shape (3, 3), that takes a direction of the rock, shape (3,), upward."""
+    from scipy.spatial.transform import Rotation
+
+    axis = np.cross(up, [0.0, 0.0, 1.0])
+    sine = float(np.linalg.norm(axis))
+    angle = math.atan2(sine, float(up[2]))
+    return Rotation.from_rotvec(axis * (angle / sine if sine else 0.0)).as_matrix()
+
+
 @lru_cache(maxsize=1024)
-def _still_range(rock: Rock, contact: Contact, degrees: int) -> tuple[float, float]:
-    """``bounds.still_range`` of a rock that was turned by whole degrees."""
-    return bounds.still_range(rock, contact, math.radians(degrees))
+def _still_range(
+    rock: Rock, contact: Contact, up: tuple[float, float, float], degrees: int
+) -> tuple[float, float]:
+    """``bounds.still_range`` of a rock that stands with ``up`` upward, turned by whole degrees."""
+    hull = convex_hull(rock.vertices @ _upright(np.array(up)).T)
+    try:
+        settled, _ = settle(hull, STANDING_TURN)
+    except Unfit:
+        return 0.0, 0.0
+    standing = replace(rock, vertices=hull.turned(settled).vertices)
+    return bounds.still_range(standing, contact, math.radians(degrees))

@@ -22,6 +22,7 @@ from vsr_core.sampling import first_step, samples, sampling
 from vsr_core.scene import Reduction, Rock, Scene, State
 from vsr_core.simulate import ENERGY_SLACK, HALVINGS, Settings
 from vsr_core.stance import still_range
+from vsr_core.table_motion import TableMotion
 
 Array = NDArray[np.float64]
 
@@ -149,7 +150,8 @@ class Site:
     seat : Scene, on a terrain and with a start, as detailed as it is known
     flight : Scene, of the same rock on the same terrain, for the time after toppling
     toppled_tilt : float [rad], beyond which the rock has toppled
-    still : tuple of float, lowest and highest table acceleration [m/s^2] that move nothing
+    still : tuple of float, lowest and highest table acceleration [m/s^2] that move nothing; zeros
+        where that is not known
     """
 
     seat: Scene
@@ -167,11 +169,23 @@ def travel(site: Site, motion: GroundMotion, settings: Settings, *, follow: bool
     ----------
     site : Site
     motion : GroundMotion, along (cos yaw, -sin yaw)
-    settings : Settings; ``reduce`` lets the run go on in the lighter scene once the rock toppled
+    settings : Settings; ``reduce`` lets the run begin at the first push and go on in the lighter
+        scene once the rock toppled
     follow : bool
         Whether to go on after toppling; without, only the outcome and the way up to there are
         wanted.
+
+    Raises
+    ------
+    Unfit
+        For a motion in several axes.
     """
+    if isinstance(motion, TableMotion):
+        raise Unfit(
+            "a table in several axes under a terrain",
+            "a rock on a terrain is shaken in one direction",
+            "take a motion along one axis, or a flat pedestal",
+        )
     if settings.reduce and motion.peak_acceleration < min(-site.still[0], site.still[1]):
         assert site.seat.start is not None
         stands = Response(Outcome.BALANCED, DecidedBy.NO_UPLIFT_BOUND, 0.0, 0.0, 0.0, 0)
@@ -271,12 +285,15 @@ class _Run:
         self.floor = GRAVITY * (self.terrain.lowest - self.radius)
         self.world = self._enter(scene)
         self.start = self.state = scene.start
-        self.sample = self.looks = 0
-        self.time = 0.0
+        self.begin = self.sample = self._first_push() if settings.reduce else 0
+        self.looks = 0
+        self.time = self.sample * self.interval
         self.tilt = self.peak_tilt = self.slip = 0.0
         self.toppled = False
         self.rest = _Rest(self.radius)
         self.kept: list[tuple[float, State, bool]] = [(0.0, self.state, True)]
+        if self.begin:
+            self.kept.append((self.time, self.state, True))
         self.touched = True
 
     def to_the_end(self, follow: bool) -> Travel:
@@ -291,6 +308,14 @@ class _Run:
                 return self._ended(*decided)
         outcome = Outcome.OVERTURNED if self.toppled else Outcome.UNSETTLED
         return self._ended(outcome, StopReason.TIME)
+
+    def _first_push(self) -> int:
+        """Number of the first sample that moves the rock: until there it stays where it stands."""
+        lowest, highest = self.site.still
+        if not lowest < 0.0 < highest:
+            return 0
+        shaken = self.values[: self.pulse_samples]  # what is not a number is a push
+        return int(np.argmax(np.append(~((lowest <= shaken) & (shaken <= highest)), True)))
 
     def _look(self, until: int) -> tuple[Outcome, StopReason] | None:
         """Read the rock; what ends the run if a guard fails or there is no ground any more."""
@@ -392,7 +417,7 @@ class _Run:
             self.peak_tilt,
             self.tilt,
             self.slip,
-            self.sample * self.substeps,
+            (self.sample - self.begin) * self.substeps,
         )
         return Travel(response, stop, _trajectory(self.kept))
 

@@ -28,20 +28,18 @@ class Priors:
     restitution : (low, high) [1]
     amplitude : (mean, sd) [1], factor on the acceleration, for its gain
     mixing : (low, high) [1], way from the scan to that of a replica, where there is one
-    error : float [1], error of the base in units of that of one scan, by its difference from a
-        replica: two scans made alike share errors that their difference does not show, and the
-        underside is what a scan sees least of
+    error : float [1], error of the base in units of what is not known of it (see ``Form.spread``)
     centre : float [m], sd of the centre of mass along each axis: density, closing of the scan
     """
 
     azimuth: tuple[float, float] = (math.radians(-7.5), math.radians(7.5))
     reversed_share: float = 0.5
     friction: tuple[float, float] = (0.5, 0.9)
-    restitution: tuple[float, float] = (0.0, 0.5)
+    restitution: tuple[float, float] = (0.0, 0.0)
     amplitude: tuple[float, float] = (1.0, 0.03)
-    mixing: tuple[float, float] = (0.25, 0.75)
-    error: float = 2.0
-    centre: float = 0.003
+    mixing: tuple[float, float] = (0.15, 0.85)
+    error: float = 1.0
+    centre: float = 0.004
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +108,7 @@ def best_guess(priors: Priors) -> Member:
 
 
 def extremes(priors: Priors) -> dict[str, tuple[Member, Member]]:
-    """For each unknown, the best guess with it at the 16th and at the 84th percentile."""
+    """For each unknown that has a range, the best guess at its 16th and at its 84th percentile."""
     guess = best_guess(priors)
     along = np.array([math.cos(guess.azimuth), math.sin(guess.azimuth), 0.0])
     azimuth, spread = guess.azimuth, priors.azimuth[1]
@@ -132,7 +130,9 @@ def extremes(priors: Priors) -> dict[str, tuple[Member, Member]]:
         ],
     }
     return {
-        name: (replace(guess, **low), replace(guess, **high)) for name, (low, high) in pairs.items()
+        name: (replace(guess, **low), replace(guess, **high))
+        for name, (low, high) in pairs.items()
+        if str(low) != str(high)
     }
 
 

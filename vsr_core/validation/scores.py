@@ -68,6 +68,15 @@ def scored(happened: Flags, predicted: Flags, probability: Array | None = None) 
     )
 
 
+def decided(probability: Array) -> Flags:
+    """Whether each test is predicted to overturn: where it is likelier than the mean of all.
+
+    Of right probabilities, the limit that makes the balanced accuracy largest is the share of all
+    tests that overturn. Its estimate before any outcome is known is the mean probability.
+    """
+    return np.asarray(probability >= probability.mean())
+
+
 def mcnemar(happened: Flags, one: Flags, other: Flags) -> float:
     """Probability of so uneven a split of the tests on which only one of two predictors is right.
 

@@ -20,7 +20,7 @@ from vsr_core.validation.priors import Member
 STEP_SHARE = 0.0085
 """Time step as a share of sqrt(radius / g)."""
 
-PAST_TOPPLING = math.radians(10.0)
+PAST_TOPPLING = math.radians(4.0)
 """Vertices that touch only this far beyond the tilt of a toppled rock are left out [rad]."""
 
 

@@ -53,6 +53,9 @@ class Form:
     faces : ndarray of int, shape (m, 3)
     other : ndarray, shape (n, 3) [m], nearest points of a scan of the same form, else ``vertices``
     error : float [m], standard deviation of one scan at the base
+    spread : float [m], of the errors that are added to a draw: none where draws lie between two
+        scans. A scan is rougher than its rock by its own error, and one more would have the rock
+        stand on bumps that are not there, wider and safer than it does.
     replica : bool, whether there is another scan of the form
     """
 
@@ -61,6 +64,7 @@ class Form:
     faces: NDArray[np.int64]
     other: Array
     error: float
+    spread: float
     replica: bool
 
 
@@ -86,8 +90,9 @@ def form(scan: trimesh.Trimesh, replica: trimesh.Trimesh | None) -> Form:
         if np.median(distance) < ALIKE * np.ptp(vertices, axis=0).max():
             low = vertices[:, 2] < vertices[:, 2].min() + BASE_SHARE * np.ptp(vertices[:, 2])
             apart = np.einsum("ij,ij->i", other - vertices, normals)[low]
-            return Form(vertices, normals, faces, other, float(apart.std()) / np.sqrt(2.0), True)
-    return Form(vertices, normals, faces, vertices, SCAN_ERROR, False)
+            error = float(apart.std()) / np.sqrt(2.0)
+            return Form(vertices, normals, faces, other, error, 0.0, True)
+    return Form(vertices, normals, faces, vertices, SCAN_ERROR, SCAN_ERROR, False)
 
 
 def drawn(of: Form, member: Member, density: float) -> Rock:
@@ -109,7 +114,7 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
     middle = (1.0 - member.mixing) * of.vertices + member.mixing * of.other
     rng = np.random.default_rng(member.seed)
     for _ in range(TRIES):
-        error = member.error * of.error * _field(of.vertices, ERROR_LENGTH, rng)
+        error = member.error * of.spread * _field(of.vertices, ERROR_LENGTH, rng)
         body = trimesh.Trimesh(middle + of.normals * error[:, None], of.faces, process=False)
         centre = np.array(body.center_mass) + member.centre
         hull = convex_hull(np.array(body.vertices) - centre)
