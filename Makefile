@@ -31,7 +31,7 @@ help:
 	' Makefile
 
 ## A rock
-.PHONY: fragility displacement prep accuracy stability plan status why fetch
+.PHONY: fragility displacement prep accuracy stability drive feasible validate plan status why fetch
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(vsr) run fragility $(site) $(where)
 
@@ -47,6 +47,16 @@ accuracy: setup ## error of SITE's boundary against run time, beside other ways 
 stability: SITE ?= cuboid_1x1x2
 stability: setup ## stiff and extreme cases, each with its verdict
 	$(vsr) run stability $(site) $(where)
+
+drive: setup ## how a servo's table follows its motions, and what that does to SITE's boundary
+	$(vsr) run drive $(site) $(where)
+
+feasible: LIMITS ?= mini_shake_robot
+feasible: setup ## what a table of hardware can do of SITE's pulses
+	$(vsr) feasible $(site) --table $(call quoted,$(value LIMITS))
+
+validate: setup ## predict the shake-table tests in the folder TABLE, beside their outcomes
+	$(vsr) run validation --table $(call quoted,$(value TABLE)) $(derived) $(where)
 
 plan: setup ## what would run for SITE, and what it costs
 	$(vsr) plan $(site)
@@ -66,6 +76,8 @@ fetch: setup ## download the public original NAME into data/raw
 #: YAW=0,90               directions of shaking [degree]
 #: FRICTION=0.4,0.6       friction of rock on pedestal
 #: SET='a.b=1 c.d=2'      any other keys of the configuration
+#: LIMITS=mini_shake_robot a table in configs/tables, or any YAML file
+#: TABLE=folder           recorded shake-table tests
 #: WORKERS=4              worker processes; 0 for none
 #: SCHEDULER=tcp://h:8786 a running Dask scheduler
 #: DERIVED=folder         where results go, in place of data/derived

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pipeline.cluster import Batch
-from pipeline.config import PulseConfig
+from pipeline.motion_config import PulseConfig
 from pipeline.scenes import prepared
 from pipeline.stage import Job
 from pipeline.stages.precision import rows_of, time_step

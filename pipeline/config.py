@@ -6,10 +6,6 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
     ValidationInfo,
@@ -18,61 +14,13 @@ from pydantic import (
     model_validator,
 )
 
+from pipeline.motion_config import MotionConfig, TableMotionConfig
+from pipeline.sections import Section, Values, as_values
+
 if TYPE_CHECKING:
-    from vsr_core.records.processing import Processing
     from vsr_core.servo import Servo
 
-_DIGITS = 12
-
-
-class Section(BaseModel):
-    """A part of the configuration: unknown keys are refused, values never change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Range(Section):
-    """Evenly spaced values, both ends included."""
-
-    start: float
-    stop: float
-    num: int = Field(ge=1, le=100_000, description="number of values")
-
-    def values(self) -> tuple[float, ...]:
-        """The values, rounded so that overlapping ranges share them exactly."""
-        if self.num == 1:
-            return (round(self.start, _DIGITS),)
-        step = (self.stop - self.start) / (self.num - 1)
-        return tuple(round(self.start + step * i, _DIGITS) for i in range(self.num))
-
-
-def _as_values(given: Any) -> Any:
-    if isinstance(given, dict):
-        return Range(**given).values()
-    if isinstance(given, (int, float, str)):
-        return (given,)
-    return given
-
-
-def _distinct(values: tuple[float, ...]) -> tuple[float, ...]:
-    if not values:
-        raise ValueError("an empty grid has no runs; give at least one value")
-    if len(set(values)) != len(values):
-        raise ValueError("values repeat; give each once")
-    return values
-
-
-def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
-    if list(values) != sorted(values):
-        raise ValueError("values must ascend; sort them")
-    return values
-
-
-Values = Annotated[tuple[float, ...], AfterValidator(_distinct)]
-"""A number, a list or {start, stop, num}; becomes a dimension of the dataset."""
-
-Grid = Annotated[Values, AfterValidator(_ascending)]
-
+__all__ = ["Config", "Section"]
 
 Vector = tuple[float, float, float]
 
@@ -168,7 +116,7 @@ class ContactConfig(Section):
     restitution: float = Field(0.0, ge=0, le=1, description="normal restitution of the pair [1]")
     rolling_friction: float = Field(0.0, ge=0, description="rolling friction, a length [m]")
 
-    _values = field_validator("friction", mode="before")(_as_values)
+    _values = field_validator("friction", mode="before")(as_values)
 
     @field_validator("friction")
     @classmethod
@@ -178,114 +126,6 @@ class ContactConfig(Section):
         if max(friction) > 100.0:
             raise ValueError("friction above 100 is no Coulomb coefficient; use 10 for no sliding")
         return friction
-
-
-def _in_g(pga: tuple[float, ...]) -> tuple[float, ...]:
-    if pga[0] <= 0.0:
-        raise ValueError("a PGA is positive; start above 0 g")
-    if pga[-1] > 10.0:
-        raise ValueError(
-            "PGA is in g and at most 10; g? write 0.3 for 30 percent of g, or 1 for 9.81 m/s2"
-        )
-    return pga
-
-
-Peaks = Annotated[Grid, BeforeValidator(_as_values), AfterValidator(_in_g)]
-"""Peak ground accelerations [g]."""
-
-
-class PulseConfig(Section):
-    """The grid of cosine pulses."""
-
-    kind: Literal["cosine_pulse"] = "cosine_pulse"
-    pga: Peaks = Field(description="peak ground acceleration [g]")
-    pgv_pga: Grid = Field(description="ratio of peak velocity to peak acceleration [s]")
-
-    _values = field_validator("pgv_pga", mode="before")(_as_values)
-
-    @field_validator("pgv_pga")
-    @classmethod
-    def _in_seconds(cls, pgv_pga: tuple[float, ...]) -> tuple[float, ...]:
-        if pgv_pga[0] <= 0.0:
-            raise ValueError("PGV/PGA is positive; start above 0 s")
-        if pgv_pga[-1] > 10.0:
-            raise ValueError("PGV/PGA is in seconds and at most 10; s? write 0.3 for 300 ms")
-        return pgv_pga
-
-
-Corner = Annotated[float, Field(gt=0, le=1000)]
-
-
-class ProcessingConfig(Section):
-    """What is done to each record; no filter is there unless it is asked for."""
-
-    order: Literal["paper", "standard", "none"] = Field(
-        description="order: paper (filters), standard (line, filters, baseline) or none"
-    )
-    highpass: Corner | None = Field(description="corner [Hz] of the high-pass, or null")
-    lowpass: Corner | None = Field(description="corner [Hz] of the low-pass, or null")
-    poles: int = Field(4, ge=1, le=10, description="poles of each filter in one pass")
-    resample: Corner | None = Field(None, le=100_000, description="new rate [1/s], band-limited")
-
-    @model_validator(mode="after")
-    def _corners_make_sense(self) -> ProcessingConfig:
-        if self.order == "none" and (self.highpass is not None or self.lowpass is not None):
-            raise ValueError("order none has no corners; set both to null, or order to paper")
-        if (self.highpass or 0.0) >= (self.lowpass or math.inf):
-            raise ValueError("the high-pass lies below the low-pass; exchange the corners")
-        return self
-
-    def how(self) -> Processing:
-        """The same in the terms of the physics."""
-        from vsr_core.records.processing import Processing
-
-        return Processing(self.order, self.highpass, self.lowpass, self.poles, self.resample)
-
-
-class ResponseConfig(Section):
-    """Removal of an instrument's response."""
-
-    file: str = Field(description="StationXML of the instruments; relative to this file")
-    corners: tuple[float, float, float, float] = Field(
-        description="f1 < f2 < f3 < f4 [Hz] of the taper of the spectrum"
-    )
-
-    @field_validator("corners")
-    @classmethod
-    def _ascend(cls, corners: tuple[float, ...]) -> tuple[float, ...]:
-        if corners[0] < 0.0 or list(corners) != sorted(set(corners)):
-            raise ValueError("corners ascend from 0 Hz or more; sort them")
-        return corners
-
-
-class RecordConfig(Section):
-    """Recorded motions, each scaled to every PGA."""
-
-    kind: Literal["record"] = "record"
-    files: Annotated[tuple[str, ...], BeforeValidator(_as_values), Field(min_length=1)] = Field(
-        description="recorded motions or folders of them; relative to this file"
-    )
-    component: str | None = Field(None, description="channel or column, where a file has several")
-    unit: str | None = Field(None, description="unit of the files that state none, e.g. m/s2, gal")
-    response: ResponseConfig | None = None
-    processing: ProcessingConfig
-    pga: Peaks = Field(description="peak ground acceleration after processing [g]")
-
-
-class TableMotionConfig(Section):
-    """Motions of a table in up to six axes, each scaled to every PGA."""
-
-    kind: Literal["table"] = "table"
-    files: Annotated[tuple[str, ...], BeforeValidator(_as_values), Field(min_length=1)] = Field(
-        description="CSV or NetCDF files of time and axes; relative to this file"
-    )
-    pga: Peaks = Field(description="peak acceleration, tilt of gravity included [g]")
-
-
-MotionConfig = Annotated[
-    PulseConfig | RecordConfig | TableMotionConfig, Field(discriminator="kind")
-]
-"""The ground motions of a study; a kind is a class here and a function in `pipeline.shaking`."""
 
 
 class ServoConfig(Section):
@@ -377,7 +217,7 @@ class Config(Section):
     simulation: SimulationConfig = SimulationConfig()
     found: FoundConfig | None = None
 
-    _values = field_validator("yaw", mode="before")(_as_values)
+    _values = field_validator("yaw", mode="before")(as_values)
 
     @property
     def on_terrain(self) -> bool:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import graph, keys, tables
-from pipeline.config import PulseConfig
 from pipeline.datasets import described, netcdf, read
+from pipeline.motion_config import PulseConfig
 from pipeline.problems import InputError, Problem
 from pipeline.stage import Job
 from pipeline.stages.responses import FILE as RESPONSES

@@ -11,7 +11,7 @@ from typing import Any
 
 from pipeline import graph, shaking
 from pipeline.cluster import Cluster
-from pipeline.config import PulseConfig
+from pipeline.motion_config import PulseConfig
 from pipeline.scenes import left_out, prepared
 from pipeline.shaking import Cell, Shaking
 from pipeline.stage import Job, stages

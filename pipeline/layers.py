@@ -271,6 +271,8 @@ def _walk(
             continue
         place.append(part)
         models.append(inner)
+        if part.isdigit():  # an item of a list
+            continue
         field = inner.model_fields.get(part) if inner else None
         inner = _inner(field.annotation) if field else None
     return tuple(place), models

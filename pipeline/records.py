@@ -9,9 +9,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.config import RecordConfig, TableMotionConfig
 from pipeline.keys import digest_file
 from pipeline.layers import Site, shown
+from pipeline.motion_config import RecordConfig
 from pipeline.problems import InputError, Problem
 from vsr_core.errors import Unfit
 
@@ -41,8 +41,8 @@ class Ready:
     measures: Measures
 
 
-def find(site: Site, motion: RecordConfig | TableMotionConfig) -> list[Path]:
-    """The files, those of folders by name.
+def find(site: Site, files: tuple[str, ...]) -> list[Path]:
+    """The files named as ``motion.files``, those of folders by name.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def find(site: Site, motion: RecordConfig | TableMotionConfig) -> list[Path]:
     from vsr_core.records.formats import SUFFIXES
 
     found: list[Path] = []
-    for name in motion.files:
+    for name in files:
         path = (site.folder_of("motion.files") / name).resolve()
         inside = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
         if not path.exists():
@@ -85,7 +85,7 @@ def digests(site: Site) -> dict[str, str]:
     if not isinstance(motion, RecordConfig):
         return {}
     load(site, motion)
-    files = find(site, motion)
+    files = find(site, motion.files)
     if motion.response is not None:
         files.append(_response(site, motion))
     return {path.name: digest_file(path) for path in files}
@@ -99,7 +99,7 @@ def load(site: Site, motion: RecordConfig) -> tuple[Ready, ...]:
     InputError
         With a line for each file that cannot be used.
     """
-    files = tuple((path, digest_file(path)) for path in find(site, motion))
+    files = tuple((path, digest_file(path)) for path in find(site, motion.files))
     response = None if motion.response is None else _response(site, motion).read_bytes()
     return _loaded(site.file, files, response, motion)
 

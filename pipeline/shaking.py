@@ -11,9 +11,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from pipeline import keys
-from pipeline.config import Config, PulseConfig, TableMotionConfig
+from pipeline.config import Config
 from pipeline.datasets import read
 from pipeline.layers import Site
+from pipeline.motion_config import (
+    AxisPulseConfig,
+    MotionConfig,
+    PulseConfig,
+    RecordConfig,
+    TableMotionConfig,
+)
 from pipeline.store import Store
 from vsr_core import GRAVITY
 
@@ -21,12 +28,14 @@ if TYPE_CHECKING:
     from vsr_core.motion import GroundMotion
     from vsr_core.records.trace import Trace
     from vsr_core.sampled_motion import SampledMotion
+    from vsr_core.table_motion import AxisPulses
 
 FILE = "motions.nc"
 
 RECORD_CODE = ("vsr_core.records.motion:RecordedMotion",)
 TABLE_CODE = ("vsr_core.sampled_motion:SampledMotion",)
-MOTION_CODE = ("vsr_core.motion:CosinePulse", *RECORD_CODE, *TABLE_CODE)
+AXIS_CODE = ("vsr_core.table_motion:AxisPulses", "vsr_core.table_motion:AxisPulse")
+MOTION_CODE = ("vsr_core.motion:CosinePulse", *RECORD_CODE, *TABLE_CODE, *AXIS_CODE)
 """Roots of the code of all motions, which runs reach through a variable."""
 
 
@@ -101,6 +110,41 @@ class Pulses:
         return "cosine_pulse"
 
 
+@dataclass(frozen=True)
+class TablePulses:
+    """Cosine pulses on axes of a table, all at once; a row is the PGV/PGA of those without one."""
+
+    pulses: tuple[AxisPulseConfig, ...]
+    pgv_pga: tuple[float, ...]
+    pga: tuple[float, ...]
+    dimension: str = field(default="pgv_pga", init=False)
+
+    @property
+    def rows(self) -> tuple[float, ...]:
+        return self.pgv_pga
+
+    def motion(self, cell: Cell) -> AxisPulses:
+        from vsr_core.table_motion import AxisPulse, AxisPulses
+
+        return AxisPulses(
+            tuple(
+                AxisPulse(
+                    pulse.axis,
+                    pulse.share * cell.pga * GRAVITY,
+                    pulse.pgv_pga or self.pgv_pga[cell.row],
+                )
+                for pulse in self.pulses
+            )
+        )
+
+    def token(self, cell: Cell) -> bytes:
+        return struct.pack("<2d", self.pgv_pga[cell.row], cell.pga)
+
+    def identity(self) -> Any:
+        parts = [pulse.model_dump(mode="json") for pulse in self.pulses]
+        return ["table_pulses", parts, keys.digest(keys.code(AXIS_CODE))]
+
+
 @dataclass(frozen=True, eq=False)
 class Records:
     """Recorded motions, after processing, and scaled to each PGA."""
@@ -151,8 +195,9 @@ class Tables:
 
 def of_store(config: Config, store: Store) -> Shaking:
     """The motions of a study; records as the stage of motions has made them."""
-    if isinstance(config.motion, PulseConfig):
-        return Pulses(config.motion.pgv_pga, config.motion.pga)
+    pulses = _pulses(config.motion)
+    if pulses is not None:
+        return pulses
     data = read(store.folder / FILE)
     if isinstance(config.motion, TableMotionConfig):
         from pipeline import table_motions
@@ -176,12 +221,14 @@ def of_store(config: Config, store: Store) -> Shaking:
 def of_site(site: Site) -> Shaking:
     """The motions of a study; records from their files, before any product is made."""
     motion = site.config.motion
-    if isinstance(motion, PulseConfig):
-        return Pulses(motion.pgv_pga, motion.pga)
+    pulses = _pulses(motion)
+    if pulses is not None:
+        return pulses
     if isinstance(motion, TableMotionConfig):
         from pipeline import table_motions
 
         return Tables(*table_motions.of_site(site, motion), motion.pga)
+    assert isinstance(motion, RecordConfig)
     from pipeline.records import load
 
     ready = load(site, motion)
@@ -191,3 +238,13 @@ def of_site(site: Site) -> Shaking:
         tuple(one.measures.pgv_pga for one in ready),
         motion.pga,
     )
+
+
+def _pulses(motion: MotionConfig) -> Shaking | None:
+    """The motions that are told by the configuration alone."""
+    if isinstance(motion, PulseConfig):
+        return Pulses(motion.pgv_pga, motion.pga)
+    if isinstance(motion, TableMotionConfig) and motion.pulses:
+        assert motion.pgv_pga is not None
+        return TablePulses(motion.pulses, motion.pgv_pga, motion.pga)
+    return None

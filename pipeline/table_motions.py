@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pipeline import records, table_files
-from pipeline.config import TableMotionConfig
 from pipeline.keys import digest_file
 from pipeline.layers import Site, shown
+from pipeline.motion_config import AxisPulseConfig, TableMotionConfig
 from pipeline.problems import InputError, Problem
 from pipeline.stage import Job
 from vsr_core.errors import Unfit
@@ -24,10 +24,10 @@ Loaded = tuple[tuple[str, ...], tuple["SampledMotion", ...], tuple[float, ...]]
 def digests(site: Site) -> dict[str, str]:
     """Digests of the files, by name, for the key of what is made of them; all are read first."""
     motion = site.config.motion
-    if not isinstance(motion, TableMotionConfig):
+    if not isinstance(motion, TableMotionConfig) or motion.files is None:
         return {}
     of_site(site, motion)
-    return {path.name: digest_file(path) for path in records.find(site, motion)}
+    return {path.name: digest_file(path) for path in records.find(site, motion.files)}
 
 
 def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
@@ -38,8 +38,9 @@ def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
     InputError
         With a line for each file that cannot be used.
     """
+    assert motion.files is not None
     found, problems = {}, []
-    for path in records.find(site, motion):
+    for path in records.find(site, motion.files):
         try:
             found[path.stem] = _moving(table_files.load(path))
         except Unfit as error:
@@ -96,6 +97,16 @@ def of_dataset(data: Any) -> Loaded:
     )
     names = tuple(str(name) for name in data["record"].values)
     return names, motions, tuple(float(ratio) for ratio in data["pgv_pga"].values)
+
+
+def named(pulses: tuple[AxisPulseConfig, ...]) -> str:
+    """Pulses on axes in words, e.g. "x, 0.5 z of 0.2 s"."""
+    words = []
+    for pulse in pulses:
+        share = "" if pulse.share == 1.0 else f"{pulse.share:g} "
+        own = "" if pulse.pgv_pga is None else f" of {pulse.pgv_pga:g} s"
+        words.append(f"{share}{pulse.axis}{own}")
+    return ", ".join(words)
 
 
 def _moving(motion: SampledMotion) -> SampledMotion:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from pipeline.config import Section
 from pipeline.layers import TABLES, load_file
+from pipeline.sections import Section
 
 if TYPE_CHECKING:
     from vsr_core.shake_table import Table

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.config import Range
 from pipeline.layers import BASE, SITES, known, load_site
+from pipeline.sections import Range
 
 Refused = Callable[..., str]
 WriteSite = Callable[..., str]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from pipeline.stages import drive as stage
+from pipeline import driving
 from vsr_core import GRAVITY, solid
 from vsr_core.bounds import barrier
 from vsr_core.motion import CosinePulse
@@ -122,9 +122,9 @@ motion: {pga: [0.1, 1.0], pgv_pga: [0.2, 0.5]}
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stage, "ROWS", 2)
-    monkeypatch.setattr(stage, "LEVELS", 6)
-    monkeypatch.setattr(stage, "HALVINGS", 2)
+    monkeypatch.setattr(driving, "ROWS", 2)
+    monkeypatch.setattr(driving, "LEVELS", 6)
+    monkeypatch.setattr(driving, "HALVINGS", 2)
 
 
 def test_products(
@@ -171,6 +171,6 @@ def test_an_unstable_servo_is_refused_though_it_is_idle(
 
 
 def test_a_servo_of_the_site_is_one_case_more() -> None:
-    assert len(stage._drives(HELD)) == len(stage._drives(PUBLISHED)) == 3
+    assert len(driving.drives(HELD)) == len(driving.drives(PUBLISHED)) == 3
     own = replace(PUBLISHED, kp=3e7)
-    assert stage._drives(own)[-1].servo == own
+    assert driving.drives(own)[-1].servo == own

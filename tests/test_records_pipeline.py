@@ -200,7 +200,7 @@ def test_study_of_the_samples_goes_with_every_flat_site() -> None:
         if name.endswith("terrain") or name == "granite_dells":
             continue
         found = load_site(name, "records")
-        assert [path.stem for path in find(found, found.config.motion)] == names
+        assert [path.stem for path in find(found, found.config.motion.files)] == names
     motions = shaking.of_site(found)
     assert sorted(motions.rows) == names
     assert list(motions.pgv_pga) == sorted(motions.pgv_pga)

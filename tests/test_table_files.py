@@ -170,7 +170,8 @@ def test_another_file_is_another_motion(
     [
         (("drive=servo",), ("drive", "slides along x", "table_frame")),
         (("motion.files=[absent.csv]",), ("motion.files", "absent.csv", "not there")),
-        (("motion.pgv_pga=0.2",), ("motion.pgv_pga", "unknown key", "did you mean pga?")),
+        (("motion.pgv_pga=0.2",), ("motion.pgv_pga", "of its own", "leave")),
+        (("motion.pgv=0.2",), ("motion.pgv", "unknown key", "did you mean")),
     ],
 )
 def test_what_a_table_cannot_do(

@@ -27,11 +27,14 @@ from vsr_core.errors import Unfit
 from vsr_core.motion import CosinePulse
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, StopReason
 from vsr_core.precision import step_unit
+from vsr_core.records.motion import RecordedMotion
+from vsr_core.records.trace import Trace
 from vsr_core.sampling import MOST_SUBSTEPS, sampling
 from vsr_core.scene import Contact, Rock, Scene, State
 from vsr_core.simulate import HALVINGS, Settings, prepare, simulate
 from vsr_core.stance import SAFE_SHARE
 from vsr_core.surrogates.double_rock import double_rock
+from vsr_core.table_motion import AxisPulse, AxisPulses
 from vsr_core.terrain import Terrain
 from vsr_core.travel import Site, Travel
 
@@ -911,6 +914,76 @@ def test_nothing_moves_in_the_range_of_rest(yaw: float) -> None:
     assert (len(path.time), path.length, path.distance, path.largest_speed) == (1, 0, 0, 0)
     beyond = travel.travel(site, CosinePulse(1.01 * least, 0.15), usual(rock))
     assert beyond.response.decided_by is DecidedBy.SIMULATION
+
+
+def shaken_late(site: Site, pga_g: float, quiet: float) -> RecordedMotion:
+    """A pulse of 0.3 s after a tremble well within the range of rest."""
+    lowest, highest = site.still
+    before = np.where(np.arange(round(quiet / 0.01)) % 7 < 3, 0.8 * lowest, 0.8 * highest)
+    pulse = CosinePulse.from_g(pga_g, 0.3)
+    after = pulse.acceleration(0.01 * np.arange(200))
+    return RecordedMotion(Trace(np.concatenate([before, after, [0.0]]), 0.01))
+
+
+@cache
+def late(pga_g: float) -> tuple[Site, Travel, Travel]:
+    """With and without the time before the first push."""
+    site = staying("lump", "perch pieces", 0.0)
+    motion = shaken_late(site, pga_g, 1.5)
+    settings = Settings(1e-3)
+    skipped = travel.travel(site, motion, settings)
+    return site, skipped, travel.travel(replace(site, still=(0.0, 0.0)), motion, settings)
+
+
+@pytest.mark.parametrize("pga_g", [0.25, 0.45, 0.9])
+def test_a_run_begins_at_the_first_push(pga_g: float) -> None:
+    """Not in the tremble of 1.5 s before; nothing else is different."""
+    site, found, whole = late(pga_g)
+    assert found.response.outcome is whole.response.outcome
+    assert found.stop is whole.stop
+    assert whole.response.steps - found.response.steps > 1000
+    path, other = found.trajectory, whole.trajectory
+    assert path.time[0] == other.time[0] == 0.0
+    assert 1.48 < path.time[1] < 1.51
+    assert other.time[1] < 0.03
+    for part in ("position", "quaternion"):
+        np.testing.assert_array_equal(getattr(path, part)[1], getattr(path, part)[0])
+    assert not path.velocity[:2].any()
+    assert (np.diff(path.time[1:]) < 0.03).all()
+    times = np.linspace(0.0, 1.9, 60)
+    apart = np.abs(place(found, times) - place(whole, times)).max()
+    assert apart < 0.01 * site.seat.rock.radius
+
+
+def test_late_shaking_topples_some_and_some_not() -> None:
+    assert len({late(pga)[1].response.outcome for pga in (0.25, 0.45, 0.9)}) > 1
+
+
+def test_a_later_push_is_the_same_run_later() -> None:
+    """Times included; bits of the sampling times are all that differs."""
+    site = staying("lump", "perch pieces", 0.0)
+    settings = Settings(1e-3)
+    early, then = (travel.travel(site, shaken_late(site, 0.9, t), settings) for t in (0.5, 3.5))
+    assert early.response.outcome is then.response.outcome
+    one, other = early.trajectory, then.trajectory
+    count = min(len(one.time), 40)
+    np.testing.assert_allclose(other.time[1:count] - one.time[1:count], 3.0, atol=1e-9)
+    np.testing.assert_allclose(other.position[:count], one.position[:count], atol=1e-6)
+
+
+def test_a_run_begins_at_once_where_its_rest_is_not_known() -> None:
+    """Even unshaken: what is not at rest moves by itself."""
+    site = site_of("box", "cliff")
+    assert site.still == (0.0, 0.0)
+    motion = RecordedMotion(Trace(np.append(np.zeros(100), 0.1), 0.01))
+    assert travel.travel(site, motion, Settings(1e-3)).trajectory.time[1] < 0.03
+
+
+def test_no_table_in_several_axes() -> None:
+    site = site_of("box", "cliff")
+    for motion in (AxisPulse("x", 3.0, 0.2), AxisPulses((AxisPulse("z", 3.0, 0.2),))):
+        with pytest.raises(Unfit, match="several axes"):
+            travel.travel(site, motion, usual(site.seat.rock))  # type: ignore[arg-type]
 
 
 def test_the_rock_moves_well_beyond_its_range_of_rest() -> None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from pipeline import ROOT, comparing, pages, writers
 from pipeline.comparing import Place, Record
-from pipeline.config import PulseConfig
 from pipeline.datasets import described, netcdf, read
 from pipeline.layers import Site
+from pipeline.motion_config import PulseConfig
 from pipeline.problems import InputError, Problem
 from pipeline.scenes import ENGINE_CODE, RUN_CODE
 from pipeline.stage import Job, Product, Stage

@@ -6,9 +6,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pipeline import records, table_motions
-from pipeline.config import PulseConfig, RecordConfig, TableMotionConfig
 from pipeline.datasets import described, netcdf
 from pipeline.layers import Site
+from pipeline.motion_config import PulseConfig, RecordConfig, TableMotionConfig
 from pipeline.shaking import FILE
 from pipeline.stage import Job, Product, Stage
 
@@ -40,7 +40,13 @@ def make(job: Job) -> Product:
     """The motions of the configuration's kind."""
     motion = job.config.motion
     if isinstance(motion, PulseConfig):
-        dataset, summary = _pulses(motion)
+        dataset, summary = _pulses(motion.pgv_pga, motion.pga)
+    elif isinstance(motion, TableMotionConfig) and motion.pulses:
+        assert motion.pgv_pga is not None
+        dataset, summary = _pulses(motion.pgv_pga, motion.pga)
+        axes = table_motions.named(motion.pulses)
+        dataset.attrs["axes"] = axes
+        summary += f" of {axes}"
     elif isinstance(motion, TableMotionConfig):
         dataset, summary = table_motions.dataset(job, motion)
     else:
@@ -48,15 +54,14 @@ def make(job: Job) -> Product:
     return Product({FILE: netcdf(described(dataset, job, "Ground motions"))}, summary)
 
 
-def _pulses(motion: PulseConfig) -> tuple[xr.Dataset, str]:
+def _pulses(ratios: tuple[float, ...], peaks: tuple[float, ...]) -> tuple[xr.Dataset, str]:
     """Frequency, amplitude, PGV and duration of every pulse (paper's Eqs 8-10)."""
     import numpy as np
     import xarray as xr
 
     from vsr_core import GRAVITY
 
-    pga = np.array(motion.pga)
-    pgv_pga = np.array(motion.pgv_pga)
+    pga, pgv_pga = np.array(peaks), np.array(ratios)
     frequency = 1.0 / (2.0 * np.pi * pgv_pga)
     dataset = xr.Dataset(
         {

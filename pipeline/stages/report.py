@@ -9,11 +9,13 @@ from typing import Any
 import yaml
 
 from pipeline import ROOT, pages, writers
-from pipeline.config import Config, Range, RecordConfig, TableMotionConfig
+from pipeline.config import Config
 from pipeline.datasets import CATALOGUE, read
 from pipeline.keys import digest_file
 from pipeline.layers import SITES, Site, known, load_site
+from pipeline.motion_config import RecordConfig, TableMotionConfig
 from pipeline.problems import InputError
+from pipeline.sections import Range
 from pipeline.shaking import FILE as MOTIONS
 from pipeline.stage import Job, Product, Stage
 from pipeline.stages.fragility import FILE as FRAGILITY
@@ -76,6 +78,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         **_pictures(rock, responses, fragility),
         **_records(job),
         "tables": _tables(job, responses),
+        "axes": read(job.path(MOTIONS)).attrs.get("axes"),
         "left_out": tables.left_out(responses, yaml.safe_load(GAINS.read_text(encoding="utf-8"))),
         "precision": tables.precision(responses),
         "simulation": job.config.simulation,
@@ -128,7 +131,8 @@ def _records(job: Job) -> dict[str, Any]:
 
 def _tables(job: Job, responses: Any) -> list[str]:
     """Names of the motions in several axes; none where they are others."""
-    if not isinstance(job.config.motion, TableMotionConfig):
+    motion = job.config.motion
+    if not isinstance(motion, TableMotionConfig) or motion.files is None:
         return []
     return [str(name) for name in responses["record"].values]
 
@@ -171,7 +175,8 @@ def _flow(value: Any) -> str:
 def _shorter(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _shorter(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)) and len(value) > MANY:
+    numbers = isinstance(value, (list, tuple)) and all(isinstance(v, (int, float)) for v in value)
+    if numbers and len(value) > MANY:
         evenly = Range(start=value[0], stop=value[-1], num=len(value))
         if evenly.values() == tuple(value):
             return evenly.model_dump()

@@ -56,16 +56,15 @@ def scored(happened: Flags, predicted: Flags, probability: Array | None = None) 
         loss = float(metrics.log_loss(happened, sure, labels=[False, True]))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of one outcome only: the mean of one recall
-        balanced = float(metrics.balanced_accuracy_score(happened, predicted))
-    return Scores(
-        len(happened),
-        float(metrics.accuracy_score(happened, predicted)),
-        balanced,
-        float(metrics.f1_score(happened, predicted, zero_division=0.0)),
-        float(metrics.matthews_corrcoef(happened, predicted)),
-        brier,
-        loss,
-    )
+        return Scores(
+            len(happened),
+            float(metrics.accuracy_score(happened, predicted)),
+            float(metrics.balanced_accuracy_score(happened, predicted)),
+            float(metrics.f1_score(happened, predicted, zero_division=0.0)),
+            float(metrics.matthews_corrcoef(happened, predicted)),
+            brier,
+            loss,
+        )
 
 
 def decided(probability: Array) -> Flags:

@@ -83,7 +83,10 @@ def form(scan: trimesh.Trimesh, replica: trimesh.Trimesh | None) -> Form:
     vertices = np.array(scan.vertices)
     normals, faces = np.array(scan.vertex_normals), np.array(scan.faces, dtype=np.int64)
     if replica is not None:
-        onto, _, _ = icp(np.array(replica.vertices), scan, scale=False, reflection=False)
+        points = np.array(replica.vertices)
+        onto, _, _ = icp(
+            points, scan, threshold=1e-12, max_iterations=100, scale=False, reflection=False
+        )
         moved = replica.copy()
         moved.apply_transform(onto)
         other, distance, _ = closest_point(moved, vertices)

@@ -1,0 +1,60 @@
+"""What sections of a configuration are made of: keys that are known, and grids of values."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+_DIGITS = 12
+
+
+class Section(BaseModel):
+    """A part of the configuration: unknown keys are refused, values never change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Range(Section):
+    """Evenly spaced values, both ends included."""
+
+    start: float
+    stop: float
+    num: int = Field(ge=1, le=100_000, description="number of values")
+
+    def values(self) -> tuple[float, ...]:
+        """The values, rounded so that overlapping ranges share them exactly."""
+        if self.num == 1:
+            return (round(self.start, _DIGITS),)
+        step = (self.stop - self.start) / (self.num - 1)
+        return tuple(round(self.start + step * i, _DIGITS) for i in range(self.num))
+
+
+def as_values(given: Any) -> Any:
+    """A number, a text or {start, stop, num} as a tuple; anything else as it is."""
+    if isinstance(given, dict):
+        return Range(**given).values()
+    if isinstance(given, (int, float, str)):
+        return (given,)
+    return given
+
+
+def _distinct(values: tuple[float, ...]) -> tuple[float, ...]:
+    if not values:
+        raise ValueError("an empty grid has no runs; give at least one value")
+    if len(set(values)) != len(values):
+        raise ValueError("values repeat; give each once")
+    return values
+
+
+def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
+    if list(values) != sorted(values):
+        raise ValueError("values must ascend; sort them")
+    return values
+
+
+Values = Annotated[tuple[float, ...], AfterValidator(_distinct)]
+"""A number, a list or {start, stop, num}; becomes a dimension of the dataset."""
+
+Grid = Annotated[Values, AfterValidator(_ascending)]
+"""Values that ascend."""
