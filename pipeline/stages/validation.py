@@ -8,7 +8,16 @@ from pipeline import pages, writers
 from pipeline.datasets import described, netcdf
 from pipeline.keys import digest_file
 from pipeline.layers import Site
-from pipeline.shake_table import ASSUMED, OUTCOMES, RECORDS, Tests, scan, scans_in, tests_in
+from pipeline.shake_table import (
+    ASSUMED,
+    OUTCOMES,
+    RECORDS,
+    Tests,
+    accelerations,
+    scan,
+    scans_in,
+    tests_in,
+)
 from pipeline.stage import Job, Product, Stage
 from pipeline.table_runs import ROOTS, Draw, outcomes
 from vsr_core.outcome import Outcome
@@ -35,6 +44,7 @@ def make(job: Job) -> Product:
     from pipeline.figures.style import pictures, png_uri
 
     tests = tests_in(job.site.folder)
+    accelerations(job.site.folder, tests.config.acceleration)  # what is wrong is told at once
     forms = validating.forms({n: scan(path) for n, path in scans_in(job.site.folder).items()})
     predicted = _predict(job, tests, forms)
     doubts = _doubts(job, tests, forms, predicted)

@@ -188,12 +188,12 @@ class LognormalFragility(BaseEstimator):
         slope = np.full(len(rows), 1.0 / self.max_beta)
         both = np.column_stack([np.ones(centred.size), centred])
         free, converged = maximise(
-            _probit_likelihood(both, np.zeros((len(rows), 1)), toppled, trials),
+            probit_likelihood(both, np.zeros((len(rows), 1)), toppled, trials),
             np.column_stack([np.zeros(len(rows)), slope]),
         )
         flat = ~converged | (free[:, 1] < slope)
         level, _ = maximise(
-            _probit_likelihood(both[:, :1], slope[:, None] * centred, toppled, trials),
+            probit_likelihood(both[:, :1], slope[:, None] * centred, toppled, trials),
             np.zeros((len(rows), 1)),
         )
         b0, b1 = np.where(flat, level[:, 0], free[:, 0]), np.where(flat, slope, free[:, 1])
@@ -213,7 +213,7 @@ def _information(eta: FloatArray, trials: FloatArray) -> tuple[FloatArray, Float
     return trials * rise * fall, rise, fall
 
 
-def _probit_likelihood(
+def probit_likelihood(
     design: FloatArray, offset: FloatArray, toppled: FloatArray, trials: FloatArray
 ) -> Evaluate:
     """Value and Fisher-scoring step of independent probit fits, one for each row of counts."""

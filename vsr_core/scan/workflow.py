@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vsr_core.detail import in_flight, on_its_seat
 from vsr_core.errors import Unfit
 from vsr_core.scan.alternatives import Alternative, alternatives
 from vsr_core.scan.clean import Cleaned, clean
@@ -19,7 +20,8 @@ from vsr_core.scan.mate import inside, mated
 from vsr_core.scan.propose import propose
 from vsr_core.scan.rim import settled
 from vsr_core.scan.separate import Separation, by_cut
-from vsr_core.scan.weigh import Measure, Step, largest_change, measured
+from vsr_core.scan.weigh import Measure, Step, largest_change, measured, tips_of
+from vsr_core.solid import from_mesh
 from vsr_core.terrain import Terrain
 
 if TYPE_CHECKING:
@@ -225,9 +227,31 @@ def _weighed(
         Step("clean", measured(raw, density), whole, np.nan, notes),
         Step("separate", whole, part, np.nan, separation.notes),
         Step(f"close ({closing})", part, solid, hausdorff(patch, closed.rock), own),
+        *_hulls(closed.rock, solid),
     )
     others = tuple(name for name in CLOSINGS if name != closing)
     return steps, tuple(_trial(name, separation, solid, density) for name in others)
+
+
+def _hulls(rock: trimesh.Trimesh, solid: Measure) -> Iterator[Step]:
+    """What contact sees of the rock: its hull, and fewer corners of it; the mass stays the same."""
+    import trimesh
+
+    centre = np.array(rock.center_mass)
+    body = from_mesh(rock, 1.0, as_scanned=True).rock
+    excess = float(rock.convex_hull.volume / rock.volume) - 1.0
+    before, surface = solid, rock
+    for name, other, note in (
+        ("hull", body, f"contact takes the rock for its hull, of {excess:.1%} more volume"),
+        ("hull on the seat", on_its_seat(body), "all corners of the base stay"),
+        ("hull in flight", in_flight(body), "once it has toppled"),
+    ):
+        hull = trimesh.Trimesh(other.vertices + centre).convex_hull
+        tipping = tips_of(np.array(other.vertices))
+        faces, corners = len(hull.faces), len(hull.vertices)
+        after = replace(solid, faces=faces, vertices=corners, tipping=tipping)
+        yield Step(name, before, after, hausdorff(surface, hull), (note,))
+        before, surface = after, hull
 
 
 def _trial(name: Closing, separation: Separation, chosen: Measure, density: float) -> Trial:

@@ -7,13 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vsr_core.fragility.lognormal import probit_likelihood
+from vsr_core.fragility.newton import maximise
+
 Array = NDArray[np.float64]
 
 SAMPLES = 200
 """Bootstrap samples of whole ground motions."""
 
-STEEPEST = 50.0
-"""Slope of a curve that is a step."""
+FLATTEST, STEEPEST = 0.05, 50.0
+"""Slopes of a curve that tells nothing, and of one that is a step."""
 
 
 @dataclass(frozen=True)
@@ -52,29 +55,16 @@ def curve(
     """
     from scipy.stats import norm
 
-    logs, names = np.log(intensity), np.unique(motions)
-    rng = np.random.default_rng(seed)
-    groups = [np.flatnonzero(motions == name) for name in names]
-    median, slope = _probit(logs, share)
-    drawn = []
-    for _ in range(SAMPLES):
-        rows = np.concatenate([groups[k] for k in rng.integers(0, len(groups), len(groups))])
-        centre, steep = _probit(logs[rows], share[rows])
-        drawn.append(norm.cdf(steep * (np.log(at) - centre)))
-    low, high = np.percentile(drawn, [2.5, 97.5], axis=0)
-    return Curve(at, norm.cdf(slope * (np.log(at) - median)), low, high, float(np.exp(median)))
-
-
-def _probit(logs: Array, share: Array) -> tuple[float, float]:
-    """Logarithm of the median and the slope of most likelihood."""
-    from scipy.optimize import minimize
-    from scipy.stats import norm
-
-    def loss(given: Array) -> float:
-        score = given[1] * (logs - given[0])
-        return -float(np.sum(share * norm.logcdf(score) + (1.0 - share) * norm.logcdf(-score)))
-
-    start = np.array([float(np.median(logs)), 2.0])
-    bounds = [(float(logs.min()) - 2.0, float(logs.max()) + 2.0), (0.05, STEEPEST)]
-    found = minimize(loss, start, bounds=bounds, method="L-BFGS-B").x
-    return float(found[0]), float(found[1])
+    names, group = np.unique(motions, return_inverse=True)
+    chosen = np.random.default_rng(seed).integers(0, len(names), (SAMPLES, len(names)))
+    counts = np.array([np.bincount(row, minlength=len(names)) for row in chosen])
+    weights = np.vstack([np.ones(len(share)), counts[:, group]])
+    centre = float(np.log(intensity).mean())
+    design = np.column_stack([np.ones(len(share)), np.log(intensity) - centre])
+    likelihood = probit_likelihood(design, np.zeros((len(weights), 1)), weights * share, weights)
+    fitted, _ = maximise(likelihood, np.tile([0.0, 1.0], (len(weights), 1)))
+    level, slope = fitted[:, :1], np.clip(fitted[:, 1:], FLATTEST, STEEPEST)
+    drawn = norm.cdf(level + slope * (np.log(at) - centre))
+    low, high = np.percentile(drawn[1:], [2.5, 97.5], axis=0)
+    median = float(np.exp(centre - level[0, 0] / slope[0, 0]))
+    return Curve(at, drawn[0], low, high, median)
