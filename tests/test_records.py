@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -238,6 +239,75 @@ def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
     assert np.abs(ours).max() == pytest.approx(np.abs(other).max(), rel=0.1)
     bare = replace(how, corners=None)
     refusal(lambda: read(path.read_bytes(), ".mseed", bare), "motion.response.corners")
+
+
+def example(folder: str, name: str) -> bytes:
+    """A file of ObsPy's own tests."""
+    obspy = pytest.importorskip("obspy")
+    path = Path(obspy.__file__).parent / folder / "tests" / "data" / name
+    if not path.is_file():
+        pytest.skip("this ObsPy came without its test data")
+    return path.read_bytes()
+
+
+def test_obspys_example_of_knet_is_what_its_text_says() -> None:
+    content = example("io/nied", "test.knet")
+    found = read(content, ".EW", PLAIN)
+    lines = content.decode().splitlines()
+    counts = np.array(" ".join(lines[17:]).split(), dtype=float)
+    np.testing.assert_allclose(found.acceleration, counts * 0.01 * 2000.0 / 8388608.0, rtol=1e-12)
+    assert (found.interval, found.station) == (0.01, "AKT013")
+    assert "gal" in found.unit
+    peak = 100.0 * np.abs(found.acceleration - found.acceleration.mean()).max()
+    assert lines[14].split() == ["Max.", "Acc.", "(gal)", f"{peak:.3f}"]
+    refusal(lambda: read(content, ".EW", Reading(unit="g")), "motion.unit g")
+
+
+def test_obspys_example_of_sac_is_what_its_bytes_say() -> None:
+    content = example("realtime", "II.TLY.BHZ.SAC")
+    order = "<" if np.frombuffer(content, "<i4", 1, 4 * 76)[0] == 6 else ">"  # NVHDR
+    number = int(np.frombuffer(content, f"{order}i4", 1, 4 * 79)[0])
+    samples = np.frombuffer(content, f"{order}f4", number, 632)
+    found = read(content, ".sac", Reading(unit="cm/s2"))
+    exact = 0.01 * samples.astype(float)
+    np.testing.assert_allclose(found.acceleration, exact, rtol=1e-12)
+    assert any("rounded" in repair for repair in found.repairs)  # 50.00016 ms to 50 ms
+    assert found.interval == pytest.approx(
+        float(np.frombuffer(content, f"{order}f4", 1)[0]), rel=1e-5
+    )
+    assert found.station == "TLY"
+    assert found.channels == ("BHZ",)
+
+
+def test_obspys_examples_of_miniseed_with_a_gap_and_with_two_channels() -> None:
+    obspy = pytest.importorskip("obspy")
+    gaps = example("io/mseed", "gaps.mseed")
+    pieces = obspy.read(io.BytesIO(gaps))
+    found = read(gaps, ".mseed", Reading(unit="m/s2"))
+    missing = np.isnan(found.acceleration)
+    assert missing.any()
+    assert (~missing).sum() == sum(len(piece) for piece in pieces)
+    refusal(lambda: checks.sound(found), "gap")
+    two = example("io/mseed", "two_channels.mseed")
+    names = sorted({trace.stats.channel for trace in obspy.read(io.BytesIO(two))})
+    assert len(names) == 2
+    refusal(lambda: read(two, ".mseed", Reading(unit="m/s2")), *names, "motion.component")
+    one = read(two, ".mseed", Reading(names[0], "m/s2"))
+    assert one.channels == (names[0],)
+    refusal(lambda: read(two, ".mseed", Reading(names[0], "counts")), "counts")
+
+
+def test_what_obspy_passed_over_is_told() -> None:
+    found = read(example("io/mseed", "brokenlastrecord.mseed"), ".mseed", Reading(unit="m/s2"))
+    assert len(found.repairs) == 4
+    assert "Not a SEED record" in found.repairs[0]
+    assert "more warnings" in found.repairs[-1]
+    assert read(example("io/mseed", "test.mseed"), ".mseed", Reading(unit="gal")).repairs == ()
+
+
+def test_obspys_broken_example_is_refused() -> None:
+    seed = example("io/mseed", "two_channels.mseed")
+    refusal(lambda: read(seed[:200], ".mseed", Reading(unit="m/s2")), "ObsPy cannot read")
 
 
 # Checks

@@ -27,7 +27,7 @@ from vsr_core.sampled_motion import SampledMotion, sampled
 from vsr_core.scene import Contact, Rock, Scene, State
 from vsr_core.servo import PUBLISHED
 from vsr_core.simulate import Settings, prepare, simulate
-from vsr_core.table_motion import AXES, AxisPulse, AxisPulses, TableMotion, rotation, spin
+from vsr_core.table_motion import AXES, AxisPulse, TableMotion, rotation, spin
 
 Array = NDArray[np.float64]
 STEP = 1e-3

@@ -935,16 +935,15 @@ def late(pga_g: float) -> tuple[Site, Travel, Travel]:
     return site, skipped, travel.travel(replace(site, still=(0.0, 0.0)), motion, settings)
 
 
-@pytest.mark.parametrize("pga_g", [0.25, 0.45, 0.9])
+@pytest.mark.parametrize("pga_g", [0.15, 0.25, 0.45, 0.9])
 def test_a_run_begins_at_the_first_push(pga_g: float) -> None:
     """Not in the tremble of 1.5 s before; nothing else is different."""
     site, found, whole = late(pga_g)
     assert found.response.outcome is whole.response.outcome
-    assert found.stop is whole.stop
-    assert whole.response.steps - found.response.steps > 1000
+    assert found.response.steps < whole.response.steps
     path, other = found.trajectory, whole.trajectory
     assert path.time[0] == other.time[0] == 0.0
-    assert 1.48 < path.time[1] < 1.51
+    assert 1.44 < path.time[1] < 1.5
     assert other.time[1] < 0.03
     for part in ("position", "quaternion"):
         np.testing.assert_array_equal(getattr(path, part)[1], getattr(path, part)[0])
@@ -956,19 +955,19 @@ def test_a_run_begins_at_the_first_push(pga_g: float) -> None:
 
 
 def test_late_shaking_topples_some_and_some_not() -> None:
-    assert len({late(pga)[1].response.outcome for pga in (0.25, 0.45, 0.9)}) > 1
+    assert len({late(pga)[1].response.outcome for pga in (0.15, 0.9)}) > 1
 
 
 def test_a_later_push_is_the_same_run_later() -> None:
-    """Times included; bits of the sampling times are all that differs."""
+    """Times included, until the bits by which they are rounded are an impact's."""
     site = staying("lump", "perch pieces", 0.0)
     settings = Settings(1e-3)
-    early, then = (travel.travel(site, shaken_late(site, 0.9, t), settings) for t in (0.5, 3.5))
+    early, then = (travel.travel(site, shaken_late(site, 0.9, t), settings) for t in (0.5, 4.0))
     assert early.response.outcome is then.response.outcome
     one, other = early.trajectory, then.trajectory
-    count = min(len(one.time), 40)
-    np.testing.assert_allclose(other.time[1:count] - one.time[1:count], 3.0, atol=1e-9)
-    np.testing.assert_allclose(other.position[:count], one.position[:count], atol=1e-6)
+    np.testing.assert_allclose(other.time[1:30] - one.time[1:30], 3.5, atol=1e-9)
+    np.testing.assert_allclose(other.position[:30], one.position[:30], atol=1e-6)
+    assert np.linalg.norm(one.position[29] - one.position[0]) > 0.01
 
 
 def test_a_run_begins_at_once_where_its_rest_is_not_known() -> None:

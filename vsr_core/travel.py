@@ -20,7 +20,7 @@ from vsr_core.motion import GroundMotion
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response, StopReason
 from vsr_core.sampling import first_step, samples, sampling
 from vsr_core.scene import Reduction, Rock, Scene, State
-from vsr_core.simulate import ENERGY_SLACK, HALVINGS, Settings
+from vsr_core.simulate import ENERGY_SLACK, HALVINGS, LEAD, Settings
 from vsr_core.stance import still_range
 from vsr_core.table_motion import TableMotion
 
@@ -169,8 +169,8 @@ def travel(site: Site, motion: GroundMotion, settings: Settings, *, follow: bool
     ----------
     site : Site
     motion : GroundMotion, along (cos yaw, -sin yaw)
-    settings : Settings; ``reduce`` lets the run begin at the first push and go on in the lighter
-        scene once the rock toppled
+    settings : Settings; ``reduce`` lets the run begin shortly before the first push, and go on in
+        the lighter scene once the rock toppled
     follow : bool
         Whether to go on after toppling; without, only the outcome and the way up to there are
         wanted.
@@ -285,7 +285,7 @@ class _Run:
         self.floor = GRAVITY * (self.terrain.lowest - self.radius)
         self.world = self._enter(scene)
         self.start = self.state = scene.start
-        self.begin = self.sample = self._first_push() if settings.reduce else 0
+        self.begin = self.sample = self._resting() if settings.reduce else 0
         self.looks = 0
         self.time = self.sample * self.interval
         self.tilt = self.peak_tilt = self.slip = 0.0
@@ -309,13 +309,17 @@ class _Run:
         outcome = Outcome.OVERTURNED if self.toppled else Outcome.UNSETTLED
         return self._ended(outcome, StopReason.TIME)
 
-    def _first_push(self) -> int:
-        """Number of the first sample that moves the rock: until there it stays where it stands."""
+    def _resting(self) -> int:
+        """Number of samples that are left out: up to shortly before the first that moves the rock.
+
+        Until then it stays where it stands.
+        """
         lowest, highest = self.site.still
         if not lowest < 0.0 < highest:
             return 0
         shaken = self.values[: self.pulse_samples]  # what is not a number is a push
-        return int(np.argmax(np.append(~((lowest <= shaken) & (shaken <= highest)), True)))
+        push = int(np.argmax(np.append(~((lowest <= shaken) & (shaken <= highest)), True)))
+        return max(0, push - LEAD)
 
     def _look(self, until: int) -> tuple[Outcome, StopReason] | None:
         """Read the rock; what ends the run if a guard fails or there is no ground any more."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,11 +14,16 @@ from vsr_core.records.record import Record, factor, stated
 
 Corners = tuple[float, float, float, float]
 
+MOST_TOLD, MOST_WORDS = 3, 160
+"""Warnings of ObsPy that are kept, and characters of each."""
+
 
 def read(
     content: bytes, unit: str | None, response: bytes | None, corners: Corners | None
 ) -> Record:
     """The record in a file's content, its channels cut to the time that all have.
+
+    What ObsPy warns of is among the record's repairs.
 
     Parameters
     ----------
@@ -33,16 +40,19 @@ def read(
     import obspy  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
     try:
-        stream = obspy.read(io.BytesIO(content))
-        if response is not None:
-            inventory = obspy.read_inventory(io.BytesIO(response))
-            stream = _without_response(stream, inventory, corners)
-        stream.merge()
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            stream = obspy.read(io.BytesIO(content))
+            if response is not None:
+                inventory = obspy.read_inventory(io.BytesIO(response))
+                stream = _without_response(stream, inventory, corners)
+            stream.merge()
     except Unfit:
         raise
     except Exception as error:  # noqa: BLE001 (readers of many formats raise what they like)
         raise _unreadable(error) from None
-    return from_stream(stream, "m/s2" if response is not None else unit)
+    record = from_stream(stream, "m/s2" if response is not None else unit)
+    return replace(record, repairs=(*record.repairs, *_told(caught)))
 
 
 def from_stream(stream: Any, unit: str | None) -> Record:
@@ -99,8 +109,17 @@ def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> A
     return pieces
 
 
+def _told(caught: list[warnings.WarningMessage]) -> list[str]:
+    """What ObsPy warned of about a file, e.g. blocks that it passed over."""
+    said = [" ".join(str(w.message).split()) for w in caught if issubclass(w.category, UserWarning)]
+    said = [f"ObsPy: {text[:MOST_WORDS]}" for text in dict.fromkeys(said)]
+    more = len(said) - MOST_TOLD
+    return said[:MOST_TOLD] + ([f"ObsPy: {more} more warnings"] if more > 0 else [])
+
+
 def _unreadable(error: Exception) -> Unfit:
     reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+    reason = reason.partition(" for file ")[0]  # a temporary one of ObsPy's
     return Unfit(
         f"a record that ObsPy cannot read ({reason[:120]})",
         "it is miniSEED, SAC, K-NET or KiK-net, and a response is StationXML of its channels",
