@@ -85,7 +85,7 @@ fetch: setup ## download the public original NAME into data/raw
 ## The project
 .PHONY: setup test test-slow lint check format bench lock clean
 test: setup ## tests of some minutes at most, with coverage
-	@$(python) -m pytest --cov --cov-report=term:skip-covered
+	@$(python) -m pytest -n auto --dist loadfile --cov --cov-report=term:skip-covered
 
 test-slow: setup ## tests that take many minutes
 	@$(python) -m pytest -m slow

@@ -20,8 +20,6 @@ from pipeline.sections import Section, Values, as_values
 if TYPE_CHECKING:
     from vsr_core.servo import Servo
 
-__all__ = ["Config", "Section"]
-
 Vector = tuple[float, float, float]
 
 

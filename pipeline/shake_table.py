@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from pipeline.config import Section
 from pipeline.layers import Site, load_file, load_site, shown
 from pipeline.problems import InputError, Problem
+from pipeline.sections import Section
 
 if TYPE_CHECKING:
     import trimesh

@@ -510,7 +510,8 @@ def test_edit_of_what_is_not_used_is_not(tree: Path, file: str, old: str, new: s
     ("module", "function", "decides"),
     [
         ("vsr_core/bounds.py", "barrier", {"rock", "runs"}),
-        ("vsr_core/hull.py", "settle", {"rock"}),
+        ("vsr_core/hull.py", "rest_tilts", {"rock", "runs"}),
+        ("vsr_core/solid.py", "self_intersections", {"rock"}),
         ("pipeline/stages/runs.py", "simulate_batch", {"runs"}),
         ("pipeline/stages/runs.py", "make", set()),
         ("pipeline/figures/yaw_polar.py", "fragility_by_yaw", {"report"}),

@@ -55,7 +55,7 @@ g radius and it moves by less than ``REST_WAY`` radius."""
 LONGEST_TIME, LONGEST_TIMES = 20.0, 80.0
 """Longest wait after the motion: seconds, and units of sqrt(radius / g), whichever is more."""
 
-QUIET_STEPS = 12
+QUIET_STEPS = 100
 """Steps in which the engine finds what a rock at rest stands on."""
 
 BORDER_LOOKS = 8
