@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from pipeline import pages, writers
@@ -33,8 +34,9 @@ FILE, TABLE, PAGE, DOUBTS, FAILED = (
     "validation_failed.csv",
 )
 
-DOUBTFUL = (0.15, 0.85)
-"""Tests with a share in this range are run again at the ends of each prior."""
+DOUBTFUL, MOST_DOUBTFUL = (0.15, 0.85), 40
+"""Tests with a share in this range, and so many of them at most, are run again at the ends of each
+prior."""
 
 
 def make(job: Job) -> Product:
@@ -116,6 +118,7 @@ def _doubts(job: Job, tests: Tests, forms: Any, predicted: Predictions) -> list[
             for number, p in zip(tests.number, share.tolist(), strict=True)
             if low <= p <= high
         )
+        doubtful = doubtful[:: math.ceil(len(doubtful) / MOST_DOUBTFUL) or 1]
         for unknown, pair in unknowns.items():
             for end, member in zip(("low", "high"), pair, strict=True):
                 name = f"{specimen}/{unknown}/{end}"

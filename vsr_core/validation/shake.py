@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY, bounds
+from vsr_core.detail import lightened
 from vsr_core.hull import convex_hull, touching
 from vsr_core.outcome import Response
 from vsr_core.records.motion import RecordedMotion
@@ -17,8 +18,13 @@ from vsr_core.scene import Contact, Rock, Scene
 from vsr_core.simulate import Case, Settings, prepare, simulate
 from vsr_core.validation.priors import Member
 
-STEP_SHARE = 0.0085
-"""Time step as a share of sqrt(radius / g)."""
+STEP_SHARE = 0.0127
+"""Time step as a share of sqrt(radius / g), 3 ms for a rock of a metre. Half and a third of it
+change the outcome of single doubtful tests, as a grain of sand would, and not how many overturn."""
+
+COMPLETE_TILT, TOLERANCE = math.radians(20.0), 0.002
+"""Vertices that touch below this tilt all stay; the rest of the hull keeps within this share of the
+radius. With a step as fine as can be, no tilt of the tests tried was different."""
 
 PAST_TOPPLING = math.radians(4.0)
 """Vertices that touch only this far beyond the tilt of a toppled rock are left out [rad]."""
@@ -39,7 +45,9 @@ def standing_case(rock: Rock, member: Member) -> Case:
     corners = touching(hull, kept)
     along = hull.vertices @ rock.axes
     corners[[*along.argmin(axis=0), *along.argmax(axis=0)]] = True  # they size the tolerances
-    lighter = replace(rock, vertices=hull.vertices[corners])
+    part = replace(rock, vertices=hull.vertices[corners])
+    base = touching(hull, COMPLETE_TILT)[corners]
+    lighter = lightened(part, TOLERANCE * rock.radius, base)
     return replace(
         case,
         full=replace(case.full, pedestal="box"),
