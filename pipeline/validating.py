@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from pipeline.shake_table import Tests
 from pipeline.store import RunRow
+from vsr_core import bounds
 from vsr_core.outcome import Outcome
 from vsr_core.validation import scores
 from vsr_core.validation.calibration import Calibration, calibrate
 from vsr_core.validation.predictors import first_half, logistic
-from vsr_core.validation.specimen import Form, form
+from vsr_core.validation.priors import best_guess
+from vsr_core.validation.specimen import Form, drawn, form
 
 if TYPE_CHECKING:
     import trimesh
@@ -31,6 +33,9 @@ DOUBT_COLUMNS = (
 )  # fmt: skip
 FAILED_COLUMNS = ("specimen", "test", "ground_motion", "pga_g", "pgv_pga_s", "happened", "share")
 
+NEAR = 0.5
+"""Share of the tilt from which a rock falls on that is near toppling."""
+
 CLASSES = 4
 """Classes of PGA and of PGV/PGA, with equally many tests, for tables of right and wrong."""
 
@@ -42,6 +47,7 @@ class Predictions:
     Attributes
     ----------
     overturned, members : ndarray, members that overturned, and that have a verdict
+    lost : int, runs without a verdict
     best_guess : ndarray of bool
     calibrated : ndarray, probability after calibration on half of the ground motions
     calibration : Calibration
@@ -50,6 +56,7 @@ class Predictions:
 
     overturned: Array
     members: Array
+    lost: int
     best_guess: Flags
     calibrated: Array
     calibration: Calibration
@@ -73,29 +80,56 @@ def forms(scans: dict[int, trimesh.Trimesh]) -> dict[int, Form]:
     }
 
 
+def undecided(
+    tests: Tests, specimen: int, of: Form, found: dict[str, dict[int, RunRow]]
+) -> tuple[int, ...]:
+    """Tests in which a member came ``NEAR`` toppling, or has no verdict.
+
+    Of 184 tests of a public specimen that six members did not take that far, no other member of
+    twenty overturned in any.
+    """
+    guess = drawn(of, best_guess(tests.config.priors()), tests.config.density)
+    limit = NEAR * bounds.barrier(guess).edge_tilt
+    rows = [
+        row for name, row in found.items() if name.startswith(f"{specimen}/") and "best" not in name
+    ]
+    return tuple(
+        number
+        for number in tests.number
+        if any(not row[number].peak_tilt < limit or row[number].outcome > 2 for row in rows)
+    )
+
+
 def predictions(tests: Tests, found: dict[str, dict[int, RunRow]]) -> Predictions:
-    """Shares of the ensembles, and the same calibrated on half of the ground motions."""
+    """Shares of the ensembles, and the same calibrated on half of the ground motions.
+
+    Members that left a test out count as those that ran it.
+    """
     sides = np.array([o.overturned for o in Outcome])
     shape = (len(tests.specimens), len(tests.number))
     overturned, members = np.zeros(shape), np.zeros(shape)
     guess = np.zeros(shape, dtype=bool)
+    lost = 0
     for row, specimen in enumerate(tests.specimens):
         for name, rows in found.items():
             owner, _, member = name.partition("/")
             if int(owner) != specimen:
                 continue
-            side = sides[[rows[number].outcome for number in tests.number]]
+            side = np.array([sides[rows[n].outcome] if n in rows else -1 for n in tests.number])
             if member == "best guess":
                 guess[row] = side == 1
             else:
                 overturned[row] += side == 1
                 members[row] += side >= 0
+                lost += sum(sides[run.outcome] < 0 for run in rows.values())
     half = first_half(np.array(tests.motion))
-    calibration = _calibration(tests, overturned, members, half)
+    whole = float(tests.config.members)
+    counted = overturned * whole / np.maximum(members, 1.0)
+    calibration = _calibration(tests, counted, np.full(shape, whole), half)
     calibrated = np.array(
-        [calibration.probability(*pair) for pair in zip(overturned, members, strict=True)]
+        [calibration.probability(row, np.full(len(row), whole)) for row in counted]
     )
-    return Predictions(overturned, members, guess, calibrated, calibration, half)
+    return Predictions(overturned, members, int(lost), guess, calibrated, calibration, half)
 
 
 def _calibration(tests: Tests, overturned: Array, members: Array, half: Flags) -> Calibration:

@@ -309,7 +309,7 @@ def test_rests_are_passed_over_without_a_difference(monkeypatch: pytest.MonkeyPa
     member = plain(friction=2.0)
     rock = specimen.drawn(specimen.form(block(), None), member, 2700.0)
     case = shake.standing_case(rock, member)
-    chosen = simulate.Settings(shake.STEP_SHARE * math.sqrt(rock.radius / GRAVITY))
+    chosen = simulate.Settings(5e-4)
 
     def runs() -> list[Response]:
         found = []
