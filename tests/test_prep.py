@@ -610,16 +610,25 @@ def test_all_faces_of_the_rock_are_seen_or_added() -> None:
 
 
 def test_steps_follow_each_other() -> None:
-    clean_, separate, close = steps = prepared().steps
+    steps = prepared().steps
+    clean_, separate, close, hull, seat, flight = steps
     rock = prepared().rock
-    assert [step.name for step in steps] == ["clean", "separate", "close (caps)"]
+    assert [step.name for step in steps[:3]] == ["clean", "separate", "close (caps)"]
     assert clean_.before.faces == len(survey().faces)
     assert clean_.after == separate.before
     assert separate.after == close.before
     assert separate.after.faces == int((~prepared().added).sum())
     assert close.after.faces == len(rock.faces)
-    assert [step.after.watertight for step in steps] == [False, False, True]
+    assert [step.after.watertight for step in steps[:3]] == [False, False, True]
+    assert {step.after.mass for step in steps[2:]} == {close.after.mass}
     assert close.after.mass == pytest.approx(DENSITY * float(rock.volume))
+    # A rock tips over its hull; on its seat all corners of the base are left.
+    assert hull.tipping_change == pytest.approx(0.0, abs=1e-9)
+    assert seat.tipping_change == pytest.approx(0.0, abs=1e-9)
+    radius = float(np.linalg.norm(rock.vertices - rock.center_mass, axis=1).max())
+    for step, share in ((seat, SEAT_SHARE), (flight, SEAT_SHARE + FLIGHT_SHARE)):
+        assert step.hausdorff <= 1.001 * share * radius
+        assert step.after.vertices <= step.before.vertices
     # The foot's middle is half its shorter side away from what was seen.
     assert 0.2 < close.hausdorff < 0.31
 

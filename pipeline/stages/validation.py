@@ -130,6 +130,8 @@ def _doubts(job: Job, tests: Tests, forms: Any, predicted: Predictions) -> list[
         )
         doubtful = doubtful[:: math.ceil(len(doubtful) / MOST_DOUBTFUL) or 1]
         for unknown, pair in unknowns.items():
+            if unknown == "error of the base" and not forms[specimen].spread:
+                continue
             for end, member in zip(("low", "high"), pair, strict=True):
                 name = f"{specimen}/{unknown}/{end}"
                 draws[name], wanted[name] = Draw(specimen, member), doubtful
@@ -137,6 +139,8 @@ def _doubts(job: Job, tests: Tests, forms: Any, predicted: Predictions) -> list[
     records = []
     for specimen in tests.specimens:
         for unknown in unknowns:
+            if f"{specimen}/{unknown}/low" not in found:
+                continue
             low_end, high_end = (found[f"{specimen}/{unknown}/{end}"] for end in ("low", "high"))
             sides = [
                 [row.outcome == Outcome.OVERTURNED for row in end.values()]

@@ -242,7 +242,11 @@ def _hulls(rock: trimesh.Trimesh, solid: Measure) -> Iterator[Step]:
     excess = float(rock.convex_hull.volume / rock.volume) - 1.0
     before, surface = solid, rock
     for name, other, note in (
-        ("hull", body, f"contact takes the rock for its hull, of {excess:.1%} more volume"),
+        (
+            "hull for contact",
+            body,
+            f"contact takes the rock for its hull, of {excess:.1%} more volume",
+        ),
         ("hull on the seat", on_its_seat(body), "all corners of the base stay"),
         ("hull in flight", in_flight(body), "once it has toppled"),
     ):
