@@ -26,6 +26,7 @@ from pipeline import ROOT, cli
 from pipeline.datasets import read
 from pipeline.figures import prep, prep_page
 from pipeline.layers import load_site
+from vsr_core.detail import FLIGHT_SHARE, SEAT_SHARE
 from vsr_core.scan import clean, distance, workflow
 from vsr_core.scan.alternatives import Alternative, alternatives
 from vsr_core.scan.cuts import Colour, Plane
