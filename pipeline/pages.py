@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pipeline.keys import digest_file
+from pipeline.keys import digest_bytes
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 _TEMPLATES = Path(__file__).with_name("templates")
 
@@ -15,15 +18,25 @@ def filled(name: str, facts: dict[str, Any]) -> str:
 
     Everything is escaped: names and paths are the user's.
     """
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = environment.from_string((_TEMPLATES / name).read_text(encoding="utf-8"))
-    return template.render(facts)
+    return _environment().get_template(name).render(facts)
 
 
 def digest(name: str) -> str:
-    """Digest of a template, for the identity of the stage whose page it is."""
-    return digest_file(_TEMPLATES / name)
+    """Digest of a template and what it includes, for the identity of the stage whose page it is."""
+    from jinja2 import meta
+
+    text = (_TEMPLATES / name).read_text(encoding="utf-8")
+    included = sorted(filter(None, meta.find_referenced_templates(_environment().parse(text))))
+    return digest_bytes(text.encode(), *((_TEMPLATES / part).read_bytes() for part in included))
+
+
+def _environment() -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -93,11 +94,11 @@ def undecided(
     rows = [
         row for name, row in found.items() if name.startswith(f"{specimen}/") and "best" not in name
     ]
-    return tuple(
-        number
-        for number in tests.number
-        if any(not row[number].peak_tilt < limit or row[number].outcome > 2 for row in rows)
-    )
+
+    def is_open(run: RunRow) -> bool:
+        return not run.peak_tilt < limit or Outcome(run.outcome).overturned < 0
+
+    return tuple(n for n in tests.number if any(is_open(row[n]) for row in rows))
 
 
 def predictions(tests: Tests, found: dict[str, dict[int, RunRow]]) -> Predictions:
@@ -134,14 +135,21 @@ def predictions(tests: Tests, found: dict[str, dict[int, RunRow]]) -> Prediction
 
 def _calibration(tests: Tests, overturned: Array, members: Array, half: Flags) -> Calibration:
     """One for all specimens, from those that have outcomes."""
-    rows = [row for row, specimen in enumerate(tests.specimens) if specimen in tests.happened]
-    if not rows:
+    known = list(compared(tests))
+    if not known:
         return Calibration()
-    happened = np.concatenate([np.array(tests.happened[tests.specimens[r]])[half] for r in rows])
+    happened = np.concatenate([sides[half] for _, _, sides in known])
     counts, whole = (
-        np.concatenate([part[r][half] for r in rows]) for part in (overturned, members)
+        np.concatenate([part[row][half] for row, _, _ in known]) for part in (overturned, members)
     )
-    return calibrate(counts, whole, happened == 1)
+    return calibrate(counts, whole, happened)
+
+
+def compared(tests: Tests) -> Iterator[tuple[int, int, Flags]]:
+    """Row, number and outcomes, shape (tests,), of each specimen that has outcomes."""
+    for row, specimen in enumerate(tests.specimens):
+        if specimen in tests.happened:
+            yield row, specimen, np.array(tests.happened[specimen]) == 1
 
 
 def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, tuple[Flags, Array | None]]:
@@ -175,10 +183,7 @@ def records(tests: Tests, made: Predictions) -> list[Record]:
     subsets = {"all": np.ones(len(made.half), dtype=bool)}
     subsets |= {"calibration half": made.half, "other half": ~made.half}
     rows = []
-    for row, specimen in enumerate(tests.specimens):
-        if specimen not in tests.happened:
-            continue
-        happened = np.array(tests.happened[specimen]) == 1
+    for row, specimen, happened in compared(tests):
         known = predictors(tests, made, row)
         for name, (sides, probability) in known.items():
             for subset, inside in subsets.items():
@@ -204,10 +209,7 @@ def records(tests: Tests, made: Predictions) -> list[Record]:
 def failed(tests: Tests, made: Predictions) -> list[Record]:
     """Tests that every predictor but the constant one and other specimens has wrong."""
     rows = []
-    for row, specimen in enumerate(tests.specimens):
-        if specimen not in tests.happened:
-            continue
-        happened = np.array(tests.happened[specimen]) == 1
+    for row, specimen, happened in compared(tests):
         known = predictors(tests, made, row)
         wrong = [
             sides != happened
@@ -232,10 +234,7 @@ def failed(tests: Tests, made: Predictions) -> list[Record]:
 def confusions(tests: Tests, made: Predictions) -> list[Record]:
     """Right and wrong predictions of the ensemble by classes of PGA and of PGV/PGA."""
     rows = []
-    for row, specimen in enumerate(tests.specimens):
-        if specimen not in tests.happened:
-            continue
-        happened = np.array(tests.happened[specimen]) == 1
+    for row, specimen, happened in compared(tests):
         sides = scores.decided(made.share[row])
         for name, unit, values in (("PGA", "g", tests.pga), ("PGV/PGA", "s", tests.pgv_pga)):
             measure = np.array(values)
@@ -278,9 +277,8 @@ def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
 
     dims = ("specimen", "test")
     happened = np.full(made.share.shape, -1, dtype="i1")
-    for row, specimen in enumerate(tests.specimens):
-        if specimen in tests.happened:
-            happened[row] = tests.happened[specimen]
+    for row, _, sides in compared(tests):
+        happened[row] = sides
     found = xr.Dataset(
         {
             "probability": (dims, made.share),

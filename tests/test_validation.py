@@ -172,18 +172,18 @@ def test_draws_fill_the_priors() -> None:
     assert len({m.seed for m in members}) == 256
 
 
-def test_an_extreme_changes_one_unknown() -> None:
-    guess = priors.best_guess(priors.Priors())
-    pairs = priors.extremes(priors.Priors())
+@pytest.mark.parametrize("replica", [False, True])
+def test_an_extreme_changes_one_unknown(replica: bool) -> None:
+    pairs = priors.extremes(priors.Priors(), replica=replica)
     assert "restitution" not in pairs  # it has no range
+    assert ("mixing of the scans" in pairs, "error of the base" in pairs) == (replica, not replica)
+    changed = []
     for low, high in pairs.values():
-        differing = {
-            name
-            for name, value in vars(guess).items()
-            if not np.array_equal(vars(low)[name], vars(high)[name])
-        }
-        assert len(differing - {"seed"}) <= 1
-        assert differing
+        names = [k for k, value in vars(low).items() if not np.array_equal(value, vars(high)[k])]
+        assert len(names) == 1
+        changed += names
+    expected = {"azimuth", "friction", "amplitude", "centre", "mixing" if replica else "seed"}
+    assert set(changed) == expected
 
 
 # ------------------------------------------------------------------- specimens

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,9 +12,12 @@ import pytest
 import trimesh
 import xarray as xr
 
-from pipeline import ROOT, cli, shake_table
+from pipeline import ROOT, cli, shake_table, validating
+from pipeline.store import RunRow
 from vsr_core import GRAVITY, rocking
 from vsr_core.motion import CosinePulse
+from vsr_core.outcome import Outcome
+from vsr_core.validation import specimen
 
 INTERVAL, RATIO = 0.005, 0.3
 SHARED = ROOT.parent / "shared" / "data" / "shake_table"
@@ -72,8 +76,8 @@ def test_tests_of_a_block_are_predicted(made: tuple[Path, Path]) -> None:
         assert data["specimen"].values.tolist() == [1, 2]
         assert data["test"].values.tolist() == [1, 2, 3, 4, 5, 6]
         expected = [int(share > 1.0) for share in SHARES]
-        for specimen in (1, 2):  # the second one has no outcomes
-            one = data.sel(specimen=specimen)
+        for number in (1, 2):  # the second one has no outcomes
+            one = data.sel(specimen=number)
             np.testing.assert_allclose(one["probability"], expected)
             assert one["predicted"].values.tolist() == expected
             assert one["best_guess"].values.tolist() == expected
@@ -82,7 +86,7 @@ def test_tests_of_a_block_are_predicted(made: tuple[Path, Path]) -> None:
             np.isnan(data["happened"].sel(specimen=2)).all()
             or (data["happened"].sel(specimen=2) == -1).all()
         )
-        assert (data["members"] == 3).all()  # fewer than the first ones
+        assert (data["members"] == 3).all()
         assert data.attrs["Conventions"] == "CF-1.11"
 
 
@@ -106,6 +110,35 @@ def test_page_shows_its_pictures_and_what_was_assumed(made: tuple[Path, Path]) -
         assert word in page
     for name in ("reliability", "roc", "fragility", "tests"):
         assert (made[1] / f"validation_{name}.png").stat().st_size > 10_000
+
+
+def test_a_folder_without_outcomes_is_predicted(tmp_path: Path) -> None:
+    rows = [f"{k},motion,{0.1 * k},{RATIO}" for k in range(1, 7)]
+    text = "\n".join(["test,ground_motion,pga_g,pgv_pga_s", *rows])
+    folder = write_tests(tmp_path / "unknown", outcomes=text)
+    arguments = ["run", "validation", "--table", str(folder), "--derived", str(tmp_path / "to")]
+    assert cli.main([*arguments, "--workers", "0"]) == cli.DONE
+    with xr.open_dataset(tmp_path / "to" / "unknown" / "validation.nc") as data:
+        sides = data["probability"].sel(specimen=1)
+        np.testing.assert_allclose(sides, [int(share > 1.0) for share in SHARES])
+
+
+def test_a_test_that_no_draw_took_near_toppling_is_decided(made: tuple[Path, Path]) -> None:
+    tests = shake_table.tests_in(made[0])
+    of = specimen.form(trimesh.creation.box([0.25, 0.4, 0.75]), None)
+    edge = math.atan(0.25 / 0.75)  # the tilt from which the block falls on
+
+    def row(tilt: float, outcome: Outcome = Outcome.BALANCED) -> RunRow:
+        return RunRow(b"", int(outcome), 0, tilt, 0.0, 0.0, 1)
+
+    near, far, lost = row(0.6 * edge), row(0.4 * edge), row(0.4 * edge, Outcome.UNSTABLE)
+    found = {
+        "1/0": {1: far, 2: far, 3: far, 4: near, 5: far, 6: far},
+        "1/1": {1: far, 2: near, 3: lost, 4: near, 5: far, 6: far},
+        "1/best guess": dict.fromkeys(tests.number, near),
+        "2/0": dict.fromkeys(tests.number, near),
+    }
+    assert validating.undecided(tests, 1, of, found) == (2, 3, 4)
 
 
 def test_a_second_call_runs_nothing(

@@ -16,19 +16,14 @@ from vsr_core.validation import curves, scores
 Array = NDArray[np.float64]
 
 
-def _compared(tests: Tests) -> list[tuple[int, int]]:
-    """Rows and numbers of the specimens that have outcomes."""
-    return [(row, s) for row, s in enumerate(tests.specimens) if s in tests.happened]
-
-
-def _panels(tests: Tests, width: float = 4.6, height: float = 4.2) -> tuple[Figure, list[Axes]]:
-    count = max(len(_compared(tests)), 1)
-    figure = Figure(figsize=(width * count, height), layout="constrained")
+def _panels(tests: Tests) -> tuple[Figure, list[Axes]]:
+    """A panel for each specimen that has outcomes; one that says so if there is none."""
+    count = max(len(tests.happened), 1)
+    figure = Figure(figsize=(4.6 * count, 4.2), layout="constrained")
     axes = [figure.add_subplot(1, count, k + 1) for k in range(count)]
-    if not _compared(tests):
-        axes[0].text(
-            0.5, 0.5, "no outcomes to compare with", ha="center", transform=axes[0].transAxes
-        )
+    if not tests.happened:
+        place = axes[0].transAxes
+        axes[0].text(0.5, 0.5, "no outcomes to compare with", ha="center", transform=place)
     return figure, axes
 
 
@@ -36,8 +31,7 @@ def _panels(tests: Tests, width: float = 4.6, height: float = 4.2) -> tuple[Figu
 def reliability(tests: Tests, made: Predictions) -> Figure:
     """Share of tests that overturned against predicted probability, in classes."""
     figure, panels = _panels(tests)
-    for axes, (row, specimen) in zip(panels, _compared(tests), strict=False):
-        happened = np.array(tests.happened[specimen]) == 1
+    for axes, (row, specimen, happened) in zip(panels, validating.compared(tests), strict=False):
         axes.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
         kinds = (
             ("priors only, all tests", made.share[row], np.ones(len(happened), dtype=bool)),
@@ -79,8 +73,7 @@ def roc(tests: Tests, made: Predictions) -> Figure:
     from sklearn.metrics import roc_auc_score, roc_curve
 
     figure, panels = _panels(tests)
-    for axes, (row, specimen) in zip(panels, _compared(tests), strict=False):
-        happened = np.array(tests.happened[specimen]) == 1
+    for axes, (row, specimen, happened) in zip(panels, validating.compared(tests), strict=False):
         axes.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
         points = 0
         for k, (name, (sides, probability)) in enumerate(
@@ -114,18 +107,17 @@ def roc(tests: Tests, made: Predictions) -> Figure:
 @styled
 def fragility(tests: Tests, made: Predictions) -> Figure:
     """Fragility curves of the experiment and of the ensemble, over PGA and PGV."""
-    known = _compared(tests)
+    known = list(validating.compared(tests))
     figure = Figure(figsize=(9.2, 3.4 * max(len(known), 1)), layout="constrained")
     motions = np.array(tests.motion)
     pga, ratio = np.array(tests.pga), np.array(tests.pgv_pga)
     measures = (("peak ground acceleration [g]", pga), ("PGA x PGV/PGA = PGV [g s]", pga * ratio))
-    for at, (row, specimen) in enumerate(known):
-        happened = np.array(tests.happened[specimen], dtype=np.float64)
+    for at, (row, specimen, happened) in enumerate(known):
         for column, (label, values) in enumerate(measures):
             axes = figure.add_subplot(len(known), 2, 2 * at + column + 1)
             grid = np.geomspace(values.min(), values.max(), 80)
             for share, name, colour in (
-                (happened, "experiment", OVERTURNED),
+                (happened.astype(np.float64), "experiment", OVERTURNED),
                 (made.share[row], "ensemble, priors only", UPRIGHT),
             ):
                 found = curves.curve(values, share, motions, grid)

@@ -120,7 +120,10 @@ def _doubts(job: Job, tests: Tests, forms: Any, predicted: Predictions) -> list[
     low, high = DOUBTFUL
     draws: dict[str, Draw] = {}
     wanted: dict[str, tuple[int, ...]] = {}
-    unknowns = extremes(tests.config.priors())
+    unknowns = {
+        specimen: extremes(tests.config.priors(), replica=forms[specimen].replica)
+        for specimen in tests.specimens
+    }
     for row, specimen in enumerate(tests.specimens):
         share = predicted.share[row]
         doubtful = tuple(
@@ -129,18 +132,14 @@ def _doubts(job: Job, tests: Tests, forms: Any, predicted: Predictions) -> list[
             if low <= p <= high
         )
         doubtful = doubtful[:: math.ceil(len(doubtful) / MOST_DOUBTFUL) or 1]
-        for unknown, pair in unknowns.items():
-            if unknown == "error of the base" and not forms[specimen].spread:
-                continue
+        for unknown, pair in unknowns[specimen].items():
             for end, member in zip(("low", "high"), pair, strict=True):
                 name = f"{specimen}/{unknown}/{end}"
                 draws[name], wanted[name] = Draw(specimen, member), doubtful
     found = outcomes(job, tests, forms, draws, wanted)
     records = []
     for specimen in tests.specimens:
-        for unknown in unknowns:
-            if f"{specimen}/{unknown}/low" not in found:
-                continue
+        for unknown in unknowns[specimen]:
             low_end, high_end = (found[f"{specimen}/{unknown}/{end}"] for end in ("low", "high"))
             sides = [
                 [row.outcome == Outcome.OVERTURNED for row in end.values()]

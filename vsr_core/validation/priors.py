@@ -107,8 +107,11 @@ def best_guess(priors: Priors) -> Member:
     )
 
 
-def extremes(priors: Priors) -> dict[str, tuple[Member, Member]]:
-    """For each unknown that has a range, the best guess at its 16th and at its 84th percentile."""
+def extremes(priors: Priors, *, replica: bool) -> dict[str, tuple[Member, Member]]:
+    """For each unknown that has a range, the best guess at its 16th and at its 84th percentile.
+
+    With a ``replica`` the base is drawn between two scans, without one with an error of its own.
+    """
     guess = best_guess(priors)
     along = np.array([math.cos(guess.azimuth), math.sin(guess.azimuth), 0.0])
     azimuth, spread = guess.azimuth, priors.azimuth[1]
@@ -120,8 +123,6 @@ def extremes(priors: Priors) -> dict[str, tuple[Member, Member]]:
         "friction": [{"friction": _within(priors.friction, u)} for u in (0.16, 0.84)],
         "restitution": [{"restitution": _within(priors.restitution, u)} for u in (0.16, 0.84)],
         "amplitude": [{"amplitude": mean + way * gain} for way in (-1.0, 1.0)],
-        "mixing of the scans": [{"mixing": _within(priors.mixing, u)} for u in (0.16, 0.84)],
-        "error of the base": [{"error": priors.error, "seed": seed} for seed in (1, 2)],
         "centre of mass along the drive": [
             {"centre": way * priors.centre * along} for way in (-1.0, 1.0)
         ],
@@ -129,6 +130,10 @@ def extremes(priors: Priors) -> dict[str, tuple[Member, Member]]:
             {"centre": way * priors.centre * up} for way in (-1.0, 1.0)
         ],
     }
+    if replica:
+        pairs["mixing of the scans"] = [{"mixing": _within(priors.mixing, u)} for u in (0.16, 0.84)]
+    else:
+        pairs["error of the base"] = [{"error": priors.error, "seed": seed} for seed in (1, 2)]
     return {
         name: (replace(guess, **low), replace(guess, **high))
         for name, (low, high) in pairs.items()
