@@ -136,13 +136,13 @@ def _slides(panel: Axes, angle: float) -> None:
             panel.plot(SIZES, losses, line, color=color, markersize=3.5, label=label)
     panel.axhline(1.0, color=INK, linewidth=0.7)
     panel.set_xscale("log")
-    panel.set_yscale("log")
+    panel.set_ylim(0.9, 3.6)  # room for the legend above the lines
     panel.set_xticks([0.25, 0.5, 1.0, 2.0, 3.0], ["0.25", "0.5", "1", "2", "3"])
     panel.minorticks_off()
     panel.set_xlabel("size of triangles and pieces [m]")
     panel.set_ylabel("fall of the energy line / friction")
     panel.set_title("c  block of 0.4 m that slides to rest, friction 0.6", loc="left")
-    panel.legend(ncols=2)
+    panel.legend(ncols=2, loc="upper center", fontsize=7.0)
 
 
 def _tumbles(panel: Axes, found: Ensemble) -> None:
