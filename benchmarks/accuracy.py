@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsr_core import bounds, comparison, peers, precision, solid
-from vsr_core.comparison import Target
+from vsr_core.rock import solid
+from vsr_core.run import bounds
+from vsr_core.run.overturning import Case, Settings, prepare
 from vsr_core.scene import Contact, Scene
-from vsr_core.simulate import Case, Settings, prepare
+from vsr_core.verification import peers, time_step, work_precision
+from vsr_core.verification.work_precision import Target
 
 SIZES = ((1.0, 1.0, 2.0), (0.5, 0.5, 1.0), (1.0, 1.0, 3.0), (0.11, 0.11, 0.55))
 
@@ -25,7 +27,7 @@ def blocks() -> list[Row]:
     for tolerance in TOLERANCES:
         steps = {id(case): _step(case, tolerance) for case in cases}
         scores = [
-            comparison.score(comparison.project(case, Settings(steps[id(case)])), wanted)
+            work_precision.score(work_precision.project(case, Settings(steps[id(case)])), wanted)
             for case, wanted in targets
         ]
         cost = float(np.mean([score.seconds for score in scores]))
@@ -35,8 +37,9 @@ def blocks() -> list[Row]:
         rows.append((f"Housner's blocks, tolerance {tolerance:.1%}: worst error, CPU", text, ""))
     seed = peers.load("seed")
     case, wanted = targets[0]
-    found = comparison.score(
-        comparison.by_tilt(seed.build(case.full, seed.SWEEP[0]), case.limits.toppled_tilt), wanted
+    found = work_precision.score(
+        work_precision.by_tilt(seed.build(case.full, seed.SWEEP[0]), case.limits.toppled_tilt),
+        wanted,
     )
     rows.append(("seed's set-up on 1x1x2 / this at 1 %, CPU", f"{found.seconds / own:.0f}", "10"))
     rows.append(("  its error there", f"{100 * found.error:.2f} %", ""))
@@ -49,13 +52,13 @@ def _case(size: tuple[float, float, float]) -> Case:
 
 
 def _targets(case: Case) -> list[Target]:
-    return [comparison.target(case, ratio, ()) for ratio in precision.periods(case.full.rock)]
+    return [work_precision.target(case, ratio, ()) for ratio in time_step.periods(case.full.rock)]
 
 
 def _step(case: Case, tolerance: float) -> float:
     rock = case.full.rock
-    rows = [precision.measure(case, r, Settings(1.0)) for r in precision.periods(rock)]
+    rows = [time_step.measure(case, r, Settings(1.0)) for r in time_step.periods(rock)]
     error, steps = np.array([row.error for row in rows]), np.array([row.steps for row in rows])
-    measured, unit = precision.front(error, steps), precision.step_unit(rock)
-    most = precision.longest(rock, "bullet", tolerance)
-    return precision.choose(measured, tolerance, unit, most).time_step
+    measured, unit = time_step.front(error, steps), time_step.step_unit(rock)
+    most = time_step.longest(rock, "bullet", tolerance)
+    return time_step.choose(measured, tolerance, unit, most).time_step

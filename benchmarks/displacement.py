@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.speed import WORKERS, Row
-from pipeline.layers import load_site
-from pipeline.scenes import on_terrain
-from pipeline.store import Store
-from vsr_core.motion import CosinePulse
-from vsr_core.simulate import Settings
-from vsr_core.travel import Site, travel
+from pipeline.config.layers import load_site
+from pipeline.stages.runs.scenes import on_terrain
+from pipeline.workflow.store import Store
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.run.displacement import Site, travel
+from vsr_core.run.overturning import Settings
 
 SITE = "double_rock_terrain"
 

@@ -17,11 +17,11 @@ import numpy as np
 
 from benchmarks import rebound_figure, tumbling
 from pipeline import ROOT
-from pipeline.figures.style import png
-from vsr_core.engines.bullet import RESTITUTION_THRESHOLD, SCALED_RADIUS
-from vsr_core.reference import dissipation, impact, incline, rimless_wheel, runout
-from vsr_core.reference._ground import slope
+from pipeline.drawing.style import png
+from vsr_core.engines.bullet.world import RESTITUTION_THRESHOLD, SCALED_RADIUS
 from vsr_core.scene import Contact
+from vsr_core.verification.reference import dissipation, impact, incline, rimless_wheel, runout
+from vsr_core.verification.reference._ground import slope
 
 PAGE, FIGURE = ROOT / "docs" / "rebound.md", ROOT / "docs" / "rebound.png"
 
@@ -274,7 +274,7 @@ Made by `python -m benchmarks.rebound --write`; do not edit.
 
 What the model of contact does on ground of triangles and of convex pieces, on cases with an answer:
 the families `incline`, `impact`, `rimless_wheel`, `runout` and `dissipation` of
-`vsr_core/reference/`. e is the restitution. Where nothing else is said the step is {step}.
+`vsr_core/verification/reference/`. e is the restitution. Unless stated, the step is {step}.
 
 ![Impacts, rolling, sliding and tumbling](rebound.png)
 

@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchmarks import tumbling
-from pipeline.figures.style import FAINT, INK, MARKERS, SERIES, styled
-from vsr_core.reference import impact, rimless_wheel, runout
-from vsr_core.reference._ground import axes, slope
-from vsr_core.reference._run import box
+from pipeline.drawing.style import FAINT, INK, MARKERS, SERIES, styled
 from vsr_core.scene import Contact
-from vsr_core.terrain import Terrain
+from vsr_core.terrain.surface import Terrain
+from vsr_core.verification.reference import impact, rimless_wheel, runout
+from vsr_core.verification.reference._ground import axes, slope
+from vsr_core.verification.reference._run import box
 
 Array = NDArray[np.float64]
 

@@ -23,18 +23,21 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-import vsr_core.simulate as loop
+import vsr_core.run.overturning as loop
 from pipeline import ROOT
-from pipeline.stages.report import GAINS
-from vsr_core import GRAVITY, bounds, engines, sampling, solid
+from pipeline.stages.reports.report import GAINS
+from vsr_core import GRAVITY, engines
 from vsr_core.engines import Solver, bullet
-from vsr_core.motion import CosinePulse, GroundMotion
+from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.outcome import Outcome
-from vsr_core.precision import step_unit
-from vsr_core.scene import Contact, Rock, Scene, State
-from vsr_core.servo import Servo
-from vsr_core.simulate import Case, Settings, prepare, simulate
+from vsr_core.rock import solid
+from vsr_core.rock.body import Rock
+from vsr_core.run import bounds, sampling
+from vsr_core.run.overturning import Case, Settings, prepare, simulate
+from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock
+from vsr_core.table.servo import Servo
+from vsr_core.verification.time_step import step_unit
 
 Array = NDArray[np.float64]
 
@@ -50,7 +53,7 @@ REST, NEXT_TO_NOTHING = 0.5, 1e-12  # s, m/s^2
 NEARBY = (-0.04, -0.02, -0.01, -0.005, -0.002, 0.002, 0.005, 0.01, 0.02, 0.04)
 """Changes of PGA, as shares, tried on a cell that ends otherwise: is it beside the boundary?"""
 
-PROOF = "`vsr_core/bounds.py`"
+PROOF = "`vsr_core/run/bounds.py`"
 
 
 @dataclass(frozen=True)

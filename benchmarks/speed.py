@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.cluster import Cluster
-from pipeline.layers import load_site
-from pipeline.scenes import prepared
-from pipeline.stage import Job
-from pipeline.store import Store
+from pipeline.config.layers import load_site
+from pipeline.stages.runs.scenes import prepared
+from pipeline.workflow.cluster import Cluster
+from pipeline.workflow.stage import Job
+from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
-from vsr_core.motion import CosinePulse
-from vsr_core.precision import step_unit
-from vsr_core.simulate import Case, Settings, simulate
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.run.overturning import Case, Settings, simulate
+from vsr_core.verification.time_step import step_unit
 
 WORKERS = 2
 REAL_TIME_HOURS = 7.0  # 2,500 runs on the seed's real-time table (its public scripts)
@@ -117,7 +117,7 @@ def _case(site: Path, folder: Path) -> tuple[Case, Settings]:
     given = load_site(str(site))
     store = Store(folder / "rock" / given.name)
     if store.manifest("rock") is None:
-        from pipeline import graph
+        from pipeline.workflow import graph
 
         store.open()
         graph.make("rock", Job(given, store, Cluster(0), "", lambda line: None))

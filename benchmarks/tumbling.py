@@ -13,16 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.stages.terrain import SLOPE_SHARE, THICKNESS_SHARE
-from vsr_core import detail, engines, solid
-from vsr_core.pieces import pieces
-from vsr_core.precision import COARSE_SHARE, step_unit
-from vsr_core.reference._ground import sheet
-from vsr_core.reference._run import DENSITY
-from vsr_core.scene import Contact, Rock, Scene, State
+from pipeline.stages.mesh.terrain import SLOPE_SHARE, THICKNESS_SHARE
+from vsr_core import engines
+from vsr_core.rock import reduction, solid
+from vsr_core.rock.body import Rock
+from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock
-from vsr_core.surrogates.relief import ramp, rough
-from vsr_core.terrain import Terrain
+from vsr_core.surrogates.ground_shapes import ramp, rough
+from vsr_core.terrain.convex_parts import pieces
+from vsr_core.terrain.surface import Terrain
+from vsr_core.verification.reference._ground import sheet
+from vsr_core.verification.reference._run import DENSITY
+from vsr_core.verification.time_step import COARSE_SHARE, step_unit
 
 Array = NDArray[np.float64]
 
@@ -76,7 +78,7 @@ def rock() -> Rock:
     import trimesh
 
     mesh = trimesh.Trimesh(*double_rock(), process=False)
-    return detail.in_flight(solid.from_mesh(mesh, DENSITY, as_scanned=True).rock)
+    return reduction.in_flight(solid.from_mesh(mesh, DENSITY, as_scanned=True).rock)
 
 
 @cache

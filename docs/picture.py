@@ -12,10 +12,10 @@ from pathlib import Path
 import matplotlib.image as image
 from matplotlib.figure import Figure
 
-from pipeline.datasets import read
-from pipeline.figures.responses import overturning_diagram
-from pipeline.figures.rock_views import rock_views
-from pipeline.figures.style import png
+from pipeline.drawing.style import png
+from pipeline.stages.fragility.response_diagram import overturning_diagram
+from pipeline.stages.fragility.rock_views import rock_views
+from pipeline.workflow.datasets import read
 
 
 def picture(folder: Path) -> Figure:

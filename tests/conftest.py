@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import ROOT, cli, keys
-from vsr_core import precision
+from pipeline import ROOT, cli
+from pipeline.workflow import keys
+from vsr_core.verification import time_step
 
 BOX = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
 
@@ -46,9 +47,9 @@ def derived(tmp_path: Path) -> Path:
 @pytest.fixture
 def quick_precision(monkeypatch: pytest.MonkeyPatch) -> None:
     """Measure the time step on one row a direction at two steps: enough where it is no subject."""
-    monkeypatch.setattr(precision, "SHARES", (0.006, 0.003))
-    monkeypatch.setattr(precision, "BOX_PERIODS", (0.6,))
-    monkeypatch.setattr(precision, "HULL_PERIODS", (0.45,))
+    monkeypatch.setattr(time_step, "SHARES", (0.006, 0.003))
+    monkeypatch.setattr(time_step, "BOX_PERIODS", (0.6,))
+    monkeypatch.setattr(time_step, "HULL_PERIODS", (0.45,))
 
 
 @pytest.fixture

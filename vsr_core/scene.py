@@ -1,56 +1,19 @@
-"""The scene of a run: a rock on a pedestal, their contact; and what of it can be left out."""
+"""The scene of a run: a rock on a pedestal, their contact, and the state of the rock."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
-from vsr_core.hull import convex_hull, tipping, touching
-from vsr_core.servo import Servo
-from vsr_core.terrain import Terrain
+from vsr_core.rock.body import Rock
+from vsr_core.table.servo import Servo
+from vsr_core.terrain.surface import Terrain
 
 Array = NDArray[np.float64]
-
-KEPT_TILT = np.radians(80.0)
-"""Vertices that touch only beyond this tilt are left out of a reduced hull [rad]."""
-
-CERTIFIED_WAYS = 72
-"""Directions in which a reduced hull must tip as the complete one does."""
-
-
-@dataclass(frozen=True, eq=False)
-class Rock:
-    """A rigid rock in its rest pose: origin at the centre of mass, z up, yaw 0.
-
-    Attributes
-    ----------
-    shape : "box", "hull" or "sphere"
-    vertices : ndarray, shape (n, 3) [m], corners of its convex hull; six poles of a sphere
-    mass : float [kg]
-    inertia : ndarray, shape (3,) [kg m^2], principal moments
-    axes : ndarray, shape (3, 3), principal axes as columns, right-handed
-    """
-
-    shape: Literal["box", "hull", "sphere"]
-    vertices: Array
-    mass: float
-    inertia: Array
-    axes: Array
-
-    @property
-    def radius(self) -> float:
-        """Largest distance of a vertex from the centre of mass [m]."""
-        return float(np.linalg.norm(self.vertices, axis=1).max())
-
-    @property
-    def height(self) -> float:
-        """Height of the centre of mass above the pedestal at rest [m]."""
-        return float(-self.vertices[:, 2].min())
 
 
 @dataclass(frozen=True)
@@ -127,105 +90,8 @@ class Scene:
     terrain: Terrain | None = None
 
 
-@dataclass(frozen=True)
-class Reduction:
-    """Something left out of a scene, and why the answer stays the same."""
-
-    what: str
-    why: str
-
-
-STANDING_REDUCTIONS = (
-    Reduction("trajectory", "only outcomes are wanted"),
-    Reduction("settling before the pulse", "the rest pose is known from the hull's geometry"),
-)
-"""What ``simulate`` itself leaves out when a scene is reduced."""
-
-TABLE_FRAME_REDUCTIONS = (
-    Reduction(
-        "joint, servo and moving pedestal",
-        "the motion is prescribed, so the table's own frame is exact: gravity minus the table's "
-        "acceleration",
-    ),
-    Reduction(
-        "runs below the uplift and sliding limits",
-        "the resultant stays inside the base and the friction cone: nothing moves",
-    ),
-    Reduction(
-        "the motion before its first push",
-        "until it leaves those limits nothing moves, so the run starts there; it passes over rests "
-        "in a record as well",
-    ),
-    Reduction(
-        "time after the outcome is certain",
-        "energy too small for any way back, or falling past every support",
-    ),
-)
-"""What it leaves out besides where no servo moves the table."""
-
-
-def reduce(scene: Scene) -> tuple[Scene, tuple[Reduction, ...]]:
-    """The least scene with the same outcome, and what was left out.
-
-    Parameters
-    ----------
-    scene : Scene
-        As the user described it.
-
-    Returns
-    -------
-    scene : Scene
-    reductions : tuple of Reduction
-    """
-    dropped = [*STANDING_REDUCTIONS]
-    reduced = scene
-    if scene.drive is None:
-        dropped = [*TABLE_FRAME_REDUCTIONS, *dropped]
-    if scene.drive is None and scene.rock.shape == "hull" and scene.contact.restitution == 0.0:
-        # On a plane Bullet finds one corner of a landing edge at a time, on a slab both. With a
-        # box that shifts the boundary of short pulses by 3-5 %, and no face rebounds as it should.
-        reduced = replace(reduced, pedestal="plane")
-        dropped.insert(
-            0, Reduction("pedestal slab", "a flat pedestal is a plane; its edges are out of reach")
-        )
-    if scene.rock.shape == "hull":
-        rock = simplified(scene.rock)
-        left_out = len(scene.rock.vertices) - len(rock.vertices)
-        if left_out:
-            reduced = replace(reduced, rock=rock, kept_tilt=float(KEPT_TILT))
-            dropped.append(
-                Reduction(
-                    f"{left_out} of {len(scene.rock.vertices)} hull vertices",
-                    f"they cannot touch below {np.degrees(KEPT_TILT):.0f} deg of tilt, and it tips "
-                    "as before without them; a run that tilts further is repeated with all",
-                )
-            )
-    return reduced, tuple(dropped)
-
-
 def resting(scene: Scene) -> State:
     """State of the rock at rest on the pedestal, turned by the scene's yaw."""
     cos, sin = np.cos(scene.yaw), np.sin(scene.yaw)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return State(np.array([0.0, 0.0, scene.rock.height]), turn, np.zeros(3), np.zeros(3))
-
-
-@lru_cache(maxsize=8)
-def simplified(rock: Rock) -> Rock:
-    """The rock with those vertices of its hull that can touch below ``KEPT_TILT``.
-
-    Certified: static uplift and tipping in ``CERTIFIED_WAYS`` directions are those of the complete
-    hull, or the rock is returned as it is.
-    """
-    hull = convex_hull(rock.vertices)
-    keep = touching(hull, KEPT_TILT)
-    # Engines size their contact tolerances by the bounding box in the principal frame.
-    along = hull.vertices @ rock.axes
-    keep[[*along.argmin(axis=0), *along.argmax(axis=0)]] = True
-    kept = hull.vertices[keep]
-    ways = np.linspace(0.0, 2.0 * np.pi, CERTIFIED_WAYS, endpoint=False)
-    before, after = tipping(hull, ways), tipping(convex_hull(kept), ways)
-    same = np.allclose(after.overturning, before.overturning, rtol=1e-9, atol=0.0) and np.allclose(
-        after.uplift, before.uplift, rtol=1e-9, atol=0.0
-    )
-    return replace(rock, vertices=kept) if same else rock

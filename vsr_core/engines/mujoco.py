@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from vsr_core.engines import Solver
 from vsr_core.errors import Unfit
-from vsr_core.scene import Rock, Scene, State, resting
+from vsr_core.rock.body import Rock
+from vsr_core.scene import Scene, State, resting
 
 Array = NDArray[np.float64]
 

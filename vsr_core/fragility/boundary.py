@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from vsr_core.fragility.cells import outcomes
 from vsr_core.fragility.result import Boundary, FloatArray, IntArray
@@ -58,8 +59,6 @@ def toppled_clusters(grid: FloatArray) -> tuple[IntArray, IntArray]:
     sizes : ndarray of int, shape (n_clusters,)
         Toppled cells of each cluster.
     """
-    from scipy import ndimage
-
     joined, count = ndimage.label(grid != 0, structure=np.ones((3, 3)))
     fell = grid == 1
     sizes = np.bincount(joined[fell], minlength=count + 1)

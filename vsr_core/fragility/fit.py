@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
 
 from vsr_core.errors import Unfit
 from vsr_core.fragility.boundary import locate
 from vsr_core.fragility.cells import outcomes, positive
+from vsr_core.fragility.cross_validation import bootstrap, cross_validate
+from vsr_core.fragility.logistic import LogisticFragility
+from vsr_core.fragility.lognormal import LognormalFragility
+from vsr_core.fragility.recommend import recommend
 from vsr_core.fragility.result import FloatArray, FragilityResult, ModelFit, Parameter
-
-if TYPE_CHECKING:
-    from vsr_core.fragility.logistic import LogisticFragility
-    from vsr_core.fragility.lognormal import LognormalFragility
-    from vsr_core.fragility.smooth import SmoothFragility
+from vsr_core.fragility.smooth import SmoothFragility
 
 
 def fit_all(
@@ -42,10 +40,6 @@ def fit_all(
         Replicates; 0 leaves the intervals NaN.
     """
     # scikit-learn and scipy take a second to import
-    from vsr_core.fragility.logistic import LogisticFragility
-    from vsr_core.fragility.lognormal import LognormalFragility
-    from vsr_core.fragility.recommend import recommend
-    from vsr_core.fragility.smooth import SmoothFragility
 
     columns, rows = _axis(pga, "pga"), _axis(pgv_pga, "pgv_pga")
     grid = outcomes(overturned)
@@ -94,8 +88,6 @@ def _fitted(
     model: LogisticFragility | LognormalFragility | SmoothFragility, seed: int, n_bootstrap: int
 ) -> ModelFit:
     """Score a fitted estimator and put its answers for the grid together."""
-    from vsr_core.fragility.scores import bootstrap, cross_validate
-
     coefs = model.coefs_
     spread = bootstrap(model, n_bootstrap, seed)
     parameters = tuple(

@@ -14,9 +14,9 @@ from sklearn.preprocessing import SplineTransformer
 from vsr_core.errors import Unfit
 from vsr_core.fragility.boundary import first_crossing
 from vsr_core.fragility.cells import tabulate
+from vsr_core.fragility.cross_validation import held_out_log_loss
 from vsr_core.fragility.newton import maximise
 from vsr_core.fragility.result import FloatArray, IntArray
-from vsr_core.fragility.scores import held_out_log_loss
 
 RIDGE = 1e-4  # on every coefficient: keeps a grid with one outcome finite
 

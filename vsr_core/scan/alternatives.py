@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import shapely
+import trimesh
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from vsr_core.errors import Unfit
-from vsr_core.scan.clean import areas
+from vsr_core.scan.cleaning import areas
 from vsr_core.scan.cuts import Box, Colour, Cut, Plane, Polygon
 from vsr_core.scan.fill import area_vector
 from vsr_core.scan.rim import settled
-from vsr_core.scan.separate import Separation, by_cut
-
-if TYPE_CHECKING:
-    import trimesh
+from vsr_core.scan.separation import Separation, by_cut
 
 Array = NDArray[np.float64]
 
@@ -87,8 +87,6 @@ def _box(seam: Array, rock: Array, above: float, margin: float) -> Box:
 
 def _polygon(points: Array, margin: float) -> Polygon:
     """Outline of points from above, wider by ``margin`` [m], with few corners."""
-    import shapely
-
     outline = shapely.convex_hull(shapely.MultiPoint(points[:, :2])).buffer(margin)
     tolerance = 0.0
     while len(corners := shapely.get_coordinates(outline.simplify(tolerance))[:-1]) > MOST_CORNERS:
@@ -106,8 +104,6 @@ def _colours(mesh: trimesh.Trimesh) -> Array | None:
 
 def _colour(vertices: Array, colours: Array, rock: Array) -> Colour:
     """Of the rock in the mean, as tolerant as tells it best from what lies around it."""
-    from scipy.spatial import cKDTree
-
     reach = float(np.ptp(rock, axis=0).max())
     near = np.linalg.norm(vertices - rock.mean(axis=0), axis=1) < 2.0 * reach
     # Vertices of the seam have moved by up to two edges; a hundredth of the rock is less.
@@ -131,8 +127,6 @@ def _tried(mesh: trimesh.Trimesh, separation: Separation, cut: Cut) -> Alternati
 
 def _apart(one: Separation, other: Separation) -> float:
     """Farthest distance of a point on one's seams from the other's, either way [m]."""
-    from scipy.spatial import cKDTree
-
     here, there = (np.concatenate([_along(seam.points) for seam in s.seams]) for s in (one, other))
     return float(max(cKDTree(a).query(b)[0].max() for a, b in ((here, there), (there, here))))
 

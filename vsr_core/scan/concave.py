@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from vsr_core.errors import Unfit
-from vsr_core.scan.clean import areas
+from vsr_core.scan.cleaning import areas
 from vsr_core.scan.topology import edges, ends
 
 Array = NDArray[np.float64]
@@ -132,9 +134,6 @@ def cheapest_cut(found: Turns, count: int, rock: Mask, ground: Mask) -> Mask:
     -------
     ndarray of bool, shape (count,)
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import breadth_first_order, maximum_flow
-
     node = np.where(rock, 0, 1)
     free = ~(rock | ground)
     node[free] = 2 + np.arange(int(free.sum()))

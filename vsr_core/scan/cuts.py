@@ -7,17 +7,16 @@ on the nearest edges.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
+import shapely
+import trimesh
 from numpy.typing import NDArray
 
 from vsr_core.errors import Unfit
-from vsr_core.scan.clean import colours_of
+from vsr_core.scan.cleaning import colours_of
 from vsr_core.scan.topology import edges, ends
-
-if TYPE_CHECKING:
-    import trimesh
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -65,8 +64,6 @@ class Polygon:
 
     def inside(self, mesh: trimesh.Trimesh) -> Array:
         """Distance of each vertex to the prism's walls, positive inside [m], shape (n,)."""
-        import shapely
-
         polygon = shapely.Polygon(self.corners) if len(self.corners) > 2 else shapely.Polygon()
         if polygon.is_empty or not polygon.is_valid:
             raise Unfit(

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from vsr_core.scan.topology import edges, pieces
-
-if TYPE_CHECKING:
-    import trimesh
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -42,8 +39,6 @@ def signed_distance(mesh: trimesh.Trimesh, points: Array) -> tuple[Array, Array,
     nearest : ndarray, shape (n, 3) [m], on the surface
     face : ndarray of int, shape (n,), that it is on
     """
-    import trimesh
-
     distance, nearest = np.empty(len(points)), np.empty((len(points), 3))
     face = np.empty(len(points), dtype=np.int64)
     for chunk in _chunks(len(points)):
@@ -60,8 +55,6 @@ def vertex_distance(one: trimesh.Trimesh, other: trimesh.Trimesh) -> Array:
     Exact near the other surface. Vertices further from it than ``FAR`` of its edges are on the
     side of one of those that they hang together with, and as far as the nearest vertex.
     """
-    from scipy.spatial import cKDTree
-
     vertices, faces = np.array(other.vertices), np.array(other.faces, dtype=np.int64)
     points, links = np.array(one.vertices), np.asarray(one.edges_unique, dtype=np.int64)
     longest = np.zeros(len(vertices))
@@ -114,8 +107,6 @@ def hausdorff(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
 
 
 def _one_way(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
-    import trimesh
-
     spread = trimesh.sample.sample_surface(one, SAMPLES, seed=0)[0]
     used = np.unique(one.faces)
     return farthest(np.concatenate([np.array(one.vertices)[used], spread]), other)
@@ -123,8 +114,6 @@ def _one_way(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
 
 def farthest(points: Array, mesh: trimesh.Trimesh) -> float:
     """Largest distance of points, shape (n, 3) [m], from a surface [m]."""
-    import trimesh
-
     return max(
         float(trimesh.proximity.closest_point(mesh, points[chunk])[1].max())
         for chunk in _chunks(len(points))

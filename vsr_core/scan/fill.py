@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from vsr_core.errors import Unfit
 from vsr_core.scan.topology import Index, edges, ends, rims
@@ -69,8 +71,6 @@ def across(rim: Array, spacing: float = np.inf) -> tuple[Array, Index]:
     Unfit
         If the polygon crosses itself.
     """
-    import shapely
-
     if not (polygon := shapely.Polygon(rim)).is_valid:
         raise Unfit(
             f"a rim of {len(rim)} edges that crosses itself, seen along its normal",
@@ -92,8 +92,6 @@ def across(rim: Array, spacing: float = np.inf) -> tuple[Array, Index]:
 
 def _lattice(polygon: object, spacing: float) -> tuple[Array, Index]:
     """Vertices and faces of the equilateral triangles well inside a polygon."""
-    import shapely
-
     none = np.empty((0, 2)), np.empty((0, 3), dtype=np.int64)
     if not np.isfinite(spacing):
         return none
@@ -130,8 +128,6 @@ def _without_pinches(faces: Index) -> Index:
 
 def _named(corners: Array, points: Array) -> Index:
     """Number of the point that each corner is."""
-    from scipy.spatial import cKDTree
-
     return np.asarray(cKDTree(points).query(corners)[1], dtype=np.int64)
 
 

@@ -11,10 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from vsr_core.scan.clean import areas
+from vsr_core.scan.cleaning import areas
 from vsr_core.scan.concave import mean_edge, smoothed_normals
-from vsr_core.scan.separate import Separation
+from vsr_core.scan.separation import Separation
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -76,8 +77,6 @@ def planes_beside(
 
     Faces with a corner on ``loop`` do not count; ``edge`` [m] is the length of the mesh's edges.
     """
-    from scipy.spatial import cKDTree
-
     faces = faces[~_touching(faces, loop, len(vertices))]
     used, local = np.unique(faces, return_inverse=True)
     local = local.reshape(-1, 3)

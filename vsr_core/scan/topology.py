@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from vsr_core.errors import Unfit
 
@@ -67,9 +69,6 @@ def ends(faces: Index, side: Index) -> Index:
 
 def pieces(pairs: Index, count: int) -> Index:
     """Number of the connected piece that each of ``count`` things is in, linked by ``pairs``."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     links = coo_array(
         (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count)
     )

@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from vsr_core.errors import Unfit
 
@@ -136,8 +137,6 @@ def lower_hull(points: Array) -> Height:
     Unfit
         If the points lie in a plane.
     """
-    from scipy.spatial import ConvexHull, QhullError
-
     try:
         sides = ConvexHull(points).equations
     except QhullError as error:

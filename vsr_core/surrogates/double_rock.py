@@ -28,7 +28,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vsr_core.surrogates.stack import bezier, closed_stack, polygon_radius
+from vsr_core.surrogates.ring_stack import bezier, closed_stack, polygon_radius
 
 # Figures of the rock in the pose of the published mesh: z up, standing on z = 0, centre of mass
 # over the origin.

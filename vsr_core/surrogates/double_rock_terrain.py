@@ -17,12 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from vsr_core.surrogates.double_rock import double_rock
-from vsr_core.surrogates.relief import ramp, rise, rough, scattered, stepped, waves
-from vsr_core.surrogates.sheet import Block, Field, resampled, rounded, sheet
-from vsr_core.surrogates.site import SurrogateSite, over_origin, rim_around
-from vsr_core.surrogates.stack import polygon_radius
+from vsr_core.surrogates.ground_shapes import ramp, rise, rough, scattered, stepped, waves
+from vsr_core.surrogates.ground_sheet import Block, Field, resampled, rounded, sheet
+from vsr_core.surrogates.ring_stack import polygon_radius
+from vsr_core.surrogates.surrogate_site import SurrogateSite, over_origin, rim_around
 
 Array = NDArray[np.float64]
 
@@ -229,8 +230,6 @@ def _sector(
 
 def _below(rock: Array, height: float) -> Array:
     """Corners, shape (n, 2) [m], of the shadow on the ground of the rock's hull below a height."""
-    from scipy.spatial import ConvexHull
-
     hull = ConvexHull(rock)
     edges = rock[hull.simplices[:, [0, 1, 1, 2, 2, 0]]].reshape(-1, 2, 3)
     edges = edges[(edges[:, :, 2] > height).sum(axis=1) == 1]

@@ -11,10 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vsr_core.surrogates.relief import rise, rough, waves
-from vsr_core.surrogates.sheet import sheet
-from vsr_core.surrogates.site import SurrogateSite, over_origin, rim_around
-from vsr_core.surrogates.stack import bezier, closed_stack
+from vsr_core.surrogates.ground_shapes import rise, rough, waves
+from vsr_core.surrogates.ground_sheet import sheet
+from vsr_core.surrogates.ring_stack import bezier, closed_stack
+from vsr_core.surrogates.surrogate_site import SurrogateSite, over_origin, rim_around
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from vsr_core.fragility.lognormal import probit_likelihood
 from vsr_core.fragility.newton import maximise
@@ -53,8 +54,6 @@ def curve(
     Baker, J. W. (2015). Efficient analytical fragility function fitting using dynamic structural
     analysis. Earthquake Spectra 31(1), Eq. 11.
     """
-    from scipy.stats import norm
-
     names, group = np.unique(motions, return_inverse=True)
     chosen = np.random.default_rng(seed).integers(0, len(names), (SAMPLES, len(names)))
     counts = np.array([np.bincount(row, minlength=len(names)) for row in chosen])

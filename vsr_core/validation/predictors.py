@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zlib
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,6 +49,4 @@ def first_half(motions: NDArray[np.str_]) -> Flags:
 
     Fixed: by the parity of the CRC-32 of the motion's name, whatever tests there are.
     """
-    import zlib
-
     return np.array([zlib.crc32(name.encode()) % 2 == 0 for name in motions.tolist()], dtype=bool)

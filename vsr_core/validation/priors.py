@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm, qmc
 
 Array = NDArray[np.float64]
 
@@ -68,8 +69,6 @@ def draws(priors: Priors, count: int, seed: int = 7) -> list[Member]:
 
     The drive is reversed in every other member, to the share that is asked for.
     """
-    from scipy.stats import norm, qmc
-
     exponent = math.ceil(math.log2(max(count, 2)))
     points = qmc.Sobol(9, rng=seed).random_base2(exponent)[:count]
     points = np.clip(points, 1e-6, 1.0 - 1e-6)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import binomtest
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -81,8 +82,6 @@ def mcnemar(happened: Flags, one: Flags, other: Flags) -> float:
 
     Exact and two-sided (McNemar 1947, with the binomial distribution); 1 where there is none.
     """
-    from scipy.stats import binomtest
-
     only_one = int(((one == happened) & (other != happened)).sum())
     only_other = int(((one != happened) & (other == happened)).sum())
     if only_one + only_other == 0:
@@ -110,8 +109,6 @@ class Reliability:
 
 def reliability(happened: Flags, probability: Array, classes: int = 8) -> Reliability:
     """Observed shares in evenly spaced classes of probability; empty classes are left out."""
-    from scipy.stats import binomtest
-
     number = np.minimum((probability * classes).astype(int), classes - 1)
     rows = []
     for k in range(classes):

@@ -8,18 +8,17 @@ points of its base, so that millimetres there decide which way it topples.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
+from trimesh.proximity import closest_point
+from trimesh.registration import icp
 
 from vsr_core.errors import Unfit
-from vsr_core.hull import convex_hull, settle
-from vsr_core.scene import Rock
+from vsr_core.rock.body import Rock
+from vsr_core.rock.hull import convex_hull, settle
 from vsr_core.validation.priors import Member
-
-if TYPE_CHECKING:
-    import trimesh
 
 Array = NDArray[np.float64]
 
@@ -77,9 +76,6 @@ def form(scan: trimesh.Trimesh, replica: trimesh.Trimesh | None) -> Form:
     replica : Trimesh [m] or None
         Brought onto the scan by iterated closest points; taken only if the two are ``ALIKE``.
     """
-    from trimesh.proximity import closest_point
-    from trimesh.registration import icp
-
     vertices = np.array(scan.vertices)
     normals, faces = np.array(scan.vertex_normals), np.array(scan.faces, dtype=np.int64)
     if replica is not None:
@@ -112,8 +108,6 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
     Unfit
         If no shape drawn stands near its pose in the scan.
     """
-    import trimesh
-
     middle = (1.0 - member.mixing) * of.vertices + member.mixing * of.other
     rng = np.random.default_rng(member.seed)
     for _ in range(TRIES):

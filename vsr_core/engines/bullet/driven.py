@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from vsr_core.engines import Solver, silenced
-from vsr_core.engines.bullet import FASTEST, MASS, BulletWorld
+from vsr_core.engines.bullet.world import FASTEST, MASS, BulletWorld
 from vsr_core.errors import Unfit
 from vsr_core.scene import Scene, State
 

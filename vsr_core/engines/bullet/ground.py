@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core.engines import silenced
-from vsr_core.hull import convex_hull
+from vsr_core.rock.hull import convex_hull
 from vsr_core.scene import State
-from vsr_core.terrain import Terrain
+from vsr_core.terrain.surface import Terrain
 
 with silenced():
     import pybullet

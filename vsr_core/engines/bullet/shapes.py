@@ -8,10 +8,11 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from vsr_core.engines import silenced
-from vsr_core.hull import convex_hull
-from vsr_core.scene import Rock
+from vsr_core.rock.body import Rock
+from vsr_core.rock.hull import convex_hull
 
 with silenced():
     import pybullet
@@ -75,8 +76,6 @@ def bearing_corners(rock: Rock) -> Array:
 
     Of a base with more, those go first whose triangle with their neighbours is smallest.
     """
-    from scipy.spatial import ConvexHull
-
     low = rock.vertices[:, 2].min() + FLAT_SHARE * rock.radius
     base = rock.vertices[rock.vertices[:, 2] <= low]
     if len(base) < 3:

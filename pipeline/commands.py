@@ -1,0 +1,186 @@
+"""What each command does; imported when a command is given, not for its help."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+from pipeline.cli import DONE, PRODUCTS
+from pipeline.config.layers import STUDIES, TABLES, known, load_site
+from pipeline.config.problems import InputError, Problem
+from pipeline.workflow import graph
+from pipeline.workflow.cluster import Cluster
+from pipeline.workflow.stage import Job, named
+from pipeline.workflow.store import Store
+
+UNRESOLVED = 1
+
+ALIASES: dict[str, str] = {"fragility": "report", "displacement": "displacement_report"}
+"""Products that come with more: fragility and displacement with their reports."""
+
+SHOWN = {
+    "fragility": ("report.html", "fragility.csv", "responses.nc"),
+    "report": ("report.html", "fragility.csv", "responses.nc"),
+    "displacement": ("displacement.html", "trajectories.html", "correlation.csv"),
+    "prep": ("prep.html", "terrain.nc"),
+    "accuracy": ("accuracy.html", "accuracy.csv", "work_precision.png"),
+    "stability": ("stability.html", "stability.csv", "stability_map.png"),
+    "drive": ("drive.html", "drive.csv", "drive.nc"),
+    "validation": ("validation.html", "validation.csv", "validation.nc"),
+    "feasible": ("feasible.png", "feasible.csv"),
+}
+"""Files that are named when a product is done."""
+
+LOST = "runs are without a verdict; the report and responses.nc say which"
+UNRESOLVED_ARE = {"stability": "cases are silently wrong; stability.html says which"}
+"""What an exit code of 1 means, where it is not that runs are without a verdict."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make a product and all that it needs."""
+    job = _job(options)
+    job.store.open()
+    with job.cluster:
+        unresolved = graph.make(ALIASES.get(options.product, options.product), job)
+    for name in SHOWN.get(options.product, ()):
+        _log(f"-> {job.path(name)}")
+    if unresolved:
+        _log(f"{unresolved} {UNRESOLVED_ARE.get(options.product, LOST)}")
+        return UNRESOLVED
+    return DONE
+
+
+def prep(options: argparse.Namespace) -> int:
+    """Make rock and terrain of a scan, and the page of every step."""
+    job = _job(options)
+    if not job.config.on_terrain:
+        shape = f"a {job.config.pedestal.shape} pedestal"
+        rule, remedy = "rock and terrain are parts of one scan", "set pedestal.shape: mesh"
+        raise InputError(Problem(job.site.file, "pedestal.shape", shape, rule, remedy))
+    job.store.open()
+    with job.cluster:
+        graph.make("scan", job)
+        page, terrain = SHOWN["prep"]
+        _log(f"-> {job.path(page)}")
+        if job.config.pedestal.cut is None:
+            _log("the cut is a proposal; to accept it, set pedestal.cut: proposal")
+            return DONE
+        graph.make("terrain", job)
+    _log(f"-> {job.path(terrain)}")
+    return DONE
+
+
+def plan(options: argparse.Namespace) -> int:
+    """Print what would run and what it costs."""
+    return _inspected("plan", options)
+
+
+def status(options: argparse.Namespace) -> int:
+    """Print what is done."""
+    return _inspected("status", options)
+
+
+def why(options: argparse.Namespace) -> int:
+    """Print why something would run again."""
+    return _inspected("why", options)
+
+
+def _inspected(question: str, options: argparse.Namespace) -> int:
+    product = ALIASES.get(options.product, options.product)
+    return _show(named(f"pipeline.status:{question}")(product, _job(options)))
+
+
+def feasible(options: argparse.Namespace) -> int:
+    """Print and write what a table of hardware can do of a site's motions."""
+    make = named("pipeline.stages.studies.capacity.feasible:make")
+    job = _job(options)
+    job.store.open()
+    with job.cluster:
+        lines = make(job, options.table, Path(options.export) if options.export else None)
+    for name in SHOWN["feasible"]:
+        _log(f"-> {job.path(name)}")
+    return _show(lines)
+
+
+def list_all(options: argparse.Namespace) -> int:
+    """Print sites, studies, tables and products."""
+    print("sites:   ", *known())
+    print("studies: ", *(known(STUDIES) or ["none"]))
+    print("tables:  ", *known(TABLES))
+    print("products:", *PRODUCTS)
+    return DONE
+
+
+def clean(options: argparse.Namespace) -> int:
+    """Remove derived data; never data/raw."""
+    derived = Path(options.derived)
+    targets = [derived / options.site] if options.site else sorted(derived.glob("*/"))
+    targets = [target for target in targets if (target / ".stages").is_dir()]
+    if not targets:
+        print("nothing derived to remove")
+        return DONE
+    names = ", ".join(str(target) for target in targets)
+    if not options.yes and not _agreed(f"remove {names}? [y/N] "):
+        print("kept")
+        return DONE
+    for target in targets:
+        shutil.rmtree(target)
+    return DONE
+
+
+def _agreed(question: str) -> bool:
+    try:
+        return input(question).strip().lower() == "y"
+    except EOFError:  # nobody to ask
+        return False
+
+
+def fetch(options: argparse.Namespace) -> int:
+    """Download a public original."""
+    path = named("pipeline.stages.mesh.fetch:fetch")(options.name, options.url)
+    _log(f"-> {path}")
+    return DONE
+
+
+def _job(options: argparse.Namespace) -> Job:
+    given = vars(options)
+    if given.get("product") == "validation":
+        site_of = named("pipeline.stages.studies.validation.recorded_tests:site_of")
+        site = site_of(_wanted(given, "table", "a folder of shake-table tests"))
+    else:
+        name = str(_wanted(given, "site", "a site, or the path of its YAML"))
+        site = load_site(name, options.study, tuple(options.settings))
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
+    workers = given.get("workers")
+    cluster = Cluster(
+        cores if workers is None else workers,
+        given.get("scheduler"),
+        given.get("scheduler_file"),
+        given.get("cluster") == "slurm",
+        _log,
+    )
+    return Job(site, Store(Path(options.derived) / site.name), cluster, "", _log)
+
+
+def _wanted(given: dict[str, Any], option: str, what: str) -> Path:
+    value = given.get(option)
+    if not value:
+        raise InputError(
+            Problem(f"--{option}", "", "nothing", f"the product needs {what}", "give it")
+        )
+    return Path(value)
+
+
+def _show(lines: list[str]) -> int:
+    print("\n".join(lines), flush=True)
+    return DONE
+
+
+def _log(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

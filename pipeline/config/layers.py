@@ -1,0 +1,301 @@
+"""From YAML files and --set to a checked Config; every problem is traced to its origin."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from pipeline import ROOT
+from pipeline.config.problems import InputError, Problem
+from pipeline.config.schema import Config
+
+SITES = ROOT / "configs" / "sites"
+STUDIES = ROOT / "configs" / "studies"
+TABLES = ROOT / "configs" / "tables"
+BASE = ROOT / "configs" / "base.yaml"
+
+Checked = TypeVar("Checked", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Site:
+    """A site's name, its checked configuration and the folder its paths are relative to."""
+
+    name: str
+    config: Config
+    file: str
+    folder: Path
+    folders: dict[str, Path] = field(default_factory=dict)
+
+    def folder_of(self, key: str) -> Path:
+        """Folder that a path is relative to: that of the file which set its dotted key."""
+        return self.folders.get(key, self.folder)
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe loader that refuses a key given twice and reads plain values as YAML 1.2 does.
+
+    YAML 1.1 takes 030 for 24, 1e-3 for text, 1:30 for 90 and `no` for a number that is 0.
+    """
+
+
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, rule) for tag, rule in rules if not tag.endswith((":int", ":float", ":bool"))]
+    for first, rules in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+for _kind, _rule, _first in (
+    ("int", r"[-+]?[0-9]+", "-+0123456789"),
+    (
+        "float",
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.inf|\.nan",
+        "-+.0123456789",
+    ),
+    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
+):
+    _Loader.add_implicit_resolver(
+        f"tag:yaml.org,2002:{_kind}", re.compile(f"(?:{_rule})$"), list(_first)
+    )
+
+
+def _integer(loader: _Loader, node: yaml.ScalarNode) -> int:
+    return int(loader.construct_scalar(node))
+
+
+def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
+    keys: list[Any] = []
+    for place, _ in node.value:
+        key = loader.construct_object(place)
+        if not isinstance(place, yaml.ScalarNode) or key in keys:
+            what = "is no name" if not isinstance(place, yaml.ScalarNode) else "twice"
+            raise yaml.YAMLError(f"key {key!r} {what}, line {place.start_mark.line + 1}")
+        keys.append(key)
+    loader.flatten_mapping(node)
+    return {
+        loader.construct_object(key, deep=True): loader.construct_object(value, deep=True)
+        for key, value in node.value
+    }
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _integer)
+_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+
+
+def known(folder: Path = SITES) -> list[str]:
+    """Names of the YAML files in a folder of configurations."""
+    return sorted(path.stem for path in folder.glob("*.yaml"))
+
+
+def load_site(site: str, study: str | None = None, settings: tuple[str, ...] = ()) -> Site:
+    """Merge base, site, study and ``key=value`` settings, later ones over earlier ones.
+
+    Raises
+    ------
+    InputError
+        With one problem per line, for everything that is wrong at once.
+    """
+    path = _find(site, SITES, "site")
+    files = [BASE, path]
+    if study:
+        files.append(_find(study, STUDIES, "study"))
+    layers = [(shown(file), _read(file)) for file in files]
+    layers += [("--set", _setting(item)) for item in settings]
+    merged: dict[str, Any] = {}
+    origin: dict[tuple[str, ...], str] = {}
+    for source, layer in layers:
+        _merge(merged, layer, origin, source, ())
+    try:
+        config = Config.model_validate(merged)
+    except ValidationError as error:
+        problems = [_problem(item, origin, shown(path)) for item in error.errors()]
+        by_key = {(problem.file, problem.key): problem for problem in problems}
+        raise InputError(*by_key.values()) from None
+    parents = {shown(file): file.parent for file in files}
+    folders = {".".join(key): parents[at] for key, at in origin.items() if at in parents}
+    return Site(path.stem, config, shown(path), path.parent, folders)
+
+
+def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple[Checked, str]:
+    """A configuration of one file, by its name in a folder or by its path; and the file as shown.
+
+    Raises
+    ------
+    InputError
+        With one problem per line, for everything that is wrong at once.
+    """
+    path = _find(name, folder, what)
+    file = shown(path)
+    try:
+        return model.model_validate(_read(path)), file
+    except ValidationError as error:
+        problems = (_problem(item, {}, file, model) for item in error.errors())
+        raise InputError(*problems) from None
+
+
+def shown(path: Path) -> str:
+    """A path as a reader would write it: relative to where they stand, if it is below."""
+    for folder in (Path.cwd(), ROOT):
+        if path.resolve().is_relative_to(folder.resolve()):
+            return str(path.resolve().relative_to(folder.resolve()))
+    return str(path)
+
+
+def _find(name: str, folder: Path, what: str) -> Path:
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml"):
+        if path.is_file():
+            return path.resolve()
+        raise InputError(
+            Problem(name, "", "a file that is not there", "it exists", "check the path")
+        )
+    if name in known(folder):
+        return folder / f"{name}.yaml"
+    near = difflib.get_close_matches(name, known(folder), 1)
+    hint = f"did you mean {near[0]}?" if near else "give one of them, or a path ending in .yaml"
+    rule = f"the known ones are {', '.join(known(folder)) or 'none'}"
+    raise InputError(Problem(what.upper(), "", repr(name), rule, hint))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = yaml.load(path.read_text(encoding="utf-8"), _Loader)  # noqa: S506 (safe subclass)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(
+            Problem(shown(path), "", "text that is no YAML", str(error), "correct the file")
+        ) from None
+    if content is None:
+        return {}
+    if not isinstance(content, dict):
+        given = type(content).__name__
+        raise InputError(
+            Problem(
+                shown(path), "", f"a {given}", "a configuration is a mapping", "write key: value"
+            )
+        )
+    return content
+
+
+def _setting(item: str) -> dict[str, Any]:
+    key, equals, value = item.partition("=")
+    if not equals or not key:
+        raise InputError(
+            Problem("--set", "", repr(item), "it is key=value", "e.g. motion.pga.num=20")
+        )
+    try:
+        layer: Any = yaml.load(value, _Loader)  # noqa: S506 (safe subclass)
+    except yaml.YAMLError:
+        raise InputError(
+            Problem("--set", key, repr(value), "the value is YAML", "quote or correct it")
+        ) from None
+    for part in reversed(key.split(".")):
+        layer = {part: layer}
+    return dict(layer)
+
+
+def _merge(
+    into: dict[str, Any],
+    layer: dict[str, Any],
+    origin: dict[tuple[str, ...], str],
+    source: str,
+    path: tuple[str, ...],
+) -> None:
+    for name, value in layer.items():
+        key = str(name)
+        here = (*path, key)
+        origin[here] = source
+        if isinstance(value, dict) and isinstance(into.get(key), dict):
+            if "kind" in value and value["kind"] != into[key].get("kind"):
+                into[key] = {}  # what was said of another kind does not hold
+            _merge(into[key], value, origin, source, here)
+        elif isinstance(value, dict):
+            into[key] = {}
+            _merge(into[key], value, origin, source, here)
+        else:
+            into[key] = value
+
+
+def _problem(
+    error: Any,
+    origin: dict[tuple[str, ...], str],
+    site: str,
+    root: type[BaseModel] = Config,
+) -> Problem:
+    place, models = _walk(error["loc"], root)
+    given: Any = error["input"]
+    if error["type"] == "union_tag_invalid":
+        place, models = (*place, "kind"), [*models, None]
+        given = error["ctx"]["tag"]
+    source = next(
+        (origin[place[:n]] for n in range(len(place), 0, -1) if place[:n] in origin), site
+    )
+    key = ".".join(place)
+    if error["type"] == "extra_forbidden":
+        names = list(models[-1].model_fields) if models[-1] else ["start", "stop", "num"]
+        near = difflib.get_close_matches(place[-1], names, 1)
+        hint = f"did you mean {near[0]}?" if near else f"the keys here are {', '.join(names)}"
+        return Problem(source, key, "an unknown key", "every key is known", hint)
+    if error["type"] == "missing":
+        return Problem(source, key, "nothing", "the key is required", _description(place, models))
+    given = repr(given)
+    given = given if len(given) <= 60 else given[:57] + "..."
+    if error["type"] == "value_error":
+        rule, _, remedy = str(error["ctx"]["error"]).partition("; ")
+        return Problem(source, key, given, rule, remedy)
+    if error["type"] == "union_tag_invalid":
+        return Problem(source, key, given, f"it is {error['ctx']['expected_tags']}", "correct it")
+    rule = error["msg"][0].lower() + error["msg"][1:]
+    return Problem(source, key, given, rule, _description(place, models))
+
+
+Sections = dict[str, type[BaseModel]]
+"""Sections that a key may hold, by their kind."""
+
+
+def _walk(
+    location: tuple[Any, ...], root: type[BaseModel]
+) -> tuple[tuple[str, ...], list[type[BaseModel] | None]]:
+    """Keys of a problem's place, without the names of a union's members, and what holds each."""
+    place: list[str] = []
+    models: list[type[BaseModel] | None] = []
+    inner: type[BaseModel] | Sections | None = root
+    for part in map(str, location):
+        if part.startswith(("literal", "constr", "tagged-union")):
+            continue
+        if isinstance(inner, dict):
+            inner = inner.get(part)
+            continue
+        place.append(part)
+        models.append(inner)
+        if part.isdigit():  # an item of a list
+            continue
+        field = inner.model_fields.get(part) if inner else None
+        inner = _inner(field.annotation) if field else None
+    return tuple(place), models
+
+
+def _inner(annotation: Any) -> type[BaseModel] | Sections | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    members = [inner for member in get_args(annotation) if (inner := _inner(member))]
+    if len(members) < 2:
+        return members[0] if members else None
+    kinds: Sections = {}
+    for member in members:
+        if not isinstance(member, dict):
+            (kind,) = get_args(member.model_fields["kind"].annotation)
+            member = {kind: member}
+        kinds |= member
+    return kinds
+
+
+def _description(place: tuple[str, ...], models: list[type[BaseModel] | None]) -> str:
+    for name, model in zip(reversed(place), reversed(models), strict=True):
+        field = model.model_fields.get(name) if model else None
+        if field and field.description:
+            return f"it is the {field.description}"
+    return "correct it in the configuration"

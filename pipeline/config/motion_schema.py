@@ -1,0 +1,186 @@
+"""The ground motions of a configuration: pulses, records, and tables in several axes."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from pipeline.config.sections import Grid, Section, as_values
+from vsr_core.motions.records.processing import Processing
+
+
+def _in_g(pga: tuple[float, ...]) -> tuple[float, ...]:
+    if pga[0] <= 0.0:
+        raise ValueError("a PGA is positive; start above 0 g")
+    if pga[-1] > 10.0:
+        raise ValueError(
+            "PGA is in g and at most 10; g? write 0.3 for 30 percent of g, or 1 for 9.81 m/s2"
+        )
+    return pga
+
+
+Peaks = Annotated[Grid, BeforeValidator(as_values), AfterValidator(_in_g)]
+"""Peak ground accelerations [g]."""
+
+
+def _in_seconds(pgv_pga: tuple[float, ...]) -> tuple[float, ...]:
+    if pgv_pga[0] <= 0.0:
+        raise ValueError("PGV/PGA is positive; start above 0 s")
+    if pgv_pga[-1] > 10.0:
+        raise ValueError("PGV/PGA is in seconds and at most 10; s? write 0.3 for 300 ms")
+    return pgv_pga
+
+
+Ratios = Annotated[Grid, BeforeValidator(as_values), AfterValidator(_in_seconds)]
+"""Ratios of peak velocity to peak acceleration [s]."""
+
+
+class PulseConfig(Section):
+    """The grid of cosine pulses."""
+
+    kind: Literal["cosine_pulse"] = "cosine_pulse"
+    pga: Peaks = Field(description="peak ground acceleration [g]")
+    pgv_pga: Ratios = Field(description="ratio of peak velocity to peak acceleration [s]")
+
+
+Files = Annotated[tuple[str, ...], BeforeValidator(as_values), Field(min_length=1)]
+"""Names of files or folders."""
+
+Corner = Annotated[float, Field(gt=0, le=1000)]
+
+
+class ProcessingConfig(Section):
+    """What is done to each record; no filter is there unless it is asked for."""
+
+    order: Literal["paper", "standard", "none"] = Field(
+        description="order: paper (filters), standard (line, filters, baseline) or none"
+    )
+    highpass: Corner | None = Field(description="corner [Hz] of the high-pass, or null")
+    lowpass: Corner | None = Field(description="corner [Hz] of the low-pass, or null")
+    poles: int = Field(4, ge=1, le=10, description="poles of each filter in one pass")
+    resample: Corner | None = Field(None, le=100_000, description="new rate [1/s], band-limited")
+
+    @model_validator(mode="after")
+    def _corners_make_sense(self) -> ProcessingConfig:
+        if self.order == "none" and (self.highpass is not None or self.lowpass is not None):
+            raise ValueError("order none has no corners; set both to null, or order to paper")
+        if (self.highpass or 0.0) >= (self.lowpass or math.inf):
+            raise ValueError("the high-pass lies below the low-pass; exchange the corners")
+        return self
+
+    def how(self) -> Processing:
+        """The same in the terms of the physics."""
+        return Processing(self.order, self.highpass, self.lowpass, self.poles, self.resample)
+
+
+class ResponseConfig(Section):
+    """Removal of an instrument's response."""
+
+    file: str = Field(description="StationXML of the instruments; relative to this file")
+    corners: tuple[float, float, float, float] = Field(
+        description="f1 < f2 < f3 < f4 [Hz] of the taper of the spectrum"
+    )
+
+    @field_validator("corners")
+    @classmethod
+    def _ascend(cls, corners: tuple[float, ...]) -> tuple[float, ...]:
+        if corners[0] < 0.0 or list(corners) != sorted(set(corners)):
+            raise ValueError("corners ascend from 0 Hz or more; sort them")
+        return corners
+
+
+class RecordConfig(Section):
+    """Recorded motions, each scaled to every PGA."""
+
+    kind: Literal["record"] = "record"
+    files: Files = Field(description="recorded motions or folders of them; relative to this file")
+    component: str | None = Field(None, description="channel or column, where a file has several")
+    unit: str | None = Field(None, description="unit of the files that state none, e.g. m/s2, gal")
+    response: ResponseConfig | None = None
+    processing: ProcessingConfig
+    pga: Peaks = Field(description="peak ground acceleration after processing [g]")
+
+
+class AxisPulseConfig(Section):
+    """A cosine pulse on one axis of a table."""
+
+    axis: Literal["x", "y", "z", "roll", "pitch", "yaw"]
+    share: float = Field(
+        1.0, ge=-100, le=100, description="share of the PGA; of a turn, at 1 m from its axis"
+    )
+    pgv_pga: float | None = Field(
+        None, gt=0, le=10, description="PGV/PGA [s] of its own, where it is not the row's"
+    )
+
+    @field_validator("share")
+    @classmethod
+    def _moves(cls, share: float) -> float:
+        if share == 0.0:
+            raise ValueError("a share of 0 moves nothing; leave the pulse out")
+        return share
+
+
+class TableMotionConfig(Section):
+    """Motions of a table in up to six axes, from files or as pulses, each scaled to every PGA."""
+
+    kind: Literal["table"] = "table"
+    files: Files | None = Field(
+        None, description="CSV or NetCDF files of time and axes; relative to this file"
+    )
+    pulses: tuple[AxisPulseConfig, ...] | None = Field(
+        None, description="cosine pulses that begin together, each on its axis"
+    )
+    pgv_pga: Ratios | None = Field(
+        None, validate_default=True, description="PGV/PGA [s] of the pulses, a row for each"
+    )
+    pga: Peaks = Field(description="peak acceleration, tilt of gravity included in files [g]")
+
+    @field_validator("pulses")
+    @classmethod
+    def _are_alone(
+        cls, pulses: tuple[AxisPulseConfig, ...] | None, info: ValidationInfo
+    ) -> tuple[AxisPulseConfig, ...] | None:
+        if pulses is None:
+            return None
+        if info.data.get("files") is not None:
+            raise ValueError("a motion is in files or made of pulses; leave one of them out")
+        if not pulses:
+            raise ValueError("no pulse moves nothing; give one at least, e.g. {axis: z}")
+        if all(pulse.pgv_pga is not None for pulse in pulses):
+            raise ValueError(
+                "one pulse at least follows the rows; leave its pgv_pga out, and set motion.pgv_pga"
+            )
+        return pulses
+
+    @field_validator("pgv_pga")
+    @classmethod
+    def _are_of_pulses(
+        cls, pgv_pga: tuple[float, ...] | None, info: ValidationInfo
+    ) -> tuple[float, ...] | None:
+        pulses = info.data.get("pulses", ())  # none if they are refused themselves
+        if pgv_pga is not None and pulses is None and info.data.get("files") is not None:
+            raise ValueError("a file has a PGV/PGA of its own; leave motion.pgv_pga out")
+        if pgv_pga is None and pulses:
+            raise ValueError("pulses have a PGV/PGA; give one [s], or a grid")
+        return pgv_pga
+
+    @model_validator(mode="after")
+    def _is_given(self) -> TableMotionConfig:
+        if self.files is None and self.pulses is None:
+            raise ValueError("a table needs a motion; give `files`, or `pulses` and `pgv_pga`")
+        return self
+
+
+MotionConfig = Annotated[
+    PulseConfig | RecordConfig | TableMotionConfig, Field(discriminator="kind")
+]
+"""The ground motions of a study; a kind is a class here and one in `stages/motions/shaking.py`."""

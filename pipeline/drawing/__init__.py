@@ -1,0 +1,1 @@
+"""Drawing that any figure may use: the common style, meshes seen from a side, ground from above."""

@@ -1,0 +1,81 @@
+"""Runs of ``displacement.nc`` as figures and pages take them: paths, ends, and who toppled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vsr_core.displacement import correlation
+from vsr_core.displacement.origin import Forward
+from vsr_core.outcome import Outcome, StopReason
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def toppled(displacement: xr.Dataset) -> Mask:
+    """Find the runs whose rock overturned, shape (run,)."""
+    overturned: Mask = displacement["outcome"].values == Outcome.OVERTURNED
+    return overturned
+
+
+def chosen(displacement: xr.Dataset, runs: Mask) -> xr.Dataset:
+    """The dataset with some of its runs, and their samples, only."""
+    samples = np.repeat(runs, displacement["row_size"].values)
+    return displacement.isel(run=runs, sample=samples)
+
+
+def groups(displacement: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
+    """Name and runs of each yaw and friction."""
+    yaw, friction = displacement["yaw"].values, displacement["friction"].values
+    several = len(np.unique(friction)) > 1
+    for turn, grip in sorted(set(zip(yaw.tolist(), friction.tolist(), strict=True))):
+        name = f"yaw {turn:g} deg" + (f", friction {grip:g}" if several else "")
+        yield name, chosen(displacement, (yaw == turn) & (friction == grip))
+
+
+def overturned_runs(displacement: xr.Dataset) -> correlation.Runs:
+    """The overturned runs, as the correlations take them."""
+    mask = toppled(displacement)
+    names = (*correlation.REGRESSORS, *correlation.STATISTICS)
+    return correlation.Runs(*(displacement[name].values[mask].astype(float) for name in names))
+
+
+def ends(displacement: xr.Dataset) -> Array:
+    """Where each run's centre of mass ended, shape (run, 2) [m]: x and y in the site's frame.
+
+    A run without samples never left its start, the origin of the frame.
+    """
+    size = displacement["row_size"].values
+    last = np.cumsum(size) - 1
+    end = np.zeros((len(size), 2))
+    some = size > 0
+    for axis, name in enumerate("xy"):
+        end[some, axis] = displacement[name].values[last[some]]
+    return end
+
+
+def forward(displacements: Sequence[xr.Dataset], starts: Array) -> Forward:
+    """Runs from several starts whose resting place is known.
+
+    Runs that time ended, or that have no verdict, are left out: where they rest is not known.
+
+    Parameters
+    ----------
+    displacements : sequence of Dataset
+        One a start, as in ``displacement.nc``, with terrains that do not differ in direction.
+    starts : ndarray, shape (s, 2) [m]
+        Origin of each dataset's frame in the frame of the found place.
+    """
+    parts = []
+    for displacement, start in zip(displacements, starts, strict=True):
+        stop, end = displacement["stop_reason"].values, ends(displacement) + start
+        end[stop == StopReason.LEFT_TERRAIN] = np.nan
+        known = np.isin(stop, (StopReason.REST, StopReason.LEFT_TERRAIN))
+        pga, ratio = (displacement[name].values.astype(float) for name in ("pga", "pgv_pga"))
+        parts.append((pga[known], ratio[known], end[known]))
+    number = np.repeat(np.arange(len(parts)), [len(pga) for pga, _, _ in parts])
+    return Forward(number, *(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))

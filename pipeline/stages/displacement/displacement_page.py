@@ -1,0 +1,237 @@
+"""The page of large displacement: sentences, tables and pictures from its datasets."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from pipeline.drawing.style import png_uri
+from pipeline.stages.datasets.displaced_runs import (
+    ends,
+    forward,
+    groups,
+    overturned_runs,
+    toppled,
+)
+from pipeline.stages.displacement.correlation_figures import (
+    NAMES,
+    ensemble_means,
+    power,
+    trajectory_lengths,
+)
+from pipeline.stages.displacement.origin_maps import SHARE, origin_maps
+from pipeline.stages.displacement.side_view import side_view
+from pipeline.stages.displacement.trajectory_maps import end_positions, trajectories
+from pipeline.workflow.pages import filled
+from vsr_core.displacement.correlation import STATISTICS, Correlation, correlations
+from vsr_core.displacement.least_shaking import lower_bound
+from vsr_core.displacement.origin import Found, trace
+from vsr_core.outcome import Outcome, StopReason
+
+Row = dict[str, Any]
+
+TEMPLATE = "displacement.html"
+
+TABLE_1 = {
+    ("trajectory_length", "pga"): (0.90, 2.3e-11),
+    ("trajectory_length", "pgv_pga"): (0.92, 3.2e-22),
+    ("largest_speed", "pga"): (0.82, 5.5e-9),
+    ("largest_speed", "pgv_pga"): (0.78, 1.0e-13),
+    ("terminal_distance", "pga"): (0.73, 3.5e-7),
+    ("terminal_distance", "pgv_pga"): (0.87, 3.9e-18),
+}
+"""R2 and p of the ensembles' means, as Chen et al. (2024) give them in Table 1."""
+
+_KINDS = {b"\x89PNG": "png", b"GIF8": "gif", b"RIFF": "webp", b"\xff\xd8\xff": "jpeg"}
+
+_STOPS = {
+    StopReason.REST: "came to rest",
+    StopReason.LEFT_TERRAIN: "left the terrain",
+    StopReason.TIME: "still moving when time ran out",
+    StopReason.UNDONE: "no verdict",
+}
+
+
+@dataclass(frozen=True)
+class Slot:
+    """Something made elsewhere that the page shows or leads to.
+
+    Attributes
+    ----------
+    title, caption : str
+    image : bytes, of a PNG, GIF, WebP or JPEG, animated or not; shown in the page
+    link : str, address relative to the page, e.g. of a page in three dimensions
+    """
+
+    title: str
+    caption: str = ""
+    image: bytes = b""
+    link: str = ""
+
+
+def page(
+    site: str,
+    displacement: xr.Dataset,
+    terrain: xr.Dataset,
+    source: str,
+    found: Found | None = None,
+    slots: Sequence[Slot] = (),
+    limits: Sequence[str] = (),
+) -> str:
+    """Everything about large displacement in one page that loads nothing.
+
+    Parameters
+    ----------
+    site : str
+    displacement, terrain : Dataset
+        As in ``displacement.nc`` and ``terrain.nc``.
+    source : str
+        What the terrain is; one that is not a scan says "surrogate".
+    found : Found, optional
+        A rock found on the terrain, in the site's frame.
+    slots : sequence of Slot
+        Time-lapse, animation, page in three dimensions.
+    limits : sequence of str
+        Sentences on what else the results do not hold for.
+    """
+    shown = [
+        {"title": slot.title, "caption": slot.caption, "link": slot.link, "image": _uri(slot.image)}
+        for slot in slots
+    ]
+    facts = {
+        "site": site,
+        "source": source,
+        "surrogate": "surrogate" in source.lower(),
+        "answer": _answer(displacement),
+        "counts": _counts(displacement),
+        "groups": [_group(name, runs, terrain, source) for name, runs in groups(displacement)],
+        "ends": png_uri(end_positions(displacement, terrain, source)),
+        "origin": _origin(displacement, terrain, source, found) if found else None,
+        "slots": shown,
+        "limits": limits,
+    }
+    return filled(TEMPLATE, facts)
+
+
+def _answer(displacement: xr.Dataset) -> Row:
+    """Numbers of the first sentences."""
+    runs, stop = overturned_runs(displacement), displacement["stop_reason"].values
+    answer: Row = {
+        "runs": displacement.sizes["run"],
+        "toppled": len(runs.pga),
+        "cut": int((toppled(displacement) & (stop != StopReason.REST)).sum()),
+        "undone": int((stop == StopReason.UNDONE).sum()),
+    }
+    for name in STATISTICS:
+        values = getattr(runs, name)
+        ends_of = np.percentile(values, [50.0, 100.0]) if len(values) else (math.nan, math.nan)
+        answer[name] = [float(value) for value in ends_of]
+    return answer
+
+
+def _counts(displacement: xr.Dataset) -> Row:
+    """Runs by outcome and by what ended them."""
+    outcome, stop = displacement["outcome"].values, displacement["stop_reason"].values
+    kinds = [kind for kind in Outcome if (outcome == kind).any()]
+    rows = [
+        {
+            "stop": words,
+            "runs": [int(((stop == reason) & (outcome == kind)).sum()) for kind in kinds],
+        }
+        for reason, words in _STOPS.items()
+    ]
+    return {
+        "kinds": [kind.name.lower() for kind in kinds],
+        "rows": [row for row in rows if any(row["runs"])],
+        "total": [int((outcome == kind).sum()) for kind in kinds],
+    }
+
+
+def _group(name: str, runs: xr.Dataset, terrain: xr.Dataset, source: str) -> Row:
+    """Table 1 and the figures of one direction and friction."""
+    return {
+        "name": name,
+        "toppled": int(toppled(runs).sum()),
+        "runs": runs.sizes["run"],
+        "table": [_line(found) for found in correlations(overturned_runs(runs))],
+        "trajectories": png_uri(trajectories(runs, terrain, source)),
+        "side": png_uri(side_view(runs, terrain, source)),
+        "lengths": png_uri(trajectory_lengths(runs, source)),
+        "means": png_uri(ensemble_means(runs, source)),
+    }
+
+
+def _line(found: Correlation) -> Row:
+    r2, p = TABLE_1[found.statistic, found.regressor]
+    return {
+        "statistic": "mean " + NAMES[found.statistic],
+        "regressor": NAMES[found.regressor],
+        "line": found.line,
+        "p": power(found.line.p),
+        "paper_r2": r2,
+        "paper_p": power(p),
+        "spearman": found.spearman,
+        "between": found.between,
+        "reason": found.reason,
+    }
+
+
+def _origin(displacement: xr.Dataset, terrain: xr.Dataset, source: str, found: Found) -> Row:
+    """The inverse: what the place says of the shaking, and what shaking it takes at least."""
+    runs = forward([displacement], np.zeros((1, 2)))
+    origin = trace(runs, found)
+    region = origin.region(SHARE)
+    spans = [
+        {"name": NAMES[name], "ends": [float(values[inside][end]) for end in (0, -1)]}
+        for name, values, inside in (
+            ("pga", origin.pga, region.any(axis=0)),
+            ("pgv_pga", origin.pgv_pga, region.any(axis=1)),
+        )
+        if inside.any()
+    ]
+    mask = toppled(displacement)
+    far, distance = np.hypot(*ends(displacement)[mask].T), math.hypot(*found.place)
+    bounds = [
+        lower_bound(displacement[name].values[mask].astype(float), far, distance, name)
+        for name in ("pga", "pgv_pga")
+    ]
+    return {
+        "found": found,
+        "answer": origin,
+        "share": SHARE,
+        "spans": spans,
+        "distance": distance,
+        "bounds": [
+            {"name": NAMES[bound.regressor], "bound": bound, "interval": _interval(*bound.of_run)}
+            for bound in bounds
+        ],
+        "maps": png_uri(origin_maps(origin, runs, found, terrain, source)),
+    }
+
+
+def _interval(low: float, high: float) -> str:
+    if math.isnan(low):
+        return "not known"
+    return f"{low:.3g} to {high:.3g}" if math.isfinite(low) else "unbounded"
+
+
+def _uri(image: bytes) -> str:
+    """An address that holds the image; empty for none.
+
+    Raises
+    ------
+    ValueError
+        If the bytes are of no kind of picture that a browser shows.
+    """
+    if not image:
+        return ""
+    kind = next((kind for magic, kind in _KINDS.items() if image.startswith(magic)), None)
+    if kind is None:
+        raise ValueError("an image is a PNG, GIF, WebP or JPEG")
+    return f"data:image/{kind};base64,{base64.b64encode(image).decode()}"

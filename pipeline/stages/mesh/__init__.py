@@ -1,0 +1,1 @@
+"""From a scan or a shape to a rock and its ground."""

@@ -1,0 +1,126 @@
+"""Public originals: downloaded once, checked, scaled to metres and put where a scan belongs."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import requests
+import trimesh
+
+from pipeline import ROOT
+from pipeline.config.problems import InputError, Problem
+from pipeline.stages.mesh.sources import ORIGIN, SUFFIXES
+from pipeline.workflow.keys import digest_file
+from pipeline.workflow.store import writing
+
+
+@dataclass(frozen=True)
+class Original:
+    """A published mesh.
+
+    Attributes
+    ----------
+    url : str, at a pinned commit
+    sha256 : str
+    height : float [m], true height of the rock; the file may hold a scale model
+    credit : str, for the report
+    """
+
+    url: str
+    sha256: str
+    height: float
+    credit: str
+
+
+ORIGINALS = {
+    "double_rock": Original(
+        "https://raw.githubusercontent.com/DREAMS-lab/pbr_gazebo/"
+        "69e7023511f34f442df357ea7d762316fa648633/models/rock_models/double_rock_pbr_petg/"
+        "double_rock_pbr_petg.dae",
+        "6ca837688891261ca5d4014cd167abe4b5ec38d5207abaf87240d7d414b6e30b",
+        1.5085,
+        "DREAMS-lab/pbr_gazebo (Apache-2.0), commit 69e7023, scaled to its height of 1.5085 m",
+    )
+}
+
+
+def fetch(name: str, url: str | None = None, raw: Path = ROOT / "data" / "raw") -> Path:
+    """Download an original and keep it as ``<raw>/<name>/<name>.ply`` in metres.
+
+    Parameters
+    ----------
+    name : str, key of ORIGINALS
+    url : str, optional, another place that serves the same bytes
+    raw : Path, folder of raw data
+
+    Raises
+    ------
+    InputError
+        If the name is unknown, a scan is already there, or the download fails or differs from
+        the published file. Nothing is left behind then.
+    """
+    if name not in ORIGINALS:
+        raise _problem(
+            name, repr(name), f"originals are known of {', '.join(ORIGINALS)}", "give one"
+        )
+    folder = raw / name
+    there = [p.name for p in folder.glob("*") if p.suffix.lower() in SUFFIXES]
+    if there:
+        raise _problem(
+            str(folder), there[0], "a site has one scan", "remove it to fetch the original"
+        )
+    original = ORIGINALS[name]
+    with tempfile.TemporaryDirectory() as temporary:
+        downloaded = _download(name, original, url or original.url, Path(temporary))
+        return _keep(name, original, downloaded, folder)
+
+
+def _download(name: str, original: Original, url: str, folder: Path) -> Path:
+    import pooch
+
+    pooch.get_logger().setLevel("ERROR")
+    try:
+        file = pooch.retrieve(url, None, fname=Path(original.url).name, path=folder)
+    except (requests.RequestException, OSError, ValueError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise _problem(
+            url,
+            f"no download ({reason[:160]})",
+            "the file can be reached",
+            "check the network, or give --url",
+        ) from None
+    found = digest_file(Path(file))
+    if found != original.sha256:
+        raise _problem(
+            url,
+            f"a file with SHA-256 {found[:12]}...",
+            f"{name} has {original.sha256[:12]}...",
+            "the transfer broke or the file is another; try again, or another --url",
+        )
+    return Path(file)
+
+
+def _keep(name: str, original: Original, file: Path, folder: Path) -> Path:
+    mesh = trimesh.load_mesh(file, process=False)
+    assert isinstance(mesh, trimesh.Trimesh)
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    mesh.apply_scale(original.height / float(mesh.extents[2]))
+    final = folder / f"{name}.ply"
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        part = folder / f".part-{name}"
+        try:
+            trimesh.Trimesh(mesh.vertices, mesh.faces).export(part, file_type="ply")
+            facts = {"from": original.credit, "url": original.url, "sha256": digest_file(part)}
+            (folder / ORIGIN).write_text(json.dumps(facts, indent=1), encoding="utf-8")
+            part.replace(final)
+        finally:
+            part.unlink(missing_ok=True)
+    return final
+
+
+def _problem(file: str, given: str, rule: str, remedy: str) -> InputError:
+    return InputError(Problem(f"fetch {file}", "", given, rule, remedy))

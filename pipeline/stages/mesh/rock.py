@@ -1,0 +1,127 @@
+"""Rock: from a box or a scan to a rigid body at rest, its base and how it tips."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import trimesh
+import xarray as xr
+
+from pipeline.config.layers import shown
+from pipeline.config.problems import InputError, Problem
+from pipeline.stages.mesh import sources
+from pipeline.stages.mesh.products import BARRIER_SCALARS, ROCK, SCAN, SCAN_PAGE
+from pipeline.workflow.datasets import described, netcdf, read
+from pipeline.workflow.stage import Job, Product
+from vsr_core.errors import Unfit
+from vsr_core.rock import solid
+from vsr_core.rock.body import Rock
+from vsr_core.rock.hull import base_polygon, convex_hull, tipping
+from vsr_core.rock.solid import Solid, standing
+from vsr_core.run.bounds import barrier
+
+BASE_TOLERANCE = 0.003
+"""Share of the height of the centre of mass that the drawn base polygon may stand off."""
+
+
+def make(job: Job) -> Product:
+    """Read, check, weigh and set down the rock."""
+    solid, source, mended = _solid(job)
+    rolling, radius = job.config.contact.rolling_friction, solid.rock.radius
+    if rolling > 0.05 * radius:
+        raise InputError(
+            Problem(
+                job.site.file,
+                "contact.rolling_friction",
+                f"{rolling} m on a rock of radius {radius:.3g} m",
+                "it is a length, at most a twentieth of the rock's radius",
+                "give metres; 0 if you have a coefficient in mind",
+            )
+        )
+    dataset = _dataset(solid, standing(solid.rock) if job.config.on_terrain else solid.rock)
+    dataset.attrs |= {
+        "shape_source": source,
+        "mended": "; ".join(mended),
+        "mass_kg": solid.rock.mass,
+        "volume_m3": solid.volume,
+        "turned_to_rest_deg": _degrees(solid.turned),
+    }
+    note = f"{source}; {solid.rock.mass:.4g} kg, turned {_degrees(solid.turned):.2f} deg to rest"
+    return Product({ROCK: netcdf(described(dataset, job, "Rock"))}, note)
+
+
+def _solid(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
+    rock = job.config.rock
+    if rock.shape == "box":
+        assert rock.size is not None
+        return solid.box(rock.size, rock.density), "box", ()
+    if job.config.on_terrain:
+        return _from_scan(job)
+    source = sources.find(job.site)
+    mesh = sources.load(source, job.site)
+    try:
+        mesh, mended = solid.checked(mesh)
+        return solid.from_mesh(mesh, rock.density), source.label, mended
+    except Unfit as error:
+        where = f"{job.site.file}: rock.mesh" if source.path else job.site.file
+        file = shown(source.path) if source.path else "surrogate"
+        raise InputError.from_unfit(where, file, error) from None
+
+
+def _from_scan(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
+    """The rock in the pose in which it stands on its terrain."""
+    scan = read(job.path(SCAN))
+    if not scan.attrs["accepted"]:
+        raise InputError(
+            Problem(
+                job.site.file,
+                "pedestal.cut",
+                "nothing",
+                "it says what of the scan is the rock",
+                f"look at {SCAN_PAGE}, which `vsr prep` makes, and set pedestal.cut: proposal, or "
+                "give a plane, box, polygon or colour",
+            )
+        )
+    faces = scan["rock_face"].values.astype(np.int64)
+    mesh = trimesh.Trimesh(scan["rock_vertex"].values, faces, process=False)
+    try:
+        mesh, mended = solid.checked(mesh)
+        made = solid.from_mesh(mesh, job.config.rock.density, as_scanned=True)
+        solid.standing(made.rock)
+    except Unfit as error:
+        raise InputError.from_unfit(
+            f"{job.site.file}: rock.mesh", scan.attrs["shape_source"], error
+        ) from None
+    return made, scan.attrs["shape_source"], mended
+
+
+def _dataset(solid: Solid, level: Rock) -> Any:
+    rock = solid.rock
+    tips = tipping(convex_hull(level.vertices), np.radians(np.arange(360.0)))
+    limits = barrier(level)
+    attributes = {f"barrier_{name}": getattr(limits, name) for name in BARRIER_SCALARS}
+    return xr.Dataset(
+        {
+            "vertex": (("corner", "xyz"), rock.vertices),
+            "surface_vertex": (("surface_corner", "xyz"), solid.vertices.astype(np.float32)),
+            "surface_face": (("face", "three"), solid.faces.astype(np.int32)),
+            "principal_moment": ("axis", rock.inertia),
+            "principal_axis": (("xyz", "axis"), rock.axes),
+            "base_polygon": (
+                ("base_corner", "xy"),
+                base_polygon(level.vertices, BASE_TOLERANCE * level.height),
+            ),
+            "uplift_pga": ("direction", tips.uplift),
+            "tipping_pga": ("direction", tips.overturning),
+            "tipping_angle": ("direction", np.degrees(tips.angle)),
+            "barrier_height": ("barrier_tilt", limits.height),
+        },
+        {"direction": np.arange(360.0), "barrier_tilt": limits.tilt},
+        {"rock_shape": rock.shape, **attributes},
+    )
+
+
+def _degrees(angle: float) -> float:
+    return math.degrees(angle)

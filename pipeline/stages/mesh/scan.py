@@ -1,0 +1,89 @@
+"""Scan: rock and terrain from one raw mesh, each step weighed, with a page to look at."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from pipeline.config.layers import shown
+from pipeline.config.problems import InputError
+from pipeline.config.schema import Config
+from pipeline.stages.mesh import scan_page, sources
+from pipeline.stages.mesh.products import SCAN, SCAN_PAGE
+from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.writers import text
+from vsr_core.errors import Unfit
+from vsr_core.scan import cuts
+from vsr_core.scan.preparation import Miscut, Prepared, prepare_scan
+
+
+def make(job: Job) -> Product:
+    """Separate, close and weigh; a proposed cut is shown, and used once it is accepted."""
+    source = sources.find(job.site)
+    prepared = _prepared(job, source)
+    accepted = job.config.pedestal.cut is not None
+    dataset = _dataset(prepared)
+    dataset.attrs |= {"accepted": int(accepted), "shape_source": source.label}
+    page = scan_page.page(job.site.name, source.label, prepared, accepted=accepted)
+    files = {SCAN: netcdf(described(dataset, job, "Scan")), SCAN_PAGE: text(page)}
+    return Product(files, _summary(prepared, job))
+
+
+def _summary(prepared: Prepared, job: Job) -> str:
+    solid = prepared.steps[-1].after
+    given = job.config.pedestal.cut
+    how = "cut as given" if given not in (None, "proposal") else "cut along the hollow"
+    length = sum(seam.length for seam in prepared.separation.seams)
+    return (
+        f"{how}, {length:.2f} m long; rock of {solid.volume:.4g} m3 closed by "
+        f"{job.config.rock.closing}; ground of {len(prepared.terrain.faces)} faces"
+    )
+
+
+def cut_of(config: Config) -> Any:
+    """The user's cut in the terms of the physics; None where one is to be proposed."""
+    cut = config.pedestal.cut
+    if cut is None or cut == "proposal":
+        return None
+    given = cut.model_dump(exclude={"kind"})
+    return {
+        "plane": cuts.Plane,
+        "box": cuts.Box,
+        "polygon": cuts.Polygon,
+        "colour": cuts.Colour,
+    }[cut.kind](**given)
+
+
+def _prepared(job: Job, source: sources.Source) -> Prepared:
+    config = job.config
+    mesh = sources.load(source, job.site)
+    try:
+        return prepare_scan(
+            mesh,
+            cut_of(config),
+            near=config.pedestal.near,
+            closing=config.rock.closing,
+            density=config.rock.density,
+            clearance=config.pedestal.clearance,
+        )
+    except Miscut as error:
+        raise InputError.from_unfit(job.site.file, "pedestal.cut", error) from None
+    except Unfit as error:
+        file = shown(source.path) if source.path else "surrogate"
+        raise InputError.from_unfit(f"{job.site.file}: rock.mesh", file, error) from None
+
+
+def _dataset(prepared: Prepared) -> xr.Dataset:
+    rock, terrain = prepared.rock, prepared.terrain
+    return xr.Dataset(
+        {
+            "rock_vertex": (("rock_corner", "xyz"), np.array(rock.vertices)),
+            "rock_face": (("rock_triangle", "three"), np.array(rock.faces, np.int32)),
+            "terrain_vertex": (("terrain_corner", "xyz"), terrain.vertices),
+            "terrain_face": (("terrain_triangle", "three"), terrain.faces.astype(np.int32)),
+        },
+        attrs={"origin_in_scan": prepared.origin},
+    )

@@ -1,0 +1,178 @@
+"""The page of a scan's preparation: what a user looks at before accepting a cut."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.drawing.style import png_uri, svg_uri
+from pipeline.stages.mesh import scan_figures
+from pipeline.workflow.pages import filled
+from vsr_core.scan.alternatives import Alternative
+from vsr_core.scan.cuts import Cut
+from vsr_core.scan.preparation import Prepared, Trial
+from vsr_core.scan.weighing import DIRECTIONS, Measure, Step
+
+Row = dict[str, Any]
+Array = NDArray[np.float64]
+
+TEMPLATE = "prep.html"
+
+SURE, DOUBTFUL = 0.8, 0.5
+"""Confidence from which a proposal is called clear, and below which it is called doubtful."""
+
+SAME_AREA, SAME_SEAM = 0.05, 0.1
+"""A cut gives about the same rock if its surface differs by at most this share, and its seam lies
+within this share of the rock's size."""
+
+
+def page(site: str, source: str, prepared: Prepared, *, accepted: bool) -> str:
+    """Everything about a separation and a closing in one page that loads nothing.
+
+    Parameters
+    ----------
+    site : str
+    source : str
+        Where the scan comes from; one that is none says "surrogate".
+    prepared : Prepared
+    accepted : bool
+        Whether the site's configuration accepts the cut.
+    """
+    solid, found = prepared.steps[-1].after, prepared.separation
+    size = np.ptp(prepared.rock.vertices, axis=0)
+    facts = {
+        "site": site,
+        "source": source,
+        "surrogate": "surrogate" in source.lower(),
+        "accepted": accepted,
+        "proposed": prepared.proposed,
+        "confidence": found.confidence,
+        "sure": _sure(found.confidence),
+        "seams": [{"length": s.length, "edges": len(s.loop), "concave": s.concave}
+                  for s in found.seams],
+        "size": size.tolist(),
+        "volume": solid.volume,
+        "mass": solid.mass,
+        "least": _least(solid),
+        "added": float(prepared.rock.area_faces[prepared.added].sum() / prepared.rock.area),
+        "top": _place(_top(prepared)),
+        "others": [_alternative(other, float(size.max())) for other in prepared.alternatives],
+        "steps": [_step(step, prepared) for step in prepared.steps],
+        "closings": [_chosen(prepared), *(_trial(trial) for trial in prepared.trials)],
+        "spread": _spread(prepared),
+        "notes": _notes(prepared),
+        "pictures": {
+            "separation": png_uri(scan_figures.separation(prepared, source)),
+            "closed": png_uri(scan_figures.closed_rock(prepared, source)),
+            "seat": png_uri(scan_figures.seat(prepared, source)),
+            "tippings": svg_uri(scan_figures.tippings(prepared, source)),
+        },
+    }  # fmt: skip
+    return filled(TEMPLATE, facts)
+
+
+def _sure(confidence: float) -> str:
+    if confidence >= SURE:
+        return "clear"
+    return "to be looked at closely" if confidence >= DOUBTFUL else "doubtful"
+
+
+def _least(solid: Measure) -> Row | None:
+    """Least static tipping angle and its direction [degree]; None for a rock that falls."""
+    if np.isnan(solid.tipping).any():
+        return None
+    weakest = int(np.argmin(solid.tipping))
+    return {
+        "angle": float(np.degrees(solid.tipping[weakest])),
+        "direction": float(np.degrees(DIRECTIONS[weakest])),
+    }
+
+
+def _top(prepared: Prepared) -> Array:
+    """Highest point of the rock, in the scan's coordinates."""
+    points = np.array(prepared.rock.vertices)
+    return points[np.argmax(points[:, 2])] + prepared.origin
+
+
+def _place(point: Any) -> str:
+    return ", ".join(f"{value:.3f}" for value in point)
+
+
+def _alternative(other: Alternative, size: float) -> Row:
+    same = abs(other.area - 1.0) <= SAME_AREA and other.away <= SAME_SEAM * size
+    return {
+        "kind": type(other.cut).__name__.lower(),
+        "yaml": _yaml(other.cut),
+        "away": other.away,
+        "area": other.area,
+        "same": same,
+        "reason": other.reason,
+    }
+
+
+def _yaml(cut: Cut) -> str:
+    """Lines that give a cut in a site's configuration."""
+    lines = ["pedestal:", "  shape: mesh", "  cut:", f"    kind: {type(cut).__name__.lower()}"]
+    for key, value in asdict(cut).items():
+        if key == "corners":
+            lines += ["    corners:", *(f"      - [{_place(corner)}]" for corner in value)]
+        elif key in ("rgb", "tolerance"):
+            lines.append(f"    {key}: {list(value) if key == 'rgb' else format(value, 'g')}")
+        else:
+            lines.append(f"    {key}: [{_place(value)}]")
+    return "\n".join(lines)
+
+
+def _step(step: Step, prepared: Prepared) -> Row:
+    one, two = step.before, step.after
+    offset = prepared.origin + prepared.shift
+    moments = [np.linalg.eigvalsh(m.inertia) if m.watertight else np.full(3, np.nan)
+               for m in (one, two)]  # fmt: skip
+    return {
+        "name": step.name,
+        "faces": [one.faces, two.faces],
+        "watertight": [one.watertight, two.watertight],
+        "volume": [one.volume, two.volume],
+        "mass": [one.mass, two.mass],
+        "centre": [_place(m.centre_of_mass + offset) if m.watertight else "" for m in (one, two)],
+        "moments": [values.tolist() for values in moments],
+        "hausdorff": 1e3 * step.hausdorff,
+        "tipping": float(np.degrees(step.tipping_change)),
+    }
+
+
+def _chosen(prepared: Prepared) -> Row:
+    solid = prepared.steps[-1].after
+    return {"name": prepared.closing, "chosen": True, "volume": solid.volume,
+            "moved": 0.0, "tipping": 0.0, "least": _least(solid), "reason": ""}  # fmt: skip
+
+
+def _trial(trial: Trial) -> Row:
+    solid = trial.measure
+    return {
+        "name": trial.closing,
+        "chosen": False,
+        "volume": solid.volume if solid else np.nan,
+        "moved": 1e3 * trial.moved,
+        "tipping": float(np.degrees(trial.tipping_change)),
+        "least": _least(solid) if solid else None,
+        "reason": trial.reason,
+    }
+
+
+def _spread(prepared: Prepared) -> float:
+    """Largest change of a static tipping angle among the closings that stand [degree]."""
+    changes = [trial.tipping_change for trial in prepared.trials]
+    known = [change for change in changes if np.isfinite(change)]
+    return float(np.degrees(max(known))) if known else np.nan
+
+
+def _notes(prepared: Prepared) -> list[Row]:
+    """What each step had to say; what none of them said is of the ground."""
+    rows = [{"step": step.name, "notes": list(step.notes)} for step in prepared.steps]
+    told = {note for row in rows for note in row["notes"]}
+    rows.append({"step": "ground", "notes": [n for n in prepared.notes if n not in told]})
+    return [row for row in rows if row["notes"]]

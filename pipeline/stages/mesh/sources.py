@@ -1,0 +1,134 @@
+"""Where a rock's shape comes from: the user's scan, a fetched original, or a surrogate."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from pipeline.config.layers import Site, shown
+from pipeline.config.problems import InputError, Problem
+from pipeline.workflow.keys import digest_file
+from vsr_core.surrogates import GENERATORS, SITES
+from vsr_core.surrogates.raw_scan import scan
+
+SUFFIXES = (".ply", ".stl", ".obj", ".dae", ".glb")
+
+ORIGIN = "origin.json"
+"""Beside a fetched mesh: where it came from, and its checksum."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """The shape that a site uses.
+
+    Attributes
+    ----------
+    path : Path or None, the mesh file; None for a surrogate
+    fallback : str, name of the surrogate's generator, or empty
+    label : str, for the report
+    """
+
+    path: Path | None
+    fallback: str
+    label: str
+
+
+def find(site: Site) -> Source:
+    """The shape of a mesh site: a scan, else the surrogate that its configuration names.
+
+    Raises
+    ------
+    InputError
+        If neither is there, or a folder holds more than one scan.
+    """
+    rock = site.config.rock
+    assert rock.mesh is not None
+    path = (site.folder / rock.mesh).resolve()
+    if path.is_dir() or (not path.exists() and rock.fallback):
+        scans = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
+        if len(scans) > 1:
+            names = ", ".join(scan.name for scan in scans)
+            raise _problem(
+                site, f"{len(scans)} scans ({names})", "a rock has one", "name one in rock.mesh"
+            )
+        if not scans:
+            return _surrogate(site, path)
+        path = scans[0]
+    if path.suffix.lower() not in SUFFIXES:
+        raise _problem(site, shown(path), f"a mesh ends in {' '.join(SUFFIXES)}", "convert it")
+    if not path.is_file():
+        raise _problem(
+            site, f"{shown(path)}, which is not there", "the scan exists", "check the path"
+        )
+    return Source(path, "", _label(path))
+
+
+def digests(site: Site) -> dict[str, str]:
+    """Digest of the scan, by its name, for the key of the rock stage."""
+    if site.config.rock.shape == "box":
+        return {}
+    source = find(site)
+    if source.path is None:
+        return {"surrogate": source.fallback}
+    return {source.path.name: digest_file(source.path)}
+
+
+def load(source: Source, site: Site) -> trimesh.Trimesh:
+    """The mesh, scaled to metres.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read as a mesh.
+    """
+    if source.path is None:
+        if not site.config.on_terrain:
+            return trimesh.Trimesh(*GENERATORS[source.fallback](), process=False)
+        raw = scan(SITES[source.fallback]())
+        return trimesh.Trimesh(raw.vertices, raw.faces, vertex_colors=raw.colours, process=False)
+    try:
+        mesh = trimesh.load(source.path, force="mesh", process=False)
+    except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise _problem(
+            site,
+            f"{shown(source.path)}, which cannot be read ({reason})",
+            "it is a mesh",
+            "export it again",
+        ) from None
+    if not isinstance(mesh, trimesh.Trimesh):
+        mesh = trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int))
+    mesh.apply_scale(site.config.rock.scale)
+    return mesh
+
+
+def _surrogate(site: Site, folder: Path) -> Source:
+    known = SITES if site.config.on_terrain else GENERATORS
+    name = site.config.rock.fallback
+    if not name:
+        raise _problem(
+            site, f"{shown(folder)}, which holds no scan", "it holds one", "put a scan there"
+        )
+    if name not in known:
+        names = ", ".join(known)
+        raise InputError(
+            Problem(site.file, "rock.fallback", repr(name), f"it is one of {names}", "correct it")
+        )
+    return Source(None, name, "surrogate made from published figures (no scan found)")
+
+
+def _label(path: Path) -> str:
+    origin = path.with_name(ORIGIN)
+    if origin.is_file():
+        facts = json.loads(origin.read_text(encoding="utf-8"))
+        if facts["sha256"] == digest_file(path):
+            return f"public original, {facts['from']}"
+    return f"scan {shown(path)}"
+
+
+def _problem(site: Site, given: str, rule: str, remedy: str) -> InputError:
+    return InputError(Problem(site.file, "rock.mesh", given, rule, remedy))

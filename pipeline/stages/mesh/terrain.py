@@ -1,0 +1,97 @@
+"""Terrain: the ground around the rock as runs need it, and where the rock rests on it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+from scipy.spatial.transform import Rotation
+
+from pipeline.config.in_si import contact
+from pipeline.config.problems import InputError
+from pipeline.stages.mesh.products import SCAN, TERRAIN, load_rock
+from pipeline.workflow.datasets import described, netcdf, read
+from pipeline.workflow.stage import Job, Product
+from vsr_core import GRAVITY
+from vsr_core.errors import Unfit
+from vsr_core.rock import reduction
+from vsr_core.run.displacement import settled
+from vsr_core.run.input_checks import COARSEST_SHARE
+from vsr_core.scene import Scene, State
+from vsr_core.terrain.coarsening import coarser
+from vsr_core.terrain.convex_parts import pieces
+from vsr_core.terrain.surface import Terrain
+
+NEAR_RADII = 2.0
+"""Distance from the rock, in its radii, up to which the ground is as detailed as its seat."""
+
+SEAT_SHARE, SLOPE_SHARE = 0.008, 0.04
+"""How far convex pieces may stand out of the ground, near the rock and beyond, as a share of the
+rock's radius."""
+
+THICKNESS_SHARE = 0.05
+"""Thickness of the pieces, as a share of the rock's radius: more than a run may sink in."""
+
+
+def make(job: Job) -> Product:
+    """Make the ground light enough to run on, and set the rock down."""
+    scan = read(job.path(SCAN))
+    whole = Terrain(scan["terrain_vertex"].values, scan["terrain_face"].values.astype(np.int64))
+    try:
+        terrain = _light(whole, job) if job.config.simulation.reduce else whole
+        starts = {
+            friction: _rest(terrain, job, friction) for friction in job.config.contact.friction
+        }
+    except Unfit as error:
+        raise InputError.from_unfit(job.site.file, "pedestal", error) from None
+    dataset = _dataset(whole, terrain, starts)
+    dataset.attrs["origin_in_scan"] = scan.attrs["origin_in_scan"]
+    note = f"{len(whole.faces)} faces, {len(terrain.pieces)} convex pieces"
+    return Product({TERRAIN: netcdf(described(dataset, job, "Terrain"))}, note)
+
+
+def _light(whole: Terrain, job: Job) -> Terrain:
+    radius = load_rock(job.store)[0].radius
+
+    def tolerance(points: np.ndarray) -> np.ndarray:
+        near = np.hypot(points[:, 0], points[:, 1]) < NEAR_RADII * radius
+        return np.where(near, SEAT_SHARE, SLOPE_SHARE) * radius
+
+    light = coarser(whole, tolerance)
+    made = pieces(light.terrain, tolerance, THICKNESS_SHARE * radius)
+    return replace(whole, pieces=made)
+
+
+def _rest(terrain: Terrain, job: Job, friction: float) -> State:
+    rock, _ = load_rock(job.store)
+    scanned = State(np.array([0.0, 0.0, rock.height]), np.eye(3), np.zeros(3), np.zeros(3))
+    if job.config.simulation.reduce:
+        rock = reduction.on_its_seat(rock)
+    scene = Scene(
+        rock, contact(job.config, friction), 0.0, "terrain", start=scanned, terrain=terrain
+    )
+    return settled(scene, COARSEST_SHARE * math.sqrt(rock.radius / GRAVITY))
+
+
+def _dataset(whole: Terrain, terrain: Terrain, starts: dict[float, State]) -> xr.Dataset:
+    pieces = terrain.pieces
+    turns = np.array([state.rotation for state in starts.values()])
+    return xr.Dataset(
+        {
+            "terrain_vertex": (("terrain_corner", "xyz"), whole.vertices),
+            "terrain_face": (("terrain_triangle", "three"), whole.faces.astype(np.int32)),
+            "piece_corner": (
+                ("corner", "xyz"),
+                np.concatenate(pieces) if pieces else np.empty((0, 3)),
+            ),
+            "piece_size": ("piece", np.array([len(p) for p in pieces], np.int32)),
+            "start_position": (
+                ("friction", "xyz"),
+                np.array([state.position for state in starts.values()]),
+            ),
+            "start_quaternion": (("friction", "xyzw"), Rotation.from_matrix(turns).as_quat()),
+        },
+        {"friction": list(starts)},
+    )

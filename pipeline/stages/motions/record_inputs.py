@@ -1,0 +1,170 @@
+"""Recorded motions of a site: which files, and what they are after reading, checks and filters."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.config.layers import Site, shown
+from pipeline.config.motion_schema import RecordConfig
+from pipeline.config.problems import InputError, Problem
+from pipeline.workflow.keys import digest_file
+from vsr_core.errors import Unfit
+from vsr_core.motions.records import formats, record_checks
+from vsr_core.motions.records.formats import SUFFIXES
+from vsr_core.motions.records.measures import Measures, measures
+from vsr_core.motions.records.processing import process
+from vsr_core.motions.records.record import Record
+from vsr_core.motions.records.trace import Trace
+
+
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """A record that runs can take.
+
+    Attributes
+    ----------
+    name : str, of its file without the suffix
+    file : str, as a reader would write it
+    record : Record, sound, before processing
+    trace : Trace, after it
+    measures : Measures of ``trace``
+    """
+
+    name: str
+    file: str
+    record: Record
+    trace: Trace
+    measures: Measures
+
+
+def find(site: Site, files: tuple[str, ...]) -> list[Path]:
+    """The files named as ``motion.files``, those of folders by name.
+
+    Raises
+    ------
+    InputError
+        If one is not there, a folder holds none, or two have one name.
+    """
+    found: list[Path] = []
+    for name in files:
+        path = (site.folder_of("motion.files") / name).resolve()
+        inside = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
+        if not path.exists():
+            raise _problem(site, f"{shown(path)}, which is not there", "it exists", "correct it")
+        if path.is_dir() and not inside:
+            raise _problem(
+                site,
+                f"{shown(path)}, a folder without records",
+                f"they end in {' '.join(SUFFIXES)}",
+                "put records there",
+            )
+        found += inside if path.is_dir() else [path]
+    twice = [name for name, times in Counter(p.stem for p in found).items() if times > 1]
+    if twice:
+        raise _problem(
+            site,
+            f"{', '.join(twice)} more than once",
+            "a record has a name of its own",
+            "rename it",
+        )
+    return found
+
+
+def digests(site: Site) -> dict[str, str]:
+    """Digests of the files, by name, for the key of what is made of them.
+
+    All are read first: what cannot be used is refused before any work starts.
+    """
+    motion = site.config.motion
+    if not isinstance(motion, RecordConfig):
+        return {}
+    load(site, motion)
+    files = find(site, motion.files)
+    if motion.response is not None:
+        files.append(_response(site, motion))
+    return {path.name: digest_file(path) for path in files}
+
+
+def load(site: Site, motion: RecordConfig) -> tuple[Ready, ...]:
+    """The records, processed, by ascending PGV/PGA.
+
+    Raises
+    ------
+    InputError
+        With a line for each file that cannot be used.
+    """
+    files = tuple((path, digest_file(path)) for path in find(site, motion.files))
+    response = None if motion.response is None else _response(site, motion).read_bytes()
+    return _loaded(site.file, files, response, motion)
+
+
+@lru_cache(maxsize=4)
+def _loaded(
+    file: str, files: tuple[tuple[Path, str], ...], response: bytes | None, motion: RecordConfig
+) -> tuple[Ready, ...]:
+    ready, problems = [], []
+    for path, _ in files:
+        try:
+            ready.append(_ready(path, response, motion))
+        except Unfit as error:
+            given = f"{shown(path)}, {error.given}"
+            problems.append(Problem(file, "motion.files", given, error.rule, error.remedy))
+    if problems:
+        raise InputError(*problems)
+    ready.sort(key=lambda one: (one.measures.pgv_pga, one.name))
+    for one, other in pairwise(ready):
+        if _same(one.trace, other.trace):
+            raise InputError(
+                Problem(
+                    file,
+                    "motion.files",
+                    f"{one.file} and {other.file}, which are one motion at two scales",
+                    "each record is scaled to every PGA",
+                    "leave one out",
+                )
+            )
+    return tuple(ready)
+
+
+def _ready(path: Path, response: bytes | None, motion: RecordConfig) -> Ready:
+    corners = None if motion.response is None else motion.response.corners
+    reading = formats.Reading(motion.component, motion.unit, response, corners)
+    record = record_checks.sound(formats.read(path.read_bytes(), path.suffix, reading))
+    trace = process(record.acceleration, record.interval, motion.processing.how())
+    record_checks.settled(trace)
+    return Ready(path.stem, shown(path), record, trace, measures(trace))
+
+
+def _same(one: Trace, other: Trace) -> bool:
+    """Whether two motions differ in their scale only."""
+    steps = (one.interval, other.interval)
+    if len(one.times) != len(other.times) or not np.isclose(*steps, rtol=1e-6):
+        return False
+    first, second = (t.acceleration / np.abs(t.acceleration).max() for t in (one, other))
+    return bool(np.allclose(first, second, rtol=0.0, atol=1e-5))
+
+
+def _response(site: Site, motion: RecordConfig) -> Path:
+    assert motion.response is not None
+    path = (site.folder_of("motion.response.file") / motion.response.file).resolve()
+    if not path.is_file():
+        raise InputError(
+            Problem(
+                site.file,
+                "motion.response.file",
+                f"{shown(path)}, which is not there",
+                "it is the instruments' StationXML",
+                "correct the path",
+            )
+        )
+    return path
+
+
+def _problem(site: Site, given: str, rule: str, remedy: str) -> InputError:
+    return InputError(Problem(site.file, "motion.files", given, rule, remedy))

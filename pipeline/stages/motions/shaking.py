@@ -1,0 +1,232 @@
+"""The ground motions of a study: rows of a grid, each at every PGA.
+
+A row is one PGV/PGA of the cosine pulses or one record. Each kind of motion in the configuration
+has a class here that makes its motions; `of_store` and `of_site` choose it.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
+
+from pipeline.config.layers import Site
+from pipeline.config.motion_schema import (
+    AxisPulseConfig,
+    MotionConfig,
+    PulseConfig,
+    RecordConfig,
+    TableMotionConfig,
+)
+from pipeline.config.schema import Config
+from pipeline.stages.motions import table_motions
+from pipeline.stages.motions.record_inputs import load
+from pipeline.workflow import keys
+from pipeline.workflow.code_roots import AXIS_CODE, RECORD_CODE, TABLE_CODE
+from pipeline.workflow.datasets import read
+from pipeline.workflow.store import Store
+from vsr_core import GRAVITY
+from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
+from vsr_core.motions.records.recorded_motion import RecordedMotion
+from vsr_core.motions.records.trace import Trace
+from vsr_core.motions.sampled import SampledMotion
+from vsr_core.motions.six_axes import AxisPulse, AxisPulses
+
+FILE = "motions.nc"
+
+
+class Cell(NamedTuple):
+    """Place of a run in the grid: number of its row, and PGA [g]."""
+
+    row: int
+    pga: float
+
+
+class Shaking(Protocol):
+    """The motions of a study; small enough to travel to a worker."""
+
+    @property
+    def dimension(self) -> str:
+        """Name of the dimension of the rows."""
+
+    @property
+    def rows(self) -> tuple[Any, ...]:
+        """Coordinate of the rows."""
+
+    @property
+    def pgv_pga(self) -> tuple[float, ...]:
+        """PGV/PGA of each row [s], ascending."""
+
+    @property
+    def pga(self) -> tuple[float, ...]:
+        """PGA of each column [g]."""
+
+    def motion(self, cell: Cell) -> GroundMotion:
+        """The motion of a run."""
+
+    def token(self, cell: Cell) -> bytes:
+        """What tells the motion of a run from those of all others of its kind."""
+
+    def identity(self) -> Any:
+        """What all its motions share, for the identity of their runs."""
+
+
+def cells(shaking: Shaking) -> tuple[Cell, ...]:
+    """All cells of the grid, PGA running fastest."""
+    return tuple(Cell(row, pga) for row in range(len(shaking.rows)) for pga in shaking.pga)
+
+
+def strongest(shaking: Shaking) -> list[GroundMotion]:
+    """The motions of largest PGA: every record, the shortest and the longest pulse."""
+    rows = range(len(shaking.rows)) if shaking.dimension == "record" else (0, -1)
+    return [shaking.motion(Cell(row, shaking.pga[-1])) for row in rows]
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """Cosine pulses."""
+
+    pgv_pga: tuple[float, ...]
+    pga: tuple[float, ...]
+    dimension: str = field(default="pgv_pga", init=False)
+
+    @property
+    def rows(self) -> tuple[float, ...]:
+        return self.pgv_pga
+
+    def motion(self, cell: Cell) -> GroundMotion:
+        return CosinePulse(cell.pga * GRAVITY, self.pgv_pga[cell.row])
+
+    def token(self, cell: Cell) -> bytes:
+        return struct.pack("<2d", self.pgv_pga[cell.row], cell.pga)
+
+    def identity(self) -> Any:
+        return "cosine_pulse"
+
+
+@dataclass(frozen=True)
+class TablePulses:
+    """Cosine pulses on axes of a table, all at once; a row is the PGV/PGA of those without one."""
+
+    pulses: tuple[AxisPulseConfig, ...]
+    pgv_pga: tuple[float, ...]
+    pga: tuple[float, ...]
+    dimension: str = field(default="pgv_pga", init=False)
+
+    @property
+    def rows(self) -> tuple[float, ...]:
+        return self.pgv_pga
+
+    def motion(self, cell: Cell) -> AxisPulses:
+        return AxisPulses(
+            tuple(
+                AxisPulse(
+                    pulse.axis,
+                    pulse.share * cell.pga * GRAVITY,
+                    pulse.pgv_pga or self.pgv_pga[cell.row],
+                )
+                for pulse in self.pulses
+            )
+        )
+
+    def token(self, cell: Cell) -> bytes:
+        return struct.pack("<2d", self.pgv_pga[cell.row], cell.pga)
+
+    def identity(self) -> Any:
+        parts = [pulse.model_dump(mode="json") for pulse in self.pulses]
+        return ["table_pulses", parts, keys.digest(keys.code(AXIS_CODE))]
+
+
+@dataclass(frozen=True, eq=False)
+class Records:
+    """Recorded motions, after processing, and scaled to each PGA."""
+
+    rows: tuple[str, ...]
+    traces: tuple[Trace, ...]
+    pgv_pga: tuple[float, ...]
+    pga: tuple[float, ...]
+    dimension: str = field(default="record", init=False)
+
+    def motion(self, cell: Cell) -> GroundMotion:
+        return RecordedMotion.scaled(self.traces[cell.row], cell.pga)
+
+    def token(self, cell: Cell) -> bytes:
+        trace = RecordedMotion.scaled(self.traces[cell.row], cell.pga).trace
+        step = struct.pack("<d", trace.interval)
+        return keys.digest_bytes(step, trace.acceleration.tobytes()).encode()
+
+    def identity(self) -> Any:
+        return ["record", keys.digest(keys.code(RECORD_CODE))]
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """Motions of a table in up to six axes, all of them scaled together to each PGA."""
+
+    rows: tuple[str, ...]
+    motions: tuple[SampledMotion, ...]
+    pgv_pga: tuple[float, ...]
+    pga: tuple[float, ...]
+    dimension: str = field(default="record", init=False)
+
+    def motion(self, cell: Cell) -> SampledMotion:
+        whole = self.motions[cell.row]
+        return whole.scaled(cell.pga * GRAVITY / whole.peak_acceleration)
+
+    def token(self, cell: Cell) -> bytes:
+        motion = self.motion(cell)
+        return keys.digest_bytes(motion.time.tobytes(), motion.samples.tobytes()).encode()
+
+    def identity(self) -> Any:
+        return ["table", keys.digest(keys.code(TABLE_CODE))]
+
+
+def of_store(config: Config, store: Store) -> Shaking:
+    """The motions of a study; records as the stage of motions has made them."""
+    pulses = _pulses(config.motion)
+    if pulses is not None:
+        return pulses
+    data = read(store.folder / FILE)
+    if isinstance(config.motion, TableMotionConfig):
+        return Tables(*table_motions.of_dataset(data), config.motion.pga)
+
+    ends = data["record_size"].values.cumsum()
+    samples = data["acceleration"].values
+    traces = [
+        Trace(samples[end - size : end].copy(), float(step))
+        for end, size, step in zip(
+            ends, data["record_size"].values, data["interval"].values, strict=True
+        )
+    ]
+    names = tuple(str(name) for name in data["record"].values)
+    ratios = tuple(float(value) for value in data["pgv_pga"].values)
+    return Records(names, tuple(traces), ratios, config.motion.pga)
+
+
+def of_site(site: Site) -> Shaking:
+    """The motions of a study; records from their files, before any product is made."""
+    motion = site.config.motion
+    pulses = _pulses(motion)
+    if pulses is not None:
+        return pulses
+    if isinstance(motion, TableMotionConfig):
+        return Tables(*table_motions.of_site(site, motion), motion.pga)
+    assert isinstance(motion, RecordConfig)
+
+    ready = load(site, motion)
+    return Records(
+        tuple(one.name for one in ready),
+        tuple(one.trace for one in ready),
+        tuple(one.measures.pgv_pga for one in ready),
+        motion.pga,
+    )
+
+
+def _pulses(motion: MotionConfig) -> Shaking | None:
+    """The motions that are told by the configuration alone."""
+    if isinstance(motion, PulseConfig):
+        return Pulses(motion.pgv_pga, motion.pga)
+    if isinstance(motion, TableMotionConfig) and motion.pulses:
+        assert motion.pgv_pga is not None
+        return TablePulses(motion.pulses, motion.pgv_pga, motion.pga)
+    return None

@@ -1,0 +1,106 @@
+"""Motions of a table in several axes: from their files to `motions.nc`, and back from there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from pipeline.config.layers import Site, shown
+from pipeline.config.motion_schema import AxisPulseConfig, TableMotionConfig
+from pipeline.config.problems import InputError, Problem
+from pipeline.stages.motions import record_inputs, table_files
+from pipeline.workflow.keys import digest_file
+from pipeline.workflow.stage import Job
+from vsr_core import GRAVITY
+from vsr_core.errors import Unfit
+from vsr_core.motions.sampled import SampledMotion
+
+Loaded = tuple[tuple[str, ...], tuple["SampledMotion", ...], tuple[float, ...]]
+"""Names, motions and their PGV/PGA [s], by ascending PGV/PGA."""
+
+
+def digests(site: Site) -> dict[str, str]:
+    """Digests of the files, by name, for the key of what is made of them; all are read first."""
+    motion = site.config.motion
+    if not isinstance(motion, TableMotionConfig) or motion.files is None:
+        return {}
+    of_site(site, motion)
+    return {path.name: digest_file(path) for path in record_inputs.find(site, motion.files)}
+
+
+def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
+    """The motions in the files of a site.
+
+    Raises
+    ------
+    InputError
+        With a line for each file that cannot be used.
+    """
+    assert motion.files is not None
+    found, problems = {}, []
+    for path in record_inputs.find(site, motion.files):
+        try:
+            found[path.stem] = _moving(table_files.load(path))
+        except Unfit as error:
+            given = f"{shown(path)}, {error.given}"
+            problems.append(Problem(site.file, "motion.files", given, error.rule, error.remedy))
+    if problems:
+        raise InputError(*problems)
+    ratios = {name: one.peak_velocity / one.peak_acceleration for name, one in found.items()}
+    names = tuple(sorted(found, key=lambda name: (ratios[name], name)))
+    return names, tuple(found[name] for name in names), tuple(ratios[name] for name in names)
+
+
+def dataset(job: Job, motion: TableMotionConfig) -> tuple[xr.Dataset, str]:
+    """The motions as they are in the files, their peaks, and a line about them."""
+    names, motions, ratios = of_site(job.site, motion)
+    samples = np.concatenate([one.samples for one in motions])
+    data = xr.Dataset(
+        {
+            "record_size": ("record", np.array([len(one.time) for one in motions], np.int32)),
+            "table_time": ("sample", np.concatenate([one.time for one in motions])),
+            "table_position": (("sample", "xyz"), samples[:, :3]),
+            "table_angle": (("sample", "angle"), samples[:, 3:]),
+        },
+        {
+            "record": list(names),
+            "pgv_pga": ("record", list(ratios)),
+            "record_pga": ("record", [one.peak_acceleration / GRAVITY for one in motions]),
+            "record_pgv": ("record", [one.peak_velocity for one in motions]),
+        },
+    )
+    data["record_size"].attrs["sample_dimension"] = "sample"
+    turning = sum(one.turns for one in motions)
+    shaking = len(motion.pga) * sum(one.duration for one in motions)
+    summary = f"{len(names)} motions of a table x {len(motion.pga)} PGA, {shaking:.0f} s of shaking"
+    return data, summary + (f"; {turning} of them turn it" if turning else "")
+
+
+def of_dataset(data: Any) -> Loaded:
+    """The motions from the product."""
+    ends = np.cumsum(data["record_size"].values)
+    samples = np.hstack([data["table_position"].values, data["table_angle"].values])
+    motions = tuple(
+        SampledMotion(data["table_time"].values[end - size : end], samples[end - size : end])
+        for size, end in zip(data["record_size"].values, ends, strict=True)
+    )
+    names = tuple(str(name) for name in data["record"].values)
+    return names, motions, tuple(float(ratio) for ratio in data["pgv_pga"].values)
+
+
+def named(pulses: tuple[AxisPulseConfig, ...]) -> str:
+    """Pulses on axes in words, e.g. "x, 0.5 z of 0.2 s"."""
+    words = []
+    for pulse in pulses:
+        share = "" if pulse.share == 1.0 else f"{pulse.share:g} "
+        own = "" if pulse.pgv_pga is None else f" of {pulse.pgv_pga:g} s"
+        words.append(f"{share}{pulse.axis}{own}")
+    return ", ".join(words)
+
+
+def _moving(motion: SampledMotion) -> SampledMotion:
+    if motion.peak_acceleration == 0.0:
+        raise Unfit("a table that never moves", "it is scaled to each PGA", "leave it out")
+    return motion

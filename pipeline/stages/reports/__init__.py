@@ -1,0 +1,1 @@
+"""The fragility report of a site."""

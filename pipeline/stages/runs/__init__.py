@@ -1,0 +1,1 @@
+"""From rock and motions to runs, stored one by one."""

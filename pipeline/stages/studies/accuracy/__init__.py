@@ -1,0 +1,1 @@
+"""Error of the boundary against run time."""

@@ -1,0 +1,84 @@
+"""Accuracy: error of the boundary against CPU time, of this project and of other ways.
+
+The products hold CPU times, which are their subject: unlike all others they differ from call to
+call.
+"""
+
+from __future__ import annotations
+
+import xarray as xr
+
+from pipeline.config.motion_schema import PulseConfig
+from pipeline.config.problems import InputError, Problem
+from pipeline.drawing.style import pictures
+from pipeline.stages.runs.time_step_stage import FILE as PRECISION
+from pipeline.stages.studies.accuracy import comparing
+from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, work_precision
+from pipeline.stages.studies.accuracy.accuracy_page import facts
+from pipeline.stages.studies.accuracy.comparing import Place, Record
+from pipeline.workflow import pages, writers
+from pipeline.workflow.datasets import described, netcdf, read
+from pipeline.workflow.stage import Job, Product
+from vsr_core import GRAVITY
+from vsr_core.verification.work_precision import Target
+
+FILE, TABLE, PAGE, PICTURE = "accuracy.nc", "accuracy.csv", "accuracy.html", "work_precision"
+
+
+def make(job: Job) -> Product:
+    """Compare ways of running on the site's own rows, and run the reference suite."""
+    if job.config.on_terrain:
+        raise InputError(
+            Problem(
+                job.site.file,
+                "pedestal.shape",
+                "a terrain",
+                "other ways of running are compared on a flat pedestal",
+                "use the site of the same rock on a flat pedestal, or set pedestal.shape: flat",
+            )
+        )
+    if not isinstance(job.config.motion, PulseConfig):
+        raise InputError(
+            Problem(
+                job.site.file,
+                "motion.kind",
+                job.config.motion.kind,
+                "other ways of running are compared under pulses",
+                "use the site with motion.kind: cosine_pulse",
+            )
+        )
+    targets = comparing.find_targets(job)
+    records = comparing.score_ways(job, targets)
+    cells = comparing.sample_cells(job)
+    records += comparing.compare_cells(cells)
+    records += comparing.run_suite(job)
+    records += comparing.absent_peers()
+    diagram = work_precision(records, job.config.simulation.tolerance, job.site.name)
+    shown = facts(job.site.name, job.config, records, targets, read(job.path(PRECISION)), diagram)
+    files = {
+        FILE: netcdf(described(_dataset(targets, cells), job, "Accuracy")),
+        TABLE: writers.table(comparing.COLUMNS, records),
+        PAGE: writers.text(pages.filled(PAGE, shown)),
+        **pictures(PICTURE, diagram),
+    }
+    return Product(files, _summary(records))
+
+
+def _dataset(targets: dict[Place, Target], cells: list[Record]) -> xr.Dataset:
+    dataset = xr.Dataset(
+        {
+            "row_yaw": ("row", [yaw for yaw, _ in targets]),
+            "row_pgv_pga": ("row", [pgv_pga for _, pgv_pga in targets]),
+            "row_reference": ("row", [t.boundary / GRAVITY for t in targets.values()]),
+            "row_spread": ("row", [t.spread for t in targets.values()]),
+        }
+    )
+    for name in cells[0] if cells else ():
+        dataset[name] = ("cell", [cell[name] for cell in cells])
+    return dataset
+
+
+def _summary(records: list[Record]) -> str:
+    ways = cheapest(records, 0.01)
+    texts = [f"{way['method']} {1e3 * way['cpu_s']:.3g} ms" for way in ways]
+    return "a run at 1 % error of the boundary: " + (", ".join(texts) or "no way gets there")

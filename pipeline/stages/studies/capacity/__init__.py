@@ -1,0 +1,1 @@
+"""What a shake table of hardware can do of a grid of motions."""

@@ -1,0 +1,58 @@
+"""Shake tables of hardware: their limits from `configs/tables`."""
+
+from __future__ import annotations
+
+import math
+
+from pydantic import Field
+
+from pipeline.config.layers import TABLES, load_file
+from pipeline.config.sections import Section
+from vsr_core import GRAVITY
+from vsr_core.table.capacity import Table
+
+
+class TableConfig(Section):
+    """What a table can do; null is a limit that nobody stated, and so is not checked."""
+
+    acceleration: float | None = Field(gt=0, description="largest acceleration [g]")
+    velocity: float | None = Field(gt=0, description="largest velocity [m/s]")
+    stroke: float | None = Field(gt=0, description="travel from end to end [m], or null")
+    payload: float | None = Field(gt=0, description="largest mass of the rock [kg]")
+    pulley_diameter: float = Field(gt=0, description="diameter on which the belt runs [m]")
+    steps_per_turn: float | None = Field(
+        gt=0, description="number of motor steps in a turn, microsteps counted, or null"
+    )
+    command_rate: float = Field(gt=0, le=10_000, description="velocity commands in a second [Hz]")
+
+    def table(self) -> Table:
+        """The table in the terms of the physics."""
+        return Table(
+            acceleration=GRAVITY * _limit(self.acceleration),
+            velocity=_limit(self.velocity),
+            stroke=_limit(self.stroke),
+            payload=_limit(self.payload),
+            command_rate=self.command_rate,
+            pulley=self.pulley_diameter,
+            steps_per_turn=self.steps_per_turn,
+        )
+
+    @property
+    def unstated(self) -> tuple[str, ...]:
+        """Keys that are null."""
+        return tuple(name for name, value in self if value is None)
+
+
+def load(name: str) -> tuple[TableConfig, str]:
+    """A table by its name in `configs/tables` or by the path of its YAML; and that file.
+
+    Raises
+    ------
+    InputError
+        With one problem per line.
+    """
+    return load_file(name, TABLES, "table", TableConfig)
+
+
+def _limit(value: float | None) -> float:
+    return math.inf if value is None else value

@@ -1,0 +1,1 @@
+"""How a servo-driven table follows its motions."""

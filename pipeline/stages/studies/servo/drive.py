@@ -1,0 +1,134 @@
+"""Drive: how well the servo's table follows its motions, and what that does to the boundary."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from pipeline.config.layers import Site
+from pipeline.config.problems import InputError
+from pipeline.drawing.style import pictures, svg_uri
+from pipeline.stages.mesh.products import load_rock
+from pipeline.stages.studies.servo import drive_figures as figures
+from pipeline.stages.studies.servo import driving
+from pipeline.workflow import pages, writers
+from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.stage import Job, Product
+from vsr_core.errors import Unfit
+from vsr_core.rock.body import Rock
+from vsr_core.rock.solid import standing
+from vsr_core.run.bounds import Barrier
+from vsr_core.table.servo import check
+from vsr_core.verification.tracking import Track
+
+FILE, TABLE, PAGE = "drive.nc", "drive.csv", "drive.html"
+
+
+def make(job: Job) -> Product:
+    """Follow a pulse and a rougher motion, and look for the boundary with and without a servo."""
+    rock, limits = _rock(job)
+    drives = driving.drives(job.config.servo.servo())
+    tracks, records = driving.tracks(job, rock, limits, drives)
+    rows = driving.rows(job, rock, limits, drives)
+    dataset = described(_dataset(tracks, rows), job, "Driven table")
+    drawn = {
+        "drive_tracking": figures.tracking(dataset),
+        "drive_disturbance": figures.disturbed(dataset),
+        "drive_boundary": figures.boundaries(dataset),
+    }
+    page = {
+        "site": job.site.name,
+        "records": records,
+        "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
+        "pga": records[-1]["pga_g"],
+        "wanted_pga": driving.SYNTHETIC[0],
+        "tried": job.config.motion.pga[-1],
+        "mass": rock.mass,
+        "table_mass": drives[-1].servo.mass if drives[-1].servo else math.nan,
+        "shift": _shift(dataset),
+        "rows": _listed(dataset),
+        "drives": [drive.name for drive in drives],
+    }
+    files = {
+        FILE: netcdf(dataset),
+        TABLE: writers.table(driving.COLUMNS, records),
+        PAGE: writers.text(pages.filled(PAGE, page)),
+    }
+    for name, figure in drawn.items():
+        files |= pictures(name, figure)
+    worst = max(record["rms_m_per_s"] for record in records if not record["note"])
+    return Product(files, f"rms errors up to {worst:.2g} m/s; boundary {_shift(dataset)}")
+
+
+def _rock(job: Job) -> tuple[Rock, Barrier]:
+    rock, limits = load_rock(job.store)
+    return (standing(rock) if job.config.on_terrain else rock), limits
+
+
+def _dataset(
+    tracks: dict[str, Track], rows: dict[tuple[str, float], driving.Interval]
+) -> xr.Dataset:
+    names = list(dict.fromkeys(name for name, _ in rows))
+    ratios = list(dict.fromkeys(ratio for _, ratio in rows))
+    ends = np.array([[rows[name, ratio] for ratio in ratios] for name in names])
+
+    def joined(part: str) -> Any:
+        return np.concatenate([getattr(track, part) for track in tracks.values()])
+
+    sampled = {
+        "time": "time",
+        "wanted_velocity": "wanted",
+        "command": "command",
+        "table_velocity": "measured",
+        "servo_force": "force",
+        "tilt": "tilt",
+    }
+    return xr.Dataset(
+        {
+            "row_size": ("case", [len(track.time) for track in tracks.values()]),
+            **{name: ("sample", joined(part)) for name, part in sampled.items()},
+            "last_balanced_pga": (("drive", "pgv_pga"), ends[..., 0]),
+            "first_overturning_pga": (("drive", "pgv_pga"), ends[..., 1]),
+        },
+        {"case": list(tracks), "drive": names, "pgv_pga": ratios},
+    )
+
+
+def _shift(dataset: xr.Dataset) -> str:
+    """Change of the boundary from the table's frame to a servo, in words."""
+    middle = 0.5 * (dataset["last_balanced_pga"] + dataset["first_overturning_pga"]).values
+    change = 100.0 * (middle[1:] / middle[0] - 1.0)
+    change = change[np.isfinite(change)]
+    if not change.size:
+        return "outside the grid"
+    worst = change[np.abs(change).argmax()]
+    return f"shifted by {np.median(change):+.1f} % in the median row and by {worst:+.1f} % at most"
+
+
+def _listed(dataset: xr.Dataset) -> list[list[float]]:
+    """Rows of the page's table: PGV/PGA and the boundary with each drive [g]."""
+    middle = 0.5 * (dataset["last_balanced_pga"] + dataset["first_overturning_pga"]).values
+    return [
+        [float(ratio), *(float(value) for value in middle[:, i])]
+        for i, ratio in enumerate(dataset["pgv_pga"].values)
+    ]
+
+
+def inputs(site: Site) -> dict[str, str]:
+    """The servo, which the configuration leaves out where it is idle.
+
+    Raises
+    ------
+    InputError
+        For a servo whose sampled loop is unstable.
+    """
+    servo = site.config.servo.servo()
+    try:
+        check(servo)
+    except Unfit as error:
+        raise InputError.from_unfit(site.file, "servo", error) from None
+    return {"servo": repr(sorted(asdict(servo).items()))}

@@ -1,0 +1,208 @@
+"""Runs of the stage of drives: what a servo's table does in some motions, and to the boundary."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pipeline.config.in_si import contact
+from pipeline.config.motion_schema import PulseConfig
+from pipeline.config.schema import Config
+from pipeline.workflow.cluster import Batch
+from pipeline.workflow.stage import Job
+from vsr_core import GRAVITY
+from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
+from vsr_core.motions.records.recorded_motion import RecordedMotion
+from vsr_core.outcome import Outcome
+from vsr_core.rock.body import Rock
+from vsr_core.run.bounds import Barrier
+from vsr_core.run.input_checks import PERIOD_SHARE
+from vsr_core.run.overturning import Case, Settings, prepare, simulate
+from vsr_core.scene import Scene
+from vsr_core.table.servo import PUBLISHED, Servo, spectral_radius
+from vsr_core.verification.tracking import Track, disturbance, errors, push, synthetic, track
+
+PULSE = (0.2, 0.8)
+"""PGA [g] and PGV/PGA [s] of the paper's Fig. 7a."""
+
+SYNTHETIC = (0.4, 1.2)
+"""The same of the motion that the paper's Fig. 7b shows; where the rock stands it, a larger PGA."""
+
+LARGER, LARGEST = 1.25, 3.0
+"""Factor from one PGA to the next, and the last [g]."""
+
+AFTER = 3.0
+"""Time shown after a motion [s]."""
+
+STEP_SHARE = 0.003
+"""Time step of the runs, in units of sqrt(radius / g); no longer than the control period."""
+
+ROWS, LEVELS, HALVINGS = 8, 10, 4
+"""Of the boundary: its PGV/PGA, the PGA tried at first, and how often the interval is halved."""
+
+JUMP = 0.1
+"""Acceleration at t = 0, as a share of the largest, from which on it is a jump."""
+
+DEFAULT_RATIOS = (0.1, 1.0)
+"""Ends of the PGV/PGA [s] where the motions are records."""
+
+COLUMNS = ("case", "loop_hz", "command_hz", "pga_g", "pgv_m_per_s", "spectral_radius",
+           "rms_m_per_s", "max_m_per_s", "first_m_per_s", "first_share", "push_m_per_s",
+           "recovery_s", "peak_tilt_deg", "note")  # fmt: skip
+
+Record = dict[str, Any]
+Interval = tuple[float, float]  # last balanced and first overturning PGA [g]
+
+
+class Drive(NamedTuple):
+    """A way to drive the table; None is the table's own frame."""
+
+    name: str
+    servo: Servo | None
+
+
+def run_rows(shared: Any, items: tuple[tuple[str, float], ...]) -> list[Interval]:
+    """Where the boundary lies in rows, on a worker; an item is a drive's name and a PGV/PGA [s]."""
+    cases, levels, step = shared
+    return [_boundary(cases[name], ratio, levels, step) for name, ratio in items]
+
+
+def _boundary(case: Case, ratio: float, levels: list[float], step: float) -> Interval:
+    def topples(pga: float) -> bool:
+        response = simulate(case, CosinePulse.from_g(pga, ratio), Settings(step))
+        return response.outcome is Outcome.OVERTURNED
+
+    last = 0.0
+    for first in levels:
+        if topples(first):
+            break
+        last = first
+    else:
+        return last, math.nan
+    for _ in range(HALVINGS):
+        middle = 0.5 * (last + first)
+        last, first = (last, middle) if topples(middle) else (middle, first)
+    return last, first
+
+
+def drives(own: Servo) -> list[Drive]:
+    """The table's frame, the published servo in two ways, and the site's if it is another."""
+    drives = [
+        Drive("table's own frame", None),
+        Drive("published servo, a command each period", PUBLISHED),
+        Drive("published servo, commands at 200 Hz", replace(PUBLISHED, hold=5)),
+    ]
+    if own not in [drive.servo for drive in drives]:
+        drives.append(Drive("this site's servo", own))
+    return drives
+
+
+def _scene(config: Config, rock: Rock, servo: Servo | None) -> Scene:
+    friction = contact(config, config.contact.friction[0])
+    return Scene(rock, friction, math.radians(config.yaw[0]), drive=servo)
+
+
+def _step(rock: Rock) -> float:
+    return STEP_SHARE * math.sqrt(rock.radius / GRAVITY)
+
+
+def tracks(
+    job: Job, rock: Rock, limits: Barrier, drives: list[Drive]
+) -> tuple[dict[str, Track], list[Record]]:
+    """The table's way through the pulse with each servo, and through the rough motion."""
+    found: dict[str, Track] = {}
+    records = []
+    pulse = CosinePulse.from_g(*PULSE)
+    for drive in drives[1:]:
+        assert drive.servo is not None
+        scene = _scene(job.config, rock, drive.servo)
+        name = f"pulse, {drive.name}"
+        found[name] = track(scene, pulse, _step(rock), AFTER)
+        records.append(_record(name, scene, PULSE[0], found[name], pulse))
+    slow = replace(PUBLISHED, period=0.005)
+    refused = dict.fromkeys(COLUMNS, math.nan) | {
+        "case": "pulse, published gains, the loop itself at 200 Hz",
+        "loop_hz": 1.0 / slow.period,
+        "command_hz": 1.0 / slow.command_period,
+        "pga_g": PULSE[0],
+        "pgv_m_per_s": pulse.peak_acceleration * pulse.pgv_pga,
+        "spectral_radius": spectral_radius(slow),
+        "note": "unstable, so refused",
+    }
+    last = drives[-1].servo
+    assert last is not None
+    scene = _scene(job.config, rock, last)
+    pga, motion, rough = _toppling(scene, limits, _step(rock))
+    name = f"rough motion, {drives[-1].name}"
+    found[name] = rough
+    return found, [*records, refused, _record(name, scene, pga, rough, motion)]
+
+
+def _toppling(scene: Scene, limits: Barrier, step: float) -> tuple[float, GroundMotion, Track]:
+    """The made motion at the first PGA that topples the rock, or the largest."""
+    pga, ratio = SYNTHETIC
+    trace = synthetic(ratio)
+    while True:
+        motion = RecordedMotion.scaled(trace, pga)
+        followed = track(scene, motion, step, AFTER)
+        if followed.tilt.max() > limits.toppled_tilt or LARGER * pga > LARGEST:
+            return pga, motion, followed
+        pga *= LARGER
+
+
+def _record(name: str, scene: Scene, pga: float, followed: Track, motion: GroundMotion) -> Record:
+    servo = scene.drive
+    assert servo is not None
+    error = errors(followed)
+    pushed = disturbance(followed.time, push(followed, scene))
+    start = float(abs(motion.acceleration(np.zeros(1))[0]))
+    jumps = start > JUMP * motion.peak_acceleration
+    return {
+        "case": name,
+        "loop_hz": 1.0 / servo.period,
+        "command_hz": 1.0 / servo.command_period,
+        "pga_g": pga,
+        "pgv_m_per_s": float(np.abs(followed.wanted).max()),
+        "spectral_radius": spectral_radius(servo),
+        "rms_m_per_s": error.rms,
+        "max_m_per_s": error.largest,
+        "first_m_per_s": error.first if jumps else math.nan,
+        "first_share": error.first_share if jumps else math.nan,
+        "push_m_per_s": pushed.peak,
+        "recovery_s": pushed.recovery,
+        "peak_tilt_deg": math.degrees(float(followed.tilt.max())),
+        "note": "",
+    }
+
+
+def rows(
+    job: Job, rock: Rock, limits: Barrier, drives: list[Drive]
+) -> dict[tuple[str, float], Interval]:
+    """The boundary's interval for each drive and PGV/PGA."""
+    cases = {
+        drive.name: prepare(_scene(job.config, rock, drive.servo), limits, reduce=True)
+        for drive in drives
+    }
+    motion = job.config.motion
+    ends = motion.pgv_pga if isinstance(motion, PulseConfig) else DEFAULT_RATIOS
+    held = max(drive.servo.command_period for drive in drives if drive.servo)
+    ratios = np.geomspace(max(ends[0], held / PERIOD_SHARE, 0.05 * ends[-1]), ends[-1], ROWS)
+    still = cases[drives[0].name].still
+    lowest = min(-still[0], still[1]) / GRAVITY
+    levels = np.geomspace(min(lowest, 0.5 * motion.pga[-1]), motion.pga[-1], LEVELS).tolist()
+    items = [(name, float(ratio)) for ratio in ratios for name in cases]
+
+    def batches() -> Iterator[Batch]:
+        for item in items:
+            yield Batch(item, "drives", (item,))
+
+    job.log(f"drive: boundary of {len(ratios)} PGV/PGA with {len(drives)} drives")
+    found: dict[tuple[str, float], Interval] = {}
+    shared = (cases, levels, _step(rock))
+    for batch, results in job.cluster.run(run_rows, batches(), lambda name: shared):
+        found[batch.tag] = results[0] if results else (math.nan, math.nan)
+    return {item: found[item] for item in items}

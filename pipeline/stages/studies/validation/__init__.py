@@ -1,0 +1,1 @@
+"""Predictions of recorded shake-table tests, beside their outcomes."""

@@ -1,0 +1,302 @@
+"""Predictions of shake-table tests and their scores beside those of other predictors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+import xarray as xr
+from numpy.typing import NDArray
+
+from pipeline.stages.studies.validation.recorded_tests import Tests
+from pipeline.workflow.store import RunRow
+from vsr_core.outcome import Outcome
+from vsr_core.run import bounds
+from vsr_core.validation import scores
+from vsr_core.validation.calibration import Calibration, calibrate
+from vsr_core.validation.predictors import first_half, logistic
+from vsr_core.validation.priors import best_guess
+from vsr_core.validation.specimen import Form, drawn, form
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Record = dict[str, Any]
+
+SCORED = ("accuracy", "balanced_accuracy", "f1", "matthews", "brier", "log_loss")
+COLUMNS = ("specimen", "predictor", "subset", "n", *SCORED, "mcnemar_p")
+DOUBT_COLUMNS = (
+    "specimen", "unknown", "tests", "overturned_low", "overturned_high", "changed",
+)  # fmt: skip
+FAILED_COLUMNS = ("specimen", "test", "ground_motion", "pga_g", "pgv_pga_s", "happened", "share")
+
+NEAR = 0.5
+"""Share of the tilt from which a rock falls on that is near toppling."""
+
+CLASSES = 4
+"""Classes of PGA and of PGV/PGA, with equally many tests, for tables of right and wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions:
+    """What was predicted, arrays of shape (specimens, tests).
+
+    Attributes
+    ----------
+    overturned, members : ndarray, members that overturned, and that have a verdict
+    lost : int, runs without a verdict
+    best_guess : ndarray of bool
+    calibrated : ndarray, probability after calibration on half of the ground motions
+    calibration : Calibration
+    half : ndarray of bool, shape (tests,), those of the half on which things are calibrated
+    """
+
+    overturned: Array
+    members: Array
+    lost: int
+    best_guess: Flags
+    calibrated: Array
+    calibration: Calibration
+    half: Flags
+
+    @property
+    def share(self) -> Array:
+        """Probability of overturning: share of the members; one half where none has a verdict."""
+        return np.where(self.members > 0, self.overturned / np.maximum(self.members, 1.0), 0.5)
+
+
+def forms(scans: dict[int, trimesh.Trimesh]) -> dict[int, Form]:
+    """Form of each specimen, with the next specimen's scan as a replica if it is one."""
+    numbers = list(scans)
+    return {
+        number: form(
+            scans[number],
+            scans[numbers[(at + 1) % len(numbers)]] if len(numbers) > 1 else None,
+        )
+        for at, number in enumerate(numbers)
+    }
+
+
+def undecided(
+    tests: Tests, specimen: int, of: Form, found: dict[str, dict[int, RunRow]]
+) -> tuple[int, ...]:
+    """Tests in which a member came ``NEAR`` toppling, or has no verdict.
+
+    Of 184 tests of a public specimen that six members did not take that far, no other member of
+    twenty overturned in any.
+    """
+    guess = drawn(of, best_guess(tests.config.priors()), tests.config.density)
+    limit = NEAR * bounds.barrier(guess).edge_tilt
+    rows = [
+        row for name, row in found.items() if name.startswith(f"{specimen}/") and "best" not in name
+    ]
+
+    def is_open(run: RunRow) -> bool:
+        return not run.peak_tilt < limit or Outcome(run.outcome).overturned < 0
+
+    return tuple(n for n in tests.number if any(is_open(row[n]) for row in rows))
+
+
+def predictions(tests: Tests, found: dict[str, dict[int, RunRow]]) -> Predictions:
+    """Shares of the ensembles, and the same calibrated on half of the ground motions.
+
+    Members that left a test out count as those that ran it.
+    """
+    sides = np.array([o.overturned for o in Outcome])
+    shape = (len(tests.specimens), len(tests.number))
+    overturned, members = np.zeros(shape), np.zeros(shape)
+    guess = np.zeros(shape, dtype=bool)
+    lost = 0
+    for row, specimen in enumerate(tests.specimens):
+        for name, rows in found.items():
+            owner, _, member = name.partition("/")
+            if int(owner) != specimen:
+                continue
+            side = np.array([sides[rows[n].outcome] if n in rows else -1 for n in tests.number])
+            if member == "best guess":
+                guess[row] = side == 1
+            else:
+                overturned[row] += side == 1
+                members[row] += side >= 0
+                lost += sum(sides[run.outcome] < 0 for run in rows.values())
+    half = first_half(np.array(tests.motion))
+    whole = float(tests.config.members)
+    counted = overturned * whole / np.maximum(members, 1.0)
+    calibration = _calibration(tests, counted, np.full(shape, whole), half)
+    calibrated = np.array(
+        [calibration.probability(row, np.full(len(row), whole)) for row in counted]
+    )
+    return Predictions(overturned, members, int(lost), guess, calibrated, calibration, half)
+
+
+def _calibration(tests: Tests, overturned: Array, members: Array, half: Flags) -> Calibration:
+    """One for all specimens, from those that have outcomes."""
+    known = list(compared(tests))
+    if not known:
+        return Calibration()
+    happened = np.concatenate([sides[half] for _, _, sides in known])
+    counts, whole = (
+        np.concatenate([part[row][half] for row, _, _ in known]) for part in (overturned, members)
+    )
+    return calibrate(counts, whole, happened)
+
+
+def compared(tests: Tests) -> Iterator[tuple[int, int, Flags]]:
+    """Row, number and outcomes, shape (tests,), of each specimen that has outcomes."""
+    for row, specimen in enumerate(tests.specimens):
+        if specimen in tests.happened:
+            yield row, specimen, np.array(tests.happened[specimen]) == 1
+
+
+def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, tuple[Flags, Array | None]]:
+    """Predictions for one specimen with outcomes, and probabilities where there are some."""
+    specimen = tests.specimens[row]
+    happened = np.array(tests.happened[specimen]) == 1
+    motions = np.array(tests.motion)
+    intensity = np.log(np.column_stack([tests.pga, tests.pgv_pga]))
+    regression = logistic(intensity, happened, motions)
+    share, calibrated = made.share[row], made.calibrated[row]
+    velocity = logistic(intensity.sum(axis=1, keepdims=True), happened, motions)
+    found: dict[str, tuple[Flags, Array | None]] = {
+        "ensemble": (scores.decided(share), share),
+        "calibrated ensemble": (scores.decided(calibrated), calibrated),
+        "best guess": (made.best_guess[row], None),
+        "logistic of PGA and PGV/PGA": (scores.decided(regression), regression),
+        "logistic of PGV": (scores.decided(velocity), velocity),
+        "always balanced": (np.zeros(len(happened), dtype=bool), None),
+    }
+    for (owner, name), values in tests.published.items():
+        if owner == specimen:
+            found[name] = (np.array(values) == 1, None)
+    for other, values in tests.happened.items():
+        if other != specimen:
+            found[f"outcome of specimen {other}"] = (np.array(values) == 1, None)
+    return found
+
+
+def records(tests: Tests, made: Predictions) -> list[Record]:
+    """One record per specimen with outcomes, predictor and subset of tests."""
+    subsets = {"all": np.ones(len(made.half), dtype=bool)}
+    subsets |= {"calibration half": made.half, "other half": ~made.half}
+    rows = []
+    for row, specimen, happened in compared(tests):
+        known = predictors(tests, made, row)
+        for name, (sides, probability) in known.items():
+            for subset, inside in subsets.items():
+                score = scores.scored(
+                    happened[inside],
+                    sides[inside],
+                    None if probability is None else probability[inside],
+                )
+                p = scores.mcnemar(happened[inside], known["ensemble"][0][inside], sides[inside])
+                rows.append(
+                    {
+                        "specimen": specimen,
+                        "predictor": name,
+                        "subset": subset,
+                        "n": score.n,
+                        **{key: getattr(score, key) for key in SCORED},
+                        "mcnemar_p": p,
+                    }
+                )
+    return rows
+
+
+def failed(tests: Tests, made: Predictions) -> list[Record]:
+    """Tests that every predictor but the constant one and other specimens has wrong."""
+    rows = []
+    for row, specimen, happened in compared(tests):
+        known = predictors(tests, made, row)
+        wrong = [
+            sides != happened
+            for name, (sides, _) in known.items()
+            if name != "always balanced" and not name.startswith("outcome of")
+        ]
+        rows += [
+            {
+                "specimen": specimen,
+                "test": tests.number[at],
+                "ground_motion": tests.motion[at],
+                "pga_g": tests.pga[at],
+                "pgv_pga_s": tests.pgv_pga[at],
+                "happened": int(happened[at]),
+                "share": float(made.share[row, at]),
+            }
+            for at in np.flatnonzero(np.all(wrong, axis=0)).tolist()
+        ]
+    return rows
+
+
+def confusions(tests: Tests, made: Predictions) -> list[Record]:
+    """Right and wrong predictions of the ensemble by classes of PGA and of PGV/PGA."""
+    rows = []
+    for row, specimen, happened in compared(tests):
+        sides = scores.decided(made.share[row])
+        for name, unit, values in (("PGA", "g", tests.pga), ("PGV/PGA", "s", tests.pgv_pga)):
+            measure = np.array(values)
+            edges = np.quantile(measure, np.linspace(0.0, 1.0, CLASSES + 1))
+            number = np.clip(np.searchsorted(edges, measure, "right") - 1, 0, CLASSES - 1)
+            for k in range(CLASSES):
+                inside = number == k
+                rows.append(
+                    {
+                        "specimen": specimen,
+                        "measure": name,
+                        "unit": unit,
+                        "low": float(edges[k]),
+                        "high": float(edges[k + 1]),
+                        "hits": int((inside & sides & happened).sum()),
+                        "false_alarms": int((inside & sides & ~happened).sum()),
+                        "misses": int((inside & ~sides & happened).sum()),
+                        "right_balanced": int((inside & ~sides & ~happened).sum()),
+                    }
+                )
+    return rows
+
+
+def specimens(tests: Tests, of: dict[int, Form]) -> list[Record]:
+    """What is known of each specimen's shape."""
+    return [
+        {
+            "number": number,
+            "error": of[number].error,
+            "replica": of[number].replica,
+            "outcomes": number in tests.happened,
+        }
+        for number in tests.specimens
+    ]
+
+
+def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
+    """The predictions on (specimen, test)."""
+    dims = ("specimen", "test")
+    happened = np.full(made.share.shape, -1, dtype="i1")
+    for row, _, sides in compared(tests):
+        happened[row] = sides
+    found = xr.Dataset(
+        {
+            "probability": (dims, made.share),
+            "predicted": (dims, _decided(made.share)),
+            "best_guess": (dims, made.best_guess.astype("i1")),
+            "probability_calibrated": (dims, made.calibrated),
+            "predicted_calibrated": (dims, _decided(made.calibrated)),
+            "members": (dims, made.members.astype("i4")),
+            "happened": (dims, happened),
+        },
+        {
+            "specimen": list(tests.specimens),
+            "test": list(tests.number),
+            "ground_motion": ("test", list(tests.motion)),
+            "test_pga": ("test", list(tests.pga)),
+            "test_pgv_pga": ("test", list(tests.pgv_pga)),
+            "calibration_half": ("test", made.half.astype("i1")),
+        },
+    )
+    found["happened"].encoding["_FillValue"] = np.int8(-1)
+    return found
+
+
+def _decided(probability: Array) -> NDArray[np.int8]:
+    return np.array([scores.decided(row) for row in probability], dtype=np.int8)

@@ -1,0 +1,252 @@
+"""A folder of recorded shake-table tests: records, outcomes, scans, and what is assumed of them."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import trimesh
+import xarray as xr
+from pydantic import Field
+
+from pipeline.config.layers import Site, load_file, load_site, shown
+from pipeline.config.problems import InputError, Problem
+from pipeline.config.sections import Section
+from vsr_core.errors import Unfit
+from vsr_core.rock.solid import checked
+from vsr_core.validation.priors import Priors
+
+RECORDS, OUTCOMES, ASSUMED = "records.nc", "outcomes.csv", "table.yaml"
+
+SCAN = re.compile(r"sp(\d+)\.ply")
+
+PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d+)_(?P<setting>\w+)")
+"""A column of someone's predictions for a specimen, such as dem_s1_kn10."""
+
+
+class Spread(Section):
+    """A normal distribution."""
+
+    mean: float
+    sd: float = Field(ge=0, description="standard deviation")
+
+
+Pair = tuple[float, float]
+
+
+class TableConfig(Section):
+    """What is assumed of a series of tests, before any outcome is looked at."""
+
+    density: float = Field(2700.0, gt=0, le=30_000, description="density [kg m-3]")
+    acceleration: str | None = Field(None, description="variable of records.nc that drives")
+    azimuth: Spread = Field(
+        Spread(mean=-7.5, sd=7.5), description="direction of the drive from the scan's +x [degree]"
+    )
+    reversed_share: float = Field(
+        0.5, ge=0, le=1, description="probability that the drive points the other way [1]"
+    )
+    friction: Pair = Field((0.5, 0.9), description="range of the friction [1]")
+    restitution: Pair = Field((0.0, 0.0), description="range of the restitution [1]")
+    amplitude: Spread = Field(
+        Spread(mean=1.0, sd=0.03), description="factor on the acceleration [1]"
+    )
+    mixing: Pair = Field((0.15, 0.85), description="way from a scan to that of its replica [1]")
+    base_error: float = Field(
+        1.0, ge=0, le=10, description="error of the base, in units of a scan without replica [1]"
+    )
+    centre_of_mass: float = Field(0.004, ge=0, le=1, description="its error along each axis [m]")
+    members: int = Field(20, ge=1, le=10_000, description="draws of the ensemble")
+
+    def priors(self) -> Priors:
+        """The same in the terms of the physics."""
+        turn = (math.radians(self.azimuth.mean), math.radians(self.azimuth.sd))
+        return Priors(
+            turn,
+            self.reversed_share,
+            self.friction,
+            self.restitution,
+            (self.amplitude.mean, self.amplitude.sd),
+            self.mixing,
+            self.base_error,
+            self.centre_of_mass,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Tests:
+    """What a folder holds.
+
+    Attributes
+    ----------
+    number : tuple of int, the tests that have a record and a row of outcomes
+    motion : tuple of str, ground motion of each
+    pga, pgv_pga : tuple of float [g], [s]
+    happened : dict from specimen to its outcomes, 1 for overturned
+    published : dict from (specimen, predictor) to predictions, 1 for overturned
+    interval : float [s], between samples
+    specimens : tuple of int, those that were scanned
+    """
+
+    number: tuple[int, ...]
+    motion: tuple[str, ...]
+    pga: tuple[float, ...]
+    pgv_pga: tuple[float, ...]
+    happened: dict[int, tuple[int, ...]]
+    published: dict[tuple[int, str], tuple[int, ...]]
+    interval: float
+    specimens: tuple[int, ...]
+    config: TableConfig = field(repr=False)
+
+
+def site_of(folder: Path) -> Site:
+    """A site for the tests in a folder, so that its products have their place.
+
+    Raises
+    ------
+    InputError
+        If the folder is not there or lacks something.
+    """
+    folder = folder.resolve()
+    if not folder.is_dir():
+        raise _problem(folder, "", "a folder that is not there", "it exists", "check TABLE=")
+    for name in (RECORDS, OUTCOMES):
+        if not (folder / name).is_file():
+            raise _problem(folder / name, "", "nothing", "the folder holds it", "put it there")
+    scans = scans_in(folder)
+    if not scans:
+        raise _problem(
+            folder, "", "no scan", "there is one for each specimen", "call it sp1.ply, in metres"
+        )
+    assumed = assumptions(folder)
+    settings = ("rock.shape=mesh", "rock.size=null", f"rock.density={assumed.density!r}")
+    rock = f"rock.mesh={next(iter(scans.values())).name}"
+    site = load_site("cuboid_1x1x2", settings=(*settings, rock))
+    return replace(site, name=folder.name, file=shown(folder), folder=folder)
+
+
+def scans_in(folder: Path) -> dict[int, Path]:
+    """Scans by the number of their specimen."""
+    found = {m: path for path in folder.glob("sp*.ply") if (m := SCAN.fullmatch(path.name))}
+    return {
+        int(match[1]): path for match, path in sorted(found.items(), key=lambda p: int(p[0][1]))
+    }
+
+
+def assumptions(folder: Path) -> TableConfig:
+    """What is assumed of the tests in a folder; the defaults where it says nothing."""
+    path = folder / ASSUMED
+    if not path.is_file():
+        return TableConfig()
+    return load_file(str(path), folder, "table", TableConfig)[0]
+
+
+def scan(path: Path) -> trimesh.Trimesh:
+    """A closed scan of a specimen in metres.
+
+    Raises
+    ------
+    InputError
+        If it is no closed mesh.
+    """
+    try:
+        return checked(trimesh.load_mesh(path, process=False))[0]
+    except Unfit as error:
+        raise InputError.from_unfit(shown(path), "", error) from None
+
+
+def tests_in(folder: Path) -> Tests:
+    """The tests of a folder that have both a record and a row of outcomes.
+
+    Raises
+    ------
+    InputError
+        If the two files do not say what is needed.
+    """
+    path = folder / OUTCOMES
+    table = pd.read_csv(path)
+    for name in ("test", "ground_motion", "pga_g", "pgv_pga_s"):
+        if name not in table.columns:
+            raise _problem(path, name, "nothing", "the column is there", "add it")
+    with xr.open_dataset(folder / RECORDS) as records:
+        for name in ("test", "time", "n_samples"):
+            if name not in records.variables:
+                raise _problem(folder / RECORDS, name, "nothing", "the variable is there", "add it")
+        known = {int(number) for number in records["test"].values}
+        time = records["time"].values[:2]
+    table = table[table["test"].isin(known)].drop_duplicates("test").sort_values("test")
+    if not len(table):
+        raise _problem(path, "test", "no test with a record", "some have one", "number them alike")
+    specimens = tuple(scans_in(folder))
+    happened = {
+        number: _flags(path, table, f"specimen{number}")
+        for number in specimens
+        if f"specimen{number}" in table
+    }
+    published = {
+        (int(match["specimen"]), f"{match['name']} {match['setting']}"): _flags(path, table, name)
+        for name in table.columns
+        if (match := PUBLISHED.fullmatch(str(name)))
+    }
+    return Tests(
+        tuple(map(int, table["test"])),
+        tuple(map(str, table["ground_motion"])),
+        tuple(map(float, table["pga_g"])),
+        tuple(map(float, table["pgv_pga_s"])),
+        happened,
+        published,
+        round(float(time[1] - time[0]), 9),
+        specimens,
+        assumptions(folder),
+    )
+
+
+@lru_cache(maxsize=2)
+def accelerations(folder: Path, variable: str | None) -> dict[int, Any]:
+    """Accelerations of the table by test, ndarrays of shape (n,) [m/s^2].
+
+    Parameters
+    ----------
+    folder : Path
+    variable : str or None
+        Its name in the records; by default the merged one, else that of the accelerometer.
+
+    Raises
+    ------
+    InputError
+        If it is not there or not a number where a record says that it has samples.
+    """
+    path = folder / RECORDS
+    with xr.open_dataset(path) as records:
+        name = variable or (
+            "acceleration_merged" if "acceleration_merged" in records else "acceleration"
+        )
+        if name not in records:
+            raise _problem(path, name, "nothing", "the variable is there", "name another")
+        values = records[name].transpose("test", "time").values
+        counts, numbers = records["n_samples"].values, records["test"].values
+    found = {}
+    for number, count, row in zip(numbers, counts, values, strict=True):
+        if not np.isfinite(row[: int(count)]).all():
+            given = f"values that are no numbers in test {int(number)}"
+            raise _problem(path, name, given, "they are numbers", "mend or drop the test")
+        found[int(number)] = np.array(row[: int(count)], dtype=np.float64)
+    return found
+
+
+def _flags(path: Path, table: Any, name: str) -> tuple[int, ...]:
+    values = tuple(table[name])
+    if any(value not in (0, 1) for value in values):
+        raise _problem(
+            path, name, "values other than 0 and 1", "1 is overturned, 0 not", "correct the column"
+        )
+    return tuple(map(int, values))
+
+
+def _problem(path: Path, key: str, given: str, rule: str, remedy: str) -> InputError:
+    return InputError(Problem(shown(path), key, given, rule, remedy))

@@ -1,0 +1,166 @@
+"""Figures of the validation: predicted probabilities against what happened on the table."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from pipeline.drawing.style import FAINT, INK, MARKERS, OVERTURNED, SERIES, UPRIGHT, styled
+from pipeline.stages.studies.validation import predictions
+from pipeline.stages.studies.validation.predictions import Predictions
+from pipeline.stages.studies.validation.recorded_tests import Tests
+from vsr_core.validation import curves, scores
+
+Array = NDArray[np.float64]
+
+
+def _panels(tests: Tests) -> tuple[Figure, list[Axes]]:
+    """A panel for each specimen that has outcomes; one that says so if there is none."""
+    count = max(len(tests.happened), 1)
+    figure = Figure(figsize=(4.6 * count, 4.2), layout="constrained")
+    axes = [figure.add_subplot(1, count, k + 1) for k in range(count)]
+    if not tests.happened:
+        place = axes[0].transAxes
+        axes[0].text(0.5, 0.5, "no outcomes to compare with", ha="center", transform=place)
+    return figure, axes
+
+
+@styled
+def reliability(tests: Tests, made: Predictions) -> Figure:
+    """Share of tests that overturned against predicted probability, in classes."""
+    figure, panels = _panels(tests)
+    for axes, (row, specimen, happened) in zip(panels, predictions.compared(tests), strict=False):
+        axes.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
+        kinds = (
+            ("priors only, all tests", made.share[row], np.ones(len(happened), dtype=bool)),
+            ("calibrated, other half", made.calibrated[row], ~made.half),
+        )
+        for k, (label, probability, inside) in enumerate(kinds):
+            found = scores.reliability(happened[inside], probability[inside])
+            shift = 0.008 * (2 * k - 1)
+            axes.errorbar(
+                found.predicted + shift,
+                found.observed,
+                yerr=np.clip([found.observed - found.low, found.high - found.observed], 0.0, None),
+                fmt=MARKERS[k],
+                color=SERIES[k],
+                ms=4,
+                lw=0.8,
+                label=label,
+            )
+            for x, y, n in zip(found.predicted, found.observed, found.count, strict=True):
+                axes.annotate(
+                    str(n), (x + shift, y), xytext=(4, -9 + 14 * k), fontsize=6.5,
+                    textcoords="offset points", color=SERIES[k],
+                )  # fmt: skip
+        axes.set(
+            title=f"specimen {specimen}",
+            xlabel="predicted probability of overturning",
+            ylabel="share of tests that overturned",
+            xlim=(-0.03, 1.03),
+            ylim=(-0.03, 1.03),
+            aspect="equal",
+        )
+        axes.legend(loc="upper left")
+    return figure
+
+
+@styled
+def roc(tests: Tests, made: Predictions) -> Figure:
+    """Tests rightly against wrongly predicted to overturn, over all limits of probability."""
+    from sklearn.metrics import roc_auc_score, roc_curve
+
+    figure, panels = _panels(tests)
+    for axes, (row, specimen, happened) in zip(panels, predictions.compared(tests), strict=False):
+        axes.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
+        points = 0
+        for k, (name, (sides, probability)) in enumerate(
+            predictions.predictors(tests, made, row).items()
+        ):
+            if probability is not None:
+                false, right, _ = roc_curve(happened, probability)
+                area = roc_auc_score(happened, probability)
+                axes.plot(
+                    false, right, color=SERIES[k % 6], lw=1.2, label=f"{name}, area {area:.3f}"
+                )
+            elif name != "always balanced":
+                marker = MARKERS[points % 6]
+                points += 1
+                right_share, false_share = sides[happened].mean(), sides[~happened].mean()
+                axes.plot(
+                    false_share, right_share, marker, ms=5, mfc="none", color=INK, lw=0, label=name
+                )
+        axes.set(
+            title=f"specimen {specimen}",
+            xlabel="share of balanced tests predicted to overturn",
+            ylabel="share of overturned tests predicted so",
+            xlim=(-0.02, 1.02),
+            ylim=(-0.02, 1.02),
+            aspect="equal",
+        )
+        axes.legend(loc="lower right", fontsize=6.5)
+    return figure
+
+
+@styled
+def fragility(tests: Tests, made: Predictions) -> Figure:
+    """Fragility curves of the experiment and of the ensemble, over PGA and PGV."""
+    known = list(predictions.compared(tests))
+    figure = Figure(figsize=(9.2, 3.4 * max(len(known), 1)), layout="constrained")
+    motions = np.array(tests.motion)
+    pga, ratio = np.array(tests.pga), np.array(tests.pgv_pga)
+    measures = (("peak ground acceleration [g]", pga), ("PGA x PGV/PGA = PGV [g s]", pga * ratio))
+    for at, (row, specimen, happened) in enumerate(known):
+        for column, (label, values) in enumerate(measures):
+            axes = figure.add_subplot(len(known), 2, 2 * at + column + 1)
+            grid = np.geomspace(values.min(), values.max(), 80)
+            for share, name, colour in (
+                (happened.astype(np.float64), "experiment", OVERTURNED),
+                (made.share[row], "ensemble, priors only", UPRIGHT),
+            ):
+                found = curves.curve(values, share, motions, grid)
+                axes.fill_between(grid, found.low, found.high, color=colour, alpha=0.18, lw=0)
+                text = f"{name}, median {found.median:.3g}"
+                axes.plot(grid, found.probability, color=colour, lw=1.4, label=text)
+            axes.set_xscale("log")
+            axes.set(xlabel=label, ylabel="probability of overturning", ylim=(-0.02, 1.02))
+            axes.set_title(f"specimen {specimen}")
+            axes.legend(loc="upper left")
+    return figure
+
+
+@styled
+def map_of_tests(tests: Tests, made: Predictions) -> Figure:
+    """Every test over PGV/PGA and PGA: what happened, and the probability it had."""
+    figure = Figure(figsize=(5.0 * len(tests.specimens), 4.2), layout="constrained")
+    drawn = None
+    for row, specimen in enumerate(tests.specimens):
+        axes = figure.add_subplot(1, len(tests.specimens), row + 1)
+        known = specimen in tests.happened
+        happened = np.array(tests.happened[specimen] if known else [0] * len(tests.number)) == 1
+        for side, marker, name in ((False, "o", "balanced"), (True, "^", "overturned")):
+            inside = happened == side
+            if not inside.any():
+                continue
+            drawn = axes.scatter(
+                np.array(tests.pgv_pga)[inside],
+                np.array(tests.pga)[inside],
+                c=made.share[row][inside],
+                cmap="coolwarm",
+                vmin=0,
+                vmax=1,
+                marker=marker,
+                s=18,
+                lw=0.3,
+                edgecolor=INK,
+                label=name if known else "predicted only",
+            )
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set(title=f"specimen {specimen}", xlabel="PGV/PGA [s]", ylabel="PGA [g]")
+        axes.legend(loc="lower left")
+    if drawn is not None:
+        figure.colorbar(drawn, ax=figure.axes, label="predicted probability of overturning")
+    return figure

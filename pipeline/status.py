@@ -1,0 +1,182 @@
+"""What would run, what is done, and why: lines of text, nothing changed on disk."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pipeline.config.motion_schema import PulseConfig
+from pipeline.stages.motions import shaking
+from pipeline.stages.motions.shaking import Cell, Shaking
+from pipeline.stages.runs.running import groups
+from pipeline.stages.runs.scenes import left_out, prepared
+from pipeline.stages.runs.time_step_stage import time_step
+from pipeline.workflow import graph
+from pipeline.workflow.cluster import Cluster
+from pipeline.workflow.registry import BY_NAME, upstream
+from pipeline.workflow.stage import Job
+from pipeline.workflow.store import RUNS, JourneyRow, RunRow, RunStore, Store
+from vsr_core import GRAVITY
+from vsr_core.outcome import Outcome
+
+TYPICAL_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 150.0
+"""CPU time of a run [ms] before any was measured here."""
+
+Kind = type[RunRow] | type[JourneyRow]
+
+
+def why(product: str, job: Job) -> list[str]:
+    """Each stage that would be made again, with every reason."""
+    lines = []
+    for name, identity in graph.identities(product, job.site).items():
+        reasons = list(graph.why(BY_NAME[name], identity, job.store))
+        if not reasons:
+            lines.append(f"{name}: up to date")
+        lines += [f"{name}: {reason}" for reason in reasons]
+    counts, total = _runs(job, _kind(product))
+    if total:
+        kept = counts.total()
+        lines.append(f"runs: {kept} of {total} are stored and stay; {total - kept} to do")
+    return lines
+
+
+def status(product: str, job: Job) -> list[str]:
+    """What is done: stages, runs and their outcomes."""
+    lines = [f"{job.site.name} in {job.store.folder}"]
+    for name, identity in graph.identities(product, job.site).items():
+        reasons = list(graph.why(BY_NAME[name], identity, job.store))
+        lines.append(f"  {name:<20}{'done' if not reasons else 'to do: ' + reasons[0]}")
+    counts, total = _runs(job, _kind(product))
+    if total:
+        lines.append(f"  {counts.total()} of {total} runs stored")
+        lines += [
+            f"    {number:>7} {Outcome(code).name.lower()}" for code, number in counts.most_common()
+        ]
+    return lines
+
+
+def plan(product: str, job: Job) -> list[str]:
+    """What would run, what it costs, and what is left out of the scene."""
+    todo = [
+        name
+        for name, identity in graph.identities(product, job.site).items()
+        if any(graph.why(BY_NAME[name], identity, job.store))
+    ]
+    lines = [f"stages to make: {', '.join(todo) or 'none'}"]
+    if not {"runs", "displacement_runs"} & {stage.name for stage in upstream(product)}:
+        return lines
+    config = job.config
+    with tempfile.TemporaryDirectory() as temporary:
+        store = _with_rock(job, Path(temporary)).store
+        case = prepared(config, store, config.yaw[0], config.contact.friction[0])
+        measured = not {"motions", "time_step", "terrain"} & set(todo)
+        lines += _planned_runs(job, store, _kind(product), measured=measured)
+        dropped = left_out(config, case)
+    lines.append("left out:")
+    lines += [f"  {r.what}: {r.why}" for r in dropped] or ["  nothing (simulation.reduce: off)"]
+    return lines
+
+
+def _kind(product: str) -> Kind:
+    """Journeys over a terrain, or runs."""
+    return (
+        JourneyRow if "displacement_runs" in (stage.name for stage in upstream(product)) else RunRow
+    )
+
+
+def _planned_runs(job: Job, rock: Store, kind: Kind, *, measured: bool) -> list[str]:
+    """Runs to do and their cost; which are stored is known once the time step is ``measured``."""
+    config = job.config
+    motions = shaking.of_site(job.site)
+    cells = [cell.pga for cell in shaking.cells(motions)]
+    stored: dict[tuple[float, float], list[bool]] = {}
+    for group in groups(config, job.store) if measured else ():
+        kept = _stored(job.store, group.keys, kind)
+        stored[group.yaw, group.friction] = [key in kept for key in group.keys]
+    total = proved = new = 0
+    for yaw in config.yaw:
+        for friction in config.contact.friction:
+            still = prepared(config, rock, yaw, friction).still
+            proves = config.simulation.reduce and not config.on_terrain
+            proves = proves and config.motion.kind != "table"
+            limit = min(-still[0], still[1]) / GRAVITY if proves else 0.0
+            done = stored.get((yaw, friction), [False] * len(cells))
+            left = [pga for pga, kept in zip(cells, done, strict=True) if not kept]
+            total, new = total + len(cells), new + len(left)
+            proved += sum(pga < limit for pga in left)
+    frictions = config.contact.friction if measured else ()
+    steps = {time_step(config, job.store, friction) for friction in frictions}
+    text = ", ".join(f"{1e3 * step:.3g} ms" for step in sorted(steps))
+    return [
+        *_motions(motions),
+        f"runs: {total}; {total - new} stored, {new} to do, {proved} of them proved without a step",
+        f"time step: {text or 'measured on the scene first, some seconds'}",
+        f"cost: {_cost(job, new - proved, kind)}",
+    ]
+
+
+def _motions(motions: Shaking) -> list[str]:
+    """Each record, with its length and PGV/PGA; nothing of pulses."""
+    if motions.dimension != "record":
+        return []
+    lengths = [
+        motions.motion(Cell(row, motions.pga[-1])).duration for row in range(len(motions.rows))
+    ]
+    lines = [
+        f"  {name}: {length:.1f} s, PGV/PGA {ratio:.3g} s"
+        for name, length, ratio in zip(motions.rows, lengths, motions.pgv_pga, strict=True)
+    ]
+    return [f"records: {len(lines)}, each at {len(motions.pga)} PGA", *lines]
+
+
+def _cost(job: Job, runs: int, kind: Kind) -> str:
+    name = "runs" if kind is RunRow else "displacement_runs"
+    measured = [note for note in job.store.notes(name) if note["runs"]]
+    typical = TYPICAL_ON_TERRAIN_MS if job.config.on_terrain else TYPICAL_MS
+    each = 1e3 * measured[-1]["cpu_seconds"] / measured[-1]["runs"] if measured else typical
+    source = "as measured here" if measured else "typical"
+    workers = max(job.cluster.workers, 1)
+    seconds = runs * each / 1e3 / workers
+    return f"about {seconds:.0f} s on {workers} workers at {each:.1f} ms a run ({source})"
+
+
+def _with_rock(job: Job, folder: Path) -> Job:
+    """The job with its rock at hand: as stored, or made in a temporary folder."""
+    if not _is_stale("rock", job):
+        return job
+    aside = replace(job, store=Store(folder), cluster=Cluster(0), log=lambda line: None)
+    aside.store.open()
+    graph.make("rock", aside)
+    return aside
+
+
+def _is_stale(name: str, job: Job) -> bool:
+    return any(graph.why(BY_NAME[name], graph.identities(name, job.site)[name], job.store))
+
+
+def _stored(store: Store, keys: Any, kind: Kind) -> dict[bytes, int]:
+    """Outcomes of the runs that are stored."""
+    if not (store.folder / RUNS).is_file():
+        return {}
+    with closing(RunStore(store.folder, kind)) as runs:
+        return runs.outcomes(keys)
+
+
+def _runs(job: Job, kind: Kind) -> tuple[Counter[int], int]:
+    """Outcomes of the runs stored, and how many are wanted; none where no key is known yet."""
+    needed = [BY_NAME[name] for name in ("rock", "terrain", "time_step", "motions")]
+    names = [stage.name for stage in needed if stage.is_for(job.config)]
+    if any(job.store.manifest(name) is None or job.store.damage(name) for name in names):
+        return Counter(), 0
+    if not isinstance(job.config.motion, PulseConfig) and _is_stale("motions", job):
+        return Counter(), 0  # which runs are wanted is known once the records are read anew
+    counts: Counter[int] = Counter()
+    total = 0
+    for group in groups(job.config, job.store):
+        counts.update(_stored(job.store, group.keys, kind).values())
+        total += len(group.keys)
+    return counts, total

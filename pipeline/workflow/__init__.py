@@ -1,0 +1,1 @@
+"""How experiments are run: stages, their graph and keys, storage, workers, pages."""

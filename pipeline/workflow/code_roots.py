@@ -1,0 +1,43 @@
+"""Roots of the code that decides results which are reached through a variable or on a worker."""
+
+from __future__ import annotations
+
+RUN_CODE = (
+    "vsr_core.run.overturning:prepare",
+    "vsr_core.run.overturning:simulate",
+    "vsr_core.run.bounds:barrier",
+    "vsr_core.motions.cosine_pulse:CosinePulse",
+)
+"""What determines a run on a flat pedestal, besides its engine and its kind of motion."""
+
+TERRAIN_CODE = (
+    *RUN_CODE,
+    "vsr_core.run.displacement:travel",
+    "pipeline.stages.runs.scenes:on_terrain",
+)
+"""The same on a terrain."""
+
+ENGINES = ("vsr_core.engines.bullet", "vsr_core.engines.mujoco")
+"""Modules of all engines, which are found by name only."""
+
+ENGINE_CODE = tuple(f"{engine}:build" for engine in ENGINES)
+"""Roots of the code of stages that run in any engine."""
+
+RECORD_CODE = ("vsr_core.motions.records.recorded_motion:RecordedMotion",)
+TABLE_CODE = ("vsr_core.motions.sampled:SampledMotion",)
+AXIS_CODE = ("vsr_core.motions.six_axes:AxisPulses", "vsr_core.motions.six_axes:AxisPulse")
+MOTION_CODE = (
+    "vsr_core.motions.cosine_pulse:CosinePulse",
+    *RECORD_CODE,
+    *TABLE_CODE,
+    *AXIS_CODE,
+)
+"""Roots of the code of all motions, which runs reach through a variable."""
+
+VALIDATION_CODE = (
+    "vsr_core.validation.recorded_test:standing_case",
+    "vsr_core.validation.recorded_test:shaken",
+    "vsr_core.validation.specimen:drawn",
+    "vsr_core.engines.bullet:build",
+)
+"""What determines the runs of recorded shake-table tests."""

@@ -1,0 +1,132 @@
+"""The graph of stages: what is asked for, what is fresh, why not, and making it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pipeline.config.layers import Site
+from pipeline.workflow import keys
+from pipeline.workflow.registry import BY_NAME, upstream
+from pipeline.workflow.stage import Job, Stage
+from pipeline.workflow.store import Store
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a stage's product is made from, and the key of it all."""
+
+    facts: dict[str, Any]
+
+    @property
+    def key(self) -> str:
+        """Digest of the facts."""
+        return keys.digest(self.facts)
+
+
+def identities(name: str, site: Site) -> dict[str, Identity]:
+    """Identity of each stage that a product needs and that applies, each after what it needs."""
+    found: dict[str, Identity] = {}
+    for stage in upstream(name):
+        if not stage.is_for(site.config):
+            continue
+        found[stage.name] = Identity(
+            {
+                "config": stage.settings(site.config),
+                "code": keys.code(stage.roots()),
+                "inputs": stage.input_digests(site),
+                "versions": {library: keys.library_version(library) for library in stage.versions},
+                "needs": {need: found[need].key for need in stage.needs if need in found},
+            }
+        )
+    return found
+
+
+def why(stage: Stage, identity: Identity, store: Store) -> Iterator[str]:
+    """Reasons why a stage has to be made; none if its products are fresh."""
+    manifest = store.manifest(stage.name)
+    if manifest is None:
+        yield "never made here"
+        return
+    damage = store.damage(stage.name) or stage.fault(store)
+    if damage:
+        yield damage
+    if manifest["retry"]:
+        yield f"{manifest['retry']} runs crashed and are tried again"
+    if manifest["key"] != identity.key:
+        yield from _differences(manifest["facts"], identity.facts)
+
+
+def _differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
+    was, now = (dict(_leaves(facts["config"])) for facts in (old, new))
+    for key in sorted(now):
+        if was.get(key) != now[key]:
+            yield f"{key} changed: {_change(was.get(key), now[key])}"
+    for part, label in (("inputs", "file"), ("versions", "version of"), ("code", "code")):
+        for item in sorted({*old[part], *new[part]}):
+            if old[part].get(item) != new[part].get(item):
+                verb = (
+                    "new"
+                    if item not in old[part]
+                    else "gone"
+                    if item not in new[part]
+                    else "edited"
+                )
+                yield f"{label} {item} {verb}"
+    for need in sorted(new["needs"]):
+        if old["needs"].get(need) != new["needs"][need]:
+            yield f"stage {need} changed"
+
+
+def make(name: str, job: Job) -> int:
+    """Bring a product up to date; returns the number of runs without a verdict."""
+    wanted = identities(name, job.site)
+    _forget_crashed(name, job.store)
+    for stage, identity in wanted.items():
+        _ensure(BY_NAME[stage], identity, job)
+    manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
+    return max(int(manifest["unresolved"]) for manifest in manifests)
+
+
+def _ensure(stage: Stage, identity: Identity, job: Job) -> None:
+    if not any(why(stage, identity, job.store)):
+        return
+    product = stage.product(replace(job, key=identity.key, stage=stage.name))
+    facts = {
+        "key": identity.key,
+        "facts": identity.facts,
+        "unresolved": product.unresolved,
+        "retry": product.retry,
+    }
+    job.store.publish(stage.name, facts, product.files)
+    job.log(f"{stage.name}: {product.summary}")
+
+
+def _forget_crashed(name: str, store: Store) -> None:
+    """Forget stages with crashed runs, and all that was made from them."""
+    forgotten: set[str] = set()
+    for stage in upstream(name):
+        crashed = (store.manifest(stage.name) or {"retry": 0})["retry"]
+        if crashed or forgotten.intersection(stage.needs):
+            store.forget(stage.name)
+            forgotten.add(stage.name)
+
+
+def _leaves(tree: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Values of a configuration by dotted key."""
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+def _change(old: Any, new: Any) -> str:
+    if isinstance(old, list) and isinstance(new, list):
+        added, removed = (
+            len(set(map(str, new)) - set(map(str, old))),
+            len(set(map(str, old)) - set(map(str, new))),
+        )
+        return f"{added} values added, {removed} removed"
+    return f"{old!r} is now {new!r}"

@@ -1,0 +1,49 @@
+"""Pages from their templates, which stand beside the stages whose pages they are."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined, meta
+
+from pipeline import ROOT
+from pipeline.workflow.keys import digest_bytes
+
+
+def filled(name: str, facts: dict[str, Any]) -> str:
+    """A template with all its places filled; one that is not among ``facts`` is an error.
+
+    Everything is escaped: names and paths are the user's.
+    """
+    return _environment().get_template(name).render(facts)
+
+
+def source(name: str) -> str:
+    """Text of a template, style sheet, script or table of this package, by its file name."""
+    return _files()[name].read_text(encoding="utf-8")
+
+
+def digest(name: str) -> str:
+    """Digest of a template and what it includes, for the identity of the stage whose page it is."""
+    text = source(name)
+    included = sorted(filter(None, meta.find_referenced_templates(_environment().parse(text))))
+    return digest_bytes(text.encode(), *(source(part).encode() for part in included))
+
+
+@cache
+def _files() -> dict[str, Path]:
+    suffixes = (".html", ".css", ".js", ".yaml")
+    return {path.name: path for path in (ROOT / "pipeline").rglob("*") if path.suffix in suffixes}
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=FunctionLoader(source),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )

@@ -1,0 +1,211 @@
+"""All stages, in the order of the mission: from a scan to fragility, displacement and studies.
+
+A stage is declared here and written in its room under ``pipeline/stages``. Functions are named by
+their paths, so that nothing is imported before it is needed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline import ROOT
+from pipeline.workflow.code_roots import (
+    ENGINE_CODE,
+    ENGINES,
+    MOTION_CODE,
+    RUN_CODE,
+    TERRAIN_CODE,
+    VALIDATION_CODE,
+)
+from pipeline.workflow.stage import Stage
+
+
+def _modules(room: str) -> list[str]:
+    """Modules of a room of ``vsr_core.verification`` that are found by their names."""
+    folder: Path = ROOT / "vsr_core" / "verification" / room
+    return sorted(path.stem for path in folder.glob("[!_]*.py"))
+
+
+STAGES: tuple[Stage, ...] = (
+    Stage(
+        "scan",
+        make="pipeline.stages.mesh.scan:make",
+        applies="on_terrain",
+        reads=("rock", "pedestal"),
+        code=("pipeline.stages.mesh.sources:load", "vsr_core.surrogates.raw_scan:scan"),
+        inputs="pipeline.stages.mesh.sources:digests",
+        files=("prep.html",),
+        versions=("trimesh", "scipy"),
+    ),
+    Stage(
+        "rock",
+        make="pipeline.stages.mesh.rock:make",
+        needs=("scan",),
+        reads=("rock", "pedestal", "contact.rolling_friction"),
+        code=("pipeline.stages.mesh.sources:load", "vsr_core.surrogates.double_rock:double_rock"),
+        inputs="pipeline.stages.mesh.sources:digests",
+        versions=("trimesh", "scipy"),
+    ),
+    Stage(
+        "terrain",
+        make="pipeline.stages.mesh.terrain:make",
+        applies="on_terrain",
+        needs=("scan", "rock"),
+        reads=("pedestal", "contact", "simulation.reduce"),
+        code=("vsr_core.engines.bullet:build",),
+        versions=("pybullet",),
+    ),
+    Stage(
+        "motions",
+        make="pipeline.stages.motions.motions:make",
+        reads=("motion",),
+        inputs="pipeline.stages.motions.motions:inputs",
+        versions=("scipy",),
+    ),
+    Stage(
+        "time_step",
+        make="pipeline.stages.runs.time_step_stage:make",
+        needs=("rock",),
+        reads=("pedestal", "contact", "drive", "servo", "simulation"),
+        code=(*RUN_CODE, "pipeline.stages.runs.time_step_stage:measure_rows", *ENGINE_CODE),
+        inputs="pipeline.stages.runs.scenes:engine_version",
+    ),
+    Stage(
+        "runs",
+        make="pipeline.stages.runs.overturning_runs:make",
+        needs=("rock", "terrain", "time_step", "motions"),
+        reads=("pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
+        code=(
+            *TERRAIN_CODE,
+            "pipeline.stages.runs.overturning_runs:simulate_batch",
+            *MOTION_CODE,
+            *ENGINE_CODE,
+        ),
+        made_elsewhere=True,
+        inputs="pipeline.stages.runs.scenes:engine_version",
+        check="pipeline.stages.runs.running:database_is_there",
+    ),
+    Stage(
+        "displacement_runs",
+        make="pipeline.stages.runs.displacement_runs:make",
+        needs=("rock", "terrain", "time_step", "motions"),
+        reads=("pedestal", "contact", "motion", "yaw", "drive", "simulation"),
+        code=(
+            *TERRAIN_CODE,
+            "pipeline.stages.runs.displacement_runs:follow_batch",
+            *MOTION_CODE,
+            *ENGINE_CODE,
+        ),
+        made_elsewhere=True,
+        inputs="pipeline.stages.runs.scenes:engine_version",
+        check="pipeline.stages.runs.running:database_is_there",
+    ),
+    Stage(
+        "responses",
+        make="pipeline.stages.datasets.responses:make",
+        needs=("rock", "motions", "time_step", "runs"),
+        reads=("contact", "motion", "yaw", "drive", "servo", "simulation"),
+    ),
+    Stage(
+        "fragility",
+        make="pipeline.stages.fragility.fragility_fits:make",
+        needs=("responses",),
+        versions=("scikit-learn", "scipy"),
+    ),
+    Stage(
+        "report",
+        make="pipeline.stages.reports.report:make",
+        needs=("rock", "motions", "responses", "fragility"),
+        reads=("rock", "pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
+        files=("report.html", "gains.yaml", "catalogue.yaml"),
+        versions=("matplotlib", "jinja2"),
+    ),
+    Stage(
+        "displacement",
+        make="pipeline.stages.datasets.trajectories:make",
+        needs=("rock", "terrain", "time_step", "motions", "displacement_runs"),
+        reads=("contact", "motion", "yaw", "drive", "simulation"),
+    ),
+    Stage(
+        "displacement_report",
+        make="pipeline.stages.displacement.displacement_report:make",
+        needs=("rock", "terrain", "displacement"),
+        reads=("found",),
+        files=(
+            "displacement.html",
+            "scene3d.html",
+            "geometry.js",
+            "drawing.js",
+            "page.js",
+            "catalogue.yaml",
+        ),
+        versions=("matplotlib", "jinja2", "pillow"),
+    ),
+    Stage(
+        "accuracy",
+        make="pipeline.stages.studies.accuracy.accuracy:make",
+        needs=("rock", "time_step"),
+        reads=("pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
+        code=(
+            *RUN_CODE,
+            "pipeline.stages.studies.accuracy.measuring:find_target",
+            "pipeline.stages.studies.accuracy.measuring:score",
+            "pipeline.stages.studies.accuracy.measuring:run_cells",
+            "pipeline.stages.studies.accuracy.measuring:run_reference",
+            *ENGINE_CODE,
+            *(f"vsr_core.verification.peers.{name}:build" for name in _modules("peers")),
+            *(f"vsr_core.verification.reference.{name}:CASES" for name in _modules("reference")),
+        ),
+        files=("accuracy.html",),
+        versions=("pybullet", "matplotlib", "jinja2"),
+    ),
+    Stage(
+        "stability",
+        make="pipeline.stages.studies.stability.stability:make",
+        code=(
+            "pipeline.stages.studies.stability.stability:run_cases",
+            "vsr_core.verification.stability:cases",
+            *(f"vsr_core.verification.stability.{name}:CASES" for name in _modules("stability")),
+            *(
+                f"{engine}:{name}"
+                for engine in ENGINES
+                for name in ("build", "SOLVER", "SLENDER_SHARE", "SLIDING_SHARE")
+            ),
+        ),
+        files=("stability.html",),
+        versions=("pybullet", "mujoco", "scipy", "trimesh", "matplotlib", "jinja2"),
+    ),
+    Stage(
+        "drive",
+        make="pipeline.stages.studies.servo.drive:make",
+        needs=("rock",),
+        reads=("pedestal", "contact", "motion", "yaw"),
+        code=(
+            "pipeline.stages.studies.servo.driving:run_rows",
+            "vsr_core.engines.bullet:build",
+            "vsr_core.engines.bullet:SOLVER",
+        ),
+        inputs="pipeline.stages.studies.servo.drive:inputs",
+        files=("drive.html",),
+        versions=("pybullet", "matplotlib", "jinja2"),
+    ),
+    Stage(
+        "validation",
+        make="pipeline.stages.studies.validation.validation:make",
+        code=VALIDATION_CODE,
+        inputs="pipeline.stages.studies.validation.validation:inputs",
+        files=("validation.html",),
+        versions=("scikit-learn", "scipy"),
+    ),
+)
+
+BY_NAME = {stage.name: stage for stage in STAGES}
+
+
+def upstream(name: str) -> tuple[Stage, ...]:
+    """The stages that a product needs, itself last, in the order of the mission."""
+    wanted = {name}
+    for stage in reversed(STAGES):
+        if stage.name in wanted:
+            wanted.update(stage.needs)
+    return tuple(stage for stage in STAGES if stage.name in wanted)

@@ -1,0 +1,138 @@
+"""What a stage declares, and what its function is given."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.config.layers import Site
+from pipeline.config.schema import Config
+from pipeline.workflow import pages
+from pipeline.workflow.cluster import Cluster
+from pipeline.workflow.store import Store
+from pipeline.workflow.writers import Writer
+
+
+@dataclass(frozen=True)
+class Product:
+    """What a stage made.
+
+    Attributes
+    ----------
+    files : dict, from file name to a function that writes it to a given path
+    summary : str, one line for the log
+    unresolved : int, runs without a verdict; the command then ends with exit code 1
+    retry : int, runs that a later call should try again
+    """
+
+    files: dict[str, Writer]
+    summary: str
+    unresolved: int = 0
+    retry: int = 0
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a stage's function is given.
+
+    Attributes
+    ----------
+    site : Site, with the resolved configuration
+    store : Store, products of the stages it needs
+    cluster : Cluster, where runs are done
+    key : str, identity of what is asked for, for provenance
+    log : function of one line
+    stage : str, name of the stage, for provenance
+    """
+
+    site: Site
+    store: Store
+    cluster: Cluster
+    key: str
+    log: Callable[[str], None]
+    stage: str = ""
+
+    @property
+    def config(self) -> Config:
+        """The resolved configuration."""
+        return self.site.config
+
+    def path(self, name: str) -> Path:
+        """Path of an upstream product."""
+        return self.store.folder / name
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Declaration of a stage; functions are named by their paths, ``"package.module:function"``.
+
+    Attributes
+    ----------
+    name : str
+    make : path of a function from Job to Product
+    applies : name of a property of the configuration; where it is false the stage is passed over
+    needs : stages whose products it reads
+    reads : dotted keys of the configuration that decide its product
+    code : roots of the code that decides it, besides ``make``
+    made_elsewhere : whether ``make`` only arranges for ``code`` to run and is no root itself
+    inputs : path of a function from Site to digests of files outside the configuration, by name
+    files : names of the templates and tables in this package that its pages are made from
+    versions : libraries whose version decides the result
+    check : path of a function from Store to what is wrong with its products beyond their
+        checksums, or an empty string
+    """
+
+    name: str
+    make: str
+    applies: str = ""
+    needs: tuple[str, ...] = ()
+    reads: tuple[str, ...] = ()
+    code: tuple[str, ...] = ()
+    made_elsewhere: bool = False
+    inputs: str = ""
+    files: tuple[str, ...] = ()
+    versions: tuple[str, ...] = ()
+    check: str = ""
+
+    def roots(self) -> tuple[str, ...]:
+        """Roots of its code."""
+        return self.code if self.made_elsewhere else (self.make, *self.code)
+
+    def is_for(self, config: Config) -> bool:
+        """Whether a configuration has any use for it."""
+        return not self.applies or bool(getattr(config, self.applies))
+
+    def settings(self, config: Config) -> dict[str, Any]:
+        """The part of the configuration that it reads, by dotted key."""
+        whole = config.model_dump(mode="json")
+        return {key: _at(whole, key) for key in self.reads}
+
+    def product(self, job: Job) -> Product:
+        """Make it."""
+        made: Product = named(self.make)(job)
+        return made
+
+    def input_digests(self, site: Site) -> dict[str, str]:
+        """Digests of what decides its product besides configuration and code, by name."""
+        given = named(self.inputs)(site) if self.inputs else {}
+        return given | {name: pages.digest(name) for name in self.files}
+
+    def fault(self, store: Store) -> str:
+        """What is wrong with its products beyond their checksums, or an empty string."""
+        return str(named(self.check)(store)) if self.check else ""
+
+
+def named(path: str) -> Callable[..., Any]:
+    """The function at ``"package.module:function"``."""
+    module, _, name = path.partition(":")
+    function: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    return function
+
+
+def _at(tree: dict[str, Any], key: str) -> Any:
+    for part in key.split("."):
+        tree = tree[part]
+    return tree

@@ -1,0 +1,210 @@
+"""What is kept on disk: whole products with their checksums, and runs in an embedded database."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
+
+from pipeline.config.problems import InputError, Problem
+from pipeline.workflow.keys import digest_file
+from pipeline.workflow.writers import Writer, text
+
+Row = TypeVar("Row", bound="RunRow | JourneyRow")
+
+RUNS = "runs.sqlite"
+LOG = "log.jsonl"
+
+
+class RunRow(NamedTuple):
+    """A stored run; the numbers mean what ``vsr_core.outcome.Response`` says."""
+
+    key: bytes
+    outcome: int
+    decided_by: int
+    peak_tilt: float
+    final_tilt: float
+    slip: float
+    steps: int
+
+
+class JourneyRow(NamedTuple):
+    """A stored run on a terrain, with its trajectory as ``trajectory_packing`` packs it."""
+
+    key: bytes
+    outcome: int
+    peak_tilt: float
+    slip: float
+    steps: int
+    stop_reason: int
+    trajectory: bytes
+
+
+_TABLES: dict[type, str] = {RunRow: "runs", JourneyRow: "journeys"}
+_COLUMNS = {bytes: "BLOB", int: "INTEGER", float: "REAL"}
+
+
+class Store:
+    """Products and manifests of one site, in ``folder``.
+
+    A product appears under its final name only when it is whole. Its stage's manifest is written
+    last and holds the key, what the key was made of, and a checksum of every product.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._manifests = folder / ".stages"
+
+    def open(self) -> None:
+        """Make the folder and see that it can be written to.
+
+        Raises
+        ------
+        InputError
+            If it cannot.
+        """
+        with writing(self.folder):
+            self._manifests.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile(dir=self.folder, prefix=".try-") as probe:
+                probe.write(b"x" * 65536)
+            for left in self.folder.glob(".part-*"):
+                left.unlink()
+
+    def manifest(self, stage: str) -> dict[str, Any] | None:
+        """Manifest of a stage; None if there is none or it cannot be read."""
+        try:
+            return dict(json.loads((self._manifests / f"{stage}.json").read_text()))
+        except (OSError, ValueError):
+            return None
+
+    def damage(self, stage: str) -> str:
+        """What is wrong with a stage's products on disk, or an empty string."""
+        for name, checksum in (self.manifest(stage) or {"files": {}})["files"].items():
+            path = self.folder / name
+            if not path.is_file():
+                return f"{name} is missing"
+            if digest_file(path) != checksum:
+                return f"{name} is not what was written"
+        return ""
+
+    def publish(self, stage: str, facts: dict[str, Any], writers: dict[str, Writer]) -> None:
+        """Write products beside their names, rename them, then write the manifest."""
+        with writing(self.folder):
+            files = {name: self._put(self.folder / name, write) for name, write in writers.items()}
+            manifest = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
+            self._put(self._manifests / f"{stage}.json", text(manifest))
+
+    def forget(self, stage: str) -> None:
+        """Drop a stage's manifest, so that it is made again."""
+        with writing(self.folder):
+            (self._manifests / f"{stage}.json").unlink(missing_ok=True)
+
+    def note(self, stage: str, **facts: Any) -> None:
+        """Append facts that no product may hold, such as times, to the log."""
+        line = json.dumps({"time": time.strftime("%Y-%m-%dT%H:%M:%S"), "stage": stage, **facts})
+        with writing(self.folder), (self.folder / LOG).open("a", encoding="utf-8") as file:
+            file.write(line + "\n")
+
+    def notes(self, stage: str) -> list[dict[str, Any]]:
+        """Facts noted about a stage, oldest first."""
+        path = self.folder / LOG
+        lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+        return [fact for fact in map(json.loads, lines) if fact["stage"] == stage]
+
+    def _put(self, final: Path, write: Writer) -> str:
+        part = self.folder / f".part-{os.getpid()}-{final.name}"
+        final.parent.mkdir(exist_ok=True)
+        try:
+            write(part)
+            with part.open("rb+") as file:
+                os.fsync(file.fileno())
+            checksum = digest_file(part)
+            part.replace(final)
+        finally:
+            part.unlink(missing_ok=True)
+        return checksum
+
+
+class RunStore(Generic[Row]):
+    """Run results by key, in SQLite with a write-ahead log: survives ``kill -9``.
+
+    One process writes; at most the batches not yet handed over are lost.
+    """
+
+    def __init__(self, folder: Path, row: type[Row]) -> None:
+        types = get_type_hints(row)
+        columns = ", ".join(f"{name} {_COLUMNS[types[name]]}" for name in row._fields[1:])
+        self._row, self._table = row, _TABLES[row]
+        with writing(folder):
+            self._database = sqlite3.connect(folder / RUNS, isolation_level=None, timeout=30.0)
+            self._database.execute("PRAGMA journal_mode=WAL")
+            self._database.execute("PRAGMA synchronous=NORMAL")
+            self._database.execute(
+                f"CREATE TABLE IF NOT EXISTS {self._table} (key BLOB PRIMARY KEY, {columns}) "
+                "WITHOUT ROWID"
+            )
+        self._folder = folder
+
+    def close(self) -> None:
+        """Close the database."""
+        self._database.close()
+
+    def add(self, rows: Iterable[Row]) -> None:
+        """Keep rows, all or none."""
+        places = ", ".join("?" * len(self._row._fields))
+        with writing(self._folder):
+            self._database.execute("BEGIN IMMEDIATE")
+            try:
+                self._database.executemany(
+                    f"INSERT OR REPLACE INTO {self._table} VALUES ({places})",  # noqa: S608
+                    rows,
+                )
+            except BaseException:
+                self._database.execute("ROLLBACK")
+                raise
+            self._database.execute("COMMIT")
+
+    def get(self, keys: Iterable[bytes]) -> dict[bytes, Row]:
+        """Stored rows among ``keys``."""
+        found = self._select(f"{self._table}.*", keys)
+        return {row[0]: self._row(*row) for row in found}
+
+    def outcomes(self, keys: Iterable[bytes]) -> dict[bytes, int]:
+        """Outcomes of those of ``keys`` that are stored."""
+        return dict(self._select("key, outcome", keys))
+
+    def _select(self, what: str, keys: Iterable[bytes]) -> list[Any]:
+        database = self._database
+        with writing(self._folder):
+            database.execute("CREATE TEMP TABLE IF NOT EXISTS wanted (key BLOB PRIMARY KEY)")
+            database.execute("BEGIN")
+            database.execute("DELETE FROM wanted")
+            database.executemany("INSERT OR IGNORE INTO wanted VALUES (?)", ((k,) for k in keys))
+            query = f"SELECT {what} FROM wanted JOIN {self._table} USING (key)"  # noqa: S608
+            with closing(database.execute(query)) as rows:
+                found = list(rows)
+            database.execute("COMMIT")
+        return found
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Turn a failure to write into one clear line."""
+    try:
+        yield
+    except (OSError, sqlite3.OperationalError, sqlite3.DatabaseError) as error:
+        raise InputError(
+            Problem(
+                str(folder),
+                "",
+                f"an output folder that cannot be written ({error})",
+                "it is a folder with room that you may write to",
+                "free space, change its permissions, or give another with DERIVED=",
+            )
+        ) from error

@@ -1,0 +1,332 @@
+"""Records through the pipeline: configuration, products, keys, report, and every refusal."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from support import record_files as files
+from support.following import following
+
+from pipeline import ROOT, cli
+from pipeline.config.layers import known, load_site
+from pipeline.stages.fragility.response_diagram import overturning_diagram
+from pipeline.stages.motions import shaking
+from pipeline.stages.motions.record_figure import record_figure
+from pipeline.stages.motions.record_inputs import find
+from pipeline.stages.runs import scenes
+from pipeline.workflow import keys
+from pipeline.workflow.datasets import read
+from pipeline.workflow.store import Store
+from vsr_core import GRAVITY
+from vsr_core.motions.cosine_pulse import CosinePulse
+
+Refused = Callable[..., str]
+Vsr = Callable[..., object]
+
+PGA = (0.2, 0.4, 0.6, 0.8, 1.0)
+RATIOS = (0.15, 0.3, 0.5)
+ROCK = "rock: {shape: box, size: [0.5, 0.5, 1.0], density: 2110}\n"
+STEP = "simulation: {time_step: 0.0014}\n"
+NONE = "processing: {order: none, highpass: null, lowpass: null}"
+
+
+def pulse_record(ratio: float) -> str:
+    values = 0.3 * GRAVITY * np.cos(np.linspace(0.0, 2.0 * np.pi, 601))
+    return files.csv(values, CosinePulse.from_g(0.3, ratio).duration / 600, "a [m/s2]")
+
+
+def site(folder: Path, motion: str, name: str = "rock") -> str:
+    path = folder / f"{name}.yaml"
+    path.write_text(f"{ROCK}{STEP}motion: {{kind: record, {motion}}}\n")
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A site under records that are cosine pulses, and its products."""
+    folder = tmp_path_factory.mktemp("records")
+    (folder / "motions").mkdir()
+    for ratio in RATIOS:
+        path = folder / "motions" / f"p{round(1e3 * ratio)}.csv"
+        path.write_text(pulse_record(ratio))
+    path = site(folder, f"files: motions, {NONE}, pga: {list(PGA)}")
+    assert run(folder, path) == cli.DONE
+    return folder
+
+
+def run(folder: Path, path: str, product: str = "fragility", *settings: str) -> int:
+    command = ["run", product, "--site", path, "--derived", str(folder / "derived")]
+    return cli.main([*command, "--workers", "0", *settings])
+
+
+def product(folder: Path, name: str) -> xr.Dataset:
+    return read(folder / "derived" / "rock" / f"{name}.nc")
+
+
+def test_records_of_pulses_do_what_the_pulses_do(folder: Path) -> None:
+    path = folder / "pulses.yaml"
+    motion = f"motion: {{kind: cosine_pulse, pga: {list(PGA)}, pgv_pga: {list(RATIOS)}}}\n"
+    path.write_text(ROCK + STEP + motion)
+    assert run(folder, str(path), "responses") == cli.DONE
+    pulses = read(folder / "derived" / "pulses" / "responses.nc")
+    records = product(folder, "responses")
+    assert pulses["overturned"].dims == ("yaw", "friction", "pgv_pga", "pga")
+    assert records["overturned"].dims == ("yaw", "friction", "record", "pga")
+    assert records["overturned"].values.sum() > 2
+    assert np.array_equal(records["overturned"].values, pulses["overturned"].values)
+
+
+def test_responses_hold_names_and_measures(folder: Path) -> None:
+    data = product(folder, "responses")
+    assert data["record"].values.tolist() == ["p150", "p300", "p500"]
+    for name in ("pgv_pga", "record_pga", "sa_1hz", "arias", "cav", "significant_duration"):
+        assert data[name].dims == ("record",)
+        assert name in data.coords
+        assert data[name].attrs["units"]
+    np.testing.assert_allclose(data["pgv_pga"].values, RATIOS, rtol=1e-4)
+    np.testing.assert_allclose(data["record_pga"].values, 0.3, rtol=1e-6)
+    # a pulse's Arias intensity: pi / (2 g) a^2 pi r
+    arias = np.pi / (2 * GRAVITY) * (0.3 * GRAVITY) ** 2 * np.pi * np.array(RATIOS)
+    np.testing.assert_allclose(data["arias"].values, arias, rtol=1e-4)
+    np.testing.assert_allclose(data["cav"].values, 4 * 0.3 * GRAVITY * np.array(RATIOS), rtol=1e-4)
+
+
+def test_fragility_has_records_as_rows(folder: Path) -> None:
+    data, responses = product(folder, "fragility"), product(folder, "responses")
+    assert data["first_overturning_pga"].dims == ("yaw", "friction", "record")
+    assert data["probability"].dims == ("yaw", "friction", "model", "record", "pga")
+    fell = responses["overturned"].values[0, 0] == 1
+    for row, upper in zip(fell, data["first_overturning_pga"].values[0, 0], strict=True):
+        assert upper == (PGA[int(row.argmax())] if row.any() else np.inf)
+    np.testing.assert_array_equal(data["pgv_pga"].values, responses["pgv_pga"].values)
+    with (folder / "derived" / "rock" / "fragility.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    grid = [row for row in rows if row["model"] == "grid"]
+    assert [row["record"] for row in grid] == ["p150", "p300", "p500"]
+
+
+def test_motions_are_one_motion(folder: Path) -> None:
+    data = product(folder, "motions")
+    assert data["record_size"].values.tolist() == [601] * 3
+    last = data["record_size"].values.cumsum()
+    for number, end in enumerate(last):
+        part = slice(end - 601, end)
+        a, v, d = (data[n].values[part] for n in ("acceleration", "velocity", "displacement"))
+        h = float(data["interval"].values[number])
+        np.testing.assert_allclose(np.diff(v), 0.5 * h * (a[1:] + a[:-1]), atol=1e-12)
+        steps = h * v[:-1] + h * h / 6.0 * (2.0 * a[:-1] + a[1:])
+        np.testing.assert_allclose(np.diff(d), steps, atol=1e-12)
+    assert data["spectral_acceleration"].dims == ("record", "oscillator_frequency")
+
+
+def test_report_shows_records(folder: Path) -> None:
+    text = (folder / "derived" / "rock" / "report.html").read_text(encoding="utf-8")
+    assert "3 recorded motions" in text
+    assert "single cosine pulses" not in text
+    for ratio in RATIOS:
+        assert f"Record p{round(1e3 * ratio)} as recorded" in text
+    assert text.count("mended: nothing") == 3
+
+
+def test_figures_show_what_they_say(folder: Path) -> None:
+    motions = product(folder, "motions")
+    figure = record_figure(motions, 1)
+    lines = {line.get_gid(): line for axes in figure.axes for line in axes.get_lines()}
+    shown = lines["velocity"].get_ydata()
+    assert np.abs(shown).max() == pytest.approx(float(motions["record_pgv"][1]))
+    assert lines["acceleration"].get_ydata()[0] == pytest.approx(0.3, rel=1e-6)
+    place = (0, 0)
+    diagram = overturning_diagram(product(folder, "responses"), product(folder, "fragility"), place)
+    names = [text.get_text() for text in diagram.axes[0].get_yticklabels()]
+    assert [name.split("\n")[0] for name in names] == ["p150", "p300", "p500"]
+
+
+def test_runs_are_known_by_samples_not_by_names(folder: Path, tmp_path: Path, capsys) -> None:
+    """Another name, place and spacing in the file: the same motion, no run is done again."""
+    shutil.copytree(folder / "derived", tmp_path / "derived")
+    (tmp_path / "elsewhere").mkdir()
+    for ratio in RATIOS:
+        text = pulse_record(ratio).replace(",", " , ").replace("time [s]", "time")
+        (tmp_path / "elsewhere" / f"other{round(1e3 * ratio)}.csv").write_text(text)
+    path = site(tmp_path, f"files: elsewhere, {NONE}, pga: {[*PGA, 1.2]}")
+    capsys.readouterr()
+    assert run(tmp_path, path, "responses") == cli.DONE
+    assert "3 runs done" in capsys.readouterr().err  # those at the new PGA
+    changed = tmp_path / "elsewhere" / "other300.csv"
+    lines = changed.read_text().splitlines()
+    time, value = lines[301].split(" , ")
+    lines[301] = f"{time},{float(value) * 1.0001:.7g}"
+    changed.write_text("\n".join(lines))
+    why = ["why", "responses", "--site", path, "--derived", str(tmp_path / "derived")]
+    assert cli.main(why) == cli.DONE
+    said = capsys.readouterr().out
+    assert "motions: file other300.csv edited" in said
+    assert "are stored and stay" not in said  # not known before the records are read anew
+    assert run(tmp_path, path, "responses") == cli.DONE
+    assert "6 runs done" in capsys.readouterr().err  # that record's
+
+
+def test_every_function_that_a_recorded_motion_enters_is_in_its_key(folder: Path) -> None:
+    from vsr_core.rock import solid
+    from vsr_core.run import bounds
+    from vsr_core.run.overturning import Settings, prepare, simulate
+    from vsr_core.scene import Contact, Scene
+
+    rock = solid.box((0.5, 0.5, 1.0), 2000.0).rock
+    case = prepare(Scene(rock, Contact(0.6)), bounds.barrier(rock), reduce=True)
+    config = load_site(str(folder / "rock.yaml")).config
+    motions = shaking.of_store(config, Store(folder / "derived" / "rock"))
+    with following() as entered:
+        for cell in shaking.cells(motions):
+            simulate(case, motions.motion(cell), Settings(0.0014))
+    recorded = {name for name in entered if name.startswith("vsr_core.motions.records")}
+    assert len(recorded) >= 3
+    in_key = keys.code((*scenes.code(config), *shaking.RECORD_CODE))
+    assert entered - set(in_key) == set()
+
+
+def test_plan_names_the_records(folder: Path, vsr: Vsr) -> None:
+    said = vsr("plan", "--site", folder / "rock.yaml").out
+    assert "records: 3, each at 5 PGA" in said
+    assert "p300: 1.9 s, PGV/PGA 0.3 s" in said
+    assert "runs: 15; 0 stored" in said
+
+
+def test_study_of_the_samples_goes_with_every_flat_site() -> None:
+    names = ["long", "near", "quick", "soft"]
+    for name in known():
+        if name.endswith("terrain") or name == "granite_dells":
+            continue
+        found = load_site(name, "records")
+        assert [path.stem for path in find(found, found.config.motion.files)] == names
+    motions = shaking.of_site(found)
+    assert sorted(motions.rows) == names
+    assert list(motions.pgv_pga) == sorted(motions.pgv_pga)
+
+
+def test_samples_are_what_the_writer_writes(tmp_path: Path) -> None:
+    files.write_samples(tmp_path)
+    kept = ROOT / "data" / "raw" / "records"
+    assert sorted(p.name for p in kept.iterdir()) == sorted(p.name for p in tmp_path.iterdir())
+    for path in tmp_path.iterdir():
+        if path.suffix == ".nc":
+            new, old = xr.load_dataset(path), xr.load_dataset(kept / path.name)
+            assert new.identical(old)
+        else:
+            assert path.read_bytes() == (kept / path.name).read_bytes()
+
+
+def test_a_study_elsewhere_finds_its_own_files(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "one.csv").write_text(pulse_record(0.3))
+    study = tmp_path / "study.yaml"
+    study.write_text(f"motion: {{kind: record, files: mine, {NONE}, pga: 0.3}}\n")
+    found = load_site("cuboid_1x1x2", str(study))
+    assert shaking.of_site(found).rows == ("one",)
+
+
+def test_repairs_are_told(tmp_path: Path) -> None:
+    lines = pulse_record(0.3).splitlines()
+    (tmp_path / "holed.csv").write_text("\n".join([*lines[:200], *lines[202:]]))
+    path = site(tmp_path, f"files: holed.csv, {NONE}, pga: [0.3]")
+    assert run(tmp_path, path) == cli.DONE
+    data = product(tmp_path, "motions")
+    assert "2 time steps were left out" in str(data["repairs"].values[0])
+    text = (tmp_path / "derived" / "rock" / "report.html").read_text(encoding="utf-8")
+    assert "2 missing samples at" in text
+    assert "bridged by a straight line" in text
+
+
+BAND = "processing: {order: standard, highpass: 1.0, lowpass: 25}"
+PATHS = "motion.files"
+BAD = {
+    "no file": (f"files: nowhere.csv, {NONE}", PATHS, "nowhere.csv", "not there"),
+    "no records": (f"files: empty, {NONE}", PATHS, "a folder without records", ".at2"),
+    "twice": (f"files: [good.csv, good.csv], {NONE}", PATHS, "more than once", "rename"),
+    "no unit": (f"files: bare.csv, {NONE}", PATHS, "bare.csv", "without a unit", "motion.unit"),
+    "two units": (f"files: good.csv, unit: g, {NONE}", PATHS, "motion.unit g", "m/s2"),
+    "wrong unit": (f"files: bare.csv, unit: g, {BAND}", PATHS, "a PGA of", "motion.unit"),
+    "counts": (f"files: bare.csv, unit: counts, {BAND}", PATHS, "counts", "motion.response"),
+    "component": (f"files: good.csv, component: z, {NONE}", PATHS, "no column 'z'", "are a"),
+    "clipped": (f"files: clipped.csv, {BAND}", PATHS, "in a row", "clipped"),
+    "drift": (f"files: drift.csv, {NONE}", PATHS, "of its PGV", "motion.processing.highpass"),
+    "high corner": (
+        "files: good.csv, processing: {order: paper, highpass: null, lowpass: 900}",
+        PATHS, "low-pass at 900 Hz", "Nyquist", "motion.processing.lowpass",
+    ),
+    "low corner": (
+        "files: good.csv, processing: {order: paper, highpass: 0.01, lowpass: null}",
+        PATHS, "high-pass at 0.01 Hz", "motion.processing.highpass",
+    ),
+    "two scales": (f"files: [good.csv, other.csv], {NONE}", PATHS, "one motion at two scales"),
+    "no response": (
+        f"files: good.csv, response: {{file: x.xml, corners: [0.1, 0.2, 20, 30]}}, {NONE}",
+        "motion.response.file", "x.xml", "not there",
+    ),
+    "order": (
+        "files: a.csv, processing: {order: seed, highpass: 1, lowpass: 2}",
+        "motion.processing.order", "'paper'",
+    ),
+    "no corners": (
+        "files: a.csv, processing: {order: paper, lowpass: 2}",
+        "motion.processing.highpass", "nothing",
+    ),
+    "corners of none": (
+        "files: a.csv, processing: {order: none, highpass: 1, lowpass: null}",
+        "motion.processing", "has no corners",
+    ),
+    "corners exchanged": (
+        "files: a.csv, processing: {order: paper, highpass: 5, lowpass: 1}",
+        "motion.processing", "exchange",
+    ),
+    "corners of a response": (
+        f"files: a.csv, response: {{file: x, corners: [1, 2, 2, 3]}}, {NONE}",
+        "motion.response.corners", "ascend",
+    ),
+    "a pulse's key": (f"files: a.csv, pgv_pga: [0.3], {NONE}", "motion.pgv_pga", "unknown key"),
+    "misspelt": (f"files: a.csv, compnent: x, {NONE}", "motion.compnent", "did you mean comp"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line(case: str, tmp_path: Path, refused: Refused) -> None:
+    motion, key, *words = BAD[case]
+    good = pulse_record(0.3)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "good.csv").write_text(good)
+    (tmp_path / "bare.csv").write_text(good.replace("a [m/s2]", "a"))
+    a = np.array([float(line.split(",")[1]) for line in good.splitlines()[1:]])
+    step = CosinePulse.from_g(0.3, 0.3).duration / 600
+    (tmp_path / "other.csv").write_text(files.csv(2.0 * a, step, "a [m/s2]"))
+    (tmp_path / "clipped.csv").write_text(files.csv(np.minimum(a, 2.0), step, "a [m/s2]"))
+    (tmp_path / "drift.csv").write_text(files.csv(a + 0.2, step, "a [m/s2]"))
+    if case == "wrong unit":
+        (tmp_path / "bare.csv").write_text(files.csv(100.0 * a, step, "a"))
+    path = site(tmp_path, f"{motion}, pga: [0.3]")
+    line = refused("run", "fragility", "--site", path, "--workers", "0", words=(key, *words))
+    assert f"rock.yaml: {key}: got " in line
+
+
+def test_kinds_do_not_mix(tmp_path: Path, refused: Refused) -> None:
+    """What a lower layer says of another kind of motion does not reach a record."""
+    (tmp_path / "a.csv").write_text(pulse_record(0.3))
+    path = site(tmp_path, f"files: a.csv, {NONE}, pga: [0.3]")
+    assert load_site(path).config.motion.pga == (0.3,)  # base.yaml's pgv_pga is gone
+    words = ("--set: motion.kind", "'bang'", "cosine_pulse")
+    refused("plan", "--site", path, "--set", "motion.kind=bang", words=words)
+    words = ("motion.files", "nothing", "required")
+    bare = tmp_path / "bare.yaml"
+    bare.write_text(ROCK + f"motion: {{kind: record, {NONE}, pga: 0.3}}\n")
+    refused("plan", "--site", bare, words=words)
+
+
+def test_accuracy_is_about_pulses(folder: Path, tmp_path: Path, vsr: Vsr) -> None:
+    ran = vsr("run", "accuracy", "--site", folder / "rock.yaml", "--workers", "0")
+    assert ran.code == cli.REFUSED
+    assert "motion.kind: got record" in ran.err

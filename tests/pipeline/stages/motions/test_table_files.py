@@ -1,0 +1,190 @@
+"""Files of a table's motion: what is read, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from conftest import Ran
+
+from pipeline.stages.motions.table_files import load
+from vsr_core import GRAVITY
+from vsr_core.errors import Unfit
+from vsr_core.motions.six_axes import AXES
+from vsr_core.rock import solid
+from vsr_core.run.bounds import barrier
+from vsr_core.run.overturning import Settings, prepare, simulate
+from vsr_core.scene import Contact, Scene
+
+TIME = np.linspace(0.0, 2.0, 81)
+SWELL = np.sin(np.pi * TIME / 2.0) ** 2
+SIZES = dict(zip(AXES, (0.1, 0.2, -0.3, 0.4, -0.5, 0.6), strict=True))
+
+
+def write(path: Path, head: str, *columns: np.ndarray) -> Path:
+    rows = "\n".join(",".join(map(repr, row)) for row in np.column_stack(columns).tolist())
+    path.write_text(f"# made by a test\n{head}\n{rows}\n", encoding="utf-8")
+    return path
+
+
+def test_a_table_in_other_units_and_another_order(tmp_path: Path) -> None:
+    head = "yaw [rad], pitch [deg], time [ms], x [mm], z [m], y, roll"
+    columns = (
+        SIZES["yaw"] * SWELL,
+        np.degrees(SIZES["pitch"] * SWELL),
+        1e3 * TIME,
+        1e3 * SIZES["x"] * SWELL,
+        SIZES["z"] * SWELL,
+        SIZES["y"] * SWELL,
+        SIZES["roll"] * SWELL,
+    )
+    motion = load(write(tmp_path / "table.csv", head, *columns))
+    expected = np.outer(SWELL, list(SIZES.values()))
+    np.testing.assert_allclose(motion.samples, expected, atol=1e-15)
+    np.testing.assert_allclose(motion.time, TIME)
+
+
+def test_netcdf_and_csv_are_the_same_motion(tmp_path: Path) -> None:
+    data = xr.Dataset(
+        {
+            "x": ("time", 100.0 * SIZES["x"] * SWELL, {"units": "cm"}),
+            "roll": ("time", np.degrees(SIZES["roll"] * SWELL), {"units": "degrees"}),
+        },
+        {"time": ("time", TIME, {"units": "s"})},
+    )
+    data.to_netcdf(tmp_path / "table.nc")
+    one = load(tmp_path / "table.nc")
+    columns = (TIME, SIZES["x"] * SWELL, SIZES["roll"] * SWELL)
+    other = load(write(tmp_path / "table.csv", "time,x,roll", *columns))
+    np.testing.assert_allclose(one.samples, other.samples, atol=1e-15)
+    assert one.turns
+    assert not one.samples[:, [1, 2, 4, 5]].any()
+
+
+def test_without_an_angle_it_does_not_turn(tmp_path: Path) -> None:
+    motion = load(write(tmp_path / "table.csv", "time [s],x [m],z [m]", TIME, SWELL, -SWELL))
+    assert not motion.turns
+    peak = motion.acceleration(np.linspace(0.0, 2.0, 2001))[:, 0].max()
+    assert peak == pytest.approx(0.5 * math.pi**2, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("head", "columns", "words"),
+    [
+        ("time,x,tilt", (TIME, SWELL, SWELL), "'tilt'.*x, y, z, roll"),
+        ("t,x", (TIME, SWELL), "'t'"),
+        ("x,y", (SWELL, SWELL), "without time"),
+        ("time", (TIME,), "without an axis"),
+        ("time,x,x", (TIME, SWELL, SWELL), "twice"),
+        ("time,x [inch]", (TIME, SWELL), "x in 'inch'.*m, cm, mm"),
+        ("time,roll [m]", (TIME, SWELL), "roll in 'm'.*degree"),
+        ("time,x", (TIME, SWELL, SWELL), "3 values in row 2"),
+        ("time,pitch", (TIME, 30.0 * SWELL), r"rad.*roll \[degree\]"),
+        ("time,x", (TIME[::-1], SWELL), "times ascend"),
+        ("time,x", (TIME, np.where(SWELL > 0.99, np.nan, SWELL)), "not numbers"),
+        ("time,y", (TIME, TIME), "y moving at 1 a second"),
+    ],
+)
+def test_files_that_are_no_motion(
+    tmp_path: Path, head: str, columns: tuple[np.ndarray, ...], words: str
+) -> None:
+    with pytest.raises(Unfit, match=words):
+        load(write(tmp_path / "table.csv", head, *columns))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("table.csv", b"\xff\xfe\x00", "cannot be read"),
+        ("table.csv", b"", "without time"),
+        ("table.csv", b"time,x\n0,a\n", "values are numbers"),
+        ("table.nc", b"no file of that kind", "cannot be read"),
+    ],
+)
+def test_files_that_are_none(tmp_path: Path, name: str, content: bytes, words: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(Unfit, match=words):
+        load(tmp_path / name)
+    with pytest.raises(Unfit, match="cannot be read"):
+        load(tmp_path / f"absent-{name}")
+
+
+# Through the pipeline
+
+SITE = """rock: {shape: box, size: [0.5, 0.5, 1.2], density: 2110}
+motion: {kind: table, files: [tilting.csv, shaking.csv], pga: [0.1, 1.2]}
+"""
+
+
+@pytest.fixture
+def site(tmp_path: Path, write_site: Callable[..., str]) -> str:
+    wave = 0.2 * SWELL * np.sin(8.0 * TIME)
+    write(tmp_path / "shaking.csv", "time,x,y,z", TIME, wave, -0.5 * wave, 0.2 * wave)
+    write(tmp_path / "tilting.csv", "time,x,pitch [degree]", TIME, 0.3 * wave, 40.0 * wave)
+    return write_site(SITE)
+
+
+def test_runs_of_motions_in_several_axes(
+    site: str, vsr: Callable[..., Ran], derived: Path, tmp_path: Path
+) -> None:
+    """Products have a row for each file; the outcome is that of the same run by hand."""
+    assert vsr("run", "fragility", "--site", site, "--workers", "0").code == 0
+    data = xr.load_dataset(derived / "rock" / "responses.nc")
+    assert data["outcome"].dims == ("yaw", "friction", "record", "pga")
+    assert sorted(data["record"].values) == ["shaking", "tilting"]
+    assert (np.diff(data["pgv_pga"].values) > 0.0).all()
+    rock = solid.box((0.5, 0.5, 1.2), 2110.0).rock
+    case = prepare(Scene(rock, Contact(0.6)), barrier(rock), reduce=True)
+    own = Settings(float(data["time_step"][0]))
+    for name in ("shaking", "tilting"):
+        motion = load(tmp_path / f"{name}.csv")
+        for pga in (0.1, 1.2):
+            factor = pga * GRAVITY / motion.peak_acceleration
+            response = simulate(case, motion.scaled(factor), own)
+            found = data.sel(record=name, pga=pga).squeeze()
+            assert int(found["outcome"]) == response.outcome
+            assert float(found["peak_tilt"]) == pytest.approx(response.peak_tilt)
+    assert (data["overturned"].sel(pga=0.1) == 0).all()
+    assert (data["overturned"].sel(record="shaking", pga=1.2) == 1).all()
+    page = (derived / "rock" / "report.html").read_text()
+    assert "2 motions of a table in several axes" in " ".join(page.split())
+    assert "0 to do" in vsr("plan", "--site", site).out
+
+
+def test_another_file_is_another_motion(
+    site: str, vsr: Callable[..., Ran], derived: Path, tmp_path: Path
+) -> None:
+    """Its runs are done again, and no others."""
+    assert vsr("run", "responses", "--site", site, "--workers", "0").code == 0
+    wave = 0.2 * SWELL * np.sin(8.0 * TIME)
+    write(tmp_path / "shaking.csv", "time,x,y", TIME, wave, -0.4 * wave)
+    assert "shaking.csv edited" in vsr("why", "responses", "--site", site).out
+    assert "2 runs done" in vsr("run", "responses", "--site", site, "--workers", "0").err
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (("drive=servo",), ("drive", "slides along x", "table_frame")),
+        (("motion.files=[absent.csv]",), ("motion.files", "absent.csv", "not there")),
+        (("motion.pgv_pga=0.2",), ("motion.pgv_pga", "of its own", "leave")),
+        (("motion.pgv=0.2",), ("motion.pgv", "unknown key", "did you mean")),
+    ],
+)
+def test_what_a_table_cannot_do(
+    site: str, refused: Callable[..., str], settings: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    chosen = [part for setting in settings for part in ("--set", setting)]
+    refused("run", "responses", "--site", site, "--workers", "0", *chosen, words=words)
+
+
+def test_a_file_that_is_no_motion_is_refused_with_its_name(
+    site: str, refused: Callable[..., str], tmp_path: Path
+) -> None:
+    write(tmp_path / "shaking.csv", "time,x", TIME, TIME)
+    words = ("motion.files", "shaking.csv", "x moving", "start and end at rest")
+    refused("plan", "--site", site, words=words)

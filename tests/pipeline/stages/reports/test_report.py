@@ -1,0 +1,349 @@
+"""The report of a small site, and its figures by what their artists hold."""
+
+from __future__ import annotations
+
+import base64
+import io
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from PIL import Image
+
+from pipeline import cli
+from pipeline.config.layers import load_site
+from pipeline.drawing import style
+from pipeline.stages.fragility import summary
+from pipeline.stages.fragility.response_diagram import (
+    OVERTURNED,
+    PROVED,
+    UNDECIDED,
+    overturning_diagram,
+)
+from pipeline.stages.fragility.rock_views import rock_views
+from pipeline.stages.fragility.yaw_polar import fragility_by_yaw
+from pipeline.stages.reports import report, report_tables
+from pipeline.workflow.datasets import read
+from pipeline.workflow.stage import Job
+from pipeline.workflow.store import Store
+from vsr_core.outcome import DecidedBy, Outcome
+
+SITE = """
+rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
+motion: {pga: {start: 0.15, stop: 0.9, num: 6}, pgv_pga: {start: 0.1, stop: 0.6, num: 6}}
+yaw: [0, 90]
+"""
+HOSTILE = 'a"><img src=x onerror=alert(1)>&b'
+
+
+class Page(HTMLParser):
+    """What a page shows and what it would load."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str]]] = []
+        self.text = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, {name: value or "" for name, value in attrs}))
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+    @property
+    def images(self) -> list[str]:
+        return [attrs["src"] for tag, attrs in self.tags if tag == "img"]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of products, by the command, of a site with a hostile name."""
+    folder = tmp_path_factory.mktemp("site")
+    site = folder / f"{HOSTILE}.yaml"
+    site.write_text(SITE)
+    derived = folder / "derived"
+    command = ["run", "fragility", "--site", str(site), "--derived", str(derived), "--workers", "0"]
+    assert cli.main(command) == cli.DONE
+    return derived / HOSTILE
+
+
+@pytest.fixture
+def products(made: Path) -> dict[str, xr.Dataset]:
+    return {name: read(made / f"{name}.nc") for name in ("rock", "responses", "fragility")}
+
+
+def remade(folder: Path, site: Path) -> str:
+    job = Job(load_site(str(site)), Store(folder), None, "", print)  # type: ignore[arg-type]
+    out = folder / "again.html"
+    report.make(job).files["report.html"](out)
+    return out.read_text(encoding="utf-8")
+
+
+def artist(figure, gid, panel=0):
+    found = [a for a in figure.axes[panel].get_children() if a.get_gid() == gid]
+    assert len(found) == 1, gid
+    return found[0]
+
+
+def labels(figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_page_holds_all_it_shows(made: Path) -> None:
+    text = (made / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    loaded = [
+        value
+        for tag, attrs in page.tags
+        for name, value in attrs.items()
+        if name in ("src", "srcset", "data", "poster") or (name == "href" and tag != "a")
+    ]
+    assert loaded
+    assert all(value.startswith("data:image/") for value in loaded)
+    assert "url(" not in text
+    assert "@import" not in text
+    assert "<script" not in text
+    assert len(page.images) == 2 + 2  # diagrams of two yaws, the rock, the polar plot
+    for image in page.images:
+        kind, _, data = image.removeprefix("data:image/").partition(";base64,")
+        content = base64.b64decode(data, validate=True)
+        if kind == "png":
+            Image.open(io.BytesIO(content)).verify()
+        else:
+            assert ET.fromstring(content).tag == "{http://www.w3.org/2000/svg}svg"
+
+
+def test_page_answers_first(made: Path, products: dict[str, xr.Dataset]) -> None:
+    page = Page((made / "report.html").read_text(encoding="utf-8"))
+    head = page.text[: page.text.index("The rock\n")]
+    share = products["fragility"]["toppled_share"].values[:, 0]
+    assert share[0] > share[1] > 0.0
+    assert f"most fragile at yaw 0 deg, where {100 * share[0]:.0f}\xa0% of" in head
+    assert "The shape is: box." in head
+    assert "Every run has a verdict" in head
+    for yaw in ("yaw 0 deg", "yaw 90 deg"):
+        assert head.count(yaw) >= 1
+    for model in products["fragility"]["recommended"].values.ravel():
+        assert f"{model} (recommended)" in page.text
+    for line in products["responses"].attrs["left_out"].splitlines():
+        assert line.partition(": ")[2] in page.text
+    assert "num: 6" in page.text
+
+
+def test_hostile_name_is_escaped(made: Path) -> None:
+    page = Page((made / "report.html").read_text(encoding="utf-8"))
+    assert HOSTILE in page.text
+    assert all("onerror" not in attrs for _, attrs in page.tags)
+
+
+def test_undecided_runs_cannot_be_missed(made: Path, tmp_path: Path) -> None:
+    shutil.copytree(made, tmp_path / "copy")
+    file = tmp_path / "copy" / "responses.nc"
+    data = read(file)
+    data["outcome"][1, 0, 2, 3] = Outcome.UNSTABLE
+    data["overturned"][1, 0, 2, 3] = -1
+    data.to_netcdf(file)
+    text = remade(tmp_path / "copy", made.parents[1] / f"{HOSTILE}.yaml")
+    page = Page(text)
+    assert "1 of 72 runs are WITHOUT A VERDICT" in page.text
+    assert "Every run has a verdict" not in page.text
+    alarm = text[text.index('id="unresolved"') :]
+    row = Page(alarm[: alarm.index("</section>")]).text
+    assert [word in row for word in ("unstable", "90", "0.3", "0.6")] == [True] * 4
+    assert page.text.index("WITHOUT A VERDICT") < page.text.index("Overturning diagrams")
+
+
+def test_cells_are_the_outcomes(products: dict[str, xr.Dataset]) -> None:
+    responses = products["responses"]
+    figure = overturning_diagram(responses, products["fragility"], (0, 0))
+    shown = np.asarray(artist(figure, "cells").get_array())
+    runs = responses.isel(yaw=0, friction=0)
+    np.testing.assert_array_equal(shown == OVERTURNED, runs["overturned"].values == 1)
+    proved = runs["decided_by"].values == DecidedBy.NO_UPLIFT_BOUND
+    assert proved.any()
+    np.testing.assert_array_equal(shown == PROVED, proved)
+    red = artist(figure, "cells").get_cmap()(OVERTURNED / 3)
+    assert red[0] > 2 * red[2]
+
+
+def test_undecided_and_displaced_cells_are_marked(products: dict[str, xr.Dataset]) -> None:
+    responses = products["responses"].copy(deep=True)
+    for column, outcome in enumerate((Outcome.UNSETTLED, Outcome.CRASHED, Outcome.DISPLACED)):
+        responses["outcome"][1, 0, 4, column] = outcome
+        responses["overturned"][1, 0, 4, column] = outcome.overturned
+        responses["decided_by"][1, 0, 4, column] = DecidedBy.SIMULATION
+    figure = overturning_diagram(responses, products["fragility"], (1, 0))
+    pga, ratio = responses["pga"].values, responses["pgv_pga"].values
+    crosses = artist(figure, "undecided")
+    np.testing.assert_array_equal(crosses.get_xydata(), [[pga[0], ratio[4]], [pga[1], ratio[4]]])
+    assert crosses.get_marker() == "x"
+    assert (crosses.get_color(), crosses.get_markersize() >= 5) == ("black", True)
+    dots = artist(figure, "displaced").get_xydata()
+    assert [pga[2], ratio[4]] in dots.tolist()
+    shown = np.asarray(artist(figure, "cells").get_array())
+    assert (shown[4, :2] == UNDECIDED).all()
+    assert (shown == UNDECIDED).sum() == 2
+    assert "UNDECIDED (2)" in labels(figure)
+
+
+def test_contours_stay_inside_the_tested_range(products: dict[str, xr.Dataset]) -> None:
+    fragility = products["fragility"].copy(deep=True)
+    grid = fragility["pga"].values
+    fragility["recommended"][0, 0] = "smooth"
+    fragility["median_pga"].loc[{"model": "smooth"}] = np.nan
+    fragility["median_pga"][0, 0, 2] = [np.inf, 0.5, 0.4, 0.3, 0.0, 0.05]
+    fragility["median_pga_interval"][0, 0, 2] = [
+        [0.8, np.inf],
+        *[[0.2, 0.6]] * 3,
+        *[[0.0, 0.0]] * 2,
+    ]
+    figure = overturning_diagram(products["responses"], fragility, (0, 0))
+    x = np.asarray(artist(figure, "median").get_xdata(), dtype=float)
+    np.testing.assert_array_equal(x, [np.nan, 0.5, 0.4, 0.3, np.nan, np.nan])
+    corners = artist(figure, "interval").get_paths()[0].vertices
+    assert grid[0] <= corners[:, 0].min()
+    assert corners[:, 0].max() == grid[-1]
+    fragility["recommended"][0, 0] = "none"
+    assert not any(
+        "model" in text
+        for text in labels(overturning_diagram(products["responses"], fragility, (0, 0)))
+    )
+
+
+def test_boundary_runs_from_last_upright_to_first_overturned(
+    products: dict[str, xr.Dataset],
+) -> None:
+    fragility = products["fragility"]
+    figure = overturning_diagram(products["responses"], fragility, (0, 0))
+    grid = products["responses"]["overturned"].values[0, 0]
+    pga, ratio = fragility["pga"].values, fragility["pgv_pga"].values
+    expected = [
+        [[pga[row.argmax() - 1], r], [pga[row.argmax()], r]]
+        for row, r in zip(grid == 1, ratio, strict=True)
+        if row.any() and not row[0]
+    ]
+    np.testing.assert_allclose(artist(figure, "boundary").get_segments(), expected)
+
+
+def test_rock_views(products: dict[str, xr.Dataset]) -> None:
+    rock = products["rock"]
+    figure = rock_views(rock)
+    size = np.array([0.5, 1.0, 2.0])
+    for panel, across in enumerate(([0, 2], [1, 2], [0, 1])):
+        corners = np.concatenate([p.vertices for p in artist(figure, "surface", panel).get_paths()])
+        np.testing.assert_allclose(np.ptp(corners, axis=0), size[across], rtol=1e-6)
+        assert figure.axes[panel].get_aspect() == 1.0
+    base = artist(figure, "base", 2).get_xy()
+    np.testing.assert_allclose(np.ptp(base, axis=0), [0.5, 1.0])
+    angles = [a.get_text() for a in figure.axes[2].texts if a.get_gid() == "weak"]
+    assert angles == ["14.0°", "14.0°", "26.6°", "26.6°"]
+
+
+def test_weak_directions(products: dict[str, xr.Dataset]) -> None:
+    weak = summary.weak_directions(products["rock"])
+    assert [w.direction for w in weak] == [0.0, 180.0, 90.0, 270.0]
+    assert [w.yaw for w in weak] == [180.0, 0.0, 90.0, 270.0]
+    assert weak[0].pga == pytest.approx(0.25, rel=1e-3)
+    flat = xr.Dataset(
+        {name: ("direction", np.full(360, 1.0)) for name in ("tipping_pga", "tipping_angle")}
+    )
+    assert len(summary.weak_directions(flat.assign_coords(direction=np.arange(360.0)))) == 1
+
+
+def test_polar_plot(products: dict[str, xr.Dataset]) -> None:
+    fragility = products["fragility"].copy(deep=True)
+    figure = fragility_by_yaw(fragility, products["rock"])
+    share = artist(figure, "share", 0)
+    np.testing.assert_allclose(share.get_xdata(), np.radians([0.0, 90.0]))
+    np.testing.assert_allclose(share.get_ydata(), 100 * fragility["toppled_share"].values[:, 0])
+    for axes in figure.axes:
+        assert (axes.get_theta_offset(), axes.get_theta_direction()) == (0.0, 1)
+    _, upper = summary.typical_pga(fragility)
+    np.testing.assert_allclose(artist(figure, "first", 1).get_ydata(), upper[:, 0])
+    static = artist(figure, "static", 1)
+    np.testing.assert_allclose(static.get_ydata()[[0, 90, 180]], [0.25, 0.5, 0.25], rtol=1e-3)
+    fragility["first_overturning_pga"][1] = np.inf
+    figure = fragility_by_yaw(fragility, products["rock"])
+    assert np.isnan(artist(figure, "first", 1).get_ydata()[1])
+    np.testing.assert_allclose(artist(figure, "above", 1).get_xdata(), [np.pi / 2])
+    assert "none up to 0.9 g" in labels(figure)
+
+
+def test_static_pga_takes_the_weaker_way() -> None:
+    pga = np.full(360, 1.0)
+    pga[30] = 0.1
+    rock = xr.Dataset({"tipping_pga": ("direction", pga)})
+    yaw = np.array([150.0, 330.0, 30.0])  # 30 deg of the rock to -x, to +x, and neither
+    np.testing.assert_allclose(summary.static_pga(rock, yaw), [0.1, 0.1, 1.0])
+
+
+def test_typical_pga_counts_long_pulses_only() -> None:
+    fragility = xr.Dataset(
+        {
+            "first_overturning_pga": (("yaw", "friction", "pgv_pga"), [[[np.inf, 0.4, 0.3, 0.2]]]),
+            "last_balanced_pga": (("yaw", "friction", "pgv_pga"), [[[0.9, 0.3, 0.2, np.nan]]]),
+        },
+        {"pgv_pga": [0.1, 0.2, 0.3, 0.4]},
+    )
+    lower, upper = summary.typical_pga(fragility)
+    assert (lower.item(), upper.item()) == (0.2, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"),
+    [
+        ((0.1, 0.2), "0.100 to 0.200 g"),
+        ((0.9, np.inf), "above 0.900 g"),
+        ((0.0, 0.1), "below 0.100 g"),
+        ((np.nan, np.nan), "not known"),
+    ],
+)
+def test_intervals_in_words(ends: tuple[float, float], words: str) -> None:
+    assert summary.between(*ends, [0.1, 0.9]) == words
+
+
+def test_counts_leave_out_what_is_undecided(products: dict[str, xr.Dataset]) -> None:
+    responses = products["responses"].copy(deep=True)
+    before = report_tables.counts(responses)
+    assert before["proved"] + before["early"] + before["simulated"] == before["total"] == 72
+    responses["outcome"][:] = Outcome.UNSETTLED
+    responses["overturned"][:] = -1
+    after = report_tables.counts(responses)
+    assert after["proved"] + after["early"] + after["simulated"] == 0
+    lost = report_tables.unresolved(responses, most=5)
+    assert (lost["total"], len(lost["listed"])) == (72, 5)
+
+
+def test_command_names_what_was_set() -> None:
+    plain = load_site("cuboid_1x1x2")
+    assert report.command(plain) == ["cuboid_1x1x2"]
+    changed = load_site("cuboid_1x1x2", None, ("yaw=[0, 90]", "motion.pga.num=11"))
+    name, *settings = report.command(changed)
+    again = load_site(name, None, tuple(text.strip("'") for text in settings))
+    assert again.config == changed.config
+
+
+def test_same_bytes_every_time(products: dict[str, xr.Dataset]) -> None:
+    images = [
+        (
+            style.png_uri(rock_views(products["rock"])),
+            style.svg_uri(fragility_by_yaw(products["fragility"], products["rock"])),
+        )
+        for _ in range(2)
+    ]
+    assert images[0] == images[1]
+
+
+def test_stage_is_light_to_import() -> None:
+    code = (
+        "import sys, pipeline.stages.reports.report; "
+        "sys.exit(any(m in sys.modules for m in ('matplotlib', 'jinja2', 'xarray', 'numpy')))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,124 @@
+"""Error against run time as a product: its table, its page, and what it says of the peers."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pipeline import cli
+from pipeline.drawing.style import png
+from pipeline.stages.studies.accuracy import comparing, measuring
+from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, lines, work_precision
+from pipeline.stages.studies.accuracy.accuracy_page import _better
+from pipeline.workflow.datasets import read
+from vsr_core.verification import boundary_search, peers, reference, sensitivity, time_step
+
+pytest.importorskip("mujoco")
+
+SITE = (
+    "rock: {shape: box, size: [1, 1, 3], density: 2110}\n"
+    "motion: {pga: [0.2, 0.4, 0.6], pgv_pga: [0.2, 0.4]}\n"
+)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch, quick_precision: None) -> None:
+    """Two peers, three steps, a few cells and cases: seconds instead of minutes."""
+    monkeypatch.setattr(peers, "names", lambda: ["dart", "mujoco_default", "seed"])
+    missing = peers.missing
+    monkeypatch.setattr(peers, "missing", lambda n: ("dartpy",) if n == "dart" else missing(n))
+    monkeypatch.setattr(time_step, "SHARES", (0.012, 0.006, 0.003))
+    monkeypatch.setattr(time_step, "BOX_PERIODS", (0.45, 0.6))
+    monkeypatch.setattr(measuring, "BUDGET", 0.5)
+    monkeypatch.setattr(comparing, "CELLS", 6)
+    monkeypatch.setattr(comparing, "STEPS", (1 / 500, 1 / 1000))
+    every = sensitivity.variations()
+    few = tuple(
+        v for v in every if v.what in ("as chosen", "pedestal") and v.value != "triangle mesh"
+    )
+    monkeypatch.setattr(sensitivity, "variations", lambda: few)
+    some = tuple(case for case in reference.cases() if "fall" in case.name or "slid" in case.name)
+    monkeypatch.setattr(reference, "cases", lambda: some)
+
+
+@pytest.fixture
+def made(
+    small: None, write_site: Callable[..., str], vsr: Callable[..., object], derived: Path
+) -> Path:
+    ran = vsr("run", "accuracy", "--site", write_site(SITE), "--workers", 0)
+    assert ran.code == cli.DONE, ran.err  # type: ignore[attr-defined]
+    return derived / "rock"
+
+
+def test_table_page_picture_and_dataset(made: Path) -> None:
+    with (made / "accuracy.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    parts = {row["part"] for row in rows}
+    assert parts == {"method", "sweep", "cells", "reference"}
+    measured = [row for row in rows if row["part"] in ("method", "sweep") and row["cpu_s"]]
+    methods = {row["method"] for row in measured if row["part"] == "method"}
+    labels = {peers.load(name).LABEL for name in ("mujoco_default", "seed")}
+    assert methods == {"project, bullet", "project, mujoco"} | labels
+    for row in measured:
+        assert float(row["cpu_s"]) > 0.0
+        assert boundary_search.OFFSETS[0] <= float(row["error"]) <= float(row["worst"])
+        assert float(row["worst"]) <= boundary_search.WORST
+        assert row["rows"] == "2"
+    own = {r["setting"]: float(r["error"]) for r in measured if r["method"] == "project, bullet"}
+    assert own["0.003"] < 0.01  # against Housner's equation, at the finest of the steps
+    absent = [row for row in rows if "not installed: dartpy" in row["note"]]
+    assert [row["method"] for row in absent] == [peers.load("dart").LABEL]
+    page = (made / "accuracy.html").read_text()
+    assert page.count("<img src=") == 2
+    for text in (*methods, "not installed: dartpy", "Housner", "asked for 1 %"):
+        assert text.replace("'", "&#39;") in page
+    assert (made / "work_precision.png").read_bytes().startswith(b"\x89PNG")
+    assert (made / "work_precision.pdf").read_bytes().startswith(b"%PDF")
+    cells = read(made / "accuracy.nc")
+    assert cells.sizes["cell"] == 6
+    assert set(cells["cell_pga"].values.round(6)) <= {0.2, 0.4, 0.6}
+    assert {"outcome_bullet", "outcome_mujoco", "outcome_fine"} <= set(cells.data_vars)
+
+
+def record(method: str, step: float, error: float, seconds: float) -> dict[str, object]:
+    return {
+        "part": "method",
+        "method": method,
+        "setting": f"{step:g}",
+        "error": error,
+        "worst": error,
+        "cpu_s": seconds,
+        "lost": 0,
+    }
+
+
+MEASURED = [
+    record("project, bullet", 0.01, 0.03, 1e-3),
+    record("project, bullet", 0.005, 0.008, 2e-3),
+    record("project, bullet", 0.002, 0.002, 5e-3),
+    record("peer", 4.0, 0.01, 3e-3),
+    record("peer", 2.0, 0.001, 6e-3),
+    record("late", 4.0, 0.02, 9e-3),
+]
+
+
+def test_cheapest_setting_within_a_tolerance() -> None:
+    found = [(point["method"], point["cpu_s"]) for point in cheapest(MEASURED, 0.01)]
+    assert found == [("project, bullet", 2e-3), ("peer", 3e-3)]
+
+
+def test_a_peer_that_does_better_is_named() -> None:
+    """Less error than every setting of the project that costs no more; nothing else is better."""
+    assert len(_better(MEASURED)) == 1
+    assert _better(MEASURED)[0].startswith("peer at 2: 0.1 %")
+    assert _better([point for point in MEASURED if point["cpu_s"] != 6e-3]) == []
+
+
+def test_lines_go_from_coarse_to_fine_and_the_project_comes_first() -> None:
+    found = lines(MEASURED[::-1], "method")
+    assert list(found) == ["project, bullet", "late", "peer"]
+    assert [p["cpu_s"] for p in found["project, bullet"]] == [1e-3, 2e-3, 5e-3]
+    assert png(work_precision(MEASURED, 0.01, "x")).startswith(b"\x89PNG")

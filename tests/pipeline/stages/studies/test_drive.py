@@ -1,0 +1,178 @@
+"""How a servo's table follows its motions, and the page of it."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from pipeline.stages.studies.servo import driving
+from vsr_core import GRAVITY
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.records.recorded_motion import RecordedMotion
+from vsr_core.rock import solid
+from vsr_core.rock.body import Rock
+from vsr_core.run.bounds import barrier
+from vsr_core.scene import Contact, Scene
+from vsr_core.table.servo import PUBLISHED, Servo, loop, spectral_radius
+from vsr_core.verification.tracking import Track, disturbance, errors, push, synthetic, track
+
+PULSE = CosinePulse.from_g(0.2, 0.8)
+HELD = replace(PUBLISHED, hold=5)
+
+
+@cache
+def box(size: tuple[float, float, float] = (1.0, 1.0, 2.0)) -> Rock:
+    return solid.box(size, 2110.0).rock
+
+
+def followed(servo: Servo, rock: Rock, after: float = 0.5) -> tuple[Scene, Track]:
+    scene = Scene(rock, Contact(0.6), drive=servo)
+    return scene, track(scene, PULSE, 1e-3, after)
+
+
+@pytest.mark.parametrize(
+    ("servo", "slips"), [(PUBLISHED, 1e-5), (HELD, 4e-4)], ids=["each period", "200 Hz"]
+)
+def test_a_track_is_the_sampled_loop_as_long_as_the_rock_stands(servo: Servo, slips: float) -> None:
+    """The pulse of Fig. 7a tips no block of 1:2; in steps of five periods it slips a little."""
+    scene, course = followed(servo, box())
+    assert course.tilt.max() < 1e-3
+    assert course.duration == PULSE.duration
+    np.testing.assert_allclose(course.wanted, PULSE.velocity(course.time))
+    whole = replace(servo, mass=servo.mass + scene.rock.mass)
+    np.testing.assert_allclose(course.measured, loop(whole, course.command), atol=slips)
+    assert np.abs(push(course, scene)).max() < slips
+    # Newton: the force moves the table and the rock, but for what contact lets slip
+    gained = np.diff(np.concatenate([[0.0], course.measured])) * whole.mass / servo.period
+    np.testing.assert_allclose(course.force, gained, atol=0.08 * np.abs(course.force).max())
+
+
+def test_errors_of_a_known_course() -> None:
+    time = np.linspace(0.01, 2.0, 200)
+    wanted = 3.0 * time
+    measured = wanted + np.where(time <= 1.0, 0.1, 9.0) * np.where(np.arange(200) % 2, 1.0, -1.0)
+    zero = np.zeros(200)
+    found = errors(Track(time, wanted, wanted, measured, zero, zero, 1.0))
+    assert found.rms == pytest.approx(0.1)
+    assert found.largest == pytest.approx(0.1)
+    assert found.first == pytest.approx(-0.1)
+    assert found.first_share == pytest.approx((0.03 - 0.1) / 0.03)
+
+
+def test_disturbance_of_a_known_push() -> None:
+    time = np.arange(0.0, 1.0, 0.001)
+    pushed = np.where(time >= 0.4, -0.2 * np.exp(-(time - 0.4) / 0.01), 0.0)
+    found = disturbance(time, pushed)
+    assert (found.time, found.peak) == (pytest.approx(0.4), pytest.approx(0.2))
+    assert found.recovery == pytest.approx(0.01 * math.log(10.0), abs=0.001)
+
+
+def test_held_commands_err_by_the_stairs_they_are() -> None:
+    """Within a command the velocity wanted changes by a T, of which the servo is in the middle."""
+    plain, held = (errors(followed(servo, box())[1]) for servo in (PUBLISHED, HELD))
+    assert plain.rms < 1e-3
+    stairs = PULSE.pga * HELD.command_period / math.sqrt(12.0) / math.sqrt(2.0)
+    assert math.sqrt(held.rms**2 - plain.rms**2) == pytest.approx(stairs, rel=0.1)
+    # The first command is a (T + h) / 2, of which the rock's mass takes its share.
+    share = PUBLISHED.mass / (PUBLISHED.mass + box().mass)
+    assert held.first_share == pytest.approx(3.0 * share, rel=0.01)
+    assert plain.first_share == pytest.approx(share, rel=0.01)
+
+
+def test_a_made_motion_has_its_ratio_and_ends_at_rest() -> None:
+    for ratio in (0.3, 1.2):
+        trace = synthetic(ratio)
+        motion = RecordedMotion.scaled(trace, 0.4)
+        t = np.linspace(0.0, motion.duration, 40_001)
+        peaks = [np.abs(part(t)).max() for part in (motion.acceleration, motion.velocity)]
+        assert peaks[0] == pytest.approx(0.4 * GRAVITY, rel=1e-3)
+        assert peaks[1] / peaks[0] == pytest.approx(ratio, rel=0.01)
+        assert abs(float(trace.velocity[-1])) < 1e-3 * peaks[1]
+
+
+def test_a_toppling_rock_disturbs_the_table_for_an_instant() -> None:
+    """As in Fig. 7b; no longer than the loop needs, and in the ratio of the masses."""
+    rock = box((0.6, 0.6, 2.0))
+    peaks = []
+    for mass in (5e4, 5e5):
+        servo = replace(HELD, mass=mass, kp=mass * 1e3, ki=mass * 1e3)
+        scene = Scene(rock, Contact(0.6), drive=servo)
+        course = track(scene, RecordedMotion.scaled(synthetic(1.2), 0.5), 1e-3, 2.0)
+        assert course.tilt.max() > barrier(rock).toppled_tilt
+        found = disturbance(course.time, push(course, scene))
+        assert found.recovery < 0.01
+        peaks.append(found.peak)
+    assert peaks[0] > 5e-3
+    assert peaks[0] / peaks[1] == pytest.approx(10.0, rel=0.2)
+
+
+# The product
+
+
+SITE = """rock: {shape: box, size: [0.6, 0.6, 2.0], density: 2110}
+motion: {pga: [0.1, 1.0], pgv_pga: [0.2, 0.5]}
+"""
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(driving, "ROWS", 2)
+    monkeypatch.setattr(driving, "LEVELS", 6)
+    monkeypatch.setattr(driving, "HALVINGS", 2)
+
+
+def test_products(
+    small: None, write_site: Callable[..., str], vsr: Callable[..., object], derived: Path
+) -> None:
+    site = write_site(SITE)
+    assert vsr("run", "drive", "--site", site, "--workers", "0").code == 0  # type: ignore[attr-defined]
+    folder = derived / "rock"
+    rows = list(csv.DictReader((folder / "drive.csv").open()))
+    notes = [row["note"] for row in rows]
+    assert notes == ["", "", "unstable, so refused", ""]
+    slow = replace(PUBLISHED, period=0.005)
+    assert float(rows[2]["spectral_radius"]) == pytest.approx(spectral_radius(slow), rel=1e-5)
+    assert [float(row["command_hz"]) for row in rows] == [1000.0, 200.0, 200.0, 200.0]
+    assert float(rows[-1]["pgv_m_per_s"]) == pytest.approx(
+        float(rows[-1]["pga_g"]) * GRAVITY * 1.2, rel=0.01
+    )
+    assert float(rows[-1]["peak_tilt_deg"]) > 80.0
+    data = xr.load_dataset(folder / "drive.nc")
+    assert data["row_size"].values.sum() == data.sizes["sample"]
+    middle = 0.5 * (data["last_balanced_pga"] + data["first_overturning_pga"]).values
+    assert middle.shape == (3, 2)
+    # Housner's, of a block of 1:3.3, is above tan(alpha) and falls with PGV/PGA.
+    assert (middle > 0.3).all()
+    assert (middle[:, 0] > middle[:, 1]).all()
+    np.testing.assert_allclose(middle[1:], middle[:1].repeat(2, axis=0), rtol=0.1)
+    page = (folder / "drive.html").read_text()
+    assert page.count("<img") == 3
+    assert "unstable, so refused" in page
+    planned = vsr("plan", "drive", "--site", site).out  # type: ignore[attr-defined]
+    assert planned.splitlines() == ["stages to make: none"]
+    again = vsr("why", "drive", "--site", site)
+    assert "drive: up to date" in again.out  # type: ignore[attr-defined]
+    other = vsr("why", "drive", "--site", site, "--set", "servo.kp=4e7")
+    assert "servo" in other.out  # type: ignore[attr-defined]
+
+
+def test_an_unstable_servo_is_refused_though_it_is_idle(
+    write_site: Callable[..., str], refused: Callable[..., str]
+) -> None:
+    words = (": servo: got", "Kp h / M = 5", "1.998 ms", "shorten the period")
+    line = ("run", "drive", "--site", write_site(SITE), "--set", "servo.period=0.005")
+    refused(*line, words=words)
+
+
+def test_a_servo_of_the_site_is_one_case_more() -> None:
+    assert len(driving.drives(HELD)) == len(driving.drives(PUBLISHED)) == 3
+    own = replace(PUBLISHED, kp=3e7)
+    assert driving.drives(own)[-1].servo == own

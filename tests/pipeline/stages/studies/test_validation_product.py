@@ -1,0 +1,200 @@
+"""`vsr run validation` on a folder of tests made here, and what it refuses."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+import xarray as xr
+
+from pipeline import ROOT, cli
+from pipeline.stages.studies.validation import predictions, recorded_tests
+from pipeline.workflow.store import RunRow
+from vsr_core import GRAVITY
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.outcome import Outcome
+from vsr_core.validation import specimen
+from vsr_core.verification import rocking_block
+
+INTERVAL, RATIO = 0.005, 0.3
+SHARED = ROOT.parent / "shared" / "data" / "shake_table"
+
+SHARES = (0.3, 0.6, 0.8, 1.3, 1.6, 2.0)
+"""PGA of each test, in units of the first that overturns the block."""
+
+
+def write_tests(folder: Path, **changes: object) -> Path:
+    """Six pulses along the thin side of a block twice scanned, with Housner's outcomes."""
+    folder.mkdir(exist_ok=True)
+    limit = rocking_block.first_overturning_pga(
+        rocking_block.Block(0.125, 0.375), RATIO, 2.0 * GRAVITY, 0.02 * GRAVITY
+    )
+    rows = []
+    for share in SHARES:
+        motion = CosinePulse(share * limit, RATIO)
+        rows.append(motion.acceleration(np.arange(0.0, motion.duration + INTERVAL, INTERVAL)))
+    counts = [len(row) for row in rows]
+    table = np.full((len(rows), max(counts) + 7), np.nan)
+    for row, values in zip(table, rows, strict=True):
+        row[: len(values)] = values
+    table[0, 5] = changes.get("value", table[0, 5])
+    xr.Dataset(
+        {"acceleration": (("test", "time"), table), "n_samples": ("test", counts)},
+        {"test": np.arange(1, 7), "time": INTERVAL * np.arange(table.shape[1])},
+    ).to_netcdf(folder / "records.nc")
+    lines = ["test,ground_motion,pga_g,pgv_pga_s,specimen1,dem_s1_soft,has_record"]
+    for k, share in enumerate(SHARES):
+        pga, over = share * limit / GRAVITY, int(share > 1.0)
+        lines.append(f"{k + 1},motion {k // 2},{pga:.4f},{RATIO},{over},{int(k > 1)},1")
+    lines.append(f"99,motion 9,0.3,{RATIO},1,1,0")
+    text = str(changes.get("outcomes", "\n".join(lines)))
+    (folder / "outcomes.csv").write_text(text + "\n", encoding="utf-8")
+    for number in (1, 2):
+        trimesh.creation.box([0.25, 0.4, 0.75]).export(folder / f"sp{number}.ply")
+    assumed = "members: 3\nazimuth: {mean: 0, sd: 1}\nfriction: [1.5, 2.0]\ncentre_of_mass: 0.001\n"
+    (folder / "table.yaml").write_text(str(changes.get("assumed", assumed)), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    folder = write_tests(tmp_path_factory.mktemp("tests") / "block_tests")
+    derived = tmp_path_factory.mktemp("derived")
+    code = cli.main(
+        ["run", "validation", "--table", str(folder), "--derived", str(derived), "--workers", "0"]
+    )
+    assert code == cli.DONE
+    return folder, derived / "block_tests"
+
+
+def test_tests_of_a_block_are_predicted(made: tuple[Path, Path]) -> None:
+    with xr.open_dataset(made[1] / "validation.nc") as data:
+        assert data["probability"].dims == data["predicted"].dims == ("specimen", "test")
+        assert data["specimen"].values.tolist() == [1, 2]
+        assert data["test"].values.tolist() == [1, 2, 3, 4, 5, 6]
+        expected = [int(share > 1.0) for share in SHARES]
+        for number in (1, 2):  # the second one has no outcomes
+            one = data.sel(specimen=number)
+            np.testing.assert_allclose(one["probability"], expected)
+            assert one["predicted"].values.tolist() == expected
+            assert one["best_guess"].values.tolist() == expected
+        assert data["happened"].sel(specimen=1).values.tolist() == expected
+        assert (
+            np.isnan(data["happened"].sel(specimen=2)).all()
+            or (data["happened"].sel(specimen=2) == -1).all()
+        )
+        assert (data["members"] == 3).all()
+        assert data.attrs["Conventions"] == "CF-1.11"
+
+
+def test_scores_are_of_each_predictor_and_subset(made: tuple[Path, Path]) -> None:
+    with (made[1] / "validation.csv").open(encoding="utf-8") as file:
+        rows = {(r["specimen"], r["predictor"], r["subset"]): r for r in csv.DictReader(file)}
+    assert {key[2] for key in rows} == {"all", "calibration half", "other half"}
+    ours, soft = rows["1", "ensemble", "all"], rows["1", "dem soft", "all"]
+    assert (ours["n"], ours["accuracy"], ours["matthews"]) == ("6", "1", "1")
+    assert float(soft["accuracy"]) == pytest.approx(5 / 6, abs=1e-5)
+    assert float(rows["1", "always balanced", "all"]["balanced_accuracy"]) == 0.5
+    halves = [int(rows["1", "ensemble", part]["n"]) for part in ("calibration half", "other half")]
+    assert sum(halves) == 6
+    assert not [key for key in rows if key[0] == "2"]
+
+
+def test_page_shows_its_pictures_and_what_was_assumed(made: tuple[Path, Path]) -> None:
+    page = (made[1] / "validation.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == 4
+    for word in ("McNemar", "azimuth", "sign of the drive", "no outcomes, predicted all the same"):
+        assert word in page
+    for name in ("reliability", "roc", "fragility", "tests"):
+        assert (made[1] / f"validation_{name}.png").stat().st_size > 10_000
+
+
+def test_a_folder_without_outcomes_is_predicted(tmp_path: Path) -> None:
+    rows = [f"{k},motion,{0.1 * k},{RATIO}" for k in range(1, 7)]
+    text = "\n".join(["test,ground_motion,pga_g,pgv_pga_s", *rows])
+    folder = write_tests(tmp_path / "unknown", outcomes=text)
+    arguments = ["run", "validation", "--table", str(folder), "--derived", str(tmp_path / "to")]
+    assert cli.main([*arguments, "--workers", "0"]) == cli.DONE
+    with xr.open_dataset(tmp_path / "to" / "unknown" / "validation.nc") as data:
+        sides = data["probability"].sel(specimen=1)
+        np.testing.assert_allclose(sides, [int(share > 1.0) for share in SHARES])
+
+
+def test_a_test_that_no_draw_took_near_toppling_is_decided(made: tuple[Path, Path]) -> None:
+    tests = recorded_tests.tests_in(made[0])
+    of = specimen.form(trimesh.creation.box([0.25, 0.4, 0.75]), None)
+    edge = math.atan(0.25 / 0.75)  # the tilt from which the block falls on
+
+    def row(tilt: float, outcome: Outcome = Outcome.BALANCED) -> RunRow:
+        return RunRow(b"", int(outcome), 0, tilt, 0.0, 0.0, 1)
+
+    near, far, lost = row(0.6 * edge), row(0.4 * edge), row(0.4 * edge, Outcome.UNSTABLE)
+    found = {
+        "1/0": {1: far, 2: far, 3: far, 4: near, 5: far, 6: far},
+        "1/1": {1: far, 2: near, 3: lost, 4: near, 5: far, 6: far},
+        "1/best guess": dict.fromkeys(tests.number, near),
+        "2/0": dict.fromkeys(tests.number, near),
+    }
+    assert predictions.undecided(tests, 1, of, found) == (2, 3, 4)
+
+
+def test_a_second_call_runs_nothing(
+    made: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, derived = made
+    before = (derived / "validation.nc").stat().st_mtime_ns
+    arguments = ["run", "validation", "--table", str(folder), "--derived", str(derived.parent)]
+    assert cli.main([*arguments, "--workers", "0"]) == cli.DONE
+    assert "tests in" not in capsys.readouterr().err
+    assert (derived / "validation.nc").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"value": np.nan}, ("records.nc", "acceleration", "test 1", "numbers")),
+        ({"outcomes": "test,pga_g\n1,0.2"}, ("outcomes.csv", "ground_motion")),
+        (
+            {"outcomes": "test,ground_motion,pga_g,pgv_pga_s,specimen1\n1,a,0.2,0.3,2"},
+            ("outcomes.csv", "specimen1", "0 and 1"),
+        ),
+        (
+            {"outcomes": "test,ground_motion,pga_g,pgv_pga_s\n77,a,0.2,0.3"},
+            ("outcomes.csv", "no test with a record"),
+        ),
+        ({"assumed": "frictoin: [0.5, 0.9]"}, ("table.yaml", "frictoin", "friction")),
+        ({"assumed": "acceleration: velocity"}, ("records.nc", "velocity", "name another")),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(
+    tmp_path: Path,
+    refused: Callable[..., str],
+    changes: dict[str, object],
+    words: tuple[str, ...],
+) -> None:
+    folder = write_tests(tmp_path / "wrong", **changes)
+    recorded_tests.accelerations.cache_clear()
+    refused("run", "validation", "--table", folder, "--workers", 0, words=words)
+
+
+def test_a_folder_is_needed(refused: Callable[..., str], tmp_path: Path) -> None:
+    refused("run", "validation", words=("--table",))
+    refused("run", "validation", "--table", tmp_path / "none", words=("none", "not there"))
+    refused("run", "validation", "--table", tmp_path, words=("records.nc",))
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the public shake-table tests are not here")
+def test_public_tests_are_read_whole() -> None:
+    tests = recorded_tests.tests_in(SHARED)
+    assert len(tests.number) == 490
+    assert tests.specimens == (1, 2)
+    assert tests.interval == 0.005
+    assert len([name for _, name in tests.published if name.startswith("dem")]) == 5
+    found = recorded_tests.accelerations(SHARED, None)
+    peaks = [np.abs(found[n]).max() / GRAVITY for n in tests.number]
+    assert np.corrcoef(peaks, tests.pga)[0, 1] > 0.7

@@ -1,0 +1,597 @@
+"""What is on disk is whole or not there; a key changes with what decides a result, and only so."""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import grounds
+from support.following import following
+
+from pipeline import ROOT
+from pipeline.config.layers import load_site
+from pipeline.config.problems import InputError
+from pipeline.stages.runs.running import Group, missing
+from pipeline.stages.runs.scenes import code as run_code
+from pipeline.workflow import keys, store
+from pipeline.workflow.graph import identities
+from pipeline.workflow.store import RUNS, JourneyRow, RunRow, RunStore, Store
+from vsr_core.outcome import Outcome
+
+SMALL = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2, 0.5]}\n"
+FACTS = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0}
+
+
+def files(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture
+def shelf(tmp_path: Path) -> Store:
+    shelf = Store(tmp_path / "site")
+    shelf.open()
+    return shelf
+
+
+def row(i: int, outcome: int = 1) -> RunRow:
+    return RunRow(i.to_bytes(16, "big"), outcome, 0, 0.5, 0.25, 0.125 * i, i)
+
+
+# Products
+
+
+@pytest.mark.parametrize("error", [ValueError("no"), KeyboardInterrupt(), OSError("no")])
+def test_failed_writer_leaves_the_old_product(shelf: Store, error: BaseException) -> None:
+    shelf.publish("stage", FACTS, {"a.txt": lambda path: path.write_text("old")})
+    before = files(shelf.folder)
+
+    def half(path: Path) -> None:
+        path.write_text("ne")
+        raise error
+
+    with pytest.raises((ValueError, KeyboardInterrupt, InputError)):
+        shelf.publish("stage", {**FACTS, "key": "new"}, {"a.txt": half})
+    assert files(shelf.folder) == before
+    assert shelf.damage("stage") == ""
+
+
+def test_manifest_is_written_last(shelf: Store) -> None:
+    seen = []
+
+    def second(path: Path) -> None:
+        seen.append(((shelf.folder / "a.txt").read_text(), shelf.manifest("stage")))
+        path.write_text("two")
+
+    shelf.publish("stage", FACTS, {"a.txt": lambda path: path.write_text("one"), "b.txt": second})
+    assert seen == [("one", None)]
+    assert shelf.manifest("stage")["key"] == "k"
+
+
+def test_half_of_the_products_is_damage(shelf: Store) -> None:
+    writers = {name: (lambda path: path.write_text("old")) for name in ("a.txt", "b.txt")}
+    shelf.publish("stage", FACTS, writers)
+
+    def fails(path: Path) -> None:
+        raise ValueError
+
+    with pytest.raises(ValueError, match=r"^$"):
+        shelf.publish("stage", FACTS, {"a.txt": lambda p: p.write_text("new"), "b.txt": fails})
+    assert shelf.damage("stage") == "a.txt is not what was written"
+
+
+def test_left_parts_go_when_the_store_opens(shelf: Store) -> None:
+    (shelf.folder / ".part-1-a.nc").write_bytes(b"half")
+    shelf.open()
+    assert files(shelf.folder) == {}
+
+
+def test_unreadable_manifest_counts_as_none(shelf: Store) -> None:
+    shelf.publish("stage", FACTS, {})
+    (shelf.folder / ".stages" / "stage.json").write_text('{"key": "k", "fac')
+    assert shelf.manifest("stage") is None
+
+
+@pytest.mark.parametrize("name", ["rock.nc", "responses.nc", "config.yaml"])
+def test_flipped_byte_is_seen_and_mended(
+    write_site: Callable[..., str], vsr: Callable[..., object], derived: Path, name: str
+) -> None:
+    site = write_site(SMALL)
+    command = ("run", "responses", "--site", site, "--workers", "0")
+    assert vsr(*command).code == 0
+    path = derived / "rock" / name
+    whole = path.read_bytes()
+    middle = len(whole) // 2
+    path.write_bytes(whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :])
+    assert f"{name} is not what was written" in vsr("why", "responses", "--site", site).out
+    assert vsr(*command).code == 0
+    assert path.read_bytes() == whole
+    assert "is not what was written" not in vsr("why", "responses", "--site", site).out
+
+
+# Runs
+
+WRITER = """
+import sys, time
+from pathlib import Path
+from pipeline.workflow.store import RunRow, RunStore
+
+def rows(batch):
+    for i in range(10):
+        if batch == 7 and i == 5:
+            print("in the middle", flush=True)
+            time.sleep(600)
+        yield RunRow((10 * batch + i).to_bytes(16, "big"), 1, 0, 0.5, 0.25, 0.125 * i, batch)
+
+runs = RunStore(Path(sys.argv[1]), RunRow)
+for batch in range(9):
+    runs.add(rows(batch))
+"""
+
+
+def test_killed_writer_loses_its_open_batch_only(tmp_path: Path) -> None:
+    writer = subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(tmp_path)], stdout=subprocess.PIPE, text=True, cwd=ROOT
+    )
+    assert writer.stdout is not None
+    with writer.stdout as said:
+        assert said.readline() == "in the middle\n"
+        writer.send_signal(signal.SIGKILL)
+    assert writer.wait() == -signal.SIGKILL
+    with closing(RunStore(tmp_path, RunRow)) as runs:
+        found = runs.get(row(i).key for i in range(100))
+        assert sorted(found) == [row(i).key for i in range(70)]
+        assert found[row(63).key] == RunRow(row(63).key, 1, 0, 0.5, 0.25, 0.375, 6)
+        runs.add([row(70)])
+        assert row(70).key in runs.get([row(70).key])
+    with closing(sqlite3.connect(tmp_path / RUNS)) as database:
+        assert database.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_rows_are_added_all_or_none(tmp_path: Path, error: type[BaseException]) -> None:
+    def rows() -> Iterator[RunRow]:
+        yield row(1, outcome=2)  # also replaces one that is there
+        yield row(2)
+        raise error
+
+    with closing(RunStore(tmp_path, RunRow)) as runs:
+        runs.add([row(1)])
+        with pytest.raises(error):
+            runs.add(rows())
+        wanted = [row(1).key, row(2).key]
+        assert runs.get(wanted) == {row(1).key: row(1)}
+        runs.add([row(2)])
+        assert set(runs.get(wanted)) == set(wanted)
+
+
+def test_rows_come_back_as_they_went(tmp_path: Path) -> None:
+    lost = RunRow(b"x" * 16, 5, 0, None, None, None, 0)  # type: ignore[arg-type]
+    odd = RunRow(b"y" * 16, 1, 3, math.pi, math.nextafter(1.0, 2.0), 5e-324, 2**31 - 1)
+    with closing(RunStore(tmp_path, RunRow)) as runs:
+        runs.add([lost, odd])
+    with closing(RunStore(tmp_path, RunRow)) as runs:
+        assert runs.get([b"x" * 16, b"y" * 16, b"z" * 16]) == {lost.key: lost, odd.key: odd}
+        assert runs.get([]) == {}
+
+
+def test_two_kinds_of_rows_in_one_file(tmp_path: Path) -> None:
+    """Runs and journeys of the same cells, by the same keys, know nothing of each other."""
+    one, other = row(1, outcome=2), row(2)
+    journeys = [
+        JourneyRow(one.key, 1, 0.5, math.nextafter(0.1, 1.0), 12, 0, bytes(range(256)) * 300),
+        JourneyRow(other.key, 5, None, None, 0, 3, b""),  # type: ignore[arg-type]
+    ]
+    with (
+        closing(RunStore(tmp_path, RunRow)) as runs,
+        closing(RunStore(tmp_path, JourneyRow)) as travelled,
+    ):
+        runs.add([one])
+        assert travelled.get([one.key]) == {}
+        travelled.add(journeys)
+        assert runs.get([one.key, other.key]) == {one.key: one}
+        runs.add([other])
+    with closing(RunStore(tmp_path, JourneyRow)) as travelled:
+        found = travelled.get([one.key, other.key, b"z" * 16])
+        assert found == {journey.key: journey for journey in journeys}
+        assert isinstance(found[one.key].trajectory, bytes)
+        assert travelled.outcomes([one.key, other.key, b"z" * 16]) == {one.key: 1, other.key: 5}
+        travelled.add([journeys[1]._replace(outcome=1)])  # a crashed one that was tried again
+        assert travelled.outcomes([other.key]) == {other.key: 1}
+    with closing(RunStore(tmp_path, RunRow)) as runs:
+        assert runs.outcomes([one.key, other.key]) == {one.key: 2, other.key: 1}
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_journeys_are_added_all_or_none(tmp_path: Path, error: type[BaseException]) -> None:
+    whole = JourneyRow(b"a" * 16, 1, 0.5, 0.1, 9, 0, b"way")
+
+    def rows() -> Iterator[JourneyRow]:
+        yield whole._replace(trajectory=b"other")
+        raise error
+
+    with closing(RunStore(tmp_path, JourneyRow)) as travelled:
+        travelled.add([whole])
+        with pytest.raises(error):
+            travelled.add(rows())
+        assert travelled.get([whole.key]) == {whole.key: whole}
+
+
+def test_only_runs_that_are_not_stored_or_crashed_are_missing(tmp_path: Path) -> None:
+    keys_of = tuple(bytes([k]) * 16 for k in range(1, 5))
+    group = Group(0.0, 0.6, tuple((0.1, 0.1 * k) for k in range(1, 5)), keys_of)
+    with closing(RunStore(tmp_path, JourneyRow)) as travelled:
+        assert missing(group, travelled) == [0, 1, 2, 3]
+        done = JourneyRow(keys_of[1], 1, 0.5, 0.1, 9, 0, b"way")
+        travelled.add([done, done._replace(key=keys_of[2], outcome=int(Outcome.CRASHED))])
+        assert missing(group, travelled) == [0, 2, 3]
+    with closing(RunStore(tmp_path, RunRow)) as runs:
+        assert missing(group, runs) == [0, 1, 2, 3]
+
+
+# Folders that cannot be written to
+
+
+def test_file_in_place_of_the_folder(
+    write_site: Callable[..., str], vsr: Callable[..., object], derived: Path
+) -> None:
+    derived.write_text("mine")
+    ran = vsr("run", "responses", "--site", write_site(SMALL), "--workers", "0")
+    assert ran.code == 2
+    assert len(ran.err.splitlines()) == 1
+    for word in (str(derived), "cannot be written", "DERIVED="):
+        assert word in ran.err
+    assert derived.read_text() == "mine"
+
+
+def full(*_: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_disk_that_fills_up(
+    write_site: Callable[..., str],
+    vsr: Callable[..., object],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    command = ("run", "responses", "--site", write_site(SMALL), "--workers", "0")
+    with monkeypatch.context() as patch:
+        patch.setattr(store.os, "fsync", full)
+        ran = vsr(*command)
+    assert ran.code == 2
+    assert len(ran.err.splitlines()) == 1
+    assert "No space left on device" in ran.err
+    assert "free space" in ran.err
+    assert files(derived) == {}
+    assert vsr(*command).code == 0
+
+
+LIMITED = """
+import resource, signal, sys
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+from pipeline import cli
+sys.exit(cli.main(sys.argv[2:]))
+"""
+
+
+@pytest.mark.parametrize("limit", [20_000, 66_000])
+def test_no_room_for_a_large_file(
+    write_site: Callable[..., str], derived: Path, limit: int
+) -> None:
+    """The kernel refuses to let any file grow past ``limit``: at the probe, or in the runs."""
+    grid = "{start: 0.005, stop: 0.15, num: 40}"  # all proved not to move: many runs, no time
+    site = write_site(f"motion: {{pga: {grid}, pgv_pga: {grid}}}\n")
+    command = ["run", "responses", "--site", site, "--workers", "0", "--derived", str(derived)]
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, str(limit), *command],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+    )
+    assert done.returncode == 2, done.stderr
+    refusals = [line for line in done.stderr.splitlines() if line.startswith("vsr: ")]
+    assert len(refusals) == 1
+    assert "cannot be written" in refusals[0]
+    assert "Traceback" not in done.stderr
+    assert not (derived / "rock" / "responses.nc").exists()
+    assert not list(derived.rglob(".part-*"))
+    assert not list(derived.rglob("vsr-fault.txt"))
+
+
+def test_full_disk(write_site: Callable[..., str], tmp_path: Path) -> None:
+    """A file system of 100 kB: NetCDF's own complaint becomes the same line."""
+    small = tmp_path / "small"
+    small.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=100k", "tmpfs", str(small)]
+    if shutil.which("mount") is None or subprocess.run(mount, check=False).returncode:
+        pytest.skip("no right to mount a small file system")
+    try:
+        site = write_site(SMALL)
+        command = ["-m", "pipeline", "run", "responses", "--site", site, "--workers", "0"]
+        done = subprocess.run(
+            [sys.executable, *command, "--derived", str(small)],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=ROOT,
+        )
+        left = {path.name for path in files(small)}
+    finally:
+        subprocess.run(["umount", str(small)], check=True)
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert sum("cannot be written" in line for line in done.stderr.splitlines()) == 1
+    assert "rock.nc" in left
+    assert "responses.nc" not in left
+    assert not any(name.startswith(".part") for name in left)
+
+
+# Keys of values
+
+
+def test_digest_takes_no_nan_and_no_objects() -> None:
+    for value in (float("nan"), float("inf"), {"a": [1.0, float("nan")]}):
+        with pytest.raises(ValueError, match="not JSON compliant"):
+            keys.digest(value)
+    with pytest.raises(TypeError):
+        keys.digest({"a": np.float32(1.0)})
+
+
+def test_digest_knows_values_and_not_their_order() -> None:
+    one = keys.digest({"a": 1.0, "b": [1, 2]})
+    assert keys.digest({"b": [1, 2], "a": 1.0}) == one
+    others = [{"a": 1.0, "b": [2, 1]}, {"a": -1.0, "b": [1, 2]}, {"a": 1.0, "b": [1, 2, 3]}]
+    assert len({one, *map(keys.digest, others)}) == 4
+    assert keys.digest_bytes(b"ab", b"c") != keys.digest_bytes(b"a", b"bc")
+
+
+def test_key_does_not_depend_on_the_order_or_spelling_in_yaml(
+    write_site: Callable[..., str],
+) -> None:
+    one = write_site("motion:\n  pga: [0.2, 0.6]\n  pgv_pga: 0.3\ncontact: {friction: 0.5}\n", "a")
+    two = write_site(
+        "contact:\n  friction: [5e-1]\nmotion:\n  pgv_pga: {start: 0.3, stop: 0.3, num: 1}\n"
+        "  pga: {start: 0.2, stop: 0.6, num: 2}  # g\n",
+        "b",
+    )
+    other = write_site("motion: {pga: [0.2, 0.61], pgv_pga: 0.3}\ncontact: {friction: 0.5}\n", "c")
+    keyed = [identities("report", load_site(site)) for site in (one, two, other)]
+    for stage in keyed[0]:
+        assert keyed[0][stage].key == keyed[1][stage].key
+        changed = keyed[0][stage].key != keyed[2][stage].key
+        assert changed == (stage not in ("rock", "precision"))
+
+
+# Keys of code
+
+TREE = {
+    "vsr_core/__init__.py": 'G = 9.8\n"""text"""\n',
+    "vsr_core/helper.py": (
+        "LIMIT = 3\n"
+        "TABLE: dict = {1: 2}\n"
+        "def used(x):\n    return deeper(x) + LIMIT\n"
+        "def deeper(x):\n    return x\n"
+        "def unused(x):\n    return x\n"
+    ),
+    "vsr_core/attribute.py": "def reached(x):\n    return x\ndef not_reached(x):\n    return x\n",
+    "vsr_core/front.py": "from vsr_core.behind import hidden as shown\n",
+    "vsr_core/behind.py": "def hidden(x):\n    return x\n",
+    "vsr_core/late.py": "def inside(x):\n    return x\n",
+    "vsr_core/kinds.py": (
+        "class Base:\n    def low(self):\n        return 1\n"
+        "class Kind(Base):\n    def act(self):\n        return 1\n"
+    ),
+    "vsr_core/wraps.py": "def mark(f):\n    return f\n",
+    "pipeline/__init__.py": "",
+    "pipeline/main.py": (
+        "import numpy as np\n"
+        "import vsr_core.attribute\n"
+        "from vsr_core import G, attribute\n"
+        "from vsr_core.helper import used as renamed\n"
+        "from vsr_core.front import shown\n"
+        "from vsr_core.kinds import Kind\n"
+        "from vsr_core.wraps import mark\n"
+        "@mark\n"
+        "def root(x):\n"
+        '    """What it does."""\n'
+        "    from vsr_core import late\n"
+        "    # why\n"
+        "    return renamed(x) + attribute.reached(x) + shown(x) + late.inside(x) * G * np.pi\n"
+        "def second(x, kind: Kind):\n    return kind.act()\n"
+    ),
+}
+
+
+@pytest.fixture
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A small project whose code ``keys`` digests in place of the real one."""
+    for name, text in TREE.items():
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    monkeypatch.setattr(keys, "ROOT", tmp_path)
+    forget()
+    yield tmp_path
+    monkeypatch.undo()
+    forget()
+
+
+def forget() -> None:
+    keys._definition.cache_clear()
+    keys._parse.cache_clear()
+
+
+def closure(*roots: str) -> dict[str, str]:
+    forget()
+    return keys.code(roots or ("pipeline.main:root",))
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new))
+
+
+def test_closure_is_what_is_reached(tree: Path) -> None:
+    assert set(closure()) == {
+        "pipeline.main:root",
+        "vsr_core:G",
+        "vsr_core.helper:used",
+        "vsr_core.helper:deeper",
+        "vsr_core.helper:LIMIT",
+        "vsr_core.attribute:reached",
+        "vsr_core.behind:hidden",
+        "vsr_core.late:inside",
+        "vsr_core.wraps:mark",
+    }
+    both = set(closure("pipeline.main:second"))
+    assert both == {"pipeline.main:second", "vsr_core.kinds:Kind", "vsr_core.kinds:Base"}
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "changed"),
+    [
+        ("vsr_core/helper.py", "LIMIT = 3", "LIMIT = 4", "vsr_core.helper:LIMIT"),
+        ("vsr_core/helper.py", "def deeper(x):\n", "def deeper(x, y=1):\n",
+         "vsr_core.helper:deeper"),
+        ("vsr_core/attribute.py", "def reached(x):\n    return x", "def reached(x):\n    return -x",
+         "vsr_core.attribute:reached"),
+        ("vsr_core/behind.py", "return x", "return 2 * x", "vsr_core.behind:hidden"),
+        ("vsr_core/late.py", "return x", "return 2 * x", "vsr_core.late:inside"),
+        ("vsr_core/wraps.py", "return f", "return f or 1", "vsr_core.wraps:mark"),
+        ("vsr_core/__init__.py", "G = 9.8", "G = 9.81", "vsr_core:G"),
+        ("pipeline/main.py", "@mark\n", "", "pipeline.main:root"),
+    ],
+)  # fmt: skip
+def test_edit_of_what_is_used_is_noticed(
+    tree: Path, file: str, old: str, new: str, changed: str
+) -> None:
+    before = closure()
+    edit(tree / file, old, new)
+    after = closure()
+    assert after.get(changed) != before[changed]
+    assert {name for name in after if after[name] != before.get(name)} == {changed}
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        ("pipeline/main.py", "    # why\n", ""),
+        ("pipeline/main.py", '"""What it does."""', '"""Something else,\n\n    at length."""'),
+        ("pipeline/main.py", '    """What it does."""\n', ""),
+        ("pipeline/main.py", "def root(x):\n", "\n\n\ndef root( x ):\n\n"),
+        ("pipeline/main.py", "def second(x, kind: Kind):\n", "def second(x, kind: Kind, z=1):\n"),
+        ("vsr_core/helper.py", "def unused(x):\n    return x\n", ""),
+        ("vsr_core/helper.py", "TABLE: dict = {1: 2}", "TABLE: dict = {1: 3}"),
+        ("vsr_core/helper.py", "LIMIT = 3\n", "LIMIT = 3  # of a kind\n"),
+        ("vsr_core/attribute.py", "def not_reached(x):", "def not_reached(x, y):"),
+        ("vsr_core/__init__.py", '"""text"""', '"""another text"""'),
+    ],
+)
+def test_edit_of_what_is_not_used_is_not(tree: Path, file: str, old: str, new: str) -> None:
+    before = closure()
+    edit(tree / file, old, new)
+    assert closure() == before
+
+
+@pytest.mark.parametrize(
+    ("module", "function", "decides"),
+    [
+        ("vsr_core/run/bounds.py", "barrier", {"rock", "runs"}),
+        ("vsr_core/rock/hull.py", "rest_tilts", {"rock", "runs"}),
+        ("vsr_core/rock/solid.py", "self_intersections", {"rock"}),
+        ("pipeline/stages/runs/overturning_runs.py", "simulate_batch", {"runs"}),
+        ("pipeline/stages/runs/overturning_runs.py", "make", set()),
+        ("pipeline/stages/fragility/yaw_polar.py", "fragility_by_yaw", {"report"}),
+        ("pipeline/workflow/cluster.py", "_distributed", set()),
+    ],
+)
+def test_stages_decided_by_a_function(
+    edit_function: Callable[[str, str, str], None], module: str, function: str, decides: set[str]
+) -> None:
+    site = load_site("cuboid_1x1x2")
+
+    def codes() -> dict[str, dict[str, str]]:
+        return {name: i.facts["code"] for name, i in identities("report", site).items()}
+
+    before = codes()
+    edit_function(module, function, "# a comment, and nothing else\n")
+    assert codes() == before
+    edit_function(module, function, "str(1)")
+    after = codes()
+    changed = {name for name in after if after[name] != before[name]}
+    assert decides <= changed
+    if "runs" not in decides:
+        assert "runs" not in changed
+    if (
+        "rock" not in decides and module != "pipeline/workflow/cluster.py"
+    ):  # there it is by annotations
+        assert "rock" not in changed
+
+
+def test_every_function_that_a_run_enters_is_in_its_key() -> None:
+    """Followed while it runs, so that a call the syntax does not show would be found."""
+    from vsr_core import GRAVITY
+    from vsr_core.motions.cosine_pulse import CosinePulse
+    from vsr_core.rock import solid
+    from vsr_core.run import bounds
+    from vsr_core.run.overturning import Settings, prepare, simulate
+    from vsr_core.scene import Contact, Scene
+    from vsr_core.verification.time_step import step_unit
+
+    rock = solid.box((0.5, 1.0, 2.0), 2000.0).rock
+    cells = [(0.1, 0.3), (0.6, 0.3), (0.3, 1.0)]
+    step = 0.01 * step_unit(rock)
+    with following() as entered:
+        for reduce in (True, False):
+            case = prepare(Scene(rock, Contact(0.6), 0.3), bounds.barrier(rock), reduce=reduce)
+            settings = Settings(step, reduce)
+            for ratio, pga in cells:
+                simulate(case, CosinePulse(pga * GRAVITY, ratio), settings)
+    assert len(entered) > 15
+    assert entered - set(keys.code(run_code(load_site("cuboid_1x1x2").config))) == set()
+
+
+def test_every_function_that_a_journey_enters_is_in_its_key() -> None:
+    from vsr_core.motions.cosine_pulse import CosinePulse
+    from vsr_core.run.displacement import travel
+    from vsr_core.run.overturning import Settings
+
+    rock = grounds.lump()
+    triangles = grounds.perch(cells=6)
+    places = [grounds.site(rock, triangles), grounds.site(rock, grounds.cliff(1.0, 0.3))]
+    places.append(grounds.site(rock, grounds.in_pieces(triangles, 0.01, 0.04)))
+    with following() as entered:
+        for place in places:
+            for pga in (0.01, 0.7):
+                travel(place, CosinePulse.from_g(pga, 0.15), Settings(0.002))
+    assert len(entered) > 15
+    roots = run_code(load_site("double_rock_terrain").config)
+    assert entered - set(keys.code(roots)) == set()
+
+
+def test_manifest_holds_a_checksum_of_every_product(
+    write_site: Callable[..., str], vsr: Callable[..., object], derived: Path
+) -> None:
+    assert vsr("run", "responses", "--site", write_site(SMALL), "--workers", "0").code == 0
+    manifests = (derived / "rock" / ".stages").glob("*.json")
+    listed: dict[str, str] = {}
+    for path in manifests:
+        listed |= json.loads(path.read_text())["files"]
+    kept = {path.name for path in (derived / "rock").iterdir() if path.is_file()}
+    assert set(listed) == kept - {RUNS, "log.jsonl"}
+    for name, checksum in listed.items():
+        assert keys.digest_file(derived / "rock" / name) == checksum

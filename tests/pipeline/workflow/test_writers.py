@@ -1,0 +1,60 @@
+"""Texts, tables and pages, and what a dataset says of its making."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from importlib.metadata import version
+from pathlib import Path
+
+import jinja2
+import pytest
+import xarray as xr
+
+from pipeline.config.layers import load_site
+from pipeline.workflow import datasets, keys, pages, writers
+from pipeline.workflow.cluster import Cluster
+from pipeline.workflow.stage import Job
+from pipeline.workflow.store import Store
+
+
+def test_text_and_bytes_as_given(tmp_path: Path) -> None:
+    writers.text("é\n\r\nü")(tmp_path / "text")
+    writers.binary(b"\x00\xff\r\n")(tmp_path / "bytes")
+    assert (tmp_path / "text").read_bytes() == "é\n\r\nü".encode()
+    assert (tmp_path / "bytes").read_bytes() == b"\x00\xff\r\n"
+
+
+def test_table_holds_its_columns_and_nothing_else(tmp_path: Path) -> None:
+    records = [
+        {"b": 1.23456789e-9, "a": 'x, "y"\nz', "c": 0},
+        {"c": 12, "b": math.nan, "a": "", "d": "not asked for"},
+    ]
+    writers.table(("a", "b", "c"), iter(records))(tmp_path / "table")
+    with (tmp_path / "table").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.reader(file))
+    assert rows == [["a", "b", "c"], ['x, "y"\nz', "1.23457e-09", "0"], ["", "nan", "12"]]
+    with pytest.raises(KeyError):
+        writers.table(("a", "e"), records)
+
+
+def test_a_page_with_a_place_left_empty_is_an_error() -> None:
+    with pytest.raises(jinja2.UndefinedError, match="site"):
+        pages.filled("report.html", {})
+
+
+@pytest.mark.parametrize(("engine", "library"), [("bullet", "PyBullet"), ("mujoco", "MuJoCo")])
+def test_a_dataset_names_the_engine_in_use(tmp_path: Path, engine: str, library: str) -> None:
+    pytest.importorskip("mujoco")
+    site = load_site("cuboid_1x1x2", None, (f"simulation.engine={engine}",))
+    job = Job(site, Store(tmp_path), Cluster(0), "key", print)
+    attributes = datasets.described(xr.Dataset(), job, "Nothing").attrs
+    assert attributes["source"].endswith(f", {library} {version(library)}")
+    versions = json.loads(attributes["vsr_versions_json"])
+    assert versions[engine.replace("bullet", "pybullet")] == version(library)
+    assert len({"pybullet", "mujoco"} & set(versions)) == 1
+
+
+def test_a_library_that_is_absent_has_no_version() -> None:
+    assert keys.library_version("absent") == "not installed"

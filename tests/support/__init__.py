@@ -1,0 +1,1 @@
+"""What several tests share: shapes, grounds, files and falls made up for them."""

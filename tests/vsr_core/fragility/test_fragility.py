@@ -1,0 +1,516 @@
+"""Fragility models against exact cases, independent computations and simulated truth."""
+
+from __future__ import annotations
+
+import itertools
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize, minimize_scalar
+from scipy.special import expit
+from scipy.stats import norm
+from sklearn.base import clone
+from sklearn.linear_model import LogisticRegression
+from sklearn.metrics import accuracy_score, brier_score_loss, log_loss
+
+from vsr_core.errors import Unfit
+from vsr_core.fragility import fit_all
+from vsr_core.fragility.boundary import first_crossing, locate
+from vsr_core.fragility.cells import tabulate
+from vsr_core.fragility.cross_validation import (
+    CLIP,
+    bootstrap,
+    cross_validate,
+    folds,
+    held_out_probability,
+)
+from vsr_core.fragility.logistic import LogisticFragility, is_separated
+from vsr_core.fragility.lognormal import LognormalFragility
+from vsr_core.fragility.newton import maximise
+from vsr_core.fragility.smooth import SmoothFragility
+
+AXIS = np.linspace(0.02, 1.0, 50)
+MODELS = (LogisticFragility, LognormalFragility, SmoothFragility)
+
+
+def flat(pga, ratio, grid):
+    """Grid axes and outcomes as the flat run arrays that estimators take."""
+    columns, rows = np.meshgrid(pga, ratio)
+    return columns.ravel(), rows.ravel(), np.asarray(grid, dtype=float).ravel()
+
+
+def logistic_grid(seed, coef=(6.0, 5.0, 2.0), n=20):
+    """Outcomes drawn from a known logistic surface, with the axes."""
+    axis = np.geomspace(0.05, 1.0, n)
+    pga, ratio = np.meshgrid(axis, axis)
+    prob = expit(coef[0] + coef[1] * np.log(pga) + coef[2] * np.log(ratio))
+    return axis, (np.random.default_rng(seed).random(prob.shape) < prob).astype(float)
+
+
+def line_grid(slope=0.4, level=0.45):
+    """Deterministic 50 x 50 grid, separated by a line in ln PGA and ln PGV/PGA."""
+    pga, ratio = np.meshgrid(AXIS, AXIS)
+    return (np.log(pga) + slope * np.log(ratio) > np.log(level)).astype(float)
+
+
+def island_grid():
+    """A toppled island left of the main region, balanced cells between, as in Fig. 13f."""
+    grid = np.zeros((50, 50))
+    for row in range(50):
+        grid[row, max(26, 45 - 2 * row) :] = 1
+    grid[22:36, 15:20] = 1
+    return grid
+
+
+# --- the boundary off the grid -----------------------------------------------------------------
+
+
+def test_boundary_of_a_grid_read_by_hand():
+    grid = [
+        [0, 0, 1, 1, 1],  # plain
+        [1, 1, 1, 1, 1],  # topples from the first PGA on
+        [0, 0, 0, 0, 0],  # never topples
+        [0, 1, 0, 0, 1],  # two balanced cells above the first overturned
+        [0, -1, np.nan, 1, 1],  # undecided cells widen the interval
+        [-1, -1, -1, -1, -1],  # nothing known
+    ]
+    found = locate([0.1, 0.2, 0.3, 0.4, 0.5], grid)
+    np.testing.assert_array_equal(found.lower, [0.2, np.nan, 0.5, 0.1, 0.1, np.nan])
+    np.testing.assert_array_equal(found.upper, [0.3, 0.1, np.inf, 0.2, 0.4, np.nan])
+    np.testing.assert_array_equal(found.censored, [0, 0, 1, 0, 0, 0])
+    np.testing.assert_array_equal(found.islands, [0, 0, 0, 2, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("grid", "sizes"),
+    [
+        ([[0, 0], [0, 0]], []),
+        ([[1, 0, 1], [1, 0, 1]], [2, 2]),
+        ([[1, 0, 0], [0, 1, 1]], [3]),  # a staircase is one cluster
+        ([[1, np.nan, 1], [0, 0, 0]], [2]),  # only balanced cells separate
+        ([[np.nan, 0, 1], [0, 0, 1]], [2]),  # an undecided cell alone is no cluster
+    ],
+)
+def test_toppled_clusters(grid, sizes):
+    found = locate(np.arange(1, len(grid[0]) + 1), grid)
+    assert found.cluster_sizes.tolist() == sizes
+    np.testing.assert_array_equal(found.labels > 0, np.array(grid) == 1)
+    assert found.labels.max() == len(sizes)
+
+
+def test_first_crossing_interpolates_and_names_the_edges():
+    margin = np.array([[-1.0, 3.0, -2.0, 1.0], [2.0, -1.0, 1.0, 1.0], [-2.0, -1.0, -1.0, -0.5]])
+    np.testing.assert_allclose(
+        first_crossing(np.arange(4.0), margin), [np.exp(0.25), 0.0, np.inf], rtol=1e-14
+    )
+
+
+def test_newton_halves_steps_that_overshoot():
+    # -sqrt(1 + x^2): Newton's step from |x| > 1 goes beyond the mirror image and diverges
+    def evaluate(beta, which):
+        return -np.sqrt(1 + beta[:, 0] ** 2), -beta * (1 + beta**2)
+
+    beta, converged = maximise(evaluate, np.array([[2.0], [-3.0], [0.5]]))
+    assert converged.all()
+    np.testing.assert_allclose(beta, 0.0, atol=1e-8)
+
+
+# --- logistic ----------------------------------------------------------------------------------
+
+
+def test_logistic_is_the_unpenalised_maximum_likelihood_of_scikit_learn():
+    axis, grid = logistic_grid(1)
+    pga, ratio, fell = flat(axis, axis, grid)
+    model = LogisticFragility().fit(pga, ratio, fell)
+    other = LogisticRegression(C=np.inf, tol=1e-10, max_iter=1000).fit(
+        np.log(np.column_stack([pga, ratio])), fell
+    )
+    assert not model.separated_
+    assert model.method_ == "maximum likelihood"
+    np.testing.assert_allclose(
+        model.coef_, [*other.intercept_, *other.coef_[0]], rtol=1e-4, atol=1e-4
+    )
+
+
+def test_logistic_intervals_cover_the_curve_that_the_data_came_from():
+    truth, n = np.array([6.0, 5.0, 2.0]), 60
+    covered, median_covered = np.zeros(3), 0.0
+    for seed in range(n):
+        axis, grid = logistic_grid(seed, truth)
+        model = LogisticFragility().fit(*flat(axis, axis, grid))
+        spread = bootstrap(model, 200, seed)
+        covered += [
+            low <= value <= high
+            for (low, high), value in zip(spread.parameters.values(), truth, strict=True)
+        ]
+        median = np.exp(-(truth[0] + truth[2] * np.log(axis)) / truth[1])
+        inside = (spread.median[0] <= median) & (median <= spread.median[1])
+        median_covered += inside.mean() / n
+    # 95 % nominal; percentile intervals of 20 rows run a little short
+    assert (covered / n >= 0.85).all()
+    assert 0.87 <= median_covered <= 0.995
+
+
+def test_firth_of_a_saturated_table_adds_half_to_each_cell():
+    # 0 of 12 toppled at 0.2 g and 5 of 9 at 0.4 g: separated, maximum likelihood has b1 = inf
+    pga = np.repeat([0.2, 0.4], [12, 9])
+    model = LogisticFragility().fit(pga, np.full(21, 0.3), np.r_[np.zeros(12), [1] * 5, [0] * 4])
+    assert model.separated_
+    np.testing.assert_allclose(
+        model.predict_proba([0.2, 0.4], 0.3), [0.5 / 13, 5.5 / 10], rtol=1e-6
+    )
+
+
+def test_firth_maximises_the_penalised_likelihood():
+    pga, ratio, fell = flat([0.1, 0.2, 0.3, 0.4], [0.1, 0.3, 0.5], np.tri(3, 4, -1)[:, ::-1])
+    model = LogisticFragility().fit(pga, ratio, fell)
+    design = np.column_stack([np.ones(12), np.log(pga), np.log(ratio)])
+
+    def negative(beta):
+        prob = expit(design @ beta)
+        fisher = design.T @ (design * (prob * (1 - prob))[:, None])
+        likelihood = np.log(np.where(fell == 1, prob, 1 - prob)).sum()
+        return -likelihood - 0.5 * np.log(np.linalg.det(fisher))
+
+    found = minimize(negative, np.zeros(3), method="Nelder-Mead", options={"maxiter": 4000})
+    assert model.separated_
+    np.testing.assert_allclose(model.coef_, found.x, rtol=2e-3)
+
+
+def test_separated_grid_gives_a_steep_finite_curve_inside_the_gap():
+    grid = line_grid()
+    model = LogisticFragility().fit(*flat(AXIS, AXIS, grid))
+    assert model.separated_
+    assert "Firth" in model.method_
+    assert np.isfinite(model.coef_).all()
+    assert model.coef_[2] / model.coef_[1] == pytest.approx(0.4, abs=0.02)
+    np.testing.assert_allclose(model.contour(0.5), 0.45 * 0.5**-0.4, rtol=0.01)
+    np.testing.assert_allclose(
+        model.predict_proba(model.contour(AXIS, 0.975), AXIS), 0.975, rtol=1e-9
+    )
+    grid[30, 2] = 1  # one stray cell and no line separates any more
+    assert not LogisticFragility().fit(*flat(AXIS, AXIS, grid)).separated_
+
+
+def test_separation_agrees_with_trying_every_line():
+    rng = np.random.default_rng(3)
+    axis = np.array([0.1, 0.2, 0.4, 0.8])
+    verdicts = []
+    for _ in range(150):
+        tilt, cut, noise = rng.normal(size=3)
+        pga, ratio = np.meshgrid(np.log(axis), np.log(axis))
+        score = pga - cut + tilt * ratio + 0.8 * noise * rng.normal(size=pga.shape)
+        cells = tabulate(*flat(axis, axis, score > np.median(score)))
+        points = np.column_stack([np.ones(16), pga.ravel(), ratio.ravel()])
+        signed = np.where(cells.toppled.ravel() > 0, 1, -1)[:, None] * points
+        # the cone of separating lines is spanned by lines through two of the points
+        lines = np.array([np.cross(a, b) for a, b in itertools.combinations(points, 2)])
+        sides = np.concatenate([lines, -lines]) @ signed.T
+        expected = ((sides >= -1e-9).all(axis=1) & (sides > 1e-9).any(axis=1)).any()
+        assert is_separated(cells, np.zeros(2), np.ones(2)) == expected
+        verdicts.append(expected)
+    assert 20 < sum(verdicts) < 130
+
+
+def test_replicate_that_separates_is_refitted_by_firth():
+    grid = line_grid()[::5]
+    grid[3, 4] = 1  # this row alone makes the outcomes overlap
+    model = LogisticFragility().fit(*flat(AXIS, AXIS[::5], grid))
+    kept = np.arange(10) != 3
+    alone = LogisticFragility().fit(*flat(AXIS, AXIS[::5][kept], grid[kept]))
+    assert not model.separated_
+    assert alone.separated_
+    np.testing.assert_allclose(model.refit(kept[None].astype(float))[0], alone.coef_, rtol=1e-5)
+
+
+# --- lognormal ---------------------------------------------------------------------------------
+
+
+def test_lognormal_row_is_probit_regression():
+    pga = np.geomspace(0.1, 1.0, 60)
+    fell = (np.random.default_rng(5).random(60) < norm.cdf(np.log(pga / 0.4) / 0.35)).astype(float)
+    model = LognormalFragility().fit(pga, np.full(60, 0.2), fell)
+
+    def negative(parameters):  # Baker 2015, eq. 11, in theta and beta themselves
+        prob = norm.cdf(np.log(pga / parameters[0]) / parameters[1])
+        return -np.log(np.where(fell == 1, prob, 1 - prob)).sum()
+
+    found = minimize(negative, [0.3, 0.5], method="Nelder-Mead", options={"xatol": 1e-8})
+    assert model.status_ == ("probit",)
+    np.testing.assert_allclose([model.theta_[0], model.beta_[0]], found.x, rtol=1e-4)
+    assert model.predict_proba(model.contour(0.2, 0.9), 0.2) == pytest.approx(0.9)
+
+    # the replicates of the row scatter by the curvature of that likelihood
+    replicates = model.refit(np.ones((4000, 1)), np.random.default_rng(0))[:, 0, 0]
+    step = 1e-3
+    moved = [
+        [negative([found.x[0] * np.exp(i * step), found.x[1] + j * step]) for j in (-1, 0, 1)]
+        for i in (-1, 0, 1)
+    ]
+    (a, b, c), (d, e, f), (g, h, i) = moved
+    hessian = np.array([[b - 2 * e + h, (a + i - c - g) / 4], [0, d - 2 * e + f]]) / step**2
+    hessian[1, 0] = hessian[0, 1]
+    error = np.sqrt(np.linalg.inv(hessian)[0, 0])
+    assert replicates.std() == pytest.approx(error, rel=0.1)
+
+
+def test_lognormal_intervals_cover_theta_of_simulated_rows():
+    rng = np.random.default_rng(8)
+    pga, ratio, theta = np.geomspace(0.1, 1.5, 60), np.geomspace(0.1, 1.0, 40), 0.4
+    prob = norm.cdf(np.log(pga / theta) / 0.4)
+    model = LognormalFragility().fit(*flat(pga, ratio, rng.random((40, 60)) < prob))
+    low, high = bootstrap(model, 400, 1).parameters["theta"]
+    assert ((low <= theta) & (theta <= high)).mean() >= 0.85
+    assert (high / low < 2).all()
+    assert np.exp(np.log(model.theta_).mean()) == pytest.approx(theta, rel=0.04)
+
+
+def test_lognormal_separated_rows_say_what_the_grid_allows():
+    pga = np.array([0.1, 0.2, 0.4, 0.8])
+    grid = [[0, 0, 0, 0], [0, 0, 1, 1], [np.nan] * 4, [0, np.nan, 1, 1], [1, 1, 1, 1]]
+    model = LognormalFragility().fit(*flat(pga, [0.1, 0.2, 0.4, 0.8, 1.6], grid))
+    assert model.status_ == ("above", "interval", "undecided", "interval", "below")
+    assert model.separated_
+    np.testing.assert_allclose(
+        model.theta_,
+        np.sqrt([0.8 * 1.6, 0.2 * 0.4, np.sqrt(0.08 * 0.04), 0.1 * 0.4, 0.05 * 0.1]),
+    )
+    np.testing.assert_allclose(
+        model.beta_[[0, 1, 3]], np.log([2.0, 2.0, 4.0]) / np.sqrt(12.0), rtol=1e-12
+    )
+    # rows 0.2 s and 0.8 s know theta; a quarter of the way in ln ratio between them
+    between = 0.2**0.75 * 0.8**0.25
+    assert model.contour(between) == pytest.approx(np.sqrt(0.08**0.75 * 0.04**0.25))
+    np.testing.assert_array_equal(model.grid_contour(model.coefs_, 0.5)[0, [0, 4]], [np.inf, 0.0])
+
+
+def test_lognormal_row_that_falls_with_pga_is_flat():
+    model = LognormalFragility().fit(AXIS, np.full(50, 0.3), AXIS < 0.3)
+    assert model.status_ == ("flat",)
+    assert model.beta_[0] == pytest.approx(2.0)
+
+    def negative(ln_theta):  # beta is held, the likelihood still sets theta
+        score = (np.log(AXIS) - ln_theta) / 2.0
+        return -norm.logcdf(np.where(AXIS < 0.3, score, -score)).sum()
+
+    found = minimize_scalar(negative)
+    assert np.log(model.theta_[0]) == pytest.approx(found.x, abs=1e-4)
+
+
+def test_lognormal_interval_is_the_grid_interval_when_rows_agree():
+    grid = np.tile((AXIS > 0.41).astype(float), (30, 1))
+    model = LognormalFragility().fit(*flat(AXIS, AXIS[:30], grid))
+    low, high = bootstrap(model, 500, 0).median
+    lower, upper = AXIS[AXIS < 0.41][-1], AXIS[AXIS > 0.41][0]
+    assert (lower <= low).all()
+    assert (high <= upper).all()
+    np.testing.assert_allclose(np.log(high / low), 0.95 * np.log(upper / lower), rtol=0.2)
+
+
+# --- smooth ------------------------------------------------------------------------------------
+
+
+def test_island_is_held_by_the_smooth_model_and_not_by_the_logistic():
+    grid = island_grid()
+    result = fit_all(AXIS, AXIS, grid, n_bootstrap=20)
+    assert sorted(result.boundary.cluster_sizes.tolist())[0] == 14 * 5
+    island, between = np.s_[24:34, 16:19], np.s_[24:34, 22:24]
+    smooth, logistic = result.model("smooth"), result.model("logistic")
+    assert smooth.probability[island].min() > 0.8
+    assert smooth.probability[between].max() < 0.2
+    assert logistic.probability[island].mean() < logistic.probability[between].mean()
+    assert smooth.scores.accuracy > 0.97
+    assert result.recommended == "smooth"
+    assert "2 toppled cluster" in result.reason
+    # the median is the first crossing: the island where there is one, the main region elsewhere
+    assert AXIS[13] < smooth.median[28] < AXIS[16]
+    assert AXIS[24] < smooth.median[45] < AXIS[27]
+
+
+def test_smooth_model_away_from_the_grid_cells():
+    model = SmoothFragility().fit(*flat(AXIS, AXIS, line_grid()))
+    np.testing.assert_allclose(
+        model.predict_proba(AXIS[None], AXIS[:, None]), model.grid_probability(model.coefs_)[0]
+    )
+    np.testing.assert_allclose(model.contour(0.5), 0.45 * 0.5**-0.4, rtol=0.02)
+    assert model.predict_proba(5.0, 0.5) == model.predict_proba(1.0, 0.5)  # no extrapolation
+    gentle = SmoothFragility(penalties=(10.0,)).fit(*flat(AXIS, AXIS, line_grid()))
+    assert gentle.effective_parameters_ < 0.5 * model.effective_parameters_
+
+
+# --- scores ------------------------------------------------------------------------------------
+
+
+def test_cross_validation_is_refitting_without_the_rows():
+    axis, grid = logistic_grid(4)
+    grid[:, 3] = np.nan
+    pga, ratio, fell = flat(axis, axis, grid)
+    model = LogisticFragility().fit(pga, ratio, fell)
+    row, decided = np.searchsorted(axis, ratio), ~np.isnan(fell)
+    predicted = np.empty_like(fell)
+    inner = (row > 0) & (row < axis.size - 1)  # the end rows stay: models do not extrapolate
+    decided &= inner
+    for fold in range(10):
+        held = ((row - 1) % 10 == fold) & inner
+        other = clone(model).fit(pga[~held], ratio[~held], fell[~held])
+        predicted[held] = other.predict_proba(pga[held], ratio[held])
+    held_out = held_out_probability(model).ravel()
+    np.testing.assert_allclose(held_out[inner], predicted[inner], atol=1e-6)
+    scores, y, p = cross_validate(model), fell[decided], predicted[decided]
+    assert scores.log_loss == pytest.approx(log_loss(y, np.clip(p, CLIP, 1 - CLIP)), rel=1e-5)
+    assert scores.brier == pytest.approx(brier_score_loss(y, p), rel=1e-5)
+    assert scores.accuracy == pytest.approx(accuracy_score(y, p >= 0.5))
+    sizes = np.bincount(folds(model.cells_)[1:-1])
+    assert sizes.tolist() == [2] * 8 + [1] * 2
+    assert np.average(scores.fold_log_loss, weights=sizes) == pytest.approx(scores.log_loss)
+
+
+@pytest.mark.parametrize("noisy", [True, False])
+@pytest.mark.parametrize("model", [LogisticFragility(), SmoothFragility(penalties=(0.1,))])
+def test_row_weights_are_repeated_rows(model, noisy):
+    axis, grid = logistic_grid(2) if noisy else (AXIS, line_grid())
+    weights = np.random.default_rng(0).integers(0, 3, axis.size)
+    runs = flat(axis, axis, grid)
+    fitted = clone(model).fit(*runs)
+    weighted = fitted.grid_probability(fitted.refit(weights[None].astype(float)))[0]
+    repeats = np.repeat(weights, axis.size)
+    repeated = [np.repeat(column, repeats) for column in runs]
+    if isinstance(model, SmoothFragility):  # keep the knots: rows of weight 0 stay, undecided
+        absent = [runs[0], runs[1], np.full(axis.size**2, np.nan)]
+        repeated = [np.r_[a, b] for a, b in zip(repeated, absent, strict=True)]
+    expected = clone(model).fit(*repeated).predict_proba(axis[None], axis[:, None])
+    np.testing.assert_allclose(weighted, expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_bootstrap_is_reproducible(kind):
+    axis, grid = logistic_grid(6, n=12)
+    model = kind().fit(*flat(axis, axis, grid))
+    first, again, other = bootstrap(model, 50, 1), bootstrap(model, 50, 1), bootstrap(model, 50, 2)
+    np.testing.assert_array_equal(first.median, again.median)
+    assert not np.array_equal(first.median, other.median)
+    assert first.parameters.keys() == again.parameters.keys()
+    for name, pair in first.parameters.items():
+        np.testing.assert_array_equal(pair, again.parameters[name])
+        assert (pair[0] <= pair[1]).all()
+
+
+# --- all together ------------------------------------------------------------------------------
+
+
+def test_logistic_is_recommended_for_logistic_data():
+    axis, grid = logistic_grid(3)
+    result = fit_all(axis, axis, grid, n_bootstrap=50)
+    assert result.recommended == "logistic"
+    assert result.model("logistic").scores.log_loss == pytest.approx(
+        result.model("smooth").scores.log_loss, abs=0.05
+    )
+
+
+def test_unit_of_pga_moves_b0_and_theta_only():
+    axis, grid = logistic_grid(9)
+    scale = 9.80665
+    runs = flat(axis, axis, grid)
+    scaled = (runs[0] * scale, *runs[1:])
+    for kind in MODELS:
+        one, two = kind().fit(*runs), kind().fit(*scaled)
+        np.testing.assert_allclose(
+            one.predict_proba(*runs[:2]), two.predict_proba(*scaled[:2]), atol=1e-6
+        )
+    one, two = LogisticFragility().fit(*runs), LogisticFragility().fit(*scaled)
+    np.testing.assert_allclose(two.coef_[1:], one.coef_[1:], rtol=1e-7)
+    assert two.coef_[0] == pytest.approx(one.coef_[0] - one.coef_[1] * np.log(scale), rel=1e-7)
+    np.testing.assert_allclose(
+        LognormalFragility().fit(*scaled).theta_, scale * LognormalFragility().fit(*runs).theta_
+    )
+
+
+def test_undecided_cells_change_nothing_but_their_count():
+    axis, grid = logistic_grid(7, n=12)
+    holes = np.random.default_rng(0).random(grid.shape) < 0.1
+    as_nan, as_code = np.where(holes, np.nan, grid), np.where(holes, -1, grid)
+    one = fit_all(axis, axis, as_nan, n_bootstrap=10)
+    two = fit_all(axis, axis, as_code.astype(np.int8), n_bootstrap=10)
+    assert one.n_undecided == two.n_undecided == holes.sum()
+    assert one.n_decided == (~holes).sum()
+    pga, ratio, fell = flat(axis, axis, as_nan)
+    known = ~np.isnan(fell)
+    for fitted, same, kind in zip(one.models, two.models, MODELS, strict=True):
+        np.testing.assert_array_equal(fitted.probability, same.probability)
+        without = kind().fit(pga[known], ratio[known], fell[known])
+        np.testing.assert_allclose(
+            without.predict_proba(axis[None], axis[:, None]), fitted.probability, atol=1e-8
+        )
+
+
+@pytest.mark.parametrize(
+    ("grid", "recommended", "says"),
+    [
+        (np.zeros((6, 8)), "none", "Nothing toppled"),
+        (np.ones((6, 8)), "none", "Every decided run toppled"),
+        (np.tile([0, 0, 1, 1], (1, 1)), "logistic", "Too few"),
+        (np.array([[0], [0], [1], [1]]), None, ""),
+        (np.array([[0]]), "none", "Nothing toppled"),
+        (np.array([[1]]), "none", "Every decided run toppled"),
+        (np.array([[0, 1]]), "logistic", "Too few"),
+        (np.array([[0, 1], [0, 1]]), None, ""),
+        (np.array([[np.nan, np.nan], [0, 1]]), "logistic", "Too few"),
+        (np.array([[1, 0, 1], [np.nan, 1, 0]]), None, ""),
+    ],
+    ids=lambda value: f"{value.shape}" if isinstance(value, np.ndarray) else None,
+)
+@pytest.mark.filterwarnings("error")
+def test_degenerate_grids(grid, recommended, says):
+    pga, ratio = (np.linspace(0.1, 0.8, n) for n in grid.shape[::-1])
+    result = fit_all(pga, ratio, grid, n_bootstrap=20)
+    if recommended:
+        assert result.recommended == recommended
+        assert result.reason.startswith(says)
+    for fitted in result.models:
+        assert np.isfinite(fitted.probability).all()
+        assert ((fitted.probability >= 0) & (fitted.probability <= 1)).all()
+        assert not np.isnan(fitted.median).any()
+        if says.startswith("Nothing"):
+            assert (fitted.probability < 0.5).all()
+            assert np.isinf(fitted.median).all()
+        if says.startswith("Every"):
+            assert (fitted.probability > 0.5).all()
+            assert (fitted.median == 0).all()
+    if not says:
+        assert np.isfinite(result.model("smooth").scores.log_loss)
+    else:
+        assert np.isnan(result.model("logistic").median_lower).all() == (grid.shape[0] < 3)
+
+
+@pytest.mark.parametrize(
+    ("pga", "ratio", "grid", "says"),
+    [
+        ([0.1, 0.2], [0.1], [[0, 2]], "values other than"),
+        ([0.1, 0.2], [0.1], [[np.nan, -1]], "no decided run"),
+        ([0.0, 0.2], [0.1], [[0, 1]], "pga holds values"),
+        ([0.2, 0.1], [0.1], [[0, 1]], "increasing"),
+        ([0.1, 0.2], [0.1], [[0], [1]], "shape"),
+    ],
+)
+def test_unusable_input_is_refused(pga, ratio, grid, says):
+    with pytest.raises(Unfit, match=says):
+        fit_all(pga, ratio, grid)
+
+
+def test_estimators_follow_scikit_learn():
+    model = SmoothFragility(n_knots=5, penalties=(0.5,))
+    assert clone(model).get_params() == {"n_knots": 5, "penalties": (0.5,)}
+    with pytest.raises(Unfit):
+        SmoothFragility(n_knots=1).fit(*flat(AXIS, AXIS, line_grid()))
+    with pytest.raises(Unfit):
+        LognormalFragility(max_beta=0).fit(*flat(AXIS, AXIS, line_grid()))
+    with pytest.raises(Unfit, match="flat arrays"):
+        LogisticFragility().fit(AXIS, AXIS, line_grid())
+
+
+def test_importing_the_package_is_light():
+    code = "import sys, vsr_core.fragility; print('scipy' in sys.modules, 'sklearn' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False"]

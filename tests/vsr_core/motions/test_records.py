@@ -1,0 +1,659 @@
+"""Records: readers, checks, processing, measures and the motion, against exact answers."""
+
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from support import record_files as files
+
+from pipeline import ROOT
+from vsr_core import GRAVITY
+from vsr_core.errors import Unfit
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.records import (
+    at2,
+    columns,
+    cosmos,
+    netcdf,
+    processing,
+    record_checks,
+    waveforms,
+)
+from vsr_core.motions.records.formats import Reading, read
+from vsr_core.motions.records.measures import measures, spectrum
+from vsr_core.motions.records.processing import Processing, process
+from vsr_core.motions.records.record import Record, factor
+from vsr_core.motions.records.recorded_motion import RecordedMotion
+from vsr_core.motions.records.trace import Trace
+
+VALUES = files.shaking(7, 100.0, 4.0, 4.0, 0.6)
+STEP = 0.01
+PLAIN = Reading()
+
+
+def record(values, interval: float = STEP) -> Record:
+    return Record(np.asarray(values, dtype=float), interval, ("x",), "", "made up", "m/s2")
+
+
+def refusal(call, *words: str) -> None:
+    with pytest.raises(Unfit) as caught:
+        call()
+    said = str(caught.value)
+    assert [word for word in words if word not in said] == [], said
+
+
+# Readers
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_at2_with_either_header(named: bool) -> None:
+    found = read(files.at2(VALUES, STEP, named=named).encode(), ".AT2", PLAIN)
+    assert found.interval == STEP
+    assert found.unit == "G"
+    assert found.station == "Nowhere Creek"
+    assert found.channels == ("090",)
+    # eight digits of g
+    np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-7, atol=1e-9)
+
+
+def test_at2_that_breaks_its_word_is_refused() -> None:
+    text = files.at2(VALUES, STEP)
+    refusal(lambda: at2.read(files.at2(VALUES, STEP, number=399), None), "400", "NPTS = 399")
+    refusal(lambda: at2.read(text.replace("ACCELERATION", "VELOCITY"), None), "VELOCITY", "AT2")
+    refusal(lambda: at2.read(text, "m/s2"), "motion.unit m/s2", "in G")
+    refusal(lambda: at2.read(text[:-20] + "word\n", None), "word", "numbers")
+
+
+def test_cosmos_with_several_channels() -> None:
+    text = files.cosmos((VALUES, 90), (-2.0 * VALUES, 400), interval=STEP)
+    east = read(text.encode(), ".v2", Reading(component="90"))
+    up = read(text.encode(), ".txt", Reading(component="up"))
+    assert east.interval == up.interval == STEP
+    assert east.unit == "cm/s2"
+    assert "Nowhere Creek" in east.station
+    np.testing.assert_allclose(east.acceleration, VALUES, atol=0.6e-6)  # four digits of a gal
+    np.testing.assert_allclose(up.acceleration, -2.0 * VALUES, atol=0.6e-6)
+    refusal(lambda: read(text.encode(), ".v2", PLAIN), "2 channels (90, up)", "motion.component")
+    refusal(lambda: read(text.encode(), ".v2", Reading("north")), "'north'", "90, up")
+
+
+def test_cosmos_velocity_is_passed_over() -> None:
+    both = files.cosmos((VALUES, 90), interval=STEP, parameter=2) + files.cosmos(
+        (VALUES, 180), interval=STEP
+    )
+    assert cosmos.read(both, None).channels == ("180",)
+    only = files.cosmos((VALUES, 90), interval=STEP, parameter=2)
+    refusal(lambda: cosmos.read(only, None), "without an acceleration")
+
+
+def test_cosmos_that_breaks_its_word_is_refused() -> None:
+    text = files.cosmos((VALUES, 90), interval=STEP)
+    lines = text.splitlines()
+    refusal(lambda: cosmos.read("\n".join(lines[:-5]), None), "ends early")
+    refusal(lambda: cosmos.read(text.replace("     400 acc", "     392 acc"), None), "header")
+    wrong_step = text.replace("    10.000000     4.000000", "    20.000000     4.000000")
+    assert wrong_step != text
+    refusal(lambda: cosmos.read(wrong_step, None), "400 samples of 20 ms", "4 s")
+
+
+@pytest.mark.parametrize(
+    ("heading", "one"),
+    [
+        ("acceleration [m/s2]", 1.0),
+        ("acc (cm/s^2)", 0.01),
+        ("a [gal]", 0.01),
+        ("acc_g", GRAVITY),
+        ("A [mg]", 1e-3 * GRAVITY),
+        ("a [m s-2]", 1.0),
+        ("a [cm/sec**2]", 0.01),
+    ],
+)
+def test_table_with_its_unit_in_the_heading(heading: str, one: float) -> None:
+    found = read(files.csv(VALUES / one, STEP, heading).encode(), ".csv", PLAIN)
+    assert found.interval == pytest.approx(STEP, rel=1e-12)
+    np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6, atol=1e-9)
+
+
+def test_table_without_a_unit_needs_one() -> None:
+    text = files.csv(VALUES, STEP, "raw")
+    refusal(lambda: columns.read(text, None, None), "without a unit", "motion.unit")
+    assert columns.read(text, "raw", "cm/s2").acceleration[50] == pytest.approx(0.01 * VALUES[50])
+    refusal(lambda: columns.read(text, None, "counts"), "counts", "motion.response")
+    refusal(lambda: columns.read(text, None, "furlong"), "'furlong'", "m/s2")
+    known = files.csv(VALUES, STEP)
+    refusal(lambda: columns.read(known, None, "gal"), "motion.unit gal", "m/s2")
+    refusal(lambda: columns.read(known.replace("time", "age"), None, None), "age", "named time")
+    refusal(lambda: columns.read(known + "4.01,x\n", None, None), "row 402", "numbers")
+
+
+@pytest.mark.parametrize("form", [".6g", ".8g", ".4f"])
+def test_table_whose_times_are_rounded(form: str) -> None:
+    step = 0.00125
+    times = np.arange(9000) * step
+    rows = [f"{t:{form}},{math.sin(t)}" for t in times]
+    found = columns.read("\n".join(["time,a [m/s2]", *rows]), None, None)
+    assert found.interval == pytest.approx(step, rel=1e-5)
+    assert len(found.acceleration) == 9000
+
+
+def test_uneven_steps_are_refused_and_left_out_ones_are_gaps() -> None:
+    lines = files.csv(VALUES, STEP).splitlines()
+    late = [*lines[:50], lines[50].replace(",", "4,"), *lines[51:]]
+    refusal(lambda: columns.read("\n".join(late), None, None), "time steps that differ", "resample")
+    holes = [*lines[:50], *lines[53:]]
+    found = columns.read("\n".join(holes), None, None)
+    assert np.flatnonzero(np.isnan(found.acceleration)).tolist() == [49, 50, 51]
+    assert "3 time steps were left out" in found.repairs[0]
+    coarse = [f"{t:.5g},0.1" for t in np.arange(9000) * 0.00125]  # 1 ms from 10 s on
+    refusal(lambda: columns.read("\n".join([lines[0], *coarse]), None, None), "time steps")
+    turned = [lines[0], *reversed(lines[1:])]
+    refusal(lambda: columns.read("\n".join(turned), None, None), "not increasing")
+
+
+def test_netcdf(tmp_path: Path) -> None:
+    path = tmp_path / "one.nc"
+    files.netcdf(path, VALUES / GRAVITY, STEP, "g")
+    found = read(path.read_bytes(), ".nc", PLAIN)
+    assert found.station == "Nowhere Creek"
+    assert found.interval == pytest.approx(STEP, rel=1e-12)
+    np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6, atol=1e-9)
+    files.netcdf(path, VALUES, STEP, "m")
+    content = path.read_bytes()
+    refusal(lambda: netcdf.read(content, None, None), "acceleration along time", "units")
+    refusal(lambda: netcdf.read(content, "acceleration", "m/s2"), "the unit 'm'")
+
+
+def test_unknown_format_is_refused() -> None:
+    refusal(lambda: read(b"\0\1\2", ".bin", PLAIN), "no known format", "CSV")
+    refusal(lambda: read(b"some words", ".doc", PLAIN), "no known format")
+
+
+def trace(data, start: float, channel: str = "HNE", calib: float = 1.0, **more) -> SimpleNamespace:
+    """What is used of ObsPy's Trace."""
+
+    class Stats(SimpleNamespace):
+        def __contains__(self, name: str) -> bool:
+            return hasattr(self, name)
+
+    stats = Stats(
+        network="XX", station="NWC", location="", channel=channel, delta=STEP, calib=calib,
+        starttime=start, endtime=start + STEP * (len(data) - 1), **more,
+    )  # fmt: skip
+    return SimpleNamespace(data=data, stats=stats)
+
+
+def test_waveforms_keep_gaps_and_are_cut_to_common_times() -> None:
+    masked = np.ma.masked_array(100.0 * VALUES, mask=np.arange(400) == 20)
+    found = waveforms.from_stream([trace(masked, 5.0), trace(VALUES[10:], 5.1, "HNN")], "gal")
+    assert found.channels == ("HNE", "HNN")
+    assert found.acceleration.shape == (390, 2)
+    assert np.flatnonzero(np.isnan(found.acceleration[:, 0])).tolist() == [10]
+    np.testing.assert_allclose(found.acceleration[11:, 0], VALUES[21:])
+    np.testing.assert_allclose(found.acceleration[:, 1], 0.01 * VALUES[10:])
+    assert found.repairs == ("HNE: 10 samples that others lack were cut",)
+    refusal(lambda: waveforms.from_stream([trace(VALUES, 0.0)], None), "without a unit")
+    japanese = waveforms.from_stream([trace(1e3 * VALUES, 0.0, calib=1e-3, knet={})], None)
+    np.testing.assert_allclose(japanese.acceleration, VALUES)
+
+
+def test_knet_by_obspy() -> None:
+    pytest.importorskip("obspy")
+    found = read(files.knet(VALUES, STEP).encode(), ".NS", PLAIN)
+    assert found.interval == pytest.approx(STEP)
+    assert found.station == "NWC001"
+    count = 0.01 * 3920.0 / 8223790.0
+    offset = 20000 * count
+    np.testing.assert_allclose(found.acceleration - offset, VALUES, atol=0.51 * count)
+
+
+def test_miniseed_and_sac_by_obspy(tmp_path: Path) -> None:
+    obspy = pytest.importorskip("obspy")
+    header = {"delta": STEP, "station": "NWC", "channel": "HNE"}
+    stream = obspy.Stream([obspy.Trace(100.0 * VALUES, header)])
+    for form, suffix, digits in (("MSEED", ".mseed", 1e-12), ("SAC", ".sac", 1e-6)):
+        path = tmp_path / f"one{suffix}"
+        stream.write(str(path), format=form)
+        found = read(path.read_bytes(), suffix, Reading(unit="gal"))
+        np.testing.assert_allclose(found.acceleration, VALUES, rtol=digits, atol=1e-7)
+        refusal(lambda p=path, s=suffix: read(p.read_bytes(), s, PLAIN), "without a unit")
+
+
+def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
+    obspy = pytest.importorskip("obspy")
+    stream, inventory = obspy.read(), obspy.read_inventory()
+    path, xml = tmp_path / "one.mseed", tmp_path / "one.xml"
+    stream.write(str(path), format="MSEED")
+    inventory.write(str(xml), format="STATIONXML")
+    band = (0.5, 1.0, 20.0, 30.0)
+    how = Reading("EHZ", None, xml.read_bytes(), band)
+    found = read(path.read_bytes(), ".mseed", how)
+    # an independent way: velocity by the sensitivity alone holds well inside the band
+    seen = stream.select(channel="EHZ")[0].data / 2516778400.0
+    inside = {"kind": "lowpass", "corner": 10.0, "poles": 4}
+    ours = processing.filtered(Trace(found.acceleration, STEP).velocity, STEP, **inside)
+    other = processing.filtered(seen - seen.mean(), STEP, **inside)
+    ours, other = (
+        processing.filtered(v, STEP, "highpass", 3.0, 4)[500:-500] for v in (ours, other)
+    )
+    assert np.corrcoef(ours, other)[0, 1] > 0.97
+    assert np.abs(ours).max() == pytest.approx(np.abs(other).max(), rel=0.1)
+    bare = replace(how, corners=None)
+    refusal(lambda: read(path.read_bytes(), ".mseed", bare), "motion.response.corners")
+
+
+def example(folder: str, name: str) -> bytes:
+    """A file of ObsPy's own tests."""
+    obspy = pytest.importorskip("obspy")
+    path = Path(obspy.__file__).parent / folder / "tests" / "data" / name
+    if not path.is_file():
+        pytest.skip("this ObsPy came without its test data")
+    return path.read_bytes()
+
+
+def test_obspys_example_of_knet_is_what_its_text_says() -> None:
+    content = example("io/nied", "test.knet")
+    found = read(content, ".EW", PLAIN)
+    lines = content.decode().splitlines()
+    counts = np.array(" ".join(lines[17:]).split(), dtype=float)
+    np.testing.assert_allclose(found.acceleration, counts * 0.01 * 2000.0 / 8388608.0, rtol=1e-12)
+    assert (found.interval, found.station) == (0.01, "AKT013")
+    assert "gal" in found.unit
+    peak = 100.0 * np.abs(found.acceleration - found.acceleration.mean()).max()
+    assert lines[14].split() == ["Max.", "Acc.", "(gal)", f"{peak:.3f}"]
+    refusal(lambda: read(content, ".EW", Reading(unit="g")), "motion.unit g")
+
+
+def test_obspys_example_of_sac_is_what_its_bytes_say() -> None:
+    content = example("realtime", "II.TLY.BHZ.SAC")
+    order = "<" if np.frombuffer(content, "<i4", 1, 4 * 76)[0] == 6 else ">"  # NVHDR
+    number = int(np.frombuffer(content, f"{order}i4", 1, 4 * 79)[0])
+    samples = np.frombuffer(content, f"{order}f4", number, 632)
+    found = read(content, ".sac", Reading(unit="cm/s2"))
+    exact = 0.01 * samples.astype(float)
+    np.testing.assert_allclose(found.acceleration, exact, rtol=1e-12)
+    assert any("rounded" in repair for repair in found.repairs)  # 50.00016 ms to 50 ms
+    assert found.interval == pytest.approx(
+        float(np.frombuffer(content, f"{order}f4", 1)[0]), rel=1e-5
+    )
+    assert found.station == "TLY"
+    assert found.channels == ("BHZ",)
+
+
+def test_obspys_examples_of_miniseed_with_a_gap_and_with_two_channels() -> None:
+    obspy = pytest.importorskip("obspy")
+    gaps = example("io/mseed", "gaps.mseed")
+    pieces = obspy.read(io.BytesIO(gaps))
+    found = read(gaps, ".mseed", Reading(unit="m/s2"))
+    missing = np.isnan(found.acceleration)
+    assert missing.any()
+    assert (~missing).sum() == sum(len(piece) for piece in pieces)
+    refusal(lambda: record_checks.sound(found), "gap")
+    two = example("io/mseed", "two_channels.mseed")
+    names = sorted({trace.stats.channel for trace in obspy.read(io.BytesIO(two))})
+    assert len(names) == 2
+    refusal(lambda: read(two, ".mseed", Reading(unit="m/s2")), *names, "motion.component")
+    one = read(two, ".mseed", Reading(names[0], "m/s2"))
+    assert one.channels == (names[0],)
+    refusal(lambda: read(two, ".mseed", Reading(names[0], "counts")), "counts")
+
+
+def test_what_obspy_passed_over_is_told() -> None:
+    found = read(example("io/mseed", "brokenlastrecord.mseed"), ".mseed", Reading(unit="m/s2"))
+    assert len(found.repairs) == 4
+    assert "Not a SEED record" in found.repairs[0]
+    assert "more warnings" in found.repairs[-1]
+    assert read(example("io/mseed", "test.mseed"), ".mseed", Reading(unit="gal")).repairs == ()
+
+
+def test_obspys_broken_example_is_refused() -> None:
+    seed = example("io/mseed", "two_channels.mseed")
+    refusal(lambda: read(seed[:200], ".mseed", Reading(unit="m/s2")), "ObsPy cannot read")
+
+
+# Checks
+
+
+def test_a_sound_record_is_left_alone() -> None:
+    before = record(VALUES)
+    assert record_checks.sound(before) is before
+
+
+@pytest.mark.parametrize("limit", [0.5, 0.9])
+def test_clipping_is_refused(limit: float) -> None:
+    top = limit * VALUES.max()
+    refusal(lambda: record_checks.sound(record(np.minimum(VALUES, top))), "in a row", "clipped")
+    refusal(lambda: record_checks.sound(record(np.maximum(VALUES, -top))), "in a row", "clipped")
+
+
+def test_a_smooth_top_of_rounded_samples_is_no_clipping() -> None:
+    t = np.arange(4000) * 0.001
+    smooth = np.round(np.cos(2.0 * np.pi * t), 4)  # five in a row at the very top
+    assert (smooth == 1.0).sum() > 10
+    assert record_checks.sound(record(smooth, 0.001)) is not None
+
+
+def test_short_gaps_are_bridged_and_long_ones_refused() -> None:
+    holed = VALUES.copy()
+    holed[100:103] = np.nan
+    holed[:2] = holed[-1] = np.inf
+    found = record_checks.sound(record(holed))
+    assert len(found.acceleration) == 397
+    line = np.interp([100, 101, 102], [99, 103], VALUES[[99, 103]])
+    np.testing.assert_allclose(found.acceleration[98:101], line)
+    assert np.array_equal(found.acceleration[:98], VALUES[2:100])
+    said = " | ".join(found.repairs)
+    assert "3 missing samples at the ends were cut" in said
+    assert "3 missing samples at 1 s were bridged" in said
+    holed[200:206] = np.nan
+    refusal(lambda: record_checks.sound(record(holed)), "a gap of 6 samples, 0.06 s, at 2 s", "cut")
+    refusal(lambda: record_checks.sound(record(np.full(50, np.nan))), "without a number")
+
+
+@pytest.mark.parametrize("unit_error", [100.0, GRAVITY * 3, 1e-8])
+def test_a_wrong_unit_shows_in_the_pga(unit_error: float) -> None:
+    wrong = record(VALUES * unit_error)
+    if 1e-6 <= np.abs(wrong.acceleration).max() / GRAVITY <= 5.0:
+        pytest.fail("the case shows nothing")
+    refusal(lambda: record_checks.sound(wrong), "a PGA of", "motion.unit", "gal")
+
+
+def test_an_offset_is_no_pga() -> None:
+    assert record_checks.sound(record(VALUES + 60.0)).acceleration.max() > 5.0 * GRAVITY
+
+
+def test_nothing_that_moves_is_refused() -> None:
+    refusal(lambda: record_checks.sound(record(np.full(100, 0.3))), "all alike")
+
+
+def test_drift_is_refused() -> None:
+    pulse = CosinePulse.from_g(0.3, 0.2)
+    t = np.arange(0.0, pulse.duration, 0.001)
+    level = Trace(pulse.acceleration(t), 0.001)
+    record_checks.settled(level)
+    refusal(
+        lambda: record_checks.settled(Trace(level.acceleration + 0.05, 0.001)), "PGV", "highpass"
+    )
+    half = Trace(pulse.acceleration(t[: len(t) // 2]), 0.001)  # stops, but elsewhere
+    refusal(lambda: record_checks.settled(half), "100% of its PGD")
+
+
+def test_units() -> None:
+    assert factor("g") == GRAVITY
+    for counts in ("counts", "V"):
+        refusal(lambda c=counts: factor(c), counts, "response")
+
+
+# One motion: acceleration, velocity, displacement
+
+
+samples = arrays.arrays(
+    np.float64, st.integers(2, 40), elements=st.floats(-20.0, 20.0, allow_subnormal=False)
+)
+steps = st.floats(1e-3, 0.1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(samples, steps, st.floats(0.0, 1.0))
+def test_velocity_and_displacement_are_exact_integrals(values, step: float, share: float) -> None:
+    motion = RecordedMotion(Trace(values, step))
+    t = share * motion.duration
+    knots = np.append(np.arange(math.floor(t / step) + 1) * step, t)
+    mids = 0.5 * (knots[1:] + knots[:-1])
+    width = np.diff(knots)
+    line = lambda x: np.interp(x, motion.trace.times, values)  # noqa: E731
+    simpson = (width / 6.0) * (line(knots[:-1]) + 4.0 * line(mids) + line(knots[1:]))
+    scale = 20.0 * max(t, step)
+    assert float(motion.velocity(np.array([t]))[0]) == pytest.approx(
+        simpson.sum(), abs=1e-9 * scale
+    )
+    v = motion.velocity(np.concatenate([knots, mids]))
+    v_knots, v_mids = v[: len(knots)], v[len(knots) :]
+    way = (width / 6.0) * (v_knots[:-1] + 4.0 * v_mids + v_knots[1:])  # exact for a parabola
+    found = float(motion.displacement(np.array([t]))[0])
+    assert found == pytest.approx(way.sum(), abs=1e-9 * scale * max(t, step))
+
+
+@settings(max_examples=60, deadline=None)
+@given(samples, steps, st.floats(-0.2, 1.2))
+def test_remaining_impulse_is_exact(values, step: float, share: float) -> None:
+    motion = RecordedMotion(Trace(values, step))
+    t = share * motion.duration
+    times = motion.trace.times
+    a, b = values[:-1], values[1:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        zeros = times[:-1] + step * np.where(a * b < 0.0, a / (a - b), 0.0)
+    knots = np.unique(np.concatenate([times, zeros, [min(max(t, 0.0), motion.duration)]]))
+    knots = knots[knots >= min(max(t, 0.0), motion.duration)]
+    size = np.abs(np.interp(knots, times, values))
+    left = float(np.sum(0.5 * np.diff(knots) * (size[1:] + size[:-1])))  # no sign change within
+    assert motion.remaining_impulse(t) == pytest.approx(left, abs=1e-7 * 20.0 * motion.duration)
+
+
+def test_outside_the_record_the_table_rests() -> None:
+    motion = RecordedMotion(Trace(VALUES, STEP))
+    outside = np.array([-1.0, motion.duration + 1.0])
+    assert motion.acceleration(outside).tolist() == [0.0, 0.0]
+    assert motion.velocity(outside).tolist() == [0.0, 0.0]
+    assert motion.displacement(outside).tolist() == [0.0, motion.trace.displacement[-1]]
+    assert motion.remaining_impulse(motion.duration) == 0.0
+    assert motion.acceleration(motion.trace.times) == pytest.approx(VALUES)
+
+
+def test_motions_are_told_apart_by_identity() -> None:
+    one = Trace(VALUES, STEP)
+    first, second = RecordedMotion(one), RecordedMotion(one)
+    assert first == first
+    assert first != second
+    assert len({first, second}) == 2
+    with pytest.raises(AttributeError):
+        first.trace = one  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("pga", [0.05, 0.4, 2.0])
+def test_scaling_keeps_the_shape(pga: float) -> None:
+    motion = RecordedMotion.scaled(Trace(-VALUES, STEP), pga)
+    assert motion.peak_acceleration == pytest.approx(pga * GRAVITY, rel=1e-12)
+    ratio = motion.trace.acceleration[100] / -VALUES[100]
+    assert ratio > 0.0  # which way the first push goes matters to a rock
+    np.testing.assert_allclose(motion.trace.displacement, ratio * Trace(-VALUES, STEP).displacement)
+
+
+def test_a_sampled_pulse_is_the_pulse() -> None:
+    pulse = CosinePulse.from_g(0.4, 0.3)
+    number = 4000
+    step = pulse.duration / number
+    motion = RecordedMotion(Trace(pulse.acceleration(np.arange(number + 1) * step), step))
+    t = np.linspace(0.0, pulse.duration, 777)
+    for name in ("acceleration", "velocity", "displacement"):
+        exact = getattr(pulse, name)(t)
+        # a chord is off by (h/r)^2 / 8 of the peak
+        np.testing.assert_allclose(
+            getattr(motion, name)(t), exact, atol=(step / 0.3) ** 2 / 6 * np.abs(exact).max()
+        )
+    for at in (-1.0, 0.0, 0.3, 1.0, 5.0):
+        assert motion.remaining_impulse(at) == pytest.approx(pulse.remaining_impulse(at), abs=1e-4)
+
+
+# Processing
+
+
+def test_none_does_nothing() -> None:
+    found = process(VALUES, STEP, Processing("none", None, None))
+    assert np.array_equal(found.acceleration, VALUES)
+
+
+@pytest.mark.parametrize("poles", [2, 4, 5])
+@pytest.mark.parametrize(("kind", "corner"), [("lowpass", 5.0), ("highpass", 2.0)])
+def test_two_passes_halve_the_corner_and_keep_the_phase(
+    poles: int, kind: str, corner: float
+) -> None:
+    t = np.arange(20000) * 0.005
+    for hertz in (corner, 0.5 * corner, 2.0 * corner):
+        found = processing.filtered(np.sin(2.0 * np.pi * hertz * t), 0.005, kind, corner, poles)
+        middle = slice(8000, 12000)
+        inside, outside = (
+            np.sin(2 * np.pi * hertz * t[middle]),
+            np.cos(2 * np.pi * hertz * t[middle]),
+        )
+        gain = 2.0 * np.mean(found[middle] * inside)
+        # Butterworth by the bilinear transform, whose frequencies are tan(pi f h)
+        warped = math.tan(math.pi * hertz * 0.005) / math.tan(math.pi * corner * 0.005)
+        order = 2 * poles if kind == "lowpass" else -2 * poles
+        assert gain == pytest.approx(1.0 / (1.0 + warped**order), abs=1e-6)
+        assert np.mean(found[middle] * outside) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_papers_order_is_the_high_passed_velocity() -> None:
+    how = Processing("paper", 0.5, 20.0)
+    found = process(VALUES, STEP, how)
+    pad = processing.pad_length(how, STEP)
+    assert pad * STEP * 2.0 == pytest.approx(1.5 * 4 / 0.5, abs=2.1 * STEP)
+    low = processing.filtered(np.pad(VALUES, pad), STEP, "lowpass", 20.0, 4)
+    literal = processing.filtered(Trace(low, STEP).velocity, STEP, "highpass", 0.5, 4)
+    # the same but for what runs out of the ends of the zeros
+    gap = np.abs(found.velocity - literal).max() / np.abs(literal).max()
+    assert gap < 2e-3
+    longer = replace(how, poles=4)
+    far = np.pad(VALUES, 5 * pad)
+    low = processing.filtered(far, STEP, "lowpass", 20.0, 4)
+    literal = processing.filtered(Trace(low, STEP).velocity, STEP, "highpass", 0.5, longer.poles)
+    ours = Trace(processing.filtered(low, STEP, "highpass", 0.5, 4), STEP).velocity
+    np.testing.assert_allclose(ours, literal, atol=1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5))
+def test_baseline_takes_a_polynomial_away_and_nothing_else(weights) -> None:
+    t = np.linspace(0.0, 1.0, 2000)
+    drift = sum(w * k * (k - 1) * t ** (k - 2) for w, k in zip(weights, range(2, 7), strict=True))
+    swing = np.sin(2.0 * np.pi * 40.0 * t) * np.exp(-0.5 * ((t - 0.5) / 0.05) ** 2)
+    step = 4.0 / 1999
+    cleaned = processing.with_level_baseline(swing + drift, step)
+    alone = processing.with_level_baseline(swing, step)
+    np.testing.assert_allclose(cleaned, alone, atol=1e-9)
+    nothing = processing.with_level_baseline(drift, step)
+    assert np.abs(nothing).max() < 1e-9
+
+
+def test_standard_order_takes_offset_and_slope_away() -> None:
+    how = Processing("standard", 0.5, 25.0)
+    t = np.arange(len(VALUES)) * STEP
+    plain, tilted = (process(v, STEP, how) for v in (VALUES, VALUES + 0.7 + 0.3 * t))
+    np.testing.assert_allclose(tilted.acceleration, plain.acceleration, atol=1e-9)
+    record_checks.settled(plain)
+    powers = np.column_stack([(plain.times / plain.duration) ** k for k in range(2, 7)])
+    rest = plain.displacement / np.abs(plain.displacement).max()
+    weights = np.linalg.lstsq(powers, rest, rcond=None)[0]
+    assert np.abs(powers @ weights).max() < 1e-3  # nothing of the polynomial is left
+
+
+def test_resampling_is_band_limited() -> None:
+    t = np.arange(4000) * 0.005
+    tone = np.sin(2.0 * np.pi * 3.0 * t)
+    found, step = processing.resampled(tone, 0.005, 80.0)
+    assert step == pytest.approx(1.0 / 80.0)
+    at = np.arange(len(found)) * step
+    np.testing.assert_allclose(found[200:-200], np.sin(2 * np.pi * 3.0 * at)[200:-200], atol=2e-3)
+    high, _ = processing.resampled(np.sin(2.0 * np.pi * 70.0 * t), 0.005, 80.0)
+    assert np.abs(high[200:-200]).max() < 0.01  # above the new Nyquist frequency: gone, not folded
+    refusal(lambda: processing.resampled(tone, 0.005, 200.0 / math.pi), "ratio", "resample")
+
+
+def test_corners_out_of_reach_are_refused() -> None:
+    refusal(lambda: process(VALUES, STEP, Processing("paper", None, 46.0)), "46 Hz", "45 Hz")
+    refusal(lambda: process(VALUES, STEP, Processing("paper", 0.2, None)), "0.2 Hz", "0.25 Hz")
+    refusal(lambda: process(VALUES[:10], STEP, Processing("none", None, None)), "10 samples")
+
+
+# Measures
+
+
+def test_measures_of_a_harmonic_motion() -> None:
+    amplitude, hertz, length, step = 2.0, 1.25, 8.0, 1e-3
+    t = np.arange(round(length / step) + 1) * step
+    found = measures(Trace(amplitude * np.cos(2.0 * np.pi * hertz * t), step))
+    w = 2.0 * np.pi * hertz
+    assert found.pga == amplitude
+    assert found.pgv == pytest.approx(amplitude / w, rel=1e-5)
+    assert found.pgd == pytest.approx(2.0 * amplitude / w**2, rel=1e-5)
+    assert found.pgv_pga == pytest.approx(1.0 / w, rel=1e-5)
+    assert found.arias == pytest.approx(
+        math.pi / (2 * GRAVITY) * amplitude**2 * length / 2, rel=2e-5
+    )
+    assert found.cav == pytest.approx(2.0 * amplitude * length / math.pi, rel=1e-5)
+    assert found.significant_duration == pytest.approx(0.9 * length, rel=0.01)
+
+
+def test_spectrum_of_a_step() -> None:
+    step = 0.002
+    trace = Trace(np.full(20000, 1.5), step)
+    # a constant push overshoots by exp(-zeta pi / sqrt(1 - zeta^2)); exact but for the sampling
+    for damping in (0.02, 0.05, 0.2):
+        over = math.exp(-damping * math.pi / math.sqrt(1.0 - damping**2))
+        found = spectrum(trace, np.array([0.4, 1.0, 3.0]), damping)
+        np.testing.assert_allclose(found, 1.5 * (1.0 + over), rtol=2e-4)
+
+
+def test_spectrum_at_resonance_and_at_its_ends() -> None:
+    hertz, step = 2.0, 0.002
+    t = np.arange(30000) * step
+    trace = Trace(np.sin(2.0 * np.pi * hertz * t), step)
+    soft = 3e-4
+    low, at, high = spectrum(trace, np.array([soft, hertz, 200.0]))
+    assert at == pytest.approx(1.0 / (2.0 * 0.05), rel=2e-3)
+    assert high == pytest.approx(1.0, rel=1e-3)  # a stiff oscillator goes along
+    # a soft one stays where it was: its relative displacement is the ground's
+    pgd = np.abs(trace.displacement).max()
+    assert low / (2.0 * np.pi * soft) ** 2 == pytest.approx(pgd, rel=0.05)
+
+
+def test_spectrum_is_exact_whatever_the_step() -> None:
+    coarse = Trace(VALUES, STEP)
+    t = np.arange(0.0, coarse.duration, STEP / 16)
+    fine = Trace(np.interp(t, coarse.times, VALUES), STEP / 16)
+    hertz = np.array([0.5, 1.0, 2.0])
+    # the same straight lines: only what lies between the samples of the response differs
+    np.testing.assert_allclose(spectrum(coarse, hertz), spectrum(fine, hertz), rtol=2e-3)
+
+
+def test_spectrum_against_direct_integration() -> None:
+    from scipy.integrate import solve_ivp
+
+    trace, w = Trace(VALUES, STEP), 2.0 * np.pi * 1.7
+    found = solve_ivp(
+        lambda t, y: [y[1], -0.1 * w * y[1] - w**2 * y[0] - np.interp(t, trace.times, VALUES)],
+        (0.0, trace.duration), [0.0, 0.0], max_step=STEP / 2, rtol=1e-8, atol=1e-10,
+        t_eval=trace.times[:-1],
+    )  # fmt: skip
+    inside = w**2 * np.abs(found.y[0]).max()
+    assert float(spectrum(trace, np.array([1.7]))[0]) == pytest.approx(inside, rel=1e-4)
+
+
+def test_measures_grow_as_they_should() -> None:
+    one, twice = measures(Trace(VALUES, STEP)), measures(Trace(2.0 * VALUES, STEP))
+    for name in ("pga", "pgv", "pgd", "sa_1hz", "sa_2hz", "cav"):
+        assert getattr(twice, name) == pytest.approx(2.0 * getattr(one, name))
+    assert twice.arias == pytest.approx(4.0 * one.arias)
+    assert twice.pgv_pga == pytest.approx(one.pgv_pga)
+    assert twice.significant_duration == pytest.approx(one.significant_duration)
+
+
+def test_shake_table_record_of_the_shared_data() -> None:
+    path = ROOT.parent / "shared" / "data" / "ground_motion" / "RSN316_table.csv"
+    if not path.is_file():
+        pytest.skip("the shared data are not here")
+    refusal(lambda: read(path.read_bytes(), ".csv", PLAIN), "without a unit")
+    found = record_checks.sound(read(path.read_bytes(), ".csv", Reading("raw_acc", "m/s2")))
+    assert found.interval == pytest.approx(1.0 / 800.0)
+    assert len(found.acceleration) == 20000
+    trace = process(found.acceleration, found.interval, Processing("standard", 0.2, 40.0))
+    record_checks.settled(trace)

@@ -1,0 +1,304 @@
+"""Rest, contact and static tipping of hulls against geometry worked out by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from vsr_core.errors import Unfit
+from vsr_core.rock.hull import (
+    MAX_SETTLING_TURN,
+    Hull,
+    base_polygon,
+    contact_tilts,
+    convex_hull,
+    rest_tilts,
+    settle,
+    tipping,
+    touching,
+)
+
+Array = NDArray[np.float64]
+ALL_ROUND = np.radians(np.arange(0.0, 360.0, 1.0))
+HALF = st.floats(0.05, 5.0)
+SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+
+
+def random_rock(seed: int, count: int = 30) -> Hull:
+    """Random convex rock at rest: the face nearest to the centre is down, which always rests."""
+    rng = np.random.default_rng(seed)
+    points = rng.standard_normal((count, 3)) * rng.uniform(0.3, 1.5, 3)
+    points -= points[ConvexHull(points).vertices].mean(axis=0)
+    hull = convex_hull(points)
+    nearest = hull.normals[np.argmin(hull.offsets)]
+    return hull.turned(Rotation.align_vectors([[0, 0, -1]], [nearest])[0].as_matrix())
+
+
+def to_the_edge(outline: Array, direction: Array) -> Array:
+    """Distance from the origin to a convex outline in each direction, by its half-planes."""
+    planes = ConvexHull(outline).equations  # n x + offset <= 0 inside
+    ways = np.column_stack([np.cos(direction), np.sin(direction)])
+    with np.errstate(divide="ignore"):
+        reach = -planes[:, 2] / (ways @ planes[:, :2].T)
+    return np.where(reach > 0.0, reach, np.inf).min(axis=1)
+
+
+@given(HALF, HALF, HALF)
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_box_tips_where_its_weight_passes_the_edge(bx: float, by: float, h: float) -> None:
+    tips = tipping(convex_hull(SIGNS * (bx, by, h)), ALL_ROUND)
+    with np.errstate(divide="ignore"):
+        expected = np.minimum(bx / abs(np.cos(ALL_ROUND)), by / abs(np.sin(ALL_ROUND))) / h
+    np.testing.assert_allclose(tips.uplift, expected, rtol=1e-9)
+    np.testing.assert_allclose(tips.overturning, expected, rtol=1e-9)
+    assert tips.angle[0] == pytest.approx(math.atan2(bx, h))
+    assert tips.angle[90] == pytest.approx(math.atan2(by, h))
+
+
+@pytest.mark.parametrize("corners", [3, 5, 6, 12])
+def test_regular_prism(corners: int) -> None:
+    radius, h = 0.7, 1.1
+    around = 2.0 * math.pi * np.arange(corners) / corners
+    ring = radius * np.column_stack([np.cos(around), np.sin(around)])
+    points = np.vstack([np.column_stack([ring, np.full(corners, z)]) for z in (-h, h)])
+    tips = tipping(convex_hull(points), ALL_ROUND)
+    apothem = radius * math.cos(math.pi / corners)
+    facing = np.cos(ALL_ROUND[:, None] - around - math.pi / corners).max(axis=1)
+    np.testing.assert_allclose(tips.uplift, apothem / facing / h, rtol=1e-9)
+    np.testing.assert_allclose(tips.overturning, tips.uplift, rtol=1e-9)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_random_rock_lifts_where_its_weight_passes_the_base(seed: int) -> None:
+    hull = random_rock(seed)
+    low = hull.vertices[:, 2].min()
+    base = base_polygon(hull.vertices, 1e-9)
+    tips = tipping(hull, ALL_ROUND)
+    np.testing.assert_allclose(tips.uplift, to_the_edge(base, ALL_ROUND) / -low, rtol=1e-6)
+    assert (tips.overturning >= tips.uplift).all()
+
+
+@given(st.integers(0, 10**6), st.floats(-7.0, 7.0))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_tipping_turns_with_the_rock(seed: int, yaw: float) -> None:
+    hull = random_rock(seed)
+    turned = hull.turned(Rotation.from_euler("z", yaw).as_matrix())
+    # Not multiples of a degree: those hit no symmetry of a random rock.
+    ways = ALL_ROUND[::7] + 0.0123
+    here, there = tipping(hull, ways), tipping(turned, ways + yaw)
+    np.testing.assert_allclose(there.uplift, here.uplift, rtol=1e-6)
+    np.testing.assert_allclose(there.overturning, here.overturning, rtol=1e-6)
+
+
+@given(st.integers(0, 10**6), st.floats(0.01, 100.0))
+@settings(max_examples=30, deadline=None, derandomize=True)
+def test_tipping_does_not_know_the_size(seed: int, scale: float) -> None:
+    hull = random_rock(seed)
+    here = tipping(hull, ALL_ROUND[::5])
+    there = tipping(convex_hull(scale * hull.vertices), ALL_ROUND[::5])
+    np.testing.assert_allclose(there.uplift, here.uplift, rtol=1e-6)
+    np.testing.assert_allclose(there.overturning, here.overturning, rtol=1e-6)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-12, 1e-9])
+@given(st.integers(0, 10**6), HALF, HALF, HALF)
+@settings(max_examples=30, deadline=None, derandomize=True)
+def test_points_in_the_base_and_its_edges_do_not_matter(
+    noise: float, seed: int, bx: float, by: float, h: float
+) -> None:
+    """Neither inside the face nor on its edges, nor where rounding moves them a little.
+
+    Points a third of the half-width apart and off by ``noise`` of it tilt a facet by some 1e-8.
+    """
+    rng = np.random.default_rng(seed)
+    corners = SIGNS * (bx, by, h)
+    x, y = np.meshgrid(np.linspace(-bx, bx, 7), np.linspace(-by, by, 7))
+    extra = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -h)])
+    extra[:, 2] += noise * min(bx, by) * rng.uniform(-1, 1, len(extra))
+    plain = tipping(convex_hull(corners), ALL_ROUND[::3])
+    crowded = convex_hull(np.vstack([corners, extra]))
+    tips = tipping(crowded, ALL_ROUND[::3])
+    np.testing.assert_allclose(tips.uplift, plain.uplift, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(tips.overturning, plain.overturning, rtol=1e-6, atol=1e-7)
+    assert settle(crowded)[1] == pytest.approx(0.0, abs=1e-6)
+
+
+@given(st.floats(0.2, 0.9), st.floats(0.02, 0.6), st.floats(0.5, 3.0))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_chamfered_block_finds_a_second_rest(narrow: float, rise: float, h: float) -> None:
+    """A bevel of slope delta below the outer edge, which stands alpha' from the vertical.
+
+    The block lifts at b/h, lies down on the bevel, and tips over the outer edge once the
+    resultant leans by alpha' - delta.
+    """
+    c, d = 1.0, min(rise * (1.0 - narrow), 0.9 * h)
+    section = [(narrow, -h), (c, d - h), (c, h)]
+    points = np.array([(s * x, y, z) for x, z in section for s in (-1, 1) for y in (-9, 9)])
+    tips = tipping(convex_hull(points), np.array([0.0, math.pi]))
+    bevel = math.atan2(d, c - narrow)
+    expected = max(narrow / h, math.tan(math.atan2(c, h - d) - bevel))
+    np.testing.assert_allclose(tips.uplift, narrow / h, rtol=1e-9)
+    np.testing.assert_allclose(tips.overturning, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("d", [0.002, 0.01, 0.08])
+def test_rock_on_three_points_with_others_just_above(d: float) -> None:
+    """Lifts over the line of two feet, comes to stand on a third point, and tips over that.
+
+    Feet at radius r, and above the middle of each side of their triangle a point at radius R, a
+    little higher by d. Toward such a point the rock turns by delta = atan(d / (R - r/2)) about
+    two feet before the point lands; the point then stands atan(R / (h - d)) - delta ahead of the
+    centre. Everything beyond is a vertical wall: it has toppled.
+    """
+    r, big, h = 0.3, 0.5, 1.0
+    feet, points = np.radians([60.0, 180.0, 300.0]), np.radians([0.0, 120.0, 240.0])
+    rock = np.vstack(
+        [
+            np.column_stack([r * np.cos(feet), r * np.sin(feet), np.full(3, -h)]),
+            np.column_stack([big * np.cos(points), big * np.sin(points), np.full(3, d - h)]),
+            np.column_stack([big * np.cos(points), big * np.sin(points), np.full(3, h)]),
+        ]
+    )
+    hull = convex_hull(rock)
+    tips = tipping(hull, points)
+    delta = math.atan2(d, big - 0.5 * r)
+    stands = math.tan(math.atan2(big, h - d) - delta)
+    np.testing.assert_allclose(tips.uplift, 0.5 * r / h, rtol=1e-9)
+    np.testing.assert_allclose(tips.overturning, stands, rtol=1e-9)
+    assert stands > 1.5 * 0.5 * r / h
+    # It leans there unpushed too once the centre has passed the two feet.
+    leaning = [delta] * 3 if delta > math.atan2(0.5 * r, h) else []
+    tilts = rest_tilts(hull)
+    np.testing.assert_allclose(tilts[tilts < 1.0], [0.0, *leaning], atol=1e-9)
+
+
+@given(HALF, HALF, HALF, st.floats(0.1, 14.9), st.floats(0.0, 360.0))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_slightly_tilted_box_settles_on_its_base(
+    bx: float, by: float, h: float, tilt: float, way: float
+) -> None:
+    """By the angle it was tilted, if its centre stood over the base."""
+    h = min(h, 3.0 * min(bx, by))  # alpha > 18 deg
+    axis = np.array([math.cos(math.radians(way)), math.sin(math.radians(way)), 0.0])
+    given_pose = Rotation.from_rotvec(math.radians(tilt) * axis).as_matrix()
+    hull = convex_hull(SIGNS * (bx, by, h)).turned(given_pose)
+    rotation, turned = settle(hull)
+    assert turned == pytest.approx(math.radians(tilt), abs=1e-9)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+    np.testing.assert_allclose(rotation @ given_pose, np.eye(3), atol=1e-9)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_settled_rock_stands_on_what_its_centre_does_not_overhang(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    hull = random_rock(seed).turned(Rotation.from_rotvec(rng.uniform(-0.1, 0.1, 3)).as_matrix())
+    try:
+        rotation, turned = settle(hull)
+    except Unfit:
+        return
+    assert turned <= MAX_SETTLING_TURN
+    rest = hull.turned(rotation)
+    base = base_polygon(rest.vertices, 1e-9)
+    assert (to_the_edge(base, ALL_ROUND[::10]) < np.inf).all()
+    assert (ConvexHull(base).equations[:, 2] < 1e-6).all()
+    assert rest_tilts(rest)[0] == pytest.approx(0.0, abs=1e-6)
+    again, more = settle(rest)
+    assert more == pytest.approx(0.0, abs=1e-7)
+    np.testing.assert_allclose(again, np.eye(3), atol=1e-7)
+
+
+@pytest.mark.parametrize("size", [(1.0, 1.0, 2.0), (1.0, 1.0, 1.0), (2.0, 2.0, 1.0)])
+def test_a_box_that_does_not_stand_is_refused(size: tuple[float, float, float]) -> None:
+    hull = convex_hull(0.5 * SIGNS * size)
+    tilted = Rotation.from_euler("y", 40.0, degrees=True).as_matrix()
+    with pytest.raises(Unfit, match="falls by"):
+        settle(hull.turned(tilted))
+
+
+def test_an_overhanging_rock_rolls_further_than_allowed() -> None:
+    """A leaning prism whose centre lies beyond its foot."""
+    points = SIGNS * (0.2, 0.5, 1.0)
+    points[:, 0] += 0.5 * points[:, 2]  # its foot ends at x = -0.3, its centre is at 0
+    with pytest.raises(Unfit, match="falls by"):
+        settle(convex_hull(points))
+
+
+def test_rest_poses_of_boxes() -> None:
+    quarter = 0.5 * math.pi
+    np.testing.assert_allclose(
+        rest_tilts(convex_hull(SIGNS * (0.4, 0.7, 1.3))), [0.0, *[quarter] * 4, math.pi]
+    )
+
+
+def test_rest_poses_leave_out_faces_that_the_centre_overhangs() -> None:
+    points = SIGNS * (0.2, 0.5, 1.0)
+    points[:, 0] += 0.5 * points[:, 2]
+    lean = math.atan(0.5)
+    # Not its slanting ends: only the two long slanted sides and the two flanks.
+    np.testing.assert_allclose(
+        rest_tilts(convex_hull(points)),
+        [0.5 * math.pi - lean, 0.5 * math.pi, 0.5 * math.pi, 0.5 * math.pi + lean],
+    )
+
+
+@given(st.integers(0, 10**6), st.integers(5, 80))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_contact_tilts_hold_every_support_that_sampling_finds(seed: int, count: int) -> None:
+    hull = random_rock(seed, count)
+    rng = np.random.default_rng(seed)
+    down = rng.standard_normal((4000, 3))
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    # And directions near each face's and edge's, where supports change hands.
+    between = hull.normals + hull.normals[hull.neighbours[:, 0]] * rng.uniform(
+        0, 1, (len(hull.normals), 1)
+    )
+    down = np.vstack([down, between / np.linalg.norm(between, axis=1, keepdims=True)])
+    tilt = np.arccos(np.clip(-down[:, 2], -1.0, 1.0))
+    support = np.argmax(down @ hull.vertices.T, axis=1)
+    least, greatest = contact_tilts(hull)
+    assert (least[support] <= tilt + 1e-9).all()
+    assert (tilt <= greatest[support] + 1e-9).all()
+    for limit in np.radians([10.0, 45.0, 80.0, 120.0]):
+        assert touching(hull, limit)[support[tilt <= limit]].all()
+
+
+def test_touching_leaves_something_out() -> None:
+    """Of a finely faceted ball, what lies well above the tilt."""
+    points = np.random.default_rng(0).standard_normal((600, 3))
+    hull = convex_hull(points / np.linalg.norm(points, axis=1, keepdims=True))
+    kept = touching(hull, math.radians(60.0))
+    polar = np.arccos(-hull.vertices[:, 2])
+    assert kept[polar < math.radians(60.0)].all()
+    assert not kept[polar > math.radians(110.0)].any()
+
+
+def test_base_polygon_runs_counter_clockwise() -> None:
+    polygon = base_polygon(SIGNS * (0.4, 0.7, 1.3) + (0.0, 0.0, 5.0), 1e-6)
+    after = np.roll(polygon, -1, axis=0)
+    area = 0.5 * np.sum(polygon[:, 0] * after[:, 1] - polygon[:, 1] * after[:, 0])
+    assert area == pytest.approx(0.8 * 1.4)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.zeros((0, 3)),
+        np.zeros((8, 3)),
+        np.column_stack([np.random.default_rng(0).random((9, 2)), np.zeros(9)]),
+        SIGNS + np.array([3.0, 0.0, 0.0]),
+    ],
+    ids=["none", "one point", "flat", "centre outside"],
+)
+def test_what_is_no_rock_is_refused(points: Array) -> None:
+    with pytest.raises(Unfit):
+        convex_hull(points)

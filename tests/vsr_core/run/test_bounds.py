@@ -1,0 +1,382 @@
+"""What is proved without a simulation, against sampling, adversaries and complete runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline import ROOT
+from vsr_core import GRAVITY
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.outcome import DecidedBy, Outcome, Response
+from vsr_core.rock import solid
+from vsr_core.rock.body import Rock
+from vsr_core.rock.hull import convex_hull, tipping
+from vsr_core.run import bounds, overturning
+from vsr_core.run.bounds import Barrier, barrier, reachable_energy, still_range
+from vsr_core.run.overturning import Case, Settings, prepare
+from vsr_core.scene import Contact, Scene
+from vsr_core.surrogates.double_rock import double_rock
+from vsr_core.verification.time_step import step_unit
+
+Array = NDArray[np.float64]
+HALF = st.floats(0.1, 3.0)
+SCAN = ROOT.parent / "shared" / "data" / "double_rock" / "double_rock.ply"
+
+
+def random_mesh(seed: int, count: int = 30) -> trimesh.Trimesh:
+    """Convex mesh on its face nearest to the centre of mass, which it always rests on."""
+    rng = np.random.default_rng(seed)
+    cloud = rng.standard_normal((count, 3)) * rng.uniform(0.3, 1.0, 3)
+    mesh = trimesh.convex.convex_hull(cloud)
+    away = np.einsum("ij,ij->i", mesh.face_normals, mesh.triangles[:, 0] - mesh.center_mass)
+    down = mesh.face_normals[np.argmin(away)]
+    mesh.vertices = Rotation.align_vectors([[0, 0, -1]], [down])[0].apply(mesh.vertices)
+    return mesh
+
+
+def pillar_mesh() -> trimesh.Trimesh:
+    """Slender random rock: points around a leaning axis, cut flat below."""
+    rng = np.random.default_rng(11)
+    around, z = rng.uniform(0.0, 2.0 * math.pi, 60), rng.uniform(0.0, 1.2, 60)
+    z[:12] = 0.0
+    width = 0.22 + 0.12 * np.sin(2.5 * z)
+    x, y = width * np.cos(around) + 0.05 * z, 0.8 * width * np.sin(around)
+    return trimesh.convex.convex_hull(np.column_stack([x, y, z]))
+
+
+@cache
+def rock_of(name: str) -> tuple[Rock, Barrier]:
+    if name.startswith("box "):
+        x, y, z = (float(part) for part in name[4:].split("x"))
+        rock = solid.box((x, y, z), 2110.0).rock
+    elif name == "surrogate":
+        rock = solid.from_mesh(trimesh.Trimesh(*double_rock(), process=False), 2110.0).rock
+    elif name == "scan":
+        rock = solid.from_mesh(solid.checked(trimesh.load_mesh(SCAN))[0], 2110.0).rock
+    elif name == "pillar":
+        rock = solid.from_mesh(pillar_mesh(), 2110.0).rock
+    else:
+        rock = solid.from_mesh(random_mesh(int(name)), 2110.0).rock
+    return rock, barrier(rock)
+
+
+def case_of(name: str, contact: Contact, yaw: float) -> Case:
+    rock, limits = rock_of(name)
+    return prepare(Scene(rock, contact, yaw), limits, reduce=True)
+
+
+def down_at(tilt: Array, azimuth: Array) -> Array:
+    """Directions of gravity in the rock's frame."""
+    return np.column_stack(
+        [np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), -np.cos(tilt)]
+    )
+
+
+def support(rock: Rock, down: Array) -> Array:
+    """Height of the centre of mass while the rock touches the pedestal, over all its vertices."""
+    height: Array = (down @ rock.vertices.T).max(axis=1)
+    return height
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=8, deadline=None, derandomize=True)
+def test_barrier_is_a_tight_lower_bound(seed: int) -> None:
+    """Below every pose sampled at its tilt, by no more than the stated discretisation."""
+    rock = solid.from_mesh(random_mesh(seed), 2000.0).rock
+    limits = barrier(rock)
+    rng = np.random.default_rng(seed)
+    for i in range(0, len(limits.tilt), 3):
+        azimuth = np.sort(rng.uniform(0.0, 2.0 * math.pi, 3000))
+        lowest = support(rock, down_at(np.full(3000, limits.tilt[i]), azimuth)).min()
+        assert limits.height[i] <= lowest + 1e-12
+        gap = max(np.diff(azimuth).max(), azimuth[0] - azimuth[-1] + 2.0 * math.pi)
+        slack = rock.radius * math.sin(limits.tilt[i])
+        assert limits.height[i] >= lowest - slack * (2.0 * math.pi / 1440 + gap) - 1e-12
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=8, deadline=None, derandomize=True)
+def test_floors_lie_below_every_pose(seed: int) -> None:
+    rock = solid.from_mesh(random_mesh(seed), 2000.0).rock
+    limits = barrier(rock)
+    down = np.random.default_rng(seed).standard_normal((40_000, 3))
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    height = support(rock, down)
+    upright = np.arccos(-down[:, 2]) <= limits.edge_tilt
+    assert limits.floor <= height.min() + 1e-12
+    assert limits.upright_floor <= height[upright].min() + 1e-12
+    assert limits.floor == pytest.approx(height.min(), rel=0.02)
+    assert limits.toppled_tilt >= math.radians(20.0)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=20, deadline=None, derandomize=True)
+def test_no_path_over_the_barrier_is_lower(seed: int) -> None:
+    """Random wandering paths from upright to beyond the toppled tilt and back again."""
+    rock, limits = rock_of(str(seed % 3))
+    rng = np.random.default_rng(seed)
+    steps = 4000
+    there = np.linspace(0.0, limits.toppled_tilt + 0.3, steps // 2)
+    tilt = np.abs(np.cumsum(rng.normal(0.0, 0.005, steps)) + np.concatenate([there, there[::-1]]))
+    azimuth = rng.uniform(0.0, 2.0 * math.pi) + np.cumsum(rng.normal(0.0, 0.02, steps))
+    tilt = np.minimum(tilt, math.pi)
+    height = support(rock, down_at(tilt, azimuth))
+    # Between two points of the path the height changes by less than the radius per radian.
+    between = rock.radius * float(np.hypot(np.diff(tilt), np.diff(azimuth)).max())
+    beyond = np.nonzero(tilt > limits.toppled_tilt)[0]
+    if not len(beyond):
+        return
+    assert height[: beyond[0] + 1].max() + between >= limits.edge_height
+    for begin in beyond[::20]:
+        back = np.nonzero(tilt[begin:] <= limits.toppled_tilt)[0]
+        if len(back):
+            path = height[begin : begin + back[0] + 1]
+            assert path.max() + between >= limits.to_return(tilt[begin])
+
+
+@given(HALF, HALF, HALF)
+@settings(max_examples=10, deadline=None, derandomize=True)
+def test_box_tips_over_its_shorter_half_diagonal(bx: float, by: float, h: float) -> None:
+    """Closed form: at tilt t the lowest pose is min(bx, by) sin t + h cos t."""
+    rock = solid.box((2 * bx, 2 * by, 2 * h), 2000.0).rock
+    limits = barrier(rock)
+    half = min(bx, by)
+    slack = rock.radius * math.pi / 1440
+    upright = limits.tilt <= 0.5 * math.pi
+    exact = half * np.sin(limits.tilt[upright]) + h * np.cos(limits.tilt[upright])
+    assert (limits.height[upright] <= exact + 1e-12).all()
+    assert (limits.height[upright] >= exact - slack - 1e-12).all()
+    over = math.hypot(half, h)
+    quarter_step = math.radians(0.25)
+    assert limits.edge_height <= over + 1e-12
+    assert limits.edge_height >= over * math.cos(quarter_step) - slack
+    # Highest at the slenderness angle: to half a step, and the slack's slope over its curvature.
+    near = quarter_step + slack / over
+    assert limits.edge_tilt == pytest.approx(math.atan2(half, h), abs=1.01 * near)
+    assert limits.floor == pytest.approx(min(bx, by, h))
+    assert limits.toppled_tilt >= limits.edge_tilt
+
+
+@given(
+    st.floats(0.0, 50.0),
+    st.floats(0.1, 10.0),
+    st.floats(0.1, 3.0),
+    st.floats(-3.0, 3.0),
+    st.floats(0.3, 1.0),
+)
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_no_adversary_gains_more_energy(
+    stiffness: float, push: float, duration: float, speed: float, bounce: float
+) -> None:
+    """A bouncing mass in a well, always pushed the way it moves: the most that shaking can do."""
+    steps = 4000
+    dt = duration / steps
+    x, v = 0.0, speed
+    start = 0.5 * v * v
+    for i in range(steps):
+        way = math.copysign(1.0, v)
+        # Exact for the quadratic well between walls: rotation about the shifted centre.
+        if stiffness > 1e-6:
+            omega, centre = math.sqrt(stiffness), way * push / stiffness
+            c, s = math.cos(omega * dt), math.sin(omega * dt)
+            x, v = (
+                centre + (x - centre) * c + v / omega * s,
+                -(x - centre) * omega * s + v * c,
+            )
+        else:
+            x, v = x + v * dt + 0.5 * way * push * dt * dt, v + way * push * dt
+        if abs(x) > 1.0 and x * v > 0.0:
+            v *= -bounce
+        energy = 0.5 * v * v + 0.5 * stiffness * x * x
+        # A step in which v changes sign is pushed the wrong way for a part of it: still |a| dt.
+        assert energy <= reachable_energy(start, push * (i + 1) * dt) * (1.0 + 1e-9) + 1e-12
+
+
+@given(st.floats(0.0, 100.0), st.floats(0.0, 10.0), st.floats(0.0, 10.0))
+@settings(deadline=None, derandomize=True)
+def test_reachable_energy_is_reached_and_adds_up(energy: float, one: float, other: float) -> None:
+    """A free mass pushed the way it moves gets all of it; two pushes are as good as one."""
+    speed = math.sqrt(2.0 * energy)
+    assert reachable_energy(energy, one) == pytest.approx(0.5 * (speed + one) ** 2)
+    twice = reachable_energy(reachable_energy(energy, one), other)
+    assert twice == pytest.approx(reachable_energy(energy, one + other), abs=1e-12)
+    assert reachable_energy(-1.0, one) == pytest.approx(0.5 * one**2)
+
+
+@pytest.mark.parametrize("friction", [0.8, 0.3])
+def test_a_box_does_not_move_inside_the_still_range(friction: float) -> None:
+    """Complete runs just inside both ends of the range: neither tilt nor slip."""
+    for yaw in np.radians([0.0, 70.0, 190.0]):
+        case = case_of("box 1x1x2", Contact(friction), float(yaw))
+        for level in (0.97 * case.still[0], 0.97 * case.still[1]):
+            response = complete(case, CosinePulse(level, 0.25), Contact(friction))
+            assert response.outcome is Outcome.BALANCED
+            assert response.peak_tilt < 1e-5
+            assert response.slip < 1e-4 * case.full.rock.radius
+
+
+@pytest.mark.parametrize(("name", "friction"), [("surrogate", 0.6), ("surrogate", 0.05),
+                                                ("pillar", 1.0)])  # fmt: skip
+def test_a_hull_stays_standing_inside_the_still_range(name: str, friction: float) -> None:
+    """Bullet finds a hull's contacts one at a time, so that it leans a little before it holds.
+
+    Not still as a box, then, but nowhere near its tipping angle and without sliding.
+    """
+    for yaw in np.radians([0.0, 70.0, 190.0]):
+        case = case_of(name, Contact(friction), float(yaw))
+        end = min(-case.still[0], case.still[1])
+        rock, turned = case.full.rock, np.array([-yaw, math.pi - yaw])
+        angle = tipping(convex_hull(rock.vertices), turned).angle.min()
+        for level in (0.9 * end, -0.9 * end):
+            response = complete(case, CosinePulse(level, 0.25), Contact(friction))
+            assert response.outcome is Outcome.BALANCED
+            assert response.peak_tilt < 0.2 * angle
+            assert response.slip < 0.01 * rock.radius
+
+
+@pytest.mark.parametrize(("name", "friction"), [("box 1x1x2", 10.0), ("surrogate", 10.0)])
+def test_rock_lifts_beyond_the_still_range(name: str, friction: float) -> None:
+    for yaw in np.radians([0.0, 70.0, 190.0]):
+        case = case_of(name, Contact(friction), float(yaw))
+        response = complete(case, CosinePulse(1.15 * case.still[1], 0.25), Contact(friction))
+        assert response.peak_tilt > 1e-3
+
+
+def test_still_range_of_a_box() -> None:
+    """Both b/h = 1/2; friction where it is less; across the diagonal the nearer edges."""
+    rock, _ = rock_of("box 1x1x2")
+    assert still_range(rock, Contact(0.6), 0.0) == pytest.approx((-0.5 * GRAVITY, 0.5 * GRAVITY))
+    assert still_range(rock, Contact(0.3), 0.0) == pytest.approx((-0.3 * GRAVITY, 0.3 * GRAVITY))
+    turned = 0.5 / math.cos(math.radians(30.0)) * GRAVITY
+    assert still_range(rock, Contact(9.0), math.radians(30.0)) == pytest.approx((-turned, turned))
+
+
+def test_a_positive_acceleration_tips_toward_minus_x() -> None:
+    """A wedge with a near edge on one side: the end of the range is that of the trailing edge."""
+    section = np.array([(-0.2, 0.0), (0.5, 0.0), (0.5, 1.0), (-0.2, 1.0)])
+    mesh = trimesh.convex.convex_hull(np.array([(x, y, z) for x, z in section for y in (0, 1)]))
+    top = mesh.vertices[:, 2] > 0.5
+    mesh.vertices[top, 0] -= 0.2  # it leans to -x
+    rock = solid.from_mesh(mesh, 2000.0).rock
+    low, high = still_range(rock, Contact(9.0), 0.0)
+    base = rock.vertices[:, 2] < rock.vertices[:, 2].min() + 1e-9
+    edges = rock.vertices[base, 0]
+    assert high == pytest.approx(GRAVITY * -edges.min() / rock.height)
+    assert -low == pytest.approx(GRAVITY * edges.max() / rock.height)
+    assert high < 0.8 * -low
+    back = still_range(rock, Contact(9.0), math.pi)
+    assert back == pytest.approx((-high, -low))
+
+
+def complete(case: Case, motion: CosinePulse, contact: Contact) -> Response:
+    """The run with every vertex and no rule, to rest."""
+    assert case.full.contact == contact
+    unreduced = replace(case, scene=case.full)
+    step = 0.003 * step_unit(case.full.rock)
+    return overturning.simulate(unreduced, motion, Settings(step, reduce=False))
+
+
+class Watched(overturning._Run):
+    """A complete run that notes, at every look, what the rules would have claimed."""
+
+    def __init__(self, case: Case, motion: CosinePulse, step: float) -> None:
+        super().__init__(case, case.full, motion, Settings(step, reduce=False), step)
+        self.claims: list[tuple[float, bool, bool, bool]] = []
+
+    def _decided(self) -> tuple[Outcome, DecidedBy] | None:
+        impulse = self.motion.remaining_impulse(self.time)
+        arguments = (self.limits, self.tilt, self.energy, impulse)
+        falls = self.tilt > self.limits.toppled_tilt and self._falls_on()
+        claim = bounds.cannot_topple(*arguments), bounds.cannot_return(*arguments), falls
+        self.claims.append((self.tilt, *claim))
+        return super()._decided()
+
+
+def cells(seed: int, count: int, low: float, high: float) -> list[tuple[float, float, float]]:
+    """Random PGA [g], PGV/PGA [s] and yaw [rad]."""
+    rng = np.random.default_rng(seed)
+    pga, ratio = rng.uniform(low, high, count), np.exp(rng.uniform(np.log(0.05), 0.0, count))
+    yaw = np.sort(rng.integers(0, 12, count)) * math.radians(30.0)
+    return list(zip(pga.tolist(), ratio.tolist(), yaw.tolist(), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"), [("box 1x1x2", 0.4, 1.2), ("box 0.3x0.4x1", 0.25, 0.9),
+                              ("surrogate", 0.05, 0.7)],
+)  # fmt: skip
+def test_no_claim_is_contradicted_later_in_the_run(name: str, low: float, high: float) -> None:
+    claimed = np.zeros(3, dtype=int)
+    for pga, ratio, yaw in cells(5, 36, low, high):
+        case = case_of(name, Contact(0.6), yaw)
+        run = Watched(case, CosinePulse.from_g(pga, ratio), 0.003 * step_unit(case.full.rock))
+        response = run.to_the_end()
+        assert response.outcome.overturned >= 0
+        tilts = np.array([claim[0] for claim in run.claims])
+        stays, lies, falls = np.array([claim[1:] for claim in run.claims]).T
+        claimed += [stays.any(), lies.any(), falls.any()]
+        if stays.any():
+            assert tilts[np.argmax(stays) :].max() <= case.limits.edge_tilt
+        if lies.any():
+            assert tilts[np.argmax(lies) :].min() >= case.limits.toppled_tilt
+        if falls.any():
+            assert response.outcome is Outcome.OVERTURNED
+    assert (claimed >= 5).all(), claimed
+
+
+def compare(
+    name: str, count: int, low: float, high: float, seed: int, contact: Contact
+) -> list[str]:
+    """Cells in which a reduced run ends otherwise than the complete one, in words."""
+    differing = []
+    toppled = 0
+    for pga, ratio, yaw in cells(seed, count, low, high):
+        case = case_of(name, contact, yaw)
+        motion = CosinePulse.from_g(pga, ratio)
+        reduced = overturning.simulate(case, motion, Settings(0.003 * step_unit(case.full.rock)))
+        full = complete(case, motion, contact)
+        toppled += full.outcome is Outcome.OVERTURNED
+        if reduced.outcome is not full.outcome:
+            differing.append(
+                f"{name} {pga!r} g {ratio!r} s {math.degrees(yaw):.0f} deg: {reduced} {full}"
+            )
+    assert 0.05 * count < toppled < 0.95 * count, toppled
+    return differing
+
+
+@pytest.mark.parametrize("contact", [Contact(0.6), Contact(0.6, 0.38)])
+@pytest.mark.parametrize(
+    ("name", "low", "high"), [("box 1x1x2", 0.3, 1.2), ("box 0.3x0.4x1", 0.2, 0.9)]
+)
+def test_reduced_runs_end_as_complete_ones(
+    name: str, low: float, high: float, contact: Contact
+) -> None:
+    assert compare(name, 60, low, high, 1, contact) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "count", "low", "high"),
+    [
+        ("box 1x1x2", 1700, 0.02, 1.2),
+        ("surrogate", 1700, 0.02, 0.8),
+        ("scan", 1700, 0.02, 0.8),
+        ("pillar", 1700, 0.02, 0.8),
+    ],
+)
+def test_reduced_runs_end_as_complete_ones_on_many_cells(
+    name: str, count: int, low: float, high: float
+) -> None:
+    """5,000 random cells of three rocks, and of the scan where it is at hand."""
+    if name == "scan" and not SCAN.exists():
+        pytest.skip(f"no scan at {SCAN.name} beside the checkout")
+    assert compare(name, count, low, high, 2, Contact(0.6)) == []

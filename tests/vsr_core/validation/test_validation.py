@@ -1,0 +1,342 @@
+"""Priors, specimens, runs, scores and calibration of the validation against shake-table tests."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from vsr_core import GRAVITY
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.records.recorded_motion import RecordedMotion
+from vsr_core.motions.records.trace import Trace
+from vsr_core.outcome import Outcome, Response
+from vsr_core.rock import solid
+from vsr_core.run import overturning
+from vsr_core.validation import (
+    calibration,
+    curves,
+    predictors,
+    priors,
+    recorded_test,
+    scores,
+    specimen,
+)
+from vsr_core.verification import rocking_block
+
+Array = NDArray[np.float64]
+
+TESTS = st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=60)
+
+
+# ------------------------------------------------------------------- scores
+
+
+@settings(max_examples=60, deadline=None)
+@given(tests=TESTS)
+def test_scores_from_the_four_counts(tests: list[tuple[bool, bool]]) -> None:
+    happened, predicted = np.array(tests, dtype=bool).T
+    found = scores.scored(happened, predicted, predicted.astype(float))
+    assert found.n == len(tests)
+    assert found.accuracy == pytest.approx((happened == predicted).mean())
+    assert found.brier == pytest.approx((happened != predicted).mean())
+    if len(set(happened.tolist())) == 2:
+        recalls = [(predicted[happened == side] == side).mean() for side in (False, True)]
+        assert found.balanced_accuracy == pytest.approx(np.mean(recalls))
+        if len(set(predicted.tolist())) == 2:  # Matthews is the correlation of the two
+            phi = np.corrcoef(happened, predicted)[0, 1]
+            assert found.matthews == pytest.approx(phi, abs=1e-9)
+
+
+def test_scores_of_nothing_are_no_numbers() -> None:
+    none = np.zeros(0, dtype=bool)
+    found = scores.scored(none, none)
+    assert found.n == 0
+    assert math.isnan(found.accuracy)
+
+
+def test_log_loss_of_a_sure_mistake_is_finite() -> None:
+    found = scores.scored(np.array([True]), np.array([False]), np.array([0.0]))
+    assert found.log_loss == pytest.approx(-math.log(scores.SMALLEST_PROBABILITY))
+
+
+def test_mcnemar_counts_the_tests_on_which_two_differ() -> None:
+    happened = np.ones(20, dtype=bool)
+    one, other = happened.copy(), happened.copy()
+    one[:2] = False
+    other[2:12] = False
+    # two of twelve: 2 (1 + 12 + 66) / 2^12
+    assert scores.mcnemar(happened, one, other) == pytest.approx(158 / 4096)
+    assert scores.mcnemar(happened, one, one) == 1.0
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6), count=st.integers(5, 200))
+def test_the_limit_of_a_prediction_is_the_best_for_right_probabilities(
+    seed: int, count: int
+) -> None:
+    """Expected balanced accuracy, computed for every limit, is largest at the mean."""
+    probability = np.random.default_rng(seed).beta(0.6, 0.9, count)
+    chosen = scores.decided(probability)
+
+    def expected(sides: NDArray[np.bool_]) -> float:
+        right = probability[sides].sum() / probability.sum()
+        return 0.5 * float(right + (1 - probability)[~sides].sum() / (1 - probability).sum())
+
+    for limit in probability:
+        assert expected(probability >= limit) <= expected(chosen) + 1e-12
+
+
+def test_reliability_has_every_test_once() -> None:
+    rng = np.random.default_rng(3)
+    probability = rng.uniform(size=4000)
+    happened = rng.uniform(size=4000) < probability
+    found = scores.reliability(happened, probability, 5)
+    assert found.count.sum() == 4000
+    assert float(found.count @ found.predicted) == pytest.approx(probability.sum())
+    assert float(found.count @ found.observed) == pytest.approx(happened.sum())
+    assert ((found.low < found.predicted) & (found.predicted < found.high)).all()
+
+
+# ------------------------------------------------------------------- other predictors, calibration
+
+
+def test_a_motion_is_predicted_without_its_own_tests() -> None:
+    """Outcomes that only the motion's name tells cannot be predicted better than by chance."""
+    rng = np.random.default_rng(0)
+    motions = np.repeat([f"motion {k}" for k in range(60)], 10)
+    happened = np.repeat(rng.uniform(size=60) < 0.5, 10)
+    names = np.repeat(rng.normal(size=(60, 8)), 10, axis=0)  # eight numbers that know the motion
+    probability = predictors.logistic(names, happened, motions)
+    assert np.mean((probability >= 0.5) == happened) < 0.65
+    told = predictors.logistic(
+        happened[:, None] + 0.1 * rng.normal(size=(600, 1)), happened, motions
+    )
+    assert np.mean((told >= 0.5) == happened) > 0.99
+
+
+def test_a_motion_is_on_one_half_whatever_its_tests() -> None:
+    names = np.array([f"RSN{k}" for k in range(400)])
+    half = predictors.first_half(names)
+    order = np.random.default_rng(1).permutation(400)
+    np.testing.assert_array_equal(predictors.first_half(names[order]), half[order])
+    assert 0.4 < half.mean() < 0.6
+
+
+def test_calibration_finds_what_made_the_outcomes() -> None:
+    rng = np.random.default_rng(5)
+    members = np.full(20_000, 20.0)
+    overturned = rng.integers(0, 21, 20_000).astype(float)
+    true = calibration.Calibration(0.8, 0.6)
+    happened = rng.uniform(size=20_000) < true.probability(overturned, members)
+    found = calibration.calibrate(overturned, members, happened)
+    assert found.intercept == pytest.approx(0.8, abs=0.08)
+    assert found.slope == pytest.approx(0.6, abs=0.04)
+    assert found.tests == 20_000
+
+
+def test_calibration_without_a_choice_changes_nothing() -> None:
+    counts, members = np.array([1.0, 5.0, 9.0]), np.full(3, 10.0)
+    found = calibration.calibrate(counts, members, np.ones(3, dtype=bool))
+    np.testing.assert_allclose(found.probability(counts, members), (counts + 0.5) / 11.0)
+
+
+def test_curve_finds_the_fragility_that_made_the_outcomes() -> None:
+    rng = np.random.default_rng(2)
+    intensity = rng.uniform(0.05, 1.0, 4000)
+    from scipy.stats import norm
+
+    happened = rng.uniform(size=4000) < norm.cdf(np.log(intensity / 0.3) / 0.4)
+    motions = np.array([f"m{k % 40}" for k in range(4000)])
+    at = np.array([0.15, 0.3, 0.6])
+    found = curves.curve(intensity, happened.astype(float), motions, at)
+    assert found.median == pytest.approx(0.3, rel=0.05)
+    exact = norm.cdf(np.log(at / 0.3) / 0.4)
+    assert ((found.low <= exact + 0.02) & (exact - 0.02 <= found.high)).all()
+
+
+# ------------------------------------------------------------------- priors
+
+
+def test_draws_fill_the_priors() -> None:
+    given = priors.Priors(restitution=(0.1, 0.4))
+    members = priors.draws(given, 256)
+    turned = [abs(m.azimuth - given.azimuth[0]) > math.pi / 2 for m in members]
+    assert np.mean(turned) == pytest.approx(given.reversed_share, abs=0.01)
+    azimuth = [m.azimuth for m, back in zip(members, turned, strict=True) if not back]
+    assert np.mean(azimuth) == pytest.approx(given.azimuth[0], abs=0.01)
+    assert np.std(azimuth) == pytest.approx(given.azimuth[1], rel=0.05)
+    for name in ("friction", "restitution", "mixing"):
+        low, high = getattr(given, name)
+        values = np.array([getattr(m, name) for m in members])
+        assert ((low <= values) & (values <= high)).all()
+        assert values.mean() == pytest.approx(0.5 * (low + high), abs=0.01)
+    centre = np.array([m.centre for m in members])
+    np.testing.assert_allclose(centre.std(axis=0), given.centre, rtol=0.05)
+    assert len({m.seed for m in members}) == 256
+
+
+@pytest.mark.parametrize("replica", [False, True])
+def test_an_extreme_changes_one_unknown(replica: bool) -> None:
+    pairs = priors.extremes(priors.Priors(), replica=replica)
+    assert "restitution" not in pairs  # it has no range
+    assert ("mixing of the scans" in pairs, "error of the base" in pairs) == (replica, not replica)
+    changed = []
+    for low, high in pairs.values():
+        names = [k for k, value in vars(low).items() if not np.array_equal(value, vars(high)[k])]
+        assert len(names) == 1
+        changed += names
+    expected = {"azimuth", "friction", "amplitude", "centre", "mixing" if replica else "seed"}
+    assert set(changed) == expected
+
+
+# ------------------------------------------------------------------- specimens
+
+
+@cache
+def rough() -> trimesh.Trimesh:
+    """A rough boulder that stands on three points."""
+    body = trimesh.creation.icosphere(subdivisions=3, radius=0.35)
+    vertices = np.array(body.vertices) * [1.0, 0.8, 1.1]
+    vertices[:, 2] = np.maximum(vertices[:, 2], -0.25)
+    vertices *= 1.0 + 0.02 * np.sin(vertices @ [[9.0], [7.0], [11.0]])
+    return trimesh.Trimesh(vertices, body.faces, process=False)
+
+
+def plain(**changes: object) -> priors.Member:
+    """A member with nothing uncertain."""
+    member = replace(priors.best_guess(priors.Priors()), mixing=0.0, azimuth=0.0)
+    return replace(member, **changes)  # type: ignore[arg-type]
+
+
+def test_a_form_scanned_twice_is_known_as_such() -> None:
+    other = rough().copy()
+    other.apply_transform(trimesh.transformations.rotation_matrix(0.01, [0, 0, 1]))
+    other.apply_translation([0.004, -0.003, 0.002])
+    found = specimen.form(rough(), other)
+    assert found.replica
+    assert found.error < 2e-4
+    assert found.spread == 0.0
+    alone = specimen.form(rough(), None)
+    assert not alone.replica
+    assert alone.spread == specimen.SCAN_ERROR
+    assert not specimen.form(rough(), trimesh.creation.box([0.5, 0.5, 1.0])).replica
+
+
+def test_error_of_two_scans_is_the_noise_of_each() -> None:
+    rng = np.random.default_rng(4)
+    noise = 0.002
+    scans = []
+    for _ in range(2):
+        normals = np.array(rough().vertex_normals)
+        moved = np.array(rough().vertices) + noise * rng.normal(size=(len(normals), 1)) * normals
+        scans.append(trimesh.Trimesh(moved, rough().faces, process=False))
+    assert specimen.form(*scans).error == pytest.approx(noise, rel=0.3)
+
+
+def test_a_draw_without_doubt_is_the_scan() -> None:
+    drawn = specimen.drawn(specimen.form(rough(), None), plain(), 2700.0)
+    exact = solid.from_mesh(rough(), 2700.0).rock
+    assert drawn.mass == pytest.approx(exact.mass)
+    np.testing.assert_allclose(drawn.inertia, exact.inertia)
+    np.testing.assert_allclose(drawn.vertices, exact.vertices)
+
+
+def test_a_shift_of_the_centre_moves_the_base_against_it() -> None:
+    form = specimen.form(rough(), None)
+    high = specimen.drawn(form, plain(centre=np.array([0.0, 0.0, 0.01])), 2700.0)
+    assert high.height - specimen.drawn(form, plain(), 2700.0).height == pytest.approx(
+        0.01, abs=1e-3
+    )
+
+
+# ------------------------------------------------------------------- runs
+
+
+@cache
+def block() -> trimesh.Trimesh:
+    return trimesh.creation.box([0.25, 0.4, 0.75])
+
+
+def pulse(pga: float, ratio: float, interval: float = 0.005) -> Array:
+    """Acceleration of a cosine pulse, sampled."""
+    motion = CosinePulse.from_g(pga, ratio)
+    return motion.acceleration(np.arange(0.0, motion.duration + interval, interval))
+
+
+@cache
+def housner() -> float:
+    """First overturning PGA [g] of the block."""
+    rigid = rocking_block.Block(0.125, 0.375)
+    return rocking_block.first_overturning_pga(rigid, 0.3, 2.0 * GRAVITY, 0.02 * GRAVITY) / GRAVITY
+
+
+def shake_block(pga: float, azimuth: float = 0.0, turn: float = 0.0) -> bool:
+    mesh = block().copy()
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(turn, [0, 0, 1]))
+    member = plain(azimuth=azimuth, friction=2.0)
+    rock = specimen.drawn(specimen.form(mesh, None), member, 2700.0)
+    case = recorded_test.standing_case(rock, member)
+    return recorded_test.shaken(case, pulse(pga, 0.3), 0.005, 1.0).outcome.overturned == 1
+
+
+def test_a_block_topples_where_housner_says() -> None:
+    limit = housner()
+    assert not shake_block(0.97 * limit)
+    assert shake_block(1.03 * limit)
+
+
+@pytest.mark.parametrize("turn", [0.4, 2.0])
+def test_a_turned_specimen_under_a_turned_drive(turn: float) -> None:
+    limit = housner()
+    for share, side in ((0.96, False), (1.04, True)):
+        assert shake_block(share * limit, azimuth=turn, turn=turn) is side
+
+
+def test_amplitude_scales_the_motion() -> None:
+    member = plain(friction=2.0)
+    rock = specimen.drawn(specimen.form(block(), None), member, 2700.0)
+    case = recorded_test.standing_case(rock, member)
+    weak, strong = pulse(0.3, 0.1), 2.5 * pulse(0.3, 0.1)
+    one = recorded_test.shaken(case, weak, 0.005, 2.5)
+    other = recorded_test.shaken(case, strong, 0.005, 1.0)
+    assert one.peak_tilt == pytest.approx(other.peak_tilt, rel=1e-6)
+    assert one.peak_tilt > 0.0
+
+
+def test_rests_are_passed_over_without_a_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pulses with rests between them: tilts within those of whole runs, in far fewer steps.
+
+    The tilt after a rest hangs on where in its steps the engine is when the push comes, so that
+    whole runs with longer and shorter rests differ by some percent from each other.
+    """
+    member = plain(friction=2.0)
+    rock = specimen.drawn(specimen.form(block(), None), member, 2700.0)
+    case = recorded_test.standing_case(rock, member)
+    chosen = overturning.Settings(5e-4)
+
+    def runs() -> list[Response]:
+        found = []
+        for count in (400, 800, 1600):
+            rest = np.zeros(count)
+            parts = [pulse(0.5, 0.05), rest, pulse(0.6, 0.05), rest, pulse(0.4, 0.08)]
+            motion = RecordedMotion(Trace(np.concatenate(parts), 0.005))
+            found.append(overturning.simulate(case, motion, chosen))
+        return found
+
+    short = runs()
+    monkeypatch.setattr(overturning._Run, "_pass_over_rest", lambda run: None)
+    whole = runs()
+    tilts = [run.peak_tilt for run in whole]
+    for run in short:
+        assert 0.98 * min(tilts) <= run.peak_tilt <= 1.02 * max(tilts)
+    assert min(tilts) > 0.05
+    assert {run.outcome for run in (*short, *whole)} == {Outcome.BALANCED}
+    assert sum(run.steps for run in short) < 0.5 * sum(run.steps for run in whole)

@@ -1,0 +1,233 @@
+"""The time step that the scene itself asks for: what is measured, and what is chosen from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vsr_core import GRAVITY
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.outcome import DecidedBy, Outcome, Response
+from vsr_core.rock import solid
+from vsr_core.run import bounds
+from vsr_core.run.overturning import Case, Settings, prepare
+from vsr_core.scene import Contact, Scene
+from vsr_core.table import servo
+from vsr_core.verification import time_step, work_precision
+from vsr_core.verification.boundary_search import OFFSETS, WORST, rocking_block
+from vsr_core.verification.rocking_block import Block, rocking_response
+from vsr_core.verification.time_step import SHARES, Front, choose, front, measure
+from vsr_core.verification.work_precision import Score, Target
+
+
+def box(size: tuple[float, float, float], contact: Contact, yaw: float = 0.0) -> Case:
+    rock = solid.box(size, 2110.0).rock
+    return prepare(Scene(rock, contact, yaw), bounds.barrier(rock), reduce=True)
+
+
+SLENDER = box((1.0, 1.0, 3.0), Contact(0.6))
+
+
+def hull(still: float) -> Case:
+    """A case that no equation answers; ``still`` [m/s^2] is what it bears for certain."""
+    shapes = replace(SLENDER.full.rock, shape="hull")
+    return replace(SLENDER, full=replace(SLENDER.full, rock=shapes), still=(-still, still))
+
+
+def ending(outcome: Outcome) -> Response:
+    return Response(outcome, DecidedBy.SIMULATION, 0.0, 0.0, 0.0, 5)
+
+
+def test_error_stated_holds_on_pulses_that_were_not_tried() -> None:
+    """Beyond the error of a step, up to its window, every outcome is Housner's."""
+    ratio = time_step.periods(SLENDER.full.rock)[0]
+    row = measure(SLENDER, ratio, Settings(1.0))
+    assert row.exact
+    block = Block(0.5, 1.5)
+    rng = np.random.default_rng(3)
+    checked = 0
+    for share, error in zip(SHARES, row.error, strict=True):
+        settings = Settings(share * time_step.step_unit(SLENDER.full.rock))
+        test = work_precision.project(SLENDER, settings)
+        for offset in rng.uniform(error, 0.08, 4) * rng.choice((-1.0, 1.0), 4):
+            pga = row.reference * (1.0 + offset)
+            checked += 1
+            assert test(CosinePulse(pga, ratio)) is rocking_response(block, pga, ratio).overturned
+    assert checked == 4 * len(SHARES)
+
+
+@pytest.mark.parametrize("bias", [-0.02, 0.02])
+def test_a_biased_simulation_is_found_out(monkeypatch: pytest.MonkeyPatch, bias: float) -> None:
+    """Pulses that arrive 2 % too strong or weak: an error of about 2 % that no step removes."""
+    honest = time_step.simulate
+
+    def biased(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        return honest(case, replace(motion, pga=motion.pga * (1.0 + bias)), settings)
+
+    monkeypatch.setattr(time_step, "simulate", biased)
+    row = measure(SLENDER, time_step.periods(SLENDER.full.rock)[0], Settings(1.0))
+    fine = row.error[np.array(SHARES) <= 0.004]
+    assert ((fine >= 0.015) & (fine <= 0.03)).all()
+
+
+def test_a_simulation_without_verdicts_is_never_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost = Response(Outcome.UNSTABLE, DecidedBy.SIMULATION, math.nan, math.nan, math.nan, 7)
+    monkeypatch.setattr(time_step, "simulate", lambda *arguments: lost)
+    row = measure(SLENDER, 0.2, Settings(1.0))
+    assert (row.error == WORST).all()
+
+
+def test_where_the_reference_changes_its_mind_either_outcome_passes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A hull whose finer runs differ between 10 and 10.5 m/s^2: coarse steps may say either."""
+    case = hull(5.0)
+    unit = time_step.step_unit(case.full.rock)
+
+    def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        share = settings.time_step / unit
+        second = math.isclose(share, time_step.SECOND_SHARE)
+        limit = 10.5 if second else 10.2 if share > 0.01 else 10.0
+        return ending(Outcome.OVERTURNED if motion.pga > limit else Outcome.BALANCED)
+
+    monkeypatch.setattr(time_step, "simulate", fake)
+    row = measure(case, 0.3, Settings(1.0))
+    assert not row.exact
+    assert row.reference == pytest.approx(10.0, rel=0.002)
+    assert (row.error == OFFSETS[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("case", "expected"),
+    [
+        (SLENDER, Block(0.5, 1.5)),
+        (box((1.0, 2.0, 3.0), Contact(0.8), math.pi / 2), Block(1.0, 1.5)),
+        (box((1.0, 2.0, 3.0), Contact(0.8), math.pi), Block(0.5, 1.5)),
+        (box((1.0, 1.0, 3.0), Contact(0.6), 0.3), None),
+        (box((1.0, 1.0, 2.0), Contact(0.5)), None),
+        (box((2.0, 1.0, 2.0), Contact(5.0)), None),
+        (box((1.0, 1.0, 3.0), Contact(0.6, 0.2)), None),
+        (box((1.0, 1.0, 3.0), Contact(0.6, 0.0, 0.01)), None),
+    ],
+)
+def test_housners_block_is_the_reference_only_where_it_applies(
+    case: Case, expected: Block | None
+) -> None:
+    assert rocking_block(case) == expected
+
+
+def test_housners_block_is_no_reference_for_a_servo() -> None:
+    full = replace(SLENDER.full, drive=servo.PUBLISHED)
+    assert rocking_block(replace(SLENDER, full=full)) is None
+
+
+def test_front_keeps_what_four_rows_in_five_keep() -> None:
+    error = np.outer([1.0, 2.0, 3.0, 4.0, 50.0, math.nan], np.linspace(2.0, 1.0, len(SHARES)))
+    steps = np.outer([1.0, 1.0, 1.0, 3.0, 4.0, math.nan], np.arange(len(SHARES)) + 1.0)
+    found = front(error, steps)
+    assert found.error == pytest.approx(np.linspace(8.0, 4.0, len(SHARES)))
+    assert found.worst == pytest.approx(np.linspace(100.0, 50.0, len(SHARES)))
+    assert found.steps == pytest.approx(2.0 * (np.arange(len(SHARES)) + 1.0))
+
+
+@pytest.mark.parametrize(
+    ("error", "tolerance", "step", "within"),
+    [
+        ((0.08, 0.04, 0.02, 0.01), 0.04, 4.0, True),
+        ((0.08, 0.04, 0.02, 0.01), 0.02, 2.0, True),
+        ((0.01, 0.04, 0.02, 0.01), 0.02, 2.0, True),  # good by luck above a bad one
+        ((0.08, 0.04, 0.02, 0.01), 0.005, 1.0, False),
+        ((math.nan,) * 4, 0.01, None, True),
+    ],
+)
+def test_choice_is_the_coarsest_from_which_on_all_keep_the_tolerance(
+    error: tuple[float, ...], tolerance: float, step: float | None, within: bool
+) -> None:
+    shares = np.array([8.0, 4.0, 2.0, 1.0])
+    chosen = choose(Front(shares, np.array(error), np.array(error), shares), tolerance, 0.5, 99.0)
+    assert chosen.within is within
+    if step is not None:
+        assert chosen.time_step == 0.5 * step
+        assert chosen.error == error[list(shares).index(step)]
+
+
+def test_no_step_is_longer_than_the_longest() -> None:
+    shares = np.array([8.0, 4.0, 2.0, 1.0])
+    for error in (np.full(4, 0.001), np.full(4, math.nan)):
+        chosen = choose(Front(shares, error, error, shares), 0.01, 0.5, 1.3)
+        assert chosen.time_step == 1.0
+        assert chosen.within
+
+
+def test_doubled_tolerance_is_cheaper() -> None:
+    rows = [measure(SLENDER, r, Settings(1.0)) for r in time_step.periods(SLENDER.full.rock)]
+    measured = front(np.array([r.error for r in rows]), np.array([r.steps for r in rows]))
+    unit = time_step.step_unit(SLENDER.full.rock)
+    rock = SLENDER.full.rock
+    steps = [
+        choose(measured, wanted, unit, time_step.longest(rock, "bullet", wanted)).time_step
+        for wanted in (0.005, 0.01, 0.02)
+    ]
+    assert steps == sorted(steps)
+    assert steps[2] >= 1.5 * steps[1] >= 1.5 * steps[0]
+
+
+def test_score_of_a_way_of_running_against_a_target() -> None:
+    """A way that is right from 1.5 % on above the boundary, and everywhere below it."""
+    right = {10.0 * (1.0 + side * offset): side > 0.0 for offset in OFFSETS for side in (-1.0, 1.0)}
+    wanted = Target(0.3, 10.0, True, 0.0, right)
+    found = work_precision.score(lambda pulse: pulse.pga > 10.12, wanted)
+    assert found.error == 0.015
+    assert found.lost == 0
+    assert found.seconds >= 0.0
+    diverging = work_precision.score(lambda pulse: None, wanted)
+    assert diverging == Score(WORST, diverging.seconds, diverging.lost)
+    assert diverging.lost > 0
+
+
+def test_target_of_a_block_is_housners_equation() -> None:
+    wanted = work_precision.target(SLENDER, 0.2, ())
+    assert wanted.exact
+    assert len(wanted.right) == 2 * len(OFFSETS)
+    block = Block(0.5, 1.5)
+    for pga, topples in wanted.right.items():
+        assert topples is rocking_response(block, pga, 0.2).overturned
+    assert wanted.boundary / GRAVITY == pytest.approx(0.52, abs=0.01)  # Housner, 1x1x3 m at 0.20 s
+
+
+@pytest.mark.parametrize("lost", [Outcome.UNSETTLED, Outcome.UNSTABLE, Outcome.CRASHED])
+def test_runs_without_verdicts_are_not_right_for_being_as_lost_as_the_reference(
+    monkeypatch: pytest.MonkeyPatch, lost: Outcome
+) -> None:
+    monkeypatch.setattr(time_step, "simulate", lambda *arguments: ending(lost))
+    assert (measure(hull(5.0), 0.3, Settings(1.0)).error == WORST).all()
+
+
+def test_target_of_two_engines_is_what_both_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They topple from 10 and 10.4 m/s^2 on: 10.2 on average, and no answer between them."""
+    limits = {"bullet": 10.0, "mujoco": 10.4}
+
+    def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        over = motion.pga > limits[settings.engine]
+        return ending(Outcome.OVERTURNED if over else Outcome.DISPLACED)
+
+    monkeypatch.setattr(work_precision, "simulate", fake)
+    wanted = work_precision.target(hull(5.0), 0.3, ("bullet", "mujoco"))
+    assert not wanted.exact
+    assert wanted.boundary == pytest.approx(10.2, rel=0.002)
+    assert wanted.spread == pytest.approx(0.4 / 10.2, abs=0.004)
+    assert len(wanted.right) == 2 * len(OFFSETS)
+    for pga, topples in wanted.right.items():
+        assert topples is (pga > 10.4 if abs(pga - 10.2) > 0.2 else None)
+    assert work_precision.score(lambda pulse: pulse.pga > 10.2, wanted).error == OFFSETS[0]
+    assert work_precision.score(lambda pulse: None, wanted).error == WORST
+
+
+def test_no_target_where_nothing_topples_the_rock(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(work_precision, "simulate", lambda *arguments: ending(Outcome.BALANCED))
+    wanted = work_precision.target(hull(5.0), 0.3, ("bullet", "mujoco"))
+    assert math.isnan(wanted.boundary)
+    assert wanted.right == {}

@@ -1,0 +1,1 @@
+"""Statistics of large displacement, and the way back from a found rock."""

@@ -1,0 +1,110 @@
+"""Plain tables: a line of names, then a column of times and one or more of acceleration.
+
+A name may hold its unit: ``acceleration [m/s2]``, ``acc (g)``, ``acc_g``.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from vsr_core.errors import Unfit
+from vsr_core.motions.records.record import Array, Record, factor, is_acceleration, stated
+from vsr_core.motions.records.record_checks import evenly
+
+_BRACKETS = re.compile(r"^(.*?)\s*[\[(]([^\])]*)[\])]\s*$")
+_TIMES = ("time", "t")
+_SECONDS = (None, "s", "sec", "seconds", "second")
+
+
+def read(text: str, component: str | None, unit: str | None) -> Record:
+    """The accelerations in a table's text.
+
+    Without ``component``, the columns whose name holds a unit of acceleration; if there is none, a
+    single column besides the times, in ``unit``.
+
+    Raises
+    ------
+    Unfit
+        If times or accelerations are not there, or the time steps are uneven.
+    """
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    separator = next((mark for mark in ",;\t" if mark in lines[0]), None) if lines else None
+    names = [_name(word) for word in (lines[0].split(separator) if lines else [])]
+    clock = [i for i, (name, _) in enumerate(names) if name.lower() in _TIMES]
+    if len(clock) != 1 or names[clock[0]][1] not in _SECONDS:
+        raise Unfit(
+            f"a table with the columns {', '.join(name for name, _ in names)[:80] or 'none'}",
+            "one of them is named time, in seconds",
+            "name the columns in the first line",
+        )
+    times, columns = _numbers(lines[1:], separator, len(names), clock[0])
+    others = [i for i in range(len(names)) if i != clock[0]]
+    wanted = _wanted(names, others, component)
+    in_file = {names[i][1] for i in wanted}
+    if len(in_file) > 1:
+        raise Unfit(
+            f"columns in {', '.join(map(str, in_file))}",
+            "they share a unit",
+            "name one of them as motion.component",
+        )
+    name = stated(in_file.pop(), unit)
+    values, interval, repairs = evenly(times, columns[:, wanted] * factor(name))
+    channels = tuple(names[i][0] for i in wanted)
+    values = values[:, 0] if len(wanted) == 1 else values
+    return Record(values, interval, channels, "", "table of columns", name, repairs)
+
+
+def _name(word: str) -> tuple[str, str | None]:
+    """A column's name without its unit, and the unit."""
+    word = word.strip().strip('"')
+    found = _BRACKETS.match(word)
+    if found:
+        return found[1], found[2].strip()
+    head, mark, tail = word.rpartition("_")
+    if mark and is_acceleration(tail):
+        return head, tail
+    return word, None
+
+
+def _wanted(
+    names: list[tuple[str, str | None]], others: list[int], component: str | None
+) -> list[int]:
+    listed = ", ".join(names[i][0] for i in others)
+    if component is not None:
+        found = [i for i in others if names[i][0] == component]
+        if len(found) != 1:
+            raise Unfit(f"no column {component!r}", f"the columns are {listed}", "name one of them")
+        return found
+    accelerations = [i for i in others if is_acceleration(names[i][1] or "")]
+    if accelerations or len(others) == 1:
+        return accelerations or others
+    raise Unfit(
+        f"columns {listed} without a unit of acceleration",
+        "one of them is the acceleration",
+        "name it as motion.component, and its unit as motion.unit",
+    )
+
+
+def _numbers(
+    lines: list[str], separator: str | None, width: int, clock: int
+) -> tuple[Array, Array]:
+    """Times (n,) and all columns (n, width); an empty cell is not a number."""
+    rows = []
+    for place, line in enumerate(lines, start=2):
+        cells = line.split(separator)
+        try:
+            rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
+        except ValueError:
+            raise Unfit(
+                f"row {place} of a table, {line.strip()[:40]!r}", "cells are numbers", "correct it"
+            ) from None
+        if len(cells) != width:
+            raise Unfit(
+                f"row {place} of a table, with {len(cells)} cells",
+                f"each row has {width}",
+                "correct it",
+            )
+    table = np.array(rows, dtype=np.float64).reshape(-1, width)
+    return table[:, clock], table

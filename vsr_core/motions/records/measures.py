@@ -1,0 +1,120 @@
+"""How strong a motion is: peaks, response spectrum, Arias intensity, CAV, duration."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, signal
+
+from vsr_core import GRAVITY
+from vsr_core.motions.records.record import Array
+from vsr_core.motions.records.trace import Trace
+
+DAMPING = 0.05
+"""Damping of the oscillators, as a share of the critical."""
+
+SIGNIFICANT = (0.05, 0.95)
+"""Shares of the Arias intensity between which the significant duration lies."""
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Intensity measures of a motion.
+
+    Attributes
+    ----------
+    pga : float [m/s^2], and ``pgv`` [m/s], ``pgd`` [m]: largest absolute values at the samples
+    pgv_pga : float [s]
+    sa_1hz, sa_2hz : float [m/s^2], pseudo-spectral acceleration at 5 % damping
+    arias : float [m/s], pi / (2 g) times the integral of the squared acceleration
+    cav : float [m/s], integral of the absolute acceleration
+    significant_duration : float [s], from 5 to 95 % of the Arias intensity
+    """
+
+    pga: float
+    pgv: float
+    pgd: float
+    pgv_pga: float
+    sa_1hz: float
+    sa_2hz: float
+    arias: float
+    cav: float
+    significant_duration: float
+
+
+def measures(trace: Trace) -> Measures:
+    """Measures of a motion that is not all zero."""
+    pga, pgv, pgd = (
+        float(np.abs(part).max())
+        for part in (trace.acceleration, trace.velocity, trace.displacement)
+    )
+    energy = _squared(trace)
+    sa_1hz, sa_2hz = spectrum(trace, np.array([1.0, 2.0]))
+    starts, ends = (_reached(energy, trace.interval, share) for share in SIGNIFICANT)
+    return Measures(
+        pga=pga,
+        pgv=pgv,
+        pgd=pgd,
+        pgv_pga=pgv / pga,
+        sa_1hz=float(sa_1hz),
+        sa_2hz=float(sa_2hz),
+        arias=0.5 * math.pi / GRAVITY * float(energy.sum()),
+        cav=float(absolute(trace).sum()),
+        significant_duration=ends - starts,
+    )
+
+
+def spectrum(trace: Trace, frequencies: Array, damping: float = DAMPING) -> Array:
+    """Pseudo-spectral acceleration [m/s^2] of oscillators of given ``frequencies`` [Hz].
+
+    Exact for an acceleration that is straight between its samples, which then stops; the largest
+    of the relative displacement at the samples, those of one more period included.
+
+    References
+    ----------
+    Nigam, N. C. & Jennings, P. C. (1969), BSSA 59(2), 909-922.
+    """
+    found = [_largest(trace, 2.0 * math.pi * float(f), damping) for f in frequencies]
+    return np.array(found)
+
+
+def absolute(trace: Trace) -> Array:
+    """Integral of the absolute acceleration over each interval [m/s], shape (n - 1,)."""
+    a, b = trace.acceleration[:-1], trace.acceleration[1:]
+    total = np.abs(a) + np.abs(b)
+    crosses = a * b < 0.0
+    # two triangles where the line crosses zero, one trapezium where it does not
+    squares = np.divide(a**2 + b**2, total, out=total.copy(), where=crosses)
+    return 0.5 * trace.interval * squares
+
+
+def _squared(trace: Trace) -> Array:
+    """Integral of the squared acceleration over each interval, shape (n - 1,)."""
+    a, b = trace.acceleration[:-1], trace.acceleration[1:]
+    return trace.interval / 3.0 * (a**2 + a * b + b**2)
+
+
+def _reached(steps: Array, interval: float, share: float) -> float:
+    """Time [s] at which a sum of ``steps`` reaches a share of its whole."""
+    so_far = np.concatenate([[0.0], np.cumsum(steps)])
+    return float(np.interp(share * so_far[-1], so_far, interval * np.arange(len(so_far))))
+
+
+def _largest(trace: Trace, w: float, damping: float) -> float:
+    h = trace.interval
+    system = np.zeros((4, 4))
+    system[0, 1] = system[2, 3] = 1.0
+    system[1, :3] = -(w**2), -2.0 * damping * w, -1.0
+    moved = linalg.expm(system * h)
+    step, held, rising = moved[:2, :2], moved[:2, 2], moved[:2, 3]
+    tail = np.zeros(math.ceil(2.0 * math.pi / (w * h)))
+    starts = np.concatenate([trace.acceleration[:-1], tail])
+    slopes = np.concatenate([np.diff(trace.acceleration) / h, tail])
+    push = np.outer(held, starts) + np.outer(rising, slopes)
+    # x[k + 1] = step x[k] + push[k] from rest, as a filter of second order for the displacement
+    below = [1.0, -float(np.trace(step)), float(np.linalg.det(step))]
+    relative = signal.lfilter([0.0, 1.0, -step[1, 1]], below, np.append(push[0], 0.0))
+    relative += signal.lfilter([0.0, 0.0, step[0, 1]], below, np.append(push[1], 0.0))
+    return w**2 * float(np.abs(relative).max())

@@ -1,0 +1,183 @@
+"""From a sound record to a motion: filters and baseline, as asked and nothing else.
+
+Two orders, both with Butterworth filters run forward and backward over a record with zeros at both
+ends. The zeros stay: the filters' response runs out in them, and without it velocity and
+displacement are not those of the filtered acceleration (Boore 2005).
+
+``paper``: low-pass the acceleration, integrate, high-pass the velocity (Chen et al. 2024). Filters
+and integration are linear and do not change with time, so that the acceleration of the high-passed
+velocity is the high-passed acceleration; that is what is computed.
+
+``standard``: subtract the line of least squares, band-pass, and subtract from the acceleration the
+second derivative of a polynomial of degree six, without its first two powers, fitted to the
+displacement (PEER's and most networks' procedure).
+
+``none``: the samples as they are.
+
+References
+----------
+Boore, D. M. (2005), On pads and filters, BSSA 95(2), 745-750.
+Boore, D. M. & Bommer, J. J. (2005), Soil Dyn. Earthq. Eng. 25(2), 93-115.
+Ancheta, T. D. et al. (2014), NGA-West2 database, Earthquake Spectra 30(3), 989-1005.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from scipy import signal
+
+from vsr_core.errors import Unfit
+from vsr_core.motions.records.record import Array
+from vsr_core.motions.records.trace import Trace
+
+POWERS = range(2, 7)
+"""Powers of the baseline's polynomial."""
+
+HIGHEST = 0.9
+"""Highest corner, as a share of the Nyquist frequency."""
+
+PADS = 1.5
+"""Length of the zeros at both ends together, in units of poles over the high-pass corner (Converse
+& Brady 1992)."""
+
+FEWEST = 16
+"""Samples that a record has at least."""
+
+
+@dataclass(frozen=True)
+class Processing:
+    """What is done to a record.
+
+    Attributes
+    ----------
+    order : str, ``paper``, ``standard`` or ``none``
+    highpass, lowpass : float or None [Hz], corners (-3 dB of one pass); None leaves a filter out
+    poles : int, of each filter in one pass
+    resample : float or None [1/s], new rate, band-limited
+    """
+
+    order: str
+    highpass: float | None
+    lowpass: float | None
+    poles: int = 4
+    resample: float | None = None
+
+
+def process(acceleration: Array, interval: float, how: Processing) -> Trace:
+    """The motion of a sound record.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n,) [m/s^2], finite
+    interval : float [s]
+    how : Processing
+
+    Raises
+    ------
+    Unfit
+        If a corner is out of reach of the record's length or rate.
+    """
+    if len(acceleration) < FEWEST:
+        raise Unfit(
+            f"a record of {len(acceleration)} samples", f"it has {FEWEST} or more", "use another"
+        )
+    if how.resample is not None:
+        acceleration, interval = resampled(acceleration, interval, how.resample)
+    _check_corners(how, interval, len(acceleration))
+    if how.order == "none":
+        return Trace(acceleration, interval)
+    if how.order == "standard":
+        acceleration = without_line(acceleration)
+    if how.highpass is not None:
+        acceleration = np.pad(acceleration, pad_length(how, interval))
+    for kind, corner in (("lowpass", how.lowpass), ("highpass", how.highpass)):
+        if corner is not None:
+            acceleration = filtered(acceleration, interval, kind, corner, how.poles)
+    if how.order == "standard":
+        acceleration = with_level_baseline(acceleration, interval)
+    return Trace(acceleration, interval)
+
+
+def pad_length(how: Processing, interval: float) -> int:
+    """Zeros at each end, in samples."""
+    assert how.highpass is not None
+    return int(np.ceil(0.5 * PADS * how.poles / how.highpass / interval))
+
+
+def filtered(values: Array, interval: float, kind: str, corner: float, poles: int) -> Array:
+    """Butterworth filter, forward and backward from rest: no phase, twice the attenuation.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    interval : float [s]
+    kind : str, ``lowpass`` or ``highpass``
+    corner : float [Hz]
+    poles : int
+    """
+    sections = signal.butter(poles, corner, kind, fs=1.0 / interval, output="sos")
+    forward = signal.sosfilt(sections, values)
+    backward: Array = signal.sosfilt(sections, forward[::-1])[::-1]
+    return np.ascontiguousarray(backward)
+
+
+def without_line(values: Array) -> Array:
+    """The values less their line of least squares."""
+    straight: Array = signal.detrend(values, type="linear")
+    return straight
+
+
+def with_level_baseline(acceleration: Array, interval: float) -> Array:
+    """The acceleration whose displacement has no polynomial of powers 2 to 6 left in it.
+
+    Each power's own displacement, as ``Trace`` integrates it, is what is fitted: the fit's rest is
+    the displacement of the result, to rounding.
+    """
+    span = np.linspace(0.0, 1.0, len(acceleration))
+    basis = [power * (power - 1) * span ** (power - 2) for power in POWERS]
+    traces = [Trace(shape, interval).displacement for shape in basis]
+    scale = [float(np.abs(trace).max()) for trace in traces]
+    columns = np.column_stack([t / s for t, s in zip(traces, scale, strict=True)])
+    wanted = Trace(acceleration, interval).displacement
+    weights = np.linalg.lstsq(columns, wanted, rcond=None)[0]
+    drift = np.column_stack([b / s for b, s in zip(basis, scale, strict=True)]) @ weights
+    level: Array = acceleration - drift
+    return level
+
+
+def resampled(values: Array, interval: float, rate: float) -> tuple[Array, float]:
+    """The values at another rate [1/s], by a band-limited filter, and the new interval [s].
+
+    Raises
+    ------
+    Unfit
+        If the two rates have no simple ratio.
+    """
+    ratio = Fraction(rate * interval).limit_denominator(1000)
+    if ratio.numerator == 0 or abs(float(ratio) - rate * interval) > 1e-9 * float(ratio):
+        raise Unfit(
+            f"a rate of {rate:g} for a record of {1.0 / interval:.6g} samples a second",
+            "the two have a ratio of whole numbers up to 1000",
+            "choose such a motion.processing.resample",
+        )
+    new: Array = signal.resample_poly(values, ratio.numerator, ratio.denominator, padtype="line")
+    return new, interval / float(ratio)
+
+
+def _check_corners(how: Processing, interval: float, number: int) -> None:
+    nyquist, length = 0.5 / interval, number * interval
+    if how.lowpass is not None and how.lowpass > HIGHEST * nyquist:
+        raise Unfit(
+            f"a low-pass at {how.lowpass:g} Hz for {1.0 / interval:.5g} samples a second",
+            f"it lies below {HIGHEST * nyquist:.4g} Hz, nine tenths of the Nyquist frequency",
+            "lower motion.processing.lowpass, or set it to null",
+        )
+    if how.highpass is not None and how.highpass * length < 1.0:
+        raise Unfit(
+            f"a high-pass at {how.highpass:g} Hz for a record of {length:.4g} s",
+            "its period fits into the record",
+            f"raise motion.processing.highpass to {1.0 / length:.3g} Hz or more",
+        )

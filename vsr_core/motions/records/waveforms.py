@@ -1,0 +1,127 @@
+"""What ObsPy reads: miniSEED with StationXML, SAC, K-NET, KiK-net; imported where needed."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from vsr_core.errors import Unfit
+from vsr_core.motions.records.record import Record, factor, stated
+
+Corners = tuple[float, float, float, float]
+
+MOST_TOLD, MOST_WORDS = 3, 160
+"""Warnings of ObsPy that are kept, and characters of each."""
+
+
+def read(
+    content: bytes, unit: str | None, response: bytes | None, corners: Corners | None
+) -> Record:
+    """The record in a file's content, its channels cut to the time that all have.
+
+    What ObsPy warns of is among the record's repairs.
+
+    Parameters
+    ----------
+    content : bytes
+    unit : str or None, for formats that do not state one
+    response : bytes or None, StationXML; with it the response is removed, to acceleration
+    corners : tuple of float [Hz], of the cosine taper of the spectrum before that
+
+    Raises
+    ------
+    Unfit
+        If ObsPy cannot read it, the response does not fit, or the unit is not known.
+    """
+    import obspy  # type: ignore[import-not-found,import-untyped,unused-ignore]
+
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            stream = obspy.read(io.BytesIO(content))
+            if response is not None:
+                inventory = obspy.read_inventory(io.BytesIO(response))
+                stream = _without_response(stream, inventory, corners)
+            stream.merge()
+    except Unfit:
+        raise
+    except Exception as error:  # noqa: BLE001 (readers of many formats raise what they like)
+        raise _unreadable(error) from None
+    record = from_stream(stream, "m/s2" if response is not None else unit)
+    return replace(record, repairs=(*record.repairs, *_told(caught)))
+
+
+def from_stream(stream: Any, unit: str | None) -> Record:
+    """The record of an ObsPy stream whose traces are merged, one for each channel.
+
+    K-NET and KiK-net samples come as counts with a factor to m/s^2 (``stats.calib``).
+    """
+    if len({trace.stats.delta for trace in stream}) != 1:
+        raise Unfit("channels of several time steps", "they share one", "keep one in the file")
+    start = max(trace.stats.starttime for trace in stream)
+    end = min(trace.stats.endtime for trace in stream)
+    interval = float(stream[0].stats.delta)
+    number = round((end - start) / interval) + 1
+    if number < 1:
+        raise Unfit("channels at different times", "they have some in common", "keep one of them")
+    japanese = all("knet" in trace.stats for trace in stream)
+    name = stated("m/s2" if japanese else None, unit)
+    columns, repairs = [], []
+    for trace in stream:
+        first = round((start - trace.stats.starttime) / interval)
+        samples = np.ma.filled(np.ma.asarray(trace.data).astype(np.float64), np.nan)
+        part = samples[first : first + number]
+        if len(part) < len(samples):
+            lost = len(samples) - len(part)
+            repairs.append(f"{trace.stats.channel}: {lost} samples that others lack were cut")
+        columns.append(part * (trace.stats.calib if japanese else factor(name)))
+    values = np.column_stack(columns)
+    ids = [".".join((t.stats.network, t.stats.station, t.stats.location)) for t in stream]
+    channels = [str(trace.stats.channel) for trace in stream]
+    if len(set(channels)) < len(channels):
+        channels = [f"{one}.{channel}" for one, channel in zip(ids, channels, strict=True)]
+    return Record(
+        values[:, 0] if len(channels) == 1 else values,
+        interval,
+        tuple(channels),
+        str(stream[0].stats.station),
+        f"{getattr(stream[0].stats, '_format', 'waveforms')} of {ids[0]} from {start}",
+        "gal by its scale factor" if japanese else name,
+        tuple(repairs),
+    )
+
+
+def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> Any:
+    if corners is None:
+        raise Unfit(
+            "a response without corners",
+            "dividing by it needs a band, or it makes noise of the ends of the spectrum",
+            "give motion.response.corners, four frequencies [Hz]",
+        )
+    stream.merge()
+    pieces = stream.split()  # a gap has no spectrum
+    pieces.detrend("linear")
+    pieces.remove_response(inventory, output="ACC", water_level=None, pre_filt=corners)
+    return pieces
+
+
+def _told(caught: list[warnings.WarningMessage]) -> list[str]:
+    """What ObsPy warned of about a file, e.g. blocks that it passed over."""
+    said = [" ".join(str(w.message).split()) for w in caught if issubclass(w.category, UserWarning)]
+    said = [f"ObsPy: {text[:MOST_WORDS]}" for text in dict.fromkeys(said)]
+    more = len(said) - MOST_TOLD
+    return said[:MOST_TOLD] + ([f"ObsPy: {more} more warnings"] if more > 0 else [])
+
+
+def _unreadable(error: Exception) -> Unfit:
+    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+    reason = reason.partition(" for file ")[0]  # a temporary one of ObsPy's
+    return Unfit(
+        f"a record that ObsPy cannot read ({reason[:120]})",
+        "it is miniSEED, SAC, K-NET or KiK-net, and a response is StationXML of its channels",
+        "download it again, or convert it",
+    )

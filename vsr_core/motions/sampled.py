@@ -1,0 +1,139 @@
+"""Motion of a table in six axes through samples."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
+
+from vsr_core.errors import Unfit
+from vsr_core.motions.six_axes import AXES, TableMotion
+
+Array = NDArray[np.float64]
+
+DEGREE = 5
+"""Of the splines: the acceleration is then a cubic between samples and has a continuous slope."""
+
+LEAST_SAMPLES = 8
+"""Fewer tell nothing of an acceleration."""
+
+UNRESTED = 0.05
+"""Velocity at the ends of a sampled motion, as a share of its largest in any direction, that is
+still rest."""
+
+LOOKS = 8
+"""Times at which a spline is looked at between two samples, for its peaks and integrals."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledMotion(TableMotion):
+    """Six axes through given samples, by splines of degree 5.
+
+    The table rests before and after, so that the first derivative is zero at both ends, and the
+    third too: an acceleration may begin with a jump, as a pulse's does, from a level start.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,) [s], ascending
+    samples : ndarray, shape (n, 6) [m, rad], x, y, z, roll, pitch, yaw
+    """
+
+    time: Array
+    samples: Array
+
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @cached_property
+    def shortest_time(self) -> float:
+        """Least time, among the axes, in which an acceleration changes by its own size [s]."""
+        times = self.looks
+        second, third = (np.sqrt(np.mean(self._splines[n](times) ** 2, axis=0)) for n in (2, 3))
+        moves = third > 0.0
+        return float(min((second[moves] / third[moves]).min(initial=math.inf), self.duration))
+
+    @cached_property
+    def turns(self) -> bool:
+        """Whether any angle is not zero."""
+        return bool(self.samples[:, 3:].any())
+
+    @cached_property
+    def looks(self) -> Array:
+        """``LOOKS`` in each interval."""
+        times = self.time - self.time[0]
+        return np.interp(np.arange(LOOKS * (len(times) - 1) + 1) / LOOKS, range(len(times)), times)
+
+    def course(self, t: Array, order: int) -> Array:
+        """By the splines; at rest outside."""
+        value = self._splines[order](np.clip(t, 0.0, self.duration))
+        if order:
+            value = np.where(((t >= 0.0) & (t <= self.duration))[:, None], value, 0.0)
+        return cast(Array, value)
+
+    def scaled(self, factor: float) -> SampledMotion:
+        """All axes times ``factor``."""
+        return replace(self, samples=factor * self.samples)
+
+    @cached_property
+    def _splines(self) -> list[BSpline]:
+        rest = [(1, np.zeros(6)), (3, np.zeros(6))]
+        times = self.time - self.time[0]
+        spline = make_interp_spline(times, self.samples, DEGREE, bc_type=(rest, rest))
+        return [spline, *(spline.derivative(order) for order in (1, 2, 3))]
+
+
+def sampled(time: Array, samples: Array) -> SampledMotion:
+    """A motion through samples, checked.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,) [s]
+    samples : ndarray, shape (n, 6) [m, rad], x, y, z, roll, pitch, yaw
+
+    Raises
+    ------
+    Unfit
+        For too few samples, values that are not numbers, times that do not ascend, angles that
+        were meant in degrees, or a table that moves at the start or the end.
+    """
+    if len(time) < LEAST_SAMPLES:
+        raise Unfit(
+            f"{len(time)} samples", f"{LEAST_SAMPLES} are needed at least", "sample it more closely"
+        )
+    if not (np.isfinite(time).all() and np.isfinite(samples).all()):
+        raise Unfit("values that are not numbers", "all must be finite", "fill its gaps")
+    if (np.diff(time) <= 0.0).any():
+        at = int(np.argmax(np.diff(time) <= 0.0)) + 1
+        raise Unfit(f"time {time[at]:g} s in sample {at + 1}", "times ascend", "sort the samples")
+    samples = np.hstack([samples[:, :3], np.unwrap(samples[:, 3:], axis=0)])
+    tilt = float(np.abs(samples[:, 3:5]).max())
+    if tilt > 2.0 * math.pi:
+        raise Unfit(
+            f"roll or pitch of {tilt:.4g} rad",
+            "no table tilts by more than a turn",
+            "name the unit, e.g. roll [degree]",
+        )
+    _check_ends(time, samples)
+    return SampledMotion(np.asarray(time, float), samples)
+
+
+def _check_ends(time: Array, samples: Array) -> None:
+    """The table must come from rest and end at rest."""
+    slopes = np.gradient(samples - samples[0], time, axis=0, edge_order=2)
+    largest = np.abs(slopes).reshape(-1, 2, 3).max(axis=(0, 2)).repeat(3)
+    for where, slope in (("start", slopes[0]), ("end", slopes[-1])):
+        moving = np.abs(slope) > UNRESTED * largest
+        if moving.any():
+            axis = int(np.argmax(moving))
+            raise Unfit(
+                f"{AXES[axis]} moving at {slope[axis]:.3g} a second at the {where}",
+                "the table rests before and after the motion",
+                "let it start and end at rest",
+            )

@@ -1,0 +1,252 @@
+"""From a closed triangle mesh to a rock: checks, mass properties, principal frame, rest pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+from vsr_core.rock.body import Rock
+from vsr_core.rock.hull import convex_hull, settle
+
+Array = NDArray[np.float64]
+
+LARGEST_SIZE = 30.0
+"""A rock with a longer side than this [m] was probably not given in metres."""
+
+SMALLEST_SIZE = 0.005
+"""The same for one whose longest side is shorter [m]."""
+
+LARGEST_LEVELLING = np.radians(45.0)
+"""A rock that stands on a slope or leans may turn this far to stand on a level pedestal [rad]."""
+
+CROSSING_SHARE = 0.001
+"""Share of the surface that may cross itself: a real scan holds a few folded faces, whose volume
+is nothing to its mass; a surface that passes through itself has no inside."""
+
+_ROUNDING = 64.0 * np.finfo(np.float64).eps
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A rock and how it came to stand.
+
+    Attributes
+    ----------
+    rock : Rock, in its rest pose
+    vertices : ndarray, shape (n, 3) [m], surface in the same frame
+    faces : ndarray of int, shape (m, 3)
+    volume : float [m^3]
+    turned : float [rad], from the given pose to the rest pose
+    """
+
+    rock: Rock
+    vertices: Array
+    faces: NDArray[np.int64]
+    volume: float
+    turned: float
+
+
+def box(size: tuple[float, float, float], density: float) -> Solid:
+    """Cuboid of ``size`` x, y, z [m] and ``density`` [kg/m^3], standing on its x-y face."""
+    x, y, z = size
+    mesh = trimesh.creation.box(extents=size)
+    mass = density * x * y * z
+    inertia = mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+    corners = np.array(mesh.vertices)
+    rock = Rock("box", corners, mass, inertia, np.eye(3))
+    return Solid(rock, corners, np.array(mesh.faces), x * y * z, 0.0)
+
+
+def from_mesh(mesh: trimesh.Trimesh, density: float, *, as_scanned: bool = False) -> Solid:
+    """Rock from a checked mesh (see ``checked``) of uniform ``density`` [kg/m^3].
+
+    Volume, centre of mass and inertia are the surface integrals of a closed polyhedron
+    (Eberly 2002, as in trimesh).
+
+    Parameters
+    ----------
+    mesh : Trimesh [m]
+    density : float [kg/m^3]
+    as_scanned : bool
+        Whether it keeps its pose, as on a terrain, or is set on a level pedestal.
+
+    Raises
+    ------
+    Unfit
+        If the rock is to stand on a level pedestal and does not as given.
+    """
+    centre = np.array(mesh.center_mass)
+    surface = np.array(mesh.vertices) - centre
+    hull = convex_hull(surface)
+    rotation, turned = (np.eye(3), 0.0) if as_scanned else settle(hull)
+    inertia = density * rotation @ np.array(mesh.moment_inertia) @ rotation.T
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 0] *= np.sign(np.linalg.det(axes))
+    volume = float(mesh.volume)
+    rock = Rock("hull", hull.turned(rotation).vertices, density * volume, moments, axes)
+    return Solid(rock, surface @ rotation.T, np.array(mesh.faces), volume, turned)
+
+
+def standing(rock: Rock) -> Rock:
+    """A rock in the pose of a scan, set on a level pedestal as near to that pose as it stands.
+
+    Raises
+    ------
+    Unfit
+        If it has to turn by more than ``LARGEST_LEVELLING``.
+    """
+    rotation, _ = settle(convex_hull(rock.vertices), LARGEST_LEVELLING)
+    return replace(rock, vertices=rock.vertices @ rotation.T, axes=rotation @ rock.axes)
+
+
+def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
+    """A closed, outward-wound copy of a mesh in metres, and what was mended.
+
+    Vertices that an exporter split are merged and faces wound against their neighbours are
+    turned. Anything else is refused.
+
+    Raises
+    ------
+    Unfit
+        If the mesh is empty, not finite, of an unlikely size, open, inside out, of several
+        bodies, or intersects itself.
+    """
+    mended = []
+    _see_that_it_is_a_rock(mesh)
+    mesh = mesh.copy()
+    before = len(mesh.vertices)
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    mesh.update_faces(mesh.nondegenerate_faces(height=0.0))
+    mesh.remove_unreferenced_vertices()
+    if len(mesh.vertices) < before:
+        mended.append(f"{before - len(mesh.vertices)} split vertices merged")
+    edges = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)[1]
+    if (edges != 2).any():
+        raise Unfit(
+            f"{int((edges == 1).sum())} open and {int((edges > 2).sum())} branching edges",
+            "a solid is closed: each edge joins two faces",
+            "close the scan, base included, before use",
+        )
+    if not mesh.is_winding_consistent:
+        mesh.fix_normals(multibody=True)
+        mended.append("faces wound against their neighbours turned")
+    if mesh.body_count > 1:
+        raise Unfit(
+            f"{mesh.body_count} separate bodies", "one rock is one body", "keep the rock alone"
+        )
+    if mesh.volume <= 0.0:
+        raise Unfit(
+            f"a mesh that is inside out (volume {mesh.volume:.3g} m3)",
+            "faces look outward",
+            "flip all faces and save it again",
+        )
+    crossing = self_intersections(np.array(mesh.vertices), np.array(mesh.faces))
+    share = float(mesh.area_faces[np.unique(crossing)].sum() / mesh.area)
+    if share > CROSSING_SHARE:
+        raise Unfit(
+            f"a mesh that intersects itself ({len(crossing)} pairs of faces)",
+            f"faces that cross make up at most {CROSSING_SHARE:.1%} of the surface",
+            "remesh the scan",
+        )
+    if len(crossing):
+        mended.append(
+            f"{len(crossing)} crossing pairs of faces left as they are ({share:.1e} of the surface)"
+        )
+    return mesh, tuple(mended)
+
+
+def _see_that_it_is_a_rock(mesh: trimesh.Trimesh) -> None:
+    if len(mesh.faces) == 0:
+        raise Unfit("a mesh without faces", "a rock has a surface", "export the scan again")
+    if not np.isfinite(mesh.vertices).all():
+        raise Unfit("vertices that are not finite", "coordinates are numbers", "clean the scan")
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    if not SMALLEST_SIZE <= size <= LARGEST_SIZE:
+        raise Unfit(
+            f"a rock {size:.3g} m large",
+            f"rocks here are {SMALLEST_SIZE} to {LARGEST_SIZE:.0f} m",
+            "scale? set rock.scale (0.001 for a mesh in millimetres)",
+        )
+
+
+def self_intersections(vertices: Array, faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Pairs of faces that cross each other and share no vertex.
+
+    Two triangles in general position cross if and only if an edge of one pierces the other
+    (Moeller 1997). Candidates come from a uniform grid over the bounding boxes.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+
+    Returns
+    -------
+    ndarray of int, shape (k, 2)
+    """
+    corners = vertices[faces]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    pairs = _sharing_a_cell(low, high)
+    apart = (low[pairs[:, 0]] > high[pairs[:, 1]]) | (low[pairs[:, 1]] > high[pairs[:, 0]])
+    pairs = pairs[~apart.any(axis=1)]
+    shared = (faces[pairs[:, 0], :, None] == faces[pairs[:, 1], None, :]).any(axis=(1, 2))
+    pairs = pairs[~shared]
+    crossing = np.zeros(len(pairs), dtype=bool)
+    for one, other in ((0, 1), (1, 0)):
+        edged, pierced = corners[pairs[:, one]], corners[pairs[:, other]]
+        for k in range(3):
+            crossing |= _pierces(edged[:, k], edged[:, (k + 1) % 3], pierced)
+    return pairs[crossing]
+
+
+def _sharing_a_cell(low: Array, high: Array) -> NDArray[np.int64]:
+    """Unique index pairs of boxes that overlap a common cell of a grid."""
+    cell = 2.0 * float(np.median((high - low).max(axis=1)))
+    first = np.floor(low / cell).astype(np.int64)
+    last = np.floor(high / cell).astype(np.int64)
+    spans = last - first + 1
+    count = spans.prod(axis=1)
+    box = np.repeat(np.arange(len(low)), count)
+    within = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count)
+    span = spans[box]
+    place = first[box] + np.column_stack(
+        [
+            within // (span[:, 1] * span[:, 2]),
+            within // span[:, 2] % span[:, 1],
+            within % span[:, 2],
+        ]
+    )
+    _, number = np.unique(place, axis=0, return_inverse=True)
+    order = np.argsort(number, kind="stable")
+    box, number = box[order], number[order]
+    pairs = []
+    for ahead in range(1, int(np.bincount(number).max())):
+        same = number[ahead:] == number[:-ahead]
+        pairs.append(np.column_stack([box[:-ahead][same], box[ahead:][same]]))
+    if not pairs:
+        return np.empty((0, 2), dtype=np.int64)
+    return np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
+
+
+def _pierces(start: Array, end: Array, triangle: Array) -> NDArray[np.bool_]:
+    """Whether segments pass strictly through the inside of triangles, pair by pair.
+
+    An end within the rounding of the triangle's plane is in it: triangles of one plane do not
+    cross.
+    """
+    a, b, c = triangle[:, 0], triangle[:, 1], triangle[:, 2]
+    far = np.abs(np.stack([b - a, c - a, start - a, end - a])).max(axis=(0, 2))
+    at = np.abs(np.stack([a, b, c, start, end])).max(axis=(0, 2))
+    rounding = _ROUNDING * far**2 * np.maximum(far, at)
+
+    def volume(a: Array, b: Array, c: Array, d: Array) -> Array:
+        return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)
+
+    one, other = volume(a, b, c, start), volume(a, b, c, end)
+    across = (one * other < 0.0) & (np.minimum(np.abs(one), np.abs(other)) > rounding)
+    sides = np.sign([volume(start, end, a, b), volume(start, end, b, c), volume(start, end, c, a)])
+    return across & (np.abs(sides.sum(axis=0)) == 3)

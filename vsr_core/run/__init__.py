@@ -1,0 +1,1 @@
+"""One run: its settings, its rules for overturning and displacement, its guards and proofs."""

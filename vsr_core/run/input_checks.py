@@ -1,0 +1,191 @@
+"""What a run needs of its motion, time step, contact and servo: refused before it starts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vsr_core import GRAVITY, engines
+from vsr_core.errors import Unfit
+from vsr_core.motions.cosine_pulse import GroundMotion
+from vsr_core.motions.six_axes import TableMotion
+from vsr_core.rock.body import Rock
+from vsr_core.rock.hull import convex_hull, tipping
+from vsr_core.run.overturning import Case, Settings
+from vsr_core.run.sampling import first_step, samples, sampling
+from vsr_core.scene import Contact, Scene
+from vsr_core.table.servo import Servo
+
+COARSEST_SHARE = 0.006
+"""Longest step in units of sqrt(radius / g). At it a released block of 1:1.5 to 1:20 swings back to
+within 1.9 % of Housner's in Bullet and a hull to within 2.8 %, at 0.009 to within 3.4 %, at 0.012
+to within 5.3 %; boundaries move by as much."""
+
+PERIOD_SHARE = 0.4
+"""Longest control period, as a share of the motion's shortest time. At it a servo that takes an
+error away in one period moves a block's boundary by 1.3 %, at 0.8 by 7 %."""
+
+REBOUND_ERROR = 0.03
+"""Error allowed of the rebound from a spring, as a share of the speed of approach."""
+
+LATE = 0.2
+"""Longest step of a well damped spring, as a share of the inverse of its frequency. At it a rebound
+is wrong by at most 0.026 of the speed of approach, at 0.7 by 0.07."""
+
+SINK_SHARE = 0.002
+"""Depth allowed of a point on a spring that bears the whole rock, as a share of its radius. A
+landing goes some five times as deep, to where a run is stopped."""
+
+
+def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
+    """Refuse what no outcome could be trusted of, or what would end as ``UNSTABLE``.
+
+    The servo's own loop is checked by ``prepare``. A step too coarse for the motion is none of
+    this: ``simulate`` refines it.
+
+    Parameters
+    ----------
+    case : Case
+    settings : Settings
+    motion : GroundMotion, the one with the shortest times where there are several
+
+    Raises
+    ------
+    Unfit
+        With what was given, the limit and what to change.
+    """
+    scene = case.full
+    _check_motion(motion, scene.drive)
+    if isinstance(motion, TableMotion) and motion.turns and settings.engine != "bullet":
+        raise Unfit(
+            f"a table that turns in {settings.engine}",
+            "what its turning does to the rock is built in Bullet only",
+            "use simulation.engine: bullet",
+        )
+    slenderness, sliding = _slenderness(scene), engines.load(settings.engine).SLIDING_SHARE
+    if sliding * slenderness < scene.contact.friction < slenderness:
+        raise Unfit(
+            f"a friction of {scene.contact.friction:g} for a rock that tips at {slenderness:.3g} g",
+            f"it slides before it tips, and {settings.engine} lifts what slides",
+            "use simulation.engine: bullet",
+        )
+    time_step = first_step(motion, scene.drive, settings.time_step)
+    longest = longest_step(scene, settings.engine)
+    if time_step > longest * (1.0 + 1e-9):
+        raise Unfit(
+            f"a time step of {1e3 * time_step:.4g} ms",
+            f"this rock rocks too fast for more than {1e3 * longest:.4g} ms",
+            "shorten the step, or let it be chosen (simulation.time_step: auto)",
+        )
+    if scene.contact.stiffness is not None:
+        _check_springs(scene.contact, scene.contact.stiffness, scene.rock, time_step)
+
+
+def longest_step(scene: Scene, engine: str) -> float:
+    """Longest time step [s] at which an engine rocks the rock of a scene right."""
+    share = min(COARSEST_SHARE, engines.load(engine).SLENDER_SHARE * _slenderness(scene))
+    return share * math.sqrt(scene.rock.radius / GRAVITY)
+
+
+def softest(rock: Rock) -> float:
+    """Least stiffness [N/m] of a point of contact that a rock may stand on."""
+    return rock.mass * GRAVITY / (SINK_SHARE * rock.radius)
+
+
+def longest_step_on_springs(contact: Contact, mass: float) -> float:
+    """Longest time step [s] that resolves how a rock rebounds from springs at four points.
+
+    Stepped implicitly, a spring of frequency w loses as much as one with w h / 2 of the critical
+    damping, which changes the rebound e by e pi w h / 2. And Bullet finds a landing up to a step
+    late: up to w h = ``LATE`` that changes the rebound by no more than that.
+    """
+    assert contact.stiffness is not None
+    frequency = math.sqrt(4.0 * contact.stiffness / mass)
+    resolved = 2.0 * REBOUND_ERROR / (math.pi * rebound(contact, mass))
+    return min(resolved, LATE) / frequency
+
+
+def rebound(contact: Contact, mass: float) -> float:
+    """Coefficient of restitution of a rock that drops on springs and dashpots at four points.
+
+    The rock leaves when the force is zero: dashpots do not pull.
+
+    References
+    ----------
+    Schwager & Poeschel (2007), Granular Matter 9(6), 465-469.
+    """
+    assert contact.stiffness is not None
+    zeta = contact.damping / math.sqrt(contact.stiffness * mass)
+    if zeta < 1.0:
+        root = math.sqrt(1.0 - zeta**2)
+        return math.exp(-2.0 * zeta / root * math.atan2(root, zeta))
+    if zeta == 1.0:
+        return math.exp(-2.0)
+    root = math.sqrt(zeta**2 - 1.0)
+    return math.exp(-2.0 * zeta / root * math.atanh(root / zeta))
+
+
+def _slenderness(scene: Scene) -> float:
+    """Steady acceleration [g] that tips the rock along the shaking: tan(alpha) of a block."""
+    along = np.array([-scene.yaw, math.pi - scene.yaw])
+    return float(tipping(convex_hull(scene.rock.vertices), along).overturning.min())
+
+
+def _check_motion(motion: GroundMotion, drive: Servo | None) -> None:
+    times = (motion.duration, motion.shortest_time, motion.peak_acceleration)
+    known = all(math.isfinite(value) for value in times) and min(times[:2]) > 0.0
+    if known:
+        taken = sampling(motion, drive, first_step(motion, drive, math.inf))
+        values = samples(motion, drive, taken.interval, taken.pulse_samples)
+        known = bool(np.isfinite(values).all())
+    if not known:
+        raise Unfit(
+            "a motion with values that are not numbers",
+            "its acceleration, duration and shortest time must be finite",
+            "fill its gaps, or cut it before them",
+        )
+    if drive is not None and isinstance(motion, TableMotion):
+        raise Unfit(
+            "a servo for a motion in several axes",
+            "its table slides along x",
+            "set drive: table_frame",
+        )
+    if drive is not None and drive.command_period > PERIOD_SHARE * motion.shortest_time:
+        what = "control" if drive.hold == 1 else "command"
+        raise Unfit(
+            f"a {what} period of {1e3 * drive.command_period:.4g} ms for a motion whose shortest "
+            f"time is {1e3 * motion.shortest_time:.4g} ms",
+            f"a servo follows it at periods up to {PERIOD_SHARE:g} of that",
+            "shorten the period, or leave out the shortest motions",
+        )
+
+
+def _check_springs(contact: Contact, stiffness: float, rock: Rock, time_step: float) -> None:
+    given = f"a contact stiffness of {stiffness:g} N/m under {rock.mass:.4g} kg"
+    if contact.restitution > 0.0:
+        raise Unfit(
+            f"{given} and a restitution of {contact.restitution:g}",
+            "springs make the rebound themselves",
+            "state their damping in place of the restitution",
+        )
+    if not (0.0 < stiffness < math.inf and 0.0 <= contact.damping < math.inf):
+        raise Unfit(
+            f"{given} with a damping of {contact.damping:g} N s/m",
+            "the stiffness must be above 0, the damping not below, both finite",
+            "state them in N/m and N s/m",
+        )
+    if stiffness < softest(rock):
+        raise Unfit(
+            given,
+            f"a point that bears all of it sinks by {1e3 * rock.mass * GRAVITY / stiffness:.3g} "
+            f"mm, and a rock of this size may by {1e3 * SINK_SHARE * rock.radius:.3g} mm",
+            f"raise it to {softest(rock):.3g} N/m or more",
+        )
+    longest = longest_step_on_springs(contact, rock.mass)
+    if time_step > longest * (1.0 + 1e-9):
+        raise Unfit(
+            f"{given} at a time step of {1e3 * time_step:.4g} ms",
+            f"its rebound is right to {REBOUND_ERROR:.0%} at steps up to {1e3 * longest:.3g} ms",
+            "shorten the step, soften the springs or damp them",
+        )

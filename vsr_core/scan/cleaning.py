@@ -1,0 +1,299 @@
+"""A raw scan made sound: near the origin, one piece, each edge between two faces or on a rim."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+from vsr_core.scan.topology import edges, ends, pieces, split_fans
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+MEMORY = 4 * 2**30
+"""What cleaning may take, the given mesh included [byte]: 20 million faces of a scan without
+split vertices."""
+
+_BYTES_A_FACE, _BYTES_A_VERTEX = 180, 30  # measured peak, on scans of 1 and 2 million faces
+
+SIZES = (0.1, 1000.0)
+"""Shortest and longest of the longest sides of a scan in metres [m]."""
+
+SAME_POINT = 1e-6
+"""Vertices that agree to this [m] were split by an exporter and are one."""
+
+FAULTY_SHARE = 0.01
+"""Share of the area that may be dropped where edges branch; more is no surface."""
+
+LOOSE_SHARE = 0.05
+"""Share of the area that may be dropped as loose pieces; a larger piece may be the rock."""
+
+_CHUNK = 1 << 18  # faces handled at a time where that saves memory
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """A sound scan.
+
+    Attributes
+    ----------
+    mesh : trimesh.Trimesh [m], z up, normals outward
+    offset : ndarray, shape (3,) [m], whole metres; given coordinates are the mesh's plus these
+    notes : tuple of str, what was changed
+    """
+
+    mesh: trimesh.Trimesh
+    offset: Array
+    notes: tuple[str, ...]
+
+
+def clean(mesh: trimesh.Trimesh) -> Cleaned:
+    """Sound copy of a raw scan in metres, z up; colours of vertices are kept.
+
+    Raises
+    ------
+    Unfit
+        If the scan is empty, too large for the memory, of an unlikely size, stored too coarsely,
+        in several large pieces, not a surface, or without outside.
+    """
+    _see_that_it_fits(mesh)
+    notes: list[str] = []
+    colours = colours_of(mesh)
+    vertices, offset, faces = _near_origin(mesh, notes)
+    origin, faces = _merged(vertices, faces, notes)
+    vertices = vertices[origin]
+    faces = _with_area(vertices, faces, notes)
+    faces = _manifold(vertices, faces, notes)
+    faces = _one_piece(vertices, faces, notes)
+    faces, copied = split_fans(faces, len(vertices))
+    if len(copied):
+        notes.append(f"{len(copied)} vertices where the surface only touched itself split")
+    origin = np.concatenate([origin, origin[copied]])
+    vertices = np.concatenate([vertices, vertices[copied]])
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces.ravel()] = True
+    faces = (np.cumsum(used) - 1)[faces]
+    cleaned = trimesh.Trimesh(
+        vertices[used],
+        faces,
+        vertex_colors=None if colours is None else colours[origin[used]],
+        process=False,
+    )
+    return Cleaned(cleaned, offset, tuple(notes))
+
+
+def _see_that_it_fits(mesh: trimesh.Trimesh) -> None:
+    count = len(mesh.faces)
+    if count == 0:
+        raise Unfit("a scan without faces", "a scan has a surface", "export the scan again")
+    needed = count * _BYTES_A_FACE + len(mesh.vertices) * _BYTES_A_VERTEX
+    if needed > MEMORY:
+        raise Unfit(
+            f"a scan of {count / 1e6:.1f} million faces, {needed / 2**30:.1f} GiB to clean",
+            f"at most {MEMORY / 2**30:.0f} GiB: about 20 million faces",
+            "decimate or crop it first; 2 million faces resolve 1 mm on a rock of 1 m",
+        )
+
+
+def colours_of(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
+    """Colours of a mesh's vertices, shape (n, 4); None where it has none."""
+    visual: Any = mesh.visual
+    return np.asarray(visual.vertex_colors) if getattr(visual, "kind", None) == "vertex" else None
+
+
+def _near_origin(mesh: trimesh.Trimesh, notes: list[str]) -> tuple[Array, Array, Index]:
+    """Vertices less whole metres, those metres, and the faces whose vertices are finite."""
+    vertices = np.array(mesh.vertices, dtype=np.float64)
+    faces = np.asarray(mesh.faces, dtype=np.int64)
+    finite = np.asarray(np.isfinite(vertices).all(axis=1))
+    if not finite.all():
+        whole = finite[faces].all(axis=1)
+        notes.append(
+            f"{int((~finite).sum())} vertices that are not finite and "
+            f"{int((~whole).sum())} faces at them dropped"
+        )
+        faces = faces[whole]
+        vertices[~finite] = vertices[finite][:1] if finite.any() else 0.0
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    _see_that_it_is_fine(vertices, float(max(-low.min(), high.max())))
+    offset = np.round(0.5 * (low + high))
+    vertices -= offset
+    if offset.any():
+        notes.append(f"moved by ({', '.join(f'{-x:.0f}' for x in offset)}) m to near the origin")
+    size = float((high - low).max())
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise Unfit(
+            f"a scan {size:.3g} m large",
+            f"scans here are {SIZES[0]} to {SIZES[1]:.0f} m",
+            "scale it to metres, or crop it around the rock",
+        )
+    return vertices, offset, faces
+
+
+def _see_that_it_is_fine(vertices: Array, largest: float) -> None:
+    spacing = float(np.spacing(np.float32(largest)))
+    if spacing > 1e-3 and bool((vertices == vertices.astype(np.float32)).all()):
+        raise Unfit(
+            f"coordinates in single precision, {largest:.3g} m from their origin",
+            f"a rock needs 1 mm; these come in steps of {spacing:.2g} m",
+            "export in double precision or about a local origin",
+        )
+
+
+def _merged(vertices: Array, faces: Index, notes: list[str]) -> tuple[Index, Index]:
+    """One vertex of each of those at the same point; faces on them, those without area gone."""
+    x, y, z = (np.round(vertices[:, k] / SAME_POINT).astype(np.int32) for k in range(3))
+    order = np.lexsort((x, y, z))
+    new = np.zeros(len(order), dtype=bool)
+    new[0] = True
+    for values in (x, y, z):
+        ordered = values[order]
+        new[1:] |= ordered[1:] != ordered[:-1]
+    del x, y, z, values, ordered
+    name = np.empty(len(order), dtype=np.int64)
+    name[order] = np.cumsum(new) - 1
+    origin = order[new]
+    if len(origin) < len(order):
+        notes.append(f"{len(order) - len(origin)} split vertices merged")
+    faces = name[faces]
+    flat = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    if flat.any():
+        notes.append(f"{int(flat.sum())} faces between fewer than three points dropped")
+        faces = faces[~flat]
+    return origin, faces
+
+
+def areas(vertices: Array, faces: Index) -> Array:
+    """Area of each face [m^2], shape (m,)."""
+    area = np.empty(len(faces))
+    for first in range(0, len(faces), _CHUNK):
+        chunk = slice(first, first + _CHUNK)
+        area[chunk] = 0.5 * np.linalg.norm(_crosses(vertices, faces[chunk])[1], axis=1)
+    return area
+
+
+def _crosses(vertices: Array, faces: Index) -> tuple[Array, Array]:
+    """First corners and area vectors, doubled, of faces, shape (m, 3) each."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return a, np.cross(b - a, c - a)
+
+
+def _with_area(vertices: Array, faces: Index, notes: list[str]) -> Index:
+    """Faces that lie on a line turned about their longest side, into the face beyond it."""
+    flat = np.flatnonzero(areas(vertices, faces) <= SAME_POINT**2)
+    if len(flat) == 0:
+        return faces
+    found = edges(faces).pairs
+    own = np.isin(found // 3, flat)
+    found = np.concatenate([found[own[:, 0]], found[own[:, 1]][:, ::-1]])
+    lengths = np.linalg.norm(vertices[faces[flat]] - vertices[np.roll(faces[flat], -1, 1)], axis=2)
+    longest = np.full(len(faces), -1)
+    longest[flat] = 3 * flat + np.argmax(lengths, axis=1)
+    found = found[longest[found[:, 0] // 3] == found[:, 0]]
+    found = found[~np.isin(found[:, 1] // 3, flat)]
+    found = found[np.unique(found[:, 1] // 3, return_index=True)[1]]
+    faces = faces.copy()
+    one, other = found.T
+    apex = faces[one // 3, (one % 3 + 2) % 3]
+    beyond = faces[other // 3, (other % 3 + 2) % 3]
+    start, end = ends(faces, other).T
+    faces[one // 3] = np.column_stack([start, apex, beyond])
+    faces[other // 3] = np.column_stack([apex, end, beyond])
+    left = areas(vertices, faces) <= SAME_POINT**2
+    notes.append(f"{len(flat)} faces without area mended, {int(left.sum())} of them dropped")
+    return faces[~left]
+
+
+def _manifold(vertices: Array, faces: Index, notes: list[str]) -> Index:
+    """Of more than two faces at an edge the largest two are kept, of equal faces one."""
+    area, total = areas(vertices, faces), 0.0
+    whole, before = float(area.sum()), len(faces)
+    while True:
+        found = edges(faces)
+        branching = np.repeat(found.count > 2, found.count)
+        if not branching.any():
+            break
+        group = np.repeat(np.arange(len(found.count)), found.count)[branching]
+        face = found.side[branching] // 3
+        names = np.sort(faces[face], axis=1)
+        order = np.lexsort((face, *names.T, -area[face], group))
+        group, face, names = group[order], face[order], names[order]
+        same = np.concatenate(
+            [[False], (group[1:] == group[:-1]) & (names[1:] == names[:-1]).all(axis=1)]
+        )
+        drop = same.copy()
+        kept = np.cumsum(~same)
+        first = np.searchsorted(group, group)
+        drop |= kept - kept[first] >= 2
+        keep = np.ones(len(faces), dtype=bool)
+        keep[face[drop]] = False
+        total += float(area[~keep].sum())
+        faces, area = faces[keep], area[keep]
+    if total > FAULTY_SHARE * whole:
+        raise Unfit(
+            f"a mesh whose edges branch ({total / whole:.0%} of its area in excess)",
+            f"an edge joins two faces; faces in excess make up at most {FAULTY_SHARE:.0%}",
+            "remesh the scan as one surface",
+        )
+    if len(faces) < before:
+        notes.append(f"{before - len(faces)} faces dropped where edges branched ({total:.2g} m2)")
+    return faces
+
+
+def _one_piece(vertices: Array, faces: Index, notes: list[str]) -> Index:
+    """The largest piece, wound one way and outward."""
+    found = edges(faces)
+    pairs, rim = found.pairs, found.open // 3
+    del found
+    start = ends(faces, pairs[:, 0])[:, 0]
+    alike = start != ends(faces, pairs[:, 1])[:, 0]
+    del start
+    pairs //= 3
+    patch = pieces(pairs[alike], len(faces))
+    across = np.unique(patch[pairs[~alike]], axis=0)
+    del pairs, alike
+    count = int(patch.max()) + 1
+    # Every patch and its turned twin: patches wound against each other hang with the other's twin.
+    twins = pieces(
+        np.concatenate([across + np.array([0, count]), across + np.array([count, 0])]), 2 * count
+    )
+    if (twins[:count] == twins[count:]).any():
+        raise Unfit("a surface with one side", "a scan has an outside", "remesh the scan")
+    piece = np.minimum(twins[:count], twins[count:])
+    against = (twins[:count] != piece)[patch]
+    faces[against] = faces[against, ::-1]
+    area = areas(vertices, faces)
+    whole = np.bincount(piece[patch], weights=area)
+    keep = piece[patch] == int(np.argmax(whole))
+    loose = float(whole.sum() - whole.max())
+    if loose > LOOSE_SHARE * whole.sum():
+        raise Unfit(
+            f"a scan in {int((whole > 0).sum())} pieces ({loose:.2g} m2 beside the largest)",
+            f"rock and ground hang together; loose pieces make up at most {LOOSE_SHARE:.0%}",
+            "join the pieces or crop the scan",
+        )
+    if loose > 0.0:
+        notes.append(f"{int((whole > 0).sum()) - 1} loose pieces dropped ({loose:.2g} m2)")
+    turned = min(float(area[keep & against].sum()), float(area[keep & ~against].sum()))
+    faces = faces[keep]
+    if _looks_in(vertices, faces, bool(keep[rim].any())):
+        faces = faces[:, ::-1]
+        notes.append("all faces turned outward")
+    if turned > 0.0:
+        notes.append(f"faces wound against their neighbours turned ({turned:.2g} m2)")
+    return np.ascontiguousarray(faces)
+
+
+def _looks_in(vertices: Array, faces: Index, sheet: bool) -> bool:
+    """Whether an open sheet faces down, or a closed surface inward."""
+    up = volume = 0.0
+    for first in range(0, len(faces), _CHUNK):
+        corner, cross = _crosses(vertices, faces[first : first + _CHUNK])
+        up += float(cross[:, 2].sum())
+        volume += float(np.einsum("ij,ij->", corner, cross))
+    return (up if sheet else volume) < 0.0

@@ -1,0 +1,147 @@
+"""The ground beneath a rock, which no scan sees: it follows the underside, a little lower."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+from vsr_core.scan.closing import Closed
+from vsr_core.scan.distance import signed_distance
+from vsr_core.scan.separation import Separation
+from vsr_core.terrain.surface import Terrain
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+LARGEST_PUSH = 0.1
+"""Ground that reaches deeper into the rock than this share of the rock's size is no noise."""
+
+_ROUNDS = 12  # of pushing ground out of the rock
+
+
+@dataclass(frozen=True, eq=False)
+class Mated:
+    """Ground without a hole beneath the rock.
+
+    Attributes
+    ----------
+    terrain : Terrain, in the scan's coordinates
+    seat : ndarray of bool, shape (m,), its faces beneath the rock
+    pushed : float [m], farthest that ground which poked into the rock was moved away
+    notes : tuple of str
+    """
+
+    terrain: Terrain
+    seat: Mask
+    pushed: float
+    notes: tuple[str, ...]
+
+
+def mated(separation: Separation, closed: Closed, clearance: float) -> Mated:
+    """Ground with a mating surface under each cap of a closed rock, ``clearance`` [m] below it.
+
+    The mating surface is the cap moved out of the rock; the rim of the ground goes with it, so
+    that no gap opens. Ground beside the rim that noise has put into the rock, or nearer to it
+    than the clearance, is moved away to that distance.
+
+    Raises
+    ------
+    Unfit
+        If ground reaches into the rock by more than ``LARGEST_PUSH`` of its size, or stays there.
+    """
+    vertices = closed.vertices.copy()
+    faces = [separation.faces[~separation.rock]]
+    copied: dict[int, int] = {}
+    for cap in closed.caps:
+        own = np.concatenate([cap.rim, cap.inner])
+        copied.update(
+            zip(own.tolist(), range(len(vertices), len(vertices) + len(own)), strict=True)
+        )
+        vertices = np.concatenate([vertices, vertices[own] - clearance * cap.up])
+        faces.append(cap.faces[:, ::-1])
+    name = np.arange(len(vertices))
+    name[list(copied)] = list(copied.values())
+    used, local = np.unique(name[np.concatenate(faces)], return_inverse=True)
+    ground, triangles = vertices[used], local.reshape(-1, 3)
+    ground, pushed, count = _pushed_out(ground, triangles, closed.rock, clearance)
+    notes = [f"mating surface of {sum(len(cap.faces) for cap in closed.caps)} faces, "
+             f"{1e3 * clearance:.3g} mm below the rock"]  # fmt: skip
+    if count:
+        notes.append(
+            f"{count} vertices of the ground in or near the rock moved away, by at most "
+            f"{1e3 * pushed:.1f} mm"
+        )
+    seat = np.arange(len(triangles)) >= len(faces[0])
+    return Mated(Terrain(ground, triangles), seat, pushed, tuple(notes))
+
+
+def inside(terrain: Terrain, rock: trimesh.Trimesh) -> float:
+    """How deep a rock's vertices lie in the ground at most [m]; 0 if none does."""
+    return max((terrain.depth(vertex) or 0.0 for vertex in np.array(rock.vertices)), default=0.0)
+
+
+def _pushed_out(
+    ground: Array, faces: Index, rock: trimesh.Trimesh, clearance: float
+) -> tuple[Array, float, int]:
+    """Ground moved away from the rock, how far at most [m], and how many vertices."""
+    given = ground
+    size = float(np.ptp(rock.vertices, axis=0).max())
+    low, high = rock.bounds
+    for _ in range(_ROUNDS):
+        beside = ((ground > low - clearance) & (ground < high + clearance)).all(axis=1)
+        near = np.flatnonzero(beside)
+        outward, distance = _from_rock(rock, ground[near])
+        close = distance < clearance * (1.0 - 1e-6)
+        caught = _caught(ground, faces, rock)
+        if not close.any() and not len(caught):
+            break
+        ground = ground.copy()
+        step = (clearance - distance[close])[:, None] * outward[close]
+        ground[near[close]] += step
+        corners = np.unique(faces[caught])
+        ground[corners, 2] -= clearance
+        moved = float(np.linalg.norm(ground - given, axis=1).max())
+        if moved > LARGEST_PUSH * size:
+            raise Unfit(
+                f"ground that reaches {moved:.3g} m into the rock",
+                f"rock and ground touch, to {LARGEST_PUSH:.0%} of the rock's size",
+                "move the cut, or close the rock in another way",
+            )
+    else:
+        raise Unfit(
+            "ground that stays in the rock however it is moved",
+            "rock and ground touch along a seam",
+            "move the cut, or close the rock in another way",
+        )
+    way = np.linalg.norm(ground - given, axis=1)
+    return ground, float(way.max()), int((way > 0.0).sum())
+
+
+def _from_rock(rock: trimesh.Trimesh, points: Array) -> tuple[Array, Array]:
+    """Way out of the rock, shape (n, 3), and distance from it [m], negative inside."""
+    distance, nearest, face = signed_distance(rock, points)
+    touching = np.abs(distance) < 1e-9
+    way = (points - nearest) / np.where(touching, 1.0, distance)[:, None]
+    way[touching] = np.array(rock.face_normals)[face[touching]]
+    return way, distance
+
+
+def _caught(ground: Array, faces: Index, rock: trimesh.Trimesh) -> Index:
+    """Faces of the ground above which a vertex of the rock lies hidden."""
+    terrain = Terrain(ground, faces)
+    found = [_just_above(terrain, v) for v in np.array(rock.vertices) if terrain.depth(v)]
+    return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.int64)
+
+
+def _just_above(terrain: Terrain, point: Array) -> Index:
+    """Faces near the vertical through a point that reach above it."""
+    near = terrain.around(float(point[0]), float(point[1]))
+    corners = terrain.vertices[terrain.faces[near]]
+    over = (corners[:, :, :2].min(axis=1) <= point[:2]).all(axis=1)
+    over &= (corners[:, :, :2].max(axis=1) >= point[:2]).all(axis=1)
+    return near[over & (corners[:, :, 2].max(axis=1) >= point[2])]

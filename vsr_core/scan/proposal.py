@@ -1,0 +1,184 @@
+"""A seam proposed without handwork: the hollow around what stands out of the ground most."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+from vsr_core.scan.cleaning import areas
+from vsr_core.scan.concave import Turns, cheapest_cut, turns
+from vsr_core.scan.separation import Separation, seams, whole
+from vsr_core.scan.topology import at_border, edges, ends, pieces
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+ORIGIN: Array = np.zeros(3)
+
+CONCAVE_SHARE = 0.6
+"""Share of a seam's length along a clear hollow, below which it is none."""
+
+SAME = 0.8
+"""Two cuts whose rocks share this part of their joint area are one."""
+
+RIVAL_SIZE = 4.0
+"""Another rock counts if its area is within this factor of the best one's; what is smaller are
+pebbles, what is larger is relief of the ground."""
+
+RIVAL_COST = 0.15
+"""And if its seam costs at most this part of its length [1], or three times the best one's."""
+
+_LEVELS = np.linspace(0.9, 0.1, 9)  # heights above the ground of the seeds, of the highest
+_STANDS_OUT = 0.15  # of the highest, by which a seed's top must rise above its foot
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A cut: its rock, its cost for a length [1], how many seeds led to it, of how many."""
+
+    rock: Mask
+    area: float
+    cost: float
+    concave: float
+    seeds: int
+    top: Array
+
+
+def propose(
+    mesh: trimesh.Trimesh,
+    near: tuple[float, float, float] | None = None,
+    offset: Array = ORIGIN,
+) -> Separation:
+    """Rock and ground of a clean scan, told apart by the hollow between them.
+
+    What rises above the ground, at several heights, seeds a minimum cut whose cost is a length
+    that is cheap along hollows; the border of the scan is ground. Of the seams that follow a
+    hollow the one with the lowest cost for its length is proposed. The confidence is the share
+    of its length along a clear hollow, times the share of the seeds within the rock that lead to
+    it.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh [m], z up
+    near : three floats [m], optional
+        A point on or in the rock, where several stand on the ground, in the given coordinates.
+    offset : ndarray, shape (3,) [m], given coordinates are the mesh's plus these
+
+    Raises
+    ------
+    Unfit
+        If no part of the scan is set off by a hollow, or several are.
+    """
+    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
+    outer = at_border(faces, len(vertices))
+    if not outer.any():
+        whole(vertices, faces, ~outer)
+    found = turns(vertices, faces)
+    cuts = _candidates(vertices, faces, found, outer, offset)
+    good = [cut for cut in cuts if cut.concave >= CONCAVE_SHARE]
+    if not good:
+        raise Unfit(
+            "a scan in which no hollow runs around a rock"
+            + (f" (at best {max(c.concave for c in cuts):.0%} of a seam)" if cuts else ""),
+            f"{CONCAVE_SHARE:.0%} of the seam between rock and ground is a hollow",
+            "give a cut: a plane, a box, a polygon or a colour",
+        )
+    best = _the_one(good, vertices[faces].mean(axis=1) + offset, near)
+    inside = [cut for cut in cuts if (cut.rock & best.rock).any()]
+    seeds = sum(cut.seeds for cut in inside if not (cut.rock & ~best.rock).any())
+    rock, notes = whole(vertices, faces, best.rock)
+    others = [c for c in good if c is not best and (c.rock & best.rock).any()]
+    notes += tuple(
+        f"another hollow is possible, around {c.area:.2g} m2 with its top at {_place(c.top)}"
+        for c in others
+    )
+    return Separation(
+        vertices,
+        faces,
+        rock,
+        seams(vertices, faces, rock, found),
+        best.concave * best.seeds / max(seeds, 1),
+        notes,
+    )
+
+
+def _candidates(
+    vertices: Array, faces: Index, found: Turns, outer: Mask, offset: Array
+) -> list[_Found]:
+    """Different cuts around what rises above the ground."""
+    height = _above_ground(vertices, faces, outer)
+    area, middle = areas(vertices, faces), vertices[faces].mean(axis=1)
+    highest = float(height.max())
+    cuts: list[_Found] = []
+    for level in _LEVELS:
+        above = (height > level * highest) & ~outer
+        piece = pieces(found.faces[above[found.faces].all(axis=1)], len(faces))
+        tops = np.full(len(faces), -np.inf)
+        np.maximum.at(tops, piece[above], height[above])
+        for name in np.flatnonzero(tops > (level + _STANDS_OUT * (level < 0.85)) * highest):
+            seed = above & (piece == name)
+            top = middle[seed][np.argmax(height[seed])] + offset
+            rock = cheapest_cut(found, len(faces), seed, outer)
+            _add(cuts, rock, area, found, top)
+    return cuts
+
+
+def _add(cuts: list[_Found], rock: Mask, area: Array, found: Turns, top: Array) -> None:
+    """Add a cut, or count another seed for one that is there."""
+    for k, cut in enumerate(cuts):
+        if area[cut.rock & rock].sum() > SAME * area[cut.rock | rock].sum():
+            cuts[k] = _Found(cut.rock, cut.area, cut.cost, cut.concave, cut.seeds + 1, cut.top)
+            return
+    between = rock[found.faces[:, 0]] != rock[found.faces[:, 1]]
+    length = float(found.length[between].sum())
+    cost = float(found.cost[between].sum()) / length
+    hollow = between & found.hollow
+    concave = float(found.length[hollow].sum()) / length
+    cuts.append(_Found(rock, float(area[rock].sum()), cost, concave, 1, top))
+
+
+def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float] | None) -> _Found:
+    """The cheapest cut, or of those that hold the face nearest to a point."""
+    if near is not None:
+        nearest = int(np.argmin(np.linalg.norm(middle - np.array(near), axis=1)))
+        held = [cut for cut in good if cut.rock[nearest]]
+        if not held:
+            raise Unfit(
+                f"no rock at {_place(np.array(near))}",
+                "the point lies on the rock",
+                f"tops found: {', '.join(_place(cut.top) for cut in good)}",
+            )
+        return min(held, key=lambda cut: cut.cost)
+    best = min(good, key=lambda cut: cut.cost)
+    apart = [cut for cut in good if not (cut.rock & best.rock).any()]
+    rivals = [
+        cut
+        for cut in apart
+        if best.area / RIVAL_SIZE < cut.area < best.area * RIVAL_SIZE
+        and cut.cost < max(RIVAL_COST, 3.0 * best.cost)
+    ]
+    if rivals:
+        places = [_place(cut.top) for cut in (best, *rivals)]
+        raise Unfit(
+            f"{len(places)} rocks, their tops at {', '.join(places)}",
+            "one rock stands on the ground",
+            "say near which point, or crop the scan",
+        )
+    return best
+
+
+def _above_ground(vertices: Array, faces: Index, outer: Mask) -> Array:
+    """Height of each face over the plane through the scan's border [m], shape (m,)."""
+    open_ = np.unique(ends(faces, edges(faces).open))
+    rows = np.column_stack([vertices[:, :2], np.ones(len(vertices))])
+    plane = np.linalg.lstsq(rows[open_], vertices[open_, 2], rcond=None)[0]
+    return (vertices[:, 2] - rows @ plane)[faces].mean(axis=1)
+
+
+def _place(point: Array) -> str:
+    return f"({', '.join(f'{x:.2f}' for x in point)})"

@@ -1,0 +1,101 @@
+"""What each step from scan to solid changed: weighed before and after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from vsr_core.errors import Unfit
+from vsr_core.rock.hull import convex_hull, settle, tipping
+from vsr_core.rock.solid import LARGEST_LEVELLING
+
+Array = NDArray[np.float64]
+
+DIRECTIONS = np.radians(np.arange(0.0, 360.0, 5.0))
+"""Directions [rad] in which tipping is compared."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A mesh in figures.
+
+    Attributes
+    ----------
+    faces, vertices : int
+    watertight : bool
+    volume : float [m^3], nan if open, as are the next ones
+    mass : float [kg]
+    centre_of_mass : ndarray, shape (3,) [m]
+    inertia : ndarray, shape (3, 3) [kg m^2], about the centre of mass
+    tipping : ndarray, shape (72,) [rad], static tipping angles in ``DIRECTIONS``; nan where the
+        solid does not stand
+    """
+
+    faces: int
+    vertices: int
+    watertight: bool
+    volume: float
+    mass: float
+    centre_of_mass: Array
+    inertia: Array
+    tipping: Array
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of the way from scan to solid.
+
+    Attributes
+    ----------
+    name : str
+    before, after : Measure
+    hausdorff : float [m], largest distance between the two surfaces, sampled; nan if not compared
+    notes : tuple of str
+    """
+
+    name: str
+    before: Measure
+    after: Measure
+    hausdorff: float
+    notes: tuple[str, ...]
+
+    @property
+    def tipping_change(self) -> float:
+        """Largest change of a static tipping angle [rad]; nan where one of the two is open."""
+        return largest_change(self.before, self.after)
+
+
+def measured(mesh: trimesh.Trimesh, density: float) -> Measure:
+    """Figures of a mesh of uniform ``density`` [kg/m^3]."""
+    nothing = np.full(3, np.nan), np.full((3, 3), np.nan), np.full(len(DIRECTIONS), np.nan)
+    counts = len(mesh.faces), len(mesh.vertices)
+    if not mesh.is_watertight:
+        return Measure(*counts, False, np.nan, np.nan, *nothing)
+    centre = np.array(mesh.center_mass)
+    volume = float(mesh.volume)
+    inertia = density * np.array(mesh.moment_inertia)
+    return Measure(*counts, True, volume, density * volume, centre, inertia, tips(mesh))
+
+
+def tips(mesh: trimesh.Trimesh) -> Array:
+    """Static tipping angles of a closed mesh set on a level plane [rad], shape (72,)."""
+    return tips_of(np.array(mesh.vertices) - np.array(mesh.center_mass))
+
+
+def tips_of(points: Array) -> Array:
+    """The same of points, shape (n, 3) [m], about the centre of mass; nan if they do not stand."""
+    try:
+        hull = convex_hull(points)
+        return np.asarray(
+            tipping(hull.turned(settle(hull, LARGEST_LEVELLING)[0]), DIRECTIONS).angle
+        )
+    except Unfit:
+        return np.full(len(DIRECTIONS), np.nan)
+
+
+def largest_change(one: Measure, other: Measure) -> float:
+    """Largest difference of static tipping angles of two solids [rad]."""
+    return float(np.abs(one.tipping - other.tipping).max())

@@ -1,0 +1,200 @@
+"""Ground as one sheet of triangles over the plane, fine where asked, with blocks of steep walls.
+
+Every point of the plane has one height, so a sheet cannot intersect itself and all its normals
+point up. A wall is a strip of triangles between two outlines a centimetre or so apart in plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, KDTree
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Field = Callable[[Array], Array]
+"""From places in the plane, shape (n, 2) [m], to a value at each, shape (n,)."""
+
+Extent = tuple[float, float, float, float]
+"""Least and greatest x, least and greatest y of a sheet [m]."""
+
+_GRADE = 2.0**0.5
+"""Each lattice of points is this much coarser than the last."""
+
+_NEAREST = 0.7
+"""Share of a lattice's spacing within which its points give way to finer ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A block that stands out of the ground; where the ground is higher, the ground is seen.
+
+    Attributes
+    ----------
+    outline : ndarray, shape (n, 2) [m], edge of its top, counter-clockwise, evenly spaced
+    top : Field, height [m]
+    batter : float [m], by which the foot of the wall lies outside the edge
+    bevel : float [m], by which the edge is rounded off, inward and down
+    """
+
+    outline: Array
+    top: Field
+    batter: float
+    bevel: float
+
+    @property
+    def foot(self) -> Array:
+        """Foot of the wall, shape (n, 2) [m], one point beside each of the outline."""
+        return offset(self.outline, self.batter)
+
+    @property
+    def crown(self) -> Array:
+        """Where the bevel meets the top, shape (n, 2) [m]."""
+        return offset(self.outline, -self.bevel)
+
+
+def sheet(
+    extent: Extent, spacing: Field, ground: Field, blocks: list[Block], rim: Array
+) -> tuple[Array, Indices, Indices]:
+    """Triangulate the ground with its blocks.
+
+    Parameters
+    ----------
+    extent : Extent
+    spacing : Field, length of edges [m]
+    ground : Field, height [m]
+    blocks : list of Block, whose feet do not cross
+    rim : ndarray, shape (k, 2) [m], a loop whose sides are edges of the sheet
+
+    Returns
+    -------
+    vertices : ndarray, shape (n, 3) [m], rounded to a micrometre
+    faces : ndarray of int64, shape (m, 3), counter-clockwise seen from above
+    loop : ndarray of int64, shape (k,), the vertices on the rim
+
+    Raises
+    ------
+    ValueError
+        If the foot of a block comes so near to the rim that it is no loop of edges.
+    """
+    outlines = [rim]
+    for block in blocks:
+        outlines += [block.foot, block.outline, block.crown]
+    fixed = np.vstack(outlines)
+    places = _clear(_graded(extent, spacing, fixed), len(fixed), rim)
+    height = ground(places)
+    start = len(rim)
+    for block in blocks:
+        size = len(block.outline)
+        edge = np.arange(start + size, start + 2 * size)
+        on = inside(places, block.outline)
+        on[start : start + size] = False
+        on[edge[0] : edge[0] + 2 * size] = True
+        top = block.top(places[on])
+        top[np.isin(np.flatnonzero(on), edge)] -= block.bevel
+        height[on] = np.maximum(height[on], top)
+        start += 3 * size
+    faces = Delaunay(places).simplices.astype(np.int64)
+    corners = places[faces]
+    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    faces[area < 0.0] = faces[area < 0.0][:, ::-1]
+    _see_that_it_is_a_loop(faces, len(rim))
+    vertices: Array = np.column_stack([places, height])
+    return np.round(vertices, 6), faces, np.arange(len(rim))
+
+
+def _see_that_it_is_a_loop(faces: Indices, size: int) -> None:
+    """Check that the first ``size`` vertices follow each other along edges."""
+    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    joined = set(map(tuple, edges[(edges < size).all(axis=1)].tolist()))
+    if any((k, (k + 1) % size) not in joined for k in range(size)):
+        raise ValueError("a block stands too near to the rock's foot; widen the gap")
+
+
+def _graded(extent: Extent, spacing: Field, fixed: Array) -> Array:
+    """Points of lattices from fine to coarse, each where its spacing is asked, after ``fixed``."""
+    x0, x1, y0, y1 = extent
+    ends = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    coarsest, finest = spacing(ends).max(), spacing(fixed).min()
+    kept = np.vstack([fixed, resampled(ends, coarsest)])
+    step = finest
+    while step <= coarsest:
+        x = np.arange(x0 + 0.5 * step, x1 - 0.4 * step, step)
+        y = np.arange(y0 + 0.5 * step, y1 - 0.4 * step, step * 0.75**0.5)
+        lattice = np.stack(np.meshgrid(x, y), axis=-1)
+        lattice[1::2, :, 0] += 0.4 * step  # not half: no four points lie on one circle
+        places = lattice.reshape(-1, 2)
+        wanted = spacing(places)
+        places = places[(wanted >= step) & (wanted < step * _GRADE)]
+        if len(places):
+            apart = KDTree(kept).query(places)[0] > _NEAREST * step
+            kept = np.vstack([kept, places[apart]])
+        step *= _GRADE
+    return kept
+
+
+def _clear(places: Array, fixed: int, rim: Array) -> Array:
+    """Leave out the places, after the ``fixed`` first, in a circle over a side of the rim.
+
+    A side whose circle holds no point is an edge of the Delaunay triangulation (Gabriel and
+    Sokal 1969).
+    """
+    after = np.roll(rim, -1, axis=0)
+    half = 0.5 * np.linalg.norm(after - rim, axis=1)
+    apart = np.linalg.norm(places[:, None] - 0.5 * (rim + after), axis=2)
+    free = (apart >= half).all(axis=1)
+    free[:fixed] = True
+    return places[free]
+
+
+def resampled(corners: Array, spacing: float) -> Array:
+    """Points along a closed polygon, its corners among them, about ``spacing`` [m] apart."""
+    points = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = max(1, round(float(np.linalg.norm(b - a)) / spacing))
+        points.append(a + (b - a) * (np.arange(count) / count)[:, None])
+    return np.vstack(points)
+
+
+def rounded(corners: Array) -> Array:
+    """A closed polygon with each corner cut back to a quarter of its sides, shape (2 n, 2).
+
+    References
+    ----------
+    Chaikin (1974), An algorithm for high-speed curve generation.
+    """
+    after = np.roll(corners, -1, axis=0)
+    cut = np.stack([0.75 * corners + 0.25 * after, 0.25 * corners + 0.75 * after], axis=1)
+    return cut.reshape(-1, 2)
+
+
+def offset(loop: Array, distance: float) -> Array:
+    """A counter-clockwise loop, shape (n, 2), with its points moved outward by ``distance`` [m].
+
+    A point at a corner moves along the corner's bisector, further by up to a half.
+    """
+    side = np.roll(loop, -1, axis=0) - loop
+    normal = np.column_stack([side[:, 1], -side[:, 0]])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    way = normal + np.roll(normal, 1, axis=0)
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    cosine = np.einsum("ij,ij->i", way, normal)
+    return loop + distance * way / np.maximum(cosine, 2.0 / 3.0)[:, None]
+
+
+def inside(places: Array, polygon: Array) -> NDArray[np.bool_]:
+    """Whether each place, shape (n, 2), lies in a simple polygon, shape (k, 2)."""
+    result = np.zeros(len(places), dtype=bool)
+    near = ((places >= polygon.min(axis=0)) & (places <= polygon.max(axis=0))).all(axis=1)
+    x, y = places[near].T
+    odd = np.zeros(len(x), dtype=bool)
+    for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if ay != by:
+            beyond = x < ax + (y - ay) * (bx - ax) / (by - ay)
+            odd ^= ((ay > y) != (by > y)) & beyond
+    result[near] = odd
+    return result

@@ -1,0 +1,1 @@
+"""The shake table: the servo that drives it, and what a table of hardware can do."""

@@ -1,0 +1,1 @@
+"""The ground that a rock stands on: lookups, fewer triangles, convex parts."""

@@ -1,0 +1,81 @@
+"""A terrain with fewer triangles, as far as its error stays small."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import fast_simplification
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from trimesh.proximity import closest_point
+from trimesh.sample import sample_surface
+
+from vsr_core.terrain.surface import Terrain
+
+Array = NDArray[np.float64]
+
+KEPT_SHARES = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05)
+"""Shares of the triangles that are tried, one after the other."""
+
+WITHIN = 0.99
+"""Share of the terrain that has to stay within its tolerance."""
+
+_SAMPLES = 4000
+
+
+@dataclass(frozen=True)
+class Coarse:
+    """A coarser terrain and its distance from the given one.
+
+    Attributes
+    ----------
+    terrain : Terrain
+    within : float, share of it within the tolerance
+    largest : float [m], largest distance found of points of either from the other
+    """
+
+    terrain: Terrain
+    within: float
+    largest: float
+
+
+def coarser(terrain: Terrain, tolerance: Callable[[Array], Array]) -> Coarse:
+    """The terrain with as few triangles as keep ``WITHIN`` of it within its tolerance.
+
+    Edges collapse where the quadric error is least (Garland & Heckbert 1997, by
+    fast-simplification). Distances are measured both ways at random points, the same every time.
+
+    Parameters
+    ----------
+    terrain : Terrain
+    tolerance : function from points, shape (n, 3) [m], to the distance allowed there [m]
+    """
+    whole = trimesh.Trimesh(terrain.vertices, terrain.faces, process=False)
+    best = Coarse(terrain, 1.0, 0.0)
+    for share in KEPT_SHARES:
+        # Single precision is enough near the origin, where a site's frame has its rock.
+        vertices, faces = fast_simplification.simplify(
+            np.ascontiguousarray(terrain.vertices, dtype=np.float32),
+            np.ascontiguousarray(terrain.faces, dtype=np.int32),
+            target_reduction=1.0 - share,
+        )
+        light = Terrain(vertices.astype(np.float64), faces.astype(np.int64))
+        mesh = trimesh.Trimesh(light.vertices, light.faces, process=False)
+        points, distance = _apart(whole, mesh)
+        within = float(np.mean(distance <= tolerance(points)))
+        if within < WITHIN:
+            break
+        best = Coarse(light, within, float(distance.max()))
+    return best
+
+
+def _apart(one: object, other: object) -> tuple[Array, Array]:
+    """Points on both of two meshes, shape (n, 3) [m], and their distance from the other [m]."""
+    points, distances = [], []
+    for this, that in ((one, other), (other, one)):
+        sample = np.asarray(sample_surface(this, _SAMPLES, seed=1)[0])
+        points.append(sample)
+        distances.append(closest_point(that, sample)[1])
+    return np.concatenate(points), np.concatenate(distances)

@@ -1,0 +1,129 @@
+"""Other ways of doing the same, to compare accuracy and cost with: one module each.
+
+Each uses its library plainly, as someone who knows it would write the experiment: a world with a
+rock at rest, the pulse, and ``AFTER`` seconds more. None proves an outcome or scales the rock; that
+is what they are compared with.
+
+A module imports its library only inside ``build``, so that methods whose library is not installed
+can still be named and listed.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+import pkgutil
+from collections.abc import Callable, Iterable
+from typing import Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.rock.body import Rock
+from vsr_core.rock.hull import convex_hull, touching
+from vsr_core.scene import Scene
+
+Array = NDArray[np.float64]
+Setting = dict[str, float]
+Test = Callable[[CosinePulse], float]
+
+AFTER = 4.0
+"""Time simulated after the pulse [s], as in the seed's public scripts."""
+
+LYING = 1.3
+"""Tilt at which a run may end [rad]: beyond it a rock lies."""
+
+SLAB = (40.0, 40.0, 2.0)
+"""Size of the pedestal where it is a slab [m]; no rock gets to its edges."""
+
+LOOK_EVERY = 10
+"""Time steps between two readings of the tilt."""
+
+
+class Method(Protocol):
+    """What a method's module offers.
+
+    Attributes
+    ----------
+    LABEL : str, for a legend
+    NEEDS : tuple of str, import names of its libraries
+    SWEEP : tuple of settings to try, coarse to fine
+    """
+
+    LABEL: str
+    NEEDS: tuple[str, ...]
+    SWEEP: tuple[Setting, ...]
+
+    def build(self, scene: Scene, setting: Setting) -> Test:
+        """Prepare a box or hull on a level pedestal for shaking tests.
+
+        Returns
+        -------
+        Test
+            Runs one pulse from rest and returns the largest tilt [rad], nan if it diverged.
+        """
+
+
+def names() -> list[str]:
+    """Names of the methods there are, installed or not."""
+    return sorted(module.name for module in pkgutil.iter_modules(__path__))
+
+
+def load(name: str) -> Method:
+    """Method by name; does not import its libraries."""
+    return cast(Method, importlib.import_module(f"{__name__}.{name}"))
+
+
+def missing(name: str) -> tuple[str, ...]:
+    """Import names that a method needs and that are not installed."""
+    return tuple(need for need in load(name).NEEDS if importlib.util.find_spec(need) is None)
+
+
+def accelerations(pulse: CosinePulse, time_step: float) -> Array:
+    """Mean acceleration of the table [m/s^2] in each step of a run, shape (steps,).
+
+    Means give the table its exact velocity after every step, whether or not steps fill the pulse.
+    """
+    steps = math.ceil((pulse.duration + AFTER) / time_step)
+    times: Array = time_step * np.arange(steps + 1, dtype=np.float64)
+    return np.diff(pulse.velocity(times)) / time_step
+
+
+def largest_tilt(
+    advance: Callable[[Iterable[float]], None],
+    tilt: Callable[[], float],
+    drive: Array,
+    until: float = LYING,
+) -> float:
+    """Run to the end of ``drive``, or to the tilt ``until``; largest tilt read [rad].
+
+    Parameters
+    ----------
+    advance : steps through the values it is given
+    tilt : reads the present tilt [rad], nan if the method diverged
+    drive : ndarray, shape (steps,), what the method drives its table by, one value a step
+    until : float [rad]
+    """
+    values, largest = drive.tolist(), 0.0
+    for first in range(0, len(values), LOOK_EVERY):
+        advance(values[first : first + LOOK_EVERY])
+        now = tilt()
+        if math.isnan(now):
+            return now
+        largest = max(largest, now)
+        if largest > until:
+            break
+    return largest
+
+
+def inertia(rock: Rock) -> Array:
+    """Inertia tensor in the axes of the rest pose, shape (3, 3) [kg m^2]."""
+    return rock.axes * rock.inertia @ rock.axes.T
+
+
+def touching_corners(rock: Rock) -> Array:
+    """Corners that can touch a level pedestal up to ``LYING``, shape (n, 3) [m]."""
+    hull = convex_hull(rock.vertices)
+    return hull.vertices[touching(hull, LYING)]

@@ -1,0 +1,200 @@
+"""Flight without contact: free fall, and the spinning boxes of a published benchmark.
+
+Linear and angular momentum and energy are exact; the orientation is that of Euler's equations,
+integrated by SciPy to ten digits.
+
+References
+----------
+github.com/scpeters/benchmark, "boxes": the inputs SIMPLE and COMPLEX, as they stand.
+Euler's equations: Goldstein, Poole & Safko (2002), Classical Mechanics, 3rd ed., 5.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from vsr_core import GRAVITY
+from vsr_core.scene import Contact, Scene, State
+from vsr_core.verification.reference import BOTH, Reference
+from vsr_core.verification.reference._run import Path, box, largest, run, whole
+
+Array = NDArray[np.float64]
+
+SIZE = (0.1, 0.4, 0.9)
+"""Sides of the benchmark's box [m]."""
+
+DURATION = 10.0
+"""Time that the benchmark simulates [s]."""
+
+
+@dataclass(frozen=True)
+class Throw:
+    """Input of the benchmark.
+
+    Attributes
+    ----------
+    gravity : float [m/s^2]
+    velocity : tuple of float [m/s], of the centre of mass at the start
+    spin : tuple of float [rad/s], at the start
+    """
+
+    gravity: float
+    velocity: tuple[float, float, float]
+    spin: tuple[float, float, float]
+
+
+SIMPLE = Throw(0.0, (-0.9, 0.4, 0.1), (0.5, 0.0, 0.0))
+"""Without weight, spinning about the axis of largest inertia."""
+
+COMPLEX = Throw(9.8, (-2.0, 2.0, 8.0), (0.1, 5.0, 0.1))
+"""Thrown upwards, spinning about the unstable axis, that of middle inertia."""
+
+
+@cache
+def _scene(throw: Throw) -> Scene:
+    start = State(np.zeros(3), np.eye(3), np.array(throw.velocity), np.array(throw.spin))
+    return Scene(box(*SIZE), Contact(0.0), pedestal="none", start=start, gravity=throw.gravity)
+
+
+def _thrown(throw: Throw, engine: str, time_step: float) -> Path:
+    number, step = whole(DURATION, time_step)
+    return run(engine, _scene(throw), step, np.zeros(number))
+
+
+def _spins(throw: Throw, path: Path) -> Array:
+    """Angular momentum of the box about its centre, over its mass, shape (n, 3) [m^2/s]."""
+    rock = box(*SIZE)
+    turn = path.rotation
+    return np.einsum("nij,j,nkj,nk->ni", turn, rock.inertia / rock.mass, turn, path.spin)
+
+
+def position(throw: Throw, engine: str, time_step: float) -> float:
+    """Error of the position, relative to the longest way from the start."""
+    path = _thrown(throw, engine, time_step)
+    t = path.time[:, None]
+    exact = np.array(throw.velocity) * t - [0.0, 0.0, 0.5 * throw.gravity] * t**2
+    return largest(path.position - exact) / largest(exact)
+
+
+def velocity(throw: Throw, engine: str, time_step: float) -> float:
+    """Error of the velocity, relative to the largest speed."""
+    path = _thrown(throw, engine, time_step)
+    exact = np.array(throw.velocity) - [0.0, 0.0, throw.gravity] * path.time[:, None]
+    return largest(path.velocity - exact) / largest(exact)
+
+
+def momentum(throw: Throw, engine: str, time_step: float) -> float:
+    """Error of the angular momentum about the centre of mass, relative to its length."""
+    spins = _spins(throw, _thrown(throw, engine, time_step))
+    rock = box(*SIZE)
+    exact = rock.inertia / rock.mass * throw.spin
+    return largest(spins - exact) / float(np.linalg.norm(exact))
+
+
+def energy(throw: Throw, engine: str, time_step: float) -> float:
+    """Error of the energy, relative to the kinetic energy at the start."""
+    path = _thrown(throw, engine, time_step)
+    rock = box(*SIZE)
+    turning = np.einsum("ni,ni->n", _spins(throw, path), path.spin)
+    moving = np.einsum("ni,ni->n", path.velocity, path.velocity)
+    total = 0.5 * (turning + moving) + throw.gravity * path.position[:, 2]
+    spin, speed = np.array(throw.spin), np.array(throw.velocity)
+    exact = 0.5 * float(spin**2 @ rock.inertia / rock.mass + speed @ speed)
+    return largest(total - exact) / exact
+
+
+def orientation(throw: Throw, engine: str, time_step: float) -> float:
+    """Largest angle between the box and the one of Euler's equations, relative to one radian."""
+    path = _thrown(throw, engine, time_step)
+    exact = _euler(throw)(path.time)
+    apart = np.einsum("nij,nik->njk", exact, path.rotation)
+    sine = np.stack(
+        [apart[:, 2, 1] - apart[:, 1, 2], apart[:, 0, 2] - apart[:, 2, 0],
+         apart[:, 1, 0] - apart[:, 0, 1]], axis=1,
+    )  # fmt: skip
+    trace = np.einsum("njj->n", apart)
+    return largest(np.arctan2(np.linalg.norm(sine, axis=1), trace - 1.0))
+
+
+@cache
+def _euler(throw: Throw) -> Callable[[Array], Array]:
+    """Orientation at times, shape (n,), as matrices, shape (n, 3, 3)."""
+    rock = box(*SIZE)
+    inertia = rock.inertia / rock.mass
+
+    def motion(_: float, y: Array) -> Array:
+        spin, turn = y[:3], y[3:].reshape(3, 3)
+        rate = np.cross(inertia * spin, spin) / inertia
+        cross = np.array(
+            [[0.0, -spin[2], spin[1]], [spin[2], 0.0, -spin[0]], [-spin[1], spin[0], 0.0]]
+        )
+        return np.concatenate([rate, (turn @ cross).ravel()])
+
+    start = np.concatenate([throw.spin, np.eye(3).ravel()])
+    solved = solve_ivp(
+        motion, (0.0, DURATION), start, "DOP853", dense_output=True, rtol=1e-12, atol=1e-13
+    )
+    return lambda times: solved.sol(np.clip(times, 0.0, DURATION))[3:].T.reshape(-1, 3, 3)
+
+
+def fall(engine: str, time_step: float) -> float:
+    """Error of the height after a second of free fall, relative to g t^2 / 2."""
+    rest = State(np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3))
+    scene = Scene(box(1.0, 1.0, 2.0), Contact(0.6), pedestal="none", start=rest)
+    number, step = whole(1.0, time_step)
+    path = run(engine, scene, step, np.zeros(number))
+    return abs(float(path.position[-1, 2]) / (0.5 * GRAVITY) + 1.0)
+
+
+def _benchmark(
+    name: str,
+    throw: Throw,
+    quantity: Callable[[Throw, str, float], float],
+    tolerance: float,
+    step: float,
+    order: float | None,
+) -> Reference:
+    return Reference(
+        name=f"box {name}, {quantity.__name__}",
+        family="flight",
+        answer=(
+            'Euler\'s equations of a free body, inputs of github.com/scpeters/benchmark "boxes" '
+            f"{name}"
+        ),
+        quantity=str(quantity.__doc__),
+        tolerance=tolerance,
+        step=step,
+        order=order,
+        engines=BOTH,
+        measure=partial(quantity, throw),
+    )
+
+
+CASES = (
+    Reference(
+        name="free fall",
+        family="flight",
+        answer="g t^2 / 2; an engine that updates the velocity first falls g t dt / 2 too far",
+        quantity=str(fall.__doc__),
+        tolerance=1.1e-3,
+        step=1e-3,
+        order=1.0,
+        engines=BOTH,
+        measure=fall,
+    ),
+    _benchmark("SIMPLE", SIMPLE, position, 1e-9, 1e-3, None),
+    _benchmark("SIMPLE", SIMPLE, velocity, 1e-9, 1e-3, None),
+    _benchmark("SIMPLE", SIMPLE, momentum, 1e-9, 1e-3, None),
+    _benchmark("SIMPLE", SIMPLE, energy, 1e-9, 1e-3, None),
+    _benchmark("COMPLEX", COMPLEX, position, 1.5e-4, 1e-3, 1.0),
+    _benchmark("COMPLEX", COMPLEX, velocity, 1e-9, 1e-3, None),
+    _benchmark("COMPLEX", COMPLEX, momentum, 0.02, 1e-3, 1.0),
+    _benchmark("COMPLEX", COMPLEX, energy, 0.02, 1e-3, 1.0),
+    _benchmark("COMPLEX", COMPLEX, orientation, 0.1, 2.5e-4, 1.0),
+)

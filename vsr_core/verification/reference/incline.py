@@ -1,0 +1,97 @@
+"""A sphere on a slope of triangles and of convex pieces: it rolls, or slips and turns.
+
+It rolls with (5/7) g sin(b) where friction is at least (2/7) tan(b), and slips with
+g (sin(b) - mu cos(b)) below. No border inside the slope may be felt.
+
+References
+----------
+Goldstein, Poole & Safko (2002), Classical Mechanics, 3rd ed., 1.6 and 5: I / (m r^2) = 2/5.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+
+from vsr_core import GRAVITY
+from vsr_core.scene import Contact, State
+from vsr_core.terrain.surface import Terrain
+from vsr_core.verification.reference import Reference
+from vsr_core.verification.reference._ground import scene, seen, slope
+from vsr_core.verification.reference._run import run, sphere, whole
+
+RADIUS = 0.5
+"""Of the sphere [m]."""
+
+LENGTH = 6.0
+"""Way on the slope [m]."""
+
+
+def acceleration(angle: float, friction: float) -> tuple[float, float]:
+    """Acceleration [m/s^2] of a uniform sphere on a slope [rad], and that of its turning times r.
+
+    Returns
+    -------
+    tuple of float
+    """
+    if friction >= 2.0 / 7.0 * math.tan(angle):
+        rolls = 5.0 / 7.0 * GRAVITY * math.sin(angle)
+        return rolls, rolls
+    slides = GRAVITY * (math.sin(angle) - friction * math.cos(angle))
+    return slides, 2.5 * friction * GRAVITY * math.cos(angle)
+
+
+def ground(angle: float, cell: float, cut: bool) -> Terrain:
+    """Slope long enough for the way."""
+    return slope(angle, (-1.0, LENGTH + 1.0), 1.0, cell, cut)
+
+
+def descend(
+    terrain: Terrain, angle: float, contact: Contact, engine: str, time_step: float
+) -> tuple[float, float]:
+    """Mean acceleration [m/s^2] over ``LENGTH`` from rest, and that of the turning times r."""
+    exact, _ = acceleration(angle, contact.friction)
+    number, step = whole(math.sqrt(2.0 * LENGTH / exact), time_step)
+    start = State(np.array([0.0, 0.0, RADIUS]), np.eye(3), np.zeros(3), np.zeros(3))
+    world = scene(sphere(RADIUS), contact, terrain, angle, start)
+    path = seen(run(engine, world, step, np.zeros(number)), angle)
+    time = number * step
+    return 2.0 * float(path.position[-1, 0]) / time**2, RADIUS * float(path.spin[-1, 1]) / time
+
+
+def rolling(
+    angle: float, friction: float, cell: float, cut: bool, engine: str, time_step: float
+) -> float:
+    """Error of the way and of the spin, the larger, each relative to itself."""
+    contact = Contact(friction)
+    found = descend(ground(angle, cell, cut), angle, contact, engine, time_step)
+    exact = acceleration(angle, friction)
+    return max(abs(a / b - 1.0) for a, b in zip(found, exact, strict=True))
+
+
+def _case(name: str, angle: float, friction: float, cut: bool, tolerance: float) -> Reference:
+    cell = 1.0 if cut else 0.5
+    kind = "pieces of 1 m" if cut else "triangles of 0.5 m"
+    return Reference(
+        name=f"{name} sphere on a slope of {kind}",
+        family="incline",
+        answer=(
+            f"{angle:g} deg, friction {friction:g}: (5/7) g sin(b) from a friction of (2/7) tan(b) "
+            "on, g (sin(b) - mu cos(b)) below"
+        ),
+        quantity=str(rolling.__doc__),
+        tolerance=tolerance,
+        step=1e-3,
+        order=None,
+        engines=("bullet",),
+        measure=partial(rolling, math.radians(angle), friction, cell, cut),
+    )
+
+
+CASES = (
+    _case("rolling", 20.0, 0.6, False, 0.02),
+    _case("rolling", 20.0, 0.6, True, 2e-3),
+    _case("slipping", 40.0, 0.15, True, 0.02),
+)

@@ -1,0 +1,203 @@
+"""The PGA that overturns a block, against Housner's equation and closed forms.
+
+References
+----------
+Housner (1963), Bull. Seismol. Soc. Am. 53(2), 403-417.
+Zhang & Makris (2001), J. Eng. Mech. 127(5): blocks under one-cycle pulses, with and without impact.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core import GRAVITY
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.outcome import Outcome
+from vsr_core.run.bounds import barrier
+from vsr_core.run.overturning import Case, Settings, prepare, simulate
+from vsr_core.scene import Contact, Scene
+from vsr_core.verification.boundary_search import bisect
+from vsr_core.verification.reference import BOTH, Reference
+from vsr_core.verification.reference._run import GRIPPING, box
+from vsr_core.verification.rocking_block import (
+    Block,
+    first_overturning_pga,
+    slender_overturns,
+    slender_pga_without_impact,
+)
+
+Array = NDArray[np.float64]
+
+BLOCKS = (
+    (2.0, 2.0),
+    (0.5, 2.5),
+    (5.0, 3.0),
+    (0.2, 3.5),
+    (1.0, 4.0),
+    (0.05, 5.0),
+    (3.0, 6.5),
+    (0.1, 8.0),
+)
+"""Height [m] and slenderness, height over width, of the blocks; they are as deep as wide."""
+
+PERIODS = (0.4, 0.42, 0.44, 0.46, 0.48, 0.5, 0.515, 0.53)
+"""PGV/PGA in units of sqrt(R / g). There one impact decides for all blocks. Shorter pulses overturn
+stocky ones at several g or never; longer ones overturn slender ones after many impacts."""
+
+WINDOW, HALVINGS = 0.05, 7
+"""Half the range, as a share of the answer, in which a boundary is bisected, and how often."""
+
+SLENDER = (0.2, 4.0)
+"""Width and height of a block of alpha = 0.05 [m]."""
+
+PERIOD = 0.45
+"""PGV/PGA of its pulses in units of sqrt(R / g). It overturns after one impact from 1.57 times
+g alpha on, is safe again from 5.9, and overturns at once from 8.3 on."""
+
+
+@cache
+def _case(block: Block) -> Case:
+    width = 2.0 * block.half_width
+    scene = Scene(box(width, width, 2.0 * block.half_height), Contact(GRIPPING))
+    return prepare(scene, barrier(scene.rock), reduce=True)
+
+
+def _error(block: Block, pgv_pga: float, answer: float, engine: str, time_step: float) -> float:
+    """Relative error of a boundary [m/s^2] as bisected in an engine; ``WINDOW`` if it is beyond.
+
+    A run without a verdict counts as toppled: it must not pass for one that stands.
+    """
+    settings = Settings(time_step, engine=engine)
+
+    def topples(pga: float) -> bool:
+        response = simulate(_case(block), CosinePulse(pga, pgv_pga), settings)
+        return response.outcome not in (Outcome.BALANCED, Outcome.DISPLACED)
+
+    found = bisect(topples, (1.0 - WINDOW) * answer, (1.0 + WINDOW) * answer, HALVINGS)
+    return abs(found / answer - 1.0)
+
+
+def boundaries(
+    blocks: tuple[tuple[float, float], ...],
+    periods: tuple[float, ...],
+    engine: str,
+    time_step: float,
+) -> Array:
+    """Relative errors of first-overturning PGAs.
+
+    Parameters
+    ----------
+    blocks : height [m] and slenderness of each
+    periods : PGV/PGA in units of sqrt(R / g)
+    engine : str
+    time_step : float [s]
+        Of a block of 1 x 1 x 2 m; those of others are the same share of sqrt(R / g).
+
+    Returns
+    -------
+    ndarray, shape (blocks, periods)
+    """
+    share = time_step / _unit(_block(*BLOCKS[0]))
+    errors = []
+    for height, slenderness in blocks:
+        block = _block(height, slenderness)
+        unit = _unit(block)
+        errors.append(
+            [
+                _error(block, x * unit, _answer(height, slenderness, x), engine, share * unit)
+                for x in periods
+            ]
+        )
+    return np.array(errors)
+
+
+def median(engine: str, time_step: float) -> float:
+    """Median relative error of the 64 boundaries."""
+    return float(np.median(boundaries(BLOCKS, PERIODS, engine, time_step)))
+
+
+def worst(engine: str, time_step: float) -> float:
+    """Largest relative error of the 64 boundaries."""
+    return float(boundaries(BLOCKS, PERIODS, engine, time_step).max())
+
+
+@cache
+def _answer(height: float, slenderness: float, period: float) -> float:
+    """First-overturning PGA [m/s^2] of Housner's equation."""
+    block = _block(height, slenderness)
+    # One impact decides: the lowest overturning interval is much wider than the step.
+    highest, step = 5.0 * block.uplift, 0.1 * block.uplift
+    return first_overturning_pga(block, period * _unit(block), highest, step)
+
+
+def _block(height: float, slenderness: float) -> Block:
+    return Block(0.5 * height / slenderness, 0.5 * height)
+
+
+def _unit(block: Block) -> float:
+    """Unit of time of a block, sqrt(R / g) [s]."""
+    return math.sqrt(block.radius / GRAVITY)
+
+
+def at_once(engine: str, time_step: float) -> float:
+    """Error of the PGA that overturns a slender block without an impact, relative to it."""
+    block = Block(0.5 * SLENDER[0], 0.5 * SLENDER[1])
+    pgv_pga = PERIOD * _unit(block)
+    return _error(block, pgv_pga, slender_pga_without_impact(block, pgv_pga), engine, time_step)
+
+
+def after_impact(engine: str, time_step: float) -> float:
+    """Error of the PGA that overturns a slender block after one impact, relative to it."""
+    block = Block(0.5 * SLENDER[0], 0.5 * SLENDER[1])
+    pgv_pga = PERIOD * _unit(block)
+
+    def topples(pga: float) -> bool:
+        return slender_overturns(block, pga, pgv_pga)
+
+    answer = bisect(topples, 1.01 * block.uplift, 3.0 * block.uplift, 40)
+    return _error(block, pgv_pga, answer, engine, time_step)
+
+
+def _grid(name: str, quantity: Callable[[str, float], float], tolerance: float) -> Reference:
+    return Reference(
+        name=f"first-overturning PGA, {name} of 64",
+        family="overturning",
+        answer=(
+            "Housner's equation, eight blocks of 5 cm to 5 m and slenderness 2 to 8, eight PGV/PGA"
+        ),
+        quantity=f"{quantity.__doc__} Errors end at {WINDOW:g}.",
+        tolerance=tolerance,
+        step=1e-3,
+        order=None,
+        engines=BOTH,
+        measure=quantity,
+    )
+
+
+def _slender(
+    name: str, quantity: Callable[[str, float], float], tolerance: float, step: float
+) -> Reference:
+    return Reference(
+        name=f"slender block, overturned {name}",
+        family="overturning",
+        answer="closed form of the linearised equation (Zhang & Makris 2001), alpha = 0.05.",
+        quantity=f"{quantity.__doc__} Errors end at {WINDOW:g}.",
+        tolerance=tolerance,
+        step=step,
+        order=None,
+        engines=BOTH,
+        measure=quantity,
+    )
+
+
+CASES = (
+    _grid("median", median, 4e-3),
+    _grid("worst", worst, 0.01),
+    _slender("at once", at_once, 2e-3, 1e-3),
+    _slender("after an impact", after_impact, 6e-3, 2.5e-4),
+)

@@ -1,0 +1,159 @@
+"""A prism that rolls from facet to facet down a slope: McGeer's rimless wheel, without a rebound.
+
+It turns about an edge as a pendulum does until the next edge comes down. Angular momentum about
+that edge is kept, as in Housner's block, so that the rate is multiplied by a number that only the
+shape knows. What a step of the slope gives and an impact takes balance at one rate: each wheel has
+a terminal speed, at which every step is like the last.
+
+References
+----------
+McGeer (1990), Int. J. Robot. Res. 9(2), 62-82; Coleman, Chatterjee & Ruina (1997), Dyn. Stab.
+Syst. 12(3), 139-159.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+import trimesh
+from scipy.integrate import quad
+
+from vsr_core import GRAVITY
+from vsr_core.rock import solid
+from vsr_core.rock.body import Rock
+from vsr_core.scene import Contact, State
+from vsr_core.verification.reference import Reference
+from vsr_core.verification.reference._ground import scene, seen, slope
+from vsr_core.verification.reference._run import DENSITY, GRIPPING, Path, run, whole
+
+RADIUS, WIDTH = 0.5, 0.6
+"""Distance of the edges from the axis, and their length [m]."""
+
+STEPS = 12
+"""Facets over which a wheel rolls."""
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """A uniform prism of regular section on a slope down +x.
+
+    Attributes
+    ----------
+    sides : int
+    angle : float [rad], of the slope
+    """
+
+    sides: int
+    angle: float
+
+    @property
+    def half(self) -> float:
+        """Half the angle between two edges [rad]."""
+        return math.pi / self.sides
+
+    @property
+    def facet(self) -> float:
+        """Width of a facet [m], the way of a step."""
+        return 2.0 * RADIUS * math.sin(self.half)
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia about an edge over mass [m^2]."""
+        axis = RADIUS**2 / 6.0 * (1.0 + 2.0 * math.cos(self.half) ** 2)
+        return axis + RADIUS**2
+
+    @property
+    def kept(self) -> float:
+        """Share of the rate that an impact keeps."""
+        return 1.0 - RADIUS**2 * (1.0 - math.cos(2.0 * self.half)) / self.inertia
+
+    @property
+    def terminal(self) -> float:
+        """Rate just before an impact when every step is like the last [rad/s]."""
+        given = 2.0 * GRAVITY * self.facet * math.sin(self.angle) / self.inertia
+        return math.sqrt(given / (1.0 - self.kept**2))
+
+    @property
+    def period(self) -> float:
+        """Time of a step then [s]."""
+        low, high = self.angle - self.half, self.angle + self.half
+        start = (self.kept * self.terminal) ** 2
+
+        def slowness(lean: float) -> float:
+            fallen = RADIUS * (math.cos(low) - math.cos(lean))
+            return 1.0 / math.sqrt(start + 2.0 * GRAVITY * fallen / self.inertia)
+
+        return float(quad(slowness, low, high)[0])
+
+
+@cache
+def prism(sides: int) -> Rock:
+    """The wheel as a hull, standing on a facet, its axis across."""
+    turns = 2.0 * math.pi * (np.arange(sides) + 0.5) / sides
+    x, z = RADIUS * np.sin(turns), RADIUS * np.cos(turns)
+    ends = [np.column_stack([x, np.full(sides, y), z]) for y in (-0.5 * WIDTH, 0.5 * WIDTH)]
+    mesh = trimesh.convex.convex_hull(np.vstack(ends))
+    return solid.from_mesh(mesh, DENSITY, as_scanned=True).rock
+
+
+def rolled(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> Path:
+    """Path of ``STEPS`` steps in the slope's axes, from just after an impact at terminal speed."""
+    rate = wheel.kept * wheel.terminal
+    apothem = RADIUS * math.cos(wheel.half)
+    # It turns about the edge ahead of its lowest facet.
+    velocity = rate * np.array([apothem, 0.0, 0.5 * wheel.facet])
+    start = State(np.array([0.0, 0.0, apothem]), np.eye(3), velocity, np.array([0.0, rate, 0.0]))
+    number, step = whole(STEPS * wheel.period, time_step)
+    ground = slope(wheel.angle, (-1.0, 7.0), 1.5, cell, cut)
+    placed = scene(prism(wheel.sides), Contact(GRIPPING), ground, wheel.angle, start)
+    return seen(run(engine, placed, step, np.zeros(number)), wheel.angle)
+
+
+def way(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> float:
+    """Error of the way of twelve steps at terminal speed, relative to twelve facets."""
+    path = rolled(wheel, cell, cut, engine, time_step)
+    return abs(float(path.position[-1, 0]) / (STEPS * wheel.facet) - 1.0)
+
+
+def straightness(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> float:
+    """How far it leaves its line in twelve steps, relative to twelve facets."""
+    path = rolled(wheel, cell, cut, engine, time_step)
+    return float(np.abs(path.position[:, 1]).max()) / (STEPS * wheel.facet)
+
+
+WHEELS = (Wheel(8, math.radians(15.0)), Wheel(12, math.radians(10.0)))
+"""Wheels that neither stop nor leave the ground."""
+
+
+def _case(
+    wheel: Wheel,
+    quantity: Callable[[Wheel, float, bool, str, float], float],
+    cut: bool,
+    tolerance: float,
+) -> Reference:
+    cell, kind = (1.0, "pieces") if cut else (0.5, "triangles")
+    return Reference(
+        name=f"rimless wheel of {wheel.sides} sides on {kind}, {quantity.__name__}",
+        family="rimless_wheel",
+        answer=(
+            "McGeer (1990): angular momentum about the new edge, energy between impacts. Bullet "
+            "finds one end of a landing edge before the other, and the wheel veers"
+        ),
+        quantity=str(quantity.__doc__),
+        tolerance=tolerance,
+        step=1e-3,
+        order=None,
+        engines=("bullet",),
+        measure=partial(quantity, wheel, cell, cut),
+    )
+
+
+CASES = (
+    _case(WHEELS[0], way, False, 0.2),
+    _case(WHEELS[1], way, True, 0.1),
+    _case(WHEELS[1], straightness, True, 0.1),
+)

@@ -1,0 +1,135 @@
+"""Where a block starts to move: static tipping, and the switch from sliding to tipping.
+
+A steady acceleration a of the table is a table tilted by atan(a/g): a block on it tips about its
+edge when the resultant leaves the base, a = g b/h, whatever its mass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache, partial
+
+import numpy as np
+import trimesh
+
+from vsr_core import GRAVITY, engines
+from vsr_core.rock import solid
+from vsr_core.rock.body import Rock
+from vsr_core.scene import Contact, Scene
+from vsr_core.verification.boundary_search import bisect
+from vsr_core.verification.reference import BOTH, Reference
+from vsr_core.verification.reference._run import DENSITY, GRIPPING, box, whole
+
+HALVINGS = 11
+"""Halvings of a bracket of +-WINDOW: down to 5e-5 of the answer."""
+
+PUSH = 1.5
+"""Of a block that slides or tips, as a multiple of g b/h. It must not reach the slab's end."""
+
+WINDOW = 0.1
+"""Half of the range, as a share of the answer, in which it is sought. Errors end there."""
+
+TIPPED = 0.2
+"""Tilt at which a block has begun to tip, as a share of alpha."""
+
+LOOK_EVERY = 20
+"""Time steps between two looks at the rock."""
+
+PATIENCE = 8.0
+"""Time in which it has to, in units of sqrt(radius / g). Tilts grow by e in each unit or so: what
+exceeds the answer by 1e-3 is noticed."""
+
+SIDES = 8
+"""Of the prism's base: more corners than any engine keeps contact points."""
+
+
+def static(make: Callable[[], Rock], slenderness: float, engine: str, time_step: float) -> float:
+    """Error of the steady acceleration that tips a rock, relative to g b/h."""
+    rock = make()
+    scene = Scene(rock, Contact(GRIPPING), pedestal="box" if rock.shape == "box" else "plane")
+    answer = GRAVITY / slenderness
+
+    def tips(push: float) -> bool:
+        return _tips(engine, scene, time_step, push, TIPPED / slenderness)
+
+    found = bisect(tips, (1.0 - WINDOW) * answer, (1.0 + WINDOW) * answer, HALVINGS)
+    return abs(found / answer - 1.0)
+
+
+def switch(width: float, height: float, engine: str, time_step: float) -> float:
+    """Error of the friction from which on a strong steady push tips a block, relative to b/h."""
+    answer = width / height
+
+    def tips(friction: float) -> bool:
+        scene = Scene(box(width, width, height), Contact(friction))
+        return _tips(engine, scene, time_step, PUSH * GRAVITY * answer, TIPPED * answer)
+
+    found = bisect(tips, (1.0 - WINDOW) * answer, (1.0 + WINDOW) * answer, HALVINGS)
+    return abs(found / answer - 1.0)
+
+
+def _tips(engine: str, scene: Scene, time_step: float, push: float, beyond: float) -> bool:
+    """Whether a steady push tilts the rock beyond a tilt [rad] in time; true if it diverges."""
+    duration = PATIENCE * math.sqrt(scene.rock.radius / GRAVITY)
+    number, step = whole(duration, time_step)
+    world = engines.load(engine).build(scene, step, 1)
+    for first in range(0, number, LOOK_EVERY):
+        world.advance([push] * min(LOOK_EVERY, number - first))
+        if not world.state().rotation[2, 2] > math.cos(beyond):
+            return True
+    return False
+
+
+@cache
+def prism() -> Rock:
+    """Upright octagonal prism as a hull, a face across x: its inner radius is 0.5, its height 2 m.
+
+    Built as scans are, from a mesh.
+    """
+    angles = 2.0 * math.pi * (np.arange(SIDES) + 0.5) / SIDES
+    outer = 0.5 / math.cos(math.pi / SIDES)
+    ring = outer * np.column_stack([np.cos(angles), np.sin(angles)])
+    corners = np.vstack([np.column_stack([ring, np.full(SIDES, z)]) for z in (0.0, 2.0)])
+    mesh = trimesh.convex.convex_hull(corners)
+    return solid.from_mesh(mesh, DENSITY).rock
+
+
+def _static(name: str, make: Callable[[], Rock], slenderness: float, tolerance: float) -> Reference:
+    return Reference(
+        name=f"static tipping, {name}",
+        family="tipping",
+        answer="g b/h, from the moments about the edge",
+        quantity=str(static.__doc__),
+        tolerance=tolerance,
+        step=1e-3,
+        order=None,
+        engines=BOTH,
+        measure=partial(static, make, slenderness),
+    )
+
+
+def _switch(width: float, height: float) -> Reference:
+    return Reference(
+        name=f"sliding or tipping, b/h = {width / height:g}",
+        family="tipping",
+        answer=(
+            "tan(alpha) = b/h: a block that slides is tipped by its friction alone. Not in MuJoCo, "
+            "whose contacts lift what slides fast until the block trips, at any friction and step."
+        ),
+        quantity=str(switch.__doc__),
+        tolerance=5e-3,
+        step=1e-3,
+        order=None,
+        engines=("bullet",),
+        measure=partial(switch, width, height),
+    )
+
+
+CASES = (
+    _static("box of 1 x 1 x 2 m", partial(box, 1.0, 1.0, 2.0), 2.0, 3e-3),
+    _static("box of 1 x 1 x 5 m", partial(box, 1.0, 1.0, 5.0), 5.0, 4e-3),
+    _static("octagonal hull", prism, 2.0, 4e-3),
+    _switch(1.0, 2.0),
+    _switch(1.5, 2.0),
+)

@@ -1,0 +1,182 @@
+"""How well a servo makes a table follow a motion, with a rock on it that pushes back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core import engines
+from vsr_core.motions.cosine_pulse import GroundMotion
+from vsr_core.motions.records.trace import Trace
+from vsr_core.run.sampling import samples, sampling
+from vsr_core.scene import Scene
+from vsr_core.table.servo import loop
+
+Array = NDArray[np.float64]
+
+ENGINE = "bullet"
+"""The one that has a driven table."""
+
+RECOVERED = 0.1
+"""Share of the peak of a disturbance below which the table has recovered."""
+
+WAVES = tuple(float(f) for f in np.geomspace(0.6, 8.0, 24))
+"""Frequencies of the short waves in a made motion [Hz]."""
+
+LONGER, PERIODS, SYNTHETIC_STEP = 1.3, 18.0, 0.005
+"""Its long wave in units of the ratio asked for, its length in the same, and its sampling [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A driven table, with its rock, at the end of each control period.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,) [s]
+    wanted : ndarray, shape (n,) [m/s], velocity of the motion
+    command : ndarray, shape (n,) [m/s], what the servo was told in that period
+    measured : ndarray, shape (n,) [m/s], velocity of the table
+    force : ndarray, shape (n,) [N], of the servo
+    tilt : ndarray, shape (n,) [rad], of the rock
+    duration : float [s], of the motion
+    """
+
+    time: Array
+    wanted: Array
+    command: Array
+    measured: Array
+    force: Array
+    tilt: Array
+    duration: float
+
+    @property
+    def error(self) -> Array:
+        """Velocity measured less wanted, shape (n,) [m/s]."""
+        return self.measured - self.wanted
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of a table's velocity.
+
+    Attributes
+    ----------
+    rms, largest : float [m/s], over the motion
+    first : float [m/s]
+        At the end of the first control period: what becomes of a jump of the acceleration at t = 0.
+    first_share : float
+        Mean acceleration of the table in that period, as a share of the motion's.
+    """
+
+    rms: float
+    largest: float
+    first: float
+    first_share: float
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """The rock's push on the table.
+
+    Attributes
+    ----------
+    time : float [s], when it is largest
+    peak : float [m/s], change of the table's velocity by it
+    recovery : float [s], from then until it is down to ``RECOVERED`` of that
+    """
+
+    time: float
+    peak: float
+    recovery: float
+
+
+def track(scene: Scene, motion: GroundMotion, time_step: float, after: float) -> Track:
+    """Drive a table through a motion and for ``after`` [s] more.
+
+    Parameters
+    ----------
+    scene : Scene, with a drive
+    motion : GroundMotion
+    time_step : float [s], the largest allowed
+    after : float [s]
+    """
+    drive = scene.drive
+    assert drive is not None
+    plan = sampling(motion, drive, time_step)
+    number = plan.pulse_samples + math.ceil(after / plan.interval)
+    step = plan.interval / plan.substeps
+    world = cast(engines.DrivenWorld, engines.load(ENGINE).build(scene, step, plan.substeps))
+    commands = samples(motion, drive, plan.interval, number)
+    read = np.array(list(_read(world, commands)))
+    time = plan.interval * np.arange(1, number + 1, dtype=np.float64)
+    speed, force, tilt = read.T
+    return Track(time, motion.velocity(time), commands, speed, force, tilt, motion.duration)
+
+
+def errors(followed: Track) -> Errors:
+    """Errors while the motion lasts."""
+    during = followed.time <= followed.duration * (1.0 + 1e-9)
+    error = followed.error[during]
+    first = float(error[0])
+    return Errors(
+        float(np.sqrt(np.mean(error**2))),
+        float(np.abs(error).max()),
+        first,
+        float(followed.measured[0] / followed.wanted[0]),
+    )
+
+
+def push(followed: Track, scene: Scene) -> Array:
+    """What the rock's moving does to the table's velocity [m/s], shape (n,).
+
+    It is the velocity measured less that of the sampled loop with the rock at rest on the table.
+    """
+    assert scene.drive is not None
+    standing = replace(scene.drive, mass=scene.drive.mass + scene.rock.mass)
+    return followed.measured - loop(standing, followed.command)
+
+
+def disturbance(time: Array, pushed: Array) -> Disturbance:
+    """The largest push; ``time`` [s] and ``pushed`` [m/s], from ``push``, have shape (n,)."""
+    size = np.abs(pushed)
+    at = int(np.argmax(size))
+    again = at + int(np.argmax(np.append(size[at:], 0.0) <= RECOVERED * size[at]))
+    end = float(time[min(again, len(time) - 1)])
+    return Disturbance(float(time[at]), float(size[at]), end - float(time[at]))
+
+
+def synthetic(ratio: float) -> Trace:
+    """A made motion that looks recorded, with a PGV/PGA [s]: a long wave under shorter ones.
+
+    Velocities of both swell and fade as sin^2; the waves of ``WAVES`` have equal accelerations and
+    phases by the golden section. Their share is what gives the ratio. Its size means nothing.
+    """
+    time = np.arange(0.0, PERIODS * ratio, SYNTHETIC_STEP)
+    swell = np.sin(np.pi * time / time[-1]) ** 2
+    base = swell * np.sin(time / (LONGER * ratio))
+    phases = 2.0 * np.pi * (np.arange(len(WAVES)) * 0.6180339887 % 1.0)
+    waves = np.sin(2.0 * np.pi * np.outer(time, WAVES) + phases) / np.array(WAVES)
+    rough = swell * waves.sum(axis=1)
+    low, high = 0.0, float(np.abs(base).max() / np.abs(rough).max())
+    for _ in range(60):
+        share = 0.5 * (low + high)
+        velocity = base + share * rough
+        acceleration = np.gradient(velocity, SYNTHETIC_STEP)
+        if np.abs(velocity).max() > ratio * np.abs(acceleration).max():
+            low = share
+        else:
+            high = share
+    return Trace(acceleration, SYNTHETIC_STEP)
+
+
+def _read(world: engines.DrivenWorld, commands: Array) -> Iterator[tuple[float, float, float]]:
+    for command in commands.tolist():
+        world.advance([command])
+        upright = float(world.state().rotation[2, 2])
+        yield world.table()[1], world.force(), math.acos(max(-1.0, min(1.0, upright)))

@@ -1,0 +1,110 @@
+"""Error of the overturning boundary against CPU time, for any way of running a shaking test.
+
+All ways are given the same rows (a direction and a PGV/PGA) and the same runs. The reference of a
+row is Housner's equation where it applies. Else it is two engines that share no code, each at a
+sixteenth of the usual step: where these two differ, nobody can say who is right, and any outcome
+passes.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.run.overturning import Case, Settings, simulate
+from vsr_core.verification.boundary_search import Topples, agrees_from, answer, levels, verdict
+from vsr_core.verification.time_step import COARSE_SHARE, REFERENCE_SHARE, step_unit
+
+Test = Callable[[CosinePulse], bool | None]
+"""Runs one pulse from rest: whether the rock toppled, None without a verdict."""
+
+COST_AT = (0.7, 0.9, 1.1, 1.6)
+"""Pulses on which the CPU time of a run is measured, as shares of the boundary."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A row and what is right there.
+
+    Attributes
+    ----------
+    pgv_pga : float [s]
+    boundary : float [m/s^2]; nan if nothing topples the rock
+    exact : bool, whether by Housner's equation
+    spread : float, how far the two references are apart, relative; 0 if exact
+    right : dict, from the PGAs compared [m/s^2] to toppling; None where the references differ
+    """
+
+    pgv_pga: float
+    boundary: float
+    exact: bool
+    spread: float
+    right: Mapping[float, bool | None]
+
+
+@dataclass(frozen=True)
+class Score:
+    """How one way of running did on one row.
+
+    Attributes
+    ----------
+    error : float, relative: outcomes further from the boundary are right
+    seconds : float, CPU time of a run
+    lost : int, runs without a verdict
+    """
+
+    error: float
+    seconds: float
+    lost: int
+
+
+def target(case: Case, pgv_pga: float, engines: tuple[str, ...]) -> Target:
+    """Reference of a row; ``engines`` are those that give it where no equation does."""
+    unit = step_unit(case.full.rock)
+
+    def run(settings: Settings) -> Topples:
+        test = project(case, settings)
+        return lambda pga: test(CosinePulse(pga, pgv_pga))
+
+    references = [run(Settings(REFERENCE_SHARE * unit, engine=name)) for name in engines]
+    known = answer(case, pgv_pga, run(Settings(COARSE_SHARE * unit)), references, references)
+    nothing = math.isnan(known.boundary)
+    compared = () if nothing else (pga for pair in levels(known.boundary) for pga in pair)
+    right = {pga: known.right(pga) for pga in compared}
+    return Target(pgv_pga, known.boundary, known.exact, known.spread, right)
+
+
+def score(test: Test, wanted: Target) -> Score:
+    """Error and cost of one way of running on one row."""
+    lost = 0
+
+    def outcome(pga: float) -> bool | None:
+        nonlocal lost
+        found = test(CosinePulse(pga, wanted.pgv_pga))
+        lost += found is None
+        return found
+
+    outcome(COST_AT[0] * wanted.boundary)  # what is built and imported once is no cost of a run
+    start = time.process_time()
+    for share in COST_AT:
+        outcome(share * wanted.boundary)
+    seconds = (time.process_time() - start) / len(COST_AT)
+    return Score(agrees_from(outcome, wanted.right.__getitem__, wanted.boundary), seconds, lost)
+
+
+def project(case: Case, settings: Settings) -> Test:
+    """The own way of running a test, outcomes proved where they can be."""
+    return lambda pulse: verdict(simulate(case, pulse, settings).outcome)
+
+
+def by_tilt(largest_tilt: Callable[[CosinePulse], float], toppled: float) -> Test:
+    """A test that reads the largest tilt [rad], nan where it diverged."""
+
+    def test(pulse: CosinePulse) -> bool | None:
+        tilt = largest_tilt(pulse)
+        return None if math.isnan(tilt) else bool(tilt > toppled)
+
+    return test
