@@ -33,7 +33,9 @@ def grid(folder: Path) -> list[Row]:
     prepared = _command(folder, "prep")
     whole = _command(folder, "run", "displacement", "--workers", str(WORKERS))
     log = (folder / SITE / "log.jsonl").read_text(encoding="utf-8").splitlines()
-    note = next(fact for fact in map(json.loads, reversed(log)) if fact["stage"] == "journeys")
+    note = next(
+        fact for fact in map(json.loads, reversed(log)) if fact["stage"] == "displacement_runs"
+    )
     again = _command(folder, "run", "displacement", "--workers", str(WORKERS))
     wall, cpu = note["seconds"], note["cpu_seconds"]
     return [
@@ -82,7 +84,7 @@ def _larger(site: Site) -> Site:
         terrain,
         vertices=np.concatenate([terrain.vertices + shift for shift in shifts]),
         faces=np.concatenate([terrain.faces + k * count for k in range(len(shifts))]),
-        pieces=tuple(piece + shift for shift in shifts for piece in terrain.pieces),
+        parts=tuple(part + shift for shift in shifts for part in terrain.parts),
     )
     return replace(
         site,

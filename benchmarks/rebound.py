@@ -41,10 +41,10 @@ ENGINE = "bullet"
 STEEP, GENTLE = math.radians(55.0), math.radians(10.0)
 """Slopes for a sphere that slips at the least of the frictions, and for a block that stops."""
 
-GROUNDS = {"triangles, 0.5 m": (0.5, False), "pieces, 1 m": (1.0, True)}
+GROUNDS = {"triangles, 0.5 m": (0.5, False), "convex parts, 1 m": (1.0, True)}
 
 SIZES = (12.0, 3.0, 1.0, 0.5, 0.2)
-"""Of triangles and of pieces [m]; the first is all of the ground."""
+"""Of triangles and of convex parts [m]; the first is all of the ground."""
 
 
 Pair = tuple[float, float]
@@ -55,7 +55,8 @@ Pair = tuple[float, float]
 class Row:
     """A quantity with an answer.
 
-    ``measure`` takes a contact, the size of cells, whether they are pieces, and a time step. The
+    ``measure`` takes a contact, the size of cells, whether they are convex parts, and a time step.
+    The
     error is relative to ``unit``, or to the answer if that is 0.
     """
 
@@ -87,7 +88,12 @@ def _impact(what: str, throw: str, part: str, unit: float) -> Row:
         def read(motion: impact.Motion) -> float:
             kept = motion.energy(inertia) / before.energy(inertia)
             along, _, normal = motion.velocity
-            parts = {"along": along, "normal": normal, "spin": motion.spin[1], "energy": kept}
+            parts = {
+                "along": along,
+                "normal": normal,
+                "spin": motion.angular_velocity[1],
+                "energy": kept,
+            }
             return float(parts[part])
 
         return read(after), read(theory)
@@ -166,9 +172,9 @@ def steps() -> Iterable[Line]:
 
 
 def borders() -> Iterable[Line]:
-    """Error of a rolling sphere and of a sliding block against the size of triangles and pieces."""
+    """Error of a rolling sphere and of a sliding block against the size of triangles and parts."""
     angle = math.radians(20.0)
-    for name, cut in (("triangles", False), ("pieces", True)):
+    for name, cut in (("triangles", False), ("parts", True)):
         for size in SIZES:
             rolled = incline.rolling(angle, 0.6, size, cut, ENGINE, STEPS[2])
             slid = [
@@ -181,7 +187,7 @@ def borders() -> Iterable[Line]:
 def energies() -> Iterable[Line]:
     """Largest rise of the energy of hulls that tumble, and how many rise by a hundredth."""
     for restitution in RESTITUTIONS:
-        for ground, cut in (("triangles", False), ("pieces", True)):
+        for ground, cut in (("triangles", False), ("parts", True)):
             cells = []
             for friction in FRICTIONS:
                 contact = Contact(friction, restitution)
@@ -198,7 +204,7 @@ def tumbled(found: dict[tuple[Contact, bool], tumbling.Runs]) -> Iterable[Line]:
         yield [
             f"{contact.restitution:g}",
             f"{contact.friction:g}",
-            "pieces" if cut else "triangles",
+            "parts" if cut else "triangles",
             f"{mean:.1f} ± {spread / math.sqrt(len(runs.way)):.1f}",
             f"{spread:.1f}",
             f"{np.median(runs.beyond):.1f}",
@@ -208,7 +214,7 @@ def tumbled(found: dict[tuple[Contact, bool], tumbling.Runs]) -> Iterable[Line]:
 
 
 def ensembles() -> dict[tuple[Contact, bool], tumbling.Runs]:
-    """The rock that tumbles, on pieces with all coefficients, on triangles with some."""
+    """The rock that tumbles, on parts with all coefficients, on triangles with some."""
     contacts = [Contact(mu, e) for e in RESTITUTIONS for mu in FRICTIONS]
     wanted = [(contact, True) for contact in contacts]
     wanted += [(Contact(USUAL.friction, e), False) for e in RESTITUTIONS]
@@ -272,7 +278,7 @@ TEXT = """# Rebound, rolling and sliding on terrain
 
 Made by `python -m benchmarks.rebound --write`; do not edit.
 
-What the model of contact does on ground of triangles and of convex pieces, on cases with an answer:
+What the model of contact does on ground of triangles and of convex parts, on cases with an answer:
 the families `incline`, `impact`, `rimless_wheel`, `runout` and `dissipation` of
 `vsr_core/verification/reference/`. e is the restitution. Unless stated, the step is {step}.
 
@@ -331,12 +337,12 @@ leave open, and a difference between two lines is one only where it is several s
 - **Points of contact.** Bullet keeps four between two bodies and finds one in a step. Of an edge
   that comes down flat one end lands first: the rock is turned aside, and the impact takes less than
   it should. A prism that rolls on gets faster than the exact one (panel b) and leaves its line.
-- **Borders.** Each triangle and each piece is a shape of its own. A hull that lies across a border
+- **Borders.** Each triangle and each part is a shape of its own. A hull that lies across a border
   can be pushed back by the side of the part ahead, and a block that slides then trips or stops on
   even ground (panel c). The table of borders says how much: most without restitution, where Bullet
   keeps contacts over a wider gap. A sphere and a rock that comes down on its corners hardly notice.
   Rough ground has true edges everywhere; what its parts do to a rock that tumbles is the difference
-  between the lines of triangles and of pieces above.
+  between the lines of triangles and of parts above.
 - **Friction without restitution** is a pyramid: an impulse may be up to 1.4 times as large as the
   cone's, and where points share a load some keep friction of an earlier iteration. With restitution
   Bullet has another solver, and a cone.

@@ -29,7 +29,7 @@ SHARES = 4000
 """Parts of an impact whose friction is followed."""
 
 SIZES = (3.0, 1.5, 1.0, 0.7, 0.5, 0.35, 0.25)
-"""Of triangles and pieces that a block slides over [m]."""
+"""Of triangles and parts that a block slides over [m]."""
 
 Ensemble = dict[tuple[Contact, bool], tumbling.Runs]
 
@@ -71,7 +71,7 @@ def _kept(lean: float, contact: Contact, ground: Terrain) -> tuple[float, float,
     if math.isnan(lean):
         return math.nan, math.nan, math.nan
     turn = axes(math.radians(lean))
-    throw = replace(impact.THROWS["edge"], rotation=turn, spin=np.zeros(3))
+    throw = replace(impact.THROWS["edge"], rotation=turn, angular_velocity=np.zeros(3))
     before, after, theory, inertia = impact.thrown(throw, contact, ground, ENGINE, STEP)
     held = before.energy(inertia)
     low = box(*impact.SIZE).vertices @ turn.T
@@ -101,13 +101,13 @@ def _stronge(before: impact.Motion, arm: Array, inertia: Array, contact: Contact
         taken += min(normal, 0.0) * part
         work += max(normal + change[2], 0.0) * part
         along, normal, impulse = along + change[0], normal + change[2], impulse + given
-    spin = before.spin + np.linalg.solve(inertia, np.cross(arm, impulse))
-    return impact.Motion(before.velocity + impulse, spin).energy(inertia)
+    angular_velocity = before.angular_velocity + np.linalg.solve(inertia, np.cross(arm, impulse))
+    return impact.Motion(before.velocity + impulse, angular_velocity).energy(inertia)
 
 
 def _wheels(panel: Axes) -> None:
     """How far prisms that roll get ahead of the exact ones."""
-    kinds = (("pieces, 1 m", 1.0, True, "-"), ("triangles, 0.5 m", 0.5, False, "--"))
+    kinds = (("parts, 1 m", 1.0, True, "-"), ("triangles, 0.5 m", 0.5, False, "--"))
     for color, wheel in zip(SERIES, rimless_wheel.WHEELS, strict=False):
         for name, cell, cut, line in kinds:
             path = rimless_wheel.rolled(wheel, cell, cut, ENGINE, STEP)
@@ -126,7 +126,7 @@ def _slides(panel: Axes, angle: float) -> None:
     """Loss of a sliding block against the size of what the ground is made of."""
     for color, restitution in zip(SERIES, tumbling.RESTITUTIONS, strict=False):
         contact = Contact(0.6, restitution)
-        for name, cut, line in (("pieces", True, "-o"), ("triangles", False, "--s")):
+        for name, cut, line in (("parts", True, "-o"), ("triangles", False, "--s")):
             losses = []
             for size in SIZES:
                 ground = slope(angle, (-1.0, 11.0), 3.0, size, cut)
@@ -139,7 +139,7 @@ def _slides(panel: Axes, angle: float) -> None:
     panel.set_ylim(0.9, 3.6)  # room for the legend above the lines
     panel.set_xticks([0.25, 0.5, 1.0, 2.0, 3.0], ["0.25", "0.5", "1", "2", "3"])
     panel.minorticks_off()
-    panel.set_xlabel("size of triangles and pieces [m]")
+    panel.set_xlabel("size of triangles and parts [m]")
     panel.set_ylabel("fall of the energy line / friction")
     panel.set_title("c  block of 0.4 m that slides to rest, friction 0.6", loc="left")
     panel.legend(ncols=2, loc="upper center", fontsize=7.0)

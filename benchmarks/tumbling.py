@@ -20,7 +20,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.surrogates.ground_shapes import ramp, rough
-from vsr_core.terrain.convex_parts import pieces
+from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference._ground import sheet
 from vsr_core.verification.reference._run import DENSITY
@@ -92,7 +92,7 @@ def ground(cut: bool) -> Terrain:
     if not cut:
         return whole
     radius = rock().radius
-    held = pieces(
+    held = convex_parts(
         whole, lambda points: np.full(len(points), SLOPE_SHARE * radius), THICKNESS_SHARE * radius
     )
     return Terrain(vertices, faces, held)

@@ -19,14 +19,14 @@ from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.stage import Job
-from pipeline.workflow.store import RUNS, JourneyRow, RunRow, RunStore, Store
+from pipeline.workflow.store import RUNS, DisplacementRow, RunRow, RunStore, Store
 from vsr_core import GRAVITY
 from vsr_core.outcome import Outcome
 
 TYPICAL_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 150.0
 """CPU time of a run [ms] before any was measured here."""
 
-Kind = type[RunRow] | type[JourneyRow]
+Kind = type[RunRow] | type[DisplacementRow]
 
 
 def why(product: str, job: Job) -> list[str]:
@@ -84,7 +84,9 @@ def plan(product: str, job: Job) -> list[str]:
 def _kind(product: str) -> Kind:
     """Journeys over a terrain, or runs."""
     return (
-        JourneyRow if "displacement_runs" in (stage.name for stage in upstream(product)) else RunRow
+        DisplacementRow
+        if "displacement_runs" in (stage.name for stage in upstream(product))
+        else RunRow
     )
 
 

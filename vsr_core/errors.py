@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-class Unfit(ValueError):
+class InvalidInput(ValueError):
     """Input that breaks a rule; the message says what was given, the rule and the remedy.
 
     Parameters
@@ -18,5 +18,5 @@ class Unfit(ValueError):
         self.rule = rule
         self.remedy = remedy
 
-    def __reduce__(self) -> tuple[type[Unfit], tuple[str, str, str]]:
-        return (Unfit, (self.given, self.rule, self.remedy))
+    def __reduce__(self) -> tuple[type[InvalidInput], tuple[str, str, str]]:
+        return (InvalidInput, (self.given, self.rule, self.remedy))

@@ -42,7 +42,7 @@ class DecidedBy(IntEnum):
 
 
 class StopReason(IntEnum):
-    """What ended a journey over the terrain."""
+    """What ended a run over the terrain."""
 
     REST = 0
     LEFT_TERRAIN = 1

@@ -52,7 +52,7 @@ class State:
     position: Array
     rotation: Array
     velocity: Array
-    spin: Array
+    angular_velocity: Array
 
 
 @dataclass(frozen=True, eq=False)

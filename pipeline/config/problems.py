@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,6 @@ class InputError(Exception):
         self.problems = problems
 
     @classmethod
-    def from_unfit(cls, file: str, key: str, error: Unfit) -> InputError:
+    def from_invalid(cls, file: str, key: str, error: InvalidInput) -> InputError:
         """The physics' refusal, with the file and key it came from."""
         return cls(Problem(file, key, error.given, error.rule, error.remedy))

@@ -16,7 +16,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.writers import Writer, text
 
-Row = TypeVar("Row", bound="RunRow | JourneyRow")
+Row = TypeVar("Row", bound="RunRow | DisplacementRow")
 
 RUNS = "runs.sqlite"
 LOG = "log.jsonl"
@@ -34,7 +34,7 @@ class RunRow(NamedTuple):
     steps: int
 
 
-class JourneyRow(NamedTuple):
+class DisplacementRow(NamedTuple):
     """A stored run on a terrain, with its trajectory as ``trajectory_packing`` packs it."""
 
     key: bytes
@@ -46,7 +46,7 @@ class JourneyRow(NamedTuple):
     trajectory: bytes
 
 
-_TABLES: dict[type, str] = {RunRow: "runs", JourneyRow: "journeys"}
+_TABLES: dict[type, str] = {RunRow: "runs", DisplacementRow: "displacement_runs"}
 _COLUMNS = {bytes: "BLOB", int: "INTEGER", float: "REAL"}
 
 

@@ -14,7 +14,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import from_mesh
 from vsr_core.run import displacement
 from vsr_core.scene import Contact, Scene, State
-from vsr_core.terrain.convex_parts import pieces
+from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
 
 Array = NDArray[np.float64]
@@ -119,9 +119,9 @@ def lump(seed: int = 0, corners: int = 60) -> Rock:
     return from_mesh(mesh, 2110.0).rock
 
 
-def in_pieces(terrain: Terrain, tolerance: float, thickness: float) -> Terrain:
-    """The same ground, of convex pieces."""
-    made = pieces(terrain, lambda points: np.full(len(points), tolerance), thickness)
+def in_parts(terrain: Terrain, tolerance: float, thickness: float) -> Terrain:
+    """The same ground, of convex parts."""
+    made = convex_parts(terrain, lambda points: np.full(len(points), tolerance), thickness)
     return Terrain(terrain.vertices, terrain.faces, made)
 
 
@@ -129,7 +129,7 @@ def moved(terrain: Terrain, matrix: Array, shift: Array | None = None) -> Terrai
     """Ground turned, scaled or mirrored by ``matrix``, shape (3, 3), and moved by ``shift`` [m]."""
     shift = np.zeros(3) if shift is None else shift
     faces = terrain.faces if np.linalg.det(matrix) > 0.0 else terrain.faces[:, ::-1]
-    made = tuple(piece @ matrix.T + shift for piece in terrain.pieces)
+    made = tuple(part @ matrix.T + shift for part in terrain.parts)
     return Terrain(terrain.vertices @ matrix.T + shift, faces, made)
 
 

@@ -107,7 +107,7 @@ def _run(
 ) -> tuple[xr.Dataset, dict[str, float]]:
     velocity = np.gradient(where, time, axis=0)
     speed = np.linalg.norm(velocity, axis=1)
-    spin = np.gradient(turn.as_rotvec(), time, axis=0)
+    angular_velocity = np.gradient(turn.as_rotvec(), time, axis=0)
     quaternion = turn.as_quat()
     quaternion[::7] *= -1.0  # the same rotation
     samples = xr.Dataset(
@@ -116,7 +116,7 @@ def _run(
             **{name: ("sample", where[:, k]) for k, name in enumerate("xyz")},
             "quaternion": (("sample", "xyzw"), quaternion),
             "velocity": (("sample", "xyz"), velocity),
-            "angular_velocity": (("sample", "xyz"), spin),
+            "angular_velocity": (("sample", "xyz"), angular_velocity),
             "speed": ("sample", speed),
             "contact": ("sample", np.ones(len(time), dtype=np.int8)),
         }

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class Runs:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the arrays are not of one length, or hold a value that is not finite.
     """
 
@@ -58,7 +58,7 @@ class Runs:
         names = (*REGRESSORS, *STATISTICS)
         shapes = {getattr(self, name).shape for name in names}
         if len(shapes) > 1 or len(self.pga.shape) != 1:
-            raise Unfit(
+            raise InvalidInput(
                 f"arrays of shapes {sorted(shapes)}",
                 "each overturned run has one value of each",
                 "give flat arrays of equal length",
@@ -66,7 +66,7 @@ class Runs:
         for name in names:
             lost = int((~np.isfinite(getattr(self, name))).sum())
             if lost:
-                raise Unfit(
+                raise InvalidInput(
                     f"{lost} values of {name} that are not finite",
                     "an overturned run has a path",
                     "leave out runs without a verdict",

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 Array = NDArray[np.float64]
 
@@ -55,13 +55,13 @@ class Forward:
     def __post_init__(self) -> None:
         shapes = (self.start.shape, self.pga.shape, self.pgv_pga.shape, self.end.shape[:1])
         if len(set(shapes)) > 1 or self.end.shape[1:] != (2,):
-            raise Unfit(
+            raise InvalidInput(
                 f"arrays of shapes {(*shapes[:3], self.end.shape)}",
                 "each run has a start, a PGA, a PGV/PGA and an end of two coordinates",
                 "give arrays (n,), (n,), (n,) and (n, 2)",
             )
         if len(self.start) == 0:
-            raise Unfit(
+            raise InvalidInput(
                 "no forward run", "the inverse turns forward runs round", "run a grid first"
             )
 
@@ -79,7 +79,7 @@ class Found:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If ``sigma``, ``identity`` or ``area`` is out of range.
     """
 
@@ -90,19 +90,19 @@ class Found:
 
     def __post_init__(self) -> None:
         if not (0.0 < self.sigma < math.inf and np.isfinite(self.place).all()):
-            raise Unfit(
+            raise InvalidInput(
                 f"a place {self.place} known to {self.sigma} m",
                 "a place is finite and its uncertainty above 0",
                 "give sigma in metres; the accuracy of the survey at least",
             )
         if not 0.0 < self.identity <= 1.0 or not self.area > 0.0:
-            raise Unfit(
+            raise InvalidInput(
                 f"identity {self.identity} and area {self.area} m2",
                 "a probability above 0 and an area above 0",
                 "correct them",
             )
         if self.identity < 1.0 and math.isinf(self.area):
-            raise Unfit(
+            raise InvalidInput(
                 f"identity {self.identity} without an area",
                 "another rock lies somewhere on an area",
                 "give the plan area of the terrain [m2]",
@@ -188,7 +188,7 @@ def trace(forward: Forward, found: Found, prior: Array | None = None) -> Origin:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the prior is of another shape, negative, or nothing where there are runs.
     """
     start, at_start = np.unique(forward.start, return_inverse=True)
@@ -225,14 +225,14 @@ def _prior(runs: Array, prior: Array | None) -> Array:
     if prior is None:
         return covered / covered.sum()
     if prior.shape != runs.shape or not (prior >= 0.0).all():
-        raise Unfit(
+        raise InvalidInput(
             f"a prior of shape {prior.shape}",
             f"it is not negative and of shape {runs.shape}: starts, PGV/PGA, PGA",
             "give one number a cell",
         )
     total = float(prior[covered].sum())
     if not 0.0 < total < math.inf:
-        raise Unfit(
+        raise InvalidInput(
             "a prior that is nothing in every cell with a run",
             "what is impossible beforehand stays impossible",
             "run the motions that the prior allows",

@@ -3,7 +3,7 @@
 A module offers ``build(scene, time_step, substeps, solver) -> World``, ``SOLVER``, the effort it
 takes if none is stated, ``SLENDER_SHARE`` and ``SLIDING_SHARE``, what it takes of a rock, and
 ``VERSION``, the engine's own version, which goes into the identity of a run. ``build`` raises
-``Unfit`` for what it cannot represent.
+``InvalidInput`` for what it cannot represent.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scene import Scene, State
 
 
@@ -149,13 +149,13 @@ def load(name: str) -> Engine:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the library is not installed.
     """
     try:
         return cast(Engine, importlib.import_module(f"{__name__}.{name}"))
     except ModuleNotFoundError as error:
-        raise Unfit(
+        raise InvalidInput(
             f"the engine {name!r} without the library {error.name!r}",
             "an engine other than bullet is an extra",
             f"install it with .venv/bin/pip install '.[{name}]', or set simulation.engine: bullet",

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core.engines import Solver
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Scene, State, resting
 
@@ -68,7 +68,7 @@ class MujocoWorld:
         self._turn = _quaternion(start.rotation @ self._axes)
         self._velocity = start.velocity * pace
         turned = start.rotation @ self._axes
-        self._spin = turned.T @ start.spin / pace
+        self._spin = turned.T @ start.angular_velocity / pace
         self._model = _model(scene, self._scale)
         self._data = mujoco.MjData(self._model)
         self._substeps = 1
@@ -123,24 +123,24 @@ def build(
 
     Raises
     ------
-    Unfit
+    InvalidInput
         For a contact that bounces: MuJoCo knows springs and dampers, no coefficient of restitution.
         For springs of a given stiffness, and for a drive, which is not built here.
     """
     if scene.drive is not None:
-        raise Unfit(
+        raise InvalidInput(
             "a servo in MuJoCo",
             "its scenes are in the table's own frame",
             "use simulation.engine: bullet, or drive: table_frame",
         )
     if scene.contact.stiffness is not None:
-        raise Unfit(
+        raise InvalidInput(
             f"a contact stiffness of {scene.contact.stiffness:g} N/m in MuJoCo",
             "its springs are relative to the mass that a point of contact feels, not in N/m",
             "use simulation.engine: bullet, or a rigid contact",
         )
     if scene.contact.restitution > 0.0:
-        raise Unfit(
+        raise InvalidInput(
             f"a restitution of {scene.contact.restitution:g} in MuJoCo",
             "its contacts are springs and have no coefficient of restitution",
             "set contact.restitution: 0, or simulation.engine: bullet",
@@ -178,7 +178,7 @@ def _model(scene: Scene, scale: float) -> mujoco.MjModel:
             friction=[0.0] * 3,
         )
     elif scene.pedestal == "mesh":
-        raise Unfit(
+        raise InvalidInput(
             "a triangulated pedestal in MuJoCo",
             "it takes the convex hull of any mesh",
             "use simulation.engine: bullet",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.fragility.result import BoolArray, FloatArray
 
 
@@ -43,7 +43,7 @@ def positive(values: npt.ArrayLike, name: str) -> FloatArray:
     """Return `values` as floats; refuse any that is not finite and above 0."""
     array = np.asarray(values, dtype=np.float64)
     if not (np.isfinite(array) & (array > 0)).all():
-        raise Unfit(
+        raise InvalidInput(
             f"{name} holds values that are not finite and above 0",
             "fragility is fitted in ln PGA and ln PGV/PGA",
             f"leave such runs out or correct {name}",
@@ -56,7 +56,7 @@ def outcomes(overturned: npt.ArrayLike) -> FloatArray:
     array = np.array(overturned, dtype=np.float64)
     array[array == -1] = np.nan
     if not np.isin(array[~np.isnan(array)], (0.0, 1.0)).all():
-        raise Unfit(
+        raise InvalidInput(
             "overturned holds values other than 0, 1, -1 and NaN",
             "a run overturned (1), did not (0) or is undecided (-1 or NaN)",
             "pass the variable `overturned` of the responses",
@@ -78,14 +78,14 @@ def tabulate(pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLi
     pga_runs, ratio_runs = positive(pga, "pga"), positive(pgv_pga, "pgv_pga")
     outcome = outcomes(overturned)
     if not pga_runs.shape == ratio_runs.shape == outcome.shape or outcome.ndim != 1:
-        raise Unfit(
+        raise InvalidInput(
             f"arrays of shapes {pga_runs.shape}, {ratio_runs.shape} and {outcome.shape}",
             "a fit takes three flat arrays of equal length",
             "ravel the grid first, or call fit_all",
         )
     decided = ~np.isnan(outcome)
     if not decided.any():
-        raise Unfit(
+        raise InvalidInput(
             "no decided run", "a fit needs at least one outcome", "check the runs' outcome codes"
         )
     pga_values, column = np.unique(pga_runs, return_inverse=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.fragility.boundary import locate
 from vsr_core.fragility.cells import outcomes, positive
 from vsr_core.fragility.cross_validation import bootstrap, cross_validate
@@ -44,7 +44,7 @@ def fit_all(
     columns, rows = _axis(pga, "pga"), _axis(pgv_pga, "pgv_pga")
     grid = outcomes(overturned)
     if grid.shape != (rows.size, columns.size):
-        raise Unfit(
+        raise InvalidInput(
             f"overturned of shape {grid.shape} for {rows.size} PGV/PGA and {columns.size} PGA",
             "its shape is (n_ratio, n_pga)",
             "transpose or reshape it",
@@ -76,7 +76,7 @@ def fit_all(
 def _axis(values: npt.ArrayLike, name: str) -> FloatArray:
     axis = positive(values, name)
     if axis.ndim != 1 or axis.size == 0 or (np.diff(axis) <= 0).any():
-        raise Unfit(
+        raise InvalidInput(
             f"{name} of shape {axis.shape} that is not one strictly increasing axis",
             "the grid's axes increase",
             f"sort the grid along {name} and merge repeated values",

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.special import log_ndtr, ndtr, ndtri
 from sklearn.base import BaseEstimator
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.fragility.cells import tabulate
 from vsr_core.fragility.newton import Evaluate, maximise
 from vsr_core.fragility.result import FloatArray, IntArray
@@ -66,7 +66,9 @@ class LognormalFragility(BaseEstimator):
     def fit(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Self:
         """Fit flat run arrays, each of shape (n_runs,): PGA [g], PGV/PGA [s], outcome."""
         if not self.max_beta > 0:
-            raise Unfit(f"max_beta {self.max_beta}", "it must be above 0", "the default is 2.0")
+            raise InvalidInput(
+                f"max_beta {self.max_beta}", "it must be above 0", "the default is 2.0"
+            )
         self.cells_ = cells = tabulate(pga, pgv_pga, overturned)
         rows = [self._threshold(row) for row in range(cells.ln_ratio.size)]
         status = np.array([name for name, _, _ in rows])

@@ -11,7 +11,7 @@ from scipy.special import expit, logit
 from sklearn.base import BaseEstimator
 from sklearn.preprocessing import SplineTransformer
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.fragility.boundary import first_crossing
 from vsr_core.fragility.cells import tabulate
 from vsr_core.fragility.cross_validation import held_out_log_loss
@@ -71,7 +71,7 @@ class SmoothFragility(BaseEstimator):
     def fit(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Self:
         """Fit flat run arrays, each of shape (n_runs,): PGA [g], PGV/PGA [s], outcome."""
         if self.n_knots < 2 or not len(self.penalties) or min(self.penalties) <= 0:
-            raise Unfit(
+            raise InvalidInput(
                 f"n_knots {self.n_knots}, penalties {tuple(self.penalties)}",
                 "at least 2 knots and one penalty above 0",
                 "leave both at their defaults",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.six_axes import AXES, TableMotion
 
 Array = NDArray[np.float64]
@@ -99,23 +99,25 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         For too few samples, values that are not numbers, times that do not ascend, angles that
         were meant in degrees, or a table that moves at the start or the end.
     """
     if len(time) < LEAST_SAMPLES:
-        raise Unfit(
+        raise InvalidInput(
             f"{len(time)} samples", f"{LEAST_SAMPLES} are needed at least", "sample it more closely"
         )
     if not (np.isfinite(time).all() and np.isfinite(samples).all()):
-        raise Unfit("values that are not numbers", "all must be finite", "fill its gaps")
+        raise InvalidInput("values that are not numbers", "all must be finite", "fill its gaps")
     if (np.diff(time) <= 0.0).any():
         at = int(np.argmax(np.diff(time) <= 0.0)) + 1
-        raise Unfit(f"time {time[at]:g} s in sample {at + 1}", "times ascend", "sort the samples")
+        raise InvalidInput(
+            f"time {time[at]:g} s in sample {at + 1}", "times ascend", "sort the samples"
+        )
     samples = np.hstack([samples[:, :3], np.unwrap(samples[:, 3:], axis=0)])
     tilt = float(np.abs(samples[:, 3:5]).max())
     if tilt > 2.0 * math.pi:
-        raise Unfit(
+        raise InvalidInput(
             f"roll or pitch of {tilt:.4g} rad",
             "no table tilts by more than a turn",
             "name the unit, e.g. roll [degree]",
@@ -132,7 +134,7 @@ def _check_ends(time: Array, samples: Array) -> None:
         moving = np.abs(slope) > UNRESTED * largest
         if moving.any():
             axis = int(np.argmax(moving))
-            raise Unfit(
+            raise InvalidInput(
                 f"{AXES[axis]} moving at {slope[axis]:.3g} a second at the {where}",
                 "the table rests before and after the motion",
                 "let it start and end at rest",

@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 Array = NDArray[np.float64]
 
@@ -87,16 +87,18 @@ def convex_hull(points: Array) -> Hull:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the points span no volume, or the centre of mass lies outside their hull.
     """
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError) as error:
-        raise Unfit("a flat or empty point set", "a rock has volume", "check the mesh") from error
+        raise InvalidInput(
+            "a flat or empty point set", "a rock has volume", "check the mesh"
+        ) from error
     normals, offsets = hull.equations[:, :3], -hull.equations[:, 3]
     if offsets.min() <= 0.0:
-        raise Unfit(
+        raise InvalidInput(
             "a centre of mass outside the hull", "it lies inside", "check the mesh's winding"
         )
     number = np.full(len(points), -1)
@@ -119,7 +121,7 @@ def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the rock turns by more than ``largest`` [rad]: it does not stand as given.
     """
     given = np.array([0.0, 0.0, -1.0])
@@ -134,7 +136,7 @@ def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float
     rotation = _rotation(hull.normals[facet], given)
     turned = float(np.arccos(np.clip(hull.normals[facet] @ given, -1.0, 1.0)))
     if turned > largest:
-        raise Unfit(
+        raise InvalidInput(
             f"a rock that falls by {np.degrees(turned):.0f} deg before it rests",
             f"it stands as given, within {np.degrees(largest):.0f} deg, z up",
             "turn the mesh upright, or restore the base it stands on",

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull, settle
 
@@ -76,7 +76,7 @@ def from_mesh(mesh: trimesh.Trimesh, density: float, *, as_scanned: bool = False
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the rock is to stand on a level pedestal and does not as given.
     """
     centre = np.array(mesh.center_mass)
@@ -96,7 +96,7 @@ def standing(rock: Rock) -> Rock:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If it has to turn by more than ``LARGEST_LEVELLING``.
     """
     rotation, _ = settle(convex_hull(rock.vertices), LARGEST_LEVELLING)
@@ -104,18 +104,18 @@ def standing(rock: Rock) -> Rock:
 
 
 def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
-    """A closed, outward-wound copy of a mesh in metres, and what was mended.
+    """A closed, outward-wound copy of a mesh in metres, and what was repaired.
 
     Vertices that an exporter split are merged and faces wound against their neighbours are
     turned. Anything else is refused.
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the mesh is empty, not finite, of an unlikely size, open, inside out, of several
         bodies, or intersects itself.
     """
-    mended = []
+    repaired = []
     _see_that_it_is_a_rock(mesh)
     mesh = mesh.copy()
     before = len(mesh.vertices)
@@ -123,23 +123,23 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     mesh.update_faces(mesh.nondegenerate_faces(height=0.0))
     mesh.remove_unreferenced_vertices()
     if len(mesh.vertices) < before:
-        mended.append(f"{before - len(mesh.vertices)} split vertices merged")
+        repaired.append(f"{before - len(mesh.vertices)} split vertices merged")
     edges = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)[1]
     if (edges != 2).any():
-        raise Unfit(
+        raise InvalidInput(
             f"{int((edges == 1).sum())} open and {int((edges > 2).sum())} branching edges",
             "a solid is closed: each edge joins two faces",
             "close the scan, base included, before use",
         )
     if not mesh.is_winding_consistent:
         mesh.fix_normals(multibody=True)
-        mended.append("faces wound against their neighbours turned")
+        repaired.append("faces wound against their neighbours turned")
     if mesh.body_count > 1:
-        raise Unfit(
+        raise InvalidInput(
             f"{mesh.body_count} separate bodies", "one rock is one body", "keep the rock alone"
         )
     if mesh.volume <= 0.0:
-        raise Unfit(
+        raise InvalidInput(
             f"a mesh that is inside out (volume {mesh.volume:.3g} m3)",
             "faces look outward",
             "flip all faces and save it again",
@@ -147,26 +147,28 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     crossing = self_intersections(np.array(mesh.vertices), np.array(mesh.faces))
     share = float(mesh.area_faces[np.unique(crossing)].sum() / mesh.area)
     if share > CROSSING_SHARE:
-        raise Unfit(
+        raise InvalidInput(
             f"a mesh that intersects itself ({len(crossing)} pairs of faces)",
             f"faces that cross make up at most {CROSSING_SHARE:.1%} of the surface",
             "remesh the scan",
         )
     if len(crossing):
-        mended.append(
+        repaired.append(
             f"{len(crossing)} crossing pairs of faces left as they are ({share:.1e} of the surface)"
         )
-    return mesh, tuple(mended)
+    return mesh, tuple(repaired)
 
 
 def _see_that_it_is_a_rock(mesh: trimesh.Trimesh) -> None:
     if len(mesh.faces) == 0:
-        raise Unfit("a mesh without faces", "a rock has a surface", "export the scan again")
+        raise InvalidInput("a mesh without faces", "a rock has a surface", "export the scan again")
     if not np.isfinite(mesh.vertices).all():
-        raise Unfit("vertices that are not finite", "coordinates are numbers", "clean the scan")
+        raise InvalidInput(
+            "vertices that are not finite", "coordinates are numbers", "clean the scan"
+        )
     size = float(np.ptp(mesh.vertices, axis=0).max())
     if not SMALLEST_SIZE <= size <= LARGEST_SIZE:
-        raise Unfit(
+        raise InvalidInput(
             f"a rock {size:.3g} m large",
             f"rocks here are {SMALLEST_SIZE} to {LARGEST_SIZE:.0f} m",
             "scale? set rock.scale (0.001 for a mesh in millimetres)",

@@ -209,7 +209,9 @@ def cannot_return(limits: Barrier, tilt: float, energy: float, impulse: float) -
     return reachable_energy(energy - GRAVITY * limits.floor, impulse) < gap
 
 
-def cannot_be_stopped(lever: Array, spin: Array, inertia: Array, contact: Contact) -> bool:
+def cannot_be_stopped(
+    lever: Array, angular_velocity: Array, inertia: Array, contact: Contact
+) -> bool:
     """Whether no shaking can stop the fall of a rock, because friction has no hold on it.
 
     Theorem: let f be a fixed horizontal axis, and every point that touches lie behind the centre
@@ -236,14 +238,18 @@ def cannot_be_stopped(lever: Array, spin: Array, inertia: Array, contact: Contac
     inertia : ndarray, shape (3, 3) [m^2], about the centre of mass, per unit mass, same axes
     contact : Contact
     """
-    behind, axis, turning = _fall(lever, spin)
+    behind, axis, turning = _fall(lever, angular_velocity)
     reach = contact.friction * float(lever[2]) + contact.rolling_friction
-    return turning > 0.0 and behind >= max(reach, 0.0) and float(axis @ inertia @ spin) > 0.0
+    return (
+        turning > 0.0
+        and behind >= max(reach, 0.0)
+        and float(axis @ inertia @ angular_velocity) > 0.0
+    )
 
 
-def _fall(lever: Array, spin: Array) -> tuple[float, Array, float]:
+def _fall(lever: Array, angular_velocity: Array) -> tuple[float, Array, float]:
     """Distance [m] of a point behind the centre, axis, shape (3,), and rate [rad/s] of a fall."""
-    x, y = float(spin[0]), float(spin[1])
+    x, y = float(angular_velocity[0]), float(angular_velocity[1])
     turning = math.hypot(x, y)
     if turning == 0.0:
         return 0.0, np.zeros(3), 0.0

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY, engines
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response, StopReason
@@ -78,7 +78,7 @@ REDUCTIONS = (
     ),
     Reduction(
         "triangles of the terrain",
-        "convex pieces that stand out of it by less than a stated tolerance take their place",
+        "convex parts that stand out of it by less than a stated tolerance take their place",
     ),
     Reduction(
         "ground out of reach", "only what is near the rock's surface is in the engine's world"
@@ -110,7 +110,7 @@ class Trajectory:
     position: Array
     quaternion: Array
     velocity: Array
-    spin: Array
+    angular_velocity: Array
     contact: NDArray[np.bool_]
 
     @property
@@ -181,11 +181,11 @@ def travel(site: Site, motion: GroundMotion, settings: Settings, *, follow: bool
 
     Raises
     ------
-    Unfit
+    InvalidInput
         For a motion in several axes.
     """
     if isinstance(motion, TableMotion):
-        raise Unfit(
+        raise InvalidInput(
             "a table in several axes under a terrain",
             "a rock on a terrain is shaken in one direction",
             "take a motion along one axis, or a flat pedestal",
@@ -233,7 +233,7 @@ def settled(scene: Scene, time_step: float) -> State:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If it does not come to rest there, or not near where it was scanned.
     """
     assert scene.start is not None
@@ -246,7 +246,7 @@ def settled(scene: Scene, time_step: float) -> State:
         if rest.seen(look * LOOK_TIME, state, _kinetic(inertia, state)):
             break
     else:
-        raise Unfit(
+        raise InvalidInput(
             f"a rock that still moves after {LONGEST_TIME:g} s on its seat",
             "it stands where it was scanned",
             "look at the closing of the scan and its cut (`vsr prep`)",
@@ -254,12 +254,12 @@ def settled(scene: Scene, time_step: float) -> State:
     way = float(np.linalg.norm(state.position - scene.start.position))
     turn = _angle(state.rotation @ scene.start.rotation.T)
     if way > 0.1 * radius or turn > math.radians(15.0):
-        raise Unfit(
+        raise InvalidInput(
             f"a rock that moves by {way:.3g} m and turns by {math.degrees(turn):.1f} deg unshaken",
             "it stands where it was scanned, to a tenth of its radius and 15 deg",
             "look at the closing of the scan and its cut (`vsr prep`)",
         )
-    return replace(state, velocity=np.zeros(3), spin=np.zeros(3))
+    return replace(state, velocity=np.zeros(3), angular_velocity=np.zeros(3))
 
 
 class _Run:
@@ -469,7 +469,12 @@ def clear(world: engines.GroundWorld, state: State) -> State:
 
 
 def _finite(state: State) -> bool:
-    total = state.position.sum() + state.rotation.sum() + state.velocity.sum() + state.spin.sum()
+    total = (
+        state.position.sum()
+        + state.rotation.sum()
+        + state.velocity.sum()
+        + state.angular_velocity.sum()
+    )
     return math.isfinite(float(total))
 
 
@@ -480,8 +485,10 @@ def _inertia(rock: Rock) -> Array:
 
 def _kinetic(inertia: Array, state: State) -> float:
     """Kinetic energy per unit mass [m^2/s^2]."""
-    spin = state.spin @ state.rotation
-    return 0.5 * float(state.velocity @ state.velocity + spin @ inertia @ spin)
+    angular_velocity = state.angular_velocity @ state.rotation
+    return 0.5 * float(
+        state.velocity @ state.velocity + angular_velocity @ inertia @ angular_velocity
+    )
 
 
 def _angle(rotation: Array) -> float:
@@ -495,6 +502,6 @@ def _trajectory(kept: list[tuple[float, State, bool]]) -> Trajectory:
         np.array([state.position for state in states]),
         Rotation.from_matrix([state.rotation for state in states]).as_quat(),
         np.array([state.velocity for state in states]),
-        np.array([state.spin for state in states]),
+        np.array([state.angular_velocity for state in states]),
         np.array(contact),
     )

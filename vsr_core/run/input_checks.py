@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from vsr_core import GRAVITY, engines
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
 from vsr_core.rock.body import Rock
@@ -52,20 +52,20 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         With what was given, the limit and what to change.
     """
     scene = case.full
     _check_motion(motion, scene.drive)
     if isinstance(motion, TableMotion) and motion.turns and settings.engine != "bullet":
-        raise Unfit(
+        raise InvalidInput(
             f"a table that turns in {settings.engine}",
             "what its turning does to the rock is built in Bullet only",
             "use simulation.engine: bullet",
         )
     slenderness, sliding = _slenderness(scene), engines.load(settings.engine).SLIDING_SHARE
     if sliding * slenderness < scene.contact.friction < slenderness:
-        raise Unfit(
+        raise InvalidInput(
             f"a friction of {scene.contact.friction:g} for a rock that tips at {slenderness:.3g} g",
             f"it slides before it tips, and {settings.engine} lifts what slides",
             "use simulation.engine: bullet",
@@ -73,7 +73,7 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
     time_step = first_step(motion, scene.drive, settings.time_step)
     longest = longest_step(scene, settings.engine)
     if time_step > longest * (1.0 + 1e-9):
-        raise Unfit(
+        raise InvalidInput(
             f"a time step of {1e3 * time_step:.4g} ms",
             f"this rock rocks too fast for more than {1e3 * longest:.4g} ms",
             "shorten the step, or let it be chosen (simulation.time_step: auto)",
@@ -140,20 +140,20 @@ def _check_motion(motion: GroundMotion, drive: Servo | None) -> None:
         values = samples(motion, drive, taken.interval, taken.pulse_samples)
         known = bool(np.isfinite(values).all())
     if not known:
-        raise Unfit(
+        raise InvalidInput(
             "a motion with values that are not numbers",
             "its acceleration, duration and shortest time must be finite",
             "fill its gaps, or cut it before them",
         )
     if drive is not None and isinstance(motion, TableMotion):
-        raise Unfit(
+        raise InvalidInput(
             "a servo for a motion in several axes",
             "its table slides along x",
             "set drive: table_frame",
         )
     if drive is not None and drive.command_period > PERIOD_SHARE * motion.shortest_time:
         what = "control" if drive.hold == 1 else "command"
-        raise Unfit(
+        raise InvalidInput(
             f"a {what} period of {1e3 * drive.command_period:.4g} ms for a motion whose shortest "
             f"time is {1e3 * motion.shortest_time:.4g} ms",
             f"a servo follows it at periods up to {PERIOD_SHARE:g} of that",
@@ -164,19 +164,19 @@ def _check_motion(motion: GroundMotion, drive: Servo | None) -> None:
 def _check_springs(contact: Contact, stiffness: float, rock: Rock, time_step: float) -> None:
     given = f"a contact stiffness of {stiffness:g} N/m under {rock.mass:.4g} kg"
     if contact.restitution > 0.0:
-        raise Unfit(
+        raise InvalidInput(
             f"{given} and a restitution of {contact.restitution:g}",
             "springs make the rebound themselves",
             "state their damping in place of the restitution",
         )
     if not (0.0 < stiffness < math.inf and 0.0 <= contact.damping < math.inf):
-        raise Unfit(
+        raise InvalidInput(
             f"{given} with a damping of {contact.damping:g} N s/m",
             "the stiffness must be above 0, the damping not below, both finite",
             "state them in N/m and N s/m",
         )
     if stiffness < softest(rock):
-        raise Unfit(
+        raise InvalidInput(
             given,
             f"a point that bears all of it sinks by {1e3 * rock.mass * GRAVITY / stiffness:.3g} "
             f"mm, and a rock of this size may by {1e3 * SINK_SHARE * rock.radius:.3g} mm",
@@ -184,7 +184,7 @@ def _check_springs(contact: Contact, stiffness: float, rock: Rock, time_step: fl
         )
     longest = longest_step_on_springs(contact, rock.mass)
     if time_step > longest * (1.0 + 1e-9):
-        raise Unfit(
+        raise InvalidInput(
             f"{given} at a time step of {1e3 * time_step:.4g} ms",
             f"its rebound is right to {REBOUND_ERROR:.0%} at steps up to {1e3 * longest:.3g} ms",
             "shorten the step, soften the springs or damp them",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY, engines
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
@@ -113,7 +113,7 @@ def prepare(described: Scene, limits: bounds.Barrier, *, reduce: bool) -> Case:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         For a drive whose sampled loop is unstable.
     """
     still = (0.0, 0.0)
@@ -276,9 +276,13 @@ class _Run:
     def _look(self) -> bool:
         """Read the rock; false if a guard fails."""
         state = self.world.state()
-        rotation, velocity, spin = state.rotation, state.velocity, state.spin
+        rotation, velocity, angular_velocity = (
+            state.rotation,
+            state.velocity,
+            state.angular_velocity,
+        )
         height = float(state.position[2])
-        body_spin = rotation.T @ spin
+        body_spin = rotation.T @ angular_velocity
         self.kinetic = 0.5 * float(velocity @ velocity + body_spin @ self.inertia @ body_spin)
         self.energy = self.kinetic + GRAVITY * height
         self.state = state
@@ -347,7 +351,7 @@ class _Run:
         turn = self.state.rotation
         lever = -(turn @ self.vertices[lowest])
         inertia = turn @ self.inertia @ turn.T
-        return bounds.cannot_be_stopped(lever, self.state.spin, inertia, self.contact)
+        return bounds.cannot_be_stopped(lever, self.state.angular_velocity, inertia, self.contact)
 
     def _slip_is_known(self) -> bool:
         """Whether the rest of the energy can no longer slide an upright rock past the limit.
@@ -391,7 +395,7 @@ def _still_range(
     hull = convex_hull(rock.vertices @ _upright(np.array(up)).T)
     try:
         settled, _ = settle(hull, STANDING_TURN)
-    except Unfit:
+    except InvalidInput:
         return 0.0, 0.0
     standing = replace(rock, vertices=hull.turned(settled).vertices)
     return bounds.still_range(standing, contact, math.radians(degrees))

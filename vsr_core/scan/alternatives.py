@@ -11,7 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import areas
 from vsr_core.scan.cuts import Box, Colour, Cut, Plane, Polygon
 from vsr_core.scan.fill import area_vector
@@ -119,7 +119,7 @@ def _colour(vertices: Array, colours: Array, rock: Array) -> Colour:
 def _tried(mesh: trimesh.Trimesh, separation: Separation, cut: Cut) -> Alternative:
     try:
         other = settled(by_cut(mesh, cut))
-    except Unfit as error:
+    except InvalidInput as error:
         return Alternative(cut, np.nan, np.nan, error.given)
     area = [float(areas(s.vertices, s.faces)[s.rock].sum()) for s in (other, separation)]
     return Alternative(cut, _apart(other, separation), area[0] / area[1], "")

@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scan.topology import edges, ends, pieces, split_fans
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ def clean(mesh: trimesh.Trimesh) -> Cleaned:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the scan is empty, too large for the memory, of an unlikely size, stored too coarsely,
         in several large pieces, not a surface, or without outside.
     """
@@ -90,10 +90,10 @@ def clean(mesh: trimesh.Trimesh) -> Cleaned:
 def _see_that_it_fits(mesh: trimesh.Trimesh) -> None:
     count = len(mesh.faces)
     if count == 0:
-        raise Unfit("a scan without faces", "a scan has a surface", "export the scan again")
+        raise InvalidInput("a scan without faces", "a scan has a surface", "export the scan again")
     needed = count * _BYTES_A_FACE + len(mesh.vertices) * _BYTES_A_VERTEX
     if needed > MEMORY:
-        raise Unfit(
+        raise InvalidInput(
             f"a scan of {count / 1e6:.1f} million faces, {needed / 2**30:.1f} GiB to clean",
             f"at most {MEMORY / 2**30:.0f} GiB: about 20 million faces",
             "decimate or crop it first; 2 million faces resolve 1 mm on a rock of 1 m",
@@ -127,7 +127,7 @@ def _near_origin(mesh: trimesh.Trimesh, notes: list[str]) -> tuple[Array, Array,
         notes.append(f"moved by ({', '.join(f'{-x:.0f}' for x in offset)}) m to near the origin")
     size = float((high - low).max())
     if not SIZES[0] <= size <= SIZES[1]:
-        raise Unfit(
+        raise InvalidInput(
             f"a scan {size:.3g} m large",
             f"scans here are {SIZES[0]} to {SIZES[1]:.0f} m",
             "scale it to metres, or crop it around the rock",
@@ -138,7 +138,7 @@ def _near_origin(mesh: trimesh.Trimesh, notes: list[str]) -> tuple[Array, Array,
 def _see_that_it_is_fine(vertices: Array, largest: float) -> None:
     spacing = float(np.spacing(np.float32(largest)))
     if spacing > 1e-3 and bool((vertices == vertices.astype(np.float32)).all()):
-        raise Unfit(
+        raise InvalidInput(
             f"coordinates in single precision, {largest:.3g} m from their origin",
             f"a rock needs 1 mm; these come in steps of {spacing:.2g} m",
             "export in double precision or about a local origin",
@@ -205,7 +205,7 @@ def _with_area(vertices: Array, faces: Index, notes: list[str]) -> Index:
     faces[one // 3] = np.column_stack([start, apex, beyond])
     faces[other // 3] = np.column_stack([apex, end, beyond])
     left = areas(vertices, faces) <= SAME_POINT**2
-    notes.append(f"{len(flat)} faces without area mended, {int(left.sum())} of them dropped")
+    notes.append(f"{len(flat)} faces without area repaired, {int(left.sum())} of them dropped")
     return faces[~left]
 
 
@@ -235,7 +235,7 @@ def _manifold(vertices: Array, faces: Index, notes: list[str]) -> Index:
         total += float(area[~keep].sum())
         faces, area = faces[keep], area[keep]
     if total > FAULTY_SHARE * whole:
-        raise Unfit(
+        raise InvalidInput(
             f"a mesh whose edges branch ({total / whole:.0%} of its area in excess)",
             f"an edge joins two faces; faces in excess make up at most {FAULTY_SHARE:.0%}",
             "remesh the scan as one surface",
@@ -263,7 +263,7 @@ def _one_piece(vertices: Array, faces: Index, notes: list[str]) -> Index:
         np.concatenate([across + np.array([0, count]), across + np.array([count, 0])]), 2 * count
     )
     if (twins[:count] == twins[count:]).any():
-        raise Unfit("a surface with one side", "a scan has an outside", "remesh the scan")
+        raise InvalidInput("a surface with one side", "a scan has an outside", "remesh the scan")
     piece = np.minimum(twins[:count], twins[count:])
     against = (twins[:count] != piece)[patch]
     faces[against] = faces[against, ::-1]
@@ -272,7 +272,7 @@ def _one_piece(vertices: Array, faces: Index, notes: list[str]) -> Index:
     keep = piece[patch] == int(np.argmax(whole))
     loose = float(whole.sum() - whole.max())
     if loose > LOOSE_SHARE * whole.sum():
-        raise Unfit(
+        raise InvalidInput(
             f"a scan in {int((whole > 0).sum())} pieces ({loose:.2g} m2 beside the largest)",
             f"rock and ground hang together; loose pieces make up at most {LOOSE_SHARE:.0%}",
             "join the pieces or crop the scan",

@@ -10,7 +10,7 @@ import shapely
 import trimesh
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock.solid import checked, self_intersections
 from vsr_core.scan.concave import smoothed_normals
 from vsr_core.scan.fill import Frame, across, area_vector, frame
@@ -108,7 +108,7 @@ def caps(separation: Separation) -> Closed:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If a rim crosses itself, or the result is no solid (see ``solid.checked``).
     """
 
@@ -136,7 +136,7 @@ def hull(separation: Separation) -> Closed:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         As ``caps``; or if a rim lies in a plane.
     """
 
@@ -151,7 +151,7 @@ def by_poisson(separation: Separation) -> Closed:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         As ``caps``; or if Open3D is missing, or its surface does not pass beneath the rim.
     """
     faces = separation.faces[separation.rock]
@@ -179,7 +179,7 @@ def _lowest(vertices: Array, faces: Index) -> Height:
         lowest = np.full(len(at), np.inf)
         np.minimum.at(lowest, ray, hit[:, 2])
         if not np.isfinite(lowest).all():
-            raise Unfit(
+            raise InvalidInput(
                 "a surface of Poisson's equation that leaves part of the rim open",
                 "it passes beneath the whole rim",
                 "close with caps or hull",
@@ -193,7 +193,7 @@ def _closed(separation: Separation, shape: Shape) -> Closed:
     vertices, faces = separation.vertices, separation.faces[separation.rock]
     open_ = rims(faces)
     if not open_:
-        raise Unfit("a closed rock", "there is a rim to close", "use it as it is")
+        raise InvalidInput("a closed rock", "there is a rim to close", "use it as it is")
     found = []
     for rim in open_:
         vertices, cap = _cap(vertices, separation, rim, shape)
@@ -202,9 +202,9 @@ def _closed(separation: Separation, shape: Shape) -> Closed:
     fixed = np.concatenate([np.append(cap.rim, cap.inner) for cap in found])
     vertices, unfolded = _unfolded(vertices, whole, fixed)
     used, local = np.unique(whole, return_inverse=True)
-    rock, mended = checked(trimesh.Trimesh(vertices[used], local.reshape(-1, 3), process=False))
+    rock, repaired = checked(trimesh.Trimesh(vertices[used], local.reshape(-1, 3), process=False))
     notes = [f"rim of {len(cap.rim)} edges: {cap.note}" for cap in found]
-    return Closed(vertices, rock, tuple(found), (*separation.notes, *notes, *unfolded, *mended))
+    return Closed(vertices, rock, tuple(found), (*separation.notes, *notes, *unfolded, *repaired))
 
 
 def _unfolded(vertices: Array, faces: Index, fixed: Index) -> tuple[Array, tuple[str, ...]]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import areas
 from vsr_core.scan.topology import edges, ends
 
@@ -99,11 +99,11 @@ def turns(vertices: Array, faces: Index) -> Turns:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the surface has too many faces.
     """
     if len(faces) > LARGEST_FACES:
-        raise Unfit(
+        raise InvalidInput(
             f"a scan of {len(faces) / 1e6:.1f} million faces",
             f"a seam is sought among at most {LARGEST_FACES / 1e6:.1f} million",
             "decimate or crop it first; half the faces resolve the seam to 1.4 edges instead of 1",

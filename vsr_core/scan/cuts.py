@@ -14,7 +14,7 @@ import shapely
 import trimesh
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import colours_of
 from vsr_core.scan.topology import edges, ends
 
@@ -37,7 +37,9 @@ class Plane:
         """Height of each vertex over the plane [m], shape (n,)."""
         normal = np.array(self.normal, dtype=np.float64)
         if not np.linalg.norm(normal) > 0.0:
-            raise Unfit("a plane without a normal", "it points to the rock", "give its direction")
+            raise InvalidInput(
+                "a plane without a normal", "it points to the rock", "give its direction"
+            )
         return (mesh.vertices - np.array(self.point)) @ (normal / np.linalg.norm(normal))
 
 
@@ -51,7 +53,9 @@ class Box:
     def inside(self, mesh: trimesh.Trimesh) -> Array:
         """Distance of each vertex to the box, positive inside [m], shape (n,)."""
         if not (np.array(self.low) < np.array(self.high)).all():
-            raise Unfit(f"a box from {self.low} to {self.high}", "low is below high", "swap them")
+            raise InvalidInput(
+                f"a box from {self.low} to {self.high}", "low is below high", "swap them"
+            )
         below, above = mesh.vertices - np.array(self.low), np.array(self.high) - mesh.vertices
         return np.minimum(below, above).min(axis=1)
 
@@ -66,7 +70,7 @@ class Polygon:
         """Distance of each vertex to the prism's walls, positive inside [m], shape (n,)."""
         polygon = shapely.Polygon(self.corners) if len(self.corners) > 2 else shapely.Polygon()
         if polygon.is_empty or not polygon.is_valid:
-            raise Unfit(
+            raise InvalidInput(
                 f"a polygon of {len(self.corners)} corners that encloses nothing or crosses itself",
                 "its corners run once around the rock",
                 "give them in order",
@@ -87,7 +91,7 @@ class Colour:
         """Tolerance less each vertex's distance from the colour, shape (n,)."""
         colours = colours_of(mesh)
         if colours is None:
-            raise Unfit(
+            raise InvalidInput(
                 "a scan without colours of vertices",
                 "a cut by colour needs them",
                 "bake the texture into vertex colours, or give another cut",

@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scan.topology import Index, edges, ends, rims
 
 Array = NDArray[np.float64]
@@ -68,11 +68,11 @@ def across(rim: Array, spacing: float = np.inf) -> tuple[Array, Index]:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the polygon crosses itself.
     """
     if not (polygon := shapely.Polygon(rim)).is_valid:
-        raise Unfit(
+        raise InvalidInput(
             f"a rim of {len(rim)} edges that crosses itself, seen along its normal",
             "a rim is filled across the plane it lies in",
             "smooth or crop the scan there, or cut along a plane",
@@ -135,7 +135,7 @@ def _see_that_it_is_whole(faces: Index, rim: int) -> None:
     left = ends(faces, edges(faces).open)
     expected = np.column_stack([np.arange(rim), (np.arange(rim) + 1) % rim])
     if {tuple(e) for e in left.tolist()} != {tuple(e) for e in expected.tolist()}:
-        raise Unfit(
+        raise InvalidInput(
             f"a rim of {rim} edges that cannot be filled",
             "its points are distinct",
             "clean the scan first",

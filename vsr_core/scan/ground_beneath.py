@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scan.closing import Closed
 from vsr_core.scan.distance import signed_distance
 from vsr_core.scan.separation import Separation
@@ -51,7 +51,7 @@ def mated(separation: Separation, closed: Closed, clearance: float) -> Mated:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If ground reaches into the rock by more than ``LARGEST_PUSH`` of its size, or stays there.
     """
     vertices = closed.vertices.copy()
@@ -107,13 +107,13 @@ def _pushed_out(
         ground[corners, 2] -= clearance
         moved = float(np.linalg.norm(ground - given, axis=1).max())
         if moved > LARGEST_PUSH * size:
-            raise Unfit(
+            raise InvalidInput(
                 f"ground that reaches {moved:.3g} m into the rock",
                 f"rock and ground touch, to {LARGEST_PUSH:.0%} of the rock's size",
                 "move the cut, or close the rock in another way",
             )
     else:
-        raise Unfit(
+        raise InvalidInput(
             "ground that stays in the rock however it is moved",
             "rock and ground touch along a seam",
             "move the cut, or close the rock in another way",

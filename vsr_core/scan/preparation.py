@@ -11,7 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock.reduction import in_flight, on_its_seat
 from vsr_core.rock.solid import from_mesh
 from vsr_core.scan.alternatives import Alternative, alternatives
@@ -45,7 +45,7 @@ SAME_FACE = 1e-6
 """Faces whose middles agree to this [m] are one."""
 
 
-class Miscut(Unfit):
+class Miscut(InvalidInput):
     """A refusal that another cut may cure."""
 
 
@@ -131,19 +131,19 @@ def prepare_scan(
     ------
     Miscut
         If rock and ground cannot be told apart so; see ``by_cut`` and ``propose``.
-    Unfit
+    InvalidInput
         If another step cannot be done; see ``clean``, ``caps``, ``mated``.
     """
     cleaned = clean(mesh)
     try:
         separation = settled(_told_apart(cleaned, cut, near))
-    except Unfit as error:
+    except InvalidInput as error:
         raise Miscut(error.given, error.rule, error.remedy) from error
     closed = CLOSINGS[closing](separation)
     ground = mated(separation, closed, clearance)
     depth = inside(ground.terrain, closed.rock)
     if depth > START_TOLERANCE:
-        raise Unfit(
+        raise InvalidInput(
             f"a rock that starts {1e3 * depth:.3g} mm inside the ground",
             "rock and ground do not overlap",
             "move the cut, or widen pedestal.clearance",
@@ -254,7 +254,7 @@ def _hulls(rock: trimesh.Trimesh, solid: Measure) -> Iterator[Step]:
 def _trial(name: Closing, separation: Separation, chosen: Measure, density: float) -> Trial:
     try:
         other = measured(CLOSINGS[name](separation).rock, density)
-    except Unfit as error:
+    except InvalidInput as error:
         return Trial(name, None, np.nan, np.nan, error.given)
     moved = float(np.linalg.norm(other.centre_of_mass - chosen.centre_of_mass))
     return Trial(name, other, moved, largest_change(chosen, other), "")

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import areas
 from vsr_core.scan.concave import Turns, cheapest_cut, turns
 from vsr_core.scan.separation import Separation, seams, whole
@@ -71,7 +71,7 @@ def propose(
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If no part of the scan is set off by a hollow, or several are.
     """
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
@@ -82,7 +82,7 @@ def propose(
     cuts = _candidates(vertices, faces, found, outer, offset)
     good = [cut for cut in cuts if cut.concave >= CONCAVE_SHARE]
     if not good:
-        raise Unfit(
+        raise InvalidInput(
             "a scan in which no hollow runs around a rock"
             + (f" (at best {max(c.concave for c in cuts):.0%} of a seam)" if cuts else ""),
             f"{CONCAVE_SHARE:.0%} of the seam between rock and ground is a hollow",
@@ -148,7 +148,7 @@ def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float]
         nearest = int(np.argmin(np.linalg.norm(middle - np.array(near), axis=1)))
         held = [cut for cut in good if cut.rock[nearest]]
         if not held:
-            raise Unfit(
+            raise InvalidInput(
                 f"no rock at {_place(np.array(near))}",
                 "the point lies on the rock",
                 f"tops found: {', '.join(_place(cut.top) for cut in good)}",
@@ -164,7 +164,7 @@ def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float]
     ]
     if rivals:
         places = [_place(cut.top) for cut in (best, *rivals)]
-        raise Unfit(
+        raise InvalidInput(
             f"{len(places)} rocks, their tops at {', '.join(places)}",
             "one rock stands on the ground",
             "say near which point, or crop the scan",

@@ -9,7 +9,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import areas
 from vsr_core.scan.concave import Turns, cheapest_cut, turns
 from vsr_core.scan.cuts import Cut, split
@@ -74,7 +74,7 @@ def by_cut(mesh: trimesh.Trimesh, cut: Cut, reach: float = 0.0) -> Separation:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the cut leaves no rock or no ground, or touches the border of the scan.
     """
     if reach > 0.0:
@@ -96,26 +96,26 @@ def whole(vertices: Array, faces: Index, rock: Mask) -> tuple[Mask, tuple[str, .
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If there is no rock, no ground, or the rock reaches the border of the scan.
     """
     area = areas(vertices, faces)
     outer = at_border(faces, len(vertices))
     if not outer.any():
-        raise Unfit(
+        raise InvalidInput(
             "a scan without a rim",
             "rock and ground form one open surface",
             "use a closed rock as it is",
         )
     if not rock.any():
-        raise Unfit("a cut that leaves no rock", "part of the scan is rock", "move the cut")
+        raise InvalidInput("a cut that leaves no rock", "part of the scan is rock", "move the cut")
     side = edges(faces).pairs
     before, given = rock, None
     while given is None or (rock != given).any():
         given = rock
         rock = _largest(faces, side, area, rock)
         if (rock & outer).any():
-            raise Unfit(
+            raise InvalidInput(
                 "a cut that touches the border of the scan",
                 "the ground surrounds the rock",
                 "move the cut, or scan more of the ground",
@@ -170,7 +170,7 @@ def _to_the_hollow(vertices: Array, faces: Index, rock: Mask, found: Turns, reac
     near = np.isfinite(away)
     ground = ~rock & (~near | at_border(faces, len(vertices)))
     if not (rock & ~near).any() or not ground.any():
-        raise Unfit(
+        raise InvalidInput(
             f"a seam sought within {reach} m of the cut",
             "part of the rock and of the ground lie further away",
             "seek it within less",

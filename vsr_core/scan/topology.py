@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -80,7 +80,7 @@ def rims(faces: Index) -> list[Index]:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If rims meet in a vertex (see ``split_fans``).
     """
     return chains(ends(faces, edges(faces).open))
@@ -91,7 +91,7 @@ def chains(links: Index) -> list[Index]:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If chains meet in a vertex, or one is not closed.
     """
     if len(links) == 0:
@@ -101,7 +101,7 @@ def chains(links: Index) -> list[Index]:
     after = np.full(len(names), -1)
     after[start] = end
     if len(np.unique(start)) < len(start) or len(np.unique(end)) < len(end) or (after < 0).any():
-        raise Unfit(
+        raise InvalidInput(
             "an open rim that touches itself or stops",
             "a rim is a simple closed chain of edges",
             "clean the scan first",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 Array = NDArray[np.float64]
 Height: TypeAlias = Callable[[Array], Array]
@@ -134,13 +134,13 @@ def lower_hull(points: Array) -> Height:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the points lie in a plane.
     """
     try:
         sides = ConvexHull(points).equations
     except QhullError as error:
-        raise Unfit(
+        raise InvalidInput(
             "a rim that lies in a plane",
             "its hull has a lower side of its own",
             "close it with caps",
@@ -169,13 +169,13 @@ def poisson(vertices: Array, normals: Array, depth: int = 9) -> tuple[Array, NDA
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If Open3D is not installed.
     """
     try:
         import open3d
     except ImportError as error:
-        raise Unfit(
+        raise InvalidInput(
             "a closing by Poisson's equation without Open3D",
             "it needs the package open3d",
             "install it, or close with caps or hull",

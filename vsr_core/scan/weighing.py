@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock.hull import convex_hull, settle, tipping
 from vsr_core.rock.solid import LARGEST_LEVELLING
 
@@ -92,7 +92,7 @@ def tips_of(points: Array) -> Array:
         return np.asarray(
             tipping(hull.turned(settle(hull, LARGEST_LEVELLING)[0]), DIRECTIONS).angle
         )
-    except Unfit:
+    except InvalidInput:
         return np.full(len(DIRECTIONS), np.nan)
 
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 Array = NDArray[np.float64]
 
@@ -143,7 +143,7 @@ def check(servo: Servo) -> None:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         With Kp h / M, the spectral radius, the largest stable period and what to change.
     """
     longest = largest_stable_period(servo)
@@ -154,12 +154,12 @@ def check(servo: Servo) -> None:
         f"{spectral_radius(servo):.4g}"
     )
     if longest == 0.0:
-        raise Unfit(
+        raise InvalidInput(
             given,
             f"no period is stable with kd = {servo.kd:g} at or above the mass of {servo.mass:g} kg",
             "lower kd",
         )
-    raise Unfit(
+    raise InvalidInput(
         given,
         f"its sampled loop is stable for periods below {1e3 * longest:.4g} ms",
         f"shorten the period from {1e3 * servo.period:.4g} ms, lower the gains or raise the mass",

@@ -1,10 +1,10 @@
-"""Ground as convex pieces: one body where a terrain is locally convex, in place of many triangles.
+"""Ground as convex parts: one body where a terrain is locally convex, in place of many triangles.
 
-A piece is the hull of a patch of triangles and of the same points a little below them. It may fill
+A part is the hull of a patch of triangles and of the same points a little below them. It may fill
 hollows of its patch, and cover ground beside it, as long as no point of its outer surface stands
-out of the terrain by more than a tolerance; and every triangle of the terrain is in a piece, so
-that nothing of it is lost. Engines then test a rock against a few pieces in place of hundreds of
-triangles, and a piece has no edges inside on which a rolling rock could catch.
+out of the terrain by more than a tolerance; and every triangle of the terrain is in a part, so
+that nothing of it is lost. Engines then test a rock against a few parts in place of hundreds of
+triangles, and a part has no edges inside on which a rolling rock could catch.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 MOST_POINTS = 150
-"""Most vertices of the patch of a piece: beyond it another one is begun."""
+"""Most vertices of the patch of a part: beyond it another one is begun."""
 
 LARGE_TIMES = 15.0
 """Facets with a side this many times the tolerance are looked at in seven points, not in one."""
 
 CORNER_SHARE = 0.2
-"""Corners of a piece are left out as long as it sinks by less than this share of the tolerance."""
+"""Corners of a part are left out as long as it sinks by less than this share of the tolerance."""
 
 _BARYCENTRIC = np.array(
     [
@@ -43,24 +43,24 @@ _BARYCENTRIC = np.array(
 )
 
 
-def pieces(
+def convex_parts(
     terrain: Terrain, tolerance: Callable[[Array], Array], thickness: float
 ) -> tuple[Array, ...]:
-    """Convex pieces of a terrain.
+    """Convex parts of a terrain.
 
     Patches of triangles grow together pair by pair, the pair that stands out least first, while
-    what they make together is a piece. What stands out is sampled at seven points of each facet.
+    what they make together is a part. What stands out is sampled at seven points of each facet.
 
     Parameters
     ----------
     terrain : Terrain
-    tolerance : function from points, shape (n, 3) [m], to how far pieces may stand out there [m]
-    thickness : float [m], of a piece below its patch: what penetrates less is pushed back outward
+    tolerance : function from points, shape (n, 3) [m], to how far parts may stand out there [m]
+    thickness : float [m], of a part below its patch: what penetrates less is pushed back outward
 
     Returns
     -------
     tuple of ndarray, each of shape (k, 3) [m]
-        Corners of the pieces.
+        Corners of the parts.
     """
     patches: dict[int, Indices] = {i: np.array([i]) for i in range(len(terrain.faces))}
     beside = _neighbours(terrain.faces)
@@ -94,7 +94,7 @@ def pieces(
 
 
 class _Growing:
-    """What patches of a terrain become as pieces."""
+    """What patches of a terrain become as parts."""
 
     def __init__(
         self, terrain: Terrain, tolerance: Callable[[Array], Array], thickness: float
@@ -117,7 +117,7 @@ class _Growing:
         return corners[needed(corners, allowed, extreme)]
 
     def stands_out(self, patch: Indices) -> float | None:
-        """How far a piece would stand out of the terrain [m]; None if it must not be made."""
+        """How far a part would stand out of the terrain [m]; None if it must not be made."""
         points, outward = self._points(patch)
         if len(points) > MOST_POINTS or not outward.any():
             return None

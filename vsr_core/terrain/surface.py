@@ -28,13 +28,13 @@ class Terrain:
     vertices : ndarray, shape (n, 3) [m]
     faces : ndarray of int, shape (m, 3)
         Corners of each triangle, counter-clockwise seen from outside: normals leave the ground.
-    pieces : tuple of ndarray, each of shape (k, 3) [m]
-        Corners of convex pieces that stand for it in a simulation; none if its triangles do.
+    parts : tuple of ndarray, each of shape (k, 3) [m]
+        Corners of convex parts that stand for it in a simulation; none if its triangles do.
     """
 
     vertices: Array
     faces: Indices
-    pieces: tuple[Array, ...] = ()
+    parts: tuple[Array, ...] = ()
 
     def surfaces(self, x: float, y: float) -> tuple[Array, NDArray[np.bool_]]:
         """Heights [m] at which the vertical through (x, y) [m] meets the ground, ascending.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from trimesh.proximity import closest_point
 from trimesh.registration import icp
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull, settle
 from vsr_core.validation.priors import Member
@@ -105,7 +105,7 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If no shape drawn stands near its pose in the scan.
     """
     middle = (1.0 - member.mixing) * of.vertices + member.mixing * of.other
@@ -117,12 +117,12 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
         hull = convex_hull(np.array(body.vertices) - centre)
         try:
             turn, _ = settle(hull)
-        except Unfit:
+        except InvalidInput:
             continue
         moments, axes = np.linalg.eigh(density * turn @ np.array(body.moment_inertia) @ turn.T)
         axes[:, 0] *= np.sign(np.linalg.det(axes))
         return Rock("hull", hull.turned(turn).vertices, density * float(body.volume), moments, axes)
-    raise Unfit(
+    raise InvalidInput(
         f"a specimen that does not stand in any of {TRIES} shapes",
         "it stands as scanned, to within the error of the scan",
         "turn the scan so that the specimen stands, z up",

@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipk, ellipkinc
 
 from vsr_core import GRAVITY
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,13 @@ class Block:
     def __post_init__(self) -> None:
         sizes = (self.half_width, self.half_height, self.gravity)
         if not all(0.0 < value < math.inf for value in sizes):
-            raise Unfit(
+            raise InvalidInput(
                 f"a block with half-width, half-height and gravity {sizes}",
                 "all three must be positive and finite",
                 "give half-sizes in m and gravity in m/s^2",
             )
         if not (self.inertia_ratio >= 1.0 and self.impact_ratio > 0.0):
-            raise Unfit(
+            raise InvalidInput(
                 f"a block with I_O/(m R^2) = {self.inertia_ratio:g} and tan(alpha) = "
                 f"{self.half_width / self.half_height:g}",
                 "it must be at least 1, and more than 1 - cos(2 alpha) for rocking to go on "
@@ -144,7 +144,7 @@ def rocking_response(
     RockingResponse
     """
     if not (math.isfinite(pga) and 0.0 < pgv_pga < math.inf and abs(start[0]) < math.pi / 2):
-        raise Unfit(
+        raise InvalidInput(
             f"a pulse of {pga:g} m/s^2 and {pgv_pga:g} s from a tilt of {start[0]:g} rad",
             "PGA must be finite, PGV/PGA positive and finite, the tilt below pi/2",
             "give PGA in m/s^2, PGV/PGA in s, angles in rad",
@@ -323,7 +323,7 @@ def free_amplitude(block: Block, theta0: float, impacts: int) -> float:
 
 def _check_amplitude(block: Block, theta0: float) -> None:
     if not 0.0 < theta0 < block.alpha:
-        raise Unfit(
+        raise InvalidInput(
             f"an amplitude of {theta0:g} rad",
             f"free rocking needs one between 0 and alpha = {block.alpha:g} rad",
             "give a smaller positive tilt",
@@ -419,7 +419,7 @@ def _switches(
 ) -> Iterator[float]:
     """PGAs [m/s^2] at which the outcome is the other one than just below; starts balanced."""
     if not (step > 0.0 and 0.0 < tolerance < 1.0 and pga_max < math.inf):
-        raise Unfit(
+        raise InvalidInput(
             f"step {step:g} m/s^2, tolerance {tolerance:g}, largest PGA {pga_max:g} m/s^2",
             "the step must be positive, the tolerance between 0 and 1, the PGA finite",
             "give a step as fine as the islands that matter",

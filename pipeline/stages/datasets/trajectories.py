@@ -1,4 +1,4 @@
-"""Displacement: the stored journeys as ragged trajectories, and their statistics."""
+"""Displacement: the stored displacement runs as ragged trajectories, and their statistics."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.stages.runs.running import groups
 from pipeline.stages.runs.trajectory_packing import SAMPLE, unpack
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
-from pipeline.workflow.store import RUNS, JourneyRow, RunStore
+from pipeline.workflow.store import RUNS, DisplacementRow, RunStore
 from pipeline.workflow.writers import table
 from vsr_core.displacement.correlation import correlations, row
 from vsr_core.outcome import Outcome
@@ -41,9 +41,9 @@ COLUMNS = (
 
 
 def make(job: Job) -> Product:
-    """Assemble the journeys and correlate them."""
+    """Assemble the displacement runs and correlate them."""
     motions = shaking.of_store(job.config, job.store)
-    dataset = _dataset(*_journeys(job, motions))
+    dataset = _dataset(*_displacement_runs(job, motions))
     if motions.dimension == "record":
         every = [motions.rows[cell.row] for cell in shaking.cells(motions)]
         times = dataset.sizes["run"] // len(every)
@@ -59,21 +59,23 @@ def make(job: Job) -> Product:
     return Product(files, f"{text}; {dataset.sizes['sample']} samples", unresolved=unresolved)
 
 
-def _journeys(job: Job, motions: Shaking) -> tuple[list[tuple[float, ...]], list[JourneyRow]]:
+def _displacement_runs(
+    job: Job, motions: Shaking
+) -> tuple[list[tuple[float, ...]], list[DisplacementRow]]:
     """PGA, PGV/PGA, yaw and friction of every run, and its row."""
     cells: list[tuple[float, ...]] = []
-    rows: list[JourneyRow] = []
-    with closing(RunStore(job.store.folder, JourneyRow)) as runs:
+    rows: list[DisplacementRow] = []
+    with closing(RunStore(job.store.folder, DisplacementRow)) as runs:
         for group in groups(job.config, job.store):
             stored = runs.get(group.keys)
             lost = len(group.keys) - len(stored)
             if lost:
-                job.store.forget("journeys")
+                job.store.forget("displacement_runs")
                 raise InputError(
                     Problem(
                         str(job.store.folder / RUNS),
                         "",
-                        f"{lost} journeys fewer than were done",
+                        f"{lost} displacement runs fewer than were done",
                         "no run gets lost",
                         "start again to redo them",
                     )
@@ -85,7 +87,7 @@ def _journeys(job: Job, motions: Shaking) -> tuple[list[tuple[float, ...]], list
     return cells, rows
 
 
-def _dataset(cells: list[tuple[float, ...]], rows: list[JourneyRow]) -> xr.Dataset:
+def _dataset(cells: list[tuple[float, ...]], rows: list[DisplacementRow]) -> xr.Dataset:
     tracks = [unpack(row.trajectory) if row.trajectory else np.empty(0, SAMPLE) for row in rows]
     samples = np.concatenate(tracks)
     speed = np.linalg.norm(samples["velocity"], axis=1)

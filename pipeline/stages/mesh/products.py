@@ -69,12 +69,12 @@ def load_terrain(store: Store) -> Ground:
 @lru_cache(maxsize=2)
 def _terrain(path: Path, changed: int) -> Ground:
     data = read(path)
-    ends = np.cumsum(data["piece_size"].values)[:-1]
-    pieces = np.split(data["piece_corner"].values, ends) if data.sizes["piece"] else []
+    ends = np.cumsum(data["part_size"].values)[:-1]
+    parts = np.split(data["part_corner"].values, ends) if data.sizes["part"] else []
     terrain = Terrain(
         data["terrain_vertex"].values,
         data["terrain_face"].values.astype(np.int64),
-        tuple(pieces),
+        tuple(parts),
     )
     starts = {}
     for i, friction in enumerate(data["friction"].values):

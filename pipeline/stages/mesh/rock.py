@@ -15,7 +15,7 @@ from pipeline.stages.mesh import sources
 from pipeline.stages.mesh.products import BARRIER_SCALARS, ROCK, SCAN, SCAN_PAGE
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import base_polygon, convex_hull, tipping
@@ -28,7 +28,7 @@ BASE_TOLERANCE = 0.003
 
 def make(job: Job) -> Product:
     """Read, check, weigh and set down the rock."""
-    solid, source, mended = _solid(job)
+    solid, source, repaired = _solid(job)
     rolling, radius = job.config.contact.rolling_friction, solid.rock.radius
     if rolling > 0.05 * radius:
         raise InputError(
@@ -43,7 +43,7 @@ def make(job: Job) -> Product:
     dataset = _dataset(solid, standing(solid.rock) if job.config.on_terrain else solid.rock)
     dataset.attrs |= {
         "shape_source": source,
-        "mended": "; ".join(mended),
+        "repaired": "; ".join(repaired),
         "mass_kg": solid.rock.mass,
         "volume_m3": solid.volume,
         "turned_to_rest_deg": _degrees(solid.turned),
@@ -62,12 +62,12 @@ def _solid(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
     source = sources.find(job.site)
     mesh = sources.load(source, job.site)
     try:
-        mesh, mended = solid.checked(mesh)
-        return solid.from_mesh(mesh, rock.density), source.label, mended
-    except Unfit as error:
+        mesh, repaired = solid.checked(mesh)
+        return solid.from_mesh(mesh, rock.density), source.label, repaired
+    except InvalidInput as error:
         where = f"{job.site.file}: rock.mesh" if source.path else job.site.file
         file = shown(source.path) if source.path else "surrogate"
-        raise InputError.from_unfit(where, file, error) from None
+        raise InputError.from_invalid(where, file, error) from None
 
 
 def _from_scan(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
@@ -87,14 +87,14 @@ def _from_scan(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
     faces = scan["rock_face"].values.astype(np.int64)
     mesh = trimesh.Trimesh(scan["rock_vertex"].values, faces, process=False)
     try:
-        mesh, mended = solid.checked(mesh)
+        mesh, repaired = solid.checked(mesh)
         made = solid.from_mesh(mesh, job.config.rock.density, as_scanned=True)
         solid.standing(made.rock)
-    except Unfit as error:
-        raise InputError.from_unfit(
+    except InvalidInput as error:
+        raise InputError.from_invalid(
             f"{job.site.file}: rock.mesh", scan.attrs["shape_source"], error
         ) from None
-    return made, scan.attrs["shape_source"], mended
+    return made, scan.attrs["shape_source"], repaired
 
 
 def _dataset(solid: Solid, level: Rock) -> Any:

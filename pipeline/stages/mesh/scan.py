@@ -15,7 +15,7 @@ from pipeline.stages.mesh.products import SCAN, SCAN_PAGE
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.writers import text
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scan import cuts
 from vsr_core.scan.preparation import Miscut, Prepared, prepare_scan
 
@@ -70,10 +70,10 @@ def _prepared(job: Job, source: sources.Source) -> Prepared:
             clearance=config.pedestal.clearance,
         )
     except Miscut as error:
-        raise InputError.from_unfit(job.site.file, "pedestal.cut", error) from None
-    except Unfit as error:
+        raise InputError.from_invalid(job.site.file, "pedestal.cut", error) from None
+    except InvalidInput as error:
         file = shown(source.path) if source.path else "surrogate"
-        raise InputError.from_unfit(f"{job.site.file}: rock.mesh", file, error) from None
+        raise InputError.from_invalid(f"{job.site.file}: rock.mesh", file, error) from None
 
 
 def _dataset(prepared: Prepared) -> xr.Dataset:

@@ -15,24 +15,24 @@ from pipeline.stages.mesh.products import SCAN, TERRAIN, load_rock
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
 from vsr_core import GRAVITY
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
 from vsr_core.run.displacement import settled
 from vsr_core.run.input_checks import COARSEST_SHARE
 from vsr_core.scene import Scene, State
 from vsr_core.terrain.coarsening import coarser
-from vsr_core.terrain.convex_parts import pieces
+from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
 
 NEAR_RADII = 2.0
 """Distance from the rock, in its radii, up to which the ground is as detailed as its seat."""
 
 SEAT_SHARE, SLOPE_SHARE = 0.008, 0.04
-"""How far convex pieces may stand out of the ground, near the rock and beyond, as a share of the
+"""How far convex parts may stand out of the ground, near the rock and beyond, as a share of the
 rock's radius."""
 
 THICKNESS_SHARE = 0.05
-"""Thickness of the pieces, as a share of the rock's radius: more than a run may sink in."""
+"""Thickness of the parts, as a share of the rock's radius: more than a run may sink in."""
 
 
 def make(job: Job) -> Product:
@@ -44,11 +44,11 @@ def make(job: Job) -> Product:
         starts = {
             friction: _rest(terrain, job, friction) for friction in job.config.contact.friction
         }
-    except Unfit as error:
-        raise InputError.from_unfit(job.site.file, "pedestal", error) from None
+    except InvalidInput as error:
+        raise InputError.from_invalid(job.site.file, "pedestal", error) from None
     dataset = _dataset(whole, terrain, starts)
     dataset.attrs["origin_in_scan"] = scan.attrs["origin_in_scan"]
-    note = f"{len(whole.faces)} faces, {len(terrain.pieces)} convex pieces"
+    note = f"{len(whole.faces)} faces, {len(terrain.parts)} convex parts"
     return Product({TERRAIN: netcdf(described(dataset, job, "Terrain"))}, note)
 
 
@@ -60,8 +60,8 @@ def _light(whole: Terrain, job: Job) -> Terrain:
         return np.where(near, SEAT_SHARE, SLOPE_SHARE) * radius
 
     light = coarser(whole, tolerance)
-    made = pieces(light.terrain, tolerance, THICKNESS_SHARE * radius)
-    return replace(whole, pieces=made)
+    made = convex_parts(light.terrain, tolerance, THICKNESS_SHARE * radius)
+    return replace(whole, parts=made)
 
 
 def _rest(terrain: Terrain, job: Job, friction: float) -> State:
@@ -76,17 +76,17 @@ def _rest(terrain: Terrain, job: Job, friction: float) -> State:
 
 
 def _dataset(whole: Terrain, terrain: Terrain, starts: dict[float, State]) -> xr.Dataset:
-    pieces = terrain.pieces
+    parts = terrain.parts
     turns = np.array([state.rotation for state in starts.values()])
     return xr.Dataset(
         {
             "terrain_vertex": (("terrain_corner", "xyz"), whole.vertices),
             "terrain_face": (("terrain_triangle", "three"), whole.faces.astype(np.int32)),
-            "piece_corner": (
+            "part_corner": (
                 ("corner", "xyz"),
-                np.concatenate(pieces) if pieces else np.empty((0, 3)),
+                np.concatenate(parts) if parts else np.empty((0, 3)),
             ),
-            "piece_size": ("piece", np.array([len(p) for p in pieces], np.int32)),
+            "part_size": ("part", np.array([len(p) for p in parts], np.int32)),
             "start_position": (
                 ("friction", "xyz"),
                 np.array([state.position for state in starts.values()]),

@@ -100,10 +100,10 @@ def _records(job: Job, motion: RecordConfig) -> tuple[xr.Dataset, str]:
     )
     dataset["record_size"].attrs["sample_dimension"] = "sample"
     dataset["raw_size"].attrs["sample_dimension"] = "raw_sample"
-    mended = sum(bool(r.record.repairs) for r in ready)
+    repaired = sum(bool(r.record.repairs) for r in ready)
     shaking = len(motion.pga) * sum(r.trace.duration for r in ready)
     summary = f"{len(ready)} records x {len(motion.pga)} PGA, {shaking:.0f} s of shaking"
-    return dataset, summary + (f"; {mended} records were repaired" if mended else "")
+    return dataset, summary + (f"; {repaired} records were repaired" if repaired else "")
 
 
 def measured(ready: tuple[Ready, ...]) -> dict[str, list[float]]:

@@ -14,7 +14,7 @@ from pipeline.config.layers import Site, shown
 from pipeline.config.motion_schema import RecordConfig
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.keys import digest_file
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import formats, record_checks
 from vsr_core.motions.records.formats import SUFFIXES
 from vsr_core.motions.records.measures import Measures, measures
@@ -112,7 +112,7 @@ def _loaded(
     for path, _ in files:
         try:
             ready.append(_ready(path, response, motion))
-        except Unfit as error:
+        except InvalidInput as error:
             given = f"{shown(path)}, {error.given}"
             problems.append(Problem(file, "motion.files", given, error.rule, error.remedy))
     if problems:

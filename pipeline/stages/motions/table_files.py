@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.sampled import SampledMotion, sampled
 from vsr_core.motions.six_axes import AXES
 
@@ -40,13 +40,13 @@ def load(path: Path) -> SampledMotion:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the file cannot be read, a name or unit is not known, or it is no motion.
     """
     try:
         columns = _netcdf(path) if path.suffix.lower() in (".nc", ".nc4") else _csv(path)
     except (OSError, UnicodeDecodeError) as error:
-        raise Unfit(
+        raise InvalidInput(
             f"{path.name}, which cannot be read ({error})",
             "a table's motion is a CSV or NetCDF file",
             "check the path and the file",
@@ -66,10 +66,10 @@ def _check_names(file: str, columns: Columns, known: tuple[str, ...]) -> None:
     rule = f"the names are {', '.join(known)}"
     strange = [name for name in columns if name not in known]
     if strange:
-        raise Unfit(f"{file} with a column {strange[0]!r}", rule, "rename or remove it")
+        raise InvalidInput(f"{file} with a column {strange[0]!r}", rule, "rename or remove it")
     if TIME not in columns or len(columns) < 2:
         what = "an axis" if TIME in columns else TIME
-        raise Unfit(f"{file} without {what}", rule, "add it")
+        raise InvalidInput(f"{file} without {what}", rule, "add it")
 
 
 def _scaled(name: str, column: tuple[Array, str | None], units: dict[str, float]) -> Array:
@@ -78,7 +78,7 @@ def _scaled(name: str, column: tuple[Array, str | None], units: dict[str, float]
     if unit is None:
         return values
     if unit not in units:
-        raise Unfit(f"{name} in {unit!r}", f"its unit is {', '.join(units)}", "convert it")
+        raise InvalidInput(f"{name} in {unit!r}", f"its unit is {', '.join(units)}", "convert it")
     return units[unit] * values
 
 
@@ -94,10 +94,12 @@ def _csv(path: Path) -> Columns:
         head.groups() if head else (name, None) for head, name in zip(heads, names, strict=True)
     ]
     if len({name for name, _ in found}) < len(found):
-        raise Unfit(f"{path.name} with a column twice", "each name is there once", "remove one")
+        raise InvalidInput(
+            f"{path.name} with a column twice", "each name is there once", "remove one"
+        )
     uneven = [n for n, row in enumerate(rows) if len(row) != len(names)]
     if uneven:
-        raise Unfit(
+        raise InvalidInput(
             f"{path.name} with {len(rows[uneven[0]])} values in row {uneven[0] + 2}",
             f"each row has {len(names)}",
             "correct it",
@@ -105,14 +107,14 @@ def _csv(path: Path) -> Columns:
     try:
         values = np.array(rows, dtype=np.float64).reshape(len(rows), len(names))
     except ValueError as error:
-        raise Unfit(f"{path.name}: {error}", "values are numbers", "correct it") from None
+        raise InvalidInput(f"{path.name}: {error}", "values are numbers", "correct it") from None
     return {name: (values[:, i], unit) for i, (name, unit) in enumerate(found)}
 
 
 def _netcdf(path: Path) -> Columns:
     with xr.open_dataset(path, engine="netcdf4", decode_times=False) as data:
         if any(variable.dims != data[TIME].dims for variable in data.values() if TIME in data):
-            raise Unfit(
+            raise InvalidInput(
                 f"{path.name} with variables of several dimensions",
                 "all are along the time",
                 "leave out the others",

@@ -14,7 +14,7 @@ from pipeline.stages.motions import record_inputs, table_files
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Job
 from vsr_core import GRAVITY
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.sampled import SampledMotion
 
 Loaded = tuple[tuple[str, ...], tuple["SampledMotion", ...], tuple[float, ...]]
@@ -43,7 +43,7 @@ def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
     for path in record_inputs.find(site, motion.files):
         try:
             found[path.stem] = _moving(table_files.load(path))
-        except Unfit as error:
+        except InvalidInput as error:
             given = f"{shown(path)}, {error.given}"
             problems.append(Problem(site.file, "motion.files", given, error.rule, error.remedy))
     if problems:
@@ -102,5 +102,5 @@ def named(pulses: tuple[AxisPulseConfig, ...]) -> str:
 
 def _moving(motion: SampledMotion) -> SampledMotion:
     if motion.peak_acceleration == 0.0:
-        raise Unfit("a table that never moves", "it is scaled to each PGA", "leave it out")
+        raise InvalidInput("a table that never moves", "it is scaled to each PGA", "leave it out")
     return motion

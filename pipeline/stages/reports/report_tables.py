@@ -39,7 +39,7 @@ def about_rock(rock: xr.Dataset) -> Row:
     corners, base = rock["surface_vertex"].values, rock["base_polygon"].values
     x, y = base.T
     return {
-        **{name: rock.attrs[name] for name in ("shape_source", "mended", "mass_kg", "volume_m3")},
+        **{name: rock.attrs[name] for name in ("shape_source", "repaired", "mass_kg", "volume_m3")},
         "turned": float(rock.attrs["turned_to_rest_deg"]),
         "surrogate": rock.attrs["shape_source"].startswith("surrogate"),
         "size": [float(length) for length in np.ptp(corners, axis=0)],
@@ -172,7 +172,7 @@ def heads(data: xr.Dataset) -> list[str]:
 
 
 def records(motions: xr.Dataset) -> list[Row]:
-    """Each record with its measures before scaling, and what was mended."""
+    """Each record with its measures before scaling, and what was repaired."""
     words = ("record", "station", "channel", "record_source", "record_unit", "repairs")
     numbers = ("pgv_pga", "record_pga", "record_pgv", "record_pgd", "sa_1hz", "sa_2hz", "arias")
     return [

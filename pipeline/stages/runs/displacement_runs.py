@@ -12,7 +12,7 @@ from pipeline.stages.runs.scenes import on_terrain
 from pipeline.stages.runs.time_step_stage import time_step
 from pipeline.stages.runs.trajectory_packing import pack
 from pipeline.workflow.stage import Job, Product
-from pipeline.workflow.store import JourneyRow
+from pipeline.workflow.store import DisplacementRow
 from vsr_core.outcome import Outcome, StopReason
 from vsr_core.run.displacement import travel
 from vsr_core.run.overturning import Settings
@@ -36,7 +36,7 @@ def follow_batch(shared: Any, cells: tuple[Cell, ...]) -> list[tuple[Any, ...]]:
 
 
 def make(job: Job) -> Product:
-    """Do the missing journeys."""
+    """Do the missing displacement runs."""
     if not job.config.on_terrain:
         raise InputError(
             Problem(
@@ -47,7 +47,7 @@ def make(job: Job) -> Product:
                 "set pedestal.shape: mesh, with the terrain in the rock's scan",
             )
         )
-    return run_missing(job, "journeys", WORK)
+    return run_missing(job, "displacement_runs", WORK)
 
 
 def _shared(job: Job, yaw: float, friction: float) -> Any:
@@ -58,7 +58,7 @@ def _shared(job: Job, yaw: float, friction: float) -> Any:
 
 
 WORK = Work(
-    row=JourneyRow,
+    row=DisplacementRow,
     function=follow_batch,
     shared=_shared,
     crashed=(int(Outcome.CRASHED), None, None, 0, int(StopReason.UNDONE), b""),

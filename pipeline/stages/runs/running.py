@@ -18,7 +18,7 @@ from pipeline.workflow import keys
 from pipeline.workflow.cluster import Batch
 from pipeline.workflow.progress import Progress
 from pipeline.workflow.stage import Job, Product
-from pipeline.workflow.store import RUNS, JourneyRow, RunRow, RunStore, Store
+from pipeline.workflow.store import RUNS, DisplacementRow, RunRow, RunStore, Store
 from vsr_core.outcome import Outcome
 
 SMALL = 200
@@ -40,7 +40,7 @@ class Work:
     batch : int, runs handed to a worker at once, 0.2-0.5 s of work
     """
 
-    row: type[RunRow] | type[JourneyRow]
+    row: type[RunRow] | type[DisplacementRow]
     function: Callable[[Any, tuple[Cell, ...]], list[Any]]
     shared: Callable[[Job, float, float], tuple[Any, Any]]
     crashed: tuple[Any, ...]

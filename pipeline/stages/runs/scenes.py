@@ -16,7 +16,7 @@ from pipeline.workflow import keys
 from pipeline.workflow.code_roots import RUN_CODE, TERRAIN_CODE
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
 from vsr_core.rock.solid import standing
 from vsr_core.run import displacement
@@ -58,7 +58,7 @@ def _terrain_identity(store: Store) -> str:
     starts = (
         array for start in ground.starts.values() for array in (start.position, start.rotation)
     )
-    arrays = (ground.terrain.vertices, ground.terrain.faces, *ground.terrain.pieces, *starts)
+    arrays = (ground.terrain.vertices, ground.terrain.faces, *ground.terrain.parts, *starts)
     return keys.digest_bytes(*(array.tobytes() for array in arrays))
 
 
@@ -77,7 +77,7 @@ def on_terrain(config: Config, store: Store, yaw: float, friction: float) -> Gro
     rock, limits = load_rock(store)
     ground = load_terrain(store)
     reduce = config.simulation.reduce
-    terrain = ground.terrain if reduce else replace(ground.terrain, pieces=())
+    terrain = ground.terrain if reduce else replace(ground.terrain, parts=())
     seat = Scene(
         reduction.on_its_seat(rock) if reduce else rock,
         contact(config, friction),
@@ -132,8 +132,8 @@ def check_scene(site: Site, store: Store) -> Case:
             settings = Settings(step, simulation.reduce, simulation.engine)
             for motion in strongest:
                 check(case, settings, motion)
-    except Unfit as error:
-        raise InputError.from_unfit(site.file, key, error) from None
+    except InvalidInput as error:
+        raise InputError.from_invalid(site.file, key, error) from None
     return cases[0]
 
 
@@ -142,5 +142,5 @@ def engine_version(site: Site) -> dict[str, str]:
     name = site.config.simulation.engine
     try:
         return {f"engine {name}": engines.load(name).VERSION}
-    except Unfit as error:
-        raise InputError.from_unfit(site.file, "simulation.engine", error) from None
+    except InvalidInput as error:
+        raise InputError.from_invalid(site.file, "simulation.engine", error) from None

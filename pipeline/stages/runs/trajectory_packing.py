@@ -26,7 +26,10 @@ def pack(trajectory: Trajectory) -> bytes:
     samples = np.empty(len(trajectory.time), SAMPLE)
     samples["time"], samples["position"] = trajectory.time, trajectory.position
     samples["quaternion"], samples["velocity"] = trajectory.quaternion, trajectory.velocity
-    samples["angular_velocity"], samples["contact"] = trajectory.spin, trajectory.contact
+    samples["angular_velocity"], samples["contact"] = (
+        trajectory.angular_velocity,
+        trajectory.contact,
+    )
     return zlib.compress(samples.tobytes(), 1)
 
 

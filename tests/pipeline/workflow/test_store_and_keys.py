@@ -27,7 +27,7 @@ from pipeline.stages.runs.running import Group, missing
 from pipeline.stages.runs.scenes import code as run_code
 from pipeline.workflow import keys, store
 from pipeline.workflow.graph import identities
-from pipeline.workflow.store import RUNS, JourneyRow, RunRow, RunStore, Store
+from pipeline.workflow.store import RUNS, DisplacementRow, RunRow, RunStore, Store
 from vsr_core.outcome import Outcome
 
 SMALL = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2, 0.5]}\n"
@@ -187,41 +187,43 @@ def test_rows_come_back_as_they_went(tmp_path: Path) -> None:
 
 
 def test_two_kinds_of_rows_in_one_file(tmp_path: Path) -> None:
-    """Runs and journeys of the same cells, by the same keys, know nothing of each other."""
+    """Runs and displacement runs of the same cells, by the same keys, know nothing of each other."""
     one, other = row(1, outcome=2), row(2)
-    journeys = [
-        JourneyRow(one.key, 1, 0.5, math.nextafter(0.1, 1.0), 12, 0, bytes(range(256)) * 300),
-        JourneyRow(other.key, 5, None, None, 0, 3, b""),  # type: ignore[arg-type]
+    moved = [
+        DisplacementRow(one.key, 1, 0.5, math.nextafter(0.1, 1.0), 12, 0, bytes(range(256)) * 300),
+        DisplacementRow(other.key, 5, None, None, 0, 3, b""),  # type: ignore[arg-type]
     ]
     with (
         closing(RunStore(tmp_path, RunRow)) as runs,
-        closing(RunStore(tmp_path, JourneyRow)) as travelled,
+        closing(RunStore(tmp_path, DisplacementRow)) as travelled,
     ):
         runs.add([one])
         assert travelled.get([one.key]) == {}
-        travelled.add(journeys)
+        travelled.add(moved)
         assert runs.get([one.key, other.key]) == {one.key: one}
         runs.add([other])
-    with closing(RunStore(tmp_path, JourneyRow)) as travelled:
+    with closing(RunStore(tmp_path, DisplacementRow)) as travelled:
         found = travelled.get([one.key, other.key, b"z" * 16])
-        assert found == {journey.key: journey for journey in journeys}
+        assert found == {row.key: row for row in moved}
         assert isinstance(found[one.key].trajectory, bytes)
         assert travelled.outcomes([one.key, other.key, b"z" * 16]) == {one.key: 1, other.key: 5}
-        travelled.add([journeys[1]._replace(outcome=1)])  # a crashed one that was tried again
+        travelled.add([moved[1]._replace(outcome=1)])  # a crashed one that was tried again
         assert travelled.outcomes([other.key]) == {other.key: 1}
     with closing(RunStore(tmp_path, RunRow)) as runs:
         assert runs.outcomes([one.key, other.key]) == {one.key: 2, other.key: 1}
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
-def test_journeys_are_added_all_or_none(tmp_path: Path, error: type[BaseException]) -> None:
-    whole = JourneyRow(b"a" * 16, 1, 0.5, 0.1, 9, 0, b"way")
+def test_displacement_runs_are_added_all_or_none(
+    tmp_path: Path, error: type[BaseException]
+) -> None:
+    whole = DisplacementRow(b"a" * 16, 1, 0.5, 0.1, 9, 0, b"way")
 
-    def rows() -> Iterator[JourneyRow]:
+    def rows() -> Iterator[DisplacementRow]:
         yield whole._replace(trajectory=b"other")
         raise error
 
-    with closing(RunStore(tmp_path, JourneyRow)) as travelled:
+    with closing(RunStore(tmp_path, DisplacementRow)) as travelled:
         travelled.add([whole])
         with pytest.raises(error):
             travelled.add(rows())
@@ -231,9 +233,9 @@ def test_journeys_are_added_all_or_none(tmp_path: Path, error: type[BaseExceptio
 def test_only_runs_that_are_not_stored_or_crashed_are_missing(tmp_path: Path) -> None:
     keys_of = tuple(bytes([k]) * 16 for k in range(1, 5))
     group = Group(0.0, 0.6, tuple((0.1, 0.1 * k) for k in range(1, 5)), keys_of)
-    with closing(RunStore(tmp_path, JourneyRow)) as travelled:
+    with closing(RunStore(tmp_path, DisplacementRow)) as travelled:
         assert missing(group, travelled) == [0, 1, 2, 3]
-        done = JourneyRow(keys_of[1], 1, 0.5, 0.1, 9, 0, b"way")
+        done = DisplacementRow(keys_of[1], 1, 0.5, 0.1, 9, 0, b"way")
         travelled.add([done, done._replace(key=keys_of[2], outcome=int(Outcome.CRASHED))])
         assert missing(group, travelled) == [0, 2, 3]
     with closing(RunStore(tmp_path, RunRow)) as runs:
@@ -565,7 +567,7 @@ def test_every_function_that_a_run_enters_is_in_its_key() -> None:
     assert entered - set(keys.code(run_code(load_site("cuboid_1x1x2").config))) == set()
 
 
-def test_every_function_that_a_journey_enters_is_in_its_key() -> None:
+def test_every_function_that_a_displacement_run_enters_is_in_its_key() -> None:
     from vsr_core.motions.cosine_pulse import CosinePulse
     from vsr_core.run.displacement import travel
     from vsr_core.run.overturning import Settings

@@ -22,7 +22,7 @@ from vsr_core.displacement.correlation import (
     ensembles,
     row,
 )
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 Array = NDArray[np.float64]
 
@@ -226,7 +226,7 @@ def test_every_statistic_against_every_regressor() -> None:
 
 def test_runs_that_are_none_are_refused() -> None:
     ones = np.ones(4)
-    with pytest.raises(Unfit, match="equal length"):
+    with pytest.raises(InvalidInput, match="equal length"):
         Runs(ones, ones, ones, ones, np.ones(3))
-    with pytest.raises(Unfit, match="1 values of largest_speed"):
+    with pytest.raises(InvalidInput, match="1 values of largest_speed"):
         Runs(ones, ones, ones, np.array([1.0, np.nan, 1.0, 1.0]), ones)

@@ -13,7 +13,7 @@ from scipy import stats
 
 from vsr_core.displacement.least_shaking import lower_bound
 from vsr_core.displacement.origin import REACH, Forward, Found, Origin, trace
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 Array = NDArray[np.float64]
 
@@ -183,7 +183,7 @@ def test_prior_that_forbids_what_is_near_gets_no_answer() -> None:
     assert not origin.answered
     assert "no prior probability" in origin.statement
     for bad in (prior[0], -prior, 0.0 * prior):
-        with pytest.raises(Unfit, match="prior"):
+        with pytest.raises(InvalidInput, match="prior"):
             trace(forward, Found((5.0, 3.0), 1.0), bad)
 
 
@@ -299,15 +299,15 @@ def test_posterior_mean_of_the_linear_model_follows_the_place() -> None:
     ],
 )
 def test_impossible_finds_are_refused(found: dict[str, object], words: str) -> None:
-    with pytest.raises(Unfit, match=words):
+    with pytest.raises(InvalidInput, match=words):
         Found(**found)  # type: ignore[arg-type]
 
 
 def test_forward_runs_that_are_none_are_refused() -> None:
     one = np.ones(1)
-    with pytest.raises(Unfit, match="two coordinates"):
+    with pytest.raises(InvalidInput, match="two coordinates"):
         Forward(one.astype(int), one, one, one)
-    with pytest.raises(Unfit, match="no forward run"):
+    with pytest.raises(InvalidInput, match="no forward run"):
         Forward(one[:0].astype(int), one[:0], one[:0], np.empty((0, 2)))
 
 

@@ -15,7 +15,7 @@ from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import accuracy_score, brier_score_loss, log_loss
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.fragility import fit_all
 from vsr_core.fragility.boundary import first_crossing, locate
 from vsr_core.fragility.cells import tabulate
@@ -495,18 +495,18 @@ def test_degenerate_grids(grid, recommended, says):
     ],
 )
 def test_unusable_input_is_refused(pga, ratio, grid, says):
-    with pytest.raises(Unfit, match=says):
+    with pytest.raises(InvalidInput, match=says):
         fit_all(pga, ratio, grid)
 
 
 def test_estimators_follow_scikit_learn():
     model = SmoothFragility(n_knots=5, penalties=(0.5,))
     assert clone(model).get_params() == {"n_knots": 5, "penalties": (0.5,)}
-    with pytest.raises(Unfit):
+    with pytest.raises(InvalidInput):
         SmoothFragility(n_knots=1).fit(*flat(AXIS, AXIS, line_grid()))
-    with pytest.raises(Unfit):
+    with pytest.raises(InvalidInput):
         LognormalFragility(max_beta=0).fit(*flat(AXIS, AXIS, line_grid()))
-    with pytest.raises(Unfit, match="flat arrays"):
+    with pytest.raises(InvalidInput, match="flat arrays"):
         LogisticFragility().fit(AXIS, AXIS, line_grid())
 
 

@@ -17,7 +17,7 @@ from support import record_files as files
 
 from pipeline import ROOT
 from vsr_core import GRAVITY
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.records import (
     at2,
@@ -45,7 +45,7 @@ def record(values, interval: float = STEP) -> Record:
 
 
 def refusal(call, *words: str) -> None:
-    with pytest.raises(Unfit) as caught:
+    with pytest.raises(InvalidInput) as caught:
         call()
     said = str(caught.value)
     assert [word for word in words if word not in said] == [], said

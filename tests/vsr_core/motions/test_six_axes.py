@@ -18,10 +18,10 @@ from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import BulletWorld
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.sampled import SampledMotion, sampled
-from vsr_core.motions.six_axes import AXES, AxisPulse, TableMotion, rotation, spin
+from vsr_core.motions.six_axes import AXES, AxisPulse, TableMotion, angular_velocity, rotation
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
@@ -101,7 +101,7 @@ def test_spin_is_what_turns_the_matrix() -> None:
         return np.column_stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]])
 
     courses = [motion.course(t, order)[:, 3:] for order in range(3)]
-    velocity, rate = spin(*courses)
+    velocity, rate = angular_velocity(*courses)
     np.testing.assert_allclose(velocity, body_rate(t), atol=1e-6)
     slope = (body_rate(t + 1e-3) - body_rate(t - 1e-3)) / 2e-3
     np.testing.assert_allclose(rate, slope, atol=1e-4)
@@ -191,7 +191,7 @@ def flown(start: State, rock: Rock, duration: float) -> tuple[Array, Array]:
         rate = np.linalg.solve(inertia, np.cross(inertia @ own, own))
         return np.concatenate([np.cross(turn, own).ravel(), rate])
 
-    first = np.concatenate([start.rotation.ravel(), start.rotation.T @ start.spin])
+    first = np.concatenate([start.rotation.ravel(), start.rotation.T @ start.angular_velocity])
     end = solve_ivp(slope, (0.0, duration), first, rtol=1e-10, atol=1e-12).y[:9, -1]
     return place, end.reshape(3, 3)
 
@@ -452,7 +452,7 @@ def broken(**change: object) -> tuple[Array, Array]:
     ],
 )
 def test_samples_that_are_no_motion(change: dict[str, object], words: str) -> None:
-    with pytest.raises(Unfit, match=words):
+    with pytest.raises(InvalidInput, match=words):
         sampled(*broken(**change))
 
 
@@ -467,16 +467,16 @@ def test_mujoco_shakes_and_does_not_turn() -> None:
     pytest.importorskip("mujoco")
     case = prepare(Scene(box()[0], Contact(0.6)), box()[1], reduce=True)
     check(case, Settings(1e-3, engine="mujoco"), AxisPulse("y", 2.0, 0.3))
-    with pytest.raises(Unfit, match="turns in mujoco"):
+    with pytest.raises(InvalidInput, match="turns in mujoco"):
         check(case, Settings(1e-3, engine="mujoco"), AxisPulse("yaw", 2.0, 0.3))
 
 
 def test_a_servo_takes_one_axis() -> None:
     rock, limits = box()
     case = prepare(Scene(rock, Contact(0.6), drive=PUBLISHED), limits, reduce=True)
-    with pytest.raises(Unfit, match="slides along x"):
+    with pytest.raises(InvalidInput, match="slides along x"):
         check(case, Settings(1e-3), AxisPulse("x", 2.0, 0.3))
     held = replace(PUBLISHED, hold=50)
     case = prepare(Scene(rock, Contact(0.6), drive=held), limits, reduce=True)
-    with pytest.raises(Unfit, match="command period of 50 ms"):
+    with pytest.raises(InvalidInput, match="command period of 50 ms"):
         check(case, Settings(1e-3), CosinePulse.from_g(0.3, 0.1))

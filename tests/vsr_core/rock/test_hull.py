@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock.hull import (
     MAX_SETTLING_TURN,
     Hull,
@@ -204,7 +204,7 @@ def test_settled_rock_stands_on_what_its_centre_does_not_overhang(seed: int) -> 
     hull = random_rock(seed).turned(Rotation.from_rotvec(rng.uniform(-0.1, 0.1, 3)).as_matrix())
     try:
         rotation, turned = settle(hull)
-    except Unfit:
+    except InvalidInput:
         return
     assert turned <= MAX_SETTLING_TURN
     rest = hull.turned(rotation)
@@ -221,7 +221,7 @@ def test_settled_rock_stands_on_what_its_centre_does_not_overhang(seed: int) -> 
 def test_a_box_that_does_not_stand_is_refused(size: tuple[float, float, float]) -> None:
     hull = convex_hull(0.5 * SIGNS * size)
     tilted = Rotation.from_euler("y", 40.0, degrees=True).as_matrix()
-    with pytest.raises(Unfit, match="falls by"):
+    with pytest.raises(InvalidInput, match="falls by"):
         settle(hull.turned(tilted))
 
 
@@ -229,7 +229,7 @@ def test_an_overhanging_rock_rolls_further_than_allowed() -> None:
     """A leaning prism whose centre lies beyond its foot."""
     points = SIGNS * (0.2, 0.5, 1.0)
     points[:, 0] += 0.5 * points[:, 2]  # its foot ends at x = -0.3, its centre is at 0
-    with pytest.raises(Unfit, match="falls by"):
+    with pytest.raises(InvalidInput, match="falls by"):
         settle(convex_hull(points))
 
 
@@ -300,5 +300,5 @@ def test_base_polygon_runs_counter_clockwise() -> None:
     ids=["none", "one point", "flat", "centre outside"],
 )
 def test_what_is_no_rock_is_refused(points: Array) -> None:
-    with pytest.raises(Unfit):
+    with pytest.raises(InvalidInput):
         convex_hull(points)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock.solid import box, checked, from_mesh, self_intersections
 from vsr_core.surrogates.double_rock import double_rock
 
@@ -186,8 +186,8 @@ def test_crossing_triangles_against_brute_force(seed: int, size: float, spread: 
 )
 def test_clean_surfaces_do_not_cross_themselves(mesh: trimesh.Trimesh) -> None:
     assert len(self_intersections(np.array(mesh.vertices), np.array(mesh.faces))) == 0
-    same, mended = checked(mesh)
-    assert mended == ()
+    same, repaired = checked(mesh)
+    assert repaired == ()
     assert same.volume == pytest.approx(mesh.volume)
 
 
@@ -203,7 +203,7 @@ def test_crafted_crossings_are_found() -> None:
     assert (spike[pairs].sum(axis=1) == 1).all()
     spindle = trimesh.creation.torus(1.0, 1.6)
     assert len(self_intersections(np.array(spindle.vertices), np.array(spindle.faces))) > 0
-    with pytest.raises(Unfit, match="intersects itself"):
+    with pytest.raises(InvalidInput, match="intersects itself"):
         checked(spindle)
 
 
@@ -214,16 +214,16 @@ def test_split_vertices_are_merged_and_turned_faces_mended() -> None:
         np.arange(3 * len(sphere.faces)).reshape(-1, 3),
         process=False,
     )
-    mesh, mended = checked(soup)
+    mesh, repaired = checked(soup)
     assert len(mesh.vertices) == len(sphere.vertices)
-    assert len(mended) == 1
-    assert "merged" in mended[0]
+    assert len(repaired) == 1
+    assert "merged" in repaired[0]
     faces = np.array(sphere.faces)
     faces[::7] = faces[::7, ::-1]
-    mesh, mended = checked(trimesh.Trimesh(sphere.vertices, faces, process=False))
+    mesh, repaired = checked(trimesh.Trimesh(sphere.vertices, faces, process=False))
     assert mesh.volume == pytest.approx(sphere.volume)
-    assert len(mended) == 1
-    assert "wound" in mended[0]
+    assert len(repaired) == 1
+    assert "wound" in repaired[0]
 
 
 def broken(fault: str) -> trimesh.Trimesh:
@@ -260,10 +260,10 @@ def broken(fault: str) -> trimesh.Trimesh:
     ],
 )
 def test_a_faulty_mesh_is_refused_by_its_fault(fault: str) -> None:
-    with pytest.raises(Unfit, match=fault):
+    with pytest.raises(InvalidInput, match=fault):
         checked(broken(fault))
 
 
 def test_a_mesh_in_millimetres_is_asked_for_its_scale() -> None:
-    with pytest.raises(Unfit, match="scale"):
+    with pytest.raises(InvalidInput, match="scale"):
         checked(broken("m large"))

@@ -252,13 +252,13 @@ class Rocks:
     velocity: Array
     momentum: Array
 
-    def spin(self) -> Array:
+    def angular_velocity(self) -> Array:
         """Angular velocity, shape (n, 3)."""
         held = np.einsum("nji,nj->ni", self.rotation, self.momentum)
         return np.einsum("nij,nj->ni", self.rotation, held @ np.linalg.inv(self.inertia).T)
 
     def energy(self) -> Array:
-        turning = np.einsum("ni,ni->n", self.momentum, self.spin())
+        turning = np.einsum("ni,ni->n", self.momentum, self.angular_velocity())
         return 0.5 * (self.velocity**2).sum(axis=1) + 0.5 * turning + GRAVITY * self.position[:, 2]
 
     def tilt(self) -> Array:
@@ -308,9 +308,11 @@ def step(rocks: Rocks, dt: float, table: Array, sweeps: int = 4) -> list[tuple[A
         return 1.0 + np.einsum("ni,nij,nj->n", lever, inverse, lever)
 
     for _ in range(sweeps):
-        spin = np.einsum("nij,nj->ni", inverse, rocks.momentum)
+        angular_velocity = np.einsum("nij,nj->ni", inverse, rocks.momentum)
         rise = (
-            rocks.velocity[:, 2, None] + spin[:, :1] * arms[:, :, 1] - spin[:, 1:2] * arms[:, :, 0]
+            rocks.velocity[:, 2, None]
+            + angular_velocity[:, :1] * arms[:, :, 1]
+            - angular_velocity[:, 1:2] * arms[:, :, 0]
         )
         vertex = np.argmin(gaps + dt * rise, axis=1)
         arm, speed = arms[case, vertex], rise[case, vertex]
@@ -322,16 +324,16 @@ def step(rocks: Rocks, dt: float, table: Array, sweeps: int = 4) -> list[tuple[A
         up = np.tile([0.0, 0.0, 1.0], (len(case), 1))
         normal = np.where(hits, (wanted - speed) / softness(arm, up), 0.0)
         strike(arm, up, normal)
-        spin = np.einsum("nij,nj->ni", inverse, rocks.momentum)
-        sliding = rocks.velocity + cross(spin, arm)
+        angular_velocity = np.einsum("nij,nj->ni", inverse, rocks.momentum)
+        sliding = rocks.velocity + cross(angular_velocity, arm)
         sliding[:, 2] = 0.0
         fast = np.linalg.norm(sliding, axis=1)
         way = -sliding / np.maximum(fast, 1e-300)[:, None]
         strike(arm, way, np.minimum(fast / softness(arm, way), rocks.friction * normal))
         impulses.append((vertex, normal))
-    middle = turn_by(0.5 * dt * rocks.spin()) @ turned
+    middle = turn_by(0.5 * dt * rocks.angular_velocity()) @ turned
     rocks.rotation = middle
-    rocks.rotation = turn_by(dt * rocks.spin()) @ turned
+    rocks.rotation = turn_by(dt * rocks.angular_velocity()) @ turned
     rocks.position += dt * rocks.velocity
     return impulses
 
@@ -357,11 +359,11 @@ def leaning(
     return Rocks(rock.vertices, tensor(rock), friction, bounce, position, rotation, *still), axis
 
 
-def set_moving(rocks: Rocks, velocity: Array, spin: Array, kinetic: Array) -> None:
+def set_moving(rocks: Rocks, velocity: Array, angular_velocity: Array, kinetic: Array) -> None:
     """Give each rock that motion, scaled to its kinetic energy [m^2/s^2], shape (n,)."""
     turned = rocks.rotation
-    momentum = np.einsum("nij,jk,nlk,nl->ni", turned, rocks.inertia, turned, spin)
-    have = 0.5 * (velocity**2).sum(axis=1) + 0.5 * np.einsum("ni,ni->n", momentum, spin)
+    momentum = np.einsum("nij,jk,nlk,nl->ni", turned, rocks.inertia, turned, angular_velocity)
+    have = 0.5 * (velocity**2).sum(axis=1) + 0.5 * np.einsum("ni,ni->n", momentum, angular_velocity)
     scale = np.sqrt(kinetic / have)[:, None]
     rocks.velocity, rocks.momentum = scale * velocity, scale * momentum
 
@@ -405,10 +407,10 @@ def no_rock_passes(seed: int) -> None:
     energy = floor + gap * share
     kinetic = energy - GRAVITY * rocks.position[:, 2]
     possible = (kinetic > 0.0) & (np.abs(share - 0.995) > 0.005)  # too close for the integration
-    spin, velocity = rng.standard_normal((2, BATCH, 3)) * [[[1.0]], [[rock.radius]]]
-    spin[sharp] = -axis[sharp] if back else axis[sharp]
-    velocity[sharp] = cross(spin, lowest_vertex(rocks)[1])[sharp]
-    set_moving(rocks, velocity, spin, np.maximum(kinetic, 0.0))
+    angular_velocity, velocity = rng.standard_normal((2, BATCH, 3)) * [[[1.0]], [[rock.radius]]]
+    angular_velocity[sharp] = -axis[sharp] if back else axis[sharp]
+    velocity[sharp] = cross(angular_velocity, lowest_vertex(rocks)[1])[sharp]
+    set_moving(rocks, velocity, angular_velocity, np.maximum(kinetic, 0.0))
     impulse = np.sqrt(2.0 * gap) - np.sqrt(2.0 * gap * share)
     impulse = np.maximum(impulse, 0.0) * rng.uniform(0.5, 1.1, BATCH)
     states = zip(tilt.tolist(), energy.tolist(), impulse.tolist(), strict=True)
@@ -485,15 +487,15 @@ def nothing_stops_the_fall(seed: int, plane: bool) -> None:
     behind = (lever[:, :2] * ahead).sum(axis=1)
     length = np.where(rng.random(BATCH) < 0.5, 0.0, rng.uniform(0.0, 0.5, BATCH) * np.abs(behind))
     rocks.friction = np.abs(behind - length) / np.abs(lever[:, 2]) * rng.uniform(0.5, 1.1, BATCH)
-    spin = np.exp(rng.uniform(-4.0, 2.0, (BATCH, 1))) * axis
+    angular_velocity = np.exp(rng.uniform(-4.0, 2.0, (BATCH, 1))) * axis
     rocks.velocity = rng.normal(0.0, 1.5, (BATCH, 3)) * [1.0, 0.0 if plane else 1.0, 1.0]
     if not plane:
-        spin[:, 2] = rng.normal(0.0, 1.0, BATCH)
+        angular_velocity[:, 2] = rng.normal(0.0, 1.0, BATCH)
     world = rocks.rotation @ rocks.inertia @ rocks.rotation.transpose(0, 2, 1)
-    rocks.momentum = np.einsum("nij,nj->ni", world, spin)
+    rocks.momentum = np.einsum("nij,nj->ni", world, angular_velocity)
     alive = np.array(
         [
-            cannot_be_stopped(lever[i], spin[i], world[i], Contact(mu, 0.0, length[i]))
+            cannot_be_stopped(lever[i], angular_velocity[i], world[i], Contact(mu, 0.0, length[i]))
             for i, mu in enumerate(rocks.friction.tolist())
         ]
     )
@@ -512,7 +514,7 @@ def nothing_stops_the_fall(seed: int, plane: bool) -> None:
         turning, before = (rocks.momentum * axis).sum(axis=1), turning
         assert (turning[alive] >= before[alive] - 1e-12 * np.abs(momentum[alive])).all()
         if plane:
-            assert ((rocks.spin() * axis).sum(axis=1)[alive] > 0.0).all()
+            assert ((rocks.angular_velocity() * axis).sum(axis=1)[alive] > 0.0).all()
 
 
 fall = given(SEED, st.booleans())

@@ -398,12 +398,18 @@ def with_engine(monkeypatch: pytest.MonkeyPatch, story) -> tuple[Fake, Response,
     "story",
     [
         lambda world: {"position": np.array([0.0, 0.0, math.nan])},
-        lambda world: {"spin": np.array([math.inf, 0.0, 0.0])},
+        lambda world: {"angular_velocity": np.array([math.inf, 0.0, 0.0])},
         lambda world: {"velocity": np.array([0.0, 0.0, 50.0])},
         lambda world: {"position": np.array([0.0, 0.0, 9.0])},
         lambda world: {"position": np.array([0.0, 0.0, 0.9])},
     ],
-    ids=["nan", "infinite spin", "gained speed", "gained height", "sunk into the pedestal"],
+    ids=[
+        "nan",
+        "infinite angular velocity",
+        "gained speed",
+        "gained height",
+        "sunk into the pedestal",
+    ],
 )
 def test_a_world_that_breaks_the_guards_is_unstable(monkeypatch: pytest.MonkeyPatch, story) -> None:  # type: ignore[no-untyped-def]
     """Tried at half the step five times, then said so; never counted as balanced."""

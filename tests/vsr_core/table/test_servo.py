@@ -21,7 +21,7 @@ from pipeline.workflow.graph import identities
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet.driven import DrivenWorld
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
@@ -128,7 +128,7 @@ def test_longest_period_separates_decay_from_growth(number: int) -> None:
     assert abs(pid(below, np.zeros(20_000), start=1.0)[-1]) < 1e-3
     assert abs(pid(above, np.zeros(3_000), start=1.0)[-1]) > 1e3
     check(below)
-    with pytest.raises(Unfit):
+    with pytest.raises(InvalidInput):
         check(above)
 
 
@@ -143,14 +143,14 @@ def test_derivative_gain_above_the_mass_is_unstable_at_any_period() -> None:
     for period in (1e-6, 1e-3, 1.0):
         servo = Servo(10.0, 1.0, 0.0, 11.0, period)
         assert abs(pid(servo, np.zeros(500), start=1.0)[-1]) > 1e3
-        with pytest.raises(Unfit, match=r"no period is stable.*lower kd"):
+        with pytest.raises(InvalidInput, match=r"no period is stable.*lower kd"):
             check(servo)
 
 
 def test_published_gains_run_at_the_physics_rate_and_not_at_the_command_rate() -> None:
     check(PUBLISHED)
     assert PUBLISHED.stiffness == pytest.approx(1.0)
-    with pytest.raises(Unfit) as refusal:
+    with pytest.raises(InvalidInput) as refusal:
         check(HELD)
     assert "Kp h / M = 5 " in refusal.value.given
     assert f"spectral radius of {spectral_radius(HELD):.4g}" in refusal.value.given
@@ -158,7 +158,7 @@ def test_published_gains_run_at_the_physics_rate_and_not_at_the_command_rate() -
     # the integral takes a thousandth of 2 M / kp = 2 ms
     assert largest_stable_period(HELD) == pytest.approx(2e-3, rel=2e-3)
     assert largest_stable_period(HELD) == largest_stable_period(PUBLISHED)
-    with pytest.raises(Unfit):
+    with pytest.raises(InvalidInput):
         prepare(Scene(box()[0], Contact(0.6), drive=HELD), box()[1], reduce=True)
 
 
@@ -343,7 +343,7 @@ def test_the_guard_bounds_what_a_light_table_gives() -> None:
         world.advance([wanted])
         speed, state = world.table()[1], world.state()
         swing, before = swing + abs(speed - before), speed
-        turning = state.rotation.T @ state.spin
+        turning = state.rotation.T @ state.angular_velocity
         energy = 0.5 * (state.velocity @ state.velocity + spread @ turning**2)
         energy += GRAVITY * state.position[2] - floor
         allowed = reachable_energy(GRAVITY * rock.height - floor, world.impulse())
@@ -405,19 +405,19 @@ def test_a_whole_number_of_steps_fills_a_control_period(step: float) -> None:
 @pytest.mark.parametrize("pedestal", ["plane", "none"])
 def test_bullet_refuses_a_pedestal_that_is_no_body(pedestal: str) -> None:
     described = Scene(box()[0], Contact(0.6), pedestal=pedestal, drive=PUBLISHED)  # type: ignore[arg-type]
-    with pytest.raises(Unfit, match=pedestal):
+    with pytest.raises(InvalidInput, match=pedestal):
         world_of(described)
 
 
 def test_bullet_refuses_samples_that_are_no_control_periods() -> None:
-    with pytest.raises(Unfit, match="one control period"):
+    with pytest.raises(InvalidInput, match="one control period"):
         engines.load("bullet").build(Scene(box()[0], Contact(0.6), drive=PUBLISHED), 1e-3, 2)
 
 
 def test_mujoco_refuses_a_servo() -> None:
     pytest.importorskip("mujoco")
     described = Scene(box()[0], Contact(0.6), drive=PUBLISHED)
-    with pytest.raises(Unfit, match="servo in MuJoCo"):
+    with pytest.raises(InvalidInput, match="servo in MuJoCo"):
         engines.load("mujoco").build(described, 1e-3, 1)
 
 

@@ -1,4 +1,4 @@
-"""Ground as convex pieces and hulls with fewer corners: how far they are from what they replace."""
+"""Ground as convex parts and hulls with fewer corners: how far they are from what they replace."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from vsr_core.rock import reduction
 from vsr_core.rock.body import Rock
 from vsr_core.rock.reduction import in_flight, lightened, needed, on_its_seat
 from vsr_core.rock.solid import from_mesh
-from vsr_core.terrain.convex_parts import CORNER_SHARE, MOST_POINTS, pieces
+from vsr_core.terrain.convex_parts import CORNER_SHARE, MOST_POINTS, convex_parts
 from vsr_core.terrain.surface import Terrain
 
 Array = NDArray[np.float64]
@@ -160,13 +160,13 @@ def same_everywhere(tolerance: float) -> Callable[[Array], Array]:
 
 
 def hulls(made: tuple[Array, ...]) -> list[ConvexHull]:
-    return [ConvexHull(piece) for piece in made]
+    return [ConvexHull(part) for part in made]
 
 
 def uncovered(terrain: Terrain, made: tuple[Array, ...]) -> Array:
-    """How far each triangle is, at least, from being in one piece [m], shape (m,).
+    """How far each triangle is, at least, from being in one part [m], shape (m,).
 
-    A convex piece holds a triangle if it holds its corners.
+    A convex part holds a triangle if it holds its corners.
     """
     corners = terrain.vertices[terrain.faces].reshape(-1, 3)
     beyond = []
@@ -177,7 +177,7 @@ def uncovered(terrain: Terrain, made: tuple[Array, ...]) -> Array:
 
 
 def standing_out(terrain: Terrain, made: tuple[Array, ...], number: int) -> Array:
-    """Distance [m] from the ground of points all over the pieces that are in the air."""
+    """Distance [m] from the ground of points all over the parts that are in the air."""
     rng = np.random.default_rng(0)
     points = []
     for hull in hulls(made):
@@ -198,7 +198,7 @@ def standing_out(terrain: Terrain, made: tuple[Array, ...], number: int) -> Arra
 @settings(max_examples=8, deadline=None, derandomize=True)
 def test_pieces_cover_the_ground_and_hardly_stand_out(seed: int, tolerance: float) -> None:
     terrain = grounds.bumpy(seed, 0.3, 1.0, half=2.0, cells=10)
-    made = pieces(terrain, same_everywhere(tolerance), 0.05)
+    made = convex_parts(terrain, same_everywhere(tolerance), 0.05)
     assert uncovered(terrain, made).max() <= CORNER_SHARE * tolerance + 1e-9
     above = standing_out(terrain, made, 4000)
     # Tested when made at seven points of a facet only: between them it may be a little more.
@@ -209,7 +209,7 @@ def test_pieces_cover_the_ground_and_hardly_stand_out(seed: int, tolerance: floa
 
 def test_without_tolerance_only_what_is_convex_is_joined() -> None:
     terrain = grounds.bumpy(5, 0.3, 1.0, half=2.0, cells=10)
-    made = pieces(terrain, same_everywhere(1e-9), 0.05)
+    made = convex_parts(terrain, same_everywhere(1e-9), 0.05)
     assert uncovered(terrain, made).max() < 1e-8
     assert standing_out(terrain, made, 8000).max() < 1e-8
     assert 20 < len(made) < 0.7 * len(terrain.faces)
@@ -217,7 +217,7 @@ def test_without_tolerance_only_what_is_convex_is_joined() -> None:
 
 def test_walls_of_a_niche() -> None:
     terrain = grounds.niche(1.0, 0.5, half=2.0)
-    made = pieces(terrain, same_everywhere(0.02), 0.05)
+    made = convex_parts(terrain, same_everywhere(0.02), 0.05)
     assert uncovered(terrain, made).max() <= CORNER_SHARE * 0.02 + 1e-9
     above = standing_out(terrain, made, 8000)
     assert np.mean(above > 0.02) < 0.005
@@ -239,10 +239,10 @@ EVEN: dict[str, tuple[Terrain, int]] = {
 @pytest.mark.parametrize("quarters", [0, 1, 2, 3])
 @pytest.mark.parametrize("name", EVEN)
 def test_number_of_pieces_of_even_ground(name: str, quarters: int) -> None:
-    """Convex ground is one piece, and there is one more for each valley."""
+    """Convex ground is one part, and there is one more for each valley."""
     terrain, number = EVEN[name]
     moved = grounds.moved(terrain, np.round(grounds.turn_z(0.5 * math.pi * quarters)))
-    made = pieces(moved, same_everywhere(0.01), 0.05)
+    made = convex_parts(moved, same_everywhere(0.01), 0.05)
     assert len(made) == number
     assert uncovered(moved, made).max() <= CORNER_SHARE * 0.01 + 1e-9
 
@@ -252,7 +252,7 @@ def test_planes_turned_by_any_angle_and_moved(name: str) -> None:
     terrain, number = EVEN[name]
     for turn in Rotation.random(5, random_state=3).as_rotvec() * [0.3, 0.3, 1.0]:
         moved = grounds.moved(terrain, Rotation.from_rotvec(turn).as_matrix(), 20.0 * turn)
-        assert len(pieces(moved, same_everywhere(0.01), 0.05)) == number
+        assert len(convex_parts(moved, same_everywhere(0.01), 0.05)) == number
 
 
 def test_a_shallow_valley_is_filled_if_the_tolerance_allows() -> None:
@@ -260,20 +260,20 @@ def test_a_shallow_valley_is_filled_if_the_tolerance_allows() -> None:
     slope, half = 0.05, 2.0
     terrain = grounds.sheet(lambda x, y: slope * np.abs(x), half, 4)
     deepest = slope * half * math.cos(math.atan(slope))
-    assert len(pieces(terrain, same_everywhere(1.01 * deepest), 0.05)) == 1
-    assert len(pieces(terrain, same_everywhere(0.5 * deepest), 0.05)) == 2
+    assert len(convex_parts(terrain, same_everywhere(1.01 * deepest), 0.05)) == 1
+    assert len(convex_parts(terrain, same_everywhere(0.5 * deepest), 0.05)) == 2
 
 
 def test_a_level_piece_is_a_slab_of_its_thickness() -> None:
-    (piece,) = pieces(grounds.level(2.0, 4), same_everywhere(0.01), 0.07)
-    np.testing.assert_allclose(piece.min(axis=0), [-2.0, -2.0, -0.07])
-    np.testing.assert_allclose(piece.max(axis=0), [2.0, 2.0, 0.0])
-    assert len(piece) == 8
+    (part,) = convex_parts(grounds.level(2.0, 4), same_everywhere(0.01), 0.07)
+    np.testing.assert_allclose(part.min(axis=0), [-2.0, -2.0, -0.07])
+    np.testing.assert_allclose(part.max(axis=0), [2.0, 2.0, 0.0])
+    assert len(part) == 8
 
 
 def test_pieces_end_where_they_have_too_many_points() -> None:
     cells = math.isqrt(2 * MOST_POINTS)
-    made = pieces(grounds.level(2.0, cells), same_everywhere(0.01), 0.05)
+    made = convex_parts(grounds.level(2.0, cells), same_everywhere(0.01), 0.05)
     assert 2 <= len(made) <= 6
     assert uncovered(grounds.level(2.0, cells), made).max() < 1e-9
 
@@ -284,12 +284,12 @@ def test_coarser_where_the_tolerance_is_larger() -> None:
     def tolerance(points: Array) -> Array:
         return np.where(points[:, 0] < 0.0, 0.003, 0.08)
 
-    made = pieces(terrain, tolerance, 0.05)
-    fine = sum(piece[:, 0].max() <= 0.0 for piece in made)
-    coarse = sum(piece[:, 0].min() >= 0.0 for piece in made)
+    made = convex_parts(terrain, tolerance, 0.05)
+    fine = sum(part[:, 0].max() <= 0.0 for part in made)
+    coarse = sum(part[:, 0].min() >= 0.0 for part in made)
     assert fine > 3 * coarse > 0
     assert uncovered(terrain, made).max() <= CORNER_SHARE * 0.08 + 1e-9
-    near = [piece for piece in made if piece[:, 0].max() <= 0.0]
+    near = [part for part in made if part[:, 0].max() <= 0.0]
     assert standing_out(terrain, tuple(near), 3000).max() < 1.5 * 0.003
 
 
@@ -297,9 +297,9 @@ def test_coarser_where_the_tolerance_is_larger() -> None:
 def test_similar_grounds_have_similar_pieces(scale: float) -> None:
     """Scaled by a power of two, which rounds nothing."""
     terrain = grounds.bumpy(4, 0.3, 1.0, half=2.0, cells=8)
-    made = pieces(terrain, same_everywhere(0.02), 0.05)
+    made = convex_parts(terrain, same_everywhere(0.02), 0.05)
     scaled = Terrain(scale * terrain.vertices, terrain.faces)
-    other = pieces(scaled, same_everywhere(0.02 * scale), 0.05 * scale)
+    other = convex_parts(scaled, same_everywhere(0.02 * scale), 0.05 * scale)
     assert len(other) == len(made)
     for one, two in zip(made, other, strict=True):
         np.testing.assert_array_equal(scale * one, two)
@@ -310,6 +310,6 @@ def test_a_sliver_does_not_stop_it() -> None:
     terrain = grounds.level(2.0, 3)
     row = np.flatnonzero(terrain.vertices[:, 1] == terrain.vertices[:, 1].min())[:3]
     sliver = Terrain(terrain.vertices, np.vstack([terrain.faces, row]))
-    made = pieces(sliver, same_everywhere(0.01), 0.05)
-    solid = tuple(piece for piece in made if np.ptp(piece, axis=0).min() > 0.01)
+    made = convex_parts(sliver, same_everywhere(0.01), 0.05)
+    solid = tuple(part for part in made if np.ptp(part, axis=0).min() > 0.01)
     assert uncovered(terrain, solid).max() < 1e-9

@@ -57,7 +57,7 @@ def test_an_impact_keeps_its_laws(seed: int, restitution: float, friction: float
     after = impact.rebound(before, arm, inertia, restitution, friction)
     impulse = after.velocity - before.velocity
     # Angular momentum about the point that touches is kept.
-    turned = inertia @ (after.spin - before.spin) - np.cross(arm, impulse)
+    turned = inertia @ (after.angular_velocity - before.angular_velocity) - np.cross(arm, impulse)
     np.testing.assert_allclose(turned, 0.0, atol=1e-9 * np.linalg.norm(impulse))
     left = after.at(arm)
     assert left[2] == pytest.approx(-restitution * before.at(arm)[2])
@@ -75,22 +75,24 @@ def test_an_impact_keeps_its_laws(seed: int, restitution: float, friction: float
 @given(
     down=st.floats(0.1, 9.0),
     along=st.floats(-9.0, 9.0),
-    spin=st.floats(-9.0, 9.0),
+    angular_velocity=st.floats(-9.0, 9.0),
     restitution=SHARES,
     friction=st.floats(0.01, 1.0),
 )
 def test_impact_of_a_sphere_in_closed_form(
-    down: float, along: float, spin: float, restitution: float, friction: float
+    down: float, along: float, angular_velocity: float, restitution: float, friction: float
 ) -> None:
     radius, inertia = 0.5, 0.4 * 0.5**2
-    slip = along - radius * spin
+    slip = along - radius * angular_velocity
     assume(abs(slip) > 1e-6)
-    before = Motion(np.array([along, 0.0, -down]), np.array([0.0, spin, 0.0]))
+    before = Motion(np.array([along, 0.0, -down]), np.array([0.0, angular_velocity, 0.0]))
     after = impact.rebound(before, -radius * UP, inertia * np.eye(3), restitution, friction)
     most = friction * (1.0 + restitution) * down
     braked = math.copysign(min(abs(slip) / 3.5, most), slip)
     assert after.velocity[0] == pytest.approx(along - braked, abs=1e-9)
-    assert after.spin[1] == pytest.approx(spin + radius * braked / inertia, abs=1e-9)
+    assert after.angular_velocity[1] == pytest.approx(
+        angular_velocity + radius * braked / inertia, abs=1e-9
+    )
     assert after.energy(inertia * np.eye(3)) <= before.energy(inertia * np.eye(3)) + 1e-9
 
 
@@ -225,7 +227,7 @@ def test_a_rise_of_the_energy_is_seen() -> None:
     turns = np.broadcast_to(np.eye(3), (3, 3, 3))
     path = Path(np.arange(3.0), np.zeros((3, 3)), turns, velocity, np.zeros((3, 3)))
     np.testing.assert_allclose(dissipation.energy(rock, path), 0.5 * speed**2)
-    spinning = replace(path, velocity=np.zeros((3, 3)), spin=velocity)
+    spinning = replace(path, velocity=np.zeros((3, 3)), angular_velocity=velocity)
     np.testing.assert_allclose(dissipation.energy(rock, spinning), 0.05 * speed**2)
 
 
@@ -235,9 +237,9 @@ def test_ground_is_an_even_slope_whatever_it_is_made_of() -> None:
         ground = slope(angle, (-1.0, 3.0), 1.0, 1.0, cut)
         heights = (ground.vertices @ axes(angle))[:, 2]
         np.testing.assert_allclose(heights, 0.0, atol=1e-12)
-        assert len(ground.pieces) == (8 if cut else 0)
-        for piece in ground.pieces:
-            inside = piece @ axes(angle)
+        assert len(ground.parts) == (8 if cut else 0)
+        for part in ground.parts:
+            inside = part @ axes(angle)
             assert inside[:, 2].max() == pytest.approx(0.0, abs=1e-12)
             assert inside[:, 2].min() < -0.01
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsr_core import GRAVITY
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.verification import rocking_block
 from vsr_core.verification.rocking_block import (
     Block,
@@ -369,5 +369,5 @@ def test_a_swing_shorter_than_the_first_step_is_seen() -> None:
     ],
 )
 def test_what_cannot_be_is_refused(wrong) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(Unfit):
+    with pytest.raises(InvalidInput):
         wrong()

@@ -23,7 +23,7 @@ from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import BulletWorld
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock.body import Rock
@@ -260,11 +260,11 @@ def test_what_is_fine_is_not_refused() -> None:
 
 
 def test_a_step_too_coarse_for_the_rock_is_refused() -> None:
-    with pytest.raises(Unfit, match=r"rocks too fast for more than 2\.12 ms"):
+    with pytest.raises(InvalidInput, match=r"rocks too fast for more than 2\.12 ms"):
         _check(share=0.0061)
     slender = box(1.0, 1.0, 20.0)
     _check(rock=slender, share=0.005)
-    with pytest.raises(Unfit, match="rocks too fast"):
+    with pytest.raises(InvalidInput, match="rocks too fast"):
         _check(rock=slender, share=0.005, engine="mujoco")
 
 
@@ -277,19 +277,19 @@ def test_a_step_too_coarse_for_the_pulse_is_refined() -> None:
 
 
 def test_springs_are_refused_where_they_are_too_soft_or_the_step_too_coarse() -> None:
-    with pytest.raises(Unfit, match=r"sinks by 41\.4 mm.*1\.69e\+07 N/m"):
+    with pytest.raises(InvalidInput, match=r"sinks by 41\.4 mm.*1\.69e\+07 N/m"):
         _check(Contact(0.6, stiffness=1e6))
     undamped = Contact(0.6, stiffness=1e8)
     longest = input_checks.longest_step_on_springs(undamped, BLOCK.mass)
     _check(undamped, share=0.99 * longest / unit(BLOCK))
-    with pytest.raises(Unfit, match=r"at steps up to 0\.062 ms"):
+    with pytest.raises(InvalidInput, match=r"at steps up to 0\.062 ms"):
         _check(undamped, share=1.01 * longest / unit(BLOCK))
     for contact in (
         Contact(0.6, 0.5, stiffness=1e9),
         Contact(0.6, stiffness=-1e9),
         Contact(0.6, stiffness=1e9, damping=math.nan),
     ):
-        with pytest.raises(Unfit):
+        with pytest.raises(InvalidInput):
             _check(contact)
 
 
@@ -307,13 +307,13 @@ def test_rebound_of_a_spring_and_a_dashpot(damping: float) -> None:
 def test_a_control_period_too_long_for_the_pulse_is_refused() -> None:
     slow = replace(PUBLISHED, kp=5e4, period=0.01)
     _check(drive=slow, motion=CosinePulse.from_g(0.8, 0.026), share=0.002)
-    with pytest.raises(Unfit, match="control period of 10 ms"):
+    with pytest.raises(InvalidInput, match="control period of 10 ms"):
         _check(drive=slow, motion=CosinePulse.from_g(0.8, 0.024), share=0.002)
 
 
 @pytest.mark.parametrize("pulse", [CosinePulse(math.nan, 0.3), CosinePulse(9.0, math.inf)])
 def test_a_motion_of_no_numbers_is_refused(pulse: CosinePulse) -> None:
-    with pytest.raises(Unfit, match="not numbers"):
+    with pytest.raises(InvalidInput, match="not numbers"):
         _check(motion=pulse)
 
 
@@ -321,7 +321,7 @@ def test_mujoco_is_refused_where_it_topples_what_slides() -> None:
     _check(Contact(0.09), engine="mujoco")
     _check(Contact(0.51), engine="mujoco")
     _check(Contact(0.4))
-    with pytest.raises(Unfit, match="mujoco lifts what slides"):
+    with pytest.raises(InvalidInput, match="mujoco lifts what slides"):
         _check(Contact(0.4), engine="mujoco")
 
 

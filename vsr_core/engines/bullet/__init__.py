@@ -16,7 +16,7 @@ import numpy as np
 from vsr_core.engines import Solver
 from vsr_core.engines.bullet.driven import DrivenWorld
 from vsr_core.engines.bullet.world import BulletWorld
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scene import Scene
 
 VERSION = version("pybullet")
@@ -49,14 +49,14 @@ def build(
 
     Raises
     ------
-    Unfit
+    InvalidInput
         For a drive whose pedestal no servo can move, or whose control period is not a sample; for
         springs under anything but a box or a sphere on a slab, where their number is not known.
     """
     if scene.contact.stiffness is not None and (
         scene.rock.shape == "hull" or scene.pedestal != "box"
     ):
-        raise Unfit(
+        raise InvalidInput(
             f"a contact stiffness under a {scene.rock.shape} on a {scene.pedestal}",
             "it is a spring at each point of contact, and Bullet keeps any number of them there",
             "use a rigid contact, or a box on a slab",

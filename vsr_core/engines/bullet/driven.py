@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from vsr_core.engines import Solver, silenced
 from vsr_core.engines.bullet.world import FASTEST, MASS, BulletWorld
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.scene import Scene, State
 
 with silenced():
@@ -29,7 +29,7 @@ class DrivenWorld(BulletWorld):
     def __init__(self, scene: Scene) -> None:
         assert scene.drive is not None
         if scene.pedestal in ("plane", "none"):
-            raise Unfit(
+            raise InvalidInput(
                 f"a servo for a pedestal of kind {scene.pedestal!r}",
                 "it moves a body of finite size",
                 "use a box or a mesh",
@@ -42,7 +42,7 @@ class DrivenWorld(BulletWorld):
         """Put table, servo and rock back to their start."""
         sample, period = substeps * time_step, self._servo.period
         if not math.isclose(sample, period, rel_tol=1e-9):
-            raise Unfit(
+            raise InvalidInput(
                 f"samples of {sample:g} s for a servo that holds its force for {period:g} s",
                 "a sample is one control period",
                 "divide the period into the substeps",

@@ -2,7 +2,7 @@
 
 Bullet tests a hull against every triangle in its bounding box, touched or not; on a scan these are
 hundreds, and each costs as much as a box on a plane. So a terrain is a set of blocks, its convex
-pieces or else tiles of a few triangles, and only the blocks near the rock's surface are in Bullet's
+parts or else tiles of a few triangles, and only the blocks near the rock's surface are in Bullet's
 world. The cost follows what the rock touches, however large the terrain.
 """
 
@@ -50,8 +50,8 @@ class Ground:
         self, terrain: Terrain, corners: Array, scale: float, client: int, maximal: int
     ) -> None:
         self._client, self._maximal, self._scale = client, maximal, scale
-        self._convex = bool(terrain.pieces)
-        held = [piece * scale for piece in terrain.pieces] or _tiles(
+        self._convex = bool(terrain.parts)
+        held = [part * scale for part in terrain.parts] or _tiles(
             terrain.vertices[terrain.faces] * scale
         )
         self._blocks, self._points = held, np.concatenate(held)
@@ -84,7 +84,7 @@ class Ground:
         ``acceleration`` [m/s^2] bounds what can speed it up in that time without contact.
         """
         speed = float(np.linalg.norm(state.velocity)) + acceleration * duration
-        speed = speed * self._scale + float(np.linalg.norm(state.spin)) * self._radius
+        speed = speed * self._scale + float(np.linalg.norm(state.angular_velocity)) * self._radius
         ahead = speed * duration
         if not math.isfinite(ahead):
             return

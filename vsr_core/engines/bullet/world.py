@@ -58,8 +58,8 @@ so that 0.2 makes a drop of e = 0.38 rebound by up to 14 % too high."""
 
 GAP, SMALL_GAP = 0.02, 1e-4
 """Gap below which a contact is kept, in Bullet's length unit: its default, and where contacts
-bounce or the ground is made of pieces. Within it the approach is stopped without a rebound: with
-0.02 fine steps lose it all, and a rock that slides over pieces is held by those behind a border."""
+bounce or the ground is made of parts. Within it the approach is stopped without a rebound: with
+0.02 fine steps lose it all, and a rock that slides over parts is held by those behind a border."""
 
 
 class BulletWorld:
@@ -96,8 +96,8 @@ class BulletWorld:
             physicsClientId=self._client,
         )
         bounces = scene.contact.restitution > 0.0
-        in_pieces = scene.terrain is not None and bool(scene.terrain.pieces)
-        self._gap = SMALL_GAP if bounces or in_pieces else GAP
+        in_parts = scene.terrain is not None and bool(scene.terrain.parts)
+        self._gap = SMALL_GAP if bounces or in_parts else GAP
         erp = BOUNCING_ERP if bounces else ERP
         pybullet.setPhysicsEngineParameter(erp=erp, contactERP=erp, physicsClientId=self._client)
         if scene.pedestal != "none" and scene.pedestal != "terrain":
@@ -132,7 +132,7 @@ class BulletWorld:
             self._ground.clear()
         start = self._start
         aloft = np.array([0.0, 0.0, self._aloft / self._scale])
-        self.put(replace(start, position=aloft, velocity=np.zeros(3), spin=np.zeros(3)))
+        self.put(replace(start, position=aloft, velocity=np.zeros(3), angular_velocity=np.zeros(3)))
         pybullet.stepSimulation(self._client)
         if self._moving:
             self.put(start)
@@ -189,13 +189,13 @@ class BulletWorld:
         if self._known is not None:
             return self._known
         position, quaternion = pybullet.getBasePositionAndOrientation(self._rock, self._client)
-        velocity, spin = pybullet.getBaseVelocity(self._rock, self._client)
+        velocity, angular_velocity = pybullet.getBaseVelocity(self._rock, self._client)
         pace = math.sqrt(self._scale)
         self._known = State(
             np.array(position) / self._scale,
             _matrix(quaternion) @ self._axes.T,
             np.array(velocity) / pace,
-            np.array(spin) * pace,
+            np.array(angular_velocity) * pace,
         )
         return self._known
 
@@ -208,7 +208,10 @@ class BulletWorld:
             self._rock, place.tolist(), _quaternion(state.rotation @ self._axes), self._client
         )
         pybullet.resetBaseVelocity(
-            self._rock, (state.velocity * pace).tolist(), (state.spin / pace).tolist(), self._client
+            self._rock,
+            (state.velocity * pace).tolist(),
+            (state.angular_velocity / pace).tolist(),
+            self._client,
         )
 
     def contacts(self) -> tuple[int, float]:

@@ -10,7 +10,7 @@ import re
 
 import numpy as np
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Record, factor, stated
 
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)"
@@ -31,14 +31,14 @@ def read(text: str, unit: str | None) -> Record:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the file is no acceleration, or holds another number of samples than it says.
     """
     lines = text.splitlines()
     found = _NAMED.search(lines[3]) or _PLAIN.search(lines[3])
     quantity = lines[2].strip()
     if found is None or not quantity.upper().startswith("ACCELERATION"):
-        raise Unfit(
+        raise InvalidInput(
             f"an AT2 file whose third line is {quantity[:40]!r}",
             "it says ACCELERATION TIME SERIES IN UNITS OF G",
             "use the acceleration (.AT2), not velocity or displacement",
@@ -50,13 +50,13 @@ def read(text: str, unit: str | None) -> Record:
     try:
         values = np.array([float(word) for word in words])
     except ValueError as error:
-        raise Unfit(
+        raise InvalidInput(
             f"an AT2 file with a word among its samples ({error})",
             "they are numbers",
             "download it again",
         ) from None
     if len(values) != number:
-        raise Unfit(
+        raise InvalidInput(
             f"an AT2 file of {len(values)} samples that says NPTS = {number}",
             "it holds as many as it says",
             "download it again",

@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Array, Record, factor, is_acceleration, stated
 from vsr_core.motions.records.record_checks import evenly
 
@@ -26,7 +26,7 @@ def read(text: str, component: str | None, unit: str | None) -> Record:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If times or accelerations are not there, or the time steps are uneven.
     """
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
@@ -34,7 +34,7 @@ def read(text: str, component: str | None, unit: str | None) -> Record:
     names = [_name(word) for word in (lines[0].split(separator) if lines else [])]
     clock = [i for i, (name, _) in enumerate(names) if name.lower() in _TIMES]
     if len(clock) != 1 or names[clock[0]][1] not in _SECONDS:
-        raise Unfit(
+        raise InvalidInput(
             f"a table with the columns {', '.join(name for name, _ in names)[:80] or 'none'}",
             "one of them is named time, in seconds",
             "name the columns in the first line",
@@ -44,7 +44,7 @@ def read(text: str, component: str | None, unit: str | None) -> Record:
     wanted = _wanted(names, others, component)
     in_file = {names[i][1] for i in wanted}
     if len(in_file) > 1:
-        raise Unfit(
+        raise InvalidInput(
             f"columns in {', '.join(map(str, in_file))}",
             "they share a unit",
             "name one of them as motion.component",
@@ -75,12 +75,14 @@ def _wanted(
     if component is not None:
         found = [i for i in others if names[i][0] == component]
         if len(found) != 1:
-            raise Unfit(f"no column {component!r}", f"the columns are {listed}", "name one of them")
+            raise InvalidInput(
+                f"no column {component!r}", f"the columns are {listed}", "name one of them"
+            )
         return found
     accelerations = [i for i in others if is_acceleration(names[i][1] or "")]
     if accelerations or len(others) == 1:
         return accelerations or others
-    raise Unfit(
+    raise InvalidInput(
         f"columns {listed} without a unit of acceleration",
         "one of them is the acceleration",
         "name it as motion.component, and its unit as motion.unit",
@@ -97,11 +99,11 @@ def _numbers(
         try:
             rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
         except ValueError:
-            raise Unfit(
+            raise InvalidInput(
                 f"row {place} of a table, {line.strip()[:40]!r}", "cells are numbers", "correct it"
             ) from None
         if len(cells) != width:
-            raise Unfit(
+            raise InvalidInput(
                 f"row {place} of a table, with {len(cells)} cells",
                 f"each row has {width}",
                 "correct it",

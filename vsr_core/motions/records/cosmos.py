@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Record, factor, stated
 
 TEXT_LINES = 13
@@ -74,7 +74,7 @@ def read(text: str, unit: str | None) -> Record:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the file breaks its own headers, or holds no acceleration at one time step.
     """
     lines = _Lines(text.splitlines())
@@ -84,13 +84,13 @@ def read(text: str, unit: str | None) -> Record:
         if series is not None:
             found.append(series)
     if not found:
-        raise Unfit(
+        raise InvalidInput(
             "a COSMOS file without an acceleration", "a motion is made of one", "use the .V2 of it"
         )
     first = found[0]
     alike = {(len(s.values), round(s.interval, 9), s.unit) for s in found}
     if len(alike) > 1:
-        raise Unfit(
+        raise InvalidInput(
             "a COSMOS file whose channels differ in length, time step or unit",
             "they belong to one instrument",
             "keep one channel in the file",
@@ -139,7 +139,7 @@ def _series(lines: _Lines) -> _Series | None:
         )
     code = int(integers[2])
     if code not in _UNITS:
-        raise Unfit(
+        raise InvalidInput(
             f"a COSMOS file in unit {code}", "accelerations are in g, cm/s2 or gal", "convert it"
         )
     azimuth = int(integers[53])
@@ -157,5 +157,7 @@ def _distinct(names: list[str]) -> tuple[str, ...]:
     )
 
 
-def _broken(what: str) -> Unfit:
-    return Unfit(f"a COSMOS file that {what}", "its headers and samples agree", "download it again")
+def _broken(what: str) -> InvalidInput:
+    return InvalidInput(
+        f"a COSMOS file that {what}", "its headers and samples agree", "download it again"
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import at2, columns, cosmos, netcdf, waveforms
 from vsr_core.motions.records.record import Record
 
@@ -38,7 +38,7 @@ def read(content: bytes, suffix: str, how: Reading) -> Record:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If it is in no known format, breaks its format, or has no such channel.
     """
     return _whole(content, suffix.lower(), how).channel(how.component)
@@ -67,8 +67,8 @@ def _is_waveform(content: bytes, suffix: str) -> bool:
     return seed or suffix == ".sac" or content.startswith(b"Origin Time")
 
 
-def _unknown() -> Unfit:
-    return Unfit(
+def _unknown() -> InvalidInput:
+    return InvalidInput(
         "a file in no known format",
         "it is AT2, COSMOS V2, CSV, NetCDF, miniSEED, SAC, K-NET or KiK-net",
         "convert it to a CSV with columns time and acceleration [m/s2]",

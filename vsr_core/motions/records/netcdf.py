@@ -7,7 +7,7 @@ from typing import Any
 import netCDF4
 import numpy as np
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Record, factor, is_acceleration, stated
 from vsr_core.motions.records.record_checks import evenly
 
@@ -19,12 +19,12 @@ def read(content: bytes, component: str | None, unit: str | None) -> Record:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If there is no time in seconds or no such variable, or the time steps are uneven.
     """
     with netCDF4.Dataset("record.nc", memory=content) as data:
         if "time" not in data.variables or data["time"].ndim != 1:
-            raise Unfit(
+            raise InvalidInput(
                 f"a NetCDF file with the variables {', '.join(data.variables)[:80]}",
                 "one of them is the coordinate time",
                 "name it so",
@@ -39,13 +39,13 @@ def read(content: bytes, component: str | None, unit: str | None) -> Record:
         named = [name for name in along if is_acceleration(units[name] or "")]
         wanted = named if component is None else [name for name in along if name == component]
         if not wanted:
-            raise Unfit(
+            raise InvalidInput(
                 f"a NetCDF file with {', '.join(along) or 'nothing'} along time",
                 "an acceleration has units such as m s-2",
                 "set its units, or name it as motion.component with motion.unit",
             )
         if len({units[name] for name in wanted}) > 1:
-            raise Unfit(
+            raise InvalidInput(
                 f"variables {', '.join(wanted)} in several units",
                 "they share one",
                 "name one of them as motion.component",
@@ -64,4 +64,6 @@ def read(content: bytes, component: str | None, unit: str | None) -> Record:
 def _check_seconds(time: Any) -> None:
     units = str(getattr(time, "units", ""))
     if units.split(" since ")[0].strip() not in ("s", "sec", "second", "seconds"):
-        raise Unfit(f"times in {units or 'no unit'}", "they are in s", "set the units of time to s")
+        raise InvalidInput(
+            f"times in {units or 'no unit'}", "they are in s", "set the units of time to s"
+        )

@@ -29,7 +29,7 @@ from fractions import Fraction
 import numpy as np
 from scipy import signal
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Array
 from vsr_core.motions.records.trace import Trace
 
@@ -77,11 +77,11 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If a corner is out of reach of the record's length or rate.
     """
     if len(acceleration) < FEWEST:
-        raise Unfit(
+        raise InvalidInput(
             f"a record of {len(acceleration)} samples", f"it has {FEWEST} or more", "use another"
         )
     if how.resample is not None:
@@ -153,12 +153,12 @@ def resampled(values: Array, interval: float, rate: float) -> tuple[Array, float
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the two rates have no simple ratio.
     """
     ratio = Fraction(rate * interval).limit_denominator(1000)
     if ratio.numerator == 0 or abs(float(ratio) - rate * interval) > 1e-9 * float(ratio):
-        raise Unfit(
+        raise InvalidInput(
             f"a rate of {rate:g} for a record of {1.0 / interval:.6g} samples a second",
             "the two have a ratio of whole numbers up to 1000",
             "choose such a motion.processing.resample",
@@ -170,13 +170,13 @@ def resampled(values: Array, interval: float, rate: float) -> tuple[Array, float
 def _check_corners(how: Processing, interval: float, number: int) -> None:
     nyquist, length = 0.5 / interval, number * interval
     if how.lowpass is not None and how.lowpass > HIGHEST * nyquist:
-        raise Unfit(
+        raise InvalidInput(
             f"a low-pass at {how.lowpass:g} Hz for {1.0 / interval:.5g} samples a second",
             f"it lies below {HIGHEST * nyquist:.4g} Hz, nine tenths of the Nyquist frequency",
             "lower motion.processing.lowpass, or set it to null",
         )
     if how.highpass is not None and how.highpass * length < 1.0:
-        raise Unfit(
+        raise InvalidInput(
             f"a high-pass at {how.highpass:g} Hz for a record of {length:.4g} s",
             "its period fits into the record",
             f"raise motion.processing.highpass to {1.0 / length:.3g} Hz or more",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Record:
     station : str, as the file names it; may be empty
     source : str, format and origin in words
     unit : str, of the acceleration in the file
-    repairs : tuple of str, what was mended, in words
+    repairs : tuple of str, what was repaired, in words
     """
 
     acceleration: Array
@@ -52,7 +52,7 @@ class Record:
 
         Raises
         ------
-        Unfit
+        InvalidInput
             If there is no such channel, or several to choose from.
         """
         columns = self.acceleration.reshape(len(self.acceleration), -1)
@@ -60,13 +60,15 @@ class Record:
         if name is None and len(self.channels) == 1:
             return replace(self, acceleration=columns[:, 0])
         if name is None:
-            raise Unfit(
+            raise InvalidInput(
                 f"{len(self.channels)} channels ({listed})",
                 "a rock is shaken along one",
                 "name one of them as motion.component",
             )
         if name not in self.channels:
-            raise Unfit(f"no channel {name!r}", f"the channels are {listed}", "name one of them")
+            raise InvalidInput(
+                f"no channel {name!r}", f"the channels are {listed}", "name one of them"
+            )
         at = self.channels.index(name)
         return replace(self, acceleration=columns[:, at], channels=(name,))
 
@@ -76,7 +78,7 @@ def factor(unit: str) -> float:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         For counts and volts, which only an instrument's response makes an acceleration, and for
         what is no unit of acceleration.
 
@@ -87,13 +89,13 @@ def factor(unit: str) -> float:
     """
     name = _plain(unit)
     if name in _RAW:
-        raise Unfit(
+        raise InvalidInput(
             f"a record in {unit}",
             "only the instrument's response makes an acceleration of it",
             "give the response (motion.response), or convert the record to m/s2",
         )
     if name not in _KNOWN:
-        raise Unfit(
+        raise InvalidInput(
             f"the unit {unit!r}", "it is m/s2, cm/s2, mm/s2, gal, g or mg", "correct motion.unit"
         )
     return _KNOWN[name]
@@ -109,17 +111,17 @@ def stated(in_file: str | None, given: str | None) -> str:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If neither is there, or the two differ.
     """
     if in_file is None and given is None:
-        raise Unfit(
+        raise InvalidInput(
             "a record without a unit",
             "a number alone is no acceleration",
             "state it as motion.unit",
         )
     if in_file is not None and given is not None and factor(in_file) != factor(given):
-        raise Unfit(
+        raise InvalidInput(
             f"motion.unit {given} for a file in {in_file}",
             "the two agree where a file states its unit",
             "leave motion.unit out, or correct the file",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Array, Record
 from vsr_core.motions.records.trace import Trace
 
@@ -55,11 +55,11 @@ def evenly(times: Array, values: Array) -> tuple[Array, float, tuple[str, ...]]:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the times do not increase, or are on no even grid.
     """
     if len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
-        raise Unfit(
+        raise InvalidInput(
             f"{len(times)} times that are not increasing numbers",
             "each is later than the one before",
             "sort them and drop those that repeat",
@@ -70,7 +70,7 @@ def evenly(times: Array, values: Array) -> tuple[Array, float, tuple[str, ...]]:
     late = np.abs(elapsed - places * interval) / interval
     allowed = np.clip(written / interval, UNEVEN, COARSE)
     if (late > allowed).any() or (np.diff(places) < 1).any():
-        raise Unfit(
+        raise InvalidInput(
             f"time steps that differ: one sample is {late.max():.0%} of a step of "
             f"{1e3 * interval:.4g} ms from its place",
             f"all are equal to {UNEVEN:.0%}, or to the last digit that is written",
@@ -117,23 +117,23 @@ def sound(record: Record) -> Record:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         For a record with no motion, long gaps, flat tops, or a PGA that shows another unit.
     """
     record = _bridged(record)
     values = record.acceleration
     if not len(values) or np.ptp(values) == 0.0:
-        raise Unfit("a record whose samples are all alike", "it moves", "use another record")
+        raise InvalidInput("a record whose samples are all alike", "it moves", "use another record")
     clipped = _flat_top(values)
     if clipped:
-        raise Unfit(
+        raise InvalidInput(
             f"{clipped} samples in a row at the record's extreme",
             "an instrument that is not clipped passes its peak",
             "use another record or component",
         )
     pga = float(np.abs(values - np.median(values)).max()) / GRAVITY
     if not WEAKEST <= pga <= STRONGEST:
-        raise Unfit(
+        raise InvalidInput(
             f"a PGA of {pga:.3g} g read in {record.unit}",
             f"it is between {WEAKEST:g} and {STRONGEST:g} g",
             "state the unit of its numbers as motion.unit: gal is 0.01 m/s2, and counts need the "
@@ -147,14 +147,14 @@ def settled(trace: Trace) -> None:
 
     Raises
     ------
-    Unfit
+    InvalidInput
         With the drift, and what takes it away.
     """
     velocity, displacement = trace.velocity, trace.displacement
     drift = abs(float(velocity[-1])) / float(np.abs(velocity).max())
     offset = abs(float(displacement[-1])) / float(np.abs(displacement).max())
     if drift > DRIFT or offset > OFFSET:
-        raise Unfit(
+        raise InvalidInput(
             f"a motion that ends at {drift:.1%} of its PGV and {offset:.0%} of its PGD",
             f"it comes to rest, to {DRIFT:.0%} and {OFFSET:.0%}",
             "raise motion.processing.highpass, or set motion.processing.order to standard",
@@ -167,7 +167,9 @@ def _bridged(record: Record) -> Record:
     if known.all():
         return record
     if not known.any():
-        raise Unfit("a record without a number", "its samples are numbers", "use another record")
+        raise InvalidInput(
+            "a record without a number", "its samples are numbers", "use another record"
+        )
     inside = np.flatnonzero(known)
     first, last = int(inside[0]), int(inside[-1])
     repairs = list(record.repairs)
@@ -177,7 +179,7 @@ def _bridged(record: Record) -> Record:
     values, known = values[first : last + 1], known[first : last + 1]
     for start, length in _runs(~known):
         if length * record.interval > LONGEST_GAP:
-            raise Unfit(
+            raise InvalidInput(
                 f"a gap of {length} samples, {length * record.interval:.3g} s, at "
                 f"{(first + start) * record.interval:.4g} s",
                 f"gaps up to {LONGEST_GAP:g} s are bridged",

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Record, factor, stated
 
 Corners = tuple[float, float, float, float]
@@ -34,7 +34,7 @@ def read(
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If ObsPy cannot read it, the response does not fit, or the unit is not known.
     """
     import obspy  # type: ignore[import-not-found,import-untyped,unused-ignore]
@@ -47,7 +47,7 @@ def read(
                 inventory = obspy.read_inventory(io.BytesIO(response))
                 stream = _without_response(stream, inventory, corners)
             stream.merge()
-    except Unfit:
+    except InvalidInput:
         raise
     except Exception as error:  # noqa: BLE001 (readers of many formats raise what they like)
         raise _unreadable(error) from None
@@ -61,13 +61,17 @@ def from_stream(stream: Any, unit: str | None) -> Record:
     K-NET and KiK-net samples come as counts with a factor to m/s^2 (``stats.calib``).
     """
     if len({trace.stats.delta for trace in stream}) != 1:
-        raise Unfit("channels of several time steps", "they share one", "keep one in the file")
+        raise InvalidInput(
+            "channels of several time steps", "they share one", "keep one in the file"
+        )
     start = max(trace.stats.starttime for trace in stream)
     end = min(trace.stats.endtime for trace in stream)
     interval = float(stream[0].stats.delta)
     number = round((end - start) / interval) + 1
     if number < 1:
-        raise Unfit("channels at different times", "they have some in common", "keep one of them")
+        raise InvalidInput(
+            "channels at different times", "they have some in common", "keep one of them"
+        )
     japanese = all("knet" in trace.stats for trace in stream)
     name = stated("m/s2" if japanese else None, unit)
     columns, repairs = [], []
@@ -97,7 +101,7 @@ def from_stream(stream: Any, unit: str | None) -> Record:
 
 def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> Any:
     if corners is None:
-        raise Unfit(
+        raise InvalidInput(
             "a response without corners",
             "dividing by it needs a band, or it makes noise of the ends of the spectrum",
             "give motion.response.corners, four frequencies [Hz]",
@@ -117,10 +121,10 @@ def _told(caught: list[warnings.WarningMessage]) -> list[str]:
     return said[:MOST_TOLD] + ([f"ObsPy: {more} more warnings"] if more > 0 else [])
 
 
-def _unreadable(error: Exception) -> Unfit:
+def _unreadable(error: Exception) -> InvalidInput:
     reason = str(error).splitlines()[0] if str(error) else type(error).__name__
     reason = reason.partition(" for file ")[0]  # a temporary one of ObsPy's
-    return Unfit(
+    return InvalidInput(
         f"a record that ObsPy cannot read ({reason[:120]})",
         "it is miniSEED, SAC, K-NET or KiK-net, and a response is StationXML of its channels",
         "download it again, or convert it",

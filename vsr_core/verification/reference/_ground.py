@@ -1,4 +1,4 @@
-"""Shared by the families on terrain: a slope as triangles and as convex pieces, and its axes."""
+"""Shared by the families on terrain: a slope as triangles and as convex parts, and its axes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vsr_core import GRAVITY
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene, State
-from vsr_core.terrain.convex_parts import pieces
+from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference._run import Path
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 TOLERANCE, THICKNESS = 1e-4, 0.05
-"""Of convex pieces [m]: how far they may stand out, and how thick they are."""
+"""Of convex parts [m]: how far they may stand out, and how thick they are."""
 
 
 def axes(angle: float) -> Array:
@@ -39,7 +39,7 @@ def slope(angle: float, ends: tuple[float, float], half: float, cell: float, cut
     ends : tuple of float [m], along it, the origin at 0
     half : float [m], width to each side
     cell : float [m], of its squares, two triangles each
-    cut : bool, whether each square is a convex piece; else its triangles are the ground
+    cut : bool, whether each square is a convex part; else its triangles are the ground
     """
     along = np.linspace(*ends, max(1, round((ends[1] - ends[0]) / cell)) + 1)
     across = np.linspace(-half, half, max(1, round(2.0 * half / cell)) + 1)
@@ -51,7 +51,7 @@ def slope(angle: float, ends: tuple[float, float], half: float, cell: float, cut
     for x in pairwise(along):
         for y in pairwise(across):
             square = Terrain(*sheet(np.array(x), np.zeros(2), np.array(y)))
-            held += [piece @ turn.T for piece in in_pieces(square)]
+            held += [part @ turn.T for part in in_parts(square)]
     return Terrain(vertices @ turn.T, faces, tuple(held))
 
 
@@ -65,9 +65,9 @@ def sheet(x: Array, z: Array, across: Array) -> tuple[Array, Indices]:
     return vertices, faces.astype(np.int64)
 
 
-def in_pieces(terrain: Terrain, tolerance: float = TOLERANCE) -> tuple[Array, ...]:
-    """Convex pieces of a terrain that stand for it to ``tolerance`` [m]."""
-    return pieces(terrain, lambda points: np.full(len(points), tolerance), THICKNESS)
+def in_parts(terrain: Terrain, tolerance: float = TOLERANCE) -> tuple[Array, ...]:
+    """Convex parts of a terrain that stand for it to ``tolerance`` [m]."""
+    return convex_parts(terrain, lambda points: np.full(len(points), tolerance), THICKNESS)
 
 
 def scene(
@@ -80,7 +80,7 @@ def scene(
 ) -> Scene:
     """Scene on a slope; ``start`` is told in the slope's axes."""
     turn = axes(angle)
-    told = (start.position, start.rotation, start.velocity, start.spin)
+    told = (start.position, start.rotation, start.velocity, start.angular_velocity)
     placed = State(*(turn @ part for part in told))
     return Scene(rock, contact, pedestal="terrain", start=placed, terrain=ground, gravity=gravity)
 
@@ -93,5 +93,5 @@ def seen(path: Path, angle: float) -> Path:
         path.position @ turn,
         turn.T @ path.rotation,
         path.velocity @ turn,
-        path.spin @ turn,
+        path.angular_velocity @ turn,
     )

@@ -43,7 +43,7 @@ class Path:
     position: Array
     rotation: Array
     velocity: Array
-    spin: Array
+    angular_velocity: Array
 
     @property
     def lean(self) -> Array:
@@ -104,7 +104,7 @@ def run(engine: str, scene: Scene, time_step: float, acceleration: Array) -> Pat
         np.array([state.position for state in states]),
         np.array([state.rotation for state in states]),
         np.array([state.velocity for state in states]),
-        np.array([state.spin for state in states]),
+        np.array([state.angular_velocity for state in states]),
     )
 
 

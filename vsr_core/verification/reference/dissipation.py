@@ -26,7 +26,7 @@ from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.ground_shapes import rough
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import Reference
-from vsr_core.verification.reference._ground import in_pieces, sheet
+from vsr_core.verification.reference._ground import in_parts, sheet
 from vsr_core.verification.reference._run import DENSITY, Path, run, whole
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ HILLS, HIGH = 2.0, 0.07
 """Longest wave of the ground and its root mean square height [m]."""
 
 STANDS_OUT = 0.01
-"""By which convex pieces may stand out of the ground [m]."""
+"""By which convex parts may stand out of the ground [m]."""
 
 DROP, DURATION = 1.2, 1.2
 """Height of the centre of mass above the ground at the start [m], and time of a run [s]."""
@@ -55,14 +55,14 @@ GROUNDS = 2
 
 @cache
 def ground(number: int, cut: bool) -> Terrain:
-    """Rough slope down +x, as triangles of half a metre or as their convex pieces."""
+    """Rough slope down +x, as triangles of half a metre or as their convex parts."""
     along, across = np.linspace(-3.5, 3.0, 14), np.linspace(-2.0, 2.0, 9)
     vertices, faces = sheet(along, -math.tan(ANGLE) * along, across)
     vertices[:, 2] += HIGH * rough(vertices[:, :2], HILLS, 3, number)
     whole_sheet = Terrain(vertices, faces)
     if not cut:
         return whole_sheet
-    return Terrain(vertices, faces, in_pieces(whole_sheet, STANDS_OUT))
+    return Terrain(vertices, faces, in_parts(whole_sheet, STANDS_OUT))
 
 
 @cache
@@ -88,8 +88,8 @@ def _scene(number: int, contact: Contact, cut: bool) -> Scene:
 
 def energy(rock: Rock, path: Path) -> Array:
     """Energy per unit mass [m^2/s^2], shape (n,)."""
-    spin = np.einsum("nij,ni->nj", path.rotation @ rock.axes, path.spin)
-    turning = (spin**2 * (rock.inertia / rock.mass)).sum(axis=1)
+    angular_velocity = np.einsum("nij,ni->nj", path.rotation @ rock.axes, path.angular_velocity)
+    turning = (angular_velocity**2 * (rock.inertia / rock.mass)).sum(axis=1)
     return 0.5 * ((path.velocity**2).sum(axis=1) + turning) + GRAVITY * path.position[:, 2]
 
 
@@ -108,7 +108,7 @@ def worst(hulls: int, contact: Contact, cut: bool, engine: str, time_step: float
 
 def _case(restitution: float, cut: bool) -> Reference:
     return Reference(
-        name=f"energy on rough {'pieces' if cut else 'triangles'}, e = {restitution:g}",
+        name=f"energy on rough {'parts' if cut else 'triangles'}, e = {restitution:g}",
         family="dissipation",
         answer="it never grows",
         quantity=str(worst.__doc__),

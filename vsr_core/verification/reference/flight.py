@@ -46,7 +46,7 @@ class Throw:
 
     gravity: float
     velocity: tuple[float, float, float]
-    spin: tuple[float, float, float]
+    angular_velocity: tuple[float, float, float]
 
 
 SIMPLE = Throw(0.0, (-0.9, 0.4, 0.1), (0.5, 0.0, 0.0))
@@ -58,7 +58,9 @@ COMPLEX = Throw(9.8, (-2.0, 2.0, 8.0), (0.1, 5.0, 0.1))
 
 @cache
 def _scene(throw: Throw) -> Scene:
-    start = State(np.zeros(3), np.eye(3), np.array(throw.velocity), np.array(throw.spin))
+    start = State(
+        np.zeros(3), np.eye(3), np.array(throw.velocity), np.array(throw.angular_velocity)
+    )
     return Scene(box(*SIZE), Contact(0.0), pedestal="none", start=start, gravity=throw.gravity)
 
 
@@ -71,7 +73,9 @@ def _spins(throw: Throw, path: Path) -> Array:
     """Angular momentum of the box about its centre, over its mass, shape (n, 3) [m^2/s]."""
     rock = box(*SIZE)
     turn = path.rotation
-    return np.einsum("nij,j,nkj,nk->ni", turn, rock.inertia / rock.mass, turn, path.spin)
+    return np.einsum(
+        "nij,j,nkj,nk->ni", turn, rock.inertia / rock.mass, turn, path.angular_velocity
+    )
 
 
 def position(throw: Throw, engine: str, time_step: float) -> float:
@@ -93,7 +97,7 @@ def momentum(throw: Throw, engine: str, time_step: float) -> float:
     """Error of the angular momentum about the centre of mass, relative to its length."""
     spins = _spins(throw, _thrown(throw, engine, time_step))
     rock = box(*SIZE)
-    exact = rock.inertia / rock.mass * throw.spin
+    exact = rock.inertia / rock.mass * throw.angular_velocity
     return largest(spins - exact) / float(np.linalg.norm(exact))
 
 
@@ -101,11 +105,11 @@ def energy(throw: Throw, engine: str, time_step: float) -> float:
     """Error of the energy, relative to the kinetic energy at the start."""
     path = _thrown(throw, engine, time_step)
     rock = box(*SIZE)
-    turning = np.einsum("ni,ni->n", _spins(throw, path), path.spin)
+    turning = np.einsum("ni,ni->n", _spins(throw, path), path.angular_velocity)
     moving = np.einsum("ni,ni->n", path.velocity, path.velocity)
     total = 0.5 * (turning + moving) + throw.gravity * path.position[:, 2]
-    spin, speed = np.array(throw.spin), np.array(throw.velocity)
-    exact = 0.5 * float(spin**2 @ rock.inertia / rock.mass + speed @ speed)
+    angular_velocity, speed = np.array(throw.angular_velocity), np.array(throw.velocity)
+    exact = 0.5 * float(angular_velocity**2 @ rock.inertia / rock.mass + speed @ speed)
     return largest(total - exact) / exact
 
 
@@ -129,14 +133,18 @@ def _euler(throw: Throw) -> Callable[[Array], Array]:
     inertia = rock.inertia / rock.mass
 
     def motion(_: float, y: Array) -> Array:
-        spin, turn = y[:3], y[3:].reshape(3, 3)
-        rate = np.cross(inertia * spin, spin) / inertia
+        angular_velocity, turn = y[:3], y[3:].reshape(3, 3)
+        rate = np.cross(inertia * angular_velocity, angular_velocity) / inertia
         cross = np.array(
-            [[0.0, -spin[2], spin[1]], [spin[2], 0.0, -spin[0]], [-spin[1], spin[0], 0.0]]
+            [
+                [0.0, -angular_velocity[2], angular_velocity[1]],
+                [angular_velocity[2], 0.0, -angular_velocity[0]],
+                [-angular_velocity[1], angular_velocity[0], 0.0],
+            ]
         )
         return np.concatenate([rate, (turn @ cross).ravel()])
 
-    start = np.concatenate([throw.spin, np.eye(3).ravel()])
+    start = np.concatenate([throw.angular_velocity, np.eye(3).ravel()])
     solved = solve_ivp(
         motion, (0.0, DURATION), start, "DOP853", dense_output=True, rtol=1e-12, atol=1e-13
     )

@@ -70,7 +70,7 @@ class Throw:
     rock: Callable[[], Rock]
     rotation: Array
     velocity: Array
-    spin: Array
+    angular_velocity: Array
 
 
 @dataclass(frozen=True)
@@ -78,15 +78,17 @@ class Motion:
     """Velocity [m/s] and spin [rad/s] of a rock at one time, shape (3,) each."""
 
     velocity: Array
-    spin: Array
+    angular_velocity: Array
 
     def at(self, arm: Array) -> Array:
         """Velocity [m/s] of the point at ``arm``, shape (3,) [m], from the centre of mass."""
-        return self.velocity + np.cross(self.spin, arm)
+        return self.velocity + np.cross(self.angular_velocity, arm)
 
     def energy(self, inertia: Array) -> float:
         """Kinetic energy per unit mass [m^2/s^2]."""
-        return 0.5 * float(self.velocity @ self.velocity + self.spin @ inertia @ self.spin)
+        return 0.5 * float(
+            self.velocity @ self.velocity + self.angular_velocity @ inertia @ self.angular_velocity
+        )
 
 
 def rebound(before: Motion, arm: Array, inertia: Array, restitution: float, mu: float) -> Motion:
@@ -107,7 +109,7 @@ def rebound(before: Motion, arm: Array, inertia: Array, restitution: float, mu: 
         impulse = _sliding(point, yields, wanted, mu)
     return Motion(
         before.velocity + impulse,
-        before.spin + np.linalg.solve(inertia, np.cross(arm, impulse)),
+        before.angular_velocity + np.linalg.solve(inertia, np.cross(arm, impulse)),
     )
 
 
@@ -156,7 +158,9 @@ def thrown(
     """
     rock = throw.rock()
     corners = rock.vertices @ throw.rotation.T
-    start = State((GAP - _lowest(rock, corners)) * UP, throw.rotation, throw.velocity, throw.spin)
+    start = State(
+        (GAP - _lowest(rock, corners)) * UP, throw.rotation, throw.velocity, throw.angular_velocity
+    )
     steps = math.ceil(2.0 * GAP / abs(float(throw.velocity[2])) / time_step) + AFTER
     world = scene(rock, contact, ground, ANGLE, start, gravity=0.0)
     path = seen(run(engine, world, time_step, np.zeros(steps)), ANGLE)
@@ -181,12 +185,15 @@ def error(
     before, after, theory, _ = thrown(throw, contact, ground, engine, time_step)
     scale = float(np.linalg.norm(before.velocity))
     velocity = float(np.linalg.norm(after.velocity - theory.velocity))
-    spin = float(np.linalg.norm(after.spin - theory.spin)) * throw.rock().radius
-    return max(velocity, spin) / scale
+    angular_velocity = (
+        float(np.linalg.norm(after.angular_velocity - theory.angular_velocity))
+        * throw.rock().radius
+    )
+    return max(velocity, angular_velocity) / scale
 
 
 def _at(path: Path, number: int) -> Motion:
-    return Motion(path.velocity[number], path.spin[number])
+    return Motion(path.velocity[number], path.angular_velocity[number])
 
 
 def _lowest(rock: Rock, corners: Array) -> float:
@@ -223,7 +230,7 @@ def _case(
     what: str, restitution: float, friction: float, cut: bool, tolerance: float, law: str
 ) -> Reference:
     cell = 1.5 if cut else 0.5
-    kind = "pieces" if cut else "triangles"
+    kind = "parts" if cut else "triangles"
     return Reference(
         name=f"impact on {kind}, {what}, e = {restitution:g}, mu = {friction:g}",
         family="impact",

@@ -1,4 +1,4 @@
-"""A sphere on a slope of triangles and of convex pieces: it rolls, or slips and turns.
+"""A sphere on a slope of triangles and of convex parts: it rolls, or slips and turns.
 
 It rolls with (5/7) g sin(b) where friction is at least (2/7) tan(b), and slips with
 g (sin(b) - mu cos(b)) below. No border inside the slope may be felt.
@@ -58,7 +58,9 @@ def descend(
     world = scene(sphere(RADIUS), contact, terrain, angle, start)
     path = seen(run(engine, world, step, np.zeros(number)), angle)
     time = number * step
-    return 2.0 * float(path.position[-1, 0]) / time**2, RADIUS * float(path.spin[-1, 1]) / time
+    return 2.0 * float(path.position[-1, 0]) / time**2, RADIUS * float(
+        path.angular_velocity[-1, 1]
+    ) / time
 
 
 def rolling(
@@ -73,7 +75,7 @@ def rolling(
 
 def _case(name: str, angle: float, friction: float, cut: bool, tolerance: float) -> Reference:
     cell = 1.0 if cut else 0.5
-    kind = "pieces of 1 m" if cut else "triangles of 0.5 m"
+    kind = "parts of 1 m" if cut else "triangles of 0.5 m"
     return Reference(
         name=f"{name} sphere on a slope of {kind}",
         family="incline",

@@ -135,7 +135,7 @@ def _case(
     cut: bool,
     tolerance: float,
 ) -> Reference:
-    cell, kind = (1.0, "pieces") if cut else (0.5, "triangles")
+    cell, kind = (1.0, "parts") if cut else (0.5, "triangles")
     return Reference(
         name=f"rimless wheel of {wheel.sides} sides on {kind}, {quantity.__name__}",
         family="rimless_wheel",

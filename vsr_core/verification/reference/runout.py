@@ -27,7 +27,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, State
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import Reference
-from vsr_core.verification.reference._ground import axes, in_pieces, scene, sheet, slope
+from vsr_core.verification.reference._ground import axes, in_parts, scene, sheet, slope
 from vsr_core.verification.reference._run import DENSITY, run, whole
 
 Array = NDArray[np.float64]
@@ -138,7 +138,7 @@ def bent(bend: Bend, facets: int, cut: bool) -> Terrain:
     whole_sheet = Terrain(*sheet(profile[:, 0], profile[:, 1], np.array([-3.0, 3.0])))
     if not cut:
         return whole_sheet
-    return Terrain(whole_sheet.vertices, whole_sheet.faces, in_pieces(whole_sheet))
+    return Terrain(whole_sheet.vertices, whole_sheet.faces, in_parts(whole_sheet))
 
 
 def bending(
@@ -161,7 +161,7 @@ def _case(restitution: float, tolerance: float) -> Reference:
         family="runout",
         answer=(
             "25 deg, friction 0.6: the energy line falls by the friction, Coulomb. On one convex "
-            "piece: at borders inside the ground Bullet's hulls catch, and stop"
+            "part: at borders inside the ground Bullet's hulls catch, and stop"
         ),
         quantity=str(sliding.__doc__),
         tolerance=tolerance,

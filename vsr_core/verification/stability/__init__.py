@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 
 
 class Verdict(Enum):
@@ -70,7 +70,7 @@ class Case:
     unit : str
     reference : str, what is measured, its reference, and what the error is relative to
     tolerance : float, largest error that is right
-    measure : callable, raises ``Unfit`` where the program refuses or gives no outcome
+    measure : callable, raises ``InvalidInput`` where the program refuses or gives no outcome
     """
 
     name: str
@@ -86,7 +86,7 @@ class Case:
         """Measure and judge."""
         try:
             found = self.measure()
-        except Unfit as refusal:
+        except InvalidInput as refusal:
             return Finding(Verdict.FLAGGED, math.nan, math.nan, math.nan, str(refusal))
         right = found.error <= self.tolerance
         verdict = Verdict.RIGHT if right else Verdict.WRONG

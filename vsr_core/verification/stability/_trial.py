@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trimesh.convex import convex_hull
 
 from vsr_core import GRAVITY
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
@@ -91,7 +91,7 @@ def respond(
 
     Raises
     ------
-    Unfit
+    InvalidInput
         If the program refuses the run, or ends it without an outcome.
     """
     settings = Settings(time_step, reduce, engine)
@@ -103,13 +103,13 @@ def respond(
 def decided(response: Response) -> Response:
     """The response; refuses one that is without an outcome."""
     if response.outcome is Outcome.UNSTABLE:
-        raise Unfit(
+        raise InvalidInput(
             "a run that ended unstable",
             "its guards failed at six time steps, each half the one before",
             "shorten the step, or look for what is inside the pedestal or adds energy",
         )
     if response.outcome is Outcome.UNSETTLED:
-        raise Unfit(
+        raise InvalidInput(
             "a run that ended unsettled",
             "when time was up it was neither at rest nor without the energy to change sides",
             "count it for neither side",

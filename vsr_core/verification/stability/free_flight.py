@@ -36,15 +36,19 @@ def _tumbles(rate: float, engine: str) -> Measured:
     """Torque-free, mostly about the middle axis, at ``rate`` radians per sqrt(radius / g)."""
     rock = box(1.0, 1.5, 2.0)
     step, speed = 0.002 * unit(rock), rate / unit(rock)
-    spin = speed * np.array([0.1, 1.0, 0.1])
-    start = State(np.zeros(3), np.eye(3), np.zeros(3), spin)
+    angular_velocity = speed * np.array([0.1, 1.0, 0.1])
+    start = State(np.zeros(3), np.eye(3), np.zeros(3), angular_velocity)
     scene = Scene(rock, Contact(0.6), pedestal="none", start=start, gravity=0.0)
     world = engines.load(engine).build(scene, step, 1)
     world.advance([0.0] * math.ceil(TURNED / speed / step))
     state = world.state()
     inertia = rock.axes * rock.inertia @ rock.axes.T
-    body = state.rotation.T @ state.spin
-    return same(float(body @ inertia @ body) / float(spin @ inertia @ spin), 1.0, 1.0)
+    body = state.rotation.T @ state.angular_velocity
+    return same(
+        float(body @ inertia @ body) / float(angular_velocity @ inertia @ angular_velocity),
+        1.0,
+        1.0,
+    )
 
 
 CASES = (

@@ -18,7 +18,7 @@ from pipeline.stages.studies.accuracy import measuring
 from pipeline.workflow.cluster import Batch
 from pipeline.workflow.stage import Job
 from vsr_core import GRAVITY, engines
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.outcome import Outcome
 from vsr_core.rock.body import Rock
 from vsr_core.run.overturning import Settings
@@ -47,7 +47,7 @@ def installed() -> tuple[str, ...]:
     for name in engines.names():
         try:
             engines.load(name)
-        except Unfit:
+        except InvalidInput:
             continue
         found.append(name)
     return tuple(found)

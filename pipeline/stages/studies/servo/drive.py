@@ -18,7 +18,7 @@ from pipeline.stages.studies.servo import driving
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import standing
 from vsr_core.run.bounds import Barrier
@@ -129,6 +129,6 @@ def inputs(site: Site) -> dict[str, str]:
     servo = site.config.servo.servo()
     try:
         check(servo)
-    except Unfit as error:
-        raise InputError.from_unfit(site.file, "servo", error) from None
+    except InvalidInput as error:
+        raise InputError.from_invalid(site.file, "servo", error) from None
     return {"servo": repr(sorted(asdict(servo).items()))}

@@ -18,7 +18,7 @@ from pydantic import Field
 from pipeline.config.layers import Site, load_file, load_site, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sections import Section
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.rock.solid import checked
 from vsr_core.validation.priors import Priors
 
@@ -156,8 +156,8 @@ def scan(path: Path) -> trimesh.Trimesh:
     """
     try:
         return checked(trimesh.load_mesh(path, process=False))[0]
-    except Unfit as error:
-        raise InputError.from_unfit(shown(path), "", error) from None
+    except InvalidInput as error:
+        raise InputError.from_invalid(shown(path), "", error) from None
 
 
 def tests_in(folder: Path) -> Tests:

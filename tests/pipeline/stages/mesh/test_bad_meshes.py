@@ -284,7 +284,7 @@ def test_split_vertices_are_merged(
     (tmp_path / "rock.ply").write_bytes(mesh.export(file_type="ply"))
     rock = weighed(vsr, tmp_path, derived, "rock.ply")
     see_that_it_is_the_prism(rock)
-    assert "28 split vertices merged" in rock.attrs["mended"]
+    assert "28 split vertices merged" in rock.attrs["repaired"]
 
 
 def test_vertices_split_by_texture_are_merged(
@@ -318,7 +318,7 @@ def test_single_faces_are_turned(
     (tmp_path / "rock.ply").write_bytes(wrong.export(file_type="ply"))
     rock = weighed(vsr, tmp_path, derived, "rock.ply")
     see_that_it_is_the_prism(rock)
-    assert "turned" in rock.attrs["mended"]
+    assert "turned" in rock.attrs["repaired"]
 
 
 def test_upright_within_reach_is_set_down(

@@ -517,7 +517,7 @@ def test_a_refused_scan_leaves_the_products_of_the_last_good_one(
     assert {p: p.read_bytes() for p in shown.products.rglob("*") if p.is_file()} == before
 
 
-# What is mended
+# What is repaired
 
 
 def test_scan_with_the_usual_faults() -> None:

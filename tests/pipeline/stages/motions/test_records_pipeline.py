@@ -131,7 +131,7 @@ def test_report_shows_records(folder: Path) -> None:
     assert "single cosine pulses" not in text
     for ratio in RATIOS:
         assert f"Record p{round(1e3 * ratio)} as recorded" in text
-    assert text.count("mended: nothing") == 3
+    assert text.count("repaired: nothing") == 3
 
 
 def test_figures_show_what_they_say(folder: Path) -> None:

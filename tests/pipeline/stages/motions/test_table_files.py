@@ -13,7 +13,7 @@ from conftest import Ran
 
 from pipeline.stages.motions.table_files import load
 from vsr_core import GRAVITY
-from vsr_core.errors import Unfit
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.six_axes import AXES
 from vsr_core.rock import solid
 from vsr_core.run.bounds import barrier
@@ -92,7 +92,7 @@ def test_without_an_angle_it_does_not_turn(tmp_path: Path) -> None:
 def test_files_that_are_no_motion(
     tmp_path: Path, head: str, columns: tuple[np.ndarray, ...], words: str
 ) -> None:
-    with pytest.raises(Unfit, match=words):
+    with pytest.raises(InvalidInput, match=words):
         load(write(tmp_path / "table.csv", head, *columns))
 
 
@@ -107,9 +107,9 @@ def test_files_that_are_no_motion(
 )
 def test_files_that_are_none(tmp_path: Path, name: str, content: bytes, words: str) -> None:
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(Unfit, match=words):
+    with pytest.raises(InvalidInput, match=words):
         load(tmp_path / name)
-    with pytest.raises(Unfit, match="cannot be read"):
+    with pytest.raises(InvalidInput, match="cannot be read"):
         load(tmp_path / f"absent-{name}")
 
 
