@@ -187,7 +187,7 @@ def test_rows_come_back_as_they_went(tmp_path: Path) -> None:
 
 
 def test_two_kinds_of_rows_in_one_file(tmp_path: Path) -> None:
-    """Runs and displacement runs of the same cells, by the same keys, know nothing of each other."""
+    """Runs and displacement runs of the same cells and keys know nothing of each other."""
     one, other = row(1, outcome=2), row(2)
     moved = [
         DisplacementRow(one.key, 1, 0.5, math.nextafter(0.1, 1.0), 12, 0, bytes(range(256)) * 300),

@@ -21,7 +21,7 @@ from vsr_core.engines.bullet import BulletWorld
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.sampled import SampledMotion, sampled
-from vsr_core.motions.six_axes import AXES, AxisPulse, TableMotion, angular_velocity, rotation
+from vsr_core.motions.six_axes import AXES, AxisPulse, TableMotion, rotation, spin
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
@@ -101,7 +101,7 @@ def test_spin_is_what_turns_the_matrix() -> None:
         return np.column_stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]])
 
     courses = [motion.course(t, order)[:, 3:] for order in range(3)]
-    velocity, rate = angular_velocity(*courses)
+    velocity, rate = spin(*courses)
     np.testing.assert_allclose(velocity, body_rate(t), atol=1e-6)
     slope = (body_rate(t + 1e-3) - body_rate(t - 1e-3)) / 2e-3
     np.testing.assert_allclose(rate, slope, atol=1e-4)
