@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.rock.body import Rock
 from vsr_core.table.servo import Servo
 from vsr_core.terrain.surface import Terrain
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

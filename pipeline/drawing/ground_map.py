@@ -9,12 +9,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 from pipeline.drawing.rendering import View, depths_of, drawn, seen
-
-Array = NDArray[np.float64]
+from vsr_core.arrays import Array
 
 CELLS = 420
 """Cells of the grid along the longer side of the window."""

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.drawing.rendering import LATER, View, depths_of, drawn, faces_of, fitted, seen
+from vsr_core.arrays import Array, Indices, Mask
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Floats = NDArray[np.floating[Any]]
 """Single in pictures: half the memory."""
 
@@ -159,7 +158,7 @@ def normals(vertices: Array, faces: Indices) -> Array:
     return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
 
 
-def borders(labels: Indices) -> NDArray[np.bool_]:
+def borders(labels: Indices) -> Mask:
     """Pixels whose label differs from the one to the right or below, shape (rows, columns)."""
     found = np.zeros(labels.shape, dtype=bool)
     found[:, :-1] |= labels[:, 1:] != labels[:, :-1]

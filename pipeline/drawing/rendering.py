@@ -12,10 +12,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from vsr_core.arrays import Array, Indices, Mask
 
 LATER = 1 << 31
 """Number of the first face of a mesh that is drawn onto another."""
@@ -241,13 +239,13 @@ def clearest(
     return found
 
 
-def in_sight(view: View, buffer: Indices, points: Array) -> NDArray[np.bool_]:
+def in_sight(view: View, buffer: Indices, points: Array) -> Mask:
     """Whether nothing in the buffer hides the points; what lies beside the picture is hidden."""
     column, row, depth = np.moveaxis(view.project(points), -1, 0)
     rows, columns = view.shape
     inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     pixel = np.where(inside, row.astype(np.int64) * columns + column.astype(np.int64), 0)
-    visible: NDArray[np.bool_] = inside & (depth >= depths_of(buffer[pixel]))
+    visible: Mask = inside & (depth >= depths_of(buffer[pixel]))
     return visible
 
 

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-
-Array = NDArray[np.float64]
 
 STATISTICS = ("trajectory_length", "largest_speed", "terminal_distance")
 REGRESSORS = ("pga", "pgv_pga")

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array
 from vsr_core.displacement.correlation import LEVEL, Line, correlate
-
-Array = NDArray[np.float64]
 
 SHARE = 0.05
 """Share of an ensemble that must have come as far, for a bound that one odd run cannot make."""

@@ -19,9 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
-
-Array = NDArray[np.float64]
 
 REACH = 3.0
 """Distance, in sigma, beyond which an end does not explain a place."""
@@ -159,7 +158,7 @@ class Origin:
         total: Array = self.probability.sum(axis=0)
         return total
 
-    def region(self, share: float) -> NDArray[np.bool_]:
+    def region(self, share: float) -> Mask:
         """Mark the most probable motions that hold ``share`` of it, shape (r, p).
 
         Motions as probable as the last one needed are all in it.
@@ -170,7 +169,7 @@ class Origin:
         falling = np.sort(motion, axis=None)[::-1]
         last = int(np.searchsorted(np.cumsum(falling), share * (1.0 - _ROUNDING)))
         least = falling[min(last, falling.size - 1)]
-        inside: NDArray[np.bool_] = (motion >= least * (1.0 - _ROUNDING)) & (motion > 0.0)
+        inside: Mask = (motion >= least * (1.0 - _ROUNDING)) & (motion > 0.0)
         return inside
 
 

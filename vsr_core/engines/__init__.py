@@ -17,9 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.scene import Scene, State
 
@@ -90,7 +88,7 @@ class GroundWorld(World, Protocol):
     def contacts(self) -> tuple[int, float]:
         """Number of points at which the rock touched in the last step, and the deepest [m]."""
 
-    def footing(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def footing(self) -> tuple[Array, Array]:
         """Points that bore the rock in the last step, and the way the ground pushed there.
 
         Both have shape (k, 3), in the site's frame, [m] and [1].

@@ -14,14 +14,12 @@ from importlib.metadata import version
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array
 from vsr_core.engines import Solver
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Scene, State, resting
-
-Array = NDArray[np.float64]
 
 VERSION = version("mujoco")
 

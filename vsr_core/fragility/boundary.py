@@ -6,8 +6,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.fragility.cells import outcomes
-from vsr_core.fragility.result import Boundary, FloatArray, IntArray
+from vsr_core.fragility.result import Boundary
 
 
 def locate(pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Boundary:
@@ -47,7 +48,7 @@ def locate(pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Boundary:
     )
 
 
-def toppled_clusters(grid: FloatArray) -> tuple[IntArray, IntArray]:
+def toppled_clusters(grid: Array) -> tuple[Indices, Indices]:
     """Number the groups of toppled cells that balanced cells separate from each other.
 
     Cells touching at a corner belong together: a slanted boundary on a grid is a staircase.
@@ -68,7 +69,7 @@ def toppled_clusters(grid: FloatArray) -> tuple[IntArray, IntArray]:
     return np.where(fell, renumbered[joined], 0), sizes[real].astype(np.int64)
 
 
-def first_crossing(ln_pga: FloatArray, margin: FloatArray) -> FloatArray:
+def first_crossing(ln_pga: Array, margin: Array) -> Array:
     """Smallest PGA at which a curve sampled on the grid rises to a level.
 
     Parameters

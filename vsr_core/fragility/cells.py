@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
-from vsr_core.fragility.result import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -23,13 +23,13 @@ class Cells:
         Overturned and decided runs of each cell; trials is 0 where nothing was decided.
     """
 
-    ln_pga: FloatArray
-    ln_ratio: FloatArray
-    toppled: FloatArray
-    trials: FloatArray
+    ln_pga: Array
+    ln_ratio: Array
+    toppled: Array
+    trials: Array
 
     @property
-    def usable(self) -> BoolArray:
+    def usable(self) -> Mask:
         """Rows with at least one decided run, shape (n_ratio,)."""
         return self.trials.sum(axis=1) > 0
 
@@ -39,7 +39,7 @@ class Cells:
         return 0 < self.toppled.sum() < self.trials.sum()
 
 
-def positive(values: npt.ArrayLike, name: str) -> FloatArray:
+def positive(values: npt.ArrayLike, name: str) -> Array:
     """Return `values` as floats; refuse any that is not finite and above 0."""
     array = np.asarray(values, dtype=np.float64)
     if not (np.isfinite(array) & (array > 0)).all():
@@ -51,7 +51,7 @@ def positive(values: npt.ArrayLike, name: str) -> FloatArray:
     return array
 
 
-def outcomes(overturned: npt.ArrayLike) -> FloatArray:
+def outcomes(overturned: npt.ArrayLike) -> Array:
     """Return outcomes as 1.0, 0.0 and NaN (undecided: NaN or -1 on input)."""
     array = np.array(overturned, dtype=np.float64)
     array[array == -1] = np.nan

@@ -7,8 +7,9 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.fragility.cells import Cells
-from vsr_core.fragility.result import FloatArray, IntArray, Scores
+from vsr_core.fragility.result import Scores
 
 N_FOLDS = 10
 CLIP = 1e-3
@@ -25,13 +26,11 @@ class GridModel(Protocol):
     cells_: Cells
 
     @property
-    def coefs_(self) -> FloatArray: ...
-    def refit(
-        self, row_weights: FloatArray, rng: np.random.Generator | None = None
-    ) -> FloatArray: ...
-    def named(self, coefs: FloatArray) -> dict[str, FloatArray]: ...
-    def grid_probability(self, coefs: FloatArray) -> FloatArray: ...
-    def grid_contour(self, coefs: FloatArray, probability: float) -> FloatArray: ...
+    def coefs_(self) -> Array: ...
+    def refit(self, row_weights: Array, rng: np.random.Generator | None = None) -> Array: ...
+    def named(self, coefs: Array) -> dict[str, Array]: ...
+    def grid_probability(self, coefs: Array) -> Array: ...
+    def grid_contour(self, coefs: Array, probability: float) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -41,11 +40,11 @@ class Bootstrap:
     Each entry is a pair (lower, upper); the median's have shape (n_ratio,).
     """
 
-    parameters: dict[str, tuple[FloatArray, FloatArray]]
-    median: tuple[FloatArray, FloatArray]
+    parameters: dict[str, tuple[Array, Array]]
+    median: tuple[Array, Array]
 
 
-def folds(cells: Cells) -> IntArray:
+def folds(cells: Cells) -> Indices:
     """Fold of each PGV/PGA row: 0, 1, ... interleaved over the rows with runs; -1 for others.
 
     Interleaved, because neighbouring rows are alike: a left-out row is then predicted from
@@ -60,7 +59,7 @@ def folds(cells: Cells) -> IntArray:
     return fold
 
 
-def held_out_probability(model: GridModel) -> FloatArray:
+def held_out_probability(model: GridModel) -> Array:
     """P at the grid cells from fits that left the cell's row out, shape (n_ratio, n_pga)."""
     fold = folds(model.cells_)
     kept = fold != np.arange(fold.max() + 1)[:, None]
@@ -68,7 +67,7 @@ def held_out_probability(model: GridModel) -> FloatArray:
     return predicted[np.maximum(fold, 0), np.arange(fold.size)]
 
 
-def losses(cells: Cells, probability: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def losses(cells: Cells, probability: Array) -> tuple[Array, Array, Array]:
     """Log loss, squared error and hits of each cell, summed over its runs."""
     fell, stood = cells.toppled, cells.trials - cells.toppled
     clipped = np.clip(probability, CLIP, 1.0 - CLIP)
@@ -139,7 +138,7 @@ def bootstrap(model: GridModel, n: int = 200, seed: int = 0) -> Bootstrap:
     )
 
 
-def interval(replicates: FloatArray) -> tuple[FloatArray, FloatArray]:
+def interval(replicates: Array) -> tuple[Array, Array]:
     """2.5 and 97.5 % percentiles along the first axis.
 
     By order statistics, without interpolation: a boundary may be 0 or inf (off the grid).

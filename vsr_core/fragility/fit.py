@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.fragility.boundary import locate
 from vsr_core.fragility.cells import outcomes, positive
@@ -12,7 +13,7 @@ from vsr_core.fragility.cross_validation import bootstrap, cross_validate
 from vsr_core.fragility.logistic import LogisticFragility
 from vsr_core.fragility.lognormal import LognormalFragility
 from vsr_core.fragility.recommend import recommend
-from vsr_core.fragility.result import FloatArray, FragilityResult, ModelFit, Parameter
+from vsr_core.fragility.result import FragilityResult, ModelFit, Parameter
 from vsr_core.fragility.smooth import SmoothFragility
 
 
@@ -73,7 +74,7 @@ def fit_all(
     )
 
 
-def _axis(values: npt.ArrayLike, name: str) -> FloatArray:
+def _axis(values: npt.ArrayLike, name: str) -> Array:
     axis = positive(values, name)
     if axis.ndim != 1 or axis.size == 0 or (np.diff(axis) <= 0).any():
         raise InvalidInput(

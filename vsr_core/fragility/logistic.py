@@ -10,9 +10,9 @@ from scipy.optimize import linprog
 from scipy.special import expit, logit
 from sklearn.base import BaseEstimator
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.fragility.cells import Cells, tabulate
 from vsr_core.fragility.newton import Evaluate, maximise
-from vsr_core.fragility.result import FloatArray, IntArray
 
 
 class LogisticFragility(BaseEstimator):
@@ -75,21 +75,21 @@ class LogisticFragility(BaseEstimator):
             self.method_ += "; P falls with PGA: there is no boundary to read"
         return self
 
-    def predict_proba(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike) -> FloatArray:
+    def predict_proba(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike) -> Array:
         """P(overturned) at PGA [g] and PGV/PGA [s], broadcast against each other."""
         b0, b1, b2 = self.coef_
         return expit(b0 + b1 * np.log(pga) + b2 * np.log(pgv_pga))
 
-    def contour(self, pgv_pga: npt.ArrayLike, probability: float = 0.5) -> FloatArray:
+    def contour(self, pgv_pga: npt.ArrayLike, probability: float = 0.5) -> Array:
         """Smallest PGA [g] with P >= `probability` at PGV/PGA [s]; see `_contour`."""
         return self._contour(self.coef_, np.log(pgv_pga), probability)
 
     @property
-    def coefs_(self) -> FloatArray:
+    def coefs_(self) -> Array:
         """Coefficients as a batch of one, shape (1, 3)."""
         return self.coef_[None]
 
-    def refit(self, row_weights: FloatArray, rng: np.random.Generator | None = None) -> FloatArray:
+    def refit(self, row_weights: Array, rng: np.random.Generator | None = None) -> Array:
         """Fit again with PGV/PGA row r counted row_weights[:, r] times.
 
         Parameters
@@ -103,21 +103,21 @@ class LogisticFragility(BaseEstimator):
         """
         return self._unscaled(self._solve(row_weights, tolerance=1e-5))
 
-    def named(self, coefs: FloatArray) -> dict[str, FloatArray]:
+    def named(self, coefs: Array) -> dict[str, Array]:
         """Return the parameters of a batch by name, each of shape (batch,)."""
         return dict(zip(self.parameter_units, coefs.T, strict=True))
 
-    def grid_probability(self, coefs: FloatArray) -> FloatArray:
+    def grid_probability(self, coefs: Array) -> Array:
         """P(overturned) at the grid cells, shape (batch, n_ratio, n_pga)."""
         b0, b1, b2 = coefs.T[..., None, None]
         return expit(b0 + b1 * self.cells_.ln_pga + b2 * self.cells_.ln_ratio[:, None])
 
-    def grid_contour(self, coefs: FloatArray, probability: float) -> FloatArray:
+    def grid_contour(self, coefs: Array, probability: float) -> Array:
         """PGA [g] of a probability at the grid's PGV/PGA rows, shape (batch, n_ratio)."""
         return self._contour(coefs[:, None, :], self.cells_.ln_ratio, probability)
 
     @staticmethod
-    def _contour(coefs: FloatArray, ln_ratio: FloatArray, probability: float) -> FloatArray:
+    def _contour(coefs: Array, ln_ratio: Array, probability: float) -> Array:
         """Smallest PGA at the level; without a rising P: 0 if it is at the level, else inf."""
         b0, b1, b2 = np.moveaxis(coefs, -1, 0)
         missing = logit(probability) - b0 - b2 * ln_ratio
@@ -126,7 +126,7 @@ class LogisticFragility(BaseEstimator):
             pga = np.exp(missing / np.where(rising, b1, 1.0))
         return np.where(rising, pga, np.where((b1 < 0) | (missing <= 0), 0.0, np.inf))
 
-    def _solve(self, row_weights: FloatArray, tolerance: float) -> FloatArray:
+    def _solve(self, row_weights: Array, tolerance: float) -> Array:
         """Scaled coefficients for each row of weights, shape (batch, p)."""
         weights = np.asarray(row_weights, dtype=np.float64)[:, self._row]
         start = np.repeat(self._start, len(weights), axis=0)
@@ -143,13 +143,13 @@ class LogisticFragility(BaseEstimator):
             )[0]
         return beta
 
-    def _likelihood(self, weights: FloatArray, *, firth: bool) -> Evaluate:
+    def _likelihood(self, weights: Array, *, firth: bool) -> Evaluate:
         """Return the value-and-step function of the (penalised) likelihood for `maximise`."""
         design = self._design
         n_coef = design.shape[1]
         outer = (design[:, :, None] * design[:, None, :]).reshape(len(design), -1)
 
-        def evaluate(beta: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+        def evaluate(beta: Array, which: Indices) -> tuple[Array, Array]:
             trials, toppled = weights[which] * self._trials, weights[which] * self._toppled
             eta = beta @ design.T
             prob = expit(eta)
@@ -169,7 +169,7 @@ class LogisticFragility(BaseEstimator):
 
         return evaluate
 
-    def _unscaled(self, beta: FloatArray) -> FloatArray:
+    def _unscaled(self, beta: Array) -> Array:
         """Undo the centring and scaling: shape (batch, p) -> (batch, 3)."""
         slopes = np.zeros((len(beta), 2))
         slopes[:, self._known] = beta[:, 1:]
@@ -177,7 +177,7 @@ class LogisticFragility(BaseEstimator):
         return np.column_stack([beta[:, 0] - slopes @ self._centre, slopes])
 
 
-def is_separated(cells: Cells, centre: FloatArray, scale: FloatArray) -> bool:
+def is_separated(cells: Cells, centre: Array, scale: Array) -> bool:
     """Whether a line in (ln PGA, ln PGV/PGA) separates the outcomes, completely or quasi.
 
     Solves max sum s_i x_i.b subject to s_i x_i.b >= 0 and |b_j| <= 1, with s = +1 for

@@ -9,10 +9,10 @@ import numpy.typing as npt
 from scipy.special import log_ndtr, ndtr, ndtri
 from sklearn.base import BaseEstimator
 
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.fragility.cells import tabulate
 from vsr_core.fragility.newton import Evaluate, maximise
-from vsr_core.fragility.result import FloatArray, IntArray
 
 STATUS = {
     "probit": "outcomes overlap: maximum likelihood",
@@ -90,22 +90,22 @@ class LognormalFragility(BaseEstimator):
         self.method_ = "by row: " + ", ".join(f"{n} {key}" for key, n in counts.items())
         return self
 
-    def predict_proba(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike) -> FloatArray:
+    def predict_proba(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike) -> Array:
         """P(overturned) at PGA [g] and PGV/PGA [s], broadcast against each other."""
         ln_theta, beta = self._curve(pgv_pga)
         return ndtr((np.log(pga) - ln_theta) / beta)
 
-    def contour(self, pgv_pga: npt.ArrayLike, probability: float = 0.5) -> FloatArray:
+    def contour(self, pgv_pga: npt.ArrayLike, probability: float = 0.5) -> Array:
         """PGA [g] with P = `probability` at PGV/PGA [s]."""
         ln_theta, beta = self._curve(pgv_pga)
         return np.exp(ln_theta + beta * ndtri(probability))
 
     @property
-    def coefs_(self) -> FloatArray:
+    def coefs_(self) -> Array:
         """Rows' ln theta and ln beta as a batch of one, shape (1, n_ratio, 2)."""
         return self.refit(np.ones((1, self.cells_.ln_ratio.size)))
 
-    def refit(self, row_weights: FloatArray, rng: np.random.Generator | None = None) -> FloatArray:
+    def refit(self, row_weights: Array, rng: np.random.Generator | None = None) -> Array:
         """Interpolate again from the rows of positive weight only.
 
         A row's own curve does not depend on the others, so resampling rows alone would show
@@ -135,16 +135,16 @@ class LognormalFragility(BaseEstimator):
                 member[:, column] = np.interp(ln_ratio, ln_ratio[kept], member[kept, column])
         return values
 
-    def named(self, coefs: FloatArray) -> dict[str, FloatArray]:
+    def named(self, coefs: Array) -> dict[str, Array]:
         """Return the parameters of a batch by name, each of shape (batch, n_ratio)."""
         return dict(zip(self.parameter_units, np.exp(np.moveaxis(coefs, -1, 0)), strict=True))
 
-    def grid_probability(self, coefs: FloatArray) -> FloatArray:
+    def grid_probability(self, coefs: Array) -> Array:
         """P(overturned) at the grid cells, shape (batch, n_ratio, n_pga)."""
         ln_theta, ln_beta = np.moveaxis(coefs[..., None], 2, 0)
         return ndtr((self.cells_.ln_pga - ln_theta) / np.exp(ln_beta))
 
-    def grid_contour(self, coefs: FloatArray, probability: float) -> FloatArray:
+    def grid_contour(self, coefs: Array, probability: float) -> Array:
         """PGA [g] of a probability at the grid's rows; 0 and inf where the grid does not reach.
 
         Returns
@@ -156,7 +156,7 @@ class LognormalFragility(BaseEstimator):
         level = np.where(ln_level > ln_pga[-1], np.inf, np.exp(np.minimum(ln_level, ln_pga[-1])))
         return np.where(ln_level < ln_pga[0], 0.0, level)
 
-    def _curve(self, pgv_pga: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def _curve(self, pgv_pga: npt.ArrayLike) -> tuple[Array, Array]:
         """Return ln theta and beta at PGV/PGA values."""
         ln_ratio, (ln_theta, ln_beta) = self.cells_.ln_ratio, self.coefs_[0].T
         where = np.log(pgv_pga)
@@ -179,9 +179,7 @@ class LognormalFragility(BaseEstimator):
             return "interval", stood[-1], fell[0]
         return "probit", np.nan, np.nan
 
-    def _probit(
-        self, rows: IntArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    def _probit(self, rows: Indices) -> tuple[Array, Array, Array, Mask]:
         """Maximum likelihood of the given rows: ln theta, ln beta, s.e. of ln theta, flat."""
         ln_pga = self.cells_.ln_pga
         centre = ln_pga.mean()
@@ -207,7 +205,7 @@ class LognormalFragility(BaseEstimator):
         return centre - b0 / b1, -np.log(b1), error, flat
 
 
-def _information(eta: FloatArray, trials: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _information(eta: Array, trials: Array) -> tuple[Array, Array, Array]:
     """Expected information of eta and the derivatives of ln P and ln (1 - P), cell by cell."""
     ln_density = -0.5 * eta**2 - 0.5 * np.log(2 * np.pi)
     rise = np.exp(ln_density - log_ndtr(eta))
@@ -215,12 +213,10 @@ def _information(eta: FloatArray, trials: FloatArray) -> tuple[FloatArray, Float
     return trials * rise * fall, rise, fall
 
 
-def probit_likelihood(
-    design: FloatArray, offset: FloatArray, toppled: FloatArray, trials: FloatArray
-) -> Evaluate:
+def probit_likelihood(design: Array, offset: Array, toppled: Array, trials: Array) -> Evaluate:
     """Value and Fisher-scoring step of independent probit fits, one for each row of counts."""
 
-    def evaluate(beta: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(beta: Array, which: Indices) -> tuple[Array, Array]:
         eta = beta @ design.T + offset[which]
         fell, balanced = toppled[which], trials[which] - toppled[which]
         value = (fell * log_ndtr(eta) + balanced * log_ndtr(-eta)).sum(axis=1)

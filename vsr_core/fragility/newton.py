@@ -10,19 +10,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vsr_core.fragility.result import BoolArray, FloatArray, IntArray
+from vsr_core.arrays import Array, Indices, Mask
 
-Evaluate = Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
+Evaluate = Callable[[Array, Indices], tuple[Array, Array]]
 
 
 def maximise(
     evaluate: Evaluate,
-    start: FloatArray,
+    start: Array,
     *,
     tolerance: float = 1e-8,
     max_iterations: int = 50,
     max_step: float = 10.0,
-) -> tuple[FloatArray, BoolArray]:
+) -> tuple[Array, Mask]:
     """Maximise a batch of functions, halving any step that makes its function worse.
 
     Parameters
@@ -42,7 +42,7 @@ def maximise(
     converged : ndarray of bool, shape (batch,)
     """
 
-    def capped(step: FloatArray) -> FloatArray:
+    def capped(step: Array) -> Array:
         size = np.abs(step).max(axis=1, keepdims=True)
         return step * np.minimum(1.0, max_step / np.maximum(size, max_step))
 

@@ -9,12 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from vsr_core.arrays import Array, Indices, Mask
 
 
 @dataclass(frozen=True)
@@ -38,12 +33,12 @@ class Boundary:
         Cells in each toppled cluster, in the order of `labels`.
     """
 
-    lower: FloatArray
-    upper: FloatArray
-    censored: BoolArray
-    islands: IntArray
-    labels: IntArray
-    cluster_sizes: IntArray
+    lower: Array
+    upper: Array
+    censored: Mask
+    islands: Indices
+    labels: Indices
+    cluster_sizes: Indices
 
 
 @dataclass(frozen=True)
@@ -57,9 +52,9 @@ class Parameter:
 
     name: str
     units: str
-    value: FloatArray
-    lower: FloatArray
-    upper: FloatArray
+    value: Array
+    lower: Array
+    upper: Array
 
 
 @dataclass(frozen=True)
@@ -84,7 +79,7 @@ class Scores:
     log_loss_se: float
     brier: float
     accuracy: float
-    fold_log_loss: FloatArray
+    fold_log_loss: Array
 
 
 @dataclass(frozen=True)
@@ -120,12 +115,12 @@ class ModelFit:
     separated: bool
     parameters: tuple[Parameter, ...]
     scores: Scores
-    median: FloatArray
-    median_lower: FloatArray
-    median_upper: FloatArray
-    band_low: FloatArray
-    band_high: FloatArray
-    probability: FloatArray
+    median: Array
+    median_lower: Array
+    median_upper: Array
+    band_low: Array
+    band_high: Array
+    probability: Array
     row_status: tuple[str, ...]
 
 
@@ -137,8 +132,8 @@ class FragilityResult:
     is one sentence. `n_decided` and `n_undecided` count cells.
     """
 
-    pga: FloatArray
-    pgv_pga: FloatArray
+    pga: Array
+    pgv_pga: Array
     n_decided: int
     n_undecided: int
     boundary: Boundary

@@ -11,12 +11,12 @@ from scipy.special import expit, logit
 from sklearn.base import BaseEstimator
 from sklearn.preprocessing import SplineTransformer
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.fragility.boundary import first_crossing
 from vsr_core.fragility.cells import tabulate
 from vsr_core.fragility.cross_validation import held_out_log_loss
 from vsr_core.fragility.newton import maximise
-from vsr_core.fragility.result import FloatArray, IntArray
 
 RIDGE = 1e-4  # on every coefficient: keeps a grid with one outcome finite
 
@@ -85,7 +85,7 @@ class SmoothFragility(BaseEstimator):
 
         everything = np.ones((1, cells.ln_ratio.size))
         start = np.zeros((1, len(self._roughness)))
-        tried: list[tuple[float, float, FloatArray]] = []
+        tried: list[tuple[float, float, Array]] = []
         for penalty in sorted(self.penalties, reverse=True):  # each starts from the one before
             self.penalty_ = penalty
             self.coefs_ = start = self._solve(everything, start, tolerance=1e-6)
@@ -103,7 +103,7 @@ class SmoothFragility(BaseEstimator):
         )
         return self
 
-    def predict_proba(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike) -> FloatArray:
+    def predict_proba(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike) -> Array:
         """P(overturned) at PGA [g] and PGV/PGA [s], broadcast against each other."""
         pga_values, ratio_values = np.broadcast_arrays(
             np.asarray(pga, dtype=np.float64), np.asarray(pgv_pga, dtype=np.float64)
@@ -113,14 +113,14 @@ class SmoothFragility(BaseEstimator):
         table = self.coefs_.reshape(rows.shape[1], columns.shape[1])
         return expit(((rows @ table) * columns).sum(axis=1)).reshape(pga_values.shape)
 
-    def contour(self, pgv_pga: npt.ArrayLike, probability: float = 0.5) -> FloatArray:
+    def contour(self, pgv_pga: npt.ArrayLike, probability: float = 0.5) -> Array:
         """Smallest grid-range PGA [g] with P >= `probability`; 0 or inf outside the grid."""
         ratio = np.asarray(pgv_pga, dtype=np.float64)
         rows = self._row_spline.transform(np.log(ratio).reshape(-1, 1))
         margin = self._logit(self.coefs_, rows)[0] - logit(probability)
         return first_crossing(self.cells_.ln_pga, margin).reshape(ratio.shape)
 
-    def refit(self, row_weights: FloatArray, rng: np.random.Generator | None = None) -> FloatArray:
+    def refit(self, row_weights: Array, rng: np.random.Generator | None = None) -> Array:
         """Fit again, at the chosen ridge, with row r counted row_weights[:, r] times.
 
         Parameters
@@ -135,23 +135,23 @@ class SmoothFragility(BaseEstimator):
         start = np.repeat(self.coefs_, len(row_weights), axis=0)
         return self._solve(np.asarray(row_weights, dtype=np.float64), start, tolerance=1e-2)
 
-    def named(self, coefs: FloatArray) -> dict[str, FloatArray]:
+    def named(self, coefs: Array) -> dict[str, Array]:
         """Nothing: spline coefficients have no meaning one by one."""
         return {}
 
-    def grid_probability(self, coefs: FloatArray) -> FloatArray:
+    def grid_probability(self, coefs: Array) -> Array:
         """P(overturned) at the grid cells, shape (batch, n_ratio, n_pga)."""
         return expit(self._logit(coefs, self._row_basis))
 
-    def grid_contour(self, coefs: FloatArray, probability: float) -> FloatArray:
+    def grid_contour(self, coefs: Array, probability: float) -> Array:
         """Smallest PGA [g] at a probability at the grid's rows, shape (batch, n_ratio)."""
         margin = self._logit(coefs, self._row_basis) - logit(probability)
         return first_crossing(self.cells_.ln_pga, margin)
 
-    def _spline(self, values: FloatArray) -> SplineTransformer:
+    def _spline(self, values: Array) -> SplineTransformer:
         """Cubic B-splines on quantiles of the values; of lower degree on fewer than 4 values."""
         degree = min(3, values.size - 1)
-        knots: str | FloatArray = "quantile"
+        knots: str | Array = "quantile"
         if values.size == 1:  # a constant: one basis function around the only value
             knots = np.array([[values[0] - 1.0], [values[0] + 1.0]])
         n_knots = min(self.n_knots, max(values.size - degree + 1, 2))
@@ -159,14 +159,14 @@ class SmoothFragility(BaseEstimator):
         # scikit-learn wants two samples; a repeated one changes nothing
         return spline.fit(np.resize(values, (max(values.size, 2), 1)))
 
-    def _ridge(self) -> FloatArray:
+    def _ridge(self) -> Array:
         return self.penalty_ * self._roughness + RIDGE * np.eye(len(self._roughness))
 
-    def _logit(self, coefs: FloatArray, rows: FloatArray) -> FloatArray:
+    def _logit(self, coefs: Array, rows: Array) -> Array:
         table = coefs.reshape(len(coefs), rows.shape[1], self._column_basis.shape[1])
         return rows @ table @ self._column_basis.T
 
-    def _fisher(self, variance: FloatArray) -> FloatArray:
+    def _fisher(self, variance: Array) -> Array:
         """Information matrices from cell variances (batch, n_ratio, n_pga), by array algebra."""
         row_pairs, column_pairs = _pairs(self._row_basis), _pairs(self._column_basis)
         n_row, n_column = self._row_basis.shape[1], self._column_basis.shape[1]
@@ -174,11 +174,11 @@ class SmoothFragility(BaseEstimator):
         split = paired.reshape(-1, n_row, n_row, n_column, n_column).transpose(0, 1, 3, 2, 4)
         return split.reshape(len(variance), n_row * n_column, n_row * n_column)
 
-    def _solve(self, weights: FloatArray, start: FloatArray, tolerance: float) -> FloatArray:
+    def _solve(self, weights: Array, start: Array, tolerance: float) -> Array:
         """Penalised maximum likelihood for each row of weights, shape (batch, n_basis)."""
         ridge = self._ridge()
 
-        def evaluate(beta: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+        def evaluate(beta: Array, which: Indices) -> tuple[Array, Array]:
             eta = self._logit(beta, self._row_basis)
             prob = expit(eta)
             trials = weights[which, :, None] * self.cells_.trials
@@ -194,12 +194,12 @@ class SmoothFragility(BaseEstimator):
         return maximise(evaluate, start, tolerance=tolerance)[0]
 
 
-def _pairs(basis: FloatArray) -> FloatArray:
+def _pairs(basis: Array) -> Array:
     """Products of all pairs of columns, shape (n, k) -> (n, k * k)."""
     return (basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
 
 
-def roughness(n_row: int, n_column: int) -> FloatArray:
+def roughness(n_row: int, n_column: int) -> Array:
     """Sum of squared differences of neighbouring coefficients of a table, as a matrix.
 
     Examples

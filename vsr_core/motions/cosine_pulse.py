@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 
 
 class GroundMotion(Protocol):
@@ -27,10 +27,10 @@ class GroundMotion(Protocol):
     def peak_acceleration(self) -> float:
         """Largest absolute acceleration [m/s^2]."""
 
-    def acceleration(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    def acceleration(self, t: Array) -> Array:
         """Acceleration [m/s^2] at times ``t`` [s], shape of ``t``."""
 
-    def velocity(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocity(self, t: Array) -> Array:
         """Velocity [m/s] at times ``t`` [s], shape of ``t``."""
 
     def remaining_impulse(self, t: float) -> float:
@@ -87,17 +87,17 @@ class CosinePulse:
         """Absolute PGA [m/s^2]."""
         return abs(self.pga)
 
-    def acceleration(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    def acceleration(self, t: Array) -> Array:
         """Acceleration [m/s^2] at times ``t`` [s]; zero outside the pulse."""
         inside = (t >= 0.0) & (t <= self.duration)
         return np.where(inside, self.pga * np.cos(t / self.pgv_pga), 0.0)
 
-    def velocity(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocity(self, t: Array) -> Array:
         """Table velocity [m/s] at times ``t`` [s] (paper's Eq. 10)."""
         inside = (t >= 0.0) & (t <= self.duration)
         return np.where(inside, self.pga * self.pgv_pga * np.sin(t / self.pgv_pga), 0.0)
 
-    def displacement(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    def displacement(self, t: Array) -> Array:
         """Table displacement [m] at times ``t`` [s] (paper's Eq. 7)."""
         inside = (t >= 0.0) & (t <= self.duration)
         amplitude = self.pga * self.pgv_pga**2

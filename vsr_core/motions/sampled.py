@@ -8,13 +8,11 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.six_axes import AXES, TableMotion
-
-Array = NDArray[np.float64]
 
 DEGREE = 5
 """Of the splines: the acceleration is then a cubic between samples and has a continuous slope."""

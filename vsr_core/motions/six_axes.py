@@ -19,12 +19,10 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
-
-Array = NDArray[np.float64]
 
 Axis = Literal["x", "y", "z", "roll", "pitch", "yaw"]
 

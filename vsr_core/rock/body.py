@@ -7,11 +7,9 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array
 from vsr_core.rock.hull import Hull, convex_hull
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

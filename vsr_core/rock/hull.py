@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
-
-Array = NDArray[np.float64]
 
 MAX_SETTLING_TURN = np.radians(15.0)
 """A scan that has to turn further than this to rest did not stand [rad]."""
@@ -43,11 +41,11 @@ class Hull:
     """
 
     vertices: Array
-    facets: NDArray[np.intp]
+    facets: Indices
     normals: Array
     offsets: Array
-    neighbours: NDArray[np.intp]
-    face: NDArray[np.intp]
+    neighbours: Indices
+    face: Indices
 
     def turned(self, rotation: Array) -> Hull:
         """The same hull with every vector turned by ``rotation``, shape (3, 3)."""
@@ -182,7 +180,7 @@ def tipping(hull: Hull, direction: Array) -> Tipping:
     return Tipping(direction, uplift, overturning)
 
 
-def touching(hull: Hull, tilt: float) -> NDArray[np.bool_]:
+def touching(hull: Hull, tilt: float) -> Mask:
     """Vertices that can touch a plane while the rock is tilted by at most ``tilt`` [rad].
 
     Returns
@@ -221,10 +219,10 @@ class _Outline(NamedTuple):
     facet: int
     room: Array
     outward: Array
-    neighbour: NDArray[np.intp]
+    neighbour: Indices
 
 
-def _flat_faces(normals: Array, neighbours: NDArray[np.intp]) -> NDArray[np.intp]:
+def _flat_faces(normals: Array, neighbours: Indices) -> Indices:
     """Number of the flat face of each facet: neighbours with the same normal are one face."""
     facet, corner = np.nonzero(
         np.linalg.norm(normals[neighbours] - normals[:, None], axis=2) < _FLAT

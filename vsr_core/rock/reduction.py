@@ -6,14 +6,12 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from trimesh.triangles import closest_point
 
+from vsr_core.arrays import Array, Mask
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull, tipping, touching
-
-Array = NDArray[np.float64]
 
 SEAT_SHARE = 0.01
 """Distance of the hull of a rock on its seat from the complete one, as a share of its radius."""
@@ -42,7 +40,7 @@ def in_flight(rock: Rock) -> Rock:
     return lightened(rock, FLIGHT_SHARE * rock.radius, np.zeros(len(rock.vertices), dtype=bool))
 
 
-def lightened(rock: Rock, tolerance: float, kept: NDArray[np.bool_]) -> Rock:
+def lightened(rock: Rock, tolerance: float, kept: Mask) -> Rock:
     """The rock with a subset of its corners whose hull is within ``tolerance`` of the complete one.
 
     The new hull lies inside the old one, and no corner of the old one is farther than
@@ -68,7 +66,7 @@ def lightened(rock: Rock, tolerance: float, kept: NDArray[np.bool_]) -> Rock:
     return rock if chosen.all() else replace(rock, vertices=rock.vertices[chosen])
 
 
-def needed(corners: Array, tolerance: float, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def needed(corners: Array, tolerance: float, chosen: Mask) -> Mask:
     """Which corners make a hull within ``tolerance`` [m] of that of all, shape (n, 3) [m].
 
     Parameters

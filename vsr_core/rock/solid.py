@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull, settle
-
-Array = NDArray[np.float64]
 
 LARGEST_SIZE = 30.0
 """A rock with a longer side than this [m] was probably not given in metres."""
@@ -45,7 +43,7 @@ class Solid:
 
     rock: Rock
     vertices: Array
-    faces: NDArray[np.int64]
+    faces: Indices
     volume: float
     turned: float
 
@@ -175,7 +173,7 @@ def _see_that_it_is_a_rock(mesh: trimesh.Trimesh) -> None:
         )
 
 
-def self_intersections(vertices: Array, faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def self_intersections(vertices: Array, faces: Indices) -> Indices:
     """Pairs of faces that cross each other and share no vertex.
 
     Two triangles in general position cross if and only if an edge of one pierces the other
@@ -205,7 +203,7 @@ def self_intersections(vertices: Array, faces: NDArray[np.int64]) -> NDArray[np.
     return pairs[crossing]
 
 
-def _sharing_a_cell(low: Array, high: Array) -> NDArray[np.int64]:
+def _sharing_a_cell(low: Array, high: Array) -> Indices:
     """Unique index pairs of boxes that overlap a common cell of a grid."""
     cell = 2.0 * float(np.median((high - low).max(axis=1)))
     first = np.floor(low / cell).astype(np.int64)
@@ -234,7 +232,7 @@ def _sharing_a_cell(low: Array, high: Array) -> NDArray[np.int64]:
     return np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
 
 
-def _pierces(start: Array, end: Array, triangle: Array) -> NDArray[np.bool_]:
+def _pierces(start: Array, end: Array, triangle: Array) -> Mask:
     """Whether segments pass strictly through the inside of triangles, pair by pair.
 
     An end within the rounding of the triangle's plane is in it: triangles of one plane do not

@@ -30,14 +30,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import TOPPLED_TILT, contact_tilts, convex_hull, rest_tilts, tipping
 from vsr_core.scene import Contact
-
-Array = NDArray[np.float64]
 
 LEANING_TILT = math.radians(30.0)
 """A rest pose tilted less than this still stands, on another part of its base [rad]."""

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY, engines
+from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
@@ -27,8 +27,6 @@ from vsr_core.run.reductions import Reduction
 from vsr_core.run.sampling import first_step, samples, sampling
 from vsr_core.run.static_limit import still_range
 from vsr_core.scene import Scene, State
-
-Array = NDArray[np.float64]
 
 LOOK_TIME = 0.0075
 """Longest time between two looks at the rock [s]."""
@@ -111,7 +109,7 @@ class Trajectory:
     quaternion: Array
     velocity: Array
     angular_velocity: Array
-    contact: NDArray[np.bool_]
+    contact: Mask
 
     @property
     def length(self) -> float:

@@ -9,10 +9,10 @@ from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY, engines
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
@@ -25,8 +25,6 @@ from vsr_core.run.reductions import reduce as reduce_scene
 from vsr_core.run.sampling import MOST_SUBSTEPS, first_step, samples, sampling
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.table import servo
-
-Array = NDArray[np.float64]
 
 LOOK_EVERY = 48
 """Time steps between two looks at the rock."""

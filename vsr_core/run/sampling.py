@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.table.servo import Servo
 
@@ -58,9 +58,7 @@ def sampling(
     return Sampling(motion.duration / samples, substeps, samples)
 
 
-def samples(
-    motion: GroundMotion, drive: Servo | None, interval: float, number: int
-) -> NDArray[np.float64]:
+def samples(motion: GroundMotion, drive: Servo | None, interval: float, number: int) -> Array:
     """Acceleration [m/s^2] at the middle of each hold; of a drive, its commands [m/s].
 
     A servo with Kp h / M = 1 takes all of an error away within a control period h, in a ramp, and

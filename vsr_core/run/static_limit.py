@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from vsr_core import GRAVITY
-
-Array = NDArray[np.float64]
+from vsr_core.arrays import Array
 
 WAYS = 8
 """Edges of the pyramid inside each friction cone."""

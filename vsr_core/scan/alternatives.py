@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 import shapely
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import areas
 from vsr_core.scan.cuts import Box, Colour, Cut, Plane, Polygon
 from vsr_core.scan.fill import area_vector
 from vsr_core.scan.rim import settled
 from vsr_core.scan.separation import Separation, by_cut
-
-Array = NDArray[np.float64]
 
 MOST_CORNERS = 12
 """A polygon to write down by hand has no more corners than this."""

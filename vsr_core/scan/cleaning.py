@@ -9,11 +9,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.scan.topology import edges, ends, pieces, split_fans
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 MEMORY = 4 * 2**30
 """What cleaning may take, the given mesh included [byte]: 20 million faces of a scan without
@@ -106,7 +104,7 @@ def colours_of(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
     return np.asarray(visual.vertex_colors) if getattr(visual, "kind", None) == "vertex" else None
 
 
-def _near_origin(mesh: trimesh.Trimesh, notes: list[str]) -> tuple[Array, Array, Index]:
+def _near_origin(mesh: trimesh.Trimesh, notes: list[str]) -> tuple[Array, Array, Indices]:
     """Vertices less whole metres, those metres, and the faces whose vertices are finite."""
     vertices = np.array(mesh.vertices, dtype=np.float64)
     faces = np.asarray(mesh.faces, dtype=np.int64)
@@ -145,7 +143,7 @@ def _see_that_it_is_fine(vertices: Array, largest: float) -> None:
         )
 
 
-def _merged(vertices: Array, faces: Index, notes: list[str]) -> tuple[Index, Index]:
+def _merged(vertices: Array, faces: Indices, notes: list[str]) -> tuple[Indices, Indices]:
     """One vertex of each of those at the same point; faces on them, those without area gone."""
     x, y, z = (np.round(vertices[:, k] / SAME_POINT).astype(np.int32) for k in range(3))
     order = np.lexsort((x, y, z))
@@ -168,7 +166,7 @@ def _merged(vertices: Array, faces: Index, notes: list[str]) -> tuple[Index, Ind
     return origin, faces
 
 
-def areas(vertices: Array, faces: Index) -> Array:
+def areas(vertices: Array, faces: Indices) -> Array:
     """Area of each face [m^2], shape (m,)."""
     area = np.empty(len(faces))
     for first in range(0, len(faces), _CHUNK):
@@ -177,13 +175,13 @@ def areas(vertices: Array, faces: Index) -> Array:
     return area
 
 
-def _crosses(vertices: Array, faces: Index) -> tuple[Array, Array]:
+def _crosses(vertices: Array, faces: Indices) -> tuple[Array, Array]:
     """First corners and area vectors, doubled, of faces, shape (m, 3) each."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     return a, np.cross(b - a, c - a)
 
 
-def _with_area(vertices: Array, faces: Index, notes: list[str]) -> Index:
+def _with_area(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     """Faces that lie on a line turned about their longest side, into the face beyond it."""
     flat = np.flatnonzero(areas(vertices, faces) <= SAME_POINT**2)
     if len(flat) == 0:
@@ -209,7 +207,7 @@ def _with_area(vertices: Array, faces: Index, notes: list[str]) -> Index:
     return faces[~left]
 
 
-def _manifold(vertices: Array, faces: Index, notes: list[str]) -> Index:
+def _manifold(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     """Of more than two faces at an edge the largest two are kept, of equal faces one."""
     area, total = areas(vertices, faces), 0.0
     whole, before = float(area.sum()), len(faces)
@@ -245,7 +243,7 @@ def _manifold(vertices: Array, faces: Index, notes: list[str]) -> Index:
     return faces
 
 
-def _one_piece(vertices: Array, faces: Index, notes: list[str]) -> Index:
+def _one_piece(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     """The largest piece, wound one way and outward."""
     found = edges(faces)
     pairs, rim = found.pairs, found.open // 3
@@ -289,7 +287,7 @@ def _one_piece(vertices: Array, faces: Index, notes: list[str]) -> Index:
     return np.ascontiguousarray(faces)
 
 
-def _looks_in(vertices: Array, faces: Index, sheet: bool) -> bool:
+def _looks_in(vertices: Array, faces: Indices, sheet: bool) -> bool:
     """Whether an open sheet faces down, or a closed surface inward."""
     up = volume = 0.0
     for first in range(0, len(faces), _CHUNK):

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 import trimesh
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.solid import checked, self_intersections
 from vsr_core.scan.concave import smoothed_normals
@@ -18,10 +18,6 @@ from vsr_core.scan.rim import LARGEST_MOVE, laid, planes_beside, to_both
 from vsr_core.scan.separation import Separation
 from vsr_core.scan.topology import rims
 from vsr_core.scan.underside import Height, Planes, lower_hull, planes, poisson
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 SNAP = 4.0
 """A rim's vertices within this many times its scatter about a cap, or an edge, move onto it."""
@@ -44,9 +40,9 @@ class Cap:
     note : str
     """
 
-    rim: Index
-    inner: Index
-    faces: Index
+    rim: Indices
+    inner: Indices
+    faces: Indices
     up: Array
     note: str
 
@@ -168,7 +164,7 @@ def by_poisson(separation: Separation) -> Closed:
     return _closed(separation, cap)
 
 
-def _lowest(vertices: Array, faces: Index) -> Height:
+def _lowest(vertices: Array, faces: Indices) -> Height:
     """Height of the lowest point of a surface over each point."""
     mesh = trimesh.Trimesh(vertices, faces, process=False)
 
@@ -207,7 +203,7 @@ def _closed(separation: Separation, shape: Shape) -> Closed:
     return Closed(vertices, rock, tuple(found), (*separation.notes, *notes, *unfolded, *repaired))
 
 
-def _unfolded(vertices: Array, faces: Index, fixed: Index) -> tuple[Array, tuple[str, ...]]:
+def _unfolded(vertices: Array, faces: Indices, fixed: Indices) -> tuple[Array, tuple[str, ...]]:
     """Vertices of faces that cross moved to the middle of their neighbours, but for fixed ones."""
     given = vertices
     for _ in range(_UNFOLDING):
@@ -232,7 +228,7 @@ def _unfolded(vertices: Array, faces: Index, fixed: Index) -> tuple[Array, tuple
     )
 
 
-def _cap(vertices: Array, separation: Separation, rim: Index, shape: Shape) -> tuple[Array, Cap]:
+def _cap(vertices: Array, separation: Separation, rim: Indices, shape: Shape) -> tuple[Array, Cap]:
     """A cap across one rim, and the vertices with it."""
     faces = separation.faces[separation.rock]
     given = _rim(vertices, separation, rim)
@@ -265,7 +261,7 @@ def _uncrossed(rim: Array) -> tuple[Array, str]:
     return placed, f"; it crossed itself and was smoothed by {1e3 * far:.1f} mm" if far else ""
 
 
-def _rim(vertices: Array, separation: Separation, loop: Index) -> Rim:
+def _rim(vertices: Array, separation: Separation, loop: Indices) -> Rim:
     """A rim of the rock in its frame, with the ground and the rock's side beside it."""
     points = vertices[loop]
     into = frame(points, area_vector(points))
@@ -299,7 +295,7 @@ def _onto(found: Planes, rim: Rim, near: Mask, *, straight: bool) -> Array:
 
 
 def _clear(
-    vertices: Array, faces: Index, rim: Index, into: Frame, height: Height, side: float
+    vertices: Array, faces: Indices, rim: Indices, into: Frame, height: Height, side: float
 ) -> float:
     """Raise the vertices beside a rim that lie below its cap onto it; the largest way [m]."""
     on_rim = np.zeros(len(vertices), dtype=bool)

@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import areas
 from vsr_core.scan.topology import edges, ends
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 NOISE = 0.2
 """Normals are smoothed until three edges in four turn by less than this [rad]."""
@@ -42,13 +38,13 @@ class Turns:
     noise : float [rad], turn that three edges in four stay below
     """
 
-    side: Index
+    side: Indices
     length: Array
     inward: Array
     noise: float
 
     @property
-    def faces(self) -> Index:
+    def faces(self) -> Indices:
         """The faces on either side of each edge, shape (e, 2)."""
         return self.side // 3
 
@@ -64,7 +60,7 @@ class Turns:
         return self.length * (_CHEAP + (1.0 - _CHEAP) * falling)
 
 
-def smoothed_normals(vertices: Array, faces: Index, rounds: int) -> Array:
+def smoothed_normals(vertices: Array, faces: Indices, rounds: int) -> Array:
     """Unit normals of faces, ``rounds`` times averaged over all faces that share a vertex.
 
     Returns
@@ -79,7 +75,7 @@ def smoothed_normals(vertices: Array, faces: Index, rounds: int) -> Array:
     return _normed(vector)
 
 
-def _around_vertices(values: Array, faces: Index, count: int) -> Array:
+def _around_vertices(values: Array, faces: Indices, count: int) -> Array:
     """Sum, over the corners of each face, of the values of all faces at the corner."""
     flat = faces.ravel()
     at = [np.bincount(flat, np.repeat(values[:, k], 3), count) for k in range(3)]
@@ -90,7 +86,7 @@ def _normed(vector: Array) -> Array:
     return vector / np.maximum(np.linalg.norm(vector, axis=1, keepdims=True), 1e-300)
 
 
-def turns(vertices: Array, faces: Index) -> Turns:
+def turns(vertices: Array, faces: Indices) -> Turns:
     """Turn of a surface across its edges, smoothed as much as its noise asks for.
 
     The turn at an edge is the difference of the normals beside it along the way from the middle
@@ -155,6 +151,6 @@ def cheapest_cut(found: Turns, count: int, rock: Mask, ground: Mask) -> Mask:
     return reached[node]
 
 
-def mean_edge(vertices: Array, faces: Index) -> float:
+def mean_edge(vertices: Array, faces: Indices) -> float:
     """Side of the equilateral triangle of the mean area [m]: a mesh's resolution."""
     return float(np.sqrt(4.0 / np.sqrt(3.0) * areas(vertices, faces).mean()))

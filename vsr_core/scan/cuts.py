@@ -12,15 +12,12 @@ from typing import TypeAlias
 import numpy as np
 import shapely
 import trimesh
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import colours_of
 from vsr_core.scan.topology import edges, ends
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 Point: TypeAlias = tuple[float, float, float]
 
 _NEAR_END = 0.05  # a cut within this share of an edge's end passes through the vertex
@@ -103,7 +100,7 @@ class Colour:
 Cut: TypeAlias = Plane | Box | Polygon | Colour
 
 
-def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Index, Mask]:
+def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
     """Faces split along a cut.
 
     Returns
@@ -129,7 +126,7 @@ def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Index, Mask]:
     return vertices, faces, value[faces].sum(axis=1) > 0.0
 
 
-def _without_slivers(value: Array, faces: Index) -> Array:
+def _without_slivers(value: Array, faces: Indices) -> Array:
     """Values set to zero at the vertices close to which an edge is cut."""
     found = edges(faces)
     start, end = ends(faces, found.side[found.first]).T
@@ -142,7 +139,7 @@ def _without_slivers(value: Array, faces: Index) -> Array:
     return value
 
 
-def _split_faces(faces: Index, between: Index) -> Index:
+def _split_faces(faces: Indices, between: Indices) -> Indices:
     """Faces replaced by their parts; ``between`` numbers the new vertex on each side, or is -1."""
     cuts = (between >= 0).sum(axis=1)
     parts = [faces[cuts == 0]]

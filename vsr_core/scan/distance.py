@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.scan.topology import edges, pieces
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SAMPLES = 20_000
 """Points, beside the vertices, at which a distance between surfaces is measured."""
@@ -22,7 +19,7 @@ _ON = 1e-9  # a barycentric share below this is none
 _CHUNK = 10_000  # points looked up at a time, to save memory
 
 
-def signed_distance(mesh: trimesh.Trimesh, points: Array) -> tuple[Array, Array, Index]:
+def signed_distance(mesh: trimesh.Trimesh, points: Array) -> tuple[Array, Array, Indices]:
     """Distance of points from a surface, positive on the side to which its normals point.
 
     The sign is that of the pseudonormal of the nearest face, edge or vertex, which is exact
@@ -79,7 +76,7 @@ def _chunks(count: int) -> list[slice]:
     return [slice(first, first + _CHUNK) for first in range(0, count, _CHUNK)]
 
 
-def _pseudonormals(mesh: trimesh.Trimesh, face: Index, share: Array) -> Array:
+def _pseudonormals(mesh: trimesh.Trimesh, face: Indices, share: Array) -> Array:
     """Normal of the face, edge or vertex that a point with these barycentric shares lies on."""
     faces = np.asarray(mesh.faces, dtype=np.int64)
     normal = np.array(mesh.face_normals[face])

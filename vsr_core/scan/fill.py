@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
-from vsr_core.scan.topology import Index, edges, ends, rims
-
-Array = NDArray[np.float64]
+from vsr_core.scan.topology import edges, ends, rims
 
 _STRIP = 0.6  # width of the strip along the rim, of the spacing, that holds no inner vertex
 
@@ -53,7 +51,7 @@ def area_vector(loop: Array) -> Array:
     return 0.5 * np.cross(middle, np.roll(middle, -1, axis=0)).sum(axis=0)
 
 
-def across(rim: Array, spacing: float = np.inf) -> tuple[Array, Index]:
+def across(rim: Array, spacing: float = np.inf) -> tuple[Array, Indices]:
     """Triangles that fill a simple polygon, every side of it the side of one triangle.
 
     Parameters
@@ -90,7 +88,7 @@ def across(rim: Array, spacing: float = np.inf) -> tuple[Array, Index]:
     return inner, faces
 
 
-def _lattice(polygon: object, spacing: float) -> tuple[Array, Index]:
+def _lattice(polygon: object, spacing: float) -> tuple[Array, Indices]:
     """Vertices and faces of the equilateral triangles well inside a polygon."""
     none = np.empty((0, 2)), np.empty((0, 3), dtype=np.int64)
     if not np.isfinite(spacing):
@@ -115,7 +113,7 @@ def _lattice(polygon: object, spacing: float) -> tuple[Array, Index]:
     return points[used], local.reshape(-1, 3)
 
 
-def _without_pinches(faces: Index) -> Index:
+def _without_pinches(faces: Indices) -> Indices:
     """Faces less those at a vertex where their rim meets itself."""
     while len(faces):
         start = np.sort(ends(faces, edges(faces).open)[:, 0])
@@ -126,12 +124,12 @@ def _without_pinches(faces: Index) -> Index:
     return faces
 
 
-def _named(corners: Array, points: Array) -> Index:
+def _named(corners: Array, points: Array) -> Indices:
     """Number of the point that each corner is."""
     return np.asarray(cKDTree(points).query(corners)[1], dtype=np.int64)
 
 
-def _see_that_it_is_whole(faces: Index, rim: int) -> None:
+def _see_that_it_is_whole(faces: Indices, rim: int) -> None:
     left = ends(faces, edges(faces).open)
     expected = np.column_stack([np.arange(rim), (np.arange(rim) + 1) % rim])
     if {tuple(e) for e in left.tolist()} != {tuple(e) for e in expected.tolist()}:

@@ -6,17 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.scan.closing import Closed
 from vsr_core.scan.distance import signed_distance
 from vsr_core.scan.separation import Separation
 from vsr_core.terrain.surface import Terrain
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 LARGEST_PUSH = 0.1
 """Ground that reaches deeper into the rock than this share of the rock's size is no noise."""
@@ -86,7 +82,7 @@ def inside(terrain: Terrain, rock: trimesh.Trimesh) -> float:
 
 
 def _pushed_out(
-    ground: Array, faces: Index, rock: trimesh.Trimesh, clearance: float
+    ground: Array, faces: Indices, rock: trimesh.Trimesh, clearance: float
 ) -> tuple[Array, float, int]:
     """Ground moved away from the rock, how far at most [m], and how many vertices."""
     given = ground
@@ -131,14 +127,14 @@ def _from_rock(rock: trimesh.Trimesh, points: Array) -> tuple[Array, Array]:
     return way, distance
 
 
-def _caught(ground: Array, faces: Index, rock: trimesh.Trimesh) -> Index:
+def _caught(ground: Array, faces: Indices, rock: trimesh.Trimesh) -> Indices:
     """Faces of the ground above which a vertex of the rock lies hidden."""
     terrain = Terrain(ground, faces)
     found = [_just_above(terrain, v) for v in np.array(rock.vertices) if terrain.depth(v)]
     return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.int64)
 
 
-def _just_above(terrain: Terrain, point: Array) -> Index:
+def _just_above(terrain: Terrain, point: Array) -> Indices:
     """Faces near the vertical through a point that reach above it."""
     near = terrain.around(float(point[0]), float(point[1]))
     corners = terrain.vertices[terrain.faces[near]]

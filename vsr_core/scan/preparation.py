@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.reduction import in_flight, on_its_seat
 from vsr_core.rock.solid import from_mesh
@@ -26,8 +26,6 @@ from vsr_core.scan.separation import Separation, by_cut
 from vsr_core.scan.weighing import Measure, Step, largest_change, measured, tips_of
 from vsr_core.terrain.surface import Terrain
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Closing = Literal["caps", "hull", "poisson"]
 
 CLOSINGS: dict[Closing, Callable[[Separation], Closed]] = {

@@ -6,17 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import areas
 from vsr_core.scan.concave import Turns, cheapest_cut, turns
 from vsr_core.scan.separation import Separation, seams, whole
 from vsr_core.scan.topology import at_border, edges, ends, pieces
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 ORIGIN: Array = np.zeros(3)
 
@@ -108,7 +104,7 @@ def propose(
 
 
 def _candidates(
-    vertices: Array, faces: Index, found: Turns, outer: Mask, offset: Array
+    vertices: Array, faces: Indices, found: Turns, outer: Mask, offset: Array
 ) -> list[_Found]:
     """Different cuts around what rises above the ground."""
     height = _above_ground(vertices, faces, outer)
@@ -172,7 +168,7 @@ def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float]
     return best
 
 
-def _above_ground(vertices: Array, faces: Index, outer: Mask) -> Array:
+def _above_ground(vertices: Array, faces: Indices, outer: Mask) -> Array:
     """Height of each face over the plane through the scan's border [m], shape (m,)."""
     open_ = np.unique(ends(faces, edges(faces).open))
     rows = np.column_stack([vertices[:, :2], np.ones(len(vertices))])

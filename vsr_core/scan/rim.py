@@ -10,16 +10,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.scan.cleaning import areas
 from vsr_core.scan.concave import mean_edge, smoothed_normals
 from vsr_core.scan.separation import Separation
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 REACH = 2.5
 """Width, in edges, of the weight that faces have on the plane beside a seam."""
@@ -63,7 +59,7 @@ def settled(separation: Separation) -> Separation:
     )
 
 
-def _touching(faces: Index, loop: Index, count: int) -> Mask:
+def _touching(faces: Indices, loop: Indices, count: int) -> Mask:
     """Faces with a corner on a loop, shape (m,)."""
     on_loop = np.zeros(count, dtype=bool)
     on_loop[loop] = True
@@ -71,7 +67,7 @@ def _touching(faces: Index, loop: Index, count: int) -> Mask:
 
 
 def planes_beside(
-    vertices: Array, faces: Index, loop: Index, points: Array, edge: float
+    vertices: Array, faces: Indices, loop: Indices, points: Array, edge: float
 ) -> tuple[Array, Array]:
     """Centre and unit normal of the plane of a surface beside points, shape (p, 3) each.
 
@@ -119,7 +115,7 @@ def to_both(
     return way * (np.linalg.norm(way, axis=1, keepdims=True) <= farthest)
 
 
-def laid(vertices: Array, faces: Index, loop: Index, way: Array, edge: float) -> Array:
+def laid(vertices: Array, faces: Indices, loop: Indices, way: Array, edge: float) -> Array:
     """Vertices of a surface beside a loop that moves, laid onto the surface's planes there.
 
     They follow the loop by half first, lest faces fold.

@@ -6,18 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import areas
 from vsr_core.scan.concave import Turns, cheapest_cut, turns
 from vsr_core.scan.cuts import Cut, split
 from vsr_core.scan.topology import at_border, chains, edges, ends, pieces
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +28,7 @@ class Seam:
     concave : float, share of its length along a clear hollow
     """
 
-    loop: Index
+    loop: Indices
     points: Array
     length: float
     concave: float
@@ -54,7 +50,7 @@ class Separation:
     """
 
     vertices: Array
-    faces: Index
+    faces: Indices
     rock: Mask
     seams: tuple[Seam, ...]
     confidence: float
@@ -91,7 +87,7 @@ def by_cut(mesh: trimesh.Trimesh, cut: Cut, reach: float = 0.0) -> Separation:
     return Separation(vertices, faces, rock, seams(vertices, faces, rock, found), 1.0, notes)
 
 
-def whole(vertices: Array, faces: Index, rock: Mask) -> tuple[Mask, tuple[str, ...]]:
+def whole(vertices: Array, faces: Indices, rock: Mask) -> tuple[Mask, tuple[str, ...]]:
     """Rock in one piece without islands of ground: the largest piece of what is given.
 
     Raises
@@ -130,7 +126,7 @@ def whole(vertices: Array, faces: Index, rock: Mask) -> tuple[Mask, tuple[str, .
     return rock, tuple(notes)
 
 
-def _largest(faces: Index, side: Index, area: Array, rock: Mask) -> Mask:
+def _largest(faces: Indices, side: Indices, area: Array, rock: Mask) -> Mask:
     """The largest part of the rock that hangs together by more than an edge across it.
 
     An edge from seam to seam would be an edge of the surface that closes the rock as well.
@@ -144,7 +140,7 @@ def _largest(faces: Index, side: Index, area: Array, rock: Mask) -> Mask:
     return rock & (piece == int(np.argmax(np.bincount(piece[rock], weights=area[rock]))))
 
 
-def seams(vertices: Array, faces: Index, rock: Mask, found: Turns) -> tuple[Seam, ...]:
+def seams(vertices: Array, faces: Indices, rock: Mask, found: Turns) -> tuple[Seam, ...]:
     """Loops between rock and ground, the longest first."""
     one, other = found.faces.T
     between = np.flatnonzero(rock[one] != rock[other])
@@ -160,7 +156,7 @@ def seams(vertices: Array, faces: Index, rock: Mask, found: Turns) -> tuple[Seam
     return tuple(sorted(made, key=lambda seam: -seam.length))
 
 
-def _to_the_hollow(vertices: Array, faces: Index, rock: Mask, found: Turns, reach: float) -> Mask:
+def _to_the_hollow(vertices: Array, faces: Indices, rock: Mask, found: Turns, reach: float) -> Mask:
     """The cheapest seam within ``reach`` of a cut."""
     one, other = found.faces.T
     between = rock[one] != rock[other]

@@ -9,14 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from vsr_core.arrays import Indices, Mask
 from vsr_core.errors import InvalidInput
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -30,23 +27,23 @@ class Edges:
     count : ndarray of int, shape (e,), its number of sides
     """
 
-    side: Index
-    first: Index
-    count: Index
+    side: Indices
+    first: Indices
+    count: Indices
 
     @property
-    def pairs(self) -> Index:
+    def pairs(self) -> Indices:
         """Sides of the edges that join two faces, shape (k, 2)."""
         inner = self.first[self.count == 2]
         return np.column_stack([self.side[inner], self.side[inner + 1]])
 
     @property
-    def open(self) -> Index:
+    def open(self) -> Indices:
         """Sides of the edges that only one face has, shape (k,)."""
         return self.side[self.first[self.count == 1]]
 
 
-def edges(faces: Index) -> Edges:
+def edges(faces: Indices) -> Edges:
     """Edges of faces, shape (m, 3)."""
     key = np.empty(faces.shape, dtype=np.int64)
     for k in range(3):
@@ -61,13 +58,13 @@ def edges(faces: Index) -> Edges:
     return Edges(side, first, np.diff(first, append=len(flat)))
 
 
-def ends(faces: Index, side: Index) -> Index:
+def ends(faces: Indices, side: Indices) -> Indices:
     """Vertices from and to which sides run, shape (k, 2)."""
     face, corner = np.divmod(side, 3)
     return np.column_stack([faces[face, corner], faces[face, (corner + 1) % 3]])
 
 
-def pieces(pairs: Index, count: int) -> Index:
+def pieces(pairs: Indices, count: int) -> Indices:
     """Number of the connected piece that each of ``count`` things is in, linked by ``pairs``."""
     links = coo_array(
         (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count)
@@ -75,7 +72,7 @@ def pieces(pairs: Index, count: int) -> Index:
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
 
 
-def rims(faces: Index) -> list[Index]:
+def rims(faces: Indices) -> list[Indices]:
     """Open rims of faces, each the vertices in order, the one of most edges first.
 
     Raises
@@ -86,7 +83,7 @@ def rims(faces: Index) -> list[Index]:
     return chains(ends(faces, edges(faces).open))
 
 
-def chains(links: Index) -> list[Index]:
+def chains(links: Indices) -> list[Indices]:
     """Closed chains of directed links, shape (k, 2); each vertex at most once, longest first.
 
     Raises
@@ -117,14 +114,14 @@ def chains(links: Index) -> list[Index]:
     return sorted(found, key=len, reverse=True)
 
 
-def at_border(faces: Index, vertices: int) -> NDArray[np.bool_]:
+def at_border(faces: Indices, vertices: int) -> Mask:
     """Faces with a vertex on an open edge, shape (m,)."""
     border = np.zeros(vertices, dtype=bool)
     border[ends(faces, edges(faces).open).ravel()] = True
     return np.asarray(border[faces].any(axis=1))
 
 
-def split_fans(faces: Index, vertices: int) -> tuple[Index, Index]:
+def split_fans(faces: Indices, vertices: int) -> tuple[Indices, Indices]:
     """Give each fan of faces that meet in one vertex only a vertex of its own.
 
     Parameters
@@ -158,12 +155,12 @@ def split_fans(faces: Index, vertices: int) -> tuple[Index, Index]:
     return faces, known[again, 0]
 
 
-def _corners_beside(faces: Index) -> Index:
+def _corners_beside(faces: Indices) -> Indices:
     """Pairs of corners, 3 face + k, that an edge between two faces joins at one vertex."""
     one, other = edges(faces).pairs.T
     same = ends(faces, one)[:, 0] == ends(faces, other)[:, 0]
 
-    def next_(side: Index) -> Index:
+    def next_(side: Indices) -> Indices:
         return side - side % 3 + (side + 1) % 3
 
     start = np.where(same, other, next_(other))

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 
-Array = NDArray[np.float64]
 Height: TypeAlias = Callable[[Array], Array]
 """Height [m], shape (n,), at points u, v, shape (n, 2) [m]."""
 
@@ -81,7 +80,7 @@ def planes(rim: Array, slope: Array) -> Planes:
     return best
 
 
-def _parts(rim: Array, count: int) -> list[NDArray[np.int64]]:
+def _parts(rim: Array, count: int) -> list[Indices]:
     """Several ways to part a rim into sectors about its middle."""
     u, v = (rim[:, :2] - rim[:, :2].mean(axis=0)).T
     turn = np.arctan2(v, u) / (2.0 * np.pi)
@@ -91,7 +90,7 @@ def _parts(rim: Array, count: int) -> list[NDArray[np.int64]]:
     ]
 
 
-def _envelope(rim: Array, slope: Array, part: NDArray[np.int64], count: int, sign: int) -> Planes:
+def _envelope(rim: Array, slope: Array, part: Indices, count: int, sign: int) -> Planes:
     """Envelope of ``count`` planes, from a first guess of which points lie in which."""
     found = Planes(np.zeros((count, 3)), sign, np.inf)
     for _ in range(20):
@@ -154,7 +153,7 @@ def lower_hull(points: Array) -> Height:
     return height
 
 
-def poisson(vertices: Array, normals: Array, depth: int = 9) -> tuple[Array, NDArray[np.int64]]:
+def poisson(vertices: Array, normals: Array, depth: int = 9) -> tuple[Array, Indices]:
     """Closed surface through points with normals (Kazhdan & Hoppe 2013, by Open3D).
 
     Parameters

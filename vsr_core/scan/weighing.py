@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.hull import convex_hull, settle, tipping
 from vsr_core.rock.solid import LARGEST_LEVELLING
-
-Array = NDArray[np.float64]
 
 DIRECTIONS = np.radians(np.arange(0.0, 360.0, 5.0))
 """Directions [rad] in which tipping is compared."""

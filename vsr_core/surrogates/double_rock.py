@@ -26,8 +26,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.surrogates.ring_stack import bezier, closed_stack, polygon_radius
 
 # Figures of the rock in the pose of the published mesh: z up, standing on z = 0, centre of mass
@@ -72,16 +72,16 @@ _RELIEF_WAVES = 24
 _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 
-def _ring_angles(count: int, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ring_angles(count: int, corners: Array) -> Array:
     """Ascending angles [rad], evenly spaced but for the nearest to each corner, moved onto it."""
     step = 2.0 * math.pi / count
-    angles: NDArray[np.float64] = step * np.arange(count, dtype=np.float64)
+    angles: Array = step * np.arange(count, dtype=np.float64)
     nearest = np.rint(corners / step).astype(int)
     angles[nearest % count] = corners - 2.0 * math.pi * (nearest // count)
     return angles
 
 
-def _relief(angles: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
+def _relief(angles: Array, s: Array) -> Array:
     """Relative change of the radius: plane waves of the unrolled surface, spread in direction."""
     relief = np.zeros(np.broadcast_shapes(angles.shape, s.shape))
     for j in range(_RELIEF_WAVES):
@@ -92,7 +92,7 @@ def _relief(angles: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.f
     return _RELIEF * relief
 
 
-def double_rock(subdivisions: int = 72) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def double_rock(subdivisions: int = 72) -> tuple[Array, Indices]:
     """Closed surface of the stand-in for Double Rock.
 
     The surface cannot intersect itself. Every ring is star-shaped about its centre, with its

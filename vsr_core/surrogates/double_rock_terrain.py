@@ -16,16 +16,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from vsr_core.arrays import Array
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.surrogates.ground_shapes import ramp, rise, rough, scattered, stepped, waves
 from vsr_core.surrogates.ground_sheet import Block, Field, resampled, rounded, sheet
 from vsr_core.surrogates.ring_stack import polygon_radius
 from vsr_core.surrogates.surrogate_site import SurrogateSite, over_origin, rim_around
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

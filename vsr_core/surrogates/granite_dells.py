@@ -9,15 +9,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.surrogates.ground_shapes import rise, rough, waves
 from vsr_core.surrogates.ground_sheet import sheet
 from vsr_core.surrogates.ring_stack import bezier, closed_stack
 from vsr_core.surrogates.surrogate_site import SurrogateSite, over_origin, rim_around
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _EXTENT = (-9.0, 9.0, -8.0, 8.0)
 _CLEARANCE = 0.001  # m, of the seat below the boulder's base

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vsr_core.arrays import Array
 
 _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 _WAVES = 16

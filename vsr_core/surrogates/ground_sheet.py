@@ -10,11 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, KDTree
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from vsr_core.arrays import Array, Indices, Mask
+
 Field = Callable[[Array], Array]
 """From places in the plane, shape (n, 2) [m], to a value at each, shape (n,)."""
 
@@ -186,7 +185,7 @@ def offset(loop: Array, distance: float) -> Array:
     return loop + distance * way / np.maximum(cosine, 2.0 / 3.0)[:, None]
 
 
-def inside(places: Array, polygon: Array) -> NDArray[np.bool_]:
+def inside(places: Array, polygon: Array) -> Mask:
     """Whether each place, shape (n, 2), lies in a simple polygon, shape (k, 2)."""
     result = np.zeros(len(places), dtype=bool)
     near = ((places >= polygon.min(axis=0)) & (places <= polygon.max(axis=0))).all(axis=1)

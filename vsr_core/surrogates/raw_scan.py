@@ -11,11 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.surrogates.ground_sheet import inside
 from vsr_core.surrogates.surrogate_site import SurrogateSite
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _SPLIT_SHARE = 0.02
 """Share of faces with vertices of their own, doubled from their neighbours'."""
@@ -46,7 +44,7 @@ class RawScan:
     vertices: Array
     faces: Indices
     colours: NDArray[np.uint8]
-    rock: NDArray[np.bool_]
+    rock: Mask
     offset: Array
 
 
@@ -94,7 +92,7 @@ def scan(
     )
 
 
-def _seen(site: SurrogateSite) -> tuple[Array, Indices, NDArray[np.bool_]]:
+def _seen(site: SurrogateSite) -> tuple[Array, Indices, Mask]:
     """Vertices, faces and which of them are rock, of the one sheet that can be seen.
 
     The rock below ``_HIDDEN`` and the terrain within the seat's rim are not; a strip joins the two.
@@ -127,8 +125,8 @@ def _band(outer: Indices, inner: Indices) -> Indices:
 
 
 def _refined(
-    vertices: Array, faces: Indices, rock: NDArray[np.bool_], longest: float
-) -> tuple[Array, Indices, NDArray[np.bool_]]:
+    vertices: Array, faces: Indices, rock: Mask, longest: float
+) -> tuple[Array, Indices, Mask]:
     """Halve edges until none is longer than ``longest`` [m]; faces stay joined edge to edge."""
     while True:
         edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
@@ -201,9 +199,7 @@ def _colours(vertices: Array, rock: Indices, random: np.random.Generator) -> NDA
     return np.clip(mean + stain[:, None], 0, 255).astype(np.uint8)
 
 
-def _miswound(
-    vertices: Array, faces: Indices, rock: NDArray[np.bool_], random: np.random.Generator
-) -> Indices:
+def _miswound(vertices: Array, faces: Indices, rock: Mask, random: np.random.Generator) -> Indices:
     """Faces with a patch on the rock and a patch within 2 m of it wound the wrong way."""
     faces, middles = faces.copy(), vertices[faces].mean(axis=1)
     beside = ~rock & (np.linalg.norm(middles - middles[rock].mean(axis=0), axis=1) < 2.0)

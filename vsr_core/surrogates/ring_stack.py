@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vsr_core.arrays import Array, Indices
 
 
 def bezier(control: tuple[float, ...], s: Array) -> Array:
@@ -39,7 +38,7 @@ def polygon_radius(angles: Array, corners: Array, margin: float = 0.0) -> Array:
 
 def closed_stack(
     rings: Array, bottom: tuple[float, float, float], top: tuple[float, float, float]
-) -> tuple[Array, NDArray[np.int64]]:
+) -> tuple[Array, Indices]:
     """Close a stack of rings with a fan at each end.
 
     Parameters

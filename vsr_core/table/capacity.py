@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
-
-Array = NDArray[np.float64]
 
 LIMITS = ("acceleration", "velocity", "stroke", "payload")
 """What may bind, in the order in which it is named."""

@@ -19,11 +19,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

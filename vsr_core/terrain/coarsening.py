@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import fast_simplification
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from trimesh.proximity import closest_point
 from trimesh.sample import sample_surface
 
+from vsr_core.arrays import Array
 from vsr_core.terrain.surface import Terrain
-
-Array = NDArray[np.float64]
 
 KEPT_SHARES = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05)
 """Shares of the triangles that are tried, one after the other."""

@@ -13,14 +13,11 @@ import heapq
 from collections.abc import Callable, Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.rock.reduction import needed
 from vsr_core.terrain.surface import Terrain
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 MOST_POINTS = 150
 """Most vertices of the patch of a part: beyond it another one is begun."""

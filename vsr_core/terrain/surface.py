@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from vsr_core.arrays import Array, Indices, Mask
 
 CELLS_A_FACE = 0.5
 """Cells of the lookup grid per triangle."""
@@ -36,7 +34,7 @@ class Terrain:
     faces: Indices
     parts: tuple[Array, ...] = ()
 
-    def surfaces(self, x: float, y: float) -> tuple[Array, NDArray[np.bool_]]:
+    def surfaces(self, x: float, y: float) -> tuple[Array, Mask]:
         """Heights [m] at which the vertical through (x, y) [m] meets the ground, ascending.
 
         Returns

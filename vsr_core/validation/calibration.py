@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from vsr_core.arrays import Array, Mask
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ def log_odds(overturned: Array, members: Array) -> Array:
     return np.asarray(np.log((overturned + 0.5) / (members - overturned + 0.5)))
 
 
-def calibrate(overturned: Array, members: Array, happened: Flags) -> Calibration:
+def calibrate(overturned: Array, members: Array, happened: Mask) -> Calibration:
     """Logistic regression of outcomes on the ensemble's log-odds (Platt 1999).
 
     Parameters

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from vsr_core.arrays import Array
 from vsr_core.fragility.lognormal import probit_likelihood
 from vsr_core.fragility.newton import maximise
-
-Array = NDArray[np.float64]
 
 SAMPLES = 200
 """Bootstrap samples of whole ground motions."""

@@ -7,14 +7,13 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from vsr_core.arrays import Array, Mask
 
 FOLDS = 10
 """Parts into which the ground motions are divided; each is predicted from the others."""
 
 
-def logistic(features: Array, happened: Flags, motions: NDArray[np.str_]) -> Array:
+def logistic(features: Array, happened: Mask, motions: NDArray[np.str_]) -> Array:
     """Probabilities of a logistic regression, cross-validated by ground motion.
 
     Every test is predicted by a fit that saw no test of its motion. No penalty, as the fit is
@@ -44,7 +43,7 @@ def logistic(features: Array, happened: Flags, motions: NDArray[np.str_]) -> Arr
     return probability
 
 
-def first_half(motions: NDArray[np.str_]) -> Flags:
+def first_half(motions: NDArray[np.str_]) -> Mask:
     """Tests whose ground motion belongs to the half on which things may be calibrated, shape (n,).
 
     Fixed: by the parity of the CRC-32 of the motion's name, whatever tests there are.

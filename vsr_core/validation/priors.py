@@ -11,10 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
-Array = NDArray[np.float64]
+from vsr_core.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.motions.records.trace import Trace
 from vsr_core.outcome import Response
@@ -57,9 +55,7 @@ def standing_case(rock: Rock, member: Member) -> Case:
     )
 
 
-def shaken(
-    case: Case, acceleration: NDArray[np.float64], interval: float, amplitude: float
-) -> Response:
+def shaken(case: Case, acceleration: Array, interval: float, amplitude: float) -> Response:
     """Response to a recorded acceleration of the table.
 
     Parameters

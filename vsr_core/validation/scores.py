@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from vsr_core.arrays import Array, Mask
 
 SMALLEST_PROBABILITY = 1e-3
 """Probabilities are kept this far from 0 and 1 for the log loss: nobody is surer of a single test
@@ -37,7 +36,7 @@ class Scores:
     log_loss: float
 
 
-def scored(happened: Flags, predicted: Flags, probability: Array | None = None) -> Scores:
+def scored(happened: Mask, predicted: Mask, probability: Array | None = None) -> Scores:
     """Scores of predictions, and of probabilities where there are some.
 
     Parameters
@@ -68,7 +67,7 @@ def scored(happened: Flags, predicted: Flags, probability: Array | None = None) 
         )
 
 
-def decided(probability: Array) -> Flags:
+def decided(probability: Array) -> Mask:
     """Whether each test is predicted to overturn: where it is likelier than the mean of all.
 
     Of right probabilities, the limit that makes the balanced accuracy largest is the share of all
@@ -77,7 +76,7 @@ def decided(probability: Array) -> Flags:
     return np.asarray(probability >= probability.mean())
 
 
-def mcnemar(happened: Flags, one: Flags, other: Flags) -> float:
+def mcnemar(happened: Mask, one: Mask, other: Mask) -> float:
     """Probability of so uneven a split of the tests on which only one of two predictors is right.
 
     Exact and two-sided (McNemar 1947, with the binomial distribution); 1 where there is none.
@@ -107,7 +106,7 @@ class Reliability:
     count: NDArray[np.int64]
 
 
-def reliability(happened: Flags, probability: Array, classes: int = 8) -> Reliability:
+def reliability(happened: Mask, probability: Array, classes: int = 8) -> Reliability:
     """Observed shares in evenly spaced classes of probability; empty classes are left out."""
     number = np.minimum((probability * classes).astype(int), classes - 1)
     rows = []

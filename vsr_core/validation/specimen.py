@@ -11,16 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from trimesh.proximity import closest_point
 from trimesh.registration import icp
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull, settle
 from vsr_core.validation.priors import Member
-
-Array = NDArray[np.float64]
 
 ALIKE = 0.01
 """Scans whose distance is below this share of their size are of one form."""
@@ -60,7 +58,7 @@ class Form:
 
     vertices: Array
     normals: Array
-    faces: NDArray[np.int64]
+    faces: Indices
     other: Array
     error: float
     spread: float

@@ -13,17 +13,15 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.rock.body import Rock
 from vsr_core.run.input_checks import longest_step
 from vsr_core.run.overturning import Case, Settings, simulate
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.boundary_search import agrees_from, answer, verdict
-
-Array = NDArray[np.float64]
 
 SHARES = (0.048, 0.032, 0.024, 0.016, 0.012, 0.008, 0.006, 0.004, 0.003, 0.002)
 """Time steps tried, in units of sqrt(radius / g), coarsest first."""

@@ -8,16 +8,14 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsr_core import engines
+from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.records.trace import Trace
 from vsr_core.run.sampling import samples, sampling
 from vsr_core.scene import Scene
 from vsr_core.table.servo import loop
-
-Array = NDArray[np.float64]
 
 ENGINE = "bullet"
 """The one that has a driven table."""

@@ -6,14 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Mask
 from vsr_core.displacement import correlation
 from vsr_core.displacement.origin import Forward
 from vsr_core.outcome import Outcome, StopReason
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 def toppled(displacement: xr.Dataset) -> Mask:

@@ -10,15 +10,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from pipeline.drawing import style
 from pipeline.stages.datasets.displaced_runs import overturned_runs, toppled
 from pipeline.stages.displacement.trajectory_maps import WIDTH, named
 from pipeline.workflow.datasets import label
 from vsr_core.displacement.correlation import STATISTICS, Correlation, correlations
-
-Array = NDArray[np.float64]
 
 NAMES = {
     "pga": "PGA [g]",

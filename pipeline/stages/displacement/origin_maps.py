@@ -13,16 +13,14 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import around, draw, relief
 from pipeline.stages.displacement.correlation_figures import NAMES
 from pipeline.stages.displacement.trajectory_maps import WIDTH, named
 from pipeline.stages.fragility.response_diagram import _edges
+from vsr_core.arrays import Array, Mask
 from vsr_core.displacement.origin import REACH, Forward, Found, Origin
-
-Array = NDArray[np.float64]
 
 SHARE = 0.95
 """Of the probability, that the outlined motions hold."""
@@ -110,7 +108,7 @@ def _motions(figure: Figure, axes: Axes, origin: Origin, forward: Forward) -> No
     axes.legend(loc="lower left", frameon=True, framealpha=0.9, edgecolor="none")
 
 
-def _outline(region: NDArray[np.bool_], right: Array, up: Array) -> Iterator[Array]:
+def _outline(region: Mask, right: Array, up: Array) -> Iterator[Array]:
     """Sides of cells that part the region from the rest."""
     padded = np.pad(region, 1)
     for row, column in np.argwhere(padded[1:, 1:-1] != padded[:-1, 1:-1]):

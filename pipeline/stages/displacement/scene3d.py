@@ -9,17 +9,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from pipeline.drawing.rendering import clearest, contour_step, reach, thinned
 from pipeline.stages.datasets.displaced_runs import chosen, ends, toppled
 from pipeline.stages.displacement.track import SPEEDS
 from pipeline.workflow.pages import filled
 from pipeline.workflow.pages import source as text_of
+from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import StopReason
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 PAGE = "scene3d.html"
 SCRIPTS = tuple(f"{part}.js" for part in ("geometry", "drawing", "page"))

@@ -6,14 +6,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import Relief, around, relief
 from pipeline.stages.datasets.displaced_runs import chosen, ends, toppled
 from pipeline.stages.displacement.trajectory_maps import SPEEDS, WIDTH, named, paths, speeds
-
-Array = NDArray[np.float64]
+from vsr_core.arrays import Array
 
 
 @style.styled

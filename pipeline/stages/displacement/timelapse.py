@@ -14,7 +14,6 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from pipeline.drawing import style
@@ -31,10 +30,8 @@ from pipeline.drawing.rendering import (
     thinned,
 )
 from pipeline.stages.displacement.track import SPEEDS, Track, pose_times, track
+from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import StopReason
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 WIDTH, HEIGHT, LEGEND = 1600, 900, 170
 """Pixels of the picture and of the strip below it."""

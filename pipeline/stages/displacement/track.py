@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from matplotlib.colors import LinearSegmentedColormap
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from pipeline.stages.datasets.displaced_runs import chosen
-
-Array = NDArray[np.float64]
+from vsr_core.arrays import Array
 
 SPEEDS = LinearSegmentedColormap.from_list(
     "speed", ["#3f51c7", "#8e44b8", "#d4518a", "#f58a49", "#f9d43c"]

@@ -17,14 +17,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import Window, around, draw, relief
 from pipeline.stages.datasets.displaced_runs import chosen, ends, toppled
+from vsr_core.arrays import Array
 from vsr_core.outcome import StopReason
-
-Array = NDArray[np.float64]
 
 PGA_EDGES = (0.0, 0.5, 0.7, 0.8, 1.0)
 """Ends of the ranges of PGA [g], open below and closed above; the middle two are the paper's."""

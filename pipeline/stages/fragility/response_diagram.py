@@ -10,14 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from pipeline.drawing import style
 from pipeline.stages.fragility.summary import undecided
 from pipeline.workflow.datasets import label, rows_of
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.outcome import DecidedBy, Outcome
-
-Array = NDArray[np.float64]
 
 PROVED, UPRIGHT, OVERTURNED, UNDECIDED = range(4)
 """What a cell of the diagram shows."""
@@ -62,7 +60,7 @@ def overturning_diagram(
     return figure
 
 
-def shown(runs: xr.Dataset) -> NDArray[np.int64]:
+def shown(runs: xr.Dataset) -> Indices:
     """Classify each cell of a diagram, shape (rows, pga), as one of the kinds above."""
     kinds = np.where(runs["overturned"].values == 1, OVERTURNED, UPRIGHT)
     proved = runs["decided_by"].values == DecidedBy.NO_UPLIFT_BOUND
@@ -117,7 +115,7 @@ def _cells(axes: Axes, runs: xr.Dataset) -> None:
     _marks(axes, runs, kinds == UNDECIDED, "undecided", size)
 
 
-def _marks(axes: Axes, runs: xr.Dataset, cells: NDArray[np.bool_], gid: str, size: float) -> None:
+def _marks(axes: Axes, runs: xr.Dataset, cells: Mask, gid: str, size: float) -> None:
     if not cells.any():
         return
     row, column = np.nonzero(cells)
@@ -205,9 +203,7 @@ def _model(axes: Axes, fit: xr.Dataset) -> None:
     )
 
 
-def _model_of_records(
-    axes: Axes, name: str, median: Array, rows: Array, ends: NDArray[np.float64]
-) -> None:
+def _model_of_records(axes: Axes, name: str, median: Array, rows: Array, ends: Array) -> None:
     """Median and interval of a model, each record for itself: nothing lies between two of them."""
     axes.plot(
         median,

@@ -10,12 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from numpy.typing import NDArray
 
 from pipeline.drawing import style
 from pipeline.stages.fragility.summary import weak_directions
-
-Array = NDArray[np.float64]
+from vsr_core.arrays import Array
 
 MOST_FACES = 60_000
 """A finer surface is thinned: more is not seen, and costs seconds."""

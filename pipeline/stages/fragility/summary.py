@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Mask
 from vsr_core.outcome import Outcome
-
-Array = NDArray[np.float64]
 
 LONG_PULSE = 0.2
 """PGV/PGA [s] from which rows count towards the typical first-overturning PGA: below it the
@@ -70,7 +68,7 @@ def static_pga(rock: xr.Dataset, yaw: Array) -> Array:
     return weaker
 
 
-def long_rows(ratios: Array) -> NDArray[np.bool_]:
+def long_rows(ratios: Array) -> Mask:
     """Rows with PGV/PGA of at least ``LONG_PULSE``; all of them if there is none."""
     rows = ratios >= LONG_PULSE - 1e-9
     return rows if rows.any() else np.ones_like(rows)
@@ -111,7 +109,7 @@ def groups(data: xr.Dataset) -> Iterator[tuple[tuple[int, int], str]]:
         yield (i, k), f"yaw {float(data['yaw'][i]):g} deg{friction}"
 
 
-def undecided(responses: xr.Dataset) -> NDArray[np.bool_]:
+def undecided(responses: xr.Dataset) -> Mask:
     """Find the runs without a verdict."""
     codes = [outcome.value for outcome in Outcome if outcome.overturned == -1]
     outcome = responses["outcome"].values
@@ -130,6 +128,6 @@ def between(lower: float, upper: float, grid: Any) -> str:
     return f"{lower:.3f} to {upper:.3f} g"
 
 
-def _run(flags: NDArray[np.bool_]) -> int:
+def _run(flags: Mask) -> int:
     """Length of the run of true values at the start, less one."""
     return int(np.argmin(flags)) - 1 if not flags.all() else 0

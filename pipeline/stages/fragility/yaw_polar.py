@@ -7,12 +7,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from pipeline.drawing import style
 from pipeline.stages.fragility.summary import long_rows_in_words, static_pga, typical_pga
-
-Array = NDArray[np.float64]
+from vsr_core.arrays import Array
 
 WIDEST_GAP = 60.0
 """Yaws [degree] further apart than this are not joined by a line."""

@@ -29,13 +29,11 @@ from pipeline.drawing.rendering import (
     round_number,
     seen,
 )
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.scan.preparation import Prepared
 from vsr_core.scan.weighing import DIRECTIONS
 
-Array = NDArray[np.float64]
 Floats = NDArray[np.floating]
-Indices = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 ROCK, ADDED, SEAM = "#7fa8d6", "#f0a030", style.OVERTURNED
 """Colours of the rock, of what no scan saw, and of the seam."""

@@ -6,18 +6,17 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.drawing.style import png_uri, svg_uri
 from pipeline.stages.mesh import scan_figures
 from pipeline.workflow.pages import filled
+from vsr_core.arrays import Array
 from vsr_core.scan.alternatives import Alternative
 from vsr_core.scan.cuts import Cut
 from vsr_core.scan.preparation import Prepared, Trial
 from vsr_core.scan.weighing import DIRECTIONS, Measure, Step
 
 Row = dict[str, Any]
-Array = NDArray[np.float64]
 
 TEMPLATE = "prep.html"
 

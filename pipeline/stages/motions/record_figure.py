@@ -8,14 +8,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from pipeline.drawing import style
 from pipeline.workflow.datasets import label
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.motions.records.trace import Trace
-
-Array = NDArray[np.float64]
 
 BESIDE = 0.25
 """What is shown of the zeros at each end, at most, as a share of the record's length."""

@@ -10,18 +10,14 @@ from __future__ import annotations
 import csv
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.sampled import SampledMotion, sampled
 from vsr_core.motions.six_axes import AXES
-
-if TYPE_CHECKING:
-    Array = NDArray[np.float64]
 
 TIME = "time"
 

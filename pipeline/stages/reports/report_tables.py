@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from pipeline.stages.fragility.summary import (
     between,
@@ -16,6 +15,7 @@ from pipeline.stages.fragility.summary import (
     weak_directions,
 )
 from pipeline.workflow.datasets import rows_of
+from vsr_core.arrays import Array
 from vsr_core.outcome import DecidedBy, Outcome
 
 Row = dict[str, Any]
@@ -95,7 +95,7 @@ def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
     ]
 
 
-def answer(rows: list[Row], frictions: NDArray[np.float64]) -> list[Row]:
+def answer(rows: list[Row], frictions: Array) -> list[Row]:
     """Most and least fragile yaws of each friction, by toppled share; ties together."""
     found = []
     for k, friction in enumerate(frictions):
@@ -209,13 +209,13 @@ def boundary(fragility: xr.Dataset) -> Row:
     return {"heads": [heads(fragility)[c] for c in columns], "rows": rows}
 
 
-def _with_interval(median: float, interval: NDArray[np.float64], grid: NDArray[np.float64]) -> str:
+def _with_interval(median: float, interval: Array, grid: Array) -> str:
     middle, low, high = (_in(value, grid) for value in (median, *interval))
     known = not np.isnan(interval).any() and not middle == low == high
     return f"{middle} [{low}, {high}]" if known else middle
 
 
-def _in(value: float, grid: NDArray[np.float64]) -> str:
+def _in(value: float, grid: Array) -> str:
     """Name a level PGA; outside the tested range only that it is."""
     if np.isnan(value):
         return "?"

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.engines import silenced
 from vsr_core.rock.hull import convex_hull
 from vsr_core.scene import State
@@ -21,7 +21,6 @@ from vsr_core.terrain.surface import Terrain
 with silenced():
     import pybullet
 
-Array = NDArray[np.float64]
 
 TILE_FACES = 6
 """Most triangles of a tile."""
@@ -115,7 +114,7 @@ class Ground:
             elif block in self._bodies:
                 pybullet.removeBody(self._bodies.pop(block), self._client)
 
-    def _apart(self, blocks: NDArray[np.intp], centre: Array, state: State) -> Array:
+    def _apart(self, blocks: Indices, centre: Array, state: State) -> Array:
         """Lower bounds of the distance of blocks from the rock."""
         if not len(blocks):
             return np.empty(0)

@@ -7,9 +7,9 @@ import tempfile
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.engines import silenced
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull
@@ -17,7 +17,6 @@ from vsr_core.rock.hull import convex_hull
 with silenced():
     import pybullet
 
-Array = NDArray[np.float64]
 
 CONTACTS = 4
 """Contact points that Bullet keeps between two shapes."""
@@ -131,7 +130,7 @@ def pedestal_shape(
     return int(shape), centre
 
 
-def _sheet(corners: Array, triangles: NDArray[np.int64], client: int) -> int:
+def _sheet(corners: Array, triangles: Indices, client: int) -> int:
     shape = pybullet.createCollisionShape(
         pybullet.GEOM_MESH,
         vertices=corners.tolist(),
@@ -142,7 +141,7 @@ def _sheet(corners: Array, triangles: NDArray[np.int64], client: int) -> int:
     return int(shape)
 
 
-def _level_mesh(half: float) -> tuple[Array, NDArray[np.int64]]:
+def _level_mesh(half: float) -> tuple[Array, Indices]:
     """Corners and triangles of a level square, ``half`` its width to each side."""
     along = np.linspace(-half, half, MESH_CELLS + 1)
     x, y = np.meshgrid(along, along)

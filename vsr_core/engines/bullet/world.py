@@ -8,10 +8,10 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.engines import Solver, silenced
 from vsr_core.engines.bullet.ground import Ground
 from vsr_core.engines.bullet.shapes import pedestal_shape, rock_shape, surroundings
@@ -22,7 +22,6 @@ from vsr_core.scene import Scene, State, resting
 with silenced():
     import pybullet
 
-Array = NDArray[np.float64]
 
 SCALED_RADIUS = 10.0
 """Radius of every rock inside the engine, in Bullet's length unit."""

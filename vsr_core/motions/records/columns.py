@@ -9,8 +9,9 @@ import re
 
 import numpy as np
 
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.records.record import Array, Record, factor, is_acceleration, stated
+from vsr_core.motions.records.record import Record, factor, is_acceleration, stated
 from vsr_core.motions.records.record_checks import evenly
 
 _BRACKETS = re.compile(r"^(.*?)\s*[\[(]([^\])]*)[\])]\s*$")

@@ -15,8 +15,8 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Record, factor, stated
 
@@ -51,7 +51,7 @@ class _Lines:
     def over(self) -> bool:
         return not any(line.strip() for line in self.lines[self.at :])
 
-    def numbers(self) -> tuple[str, NDArray[np.float64]]:
+    def numbers(self) -> tuple[str, Array]:
         """A block: its heading, and the numbers in its columns."""
         heading = self.next()
         count, columns = _COUNT.search(heading), _FORMAT.search(heading)
@@ -105,7 +105,7 @@ def read(text: str, unit: str | None) -> Record:
 
 @dataclass(frozen=True)
 class _Series:
-    values: NDArray[np.float64]
+    values: Array
     interval: float
     unit: str
     channel: str

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg, signal
 
 from vsr_core import GRAVITY
-from vsr_core.motions.records.record import Array
+from vsr_core.arrays import Array
 from vsr_core.motions.records.trace import Trace
 
 DAMPING = 0.05

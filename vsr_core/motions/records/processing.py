@@ -29,8 +29,8 @@ from fractions import Fraction
 import numpy as np
 from scipy import signal
 
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.records.record import Array
 from vsr_core.motions.records.trace import Trace
 
 POWERS = range(2, 7)

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-
-Array = NDArray[np.float64]
 
 _FACTORS = {
     1.0: ("m/s2", "m/s/s", "ms-2", "m*s-2", "meter/second2"),

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.records.record import Array, Record
+from vsr_core.motions.records.record import Record
 from vsr_core.motions.records.trace import Trace
 
 UNEVEN = 0.02
@@ -209,7 +209,7 @@ def _flat_top(values: Array) -> int:
     return longest
 
 
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(flags: Mask) -> list[tuple[int, int]]:
     """Start and length of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.motions.records.measures import absolute
-from vsr_core.motions.records.record import Array
 from vsr_core.motions.records.trace import Trace
 
 

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vsr_core.motions.records.record import Array
+from vsr_core.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

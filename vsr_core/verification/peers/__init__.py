@@ -18,14 +18,13 @@ from collections.abc import Callable, Iterable
 from typing import Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull, touching
 from vsr_core.scene import Scene
 
-Array = NDArray[np.float64]
 Setting = dict[str, float]
 Test = Callable[[CosinePulse], float]
 

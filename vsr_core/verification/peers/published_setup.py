@@ -19,13 +19,13 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from vsr_core.arrays import Array, Indices
 from vsr_core.engines import silenced
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.scene import Scene, resting
-from vsr_core.verification.peers import AFTER, Array, Setting, Test, largest_tilt
+from vsr_core.verification.peers import AFTER, Setting, Test, largest_tilt
 
 with silenced():
     import pybullet
@@ -185,7 +185,7 @@ class _World:
         return int(body)
 
 
-def _level_mesh() -> tuple[Array, NDArray[np.intp]]:
+def _level_mesh() -> tuple[Array, Indices]:
     """Corners, shape (n, 3) [m], and triangles, shape (m, 3), of a level square."""
     along = np.linspace(-HALF_WIDTH, HALF_WIDTH, CELLS + 1)
     x, y = np.meshgrid(along, along)

@@ -7,17 +7,14 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array, Indices
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference._run import Path
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 TOLERANCE, THICKNESS = 1e-4, 0.05
 """Of convex parts [m]: how far they may stand out, and how thick they are."""

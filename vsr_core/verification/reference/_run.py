@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsr_core import engines
+from vsr_core.arrays import Array
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Scene, State
-
-Array = NDArray[np.float64]
 
 DENSITY = 2110.0
 """Density of the rocks [kg/m^3], that of chert in the paper; no answer here depends on it."""

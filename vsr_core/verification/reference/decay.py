@@ -15,12 +15,11 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from vsr_core.arrays import Array
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.reference import BOTH, Reference
 from vsr_core.verification.reference._run import GRIPPING, Path, box, leaning, run, whole
 from vsr_core.verification.rocking_block import Block, free_amplitude, free_period
-
-Array = NDArray[np.float64]
 
 SLENDER, STOCKY = Block(0.2, 1.0), Block(0.7, 1.0)
 """Blocks that keep 0.94 and 0.51 of their rate in an impact."""

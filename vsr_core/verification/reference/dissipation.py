@@ -16,10 +16,10 @@ from functools import cache, partial
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene, State
@@ -28,8 +28,6 @@ from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import Reference
 from vsr_core.verification.reference._ground import in_parts, sheet
 from vsr_core.verification.reference._run import DENSITY, Path, run, whole
-
-Array = NDArray[np.float64]
 
 CORNERS, SIZE = 14, (0.6, 0.45, 0.35)
 """Random corners of a hull, on an ellipsoid of these half axes [m]."""

@@ -16,15 +16,13 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.verification.reference import BOTH, Reference
 from vsr_core.verification.reference._run import Path, box, largest, run, whole
-
-Array = NDArray[np.float64]
 
 SIZE = (0.1, 0.4, 0.9)
 """Sides of the benchmark's box [m]."""

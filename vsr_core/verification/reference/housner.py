@@ -15,16 +15,14 @@ from collections.abc import Callable
 from functools import cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.reference import BOTH, Reference
 from vsr_core.verification.reference._run import GRIPPING, box, largest, middles, run, whole
 from vsr_core.verification.rocking_block import Block
-
-Array = NDArray[np.float64]
 
 SIZE = (1.0, 1.0, 2.0)
 """Sides of the block whose motion is followed [m]."""

@@ -20,18 +20,16 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
+from vsr_core.arrays import Array
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, State
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import Reference
 from vsr_core.verification.reference._ground import scene, seen, slope
 from vsr_core.verification.reference._run import Path, box, run, sphere
-
-Array = NDArray[np.float64]
 
 ANGLE = math.radians(25.0)
 """Of the slope."""

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.run.bounds import barrier
@@ -30,8 +30,6 @@ from vsr_core.verification.rocking_block import (
     slender_overturns,
     slender_pga_without_impact,
 )
-
-Array = NDArray[np.float64]
 
 BLOCKS = (
     (2.0, 2.0),

@@ -19,9 +19,9 @@ from functools import cache, partial
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, State
@@ -29,8 +29,6 @@ from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import Reference
 from vsr_core.verification.reference._ground import axes, in_parts, scene, sheet, slope
 from vsr_core.verification.reference._run import DENSITY, run, whole
-
-Array = NDArray[np.float64]
 
 SIZE = (0.4, 0.4, 0.1)
 """Sides of the block [m]; a friction of 4 would tip it."""

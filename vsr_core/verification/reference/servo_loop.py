@@ -12,7 +12,6 @@ from functools import cache
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsr_core import engines
 from vsr_core.motions.cosine_pulse import CosinePulse
@@ -21,8 +20,6 @@ from vsr_core.scene import Contact, Scene
 from vsr_core.table.servo import PUBLISHED, loop
 from vsr_core.verification.reference import Reference
 from vsr_core.verification.reference._run import box
-
-Array = NDArray[np.float64]
 
 PULSE = CosinePulse.from_g(0.2, 0.8)
 """That of Fig. 7a. It moves no block of alpha above 0.2 with a friction above 0.2."""

@@ -11,16 +11,14 @@ import math
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.verification.reference import BOTH, Reference
 from vsr_core.verification.reference._run import box, largest, middles, run, whole
-
-Array = NDArray[np.float64]
 
 SIZE = (1.0, 1.0, 0.5)
 """Sides of the block [m]; it could tip only at a friction of 2."""

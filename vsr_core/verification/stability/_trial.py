@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from trimesh.convex import convex_hull
 
 from vsr_core import GRAVITY
@@ -23,8 +22,6 @@ from vsr_core.scene import Scene, State
 from vsr_core.verification import rocking_block
 from vsr_core.verification.rocking_block import Block
 from vsr_core.verification.stability import Measured
-
-Array = NDArray[np.float64]
 
 DENSITY = 2110.0
 """Density of the rocks [kg/m^3], that of chert in the paper."""

@@ -10,20 +10,13 @@ from functools import partial
 import numpy as np
 
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.run.overturning import Settings, prepare, simulate
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.stability import Case, Measured
 from vsr_core.verification.stability._slide import slip
-from vsr_core.verification.stability._trial import (
-    Array,
-    _barrier,
-    box,
-    decided,
-    respond,
-    same,
-    step_of,
-)
+from vsr_core.verification.stability._trial import _barrier, box, decided, respond, same, step_of
 
 FRICTION = 0.3
 

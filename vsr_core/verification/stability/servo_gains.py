@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 
 from vsr_core import engines
+from vsr_core.arrays import Array
 from vsr_core.engines import DrivenWorld
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.run.input_checks import check
@@ -18,7 +19,7 @@ from vsr_core.run.sampling import samples
 from vsr_core.scene import Contact, Scene
 from vsr_core.table.servo import PUBLISHED, Servo, loop
 from vsr_core.verification.stability import Case, Measured
-from vsr_core.verification.stability._trial import GRIPPING, Array, _barrier, boundary, box, step_of
+from vsr_core.verification.stability._trial import GRIPPING, _barrier, boundary, box, step_of
 
 FRICTION = 0.6
 

@@ -9,12 +9,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
 from pipeline.drawing import style
 from pipeline.workflow.datasets import label
-
-Array = NDArray[np.float64]
+from vsr_core.arrays import Array
 
 AROUND = (0.06, 0.14)
 """Time shown before and after the largest push [s]."""

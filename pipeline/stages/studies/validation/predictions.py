@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.stages.studies.validation.recorded_tests import Tests
 from pipeline.workflow.store import RunRow
+from vsr_core.arrays import Array, Mask
 from vsr_core.outcome import Outcome
 from vsr_core.run import bounds
 from vsr_core.validation import scores
@@ -21,8 +22,6 @@ from vsr_core.validation.predictors import first_half, logistic
 from vsr_core.validation.priors import best_guess
 from vsr_core.validation.specimen import Form, drawn, form
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Record = dict[str, Any]
 
 SCORED = ("accuracy", "balanced_accuracy", "f1", "matthews", "brier", "log_loss")
@@ -56,10 +55,10 @@ class Predictions:
     overturned: Array
     members: Array
     lost: int
-    best_guess: Flags
+    best_guess: Mask
     calibrated: Array
     calibration: Calibration
-    half: Flags
+    half: Mask
 
     @property
     def share(self) -> Array:
@@ -131,7 +130,7 @@ def predictions(tests: Tests, found: dict[str, dict[int, RunRow]]) -> Prediction
     return Predictions(overturned, members, int(lost), guess, calibrated, calibration, half)
 
 
-def _calibration(tests: Tests, overturned: Array, members: Array, half: Flags) -> Calibration:
+def _calibration(tests: Tests, overturned: Array, members: Array, half: Mask) -> Calibration:
     """One for all specimens, from those that have outcomes."""
     known = list(compared(tests))
     if not known:
@@ -143,14 +142,14 @@ def _calibration(tests: Tests, overturned: Array, members: Array, half: Flags) -
     return calibrate(counts, whole, happened)
 
 
-def compared(tests: Tests) -> Iterator[tuple[int, int, Flags]]:
+def compared(tests: Tests) -> Iterator[tuple[int, int, Mask]]:
     """Row, number and outcomes, shape (tests,), of each specimen that has outcomes."""
     for row, specimen in enumerate(tests.specimens):
         if specimen in tests.happened:
             yield row, specimen, np.array(tests.happened[specimen]) == 1
 
 
-def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, tuple[Flags, Array | None]]:
+def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, tuple[Mask, Array | None]]:
     """Predictions for one specimen with outcomes, and probabilities where there are some."""
     specimen = tests.specimens[row]
     happened = np.array(tests.happened[specimen]) == 1
@@ -159,7 +158,7 @@ def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, tuple[Fla
     regression = logistic(intensity, happened, motions)
     share, calibrated = made.share[row], made.calibrated[row]
     velocity = logistic(intensity.sum(axis=1, keepdims=True), happened, motions)
-    found: dict[str, tuple[Flags, Array | None]] = {
+    found: dict[str, tuple[Mask, Array | None]] = {
         "ensemble": (scores.decided(share), share),
         "calibrated ensemble": (scores.decided(calibrated), calibrated),
         "best guess": (made.best_guess[row], None),

@@ -5,15 +5,12 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from pipeline.drawing.style import FAINT, INK, MARKERS, OVERTURNED, SERIES, UPRIGHT, styled
 from pipeline.stages.studies.validation import predictions
 from pipeline.stages.studies.validation.predictions import Predictions
 from pipeline.stages.studies.validation.recorded_tests import Tests
 from vsr_core.validation import curves, scores
-
-Array = NDArray[np.float64]
 
 
 def _panels(tests: Tests) -> tuple[Figure, list[Axes]]:
