@@ -11,7 +11,7 @@ from trimesh.triangles import closest_point
 
 from vsr_core.arrays import Array, Mask
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull, tipping, touching
+from vsr_core.rock.hull import tipping, touching
 
 SEAT_SHARE = 0.01
 """Distance of the hull of a rock on its seat from the complete one, as a share of its radius."""
@@ -123,15 +123,15 @@ def simplified(rock: Rock) -> Rock:
     Certified: static uplift and tipping in ``CERTIFIED_WAYS`` directions are those of the complete
     hull, or the rock is returned as it is.
     """
-    hull = convex_hull(rock.vertices)
+    hull = rock.hull
     keep = touching(hull, KEPT_TILT)
     # Engines size their contact tolerances by the bounding box in the principal frame.
     along = hull.vertices @ rock.axes
     keep[[*along.argmin(axis=0), *along.argmax(axis=0)]] = True
-    kept = hull.vertices[keep]
+    kept = replace(rock, vertices=hull.vertices[keep])
     ways = np.linspace(0.0, 2.0 * np.pi, CERTIFIED_WAYS, endpoint=False)
-    before, after = tipping(hull, ways), tipping(convex_hull(kept), ways)
+    before, after = tipping(hull, ways), tipping(kept.hull, ways)
     same = np.allclose(after.overturning, before.overturning, rtol=1e-9, atol=0.0) and np.allclose(
         after.uplift, before.uplift, rtol=1e-9, atol=0.0
     )
-    return replace(rock, vertices=kept) if same else rock
+    return kept if same else rock

@@ -97,7 +97,7 @@ def standing(rock: Rock) -> Rock:
     InvalidInput
         If it has to turn by more than ``LARGEST_LEVELLING``.
     """
-    rotation, _ = settle(convex_hull(rock.vertices), LARGEST_LEVELLING)
+    rotation, _ = settle(rock.hull, LARGEST_LEVELLING)
     return replace(rock, vertices=rock.vertices @ rotation.T, axes=rotation @ rock.axes)
 
 

@@ -34,7 +34,7 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import TOPPLED_TILT, contact_tilts, convex_hull, rest_tilts, tipping
+from vsr_core.rock.hull import TOPPLED_TILT, contact_tilts, rest_tilts, tipping
 from vsr_core.scene import Contact
 
 LEANING_TILT = math.radians(30.0)
@@ -98,7 +98,7 @@ def barrier(rock: Rock) -> Barrier:
     tilt = np.arange(0.0, math.pi + _TILT_STEP / 2, _TILT_STEP)
     azimuth = np.linspace(0.0, 2.0 * math.pi, _AZIMUTHS, endpoint=False)
     circle = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
-    hull = convex_hull(rock.vertices)
+    hull = rock.hull
     least, greatest = contact_tilts(hull)
     height = np.empty_like(tilt)
     for i, t in enumerate(tilt):
@@ -146,8 +146,7 @@ def still_range(rock: Rock, contact: Contact, yaw: float) -> tuple[float, float]
     has no part in it, and rolling friction can only widen the range. A positive acceleration tips
     toward -x.
     """
-    hull = convex_hull(rock.vertices)
-    toward_plus_x, toward_minus_x = tipping(hull, np.array([-yaw, math.pi - yaw])).uplift
+    toward_plus_x, toward_minus_x = tipping(rock.hull, np.array([-yaw, math.pi - yaw])).uplift
     return (
         -GRAVITY * min(float(toward_plus_x), contact.friction),
         GRAVITY * min(float(toward_minus_x), contact.friction),

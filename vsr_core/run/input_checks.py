@@ -11,7 +11,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull, tipping
+from vsr_core.rock.hull import tipping
 from vsr_core.run.overturning import Case, Settings
 from vsr_core.run.sampling import first_step, samples, sampling
 from vsr_core.scene import Contact, Scene
@@ -129,7 +129,7 @@ def rebound(contact: Contact, mass: float) -> float:
 def _slenderness(scene: Scene) -> float:
     """Steady acceleration [g] that tips the rock along the shaking: tan(alpha) of a block."""
     along = np.array([-scene.yaw, math.pi - scene.yaw])
-    return float(tipping(convex_hull(scene.rock.vertices), along).overturning.min())
+    return float(tipping(scene.rock.hull, along).overturning.min())
 
 
 def _check_motion(motion: GroundMotion, drive: Servo | None) -> None:

@@ -11,7 +11,7 @@ from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.motions.records.trace import Trace
 from vsr_core.outcome import Response
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull, touching
+from vsr_core.rock.hull import touching
 from vsr_core.rock.reduction import lightened
 from vsr_core.run import bounds
 from vsr_core.run.overturning import Case, Settings, prepare, simulate
@@ -41,7 +41,7 @@ def standing_case(rock: Rock, member: Member) -> Case:
     limits = bounds.barrier(rock)
     case = prepare(Scene(rock, contact, -member.azimuth), limits, reduce=True)
     kept = min(limits.toppled_tilt + PAST_TOPPLING, math.pi)
-    hull = convex_hull(rock.vertices)
+    hull = rock.hull
     corners = touching(hull, kept)
     along = hull.vertices @ rock.axes
     corners[[*along.argmin(axis=0), *along.argmax(axis=0)]] = True  # they size the tolerances

@@ -18,7 +18,7 @@ from pipeline.workflow.stage import Job, Product
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import base_polygon, convex_hull, tipping
+from vsr_core.rock.hull import base_polygon, tipping
 from vsr_core.rock.solid import Solid, standing
 from vsr_core.run.bounds import barrier
 
@@ -99,7 +99,7 @@ def _from_scan(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
 
 def _dataset(solid: Solid, level: Rock) -> Any:
     rock = solid.rock
-    tips = tipping(convex_hull(level.vertices), np.radians(np.arange(360.0)))
+    tips = tipping(level.hull, np.radians(np.arange(360.0)))
     limits = barrier(level)
     attributes = {f"barrier_{name}": getattr(limits, name) for name in BARRIER_SCALARS}
     return xr.Dataset(

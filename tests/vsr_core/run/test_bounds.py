@@ -20,7 +20,7 @@ from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull, tipping
+from vsr_core.rock.hull import tipping
 from vsr_core.run import bounds, overturning
 from vsr_core.run.bounds import Barrier, barrier, reachable_energy, still_range
 from vsr_core.run.overturning import Case, Settings, prepare
@@ -236,7 +236,7 @@ def test_a_hull_stays_standing_inside_the_still_range(name: str, friction: float
         case = case_of(name, Contact(friction), float(yaw))
         end = min(-case.still[0], case.still[1])
         rock, turned = case.full.rock, np.array([-yaw, math.pi - yaw])
-        angle = tipping(convex_hull(rock.vertices), turned).angle.min()
+        angle = tipping(rock.hull, turned).angle.min()
         for level in (0.9 * end, -0.9 * end):
             response = complete(case, CosinePulse(level, 0.25), Contact(friction))
             assert response.outcome is Outcome.BALANCED

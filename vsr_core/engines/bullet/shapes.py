@@ -12,7 +12,6 @@ from scipy.spatial import ConvexHull
 from vsr_core.arrays import Array, Indices
 from vsr_core.engines import silenced
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull
 
 with silenced():
     import pybullet
@@ -88,10 +87,9 @@ def bearing_corners(rock: Rock) -> Array:
 
 
 def _hull_on_feet(rock: Rock, feet: Array, scale: float, margin: float, client: int) -> int:
-    hull = convex_hull(rock.vertices)
-    corners = hull.vertices @ rock.axes * scale
+    corners = rock.hull.vertices @ rock.axes * scale
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (hull.facets + 1).tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (rock.hull.facets + 1).tolist()]
     count = 1 + len(feet)
     # Among several shapes PyBullet takes a hull only from a file.
     with tempfile.NamedTemporaryFile("w", suffix=".obj") as file:

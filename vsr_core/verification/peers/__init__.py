@@ -22,7 +22,7 @@ import numpy as np
 from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull, touching
+from vsr_core.rock.hull import touching
 from vsr_core.scene import Scene
 
 Setting = dict[str, float]
@@ -124,5 +124,4 @@ def inertia(rock: Rock) -> Array:
 
 def touching_corners(rock: Rock) -> Array:
     """Corners that can touch a level pedestal up to ``LYING``, shape (n, 3) [m]."""
-    hull = convex_hull(rock.vertices)
-    return hull.vertices[touching(hull, LYING)]
+    return rock.hull.vertices[touching(rock.hull, LYING)]
