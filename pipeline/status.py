@@ -14,7 +14,7 @@ from pipeline.stages.motions import shaking
 from pipeline.stages.motions.shaking import Cell, Shaking
 from pipeline.stages.runs.running import groups
 from pipeline.stages.runs.scenes import left_out, prepared
-from pipeline.stages.runs.time_step_stage import time_step
+from pipeline.stages.runs.step_choice import time_step
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.registry import BY_NAME, upstream

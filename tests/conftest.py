@@ -45,7 +45,7 @@ def derived(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def quick_precision(monkeypatch: pytest.MonkeyPatch) -> None:
+def quick_time_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """Measure the time step on one row a direction at two steps: enough where it is no subject."""
     monkeypatch.setattr(time_step, "SHARES", (0.006, 0.003))
     monkeypatch.setattr(time_step, "BOX_PERIODS", (0.6,))
@@ -54,7 +54,7 @@ def quick_precision(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def vsr(
-    capsys: pytest.CaptureFixture[str], derived: Path, quick_precision: None
+    capsys: pytest.CaptureFixture[str], derived: Path, quick_time_step: None
 ) -> Callable[..., Ran]:
     """Run a command in this process, with products in ``derived``."""
 

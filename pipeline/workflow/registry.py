@@ -64,10 +64,10 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "time_step",
-        make="pipeline.stages.runs.time_step_stage:make",
+        make="pipeline.stages.runs.step_choice:make",
         needs=("rock",),
         reads=("pedestal", "contact", "drive", "servo", "simulation"),
-        code=(*RUN_CODE, "pipeline.stages.runs.time_step_stage:measure_rows", *ENGINE_CODE),
+        code=(*RUN_CODE, "pipeline.stages.runs.step_choice:measure_rows", *ENGINE_CODE),
         inputs="pipeline.stages.runs.scenes:engine_version",
     ),
     Stage(

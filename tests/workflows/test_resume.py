@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-import vsr_core.run.overturning
 from pipeline import ROOT
 from pipeline.stages.runs import overturning_runs
 from pipeline.workflow.datasets import read
@@ -29,7 +28,7 @@ class Counter:
     def __init__(self) -> None:
         self.runs = 0
         self.stop_at: int | None = None
-        self._simulate = vsr_core.run.overturning.simulate
+        self._simulate = overturning_runs.simulate
 
     def __call__(self, *arguments: object) -> object:
         if self.runs == self.stop_at:
@@ -46,7 +45,7 @@ class Counter:
 @pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> Counter:
     counter = Counter()
-    monkeypatch.setattr(vsr_core.run.overturning, "simulate", counter)
+    monkeypatch.setattr(overturning_runs, "simulate", counter)
     return counter
 
 
@@ -89,7 +88,7 @@ def test_second_call_makes_nothing(
     assert counted.take() == 0
     assert stamps(folder) == before
     said = vsr("why", "--site", write_site(GRID)).out.splitlines()
-    stages = ("rock", "motions", "precision", "runs", "responses", "fragility", "report")
+    stages = ("rock", "motions", "time_step", "runs", "responses", "fragility", "report")
     assert said[:7] == [f"{stage}: up to date" for stage in stages]
     assert said[7].startswith("runs: 6 of 6 are stored")
     assert "stages to make: none" in vsr("plan", "--site", write_site(GRID)).out
@@ -260,7 +259,6 @@ SLOW = """
 import sys, time
 from dataclasses import replace
 
-import vsr_core.run.overturning
 from pipeline.cli import main
 from pipeline.stages import runs
 

@@ -16,7 +16,7 @@ from pipeline.stages.motions.shaking import FILE as MOTIONS
 from pipeline.stages.motions.shaking import Shaking
 from pipeline.stages.runs.running import groups
 from pipeline.stages.runs.scenes import left_out, prepared
-from pipeline.stages.runs.time_step_stage import FILE as PRECISION
+from pipeline.stages.runs.step_choice import FILE as TIME_STEP
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import RUNS, RunRow, RunStore
@@ -53,9 +53,9 @@ def make(job: Job) -> Product:
         fill = -1 if array.dtype.kind == "i" else np.nan
         dataset[name].encoding["_FillValue"] = array.dtype.type(fill)
     case = prepared(config, job.store, config.yaw[0], config.contact.friction[0])
-    precision = read(job.path(PRECISION))
+    measured = read(job.path(TIME_STEP))
     for name in ("time_step", "boundary_error", "boundary_error_worst"):
-        dataset[name] = ("friction", precision[name].values)
+        dataset[name] = ("friction", measured[name].values)
     dataset.attrs["left_out"] = "\n".join(f"{r.what}: {r.why}" for r in left_out(config, case))
     counts = np.bincount(arrays["outcome"].ravel(), minlength=len(Outcome))
     summary = ", ".join(f"{counts[o]} {o.name.lower()}" for o in Outcome if counts[o])

@@ -86,7 +86,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         "left_out": report_tables.left_out(
             responses, yaml.safe_load(GAINS.read_text(encoding="utf-8"))
         ),
-        "precision": report_tables.precision(responses),
+        "time_steps": report_tables.time_steps(responses),
         "simulation": job.config.simulation,
         "settings": settings(job.config),
         "command": command(job.site),

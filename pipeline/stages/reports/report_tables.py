@@ -66,7 +66,7 @@ def left_out(responses: xr.Dataset, gains: dict[str, float]) -> list[Row]:
     return rows
 
 
-def precision(responses: xr.Dataset) -> list[Row]:
+def time_steps(responses: xr.Dataset) -> list[Row]:
     """Time step of each friction and the measured error of the boundary, with a sentence."""
     names = ("friction", "time_step", "boundary_error", "boundary_error_worst")
     columns = [responses[name].values.tolist() for name in names]

@@ -9,7 +9,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.stages.motions.shaking import Cell
 from pipeline.stages.runs.running import Work, run_missing
 from pipeline.stages.runs.scenes import on_terrain
-from pipeline.stages.runs.time_step_stage import time_step
+from pipeline.stages.runs.step_choice import time_step
 from pipeline.stages.runs.trajectory_packing import pack
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import DisplacementRow

@@ -8,7 +8,7 @@ from typing import Any
 from pipeline.stages.motions.shaking import Cell
 from pipeline.stages.runs.running import Work, run_missing
 from pipeline.stages.runs.scenes import on_terrain, prepared
-from pipeline.stages.runs.time_step_stage import time_step
+from pipeline.stages.runs.step_choice import time_step
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import RunRow
 from vsr_core.outcome import DecidedBy, Outcome

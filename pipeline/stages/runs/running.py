@@ -13,7 +13,7 @@ from pipeline.config.schema import Config
 from pipeline.stages.motions import shaking
 from pipeline.stages.motions.shaking import Cell
 from pipeline.stages.runs.scenes import identity
-from pipeline.stages.runs.time_step_stage import time_step
+from pipeline.stages.runs.step_choice import time_step
 from pipeline.workflow import keys
 from pipeline.workflow.cluster import Batch
 from pipeline.workflow.progress import Progress

@@ -11,7 +11,7 @@ import xarray as xr
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import pictures
-from pipeline.stages.runs.time_step_stage import FILE as PRECISION
+from pipeline.stages.runs.step_choice import FILE as TIME_STEP
 from pipeline.stages.studies.accuracy import comparing
 from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, work_precision
 from pipeline.stages.studies.accuracy.accuracy_page import facts
@@ -54,7 +54,7 @@ def make(job: Job) -> Product:
     records += comparing.run_suite(job)
     records += comparing.absent_peers()
     diagram = work_precision(records, job.config.simulation.tolerance, job.site.name)
-    shown = facts(job.site.name, job.config, records, targets, read(job.path(PRECISION)), diagram)
+    shown = facts(job.site.name, job.config, records, targets, read(job.path(TIME_STEP)), diagram)
     files = {
         FILE: netcdf(described(_dataset(targets, cells), job, "Accuracy")),
         TABLE: writers.table(comparing.COLUMNS, records),

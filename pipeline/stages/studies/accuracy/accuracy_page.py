@@ -40,7 +40,7 @@ def facts(
     config : Config
     records : list of Record
     targets : dict of the rows
-    chosen : Dataset, what the precision stage measured and chose
+    chosen : Dataset, what the stage of the time step measured and chose
     diagram : Figure, error against CPU time
     """
     tolerance = config.simulation.tolerance

@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.stages.mesh.products import load_rock
 from pipeline.stages.runs.scenes import prepared
-from pipeline.stages.runs.time_step_stage import rows_of, time_step
+from pipeline.stages.runs.step_choice import rows_of, time_step
 from pipeline.stages.studies.accuracy import measuring
 from pipeline.workflow.cluster import Batch
 from pipeline.workflow.stage import Job

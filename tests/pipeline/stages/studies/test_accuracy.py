@@ -25,7 +25,7 @@ SITE = (
 
 
 @pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch, quick_precision: None) -> None:
+def small(monkeypatch: pytest.MonkeyPatch, quick_time_step: None) -> None:
     """Two peers, three steps, a few cells and cases: seconds instead of minutes."""
     monkeypatch.setattr(peers, "names", lambda: ["dart", "mujoco_default", "seed"])
     missing = peers.missing

@@ -1,4 +1,4 @@
-"""Precision: the time step of each friction, from the error that the scene itself shows.
+"""The time step of each friction, chosen, from the error that the scene itself shows.
 
 The step does not depend on the directions and motions of a study: a wider grid or another yaw keeps
 it, and with it every run that is stored.
@@ -23,10 +23,10 @@ from pipeline.workflow.store import Store
 from vsr_core import GRAVITY
 from vsr_core.rock.body import Rock
 from vsr_core.run.overturning import Case, Settings
-from vsr_core.verification import time_step as precision
+from vsr_core.verification import time_step as ladder
 from vsr_core.verification.time_step import Choice, Row, longest, step_unit
 
-FILE = "precision.nc"
+FILE = "time_step.nc"
 
 FEW = 4
 """Rows up to this number are measured without starting worker processes."""
@@ -53,7 +53,7 @@ def make(job: Job) -> Product:
     if given != "auto":
         dataset = _dataset(frictions, [given] * len(frictions))
         note = f"time step {1e3 * given:.4g} ms as given; its error was not measured"
-        return Product({FILE: netcdf(described(dataset, job, "Precision"))}, note)
+        return Product({FILE: netcdf(described(dataset, job, "Time step"))}, note)
     places = rows_of(rock)
     before = _measured_before(job.store)
     names = {friction: _name(job.config, job.store, friction) for friction in frictions}
@@ -69,7 +69,7 @@ def make(job: Job) -> Product:
     for name in ("time_step", "error", "worst", "within"):
         values = [float(getattr(choice, name)) for choice in choices]
         dataset[_NAMES.get(name, name)] = ("friction", values)
-    return Product({FILE: netcdf(described(dataset, job, "Precision"))}, _summary(choices))
+    return Product({FILE: netcdf(described(dataset, job, "Time step"))}, _summary(choices))
 
 
 _NAMES = {"error": "boundary_error", "worst": "boundary_error_worst", "within": "within_tolerance"}
@@ -77,14 +77,14 @@ _NAMES = {"error": "boundary_error", "worst": "boundary_error_worst", "within": 
 
 def rows_of(rock: Rock) -> tuple[Place, ...]:
     """Yaw [degree] and PGV/PGA [s] of the rows of a rock."""
-    yaws = [math.degrees(yaw) for yaw in precision.directions(rock)]
-    return tuple((yaw, period) for yaw in yaws for period in precision.periods(rock))
+    yaws = [math.degrees(yaw) for yaw in ladder.directions(rock)]
+    return tuple((yaw, period) for yaw in yaws for period in ladder.periods(rock))
 
 
 def measure_rows(shared: tuple[Case, Settings], items: tuple[float, ...]) -> list[Row]:
     """Rows of one direction and friction, on a worker; ``items`` are PGV/PGA [s]."""
     case, settings = shared
-    return [precision.measure(case, pgv_pga, settings) for pgv_pga in items]
+    return [ladder.measure(case, pgv_pga, settings) for pgv_pga in items]
 
 
 def _measure(
@@ -95,7 +95,7 @@ def _measure(
             for place in places:
                 yield Batch((friction, place), f"{place[0]}/{friction}", (place[1],))
 
-    job.log(f"precision: measuring {len(places)} boundaries at {len(precision.SHARES)} time steps")
+    job.log(f"time_step: measuring {len(places)} boundaries at {len(ladder.SHARES)} time steps")
     few = len(frictions) * len(places) <= FEW
     cluster = job.cluster.in_process() if few else job.cluster
     return {
@@ -120,7 +120,7 @@ def _name(config: Config, store: Store, friction: float) -> str:
 
 def _measured_before(store: Store) -> dict[str, xr.Dataset]:
     """What the product measured for each friction, by its identity."""
-    if store.manifest("precision") is None or store.damage("precision"):
+    if store.manifest("time_step") is None or store.damage("time_step"):
         return {}
     old = read(store.folder / FILE)
     if "measurement" not in old:
@@ -138,7 +138,7 @@ def _measured(
     before: dict[str, xr.Dataset],
 ) -> xr.Dataset:
     frictions = config.contact.friction
-    shape = (len(frictions), len(places), len(precision.SHARES))
+    shape = (len(frictions), len(places), len(ladder.SHARES))
     error, steps = np.full(shape, np.nan), np.full(shape, np.nan)
     reference = np.full(shape[:2], np.nan)
     for at, friction in enumerate(frictions):
@@ -159,7 +159,7 @@ def _measured(
     dataset["row_reference"] = (("friction", "row"), reference)
     dataset["row_error"] = (("friction", "row", "step_share"), error)
     dataset["row_steps"] = (("friction", "row", "step_share"), steps)
-    return dataset.assign_coords(step_share=list(precision.SHARES))
+    return dataset.assign_coords(step_share=list(ladder.SHARES))
 
 
 def _dataset(frictions: Sequence[float], steps: Sequence[float]) -> xr.Dataset:
@@ -177,9 +177,9 @@ def _dataset(frictions: Sequence[float], steps: Sequence[float]) -> xr.Dataset:
 
 def _choice(dataset: xr.Dataset, tolerance: float) -> Choice:
     """Choice from what was measured for one friction."""
-    measured = precision.front(dataset["row_error"].values, dataset["row_steps"].values)
+    measured = ladder.front(dataset["row_error"].values, dataset["row_steps"].values)
     unit, most = (float(dataset.attrs[name]) for name in ("step_unit_s", "longest_step_s"))
-    return precision.choose(measured, tolerance, unit, most * tolerance / 0.01)
+    return ladder.choose(measured, tolerance, unit, most * tolerance / 0.01)
 
 
 def _summary(choices: Sequence[Choice]) -> str:
