@@ -41,11 +41,11 @@ displacement: setup ## where the rock of SITE goes over its terrain: trajectorie
 prep: setup ## rock and terrain from SITE's scan, with a page of every step
 	$(vsr) prep $(site)
 
-accuracy: setup ## error of SITE's boundary against run time, beside other ways of computing it
+accuracy: setup-dev ## error of SITE's boundary against run time, beside other ways of computing it
 	$(vsr) run accuracy $(site) $(where)
 
 stability: SITE ?= cuboid_1x1x2
-stability: setup ## stiff and extreme cases, each with its verdict
+stability: setup-dev ## stiff and extreme cases, each with its verdict
 	$(vsr) run stability $(site) $(where)
 
 drive: setup ## how a servo's table follows its motions, and what that does to SITE's boundary
@@ -83,32 +83,35 @@ fetch: setup ## download the public original NAME into data/raw
 #: DERIVED=folder         where results go, in place of data/derived
 
 ## The project
-.PHONY: setup test test-slow lint check format bench lock clean
-test: setup ## tests of some minutes at most, with coverage
+.PHONY: setup setup-dev test test-slow lint check format bench lock clean
+test: setup-dev ## tests of some minutes at most, with coverage
 	@$(python) -m pytest -n auto --dist loadfile --cov --cov-report=term:skip-covered
 
-test-slow: setup ## tests that take many minutes
+test-slow: setup-dev ## tests that take many minutes
 	@$(python) -m pytest -m slow
 
 check: lint test ## lint, format, types and tests
 
-lint: setup ## lint, format and types only
+lint: setup-dev ## lint, format and types only
 	@$(python) -m ruff check
 	@$(python) -m ruff format --check
 	@$(python) -m mypy
 
-format: setup ## put the code in the project's format
+format: setup-dev ## put the code in the project's format
 	@$(python) -m ruff check --fix
 	@$(python) -m ruff format
 
-bench: setup ## performance benchmarks, as ratios in one run
+bench: setup-dev ## performance benchmarks, as ratios in one run
 	@$(python) -m benchmarks
 
-lock: ## renew requirements.lock from pyproject.toml; UPGRADE=1 for the newest versions
+lock: ## renew both locks from pyproject.toml; UPGRADE=1 for the newest versions
 	@scripts/setup.sh lock $(if $(value UPGRADE),--upgrade)
 
 clean: setup ## remove derived data, of SITE or of all; asks first, unless YES=1
 	$(vsr) clean $(call flag,--site,SITE) $(derived) $(if $(value YES),--yes)
 
-setup: ## make .venv now; every target does so when it is missing or stale
+setup: ## make .venv now, with what a run needs; every target does so when it is missing or stale
 	@scripts/setup.sh
+
+setup-dev: ## add to .venv what tests and checks need, and MuJoCo
+	@scripts/setup.sh dev

@@ -1,15 +1,17 @@
 #!/usr/bin/env bash
-# Makes .venv from requirements.lock when it is missing or stale; returns at once when it is fresh.
+# Makes .venv from the locks where it is missing or stale; returns at once where it is fresh.
 #
-#   scripts/setup.sh                    exit 0 ready, 1 an installation failed, 2 something to install
-#   scripts/setup.sh lock [--upgrade]   make requirements.lock from pyproject.toml
+#   scripts/setup.sh                    what a run needs: requirements.lock
+#   scripts/setup.sh dev                and what tests and checks need: requirements-dev.lock
+#   scripts/setup.sh lock [--upgrade]   make both locks from pyproject.toml
 #
-# Python is $PYTHON if set, else 3.11 if there is one, else the oldest newer one. .venv/.ready is
-# written last, so that what failed or was interrupted starts afresh.
+# Exit 0 ready, 1 an installation failed, 2 something to install first. Python is $PYTHON if set,
+# else 3.11 if there is one, else the oldest newer one. Packages come by uv, from PATH or as a wheel
+# of the lock, which takes a tenth of pip's time; by pip where there is none or it fails.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-readonly READY=.venv/.ready LOG=.venv/setup.log
+readonly LOG=.venv/setup.log
 readonly PIP=(.venv/bin/python -m pip --disable-pip-version-check --no-input)
 
 # What a Python is, one fact per line; older Pythons than 3 fail on it, which is an answer too.
@@ -27,24 +29,6 @@ print(sys.version_info[1] if sys.implementation.name == "cpython" else 0, platfo
 '
 
 say() { printf 'setup: %s\n' "$*" >&2; }
-
-# Stamp -------------------------------------------------------------------------------------------
-
-stamp() { # the lines of a stamp: the lock and its place, the project, the Python, the one asked for
-  printf '%s %s\n%s\n%s\n%s\n' "$lock_sum" "$PWD" "$project_sum" "$1" "$2"
-}
-
-fresh() { # what is there: all of it, or "locked" where only the project changed
-  local was=() line
-  [[ -f $READY && -x .venv/bin/python && -x .venv/bin/vsr ]] || return 1
-  while IFS= read -r line; do was+=("$line"); done <"$READY"
-  [[ ${#was[@]} == 4 && ${was[0]} == "$lock_sum $PWD" ]] || return 1
-  [[ $1 == locked || ${was[1]} == "$project_sum" ]] || return 1
-  if [[ -n ${PYTHON-} && $PYTHON != "${was[2]}" && $PYTHON != "${was[3]}" ]]; then
-    if suits "$PYTHON" && [[ $python != "${was[2]}" ]]; then return 1; fi
-  fi
-  python=${was[2]} asked=${was[3]}
-}
 
 # Python ------------------------------------------------------------------------------------------
 
@@ -93,9 +77,9 @@ choose() { # sets python, version and wheel (0: pybullet has to be built), or en
 
 # Installation ------------------------------------------------------------------------------------
 
-quietly() { # run, with all that it prints in the log only
+logged() { # run, with all that it prints in the log only
   printf '\n$ %s\n' "$*" >>"$LOG"
-  "$@" >>"$LOG" 2>&1 || failed
+  "$@" >>"$LOG" 2>&1
 }
 
 failed() {
@@ -105,59 +89,116 @@ failed() {
   exit 1
 }
 
-install() {
-  choose
-  asked=${PYTHON-}
-  if ((wheel)); then
-    say "making .venv with Python $version, about a minute"
-  else
-    say "making .venv with Python $version, on which pybullet builds from source: 4 to 5 minutes on two cores"
+pinned() { awk -v "start=$1==" '/^[^ #]/ { on = index($0, start) == 1 } on' "$2"; } # a lock's part
+
+find_uv() { # sets uv, or leaves it empty where only pip is to be had
+  uv=$(type -P uv || type -P .venv/bin/uv) && return
+  pinned uv requirements-dev.lock >.venv/uv.lock
+  if logged "${PIP[@]}" install --only-binary :all: --require-hashes -r .venv/uv.lock; then
+    uv=.venv/bin/uv
   fi
-  rm -f "$READY" # before anything else, as the removal itself may be interrupted
+}
+
+add() { # install into .venv
+  if [[ -n $uv ]]; then
+    if logged "$uv" pip install --python .venv/bin/python "$@"; then return; fi
+    say "uv failed, as $LOG tells; going on with pip, which takes longer"
+    uv=''
+  fi
+  logged "${PIP[@]}" install --progress-bar off "$@" || failed
+}
+
+install_environment() {
+  local about='half a minute'
+  choose
+  ((wheel)) || about='4 to 5 minutes on two cores, as pybullet builds from source on this Python'
+  say "installing what a run needs into .venv, with Python $version, once: about $about"
+  rm -f .venv/.environment # before anything else, as the removal itself may be interrupted
   rm -rf .venv
   mkdir .venv
-  quietly "$python" -m venv .venv
+  logged "$python" -m venv .venv || failed
+  printf '%s\n' "$python" >.venv/.python
+  find_uv
   # What has to be built is built with the setuptools of the lock, not with the newest one.
-  awk '/^[^ #]/ { on = /^setuptools==/ } on' requirements.lock >.venv/setuptools.lock
-  quietly "${PIP[@]}" install --progress-bar off --require-hashes -r .venv/setuptools.lock
-  quietly "${PIP[@]}" install --progress-bar off --require-hashes --no-build-isolation --use-pep517 \
-    -r requirements.lock
+  pinned setuptools requirements.lock >.venv/setuptools.lock
+  add --require-hashes -r .venv/setuptools.lock
+  add --require-hashes --no-build-isolation -r requirements.lock
 }
 
 install_project() {
-  quietly "${PIP[@]}" install --no-deps --no-build-isolation --editable .
-  if ! "${PIP[@]}" check >>"$LOG" 2>&1; then
+  add --no-deps --no-build-isolation --editable .
+  if ! logged "${PIP[@]}" check; then
     say "requirements.lock does not fit pyproject.toml: \`make lock\` renews it"
     failed
   fi
-  quietly .venv/bin/python -m compileall -q pipeline vsr_core
-  stamp "$python" "$asked" >"$READY.new"
-  mv "$READY.new" "$READY"
+}
+
+install_dev() {
+  say "adding what tests and checks need to .venv"
+  add --require-hashes --no-build-isolation -r requirements.lock -r requirements-dev.lock
+}
+
+# Steps -------------------------------------------------------------------------------------------
+
+state() { # what a step was done for; written when it is done
+  case $1 in
+    environment) printf '%s %s\n' "$(cksum <requirements.lock)" "$PWD" ;;
+    project) cksum <pyproject.toml ;;
+    dev) cksum <requirements-dev.lock ;;
+  esac
+}
+
+same_python() { # or none is asked for, or what is asked for will not do
+  [[ -z ${PYTHON-} ]] || ! suits "$PYTHON" || [[ $python == "$(<.venv/.python)" ]]
+}
+
+has() {
+  [[ -x .venv/bin/python && -f .venv/.$1 && $(<".venv/.$1") == "$(state "$1")" ]] || return 1
+  [[ $1 != environment ]] || same_python
+}
+
+ready() {
+  local step
+  for step in "${steps[@]}"; do has "$step" || return 1; done
+}
+
+take() { # do a step, unless it is done
+  has "$1" && return
+  "install_$1"
+  state "$1" >".venv/.$1.new"
+  mv ".venv/.$1.new" ".venv/.$1"
 }
 
 lock() {
-  local uv
-  if ! uv=$(type -P uv); then
+  local uv compile known=() name
+  if ! uv=$(type -P uv || type -P .venv/bin/uv); then
     choose
     folder=$(mktemp -d)
     trap 'rm -rf "$folder"' EXIT
     "$python" -m venv "$folder"
-    "$folder/bin/python" -m pip --disable-pip-version-check install --quiet uv
+    pinned uv requirements-dev.lock >"$folder/uv.lock"
+    "$folder/bin/python" -m pip install --quiet --require-hashes -r "$folder/uv.lock"
     uv=$folder/bin/uv
   fi
-  "$uv" pip compile --universal --python-version 3.11 --generate-hashes --extra dev --quiet \
-    --custom-compile-command 'make lock' --output-file requirements.lock "$@" pyproject.toml
+  compile=("$uv" pip compile --universal --python-version 3.11 --generate-hashes --quiet
+    --custom-compile-command 'make lock' "$@" pyproject.toml)
+  "${compile[@]}" --group setup --output-file requirements.lock
+  # The second lock holds only what the first does not.
+  for name in $(sed -n 's/^\([a-z0-9][^=]*\)==.*/\1/p' requirements.lock | sort -u); do
+    known+=(--no-emit-package "$name")
+  done
+  "${compile[@]}" --group dev --constraint requirements.lock "${known[@]}" \
+    --output-file requirements-dev.lock
 }
 
 # Packages of other installations (a sourced ROS, say) must not pass for those of the lock.
 unset PYTHONHOME PYTHONPATH PYTHONDONTWRITEBYTECODE PIP_USER PIP_TARGET PIP_PREFIX
-if [[ ${1-} == lock ]]; then
-  lock "${@:2}"
-  exit
-fi
-lock_sum=$(cksum <requirements.lock)
-project_sum=$(cksum <pyproject.toml)
-fresh all && exit
+steps=(environment project)
+case ${1-} in
+  lock) lock "${@:2}" && exit ;;
+  dev) steps+=(dev) ;;
+esac
+ready && exit
 
 # One at a time; where there is no flock, two at once are the user's to avoid.
 if command -v flock >/dev/null; then
@@ -165,12 +206,6 @@ if command -v flock >/dev/null; then
   flock --nonblock 9 || { say "another setup is under way; waiting for it" && flock 9; } || true
 fi
 trap 'say "stopped; the next run starts afresh"; exit 130' INT TERM
-fresh all && exit
-if fresh locked; then
-  rm "$READY"
-  say "pyproject.toml changed: installing the project again"
-else
-  install
-fi
-install_project
+ready && exit
+for step in "${steps[@]}"; do take "$step"; done
 say "done in $SECONDS s"
