@@ -100,6 +100,7 @@ find_uv() { # sets uv, or leaves it empty where only pip is to be had
 }
 
 add() { # install into .venv
+  [[ $uv != unsought ]] || find_uv
   if [[ -n $uv ]]; then
     if logged "$uv" pip install --python .venv/bin/python "$@"; then return; fi
     say "uv failed, as $LOG tells; going on with pip, which takes longer"
@@ -118,7 +119,6 @@ install_environment() {
   mkdir .venv
   logged "$python" -m venv .venv || failed
   printf '%s\n' "$python" >.venv/.python
-  find_uv
   # What has to be built is built with the setuptools of the lock, not with the newest one.
   pinned setuptools requirements.lock >.venv/setuptools.lock
   add --require-hashes -r .venv/setuptools.lock
@@ -193,6 +193,7 @@ lock() {
 
 # Packages of other installations (a sourced ROS, say) must not pass for those of the lock.
 unset PYTHONHOME PYTHONPATH PYTHONDONTWRITEBYTECODE PIP_USER PIP_TARGET PIP_PREFIX
+uv=unsought
 steps=(environment project)
 case ${1-} in
   lock) lock "${@:2}" && exit ;;
