@@ -6,7 +6,7 @@ import numpy as np
 
 from vsr_core.rock import solid
 from vsr_core.run import bounds
-from vsr_core.run.overturning import Case, Settings, prepare
+from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification import peers, time_step, work_precision
 from vsr_core.verification.work_precision import Target

@@ -16,8 +16,8 @@ from pipeline.config.layers import load_site
 from pipeline.stages.runs.scenes import on_terrain
 from pipeline.workflow.store import Store
 from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.run.displacement import Site, travel
-from vsr_core.run.overturning import Settings
+from vsr_core.run.cases import Settings, TerrainCase
+from vsr_core.run.displacement import displace
 
 SITE = "double_rock_terrain"
 
@@ -73,7 +73,7 @@ def reductions(folder: Path) -> list[Row]:
     ]
 
 
-def _larger(site: Site) -> Site:
+def _larger(site: TerrainCase) -> TerrainCase:
     """The site with three more copies of its terrain around it, out of the rock's reach."""
     terrain = site.seat.terrain
     assert terrain is not None
@@ -93,17 +93,17 @@ def _larger(site: Site) -> Site:
     )
 
 
-def _with(site: Site, **changes: object) -> Site:
+def _with(site: TerrainCase, **changes: object) -> TerrainCase:
     seat = replace(site.seat, **changes)  # type: ignore[arg-type]
     return replace(site, seat=seat, flight=seat)
 
 
-def _cost(site: Site) -> float:
+def _cost(site: TerrainCase) -> float:
     """CPU time of a step [s], over the cells."""
-    travel(site, CosinePulse.from_g(0.2, 0.1), Settings(STEP))  # builds the worlds
+    displace(site, CosinePulse.from_g(0.2, 0.1), Settings(STEP))  # builds the worlds
     start, steps = time.process_time(), 0
     for pga, pgv_pga in CELLS:
-        steps += travel(site, CosinePulse.from_g(pga, pgv_pga), Settings(STEP)).response.steps
+        steps += displace(site, CosinePulse.from_g(pga, pgv_pga), Settings(STEP)).response.steps
     return (time.process_time() - start) / steps
 
 

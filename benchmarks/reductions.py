@@ -33,7 +33,8 @@ from vsr_core.outcome import Outcome
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.run import bounds, sampling
-from vsr_core.run.overturning import Case, Settings, prepare, simulate
+from vsr_core.run.cases import Case, Settings, prepare
+from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.table.servo import Servo
@@ -205,13 +206,13 @@ ROWS = (
     ),
     Row(
         "runs that cannot move",
-        f"`still_range` in {PROOF}: forces that hold the rock exist",
+        f"`static_limits` in {PROOF}: forces that hold the rock exist",
         no_proof_before,
         "runs below the uplift and sliding limits",
     ),
     Row(
         "the motion before its first push",
-        "until it leaves `still_range` nothing moves",
+        "until it leaves `static_limits` nothing moves",
         whole_motion,
         "the motion before its first push",
     ),
@@ -259,7 +260,7 @@ def _complete(case: Case) -> Case:
 
 def _cannot_move(run: Run) -> bool:
     """Whether ``simulate`` itself leaves the run out."""
-    return run.motion.peak_acceleration < min(-run.case.still[0], run.case.still[1])
+    return run.motion.peak_acceleration < min(-run.case.static_limits[0], run.case.static_limits[1])
 
 
 def _from_the_start(run: Run) -> Run:

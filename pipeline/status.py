@@ -102,7 +102,7 @@ def _planned_runs(job: Job, rock: Store, kind: Kind, *, measured: bool) -> list[
     total = proved = new = 0
     for yaw in config.yaw:
         for friction in config.contact.friction:
-            still = prepared(config, rock, yaw, friction).still
+            still = prepared(config, rock, yaw, friction).static_limits
             proves = config.simulation.reduce and not config.on_terrain
             proves = proves and config.motion.kind != "table"
             limit = min(-still[0], still[1]) / GRAVITY if proves else 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 RUN_CODE = (
-    "vsr_core.run.overturning:prepare",
+    "vsr_core.run.cases:prepare",
     "vsr_core.run.overturning:simulate",
     "vsr_core.run.bounds:barrier",
     "vsr_core.motions.cosine_pulse:CosinePulse",
@@ -12,7 +12,7 @@ RUN_CODE = (
 
 TERRAIN_CODE = (
     *RUN_CODE,
-    "vsr_core.run.displacement:travel",
+    "vsr_core.run.displacement:displace",
     "pipeline.stages.runs.scenes:on_terrain",
 )
 """The same on a terrain."""

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import from_mesh
-from vsr_core.run import displacement
+from vsr_core.run.cases import TerrainCase
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
@@ -152,9 +152,9 @@ def site(
     friction: float = 0.6,
     restitution: float = 0.0,
     start: State | None = None,
-) -> displacement.Site:
+) -> TerrainCase:
     """A rock on its ground, in the same scene before and after toppling."""
     state = start or at_rest(rock.height)
     contact = Contact(friction, restitution)
     scene = Scene(rock, contact, yaw, "terrain", start=state, terrain=terrain)
-    return displacement.Site(scene, scene, toppled_tilt)
+    return TerrainCase(scene, scene, toppled_tilt)

@@ -31,12 +31,12 @@ class Rock:
     inertia: Array
     axes: Array
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """Largest distance of a vertex from the centre of mass [m]."""
         return float(np.linalg.norm(self.vertices, axis=1).max())
 
-    @property
+    @cached_property
     def height(self) -> float:
         """Height of the centre of mass above the pedestal at rest [m]."""
         return float(-self.vertices[:, 2].min())

@@ -13,7 +13,7 @@ Every theorem here assumes
   where an impact meets friction (Stronge 1990);
 
 and what its docstring adds. An engine obeys them up to its errors only: see ``simulate`` for the
-guards, and ``tests/test_bounds_hunt.py`` for the hunt after counterexamples. ``still_range`` and
+guards, and ``tests/test_bounds_hunt.py`` for the hunt after counterexamples. ``static_limits`` and
 all that take an ``impulse`` need a(t) in advance. A servo adds to it what the rock's push and its
 own error make, also after the motion has ended, so that they must not be used there.
 
@@ -118,7 +118,7 @@ def barrier(rock: Rock) -> Barrier:
     return Barrier(tilt, height, toppled, edge_tilt, edge_height, upright_floor, floor)
 
 
-def still_range(rock: Rock, contact: Contact, yaw: float) -> tuple[float, float]:
+def static_limits(rock: Rock, contact: Contact, yaw: float) -> tuple[float, float]:
     """Range of table accelerations (lowest, highest) [m/s^2] in which a resting rock stays at rest.
 
     Theorem: the rock rests on its lowest face, and shaking along x presses it with (-a, 0, -g) at

@@ -12,7 +12,7 @@ from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import tipping
-from vsr_core.run.overturning import Case, Settings
+from vsr_core.run.cases import Case, Settings
 from vsr_core.run.sampling import first_step, samples, sampling
 from vsr_core.scene import Contact, Scene
 from vsr_core.table.servo import Servo

@@ -46,6 +46,31 @@ TABLE_FRAME_REDUCTIONS = (
 )
 """What it leaves out besides where no servo moves the table."""
 
+TERRAIN_REDUCTIONS = (
+    Reduction(
+        "joint, servo and moving terrain",
+        "the motion is prescribed, so the table's own frame is exact: gravity minus the table's "
+        "acceleration",
+    ),
+    Reduction(
+        "runs below the uplift and sliding limits",
+        "forces in the friction cones at the points of contact balance weight and inertia",
+    ),
+    Reduction(
+        "triangles of the terrain",
+        "convex parts that stand out of it by less than a stated tolerance take their place",
+    ),
+    Reduction(
+        "ground out of reach", "only what is near the rock's surface is in the engine's world"
+    ),
+    Reduction(
+        "corners of the rock's hull",
+        "its base is complete while it is on its seat; what is left out lies within a stated "
+        "distance of the rest, farther once the rock has toppled",
+    ),
+)
+"""What runs on a terrain leave out."""
+
 
 def reduce(scene: Scene) -> tuple[Scene, tuple[Reduction, ...]]:
     """The least scene with the same outcome, and what was left out.

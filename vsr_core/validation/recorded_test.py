@@ -14,7 +14,8 @@ from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import touching
 from vsr_core.rock.reduction import lightened
 from vsr_core.run import bounds
-from vsr_core.run.overturning import Case, Settings, prepare, simulate
+from vsr_core.run.cases import Case, Settings, prepare
+from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
 from vsr_core.validation.priors import Member
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.outcome import Outcome
-from vsr_core.run.overturning import Case
+from vsr_core.run.cases import Case
 from vsr_core.verification.rocking_block import Block, first_overturning_pga, rocking_response
 
 Topples = Callable[[float], bool | None]
@@ -79,7 +79,7 @@ def answer(
             exact=True,
             spread=0.0,
         )
-    near = bisect(coarse, 0.9 * min(-case.still[0], case.still[1]), STRONGEST, 9)
+    near = bisect(coarse, 0.9 * min(-case.static_limits[0], case.static_limits[1]), STRONGEST, 9)
     ends = (1.0 - WINDOW) * near, (1.0 + WINDOW) * near
     found = [bisect(reference, *ends, HALVINGS) for reference in bisected]
     boundary = float(np.mean(found))

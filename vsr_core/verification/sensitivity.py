@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from vsr_core.engines import Solver, bullet
-from vsr_core.run.overturning import Case, Settings, prepare
+from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.scene import Scene
 from vsr_core.table import servo
 

@@ -18,8 +18,9 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.rock.body import Rock
+from vsr_core.run.cases import Case, Settings
 from vsr_core.run.input_checks import longest_step
-from vsr_core.run.overturning import Case, Settings, simulate
+from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.boundary_search import agrees_from, answer, verdict
 

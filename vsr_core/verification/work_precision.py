@@ -14,7 +14,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.run.overturning import Case, Settings, simulate
+from vsr_core.run.cases import Case, Settings
+from vsr_core.run.overturning import simulate
 from vsr_core.verification.boundary_search import Topples, agrees_from, answer, levels, verdict
 from vsr_core.verification.time_step import COARSE_SHARE, REFERENCE_SHARE, step_unit
 

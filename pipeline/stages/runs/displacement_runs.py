@@ -14,21 +14,22 @@ from pipeline.stages.runs.trajectory_packing import pack
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import DisplacementRow
 from vsr_core.outcome import Outcome, StopReason
-from vsr_core.run.displacement import travel
-from vsr_core.run.overturning import Settings
+from vsr_core.run.cases import Settings
+from vsr_core.run.displacement import displace
 
 
 def follow_batch(shared: Any, cells: tuple[Cell, ...]) -> list[tuple[Any, ...]]:
     """Journeys of the cells, on a worker.
 
-    ``shared`` is a Site with its Settings, and the motions. The last entry of the list is the CPU
+    ``shared`` is a TerrainCase with its Settings, and the motions. The last entry of the list
+    is the CPU
     time used [s].
     """
     site, settings, motions = shared
     start = time.process_time()
     rows: list[tuple[Any, ...]] = []
     for cell in cells:
-        found = travel(site, motions.motion(cell), settings)
+        found = displace(site, motions.motion(cell), settings)
         r = found.response
         packed = pack(found.trajectory)
         rows.append((int(r.outcome), r.peak_tilt, r.slip, r.steps, int(found.stop), packed))

@@ -12,21 +12,23 @@ from pipeline.stages.runs.step_choice import time_step
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import RunRow
 from vsr_core.outcome import DecidedBy, Outcome
-from vsr_core.run.displacement import topple
-from vsr_core.run.overturning import Case, Settings, simulate
+from vsr_core.run.cases import Case, Settings
+from vsr_core.run.displacement import respond
+from vsr_core.run.overturning import simulate
 
 
 def simulate_batch(shared: Any, cells: tuple[Cell, ...]) -> list[tuple[Any, ...]]:
     """Responses to the cells, on a worker.
 
-    ``shared`` is a Case or a Site with its Settings, and the motions. The last entry of the list is
+    ``shared`` is a Case or a TerrainCase with its Settings, and the motions. The last entry of
+    the list is
     the CPU time used [s].
     """
     place, settings, motions = shared
     start = time.process_time()
     rows: list[tuple[Any, ...]] = []
     for cell in cells:
-        run = simulate if isinstance(place, Case) else topple
+        run = simulate if isinstance(place, Case) else respond
         r = run(place, motions.motion(cell), settings)
         rows.append((int(r.outcome), int(r.decided_by), r.peak_tilt, r.final_tilt, r.slip, r.steps))
     return [*rows, (time.process_time() - start,)]

@@ -20,11 +20,10 @@ from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
 from vsr_core.rock.solid import standing
 from vsr_core.run import displacement
-from vsr_core.run.displacement import REDUCTIONS
-from vsr_core.run.displacement import Site as Ground
+from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
+from vsr_core.run.cases import TerrainCase as Ground
 from vsr_core.run.input_checks import COARSEST_SHARE, check, longest_step
-from vsr_core.run.overturning import Case, Settings, prepare
-from vsr_core.run.reductions import TABLE_FRAME_REDUCTIONS, Reduction
+from vsr_core.run.reductions import TABLE_FRAME_REDUCTIONS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.scene import Scene
 
 
@@ -87,10 +86,10 @@ def on_terrain(config: Config, store: Store, yaw: float, friction: float) -> Gro
         terrain=terrain,
     )
     if not reduce:
-        return displacement.Site(seat, seat, limits.toppled_tilt)
+        return TerrainCase(seat, seat, limits.toppled_tilt)
     flight = replace(seat, rock=reduction.in_flight(rock))
     step = COARSEST_SHARE * math.sqrt(rock.radius / GRAVITY)
-    return displacement.Site(seat, flight, limits.toppled_tilt, displacement.still(seat, step))
+    return TerrainCase(seat, flight, limits.toppled_tilt, displacement.limits_on_seat(seat, step))
 
 
 def left_out(config: Config, case: Case) -> tuple[Reduction, ...]:
@@ -99,7 +98,7 @@ def left_out(config: Config, case: Case) -> tuple[Reduction, ...]:
         return tuple(r for r in case.reductions if r not in TABLE_FRAME_REDUCTIONS[1:])
     if not config.on_terrain:
         return case.reductions
-    return REDUCTIONS if config.simulation.reduce else ()
+    return TERRAIN_REDUCTIONS if config.simulation.reduce else ()
 
 
 def check_scene(site: Site, store: Store) -> Case:

@@ -22,7 +22,7 @@ from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY
 from vsr_core.rock.body import Rock
-from vsr_core.run.overturning import Case, Settings
+from vsr_core.run.cases import Case, Settings
 from vsr_core.verification import time_step as ladder
 from vsr_core.verification.time_step import Choice, Row, longest, step_unit
 

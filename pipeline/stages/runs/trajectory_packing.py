@@ -6,7 +6,7 @@ import zlib
 
 import numpy as np
 
-from vsr_core.run.displacement import Trajectory
+from vsr_core.run.trajectory import Trajectory
 
 SAMPLE = np.dtype(
     [
@@ -18,7 +18,7 @@ SAMPLE = np.dtype(
         ("contact", "i1"),
     ]
 )
-"""A sample of ``vsr_core.run.displacement.Trajectory``: micrometres and microradians are enough."""
+"""A sample of ``vsr_core.run.trajectory.Trajectory``: micrometres and microradians are enough."""
 
 
 def pack(trajectory: Trajectory) -> bytes:

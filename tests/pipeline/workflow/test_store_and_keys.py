@@ -29,6 +29,7 @@ from pipeline.workflow import keys, store
 from pipeline.workflow.graph import identities
 from pipeline.workflow.store import RUNS, DisplacementRow, RunRow, RunStore, Store
 from vsr_core.outcome import Outcome
+from vsr_core.run.displacement import displace
 
 SMALL = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2, 0.5]}\n"
 FACTS = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0}
@@ -550,7 +551,8 @@ def test_every_function_that_a_run_enters_is_in_its_key() -> None:
     from vsr_core.motions.cosine_pulse import CosinePulse
     from vsr_core.rock import solid
     from vsr_core.run import bounds
-    from vsr_core.run.overturning import Settings, prepare, simulate
+    from vsr_core.run.cases import Settings, prepare
+    from vsr_core.run.overturning import simulate
     from vsr_core.scene import Contact, Scene
     from vsr_core.verification.time_step import step_unit
 
@@ -569,8 +571,7 @@ def test_every_function_that_a_run_enters_is_in_its_key() -> None:
 
 def test_every_function_that_a_displacement_run_enters_is_in_its_key() -> None:
     from vsr_core.motions.cosine_pulse import CosinePulse
-    from vsr_core.run.displacement import travel
-    from vsr_core.run.overturning import Settings
+    from vsr_core.run.cases import Settings
 
     rock = grounds.lump()
     triangles = grounds.perch(cells=6)
@@ -579,7 +580,7 @@ def test_every_function_that_a_displacement_run_enters_is_in_its_key() -> None:
     with following() as entered:
         for place in places:
             for pga in (0.01, 0.7):
-                travel(place, CosinePulse.from_g(pga, 0.15), Settings(0.002))
+                displace(place, CosinePulse.from_g(pga, 0.15), Settings(0.002))
     assert len(entered) > 15
     roots = run_code(load_site("double_rock_terrain").config)
     assert entered - set(keys.code(roots)) == set()

@@ -26,8 +26,9 @@ from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.run.bounds import Barrier, barrier
+from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.input_checks import check
-from vsr_core.run.overturning import Settings, prepare, simulate
+from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.table.servo import PUBLISHED
 

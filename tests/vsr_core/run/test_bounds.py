@@ -22,8 +22,8 @@ from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import tipping
 from vsr_core.run import bounds, overturning
-from vsr_core.run.bounds import Barrier, barrier, reachable_energy, still_range
-from vsr_core.run.overturning import Case, Settings, prepare
+from vsr_core.run.bounds import Barrier, barrier, reachable_energy, static_limits
+from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.scene import Contact, Scene
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.verification.time_step import step_unit
@@ -218,7 +218,7 @@ def test_a_box_does_not_move_inside_the_still_range(friction: float) -> None:
     """Complete runs just inside both ends of the range: neither tilt nor slip."""
     for yaw in np.radians([0.0, 70.0, 190.0]):
         case = case_of("box 1x1x2", Contact(friction), float(yaw))
-        for level in (0.97 * case.still[0], 0.97 * case.still[1]):
+        for level in (0.97 * case.static_limits[0], 0.97 * case.static_limits[1]):
             response = complete(case, CosinePulse(level, 0.25), Contact(friction))
             assert response.outcome is Outcome.BALANCED
             assert response.peak_tilt < 1e-5
@@ -234,7 +234,7 @@ def test_a_hull_stays_standing_inside_the_still_range(name: str, friction: float
     """
     for yaw in np.radians([0.0, 70.0, 190.0]):
         case = case_of(name, Contact(friction), float(yaw))
-        end = min(-case.still[0], case.still[1])
+        end = min(-case.static_limits[0], case.static_limits[1])
         rock, turned = case.full.rock, np.array([-yaw, math.pi - yaw])
         angle = tipping(rock.hull, turned).angle.min()
         for level in (0.9 * end, -0.9 * end):
@@ -248,17 +248,19 @@ def test_a_hull_stays_standing_inside_the_still_range(name: str, friction: float
 def test_rock_lifts_beyond_the_still_range(name: str, friction: float) -> None:
     for yaw in np.radians([0.0, 70.0, 190.0]):
         case = case_of(name, Contact(friction), float(yaw))
-        response = complete(case, CosinePulse(1.15 * case.still[1], 0.25), Contact(friction))
+        response = complete(
+            case, CosinePulse(1.15 * case.static_limits[1], 0.25), Contact(friction)
+        )
         assert response.peak_tilt > 1e-3
 
 
 def test_still_range_of_a_box() -> None:
     """Both b/h = 1/2; friction where it is less; across the diagonal the nearer edges."""
     rock, _ = rock_of("box 1x1x2")
-    assert still_range(rock, Contact(0.6), 0.0) == pytest.approx((-0.5 * GRAVITY, 0.5 * GRAVITY))
-    assert still_range(rock, Contact(0.3), 0.0) == pytest.approx((-0.3 * GRAVITY, 0.3 * GRAVITY))
+    assert static_limits(rock, Contact(0.6), 0.0) == pytest.approx((-0.5 * GRAVITY, 0.5 * GRAVITY))
+    assert static_limits(rock, Contact(0.3), 0.0) == pytest.approx((-0.3 * GRAVITY, 0.3 * GRAVITY))
     turned = 0.5 / math.cos(math.radians(30.0)) * GRAVITY
-    assert still_range(rock, Contact(9.0), math.radians(30.0)) == pytest.approx((-turned, turned))
+    assert static_limits(rock, Contact(9.0), math.radians(30.0)) == pytest.approx((-turned, turned))
 
 
 def test_a_positive_acceleration_tips_toward_minus_x() -> None:
@@ -268,13 +270,13 @@ def test_a_positive_acceleration_tips_toward_minus_x() -> None:
     top = mesh.vertices[:, 2] > 0.5
     mesh.vertices[top, 0] -= 0.2  # it leans to -x
     rock = solid.from_mesh(mesh, 2000.0).rock
-    low, high = still_range(rock, Contact(9.0), 0.0)
+    low, high = static_limits(rock, Contact(9.0), 0.0)
     base = rock.vertices[:, 2] < rock.vertices[:, 2].min() + 1e-9
     edges = rock.vertices[base, 0]
     assert high == pytest.approx(GRAVITY * -edges.min() / rock.height)
     assert -low == pytest.approx(GRAVITY * edges.max() / rock.height)
     assert high < 0.8 * -low
-    back = still_range(rock, Contact(9.0), math.pi)
+    back = static_limits(rock, Contact(9.0), math.pi)
     assert back == pytest.approx((-high, -low))
 
 

@@ -30,7 +30,7 @@ from vsr_core.run.bounds import (
     cannot_be_stopped,
     cannot_return,
     cannot_topple,
-    still_range,
+    static_limits,
 )
 from vsr_core.scene import Contact
 
@@ -109,7 +109,7 @@ def still_range_is_exact(
 ) -> None:
     """Just inside an end of the range forces exist that hold the rock; just outside none do."""
     rock = random_rock(np.random.default_rng(seed))
-    end = still_range(rock, Contact(friction), yaw)[int(upper)]
+    end = static_limits(rock, Contact(friction), yaw)[int(upper)]
     base = rock.vertices[rock.vertices[:, 2] < rock.vertices[:, 2].min() + 1e-9]
     cos, sin = math.cos(yaw), math.sin(yaw)
     corners = base @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])

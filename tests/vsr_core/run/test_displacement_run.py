@@ -17,6 +17,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from support import grounds
+from vsr_core.run.static_limit import SAFE_SHARE
 
 from pipeline import ROOT
 from pipeline.stages.runs.trajectory_packing import pack, unpack
@@ -30,12 +31,14 @@ from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, StopReason
 from vsr_core.rock import reduction, solid
 from vsr_core.rock.body import Rock
-from vsr_core.run import bounds, displacement
+from vsr_core.run import bounds, displacement, trajectory
 from vsr_core.run.bounds import Barrier, barrier
-from vsr_core.run.displacement import Site, Travel
-from vsr_core.run.overturning import HALVINGS, Settings, prepare, simulate
+from vsr_core.run.cases import Settings, TerrainCase, prepare
+from vsr_core.run.displacement import DisplacementRun
+from vsr_core.run.guards import HALVINGS
+from vsr_core.run.overturning import simulate
 from vsr_core.run.sampling import MOST_SUBSTEPS, sampling
-from vsr_core.run.static_limit import SAFE_SHARE
+from vsr_core.run.trajectory import Trajectory
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.terrain.surface import Terrain
@@ -70,21 +73,21 @@ def ground_of(name: str) -> Terrain:
 
 
 @cache
-def site_of(rock: str, ground: str, yaw: float = 0.0, restitution: float = 0.0) -> Site:
+def site_of(rock: str, ground: str, yaw: float = 0.0, restitution: float = 0.0) -> TerrainCase:
     """A rock that has settled on a ground."""
     body, limits = rock_of(rock)
     made = grounds.site(body, ground_of(ground), yaw=yaw, restitution=restitution)
     rest = displacement.settled(made.seat, 0.006 * step_unit(body))
     scene = replace(made.seat, start=rest)
-    return Site(scene, scene, limits.toppled_tilt)
+    return TerrainCase(scene, scene, limits.toppled_tilt)
 
 
 def usual(rock: Rock, share: float = 0.002, *, reduce: bool = True) -> Settings:
     return Settings(share * step_unit(rock), reduce)
 
 
-def run(site: Site, pga_g: float, ratio: float) -> Travel:
-    return displacement.travel(site, CosinePulse.from_g(pga_g, ratio), usual(site.seat.rock))
+def run(site: TerrainCase, pga_g: float, ratio: float) -> DisplacementRun:
+    return displacement.displace(site, CosinePulse.from_g(pga_g, ratio), usual(site.seat.rock))
 
 
 def cells(seed: int, count: int, low: float, high: float, longest: float = 0.5) -> Array:
@@ -120,7 +123,7 @@ def like_the_plane(rock: str, ground: str, chosen: Array, shift: float = 0.03) -
 
         site = site_of(rock, ground)
         site = replace(site, seat=replace(site.seat, yaw=yaw))
-        found = displacement.topple(site, CosinePulse.from_g(pga, ratio), settings)
+        found = displacement.respond(site, CosinePulse.from_g(pga, ratio), settings)
         if found.outcome.overturned != flat(1.0):
             around = [flat(1.0 + way * shift * part) for way in (-1, 1) for part in (0.3, 0.6, 1.0)]
             assert len({*around, flat(1.0)}) == 2, (pga, ratio, yaw, found)
@@ -188,7 +191,7 @@ def test_boundary_on_level_ground(rock: str, ground: str, shift: float) -> None:
 
     def terrain(pga: float) -> bool:
         return (
-            displacement.topple(site, CosinePulse.from_g(pga, 0.15), settings).outcome.overturned
+            displacement.respond(site, CosinePulse.from_g(pga, 0.15), settings).outcome.overturned
             == 1
         )
 
@@ -206,7 +209,7 @@ def test_slip_on_level_ground_is_that_on_the_plane() -> None:
             site = grounds.site(
                 squat, ground_of(ground), limits.toppled_tilt, yaw=yaw, friction=0.3
             )
-            found = displacement.travel(site, CosinePulse.from_g(pga, ratio), usual(squat))
+            found = displacement.displace(site, CosinePulse.from_g(pga, ratio), usual(squat))
             assert found.response.outcome is flat.outcome is Outcome.DISPLACED
             assert found.response.slip == pytest.approx(flat.slip, rel=0.02)
             assert found.stop is StopReason.REST
@@ -228,13 +231,13 @@ def test_outcomes_that_stand() -> None:
 # Symmetries
 
 
-def place(found: Travel, times: Array) -> Array:
+def place(found: DisplacementRun, times: Array) -> Array:
     """Centre of mass at times [s], shape (n, 3) [m]."""
     path = found.trajectory
     return np.stack([np.interp(times, path.time, part) for part in path.position.T], axis=1)
 
 
-def early(found: Travel, other: Travel, back: Array, radius: float) -> None:
+def early(found: DisplacementRun, other: DisplacementRun, back: Array, radius: float) -> None:
     """Same side; the same way, but for a hundredth of the radius, until the impacts differ."""
     assert found.response.outcome.overturned == other.response.outcome.overturned
     times = np.linspace(0.0, 0.5, 40)
@@ -242,7 +245,7 @@ def early(found: Travel, other: Travel, back: Array, radius: float) -> None:
     assert np.abs(apart).max() < 0.01 * radius
 
 
-def seen_from(site: Site, matrix: Array, yaw: float) -> Site:
+def seen_from(site: TerrainCase, matrix: Array, yaw: float) -> TerrainCase:
     """A site turned, mirrored or scaled by ``matrix``, shaken along ``yaw`` [rad]."""
     scene = site.seat
     rock, start, ground = scene.rock, scene.start, scene.terrain
@@ -267,7 +270,7 @@ def seen_from(site: Site, matrix: Array, yaw: float) -> Site:
         terrain=grounds.moved(ground, matrix),
         yaw=yaw,
     )
-    return Site(other, other, site.toppled_tilt)
+    return TerrainCase(other, other, site.toppled_tilt)
 
 
 SOME = [(0.5, 0.2, 0.0), (0.9, 0.15, 1.0), (0.4, 0.3, 3.0), (0.18, 0.3, 0.5), (0.25, 0.08, 4.0)]
@@ -275,7 +278,7 @@ SOME = [(0.5, 0.2, 0.0), (0.9, 0.15, 1.0), (0.4, 0.3, 3.0), (0.18, 0.3, 0.5), (0
 
 
 @cache
-def known(pga: float, ratio: float, yaw: float) -> Travel:
+def known(pga: float, ratio: float, yaw: float) -> DisplacementRun:
     """A run of the lump on its perch."""
     return run(site_of("lump", "perch parts", yaw), pga, ratio)
 
@@ -329,14 +332,14 @@ def test_density_does_not_matter() -> None:
         scene = replace(
             site.seat, rock=replace(rock, mass=7.0 * rock.mass, inertia=7.0 * rock.inertia)
         )
-        other = run(Site(scene, scene, site.toppled_tilt), pga, ratio)
+        other = run(TerrainCase(scene, scene, site.toppled_tilt), pga, ratio)
         early(known(pga, ratio, yaw), other, np.eye(3), rock.radius)
 
 
 # The same run twice
 
 
-def digest(found: Travel) -> str:
+def digest(found: DisplacementRun) -> str:
     path = found.trajectory
     arrays = (
         path.time,
@@ -352,7 +355,7 @@ def digest(found: Travel) -> str:
     return made.hexdigest()
 
 
-def various() -> list[tuple[Site, float, float]]:
+def various() -> list[tuple[TerrainCase, float, float]]:
     """Runs over triangles, parts, with rebounds and with a lighter rock after toppling."""
     lump, limits = rock_of("lump")
     sites = [
@@ -362,7 +365,7 @@ def various() -> list[tuple[Site, float, float]]:
     ]
     seat = site_of("lump", "perch parts").seat
     flight = replace(seat, rock=reduction.in_flight(lump))
-    sites.append(Site(seat, flight, limits.toppled_tilt))
+    sites.append(TerrainCase(seat, flight, limits.toppled_tilt))
     return [(site, pga, ratio) for site in sites for pga, ratio in ((0.7, 0.2), (-1.2, 0.12))]
 
 
@@ -381,10 +384,12 @@ def test_a_world_is_as_new_at_every_step() -> None:
     rng = np.random.default_rng(0)
     for share in rng.uniform(0.002, 0.006, 30):
         scene = replace(site.seat)
-        new = Site(scene, scene, site.toppled_tilt)
+        new = TerrainCase(scene, scene, site.toppled_tilt)
         motion = CosinePulse.from_g(1.0, float(rng.uniform(0.05, 0.1)))
         settings = usual(scene.rock, float(share))
-        first, again = (displacement.travel(new, motion, settings, follow=False) for _ in range(2))
+        first, again = (
+            displacement.displace(new, motion, settings, follow=False) for _ in range(2)
+        )
         assert digest(first) == digest(again)
 
 
@@ -396,7 +401,7 @@ def test_a_run_knows_nothing_of_the_runs_before() -> None:
     order = np.random.default_rng(4).permutation(len(chosen))
     shuffled = {int(i): digest(run(*chosen[i])) for i in order}
     assert [shuffled[i] for i in range(len(chosen))] == inorder
-    displacement.topple(chosen[0][0], CosinePulse.from_g(1.0, 0.3), Settings(0.002))
+    displacement.respond(chosen[0][0], CosinePulse.from_g(1.0, 0.3), Settings(0.002))
     assert digest(run(*chosen[0])) == inorder[0]
     done = subprocess.run(
         [sys.executable, "-c", FRESH], capture_output=True, text=True, check=True, cwd=ROOT
@@ -407,14 +412,16 @@ def test_a_run_knows_nothing_of_the_runs_before() -> None:
 # Reduced scenes
 
 
-def reduced(site: Site, parts: str) -> Site:
+def reduced(site: TerrainCase, parts: str) -> TerrainCase:
     """As a pipeline makes it: few corners, fewer in flight, parts in place of triangles."""
     seat = replace(
         site.seat, rock=reduction.on_its_seat(site.seat.rock), terrain=ground_of(parts), start=None
     )
     start = grounds.at_rest(site.seat.rock.height)
     seat = replace(seat, start=displacement.settled(replace(seat, start=start), 1e-3))
-    return Site(seat, replace(seat, rock=reduction.in_flight(site.seat.rock)), site.toppled_tilt)
+    return TerrainCase(
+        seat, replace(seat, rock=reduction.in_flight(site.seat.rock)), site.toppled_tilt
+    )
 
 
 def in_the_niche(count: int) -> None:
@@ -424,13 +431,15 @@ def in_the_niche(count: int) -> None:
     same, ended = 0, set()
     for pga, ratio, yaw in cells(5, count, 0.15, 0.7, 0.3).tolist():
         motion = CosinePulse.from_g(pga, ratio)
-        one = displacement.travel(
-            Site(replace(full.seat, yaw=yaw), full.flight, full.toppled_tilt),
+        one = displacement.displace(
+            TerrainCase(replace(full.seat, yaw=yaw), full.flight, full.toppled_tilt),
             motion,
             usual(full.seat.rock, reduce=False),
         )
-        other = displacement.travel(
-            Site(replace(light.seat, yaw=yaw), replace(light.flight, yaw=yaw), light.toppled_tilt),
+        other = displacement.displace(
+            TerrainCase(
+                replace(light.seat, yaw=yaw), replace(light.flight, yaw=yaw), light.toppled_tilt
+            ),
             motion,
             usual(full.seat.rock),
         )
@@ -462,7 +471,7 @@ def test_a_toppled_rock_goes_on_in_the_other_scene() -> None:
         other = replace(site, flight=replace(site.seat, terrain=ground))
         for reduce in (True, False):
             motion = CosinePulse.from_g(1.0, 0.2)
-            found = displacement.travel(other, motion, usual(site.seat.rock, reduce=reduce))
+            found = displacement.displace(other, motion, usual(site.seat.rock, reduce=reduce))
             assert (found.response.outcome, found.stop) == (Outcome.OVERTURNED, StopReason.REST)
             rest[lift, reduce] = found.trajectory.position[-1, 2]
     lying = rest[0.0, False]
@@ -502,12 +511,12 @@ def test_a_state_is_raised_out_of_the_ground() -> None:
 
 
 @cache
-def fallen() -> tuple[Site, Travel, CosinePulse]:
+def fallen() -> tuple[TerrainCase, DisplacementRun, CosinePulse]:
     """A box that is pushed off a cliff of 3 m."""
     box, limits = rock_of("box")
     site = grounds.site(box, ground_of("cliff"), limits.toppled_tilt, friction=0.1)
     motion = CosinePulse.from_g(-1.2, 0.3)
-    return site, displacement.travel(site, motion, usual(box)), motion
+    return site, displacement.displace(site, motion, usual(box)), motion
 
 
 TOPPLING = [("box", "cliff"), ("lump", "perch parts"), ("lump", "niche parts")]
@@ -526,9 +535,9 @@ def test_samples_of_a_trajectory(rock: str, ground: str) -> None:
     gaps = np.diff(path.time)
     assert gaps.min() > 0.0
     # 50 Hz, a look late at the most; impacts add the looks before and after them.
-    assert gaps.max() <= 0.02 + displacement.LOOK_TIME + 1e-9
-    assert len(path.time) >= path.time[-1] / (0.02 + displacement.LOOK_TIME)
-    assert (gaps < 1.1 * displacement.LOOK_TIME).any()
+    assert gaps.max() <= 0.02 + displacement.MONITORING_TIME + 1e-9
+    assert len(path.time) >= path.time[-1] / (0.02 + displacement.MONITORING_TIME)
+    assert (gaps < 1.1 * displacement.MONITORING_TIME).any()
     np.testing.assert_allclose(np.linalg.norm(path.quaternion, axis=1), 1.0, atol=1e-12)
     arrays = (path.position, path.quaternion, path.velocity, path.angular_velocity, path.contact)
     assert {len(array) for array in arrays} == {len(path.time)}
@@ -542,7 +551,7 @@ def test_positions_and_poses_follow_from_velocities(rock: str, ground: str) -> N
     moved = np.diff(path.position, axis=0)
     middle = 0.5 * (path.velocity[1:] + path.velocity[:-1]) * gaps
     # What is no impact may still push between two samples, and when it did is not known.
-    unseen = displacement.IMPACT_SHARE * math.sqrt(GRAVITY * site.seat.rock.radius)
+    unseen = trajectory.IMPACT_SHARE * math.sqrt(GRAVITY * site.seat.rock.radius)
     jumps = np.linalg.norm(np.diff(path.velocity, axis=0), axis=1)[:, None]
     assert (np.abs(moved - middle) <= (0.5 * jumps + unseen) * gaps).all()
     assert np.abs(moved - middle).sum() < 0.03 * path.length
@@ -554,7 +563,7 @@ def test_positions_and_poses_follow_from_velocities(rock: str, ground: str) -> N
     assert np.abs(turned - twice).sum() < 0.03 * np.linalg.norm(turned, axis=1).sum()
 
 
-def surface_of(site: Site, found: Travel) -> Array:
+def surface_of(site: TerrainCase, found: DisplacementRun) -> Array:
     """Points all over the rock at each sample, shape (samples, points, 3) [m]."""
     surface = trimesh.convex.convex_hull(site.seat.rock.vertices)
     while len(surface.vertices) < 200:
@@ -634,7 +643,7 @@ def test_contact_before_an_impact_is_told_too() -> None:
 
 def test_numbers_of_a_trajectory() -> None:
     """A made-up path of a 3-4-5 triangle's two short sides."""
-    path = displacement.Trajectory(
+    path = Trajectory(
         np.array([0.0, 1.0, 2.0]),
         np.array([[1.0, 1.0, 1.0], [4.0, 1.0, 1.0], [4.0, 1.0, -3.0]]),
         np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)),
@@ -652,7 +661,7 @@ def test_largest_speed_is_that_before_the_impact() -> None:
     landing = int(np.argmax(speed))
     assert clear[:landing].max() > 0.5
     # A look's way, at the most, over the ground.
-    assert clear[landing] < 1.5 * speed[landing] * displacement.LOOK_TIME
+    assert clear[landing] < 1.5 * speed[landing] * displacement.MONITORING_TIME
 
 
 @pytest.mark.parametrize(("rock", "ground"), TOPPLING)
@@ -706,7 +715,7 @@ def test_leaves_a_small_terrain() -> None:
         assert found.stop is StopReason.LEFT_TERRAIN
         assert found.response.outcome is Outcome.UNSETTLED
         over = np.abs(path.position[-1, :2]).max() - 0.8
-        late = (displacement.BORDER_LOOKS + 1) * displacement.LOOK_TIME
+        late = (displacement.BORDER_INTERVALS + 1) * displacement.MONITORING_TIME
         assert 0.0 < over < path.largest_speed * late
 
 
@@ -714,7 +723,7 @@ def test_slides_on_until_time_is_up() -> None:
     block = solid.box((0.6, 0.6, 0.3), 2000.0).rock
     start = replace(grounds.at_rest(block.height), velocity=np.array([0.2, 0.0, 0.0]))
     site = grounds.site(block, ground_of("level parts"), friction=0.0, start=start)
-    found = displacement.travel(site, CosinePulse.from_g(1e-6, 0.05), Settings(0.002))
+    found = displacement.displace(site, CosinePulse.from_g(1e-6, 0.05), Settings(0.002))
     assert (found.stop, found.response.outcome) == (StopReason.TIME, Outcome.UNSETTLED)
     path = found.trajectory
     assert path.time[-1] == pytest.approx(displacement.LONGEST_TIME + 0.1 * math.pi, abs=0.05)
@@ -769,11 +778,11 @@ STORIES: dict[str, Callable[[Fake], dict[str, Array | float]]] = {
 
 def faked(
     monkeypatch: pytest.MonkeyPatch, story: str | Callable[..., object]
-) -> tuple[Fake, Travel]:
+) -> tuple[Fake, DisplacementRun]:
     fake = Fake(STORIES[story] if isinstance(story, str) else story)  # type: ignore[arg-type]
     site = site_of("box", "level")
     monkeypatch.setattr(engines, "load", lambda name: types.SimpleNamespace(build=fake.build))
-    return fake, displacement.travel(site, CosinePulse.from_g(0.5, 0.3), usual(site.seat.rock))
+    return fake, displacement.displace(site, CosinePulse.from_g(0.5, 0.3), usual(site.seat.rock))
 
 
 @pytest.mark.parametrize("story", STORIES)
@@ -798,13 +807,13 @@ def test_what_sinks_into_the_ground_has_not_toppled(
     """At whatever look: only every eighth is a close one."""
 
     def sunk(world: Fake) -> dict[str, Array]:
-        down = world.time > 0.6 + look * displacement.LOOK_TIME
+        down = world.time > 0.6 + look * displacement.MONITORING_TIME
         return {"position": np.array([0.0, 0.0, -0.1])} if down else {}
 
     _, found = faked(monkeypatch, sunk)
     assert (found.response.outcome, found.stop) == (Outcome.UNSTABLE, StopReason.UNDONE)
     site = site_of("box", "level")
-    alone = displacement.topple(site, CosinePulse.from_g(0.5, 0.3), usual(site.seat.rock))
+    alone = displacement.respond(site, CosinePulse.from_g(0.5, 0.3), usual(site.seat.rock))
     assert alone.outcome is Outcome.UNSTABLE
 
 
@@ -903,22 +912,24 @@ def test_a_rock_over_a_cliff_is_refused() -> None:
 # Runs that need not start
 
 
-def staying(rock: str, ground: str, yaw: float) -> Site:
+def staying(rock: str, ground: str, yaw: float) -> TerrainCase:
     """A rock that settled, with the range of accelerations in which it stays."""
     site = site_of(rock, ground, yaw)
-    return replace(site, still=displacement.still(site.seat, 0.006 * step_unit(site.seat.rock)))
+    return replace(
+        site, still=displacement.limits_on_seat(site.seat, 0.006 * step_unit(site.seat.rock))
+    )
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.9, 4.2])
 def test_nothing_moves_in_the_range_of_rest(yaw: float) -> None:
     """The run that is left out, done all the same."""
     site = staying("lump", "perch parts", yaw)
-    least = min(-site.still[0], site.still[1])
+    least = min(-site.static_limits[0], site.static_limits[1])
     assert least > 0.02 * GRAVITY
     rock = site.seat.rock
     motion = CosinePulse(0.99 * least, 0.15)
-    left_out = displacement.travel(site, motion, usual(rock))
-    done = displacement.travel(site, motion, usual(rock, reduce=False))
+    left_out = displacement.displace(site, motion, usual(rock))
+    done = displacement.displace(site, motion, usual(rock, reduce=False))
     assert left_out.response.decided_by is DecidedBy.NO_UPLIFT_BOUND
     assert done.response.decided_by is DecidedBy.SIMULATION
     assert left_out.response.outcome is done.response.outcome is Outcome.BALANCED
@@ -927,13 +938,13 @@ def test_nothing_moves_in_the_range_of_rest(yaw: float) -> None:
     assert done.response.peak_tilt < 0.005
     path = left_out.trajectory
     assert (len(path.time), path.length, path.distance, path.largest_speed) == (1, 0, 0, 0)
-    beyond = displacement.travel(site, CosinePulse(1.01 * least, 0.15), usual(rock))
+    beyond = displacement.displace(site, CosinePulse(1.01 * least, 0.15), usual(rock))
     assert beyond.response.decided_by is DecidedBy.SIMULATION
 
 
-def shaken_late(site: Site, pga_g: float, quiet: float) -> RecordedMotion:
+def shaken_late(site: TerrainCase, pga_g: float, quiet: float) -> RecordedMotion:
     """A pulse of 0.3 s after a tremble well within the range of rest."""
-    lowest, highest = site.still
+    lowest, highest = site.static_limits
     before = np.where(np.arange(round(quiet / 0.01)) % 7 < 3, 0.8 * lowest, 0.8 * highest)
     pulse = CosinePulse.from_g(pga_g, 0.3)
     after = pulse.acceleration(0.01 * np.arange(200))
@@ -941,13 +952,17 @@ def shaken_late(site: Site, pga_g: float, quiet: float) -> RecordedMotion:
 
 
 @cache
-def late(pga_g: float) -> tuple[Site, Travel, Travel]:
+def late(pga_g: float) -> tuple[TerrainCase, DisplacementRun, DisplacementRun]:
     """With and without the time before the first push."""
     site = staying("lump", "perch parts", 0.0)
     motion = shaken_late(site, pga_g, 1.5)
     settings = Settings(1e-3)
-    skipped = displacement.travel(site, motion, settings)
-    return site, skipped, displacement.travel(replace(site, still=(0.0, 0.0)), motion, settings)
+    skipped = displacement.displace(site, motion, settings)
+    return (
+        site,
+        skipped,
+        displacement.displace(replace(site, static_limits=(0.0, 0.0)), motion, settings),
+    )
 
 
 @pytest.mark.parametrize("pga_g", [0.15, 0.25, 0.45, 0.9])
@@ -978,7 +993,7 @@ def test_a_later_push_is_the_same_run_later() -> None:
     site = staying("lump", "perch parts", 0.0)
     settings = Settings(1e-3)
     early, then = (
-        displacement.travel(site, shaken_late(site, 0.9, t), settings) for t in (0.5, 4.0)
+        displacement.displace(site, shaken_late(site, 0.9, t), settings) for t in (0.5, 4.0)
     )
     assert early.response.outcome is then.response.outcome
     one, other = early.trajectory, then.trajectory
@@ -990,23 +1005,23 @@ def test_a_later_push_is_the_same_run_later() -> None:
 def test_a_run_begins_at_once_where_its_rest_is_not_known() -> None:
     """Even unshaken: what is not at rest moves by itself."""
     site = site_of("box", "cliff")
-    assert site.still == (0.0, 0.0)
+    assert site.static_limits == (0.0, 0.0)
     motion = RecordedMotion(Trace(np.append(np.zeros(100), 0.1), 0.01))
-    assert displacement.travel(site, motion, Settings(1e-3)).trajectory.time[1] < 0.03
+    assert displacement.displace(site, motion, Settings(1e-3)).trajectory.time[1] < 0.03
 
 
 def test_no_table_in_several_axes() -> None:
     site = site_of("box", "cliff")
     for motion in (AxisPulse("x", 3.0, 0.2), AxisPulses((AxisPulse("z", 3.0, 0.2),))):
         with pytest.raises(InvalidInput, match="several axes"):
-            displacement.travel(site, motion, usual(site.seat.rock))  # type: ignore[arg-type]
+            displacement.displace(site, motion, usual(site.seat.rock))  # type: ignore[arg-type]
 
 
 def test_the_rock_moves_well_beyond_its_range_of_rest() -> None:
     site = staying("lump", "perch parts", 0.9)
-    for sign, part in ((-1.0, -site.still[0]), (1.0, site.still[1])):
+    for sign, part in ((-1.0, -site.static_limits[0]), (1.0, site.static_limits[1])):
         motion = CosinePulse(sign * 1.6 / SAFE_SHARE * part, 0.2)
-        found = displacement.travel(site, motion, usual(site.seat.rock))
+        found = displacement.displace(site, motion, usual(site.seat.rock))
         assert found.response.peak_tilt > 0.01 or found.response.slip > 0.01
 
 
@@ -1015,9 +1030,9 @@ def test_range_of_rest_on_level_ground_is_within_that_of_statics(yaw: float) -> 
     """By how much depends on which of its corners the engine has it stand on."""
     for name in ("box", "double rock"):
         site = staying(name, "level parts", yaw)
-        lowest, highest = bounds.still_range(site.seat.rock, Contact(0.6), yaw)
-        assert SAFE_SHARE * lowest * 1.02 <= site.still[0] <= 0.0
-        assert SAFE_SHARE * highest * 1.02 >= site.still[1] >= 0.0
+        lowest, highest = bounds.static_limits(site.seat.rock, Contact(0.6), yaw)
+        assert SAFE_SHARE * lowest * 1.02 <= site.static_limits[0] <= 0.0
+        assert SAFE_SHARE * highest * 1.02 >= site.static_limits[1] >= 0.0
 
 
 def test_footing_is_under_the_rock() -> None:
@@ -1043,7 +1058,7 @@ def test_toppling_is_known_without_following() -> None:
         motion = CosinePulse.from_g(pga, ratio)
         settings = usual(site.seat.rock)
         whole = known(pga, ratio, yaw).response
-        alone = displacement.topple(site, motion, settings)
+        alone = displacement.respond(site, motion, settings)
         assert alone.outcome is whole.outcome
         assert alone.slip == whole.slip
         assert alone.steps <= whole.steps
@@ -1062,7 +1077,7 @@ def test_a_rock_that_sinks_has_toppled(drop: float) -> None:
     steps = np.array([[-3.0, 0.0], [0.2, 0.0], [0.5, -depth], [3.0, -depth]])
     start = replace(grounds.at_rest(block.height), velocity=np.array([0.25, 0.0, 0.0]))
     site = grounds.site(block, grounds.extruded(steps, 2.0), friction=0.0, start=start)
-    found = displacement.travel(site, CosinePulse.from_g(1e-6, 0.05), usual(block))
+    found = displacement.displace(site, CosinePulse.from_g(1e-6, 0.05), usual(block))
     assert found.stop is StopReason.LEFT_TERRAIN
     assert found.trajectory.position[-1, 0] > 3.0
     assert found.response.peak_tilt < 0.3
@@ -1166,7 +1181,7 @@ def test_blocks_far_away_are_no_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     here = run(site, 0.5, 0.2)
     monkeypatch.setattr(bullet_ground, "NEAREST", 1e6)
     scene = replace(site.seat)
-    everywhere = run(Site(scene, scene, site.toppled_tilt), 0.5, 0.2)
+    everywhere = run(TerrainCase(scene, scene, site.toppled_tilt), 0.5, 0.2)
     early(here, everywhere, np.eye(3), site.seat.rock.radius)
 
 

@@ -20,7 +20,9 @@ from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.run.bounds import Barrier, barrier
-from vsr_core.run.overturning import HALVINGS, Case, Settings, prepare, simulate
+from vsr_core.run.cases import Case, Settings, prepare
+from vsr_core.run.guards import HALVINGS
+from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene, State, resting
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.verification import rocking_block
@@ -200,7 +202,9 @@ def test_mirrored_motion_is_a_rock_turned_round(
     size: tuple[float, float, float] | str, low: float, high: float
 ) -> None:
     ahead, turned = case_of(size, PAPER, 0.4), case_of(size, PAPER, 0.4 + math.pi)
-    assert ahead.still == pytest.approx((-turned.still[1], -turned.still[0]))
+    assert ahead.static_limits == pytest.approx(
+        (-turned.static_limits[1], -turned.static_limits[0])
+    )
     ended = []
     for pga, ratio in grid(2, 40, low, high):
         one, other = run(ahead, pga, ratio), run(turned, -pga, ratio)
@@ -246,7 +250,7 @@ def test_a_block_slides_where_friction_is_below_its_slenderness(ratio: float) ->
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 def test_sliding_starts_at_friction_times_gravity(friction: float) -> None:
     case = case_of((1.0, 1.0, 2.0), friction)
-    assert case.still == pytest.approx((-friction * GRAVITY, friction * GRAVITY))
+    assert case.static_limits == pytest.approx((-friction * GRAVITY, friction * GRAVITY))
     below = run(case, 0.99 * friction, 0.5, reduce=False)
     above = run(case, 1.05 * friction, 0.5, reduce=False)
     # Bullet solves friction to a share of the speed that gravity gives in a step: it may creep.

@@ -19,7 +19,7 @@ from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.motions.records.trace import Trace
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
-from vsr_core.run import overturning
+from vsr_core.run import cases, overturning
 from vsr_core.validation import (
     calibration,
     curves,
@@ -320,7 +320,7 @@ def test_rests_are_passed_over_without_a_difference(monkeypatch: pytest.MonkeyPa
     member = plain(friction=2.0)
     rock = specimen.drawn(specimen.form(block(), None), member, 2700.0)
     case = recorded_test.standing_case(rock, member)
-    chosen = overturning.Settings(5e-4)
+    chosen = cases.Settings(5e-4)
 
     def runs() -> list[Response]:
         found = []

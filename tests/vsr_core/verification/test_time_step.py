@@ -13,7 +13,7 @@ from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.run import bounds
-from vsr_core.run.overturning import Case, Settings, prepare
+from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.scene import Contact, Scene
 from vsr_core.table import servo
 from vsr_core.verification import time_step, work_precision

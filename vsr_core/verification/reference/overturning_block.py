@@ -19,7 +19,8 @@ from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.run.bounds import barrier
-from vsr_core.run.overturning import Case, Settings, prepare, simulate
+from vsr_core.run.cases import Case, Settings, prepare
+from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.boundary_search import bisect
 from vsr_core.verification.reference import BOTH, Reference

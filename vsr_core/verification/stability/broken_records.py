@@ -12,7 +12,8 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.run.overturning import Settings, prepare, simulate
+from vsr_core.run.cases import Settings, prepare
+from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.stability import Case, Measured
 from vsr_core.verification.stability._slide import slip

@@ -7,8 +7,8 @@ from functools import partial
 
 from vsr_core import engines
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.input_checks import check
-from vsr_core.run.overturning import Settings, prepare
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification import rocking_block
 from vsr_core.verification.stability import Case, Measured

@@ -9,8 +9,8 @@ from vsr_core import engines
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.rock.body import Rock
+from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.input_checks import check
-from vsr_core.run.overturning import Settings, prepare
 from vsr_core.run.reductions import reduce
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.stability import Case, Measured
@@ -51,7 +51,7 @@ def _drift(
 def _proved(rock: Rock, engine: str) -> Measured:
     """A long pulse at nine tenths of what lifts the rock, run to its end."""
     scene = Scene(rock, Contact(GRIPPING))
-    still = prepare(scene, _barrier(rock), reduce=True).still
+    still = prepare(scene, _barrier(rock), reduce=True).static_limits
     pulse = CosinePulse(0.9 * min(-still[0], still[1]), 2.0 * unit(rock))
     response = respond(scene, pulse, step_of(rock), engine, reduce=False)
     way = response.slip + response.peak_tilt * rock.radius

@@ -12,8 +12,8 @@ import numpy as np
 from vsr_core import engines
 from vsr_core.engines import DrivenWorld
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.input_checks import check
-from vsr_core.run.overturning import Settings, prepare
 from vsr_core.run.sampling import samples
 from vsr_core.scene import Contact, Scene
 from vsr_core.table.servo import Servo, loop

@@ -10,8 +10,8 @@ import numpy as np
 from vsr_core import GRAVITY, engines
 from vsr_core.rock.body import Rock
 from vsr_core.run import input_checks
+from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.input_checks import check, longest_step_on_springs
-from vsr_core.run.overturning import Settings, prepare
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.stability import Case, Measured
 from vsr_core.verification.stability._trial import (

@@ -21,7 +21,7 @@ from vsr_core import GRAVITY, engines
 from vsr_core.errors import InvalidInput
 from vsr_core.outcome import Outcome
 from vsr_core.rock.body import Rock
-from vsr_core.run.overturning import Settings
+from vsr_core.run.cases import Settings
 from vsr_core.verification import peers, reference, sensitivity
 from vsr_core.verification import time_step as precision
 from vsr_core.verification.work_precision import Target

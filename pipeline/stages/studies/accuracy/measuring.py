@@ -6,7 +6,8 @@ import time
 from typing import Any, NamedTuple
 
 from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.run.overturning import Case, Settings, simulate
+from vsr_core.run.cases import Case, Settings
+from vsr_core.run.overturning import simulate
 from vsr_core.verification import (
     peers,
     reference,

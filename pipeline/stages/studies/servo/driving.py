@@ -20,8 +20,9 @@ from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.outcome import Outcome
 from vsr_core.rock.body import Rock
 from vsr_core.run.bounds import Barrier
+from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.input_checks import PERIOD_SHARE
-from vsr_core.run.overturning import Case, Settings, prepare, simulate
+from vsr_core.run.overturning import simulate
 from vsr_core.scene import Scene
 from vsr_core.table.servo import PUBLISHED, Servo, spectral_radius
 from vsr_core.verification.tracking import Track, disturbance, errors, push, synthetic, track
@@ -191,7 +192,7 @@ def rows(
     ends = motion.pgv_pga if isinstance(motion, PulseConfig) else DEFAULT_RATIOS
     held = max(drive.servo.command_period for drive in drives if drive.servo)
     ratios = np.geomspace(max(ends[0], held / PERIOD_SHARE, 0.05 * ends[-1]), ends[-1], ROWS)
-    still = cases[drives[0].name].still
+    still = cases[drives[0].name].static_limits
     lowest = min(-still[0], still[1]) / GRAVITY
     levels = np.geomspace(min(lowest, 0.5 * motion.pga[-1]), motion.pga[-1], LEVELS).tolist()
     items = [(name, float(ratio)) for ratio in ratios for name in cases]

@@ -17,7 +17,7 @@ from pipeline.workflow.stage import Job
 from pipeline.workflow.store import RunRow, RunStore
 from vsr_core import engines
 from vsr_core.outcome import DecidedBy, Outcome
-from vsr_core.run.overturning import Case
+from vsr_core.run.cases import Case
 from vsr_core.validation.priors import Member
 from vsr_core.validation.recorded_test import shaken, standing_case
 from vsr_core.validation.specimen import Form, drawn

@@ -12,7 +12,8 @@ from pipeline.stages.reports import report_tables
 from pipeline.stages.reports.report import GAINS
 from vsr_core.rock.body import Rock
 from vsr_core.run import bounds
-from vsr_core.run.overturning import prepare, simulate
+from vsr_core.run.cases import prepare
+from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
 
 STATED = yaml.safe_load(GAINS.read_text(encoding="utf-8"))
@@ -55,8 +56,11 @@ def test_a_run_is_left_out_or_starts_late_and_each_row_undoes_its_own(rock: Rock
         _, simulated = reductions.no_proof_before(run)
         _, whole = reductions.whole_motion(run)
         is_proved = simulate(run.case, run.motion, run.settings).steps == 0
-        assert (simulated.case.still == (0.0, 0.0), whole is run) == (is_proved, is_proved)
-        assert (whole.case.still == (0.0, 0.0), simulated is run) == (not is_proved, not is_proved)
+        assert (simulated.case.static_limits == (0.0, 0.0), whole is run) == (is_proved, is_proved)
+        assert (whole.case.static_limits == (0.0, 0.0), simulated is run) == (
+            not is_proved,
+            not is_proved,
+        )
         proved += is_proved
     assert 0 < proved < len(runs)
 

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from vsr_core.run.static_limit import SAFE_SHARE
 
 from vsr_core import GRAVITY
-from vsr_core.run.static_limit import SAFE_SHARE, still_range
+from vsr_core.run.static_limits import on_points
 
 X = np.array([1.0, 0.0, 0.0])
 
@@ -30,7 +31,7 @@ def corners(width: float, height: float, slope: float = 0.0) -> tuple[np.ndarray
 @pytest.mark.parametrize(("friction", "limit"), [(0.9, 0.5), (0.3, 0.3)])
 def test_a_block_rocks_or_slides_at_the_smaller_limit(friction: float, limit: float) -> None:
     points, normals = corners(1.0, 2.0)
-    found = still_range(points, normals, np.zeros(3), friction, X)
+    found = on_points(points, normals, np.zeros(3), friction, X)
     assert np.array(found) / SAFE_SHARE / GRAVITY == pytest.approx([-limit, limit], rel=1e-6)
 
 
@@ -39,7 +40,7 @@ def test_a_slope_adds_its_angle_to_the_tipping_angle(slope: float) -> None:
     """The resultant leaves the base where it is steeper than the corner: tan(alpha +- slope)."""
     points, normals = corners(1.0, 2.0, slope)
     alpha = math.atan(0.5)
-    lowest, highest = still_range(points, normals, np.zeros(3), 5.0, X)
+    lowest, highest = on_points(points, normals, np.zeros(3), 5.0, X)
     # accelerating downhill (+x) presses the block uphill
     assert highest / SAFE_SHARE / GRAVITY == pytest.approx(math.tan(alpha + slope), rel=1e-6)
     assert lowest / SAFE_SHARE / GRAVITY == pytest.approx(-math.tan(alpha - slope), rel=1e-6)
@@ -47,17 +48,17 @@ def test_a_slope_adds_its_angle_to_the_tipping_angle(slope: float) -> None:
 
 def test_a_wall_holds_what_would_tip() -> None:
     points, normals = corners(1.0, 2.0)
-    free = still_range(points, normals, np.zeros(3), 0.5, X)
+    free = on_points(points, normals, np.zeros(3), 0.5, X)
     wall = np.vstack([points, [-0.5, 0.0, 0.5]]), np.vstack([normals, X])
-    held = still_range(*wall, np.zeros(3), 0.5, X)
+    held = on_points(*wall, np.zeros(3), 0.5, X)
     assert held[1] > 5.0 * free[1]  # pushed against the wall behind it
     assert held[0] == pytest.approx(free[0], rel=1e-6)
 
 
 def test_what_does_not_stand_has_no_range() -> None:
     points, normals = corners(1.0, 2.0, slope=0.6)
-    assert still_range(points, normals, np.zeros(3), 5.0, X) == (0.0, 0.0)
-    assert still_range(np.empty((0, 3)), np.empty((0, 3)), np.zeros(3), 0.6, X) == (0.0, 0.0)
+    assert on_points(points, normals, np.zeros(3), 5.0, X) == (0.0, 0.0)
+    assert on_points(np.empty((0, 3)), np.empty((0, 3)), np.zeros(3), 0.6, X) == (0.0, 0.0)
 
 
 def test_turning_everything_changes_nothing() -> None:
@@ -70,6 +71,6 @@ def test_turning_everything_changes_nothing() -> None:
             [0.0, 0.0, 1.0],
         ]
     )
-    one = still_range(points, normals, np.zeros(3), 2.0, X)
-    other = still_range(points @ turn.T, normals @ turn.T, np.zeros(3), 2.0, turn @ X)
+    one = on_points(points, normals, np.zeros(3), 2.0, X)
+    other = on_points(points @ turn.T, normals @ turn.T, np.zeros(3), 2.0, turn @ X)
     assert one == pytest.approx(other, rel=1e-6)

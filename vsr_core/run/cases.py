@@ -1,0 +1,124 @@
+"""What is to be run: settings, and a scene with all that its runs share, computed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from vsr_core import engines
+from vsr_core.run import bounds
+from vsr_core.run.reductions import Reduction
+from vsr_core.run.reductions import reduce as reduce_scene
+from vsr_core.scene import Scene
+from vsr_core.table import servo
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a run is computed.
+
+    Attributes
+    ----------
+    time_step : float [s], the largest allowed; a whole number of steps fills the motion, or the
+        control period of a drive
+    reduce : bool, whether to leave out what cannot change the outcome
+    engine : str, name of a module in ``vsr_core.engines``
+    solver : Solver, effort of the engine's solver where it is not the engine's own
+    """
+
+    time_step: float
+    reduce: bool = True
+    engine: str = "bullet"
+    solver: engines.Solver | None = None
+
+
+@dataclass(frozen=True)
+class Case:
+    """A rock on a flat pedestal.
+
+    Attributes
+    ----------
+    full : Scene, with all vertices of the rock
+    scene : Scene, as simulated; ``full`` itself if its rock was not reduced
+    reductions : tuple of Reduction, what was left out
+    limits : Barrier of the rock
+    static_limits : tuple of float, lowest and highest table acceleration [m/s^2] that move
+        nothing; zeros for springs, for a start on the move, and for a drive, whose table
+        overshoots a little
+    """
+
+    full: Scene
+    scene: Scene
+    reductions: tuple[Reduction, ...]
+    limits: bounds.Barrier
+    static_limits: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class TerrainCase:
+    """A rock on its seat in a terrain.
+
+    Attributes
+    ----------
+    seat : Scene, on a terrain and with a start, as detailed as it is known
+    flight : Scene, of the same rock on the same terrain, for the time after toppling
+    toppled_tilt : float [rad], beyond which the rock has toppled
+    static_limits : tuple of float, lowest and highest table acceleration [m/s^2] that move
+        nothing; zeros where they are not known
+    """
+
+    seat: Scene
+    flight: Scene
+    toppled_tilt: float
+    static_limits: tuple[float, float] = (0.0, 0.0)
+
+
+def prepare(described: Scene, limits: bounds.Barrier, *, reduce: bool) -> Case:
+    """Reduce a scene, or take it as it is.
+
+    Parameters
+    ----------
+    described : Scene, on a flat pedestal
+    limits : Barrier of its rock
+    reduce : bool
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    InvalidInput
+        For a drive whose sampled loop is unstable.
+    """
+    static_limits = (0.0, 0.0)
+    if described.drive is not None:
+        servo.check(described.drive)
+    elif described.contact.stiffness is None and described.start is None:
+        static_limits = bounds.static_limits(described.rock, described.contact, described.yaw)
+    reduced, reductions = reduce_scene(described) if reduce else (described, ())
+    full = replace(reduced, rock=described.rock, kept_tilt=described.kept_tilt)
+    return Case(full, reduced, reductions, limits, static_limits)
+
+
+def never_starts(
+    static_limits: tuple[float, float], peak_acceleration: float, settings: Settings
+) -> bool:
+    """Whether a run needs no step: nothing moves the rock, whichever way it is pushed.
+
+    Parameters
+    ----------
+    static_limits : tuple of float [m/s^2], lowest and highest table acceleration that move nothing
+    peak_acceleration : float [m/s^2], of a motion along one axis
+    settings : Settings
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> [never_starts((-3.0, 2.0), peak, Settings(1e-3)) for peak in (1.9, 2.1)]
+    [True, False]
+    """
+    lowest, highest = static_limits
+    return settings.reduce and peak_acceleration < min(-lowest, highest)
