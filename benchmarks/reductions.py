@@ -113,7 +113,7 @@ def driven(run: Run) -> tuple[Run, Run]:
     The pedestal is so heavy that the rock cannot push it back, and the controller takes all of an
     error away in one period: it is the prescribed motion, a period's resolution apart.
     """
-    case = _scenes(replace(run.case, still=(0.0, 0.0)), pedestal="box")
+    case = _scenes(replace(run.case, static_limits=(0.0, 0.0)), pedestal="box")
     mass, period = 1e4 * case.full.rock.mass, 1e-3
     servo = Servo(mass, mass / period, 0.0, 0.0, period)
     settings = replace(run.settings, time_step=period, reduce=False)
@@ -140,14 +140,14 @@ def whole_motion(run: Run) -> tuple[Run, Run]:
 
 def to_rest(run: Run) -> tuple[Run, Run]:
     """Every run goes on until the rock lies or stands at rest; both with all vertices."""
-    case = _complete(replace(run.case, still=(0.0, 0.0)))
+    case = _complete(replace(run.case, static_limits=(0.0, 0.0)))
     known = replace(run, case=case)
     return known, replace(known, settings=replace(run.settings, reduce=False))
 
 
 def settling(run: Run) -> tuple[Run, Run]:
     """Rest before the pulse, on the same grid of samples; neither run uses the proof of rest."""
-    case = replace(run.case, still=(0.0, 0.0))
+    case = replace(run.case, static_limits=(0.0, 0.0))
     grid = sampling.sampling(run.motion, None, run.settings.time_step)
     step = grid.interval / grid.substeps * (1.0 + 1e-9)
     rest = math.ceil(REST / grid.interval) * grid.interval
@@ -179,7 +179,7 @@ def trajectory(run: Run) -> tuple[Run, Run]:
 def everything(run: Run) -> tuple[Run, Run]:
     """The table's own frame and nothing else: all other rows undone."""
     at_once, late = settling(replace(run, settings=all_iterations(run)[1].settings))
-    case = _complete(_scenes(replace(run.case, still=(0.0, 0.0)), pedestal="box"))
+    case = _complete(_scenes(replace(run.case, static_limits=(0.0, 0.0)), pedestal="box"))
     plain = replace(late, case=case, settings=replace(late.settings, reduce=False), around=plainly)
     as_run = replace(at_once, case=run.case, settings=replace(at_once.settings, solver=None))
     return as_run, plain
@@ -264,7 +264,7 @@ def _cannot_move(run: Run) -> bool:
 
 
 def _from_the_start(run: Run) -> Run:
-    return replace(run, case=replace(run.case, still=(0.0, 0.0)))
+    return replace(run, case=replace(run.case, static_limits=(0.0, 0.0)))
 
 
 @dataclass(frozen=True)

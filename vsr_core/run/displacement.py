@@ -108,7 +108,7 @@ def displace(
     def attempt(time_step: float) -> DisplacementRun:
         sampled = _sampling(motion, time_step)
         run = _set_up(case.seat, motion, settings, sampled)
-        rules = _Rules(case, run, settings, follow=follow)
+        rules = DisplacementRules(case, run, settings, follow=follow)
         outcome, stop = loop.complete(run, rules)
         response = Response(
             outcome, DecidedBy.SIMULATION, run.peak_tilt, run.tilt, run.slip, run.steps
@@ -236,7 +236,7 @@ def _set_up(seat: Scene, motion: GroundMotion, settings: Settings, sampled: Samp
     return run
 
 
-class _Rules:
+class DisplacementRules:
     """When a rock on a terrain rests, leaves it, or shows no sound run."""
 
     def __init__(self, case: TerrainCase, run: Run, settings: Settings, *, follow: bool) -> None:

@@ -73,26 +73,42 @@ def simulate(case: Case, motion: GroundMotion, settings: Settings) -> Response:
         return Response(Outcome.BALANCED, DecidedBy.NO_UPLIFT_BOUND, 0.0, 0.0, 0.0, 0)
     simulated = case.scene
 
+    def once(time_step: float) -> Response:
+        run = set_up(simulated, motion, settings, time_step)
+        ending = loop.complete(run, OverturningRules(case, simulated, run, reduce=settings.reduce))
+        return Response(*ending, run.peak_tilt, run.tilt, run.slip, run.steps)
+
     def attempt(time_step: float) -> Response:
         nonlocal simulated
-        response = _attempt(case, simulated, motion, settings, time_step)
-        if response.peak_tilt <= simulated.kept_tilt:
-            return response
-        simulated = case.full
-        return _attempt(case, simulated, motion, settings, time_step)
+        response = once(time_step)
+        if response.peak_tilt > simulated.kept_tilt:
+            simulated = case.full
+            response = once(time_step)
+        return response
 
     step = first_step(motion, simulated.drive, settings.time_step)
     return at_halved_steps(step, attempt, lambda found: found.outcome is Outcome.UNSTABLE)
 
 
-def _attempt(
-    case: Case, simulated: Scene, motion: GroundMotion, settings: Settings, time_step: float
-) -> Response:
+def set_up(simulated: Scene, motion: GroundMotion, settings: Settings, time_step: float) -> Run:
+    """A run on a flat pedestal before its first step.
+
+    Parameters
+    ----------
+    simulated : Scene
+    motion : GroundMotion
+    settings : Settings
+    time_step : float [s], of this attempt
+
+    Returns
+    -------
+    Run
+    """
     # Where the table turns, what the rock feels depends on its state in every step.
     turns = isinstance(motion, TableMotion) and motion.turns
     sampled = sampling(motion, simulated.drive, time_step, 1 if turns else MOST_SUBSTEPS)
     unit = math.sqrt(simulated.rock.radius / GRAVITY)
-    run = loop.set_up(
+    return loop.set_up(
         simulated,
         motion,
         settings,
@@ -100,11 +116,9 @@ def _attempt(
         monitored=max(1, MONITORED_STEPS // sampled.substeps),
         wait=max(LEAST_WAIT, WAITING_TIMES * unit),
     )
-    ending = loop.complete(run, _Rules(case, simulated, run, reduce=settings.reduce))
-    return Response(*ending, run.peak_tilt, run.tilt, run.slip, run.steps)
 
 
-class _Rules:
+class OverturningRules:
     """When a rock on a flat pedestal has overturned, stays upright, or shows no sound run."""
 
     def __init__(self, case: Case, simulated: Scene, run: Run, *, reduce: bool) -> None:

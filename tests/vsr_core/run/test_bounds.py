@@ -21,9 +21,10 @@ from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import tipping
-from vsr_core.run import bounds, overturning
+from vsr_core.run import bounds, loop, overturning
 from vsr_core.run.bounds import Barrier, barrier, reachable_energy, static_limits
 from vsr_core.run.cases import Case, Settings, prepare
+from vsr_core.run.loop import Run
 from vsr_core.scene import Contact, Scene
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.verification.time_step import step_unit
@@ -288,20 +289,20 @@ def complete(case: Case, motion: CosinePulse, contact: Contact) -> Response:
     return overturning.simulate(unreduced, motion, Settings(step, reduce=False))
 
 
-class Watched(overturning._Run):
-    """A complete run that notes, at every look, what the rules would have claimed."""
+class Watched(overturning.OverturningRules):
+    """A complete run that notes, whenever it is monitored, what the proofs would have claimed."""
 
-    def __init__(self, case: Case, motion: CosinePulse, step: float) -> None:
-        super().__init__(case, case.full, motion, Settings(step, reduce=False), step)
+    def __init__(self, case: Case, run: Run) -> None:
+        super().__init__(case, case.full, run, reduce=False)
         self.claims: list[tuple[float, bool, bool, bool]] = []
 
-    def _decided(self) -> tuple[Outcome, DecidedBy] | None:
-        impulse = self.motion.remaining_impulse(self.time)
-        arguments = (self.limits, self.tilt, self.energy, impulse)
-        falls = self.tilt > self.limits.toppled_tilt and self._falls_on()
+    def _decided(self, run: Run) -> tuple[Outcome, DecidedBy] | None:
+        impulse = run.motion.remaining_impulse(run.time)
+        arguments = (self.limits, run.tilt, self.energy, impulse)
+        falls = run.tilt > self.limits.toppled_tilt and self._falls_on(run)
         claim = bounds.cannot_topple(*arguments), bounds.cannot_return(*arguments), falls
-        self.claims.append((self.tilt, *claim))
-        return super()._decided()
+        self.claims.append((run.tilt, *claim))
+        return super()._decided(run)
 
 
 def cells(seed: int, count: int, low: float, high: float) -> list[tuple[float, float, float]]:
@@ -320,18 +321,21 @@ def test_no_claim_is_contradicted_later_in_the_run(name: str, low: float, high: 
     claimed = np.zeros(3, dtype=int)
     for pga, ratio, yaw in cells(5, 36, low, high):
         case = case_of(name, Contact(0.6), yaw)
-        run = Watched(case, CosinePulse.from_g(pga, ratio), 0.003 * step_unit(case.full.rock))
-        response = run.to_the_end()
-        assert response.outcome.overturned >= 0
-        tilts = np.array([claim[0] for claim in run.claims])
-        stays, lies, falls = np.array([claim[1:] for claim in run.claims]).T
+        step = 0.003 * step_unit(case.full.rock)
+        motion, settings = CosinePulse.from_g(pga, ratio), Settings(step, reduce=False)
+        run = overturning.set_up(case.full, motion, settings, step)
+        watched = Watched(case, run)
+        outcome, _ = loop.complete(run, watched)
+        assert outcome.overturned >= 0
+        tilts = np.array([claim[0] for claim in watched.claims])
+        stays, lies, falls = np.array([claim[1:] for claim in watched.claims]).T
         claimed += [stays.any(), lies.any(), falls.any()]
         if stays.any():
             assert tilts[np.argmax(stays) :].max() <= case.limits.edge_tilt
         if lies.any():
             assert tilts[np.argmax(lies) :].min() >= case.limits.toppled_tilt
         if falls.any():
-            assert response.outcome is Outcome.OVERTURNED
+            assert outcome is Outcome.OVERTURNED
     assert (claimed >= 5).all(), claimed
 
 

@@ -17,7 +17,6 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from support import grounds
-from vsr_core.run.static_limit import SAFE_SHARE
 
 from pipeline import ROOT
 from pipeline.stages.runs.trajectory_packing import pack, unpack
@@ -38,6 +37,7 @@ from vsr_core.run.displacement import DisplacementRun
 from vsr_core.run.guards import HALVINGS
 from vsr_core.run.overturning import simulate
 from vsr_core.run.sampling import MOST_SUBSTEPS, sampling
+from vsr_core.run.static_limits import SAFE_SHARE
 from vsr_core.run.trajectory import Trajectory
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock

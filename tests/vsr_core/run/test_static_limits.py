@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from vsr_core.run.static_limit import SAFE_SHARE
 
 from vsr_core import GRAVITY
-from vsr_core.run.static_limits import on_points
+from vsr_core.run.static_limits import SAFE_SHARE, on_points
 
 X = np.array([1.0, 0.0, 0.0])
 

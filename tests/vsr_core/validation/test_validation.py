@@ -332,7 +332,7 @@ def test_rests_are_passed_over_without_a_difference(monkeypatch: pytest.MonkeyPa
         return found
 
     short = runs()
-    monkeypatch.setattr(overturning._Run, "_pass_over_rest", lambda run: None)
+    monkeypatch.setattr(overturning.OverturningRules, "_pass_over_rest", lambda rules, run: None)
     whole = runs()
     tilts = [run.peak_tilt for run in whole]
     for run in short:

@@ -34,7 +34,7 @@ SLENDER = box((1.0, 1.0, 3.0), Contact(0.6))
 def hull(still: float) -> Case:
     """A case that no equation answers; ``still`` [m/s^2] is what it bears for certain."""
     shapes = replace(SLENDER.full.rock, shape="hull")
-    return replace(SLENDER, full=replace(SLENDER.full, rock=shapes), still=(-still, still))
+    return replace(SLENDER, full=replace(SLENDER.full, rock=shapes), static_limits=(-still, still))
 
 
 def ending(outcome: Outcome) -> Response:
