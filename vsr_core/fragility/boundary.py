@@ -22,6 +22,10 @@ def locate(pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Boundary:
         1, 0, or NaN / -1 for undecided. Undecided cells are passed over, which widens the
         interval around them.
 
+    Returns
+    -------
+    Boundary
+
     Examples
     --------
     >>> found = locate([0.1, 0.2, 0.3, 0.4], [[0, 1, 0, 1], [0, 0, -1, 0]])
@@ -37,36 +41,13 @@ def locate(pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Boundary:
     below = stood & (column < first[:, None])
     last_below = levels.size - 1 - below[:, ::-1].argmax(axis=1)
     upper = np.where(any_fell, levels[np.minimum(first, levels.size - 1)], np.inf)
-    labels, sizes = toppled_clusters(grid)
     return Boundary(
         lower=np.where(below.any(axis=1), levels[last_below], np.nan),
         upper=np.where(decided, upper, np.nan),
         censored=decided & ~any_fell,
         islands=(stood & (column > first[:, None])).sum(axis=1),
-        labels=labels,
-        cluster_sizes=sizes,
+        cluster_sizes=_toppled_clusters(grid),
     )
-
-
-def toppled_clusters(grid: Array) -> tuple[Indices, Indices]:
-    """Number the groups of toppled cells that balanced cells separate from each other.
-
-    Cells touching at a corner belong together: a slanted boundary on a grid is a staircase.
-    An undecided cell joins its neighbours, so that only balanced cells separate.
-
-    Returns
-    -------
-    labels : ndarray of int, shape of `grid`
-    sizes : ndarray of int, shape (n_clusters,)
-        Toppled cells of each cluster.
-    """
-    joined, count = ndimage.label(grid != 0, structure=np.ones((3, 3)))
-    fell = grid == 1
-    sizes = np.bincount(joined[fell], minlength=count + 1)
-    real = np.flatnonzero(sizes)
-    renumbered = np.zeros(count + 1, dtype=np.int64)
-    renumbered[real] = np.arange(1, real.size + 1)
-    return np.where(fell, renumbered[joined], 0), sizes[real].astype(np.int64)
 
 
 def first_crossing(ln_pga: Array, margin: Array) -> Array:
@@ -82,6 +63,11 @@ def first_crossing(ln_pga: Array, margin: Array) -> Array:
     -------
     ndarray, shape (...) [g]
         0 when the first sample is already at the level, inf when none is.
+
+    Examples
+    --------
+    >>> first_crossing(np.log([1.0, 2.0, 4.0]), np.array([[-1.0, 0.0, 1.0], [-2.0, -1.0, -0.5]]))
+    array([ 2., inf])
     """
     reached = margin >= 0
     after = np.maximum(reached.argmax(axis=-1), 1)[..., None]
@@ -95,3 +81,14 @@ def first_crossing(ln_pga: Array, margin: Array) -> Array:
     crossing = np.exp(left - low / rise * (right - left), where=rise > 0, out=np.zeros_like(low))
     crossing = np.where(reached.any(axis=-1), crossing, np.inf)
     return np.where(reached[..., 0], 0.0, crossing)
+
+
+def _toppled_clusters(grid: Array) -> Indices:
+    """Cells in each group of toppled cells that balanced cells separate.
+
+    Cells touching at a corner belong together: a slanted boundary on a grid is a staircase.
+    An undecided cell joins its neighbours, so that only balanced cells separate.
+    """
+    joined, _ = ndimage.label(grid != 0, structure=np.ones((3, 3)))
+    sizes = np.bincount(joined[grid == 1])
+    return sizes[sizes > 0]

@@ -1,4 +1,4 @@
-"""Flat run arrays gathered into a table of counts, the form in which every model fits."""
+"""The outcomes of one grid as a table of counts, the form in which every model is fitted."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vsr_core.errors import InvalidInput
 
 @dataclass(frozen=True)
 class Cells:
-    """Counts of runs on the product of the distinct PGV/PGA and PGA values.
+    """Counts of runs on the product of PGV/PGA and PGA values.
 
     Attributes
     ----------
@@ -39,20 +39,28 @@ class Cells:
         return 0 < self.toppled.sum() < self.trials.sum()
 
 
-def positive(values: npt.ArrayLike, name: str) -> Array:
-    """Return `values` as floats; refuse any that is not finite and above 0."""
-    array = np.asarray(values, dtype=np.float64)
-    if not (np.isfinite(array) & (array > 0)).all():
-        raise InvalidInput(
-            f"{name} holds values that are not finite and above 0",
-            "fragility is fitted in ln PGA and ln PGV/PGA",
-            f"leave such runs out or correct {name}",
-        )
-    return array
-
-
 def outcomes(overturned: npt.ArrayLike) -> Array:
-    """Return outcomes as 1.0, 0.0 and NaN (undecided: NaN or -1 on input)."""
+    """Outcomes as 1.0, 0.0 and NaN.
+
+    Parameters
+    ----------
+    overturned : array_like
+        1, 0, or NaN / -1 for undecided.
+
+    Returns
+    -------
+    ndarray, shape of `overturned`
+
+    Raises
+    ------
+    InvalidInput
+        For any other value.
+
+    Examples
+    --------
+    >>> outcomes([1, 0, -1])
+    array([ 1.,  0., nan])
+    """
     array = np.array(overturned, dtype=np.float64)
     array[array == -1] = np.nan
     if not np.isin(array[~np.isnan(array)], (0.0, 1.0)).all():
@@ -64,34 +72,56 @@ def outcomes(overturned: npt.ArrayLike) -> Array:
     return array
 
 
-def tabulate(pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Cells:
-    """Count the runs of each (PGV/PGA, PGA) cell.
+def counted(pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Cells:
+    """Count the runs of a grid with one run in each cell.
 
     Parameters
     ----------
-    pga : array_like, shape (n_runs,) [g]
-    pgv_pga : array_like, shape (n_runs,) [s]
-    overturned : array_like, shape (n_runs,)
-        1, 0, or NaN / -1 for an undecided run. Undecided runs keep their row and column but add
-        no trial. Repeated cells (Monte Carlo) are summed.
+    pga : array_like, shape (n_pga,) [g]
+        Positive, strictly increasing.
+    pgv_pga : array_like, shape (n_ratio,) [s]
+        Positive, strictly increasing.
+    overturned : array_like, shape (n_ratio, n_pga)
+        1, 0, or NaN / -1 for an undecided run, which adds no trial.
+
+    Returns
+    -------
+    Cells
+
+    Raises
+    ------
+    InvalidInput
+        If an axis or the shape does not fit, or no run is decided.
     """
-    pga_runs, ratio_runs = positive(pga, "pga"), positive(pgv_pga, "pgv_pga")
-    outcome = outcomes(overturned)
-    if not pga_runs.shape == ratio_runs.shape == outcome.shape or outcome.ndim != 1:
+    columns, rows = _axis(pga, "pga"), _axis(pgv_pga, "pgv_pga")
+    grid = outcomes(overturned)
+    if grid.shape != (rows.size, columns.size):
         raise InvalidInput(
-            f"arrays of shapes {pga_runs.shape}, {ratio_runs.shape} and {outcome.shape}",
-            "a fit takes three flat arrays of equal length",
-            "ravel the grid first, or call fit_all",
+            f"overturned of shape {grid.shape} for {rows.size} PGV/PGA and {columns.size} PGA",
+            "its shape is (n_ratio, n_pga)",
+            "transpose or reshape it",
         )
-    decided = ~np.isnan(outcome)
+    decided = ~np.isnan(grid)
     if not decided.any():
         raise InvalidInput(
             "no decided run", "a fit needs at least one outcome", "check the runs' outcome codes"
         )
-    pga_values, column = np.unique(pga_runs, return_inverse=True)
-    ratio_values, row = np.unique(ratio_runs, return_inverse=True)
-    trials = np.zeros((ratio_values.size, pga_values.size))
-    toppled = np.zeros_like(trials)
-    np.add.at(trials, (row[decided], column[decided]), 1.0)
-    np.add.at(toppled, (row[decided], column[decided]), outcome[decided])
-    return Cells(np.log(pga_values), np.log(ratio_values), toppled, trials)
+    toppled = np.where(decided, grid, 0.0)
+    return Cells(np.log(columns), np.log(rows), toppled, decided.astype(np.float64))
+
+
+def _axis(values: npt.ArrayLike, name: str) -> Array:
+    axis = np.asarray(values, dtype=np.float64)
+    if not (np.isfinite(axis) & (axis > 0)).all():
+        raise InvalidInput(
+            f"{name} holds values that are not finite and above 0",
+            "fragility is fitted in ln PGA and ln PGV/PGA",
+            f"leave such runs out or correct {name}",
+        )
+    if axis.ndim != 1 or axis.size == 0 or (np.diff(axis) <= 0).any():
+        raise InvalidInput(
+            f"{name} of shape {axis.shape} that is not one strictly increasing axis",
+            "the grid's axes increase",
+            f"sort the grid along {name} and merge repeated values",
+        )
+    return axis

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
 
 import numpy as np
 
 from vsr_core.arrays import Array, Indices
 from vsr_core.fragility.cells import Cells
+from vsr_core.fragility.model import FragilityModel
 from vsr_core.fragility.result import Scores
 
 N_FOLDS = 10
@@ -16,21 +16,6 @@ CLIP = 1e-3
 """Probabilities are clipped to [CLIP, 1 - CLIP] in the log loss: a few thousand runs cannot
 support a stronger claim, and one cell on the wrong side of a sharp curve would otherwise
 outweigh all others."""
-
-
-class GridModel(Protocol):
-    """What a fitted model offers to be scored; batches are the leading axis of `coefs`."""
-
-    name: str
-    parameter_units: ClassVar[dict[str, str]]
-    cells_: Cells
-
-    @property
-    def coefs_(self) -> Array: ...
-    def refit(self, row_weights: Array, rng: np.random.Generator | None = None) -> Array: ...
-    def named(self, coefs: Array) -> dict[str, Array]: ...
-    def grid_probability(self, coefs: Array) -> Array: ...
-    def grid_contour(self, coefs: Array, probability: float) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -50,6 +35,19 @@ def folds(cells: Cells) -> Indices:
     Interleaved, because neighbouring rows are alike: a left-out row is then predicted from
     both its neighbours, as in use. So the two end rows, which have one neighbour, always stay
     (-1) where there are four rows or more: no model here is meant to extrapolate.
+
+    Parameters
+    ----------
+    cells : Cells
+
+    Returns
+    -------
+    ndarray of int, shape (n_ratio,)
+
+    Examples
+    --------
+    >>> folds(Cells(np.zeros(1), np.arange(5.0), np.ones((5, 1)), np.ones((5, 1))))
+    array([-1,  0,  1,  2, -1])
     """
     fold = np.full(cells.ln_ratio.size, -1)
     rows = np.flatnonzero(cells.usable)
@@ -59,39 +57,43 @@ def folds(cells: Cells) -> Indices:
     return fold
 
 
-def held_out_probability(model: GridModel) -> Array:
-    """P at the grid cells from fits that left the cell's row out, shape (n_ratio, n_pga)."""
-    fold = folds(model.cells_)
+def held_out_probability(model: FragilityModel) -> Array:
+    """P(overturned) from fits that left the cell's row out.
+
+    Parameters
+    ----------
+    model : FragilityModel
+
+    Returns
+    -------
+    ndarray, shape (n_ratio, n_pga)
+    """
+    fold = folds(model.cells)
     kept = fold != np.arange(fold.max() + 1)[:, None]
     predicted = model.grid_probability(model.refit(kept.astype(np.float64)))
     return predicted[np.maximum(fold, 0), np.arange(fold.size)]
 
 
-def losses(cells: Cells, probability: Array) -> tuple[Array, Array, Array]:
-    """Log loss, squared error and hits of each cell, summed over its runs."""
-    fell, stood = cells.toppled, cells.trials - cells.toppled
-    clipped = np.clip(probability, CLIP, 1.0 - CLIP)
-    log_loss = -(fell * np.log(clipped) + stood * np.log1p(-clipped))
-    squared = fell * (1.0 - probability) ** 2 + stood * probability**2
-    return log_loss, squared, np.where(probability >= 0.5, fell, stood)
-
-
-def held_out_log_loss(model: GridModel) -> float:
-    """Mean log loss on left-out rows [nat per run]; NaN with fewer than two rows."""
-    return cross_validate(model).log_loss
-
-
-def cross_validate(model: GridModel) -> Scores:
+def cross_validate(model: FragilityModel) -> Scores:
     """Score a fitted model on PGV/PGA rows left out in `N_FOLDS` interleaved folds.
 
     Hyperparameters (the ridge of the smooth model) stay as chosen on the whole grid, so that
     model's score is slightly flattered.
+
+    Parameters
+    ----------
+    model : FragilityModel
+
+    Returns
+    -------
+    Scores
+        NaN with fewer than two rows.
     """
-    cells = model.cells_
+    cells = model.cells
     if cells.usable.sum() < 2:
         return Scores(np.nan, np.nan, np.nan, np.nan, np.empty(0))
     fold = folds(cells)
-    log_loss, squared, hits = losses(cells, held_out_probability(model))
+    log_loss, squared, hits = _losses(cells, held_out_probability(model))
     total = cells.trials[fold >= 0].sum()
     fold_log_loss = np.array(
         [log_loss[fold == k].sum() / cells.trials[fold == k].sum() for k in range(fold.max() + 1)]
@@ -105,40 +107,53 @@ def cross_validate(model: GridModel) -> Scores:
     )
 
 
-def bootstrap(model: GridModel, n: int = 200, seed: int = 0) -> Bootstrap:
+def bootstrap(model: FragilityModel, n: int, seed: int = 0) -> Bootstrap:
     """Percentile intervals from resampling whole PGV/PGA rows.
 
     The runs of a row share one motion shape and are not independent, so the row is the unit.
     On a deterministic grid the interval shows how far the answer depends on which rows were
     run; for the lognormal model also on where in its grid interval each threshold lies (see
-    `LognormalFragility.refit`). It does not hold the error of the simulation.
+    `LognormalFragility.resample`). It does not hold the error of the simulation.
 
     Parameters
     ----------
-    model : GridModel
-        Fitted.
+    model : FragilityModel
     n : int
-        Replicates. With none, or with fewer than two rows, the intervals are NaN.
+        Replicates.
     seed : int
         The same seed gives identical intervals.
+
+    Returns
+    -------
+    Bootstrap
+        NaN with fewer than two rows.
     """
-    cells = model.cells_
+    cells = model.cells
     rows = np.flatnonzero(cells.usable)
-    if n < 1 or rows.size < 2:
-        empty = {name: np.full_like(v[0], np.nan) for name, v in model.named(model.coefs_).items()}
+    if rows.size < 2:
+        empty = {name: np.full_like(v[0], np.nan) for name, v in model.named(model.coefs).items()}
         unknown = np.full(cells.ln_ratio.size, np.nan)
         return Bootstrap({name: (v, v) for name, v in empty.items()}, (unknown, unknown))
     rng = np.random.default_rng(seed)
     weights = np.zeros((n, cells.ln_ratio.size))
     weights[:, rows] = rng.multinomial(rows.size, np.full(rows.size, 1.0 / rows.size), size=n)
-    coefs = model.refit(weights, rng)
+    coefs = model.resample(weights, rng)
     return Bootstrap(
-        {name: interval(values) for name, values in model.named(coefs).items()},
-        interval(model.grid_contour(coefs, 0.5)),
+        {name: _interval(values) for name, values in model.named(coefs).items()},
+        _interval(model.grid_contour(coefs, 0.5)),
     )
 
 
-def interval(replicates: Array) -> tuple[Array, Array]:
+def _losses(cells: Cells, probability: Array) -> tuple[Array, Array, Array]:
+    """Log loss, squared error and hits of each cell, summed over its runs."""
+    fell, stood = cells.toppled, cells.trials - cells.toppled
+    clipped = np.clip(probability, CLIP, 1.0 - CLIP)
+    log_loss = -(fell * np.log(clipped) + stood * np.log1p(-clipped))
+    squared = fell * (1.0 - probability) ** 2 + stood * probability**2
+    return log_loss, squared, np.where(probability >= 0.5, fell, stood)
+
+
+def _interval(replicates: Array) -> tuple[Array, Array]:
     """2.5 and 97.5 % percentiles along the first axis.
 
     By order statistics, without interpolation: a boundary may be 0 or inf (off the grid).

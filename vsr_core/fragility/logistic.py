@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Self
-
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linprog
 from scipy.special import expit, logit
-from sklearn.base import BaseEstimator
 
 from vsr_core.arrays import Array, Indices
-from vsr_core.fragility.cells import Cells, tabulate
+from vsr_core.fragility.cells import Cells
+from vsr_core.fragility.model import FragilityModel
 from vsr_core.fragility.newton import Evaluate, maximise
 
 
-class LogisticFragility(BaseEstimator):
+class LogisticFragility(FragilityModel):
     """logit P(overturned) = b0 + b1 ln(PGA / 1 g) + b2 ln((PGV/PGA) / 1 s).
 
     Unpenalised maximum likelihood where it exists. When a line separates the outcomes (as on
     almost every deterministic grid) the likelihood has no maximum; a linear program detects
-    this exactly and Firth's penalised likelihood is used instead, which is always finite.
+    this exactly and Firth's penalised likelihood is used instead, which is always finite. A
+    slope that the data cannot tell (one PGA, one PGV/PGA or one outcome only) is 0.
 
-    Attributes
+    Parameters
     ----------
-    coef_ : ndarray, shape (3,)
-        b0, b1, b2. A slope that the data cannot tell (one PGA, one PGV/PGA or one outcome only)
-        is 0.
-    separated_ : bool
-    method_ : str
-    cells_ : Cells
+    cells : Cells
 
     References
     ----------
@@ -42,85 +35,49 @@ class LogisticFragility(BaseEstimator):
     """
 
     name = "logistic"
-    parameter_units: ClassVar[dict[str, str]] = {"b0": "1", "b1": "1", "b2": "1"}
 
-    def fit(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Self:
-        """Fit flat run arrays, each of shape (n_runs,): PGA [g], PGV/PGA [s], outcome."""
-        self.cells_ = cells = tabulate(pga, pgv_pga, overturned)
+    def __init__(self, cells: Cells) -> None:
+        self.cells = cells
         self._row, column = np.nonzero(cells.trials)
         raw = np.stack([cells.ln_pga[column], cells.ln_ratio[self._row]], axis=1)
         self._centre, spread = raw.mean(axis=0), raw.std(axis=0)
-        known = (spread > 1e-12) & cells.varied
-        self._slope_scale = np.where(known, 1.0 / np.where(known, spread, 1.0), 0.0)
+        self._known = (spread > 1e-12) & cells.varied
+        self._slope_scale = np.where(self._known, 1.0 / np.where(self._known, spread, 1.0), 0.0)
         scaled = (raw - self._centre) * self._slope_scale
-        self._design = np.column_stack([np.ones(len(raw)), scaled[:, known]])
-        self._known = known
+        self._design = np.column_stack([np.ones(len(raw)), scaled[:, self._known]])
         self._toppled = cells.toppled[self._row, column]
         self._trials = cells.trials[self._row, column]
 
-        self.separated_ = is_separated(cells, self._centre, self._slope_scale)
+        self.separated = is_separated(cells, self._centre, self._slope_scale)
         self._start = np.zeros((1, self._design.shape[1]))
         self._start = self._solve(np.ones((1, cells.ln_ratio.size)), tolerance=1e-9)
-        self.coef_ = self._unscaled(self._start)[0]
-        self.method_ = (
+        self.coefs = self._unscaled(self._start)
+        self.method = (
             "Firth's penalised likelihood (the outcomes are separated)"
-            if self.separated_
+            if self.separated
             else "maximum likelihood"
         )
         if not cells.varied:
-            self.method_ += "; only one outcome: no slope is known, both are set to 0"
-        elif not known.all():
-            self.method_ += "; only one PGA or PGV/PGA: its slope is not known and set to 0"
-        if self.coef_[1] < 0:
-            self.method_ += "; P falls with PGA: there is no boundary to read"
-        return self
+            self.method += "; only one outcome: no slope is known, both are set to 0"
+        elif not self._known.all():
+            self.method += "; only one PGA or PGV/PGA: its slope is not known and set to 0"
+        if self.coefs[0, 1] < 0:
+            self.method += "; P falls with PGA: there is no boundary to read"
 
-    def predict_proba(self, pga: npt.ArrayLike, pgv_pga: npt.ArrayLike) -> Array:
-        """P(overturned) at PGA [g] and PGV/PGA [s], broadcast against each other."""
-        b0, b1, b2 = self.coef_
-        return expit(b0 + b1 * np.log(pga) + b2 * np.log(pgv_pga))
-
-    def contour(self, pgv_pga: npt.ArrayLike, probability: float = 0.5) -> Array:
-        """Smallest PGA [g] with P >= `probability` at PGV/PGA [s]; see `_contour`."""
-        return self._contour(self.coef_, np.log(pgv_pga), probability)
-
-    @property
-    def coefs_(self) -> Array:
-        """Coefficients as a batch of one, shape (1, 3)."""
-        return self.coef_[None]
-
-    def refit(self, row_weights: Array, rng: np.random.Generator | None = None) -> Array:
-        """Fit again with PGV/PGA row r counted row_weights[:, r] times.
-
-        Parameters
-        ----------
-        row_weights : ndarray, shape (batch, n_ratio)
-        rng : unused; part of the protocol of `scores`.
-
-        Returns
-        -------
-        ndarray, shape (batch, 3)
-        """
+    def refit(self, row_weights: Array) -> Array:
         return self._unscaled(self._solve(row_weights, tolerance=1e-5))
 
     def named(self, coefs: Array) -> dict[str, Array]:
-        """Return the parameters of a batch by name, each of shape (batch,)."""
-        return dict(zip(self.parameter_units, coefs.T, strict=True))
+        return dict(zip(("b0", "b1", "b2"), coefs.T, strict=True))
 
     def grid_probability(self, coefs: Array) -> Array:
-        """P(overturned) at the grid cells, shape (batch, n_ratio, n_pga)."""
         b0, b1, b2 = coefs.T[..., None, None]
-        return expit(b0 + b1 * self.cells_.ln_pga + b2 * self.cells_.ln_ratio[:, None])
+        return expit(b0 + b1 * self.cells.ln_pga + b2 * self.cells.ln_ratio[:, None])
 
     def grid_contour(self, coefs: Array, probability: float) -> Array:
-        """PGA [g] of a probability at the grid's PGV/PGA rows, shape (batch, n_ratio)."""
-        return self._contour(coefs[:, None, :], self.cells_.ln_ratio, probability)
-
-    @staticmethod
-    def _contour(coefs: Array, ln_ratio: Array, probability: float) -> Array:
-        """Smallest PGA at the level; without a rising P: 0 if it is at the level, else inf."""
-        b0, b1, b2 = np.moveaxis(coefs, -1, 0)
-        missing = logit(probability) - b0 - b2 * ln_ratio
+        """As of the base; without a rising P: 0 if it is at the level everywhere, else inf."""
+        b0, b1, b2 = coefs.T[..., None]
+        missing = logit(probability) - b0 - b2 * self.cells.ln_ratio
         rising = b1 > 0
         with np.errstate(over="ignore"):
             pga = np.exp(missing / np.where(rising, b1, 1.0))
@@ -128,9 +85,9 @@ class LogisticFragility(BaseEstimator):
 
     def _solve(self, row_weights: Array, tolerance: float) -> Array:
         """Scaled coefficients for each row of weights, shape (batch, p)."""
-        weights = np.asarray(row_weights, dtype=np.float64)[:, self._row]
+        weights = row_weights[:, self._row]
         start = np.repeat(self._start, len(weights), axis=0)
-        if self.separated_:
+        if self.separated:
             return maximise(self._likelihood(weights, firth=True), start, tolerance=tolerance)[0]
         beta, converged = maximise(
             self._likelihood(weights, firth=False), start, tolerance=tolerance, max_iterations=25
@@ -183,6 +140,16 @@ def is_separated(cells: Cells, centre: Array, scale: Array) -> bool:
     Solves max sum s_i x_i.b subject to s_i x_i.b >= 0 and |b_j| <= 1, with s = +1 for
     overturned and -1 for balanced: the optimum is positive exactly when the outcomes are
     separated (Konis 2007). Only the outermost PGA of either outcome in a row can bind.
+
+    Parameters
+    ----------
+    cells : Cells
+    centre, scale : ndarray, shape (2,)
+        Each coordinate enters as (value - centre) * scale.
+
+    Returns
+    -------
+    bool
     """
     signed = []
     for sign, count in ((1.0, cells.toppled), (-1.0, cells.trials - cells.toppled)):

@@ -14,6 +14,9 @@ from vsr_core.arrays import Array, Indices, Mask
 
 Evaluate = Callable[[Array, Indices], tuple[Array, Array]]
 
+MAX_STEP = 10.0
+"""Largest component of a step; the cap keeps a first step from a flat likelihood finite."""
+
 
 def maximise(
     evaluate: Evaluate,
@@ -21,7 +24,6 @@ def maximise(
     *,
     tolerance: float = 1e-8,
     max_iterations: int = 50,
-    max_step: float = 10.0,
 ) -> tuple[Array, Mask]:
     """Maximise a batch of functions, halving any step that makes its function worse.
 
@@ -33,22 +35,16 @@ def maximise(
     start : ndarray, shape (batch, p)
     tolerance : float
         A member is done when the largest component of its next step is below this.
-    max_step : float
-        Largest component of a step; the cap keeps a first step from a flat likelihood finite.
+    max_iterations : int
 
     Returns
     -------
     beta : ndarray, shape (batch, p)
     converged : ndarray of bool, shape (batch,)
     """
-
-    def capped(step: Array) -> Array:
-        size = np.abs(step).max(axis=1, keepdims=True)
-        return step * np.minimum(1.0, max_step / np.maximum(size, max_step))
-
     beta = np.array(start, dtype=np.float64)
     value, step = evaluate(beta, np.arange(len(beta)))
-    step = capped(step)
+    step = _capped(step)
     converged = np.abs(step).max(axis=1) < tolerance
     for _ in range(max_iterations):
         busy = np.flatnonzero(~converged)
@@ -60,7 +56,12 @@ def maximise(
         better = trial_value >= value[busy] - 1e-10 * (1.0 + np.abs(value[busy]))
         taken = busy[better]
         beta[taken], value[taken] = trial[better], trial_value[better]
-        step[taken] = capped(trial_step[better])
+        step[taken] = _capped(trial_step[better])
         step[busy[~better]] /= 2
         converged[busy] = np.abs(step[busy]).max(axis=1) < tolerance
     return beta, converged
+
+
+def _capped(step: Array) -> Array:
+    size = np.abs(step).max(axis=1, keepdims=True)
+    return step * np.minimum(1.0, MAX_STEP / np.maximum(size, MAX_STEP))

@@ -27,17 +27,14 @@ class Boundary:
         The row has decided cells and none overturned: the boundary lies above the grid.
     islands : ndarray of int, shape (n_ratio,)
         Balanced cells above the first overturned one.
-    labels : ndarray of int, shape (n_ratio, n_pga)
-        Number of the toppled cluster of each cell; 0 where the cell did not topple.
     cluster_sizes : ndarray of int, shape (n_clusters,)
-        Cells in each toppled cluster, in the order of `labels`.
+        Cells in each group of toppled cells that balanced cells separate from the others.
     """
 
     lower: Array
     upper: Array
     censored: Mask
     islands: Indices
-    labels: Indices
     cluster_sizes: Indices
 
 
@@ -51,7 +48,6 @@ class Parameter:
     """
 
     name: str
-    units: str
     value: Array
     lower: Array
     upper: Array
@@ -106,8 +102,6 @@ class ModelFit:
         PGA at P = 0.025 and P = 0.975: the 95 % band of the fitted model.
     probability : ndarray, shape (n_ratio, n_pga)
         P(overturned) at the grid cells.
-    row_status : tuple of str
-        For "lognormal" how each row was decided (see `lognormal.STATUS`); empty for the others.
     """
 
     name: str
@@ -121,7 +115,6 @@ class ModelFit:
     band_low: Array
     band_high: Array
     probability: Array
-    row_status: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -129,13 +122,9 @@ class FragilityResult:
     """Everything learnt from one grid: boundary, fitted models, and the recommended one.
 
     `recommended` is a name out of `models`, or "none" when the outcomes do not vary; `reason`
-    is one sentence. `n_decided` and `n_undecided` count cells.
+    is one sentence.
     """
 
-    pga: Array
-    pgv_pga: Array
-    n_decided: int
-    n_undecided: int
     boundary: Boundary
     models: tuple[ModelFit, ...]
     recommended: str
