@@ -2,26 +2,42 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 Writer = Callable[[Path], None]
 """Writes a product to a path."""
 
 
 def text(content: str) -> Writer:
-    """Writer of a text."""
+    """Writer of a text.
 
-    def write(path: Path) -> None:
-        path.write_text(content, encoding="utf-8")
+    Parameters
+    ----------
+    content : str
 
-    return write
+    Returns
+    -------
+    Writer
+        It writes UTF-8, with line ends as they are.
+    """
+    return binary(content.encode())
 
 
 def binary(content: bytes) -> Writer:
-    """Writer of bytes, such as a picture."""
+    """Writer of bytes, such as a picture.
+
+    Parameters
+    ----------
+    content : bytes
+
+    Returns
+    -------
+    Writer
+    """
 
     def write(path: Path) -> None:
         path.write_bytes(content)
@@ -29,16 +45,25 @@ def binary(content: bytes) -> Writer:
     return write
 
 
-def table(columns: Sequence[str], records: Iterable[Mapping[str, Any]]) -> Writer:
-    """Writer of these columns of records as CSV, numbers to six digits."""
-    rows = [[_shown(record[name]) for name in columns] for record in records]
+def table(frame: pd.DataFrame) -> Writer:
+    """Writer of a table as CSV, numbers to six digits.
 
-    def write(path: Path) -> None:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([columns, *rows])
+    Parameters
+    ----------
+    frame : DataFrame
+        An empty text is an empty field; NaN is written as ``nan``.
 
-    return write
+    Returns
+    -------
+    Writer
+    """
+    return text(frame.map(_shown).to_csv(index=False, lineterminator="\r\n"))
 
 
 def _shown(value: Any) -> Any:
+    """The value as a table shows it.
+
+    >>> _shown(0.1234567), _shown(1234567)
+    ('0.123457', 1234567)
+    """
     return f"{value:.6g}" if isinstance(value, float) else value

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-from pathlib import Path
-from typing import Any
-
 import numpy as np
+import pandas as pd
 import xarray as xr
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from pipeline.stages.datasets.responses import FILE as RESPONSES
+from pipeline.workflow import writers
 from pipeline.workflow.datasets import described, netcdf, read, rows_of
 from pipeline.workflow.stage import Job, Product
 from vsr_core.fragility import FragilityResult, ModelFit, fit_all
@@ -18,22 +17,42 @@ from vsr_core.fragility import FragilityResult, ModelFit, fit_all
 FILE = "fragility.nc"
 TABLE = "fragility.csv"
 
-Fits = dict[tuple[int, int], "FragilityResult"]
+_COLUMNS = ["yaw_deg", "friction", "toppled_share", "model", "recommended", "log_loss", "brier",
+            "accuracy", "separated", "method", "quantity", "pgv_pga_s", "value", "lower",
+            "upper"]  # fmt: skip
+
+_Fits = dict[tuple[int, int], FragilityResult]
+_Array = NDArray[np.float64]
 
 
 def make(job: Job) -> Product:
-    """Fit every model to every (yaw, friction)."""
+    """Fit every model to the responses of every yaw and friction.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+        ``fragility.nc`` and ``fragility.csv``.
+    """
     data = read(job.path(RESPONSES))
     fits = _fit(data)
-    dataset = described(_dataset(data, fits), job, "Fragility")
+    dataset = _dataset(data, fits)
+    table = _table(dataset, fits)
     names = [fit.recommended for fit in fits.values()]
     best = ", ".join(f"{name} for {names.count(name)}" for name in sorted(set(names)))
-    files = {FILE: netcdf(dataset), TABLE: lambda path: _write_table(path, data, fits)}
+    files = {
+        FILE: netcdf(described(dataset, job, "Fragility")),
+        TABLE: writers.table(table),
+    }
     return Product(files, f"{len(fits)} grids fitted; recommended: {best}")
 
 
-def _fit(data: Any) -> Fits:
-    fits: Fits = {}
+def _fit(data: xr.Dataset) -> _Fits:
+    """Fits by position of yaw and friction; none where no run has a verdict."""
+    fits: _Fits = {}
     with threadpool_limits(1):
         for i, k in np.ndindex(data.sizes["yaw"], data.sizes["friction"]):
             grid = data["overturned"].values[i, k]
@@ -42,166 +61,109 @@ def _fit(data: Any) -> Fits:
     return fits
 
 
-def _dataset(data: Any, fits: Fits) -> Any:
-    sizes = data.sizes
-    groups, row = ("yaw", "friction"), rows_of(data)
-    models = ["logistic", "lognormal", "smooth"]
-    shapes: dict[str, tuple[str, ...]] = {
-        "last_balanced_pga": (*groups, row),
-        "first_overturning_pga": (*groups, row),
-        "censored": (*groups, row),
-        "islands": (*groups, row),
-        "clusters": groups,
-        "toppled_share": groups,
-        "median_pga": (*groups, "model", row),
-        "median_pga_interval": (*groups, "model", row, "bound"),
-        "band_pga": (*groups, "model", row, "bound"),
-        "probability": (*groups, "model", row, "pga"),
-        "separated": (*groups, "model"),
-        "log_loss": (*groups, "model"),
-        "log_loss_error": (*groups, "model"),
-        "brier": (*groups, "model"),
-        "accuracy": (*groups, "model"),
-        "coefficient": (*groups, "parameter"),
-        "coefficient_interval": (*groups, "parameter", "bound"),
-        "theta": (*groups, row),
-        "theta_interval": (*groups, row, "bound"),
-        "beta": (*groups, row),
-        "beta_interval": (*groups, row, "bound"),
-    }
-    length = {**sizes, "model": len(models), "bound": 2, "parameter": 3}
-    arrays = {
-        name: np.full([length[d] for d in dims], np.nan, "f4" if name == "probability" else "f8")
-        for name, dims in shapes.items()
-    }
-    words = {
-        name: np.full([sizes["yaw"], sizes["friction"]], "", object)
-        for name in ("recommended", "reason")
-    }
-    methods = np.full([sizes["yaw"], sizes["friction"], len(models)], "", object)
-    for place, fit in fits.items():
-        _put_grid(arrays, place, fit, data["overturned"].values[place])
-        for number, name in enumerate(models):
-            _put_model(arrays, (*place, number), fit.model(name))
-            methods[(*place, number)] = fit.model(name).method
-        words["recommended"][place], words["reason"][place] = fit.recommended, fit.reason
-    dataset = xr.Dataset(
-        {name: (dims, arrays[name]) for name, dims in shapes.items()},
-        {**{d: data[d].values for d in ("yaw", "friction", row, "pga")}, "model": models}
-        | {str(name): (row, c.values) for name, c in data[row].coords.items() if name != row}
-        | {"bound": ["lower", "upper"], "parameter": ["b0", "b1", "b2"]},
-    )
-    for name, array in words.items():
-        dataset[name] = (groups, array.astype(str))
-    dataset["method"] = ((*groups, "model"), methods.astype(str))
-    return dataset
+def _dataset(data: xr.Dataset, fits: _Fits) -> xr.Dataset:
+    """All fits on (yaw, friction); NaN and empty texts where there is none."""
+    row, overturned = rows_of(data), data["overturned"].drop_attrs().drop_encoding()
+    groups = {place: _group(fit, row) for place, fit in fits.items()}
+    if len(groups) < overturned["yaw"].size * overturned["friction"].size:
+        nothing = np.zeros(overturned.shape[2:])  # any grid has the form of those without a fit
+        form = _group(fit_all(data["pga"].values, data["pgv_pga"].values, nothing), row)
+        empty = form.map(lambda part: xr.full_like(part, "" if part.dtype.kind == "U" else np.nan))
+        groups = dict.fromkeys(np.ndindex(overturned.shape[:2]), empty) | groups
+    nested = [[groups[i, k] for i in range(len(overturned))] for k in range(overturned.shape[1])]
+    dataset = xr.combine_nested(nested, ["friction", "yaw"], combine_attrs="drop")
+    decided = (overturned >= 0).sum(overturned.dims[2:])
+    toppled = (overturned == 1).sum(overturned.dims[2:])
+    dataset["toppled_share"] = (toppled / decided.where(decided > 0)).variable
+    dataset = dataset.assign_coords(overturned.coords)
+    return dataset.assign_coords(bound=["lower", "upper"], parameter=["b0", "b1", "b2"])
 
 
-def _put_grid(arrays: Any, place: Any, fit: FragilityResult, grid: Any) -> None:
+def _group(fit: FragilityResult, row: str) -> xr.Dataset:
+    """What was learnt from the grid of one yaw and friction."""
     edge = fit.boundary
-    arrays["last_balanced_pga"][place] = edge.lower
-    arrays["first_overturning_pga"][place] = edge.upper
-    arrays["censored"][place] = edge.censored
-    arrays["islands"][place] = edge.islands
-    arrays["clusters"][place] = edge.cluster_sizes.size
-    arrays["toppled_share"][place] = (grid == 1).sum() / (grid >= 0).sum()
+    grid = {
+        "last_balanced_pga": (row, edge.lower),
+        "first_overturning_pga": (row, edge.upper),
+        "censored": (row, edge.censored.astype(float)),
+        "islands": (row, edge.islands.astype(float)),
+        "clusters": ((), float(edge.cluster_sizes.size)),
+        "recommended": ((), fit.recommended),
+        "reason": ((), fit.reason),
+    }
+    line = fit.model("logistic").parameters
+    parameters = {
+        "coefficient": ("parameter", [one.value for one in line]),
+        "coefficient_interval": (("parameter", "bound"), [(one.lower, one.upper) for one in line]),
+    }
+    for one in fit.model("lognormal").parameters:
+        parameters[one.name] = (row, one.value)
+        parameters[f"{one.name}_interval"] = ((row, "bound"), _pair(one.lower, one.upper))
+    names = xr.Variable("model", [model.name for model in fit.models])
+    models = xr.concat([_model(model, row) for model in fit.models], names)
+    return xr.merge([xr.Dataset(grid | parameters), models])
 
 
-def _put_model(arrays: Any, place: Any, model: ModelFit) -> None:
-    arrays["median_pga"][place] = model.median
-    arrays["median_pga_interval"][place] = _pair(model.median_lower, model.median_upper)
-    arrays["band_pga"][place] = _pair(model.band_low, model.band_high)
-    arrays["probability"][place] = model.probability
-    arrays["separated"][place] = model.separated
-    arrays["log_loss"][place] = model.scores.log_loss
-    arrays["log_loss_error"][place] = model.scores.log_loss_se
-    arrays["brier"][place] = model.scores.brier
-    arrays["accuracy"][place] = model.scores.accuracy
-    group = place[:2]
-    for number, parameter in enumerate(model.parameters):
-        pair = _pair(parameter.lower, parameter.upper)
-        if model.name == "logistic":
-            arrays["coefficient"][(*group, number)] = parameter.value
-            arrays["coefficient_interval"][(*group, number)] = pair
-        else:
-            arrays[parameter.name][group] = parameter.value
-            arrays[f"{parameter.name}_interval"][group] = pair
+def _model(model: ModelFit, row: str) -> xr.Dataset:
+    scores = model.scores
+    median = _pair(model.median_lower, model.median_upper)
+    return xr.Dataset(
+        {
+            "median_pga": (row, model.median),
+            "median_pga_interval": ((row, "bound"), median),
+            "band_pga": ((row, "bound"), _pair(model.band_low, model.band_high)),
+            "probability": ((row, "pga"), model.probability.astype("f4")),
+            "separated": float(model.separated),
+            "log_loss": scores.log_loss,
+            "log_loss_error": scores.log_loss_se,
+            "brier": scores.brier,
+            "accuracy": scores.accuracy,
+            "method": model.method,
+        }
+    )
 
 
-def _pair(lower: Any, upper: Any) -> Any:
+def _pair(lower: _Array, upper: _Array) -> _Array:
     return np.stack([lower, upper], axis=-1)
 
 
-def _write_table(path: Path, data: Any, fits: Fits) -> None:
-    """One row per yaw, friction and model, with the boundary's rows after it."""
-    columns = ["yaw_deg", "friction", "toppled_share", "model", "recommended", "log_loss", "brier"]
-    columns += [
-        "accuracy",
-        "separated",
-        "method",
-        "quantity",
-        "pgv_pga_s",
-        "value",
-        "lower",
-        "upper",
-    ]
-    names = {}
-    if rows_of(data) == "record":
-        columns.append("record")
-        names = dict(zip(data["pgv_pga"].values, data["record"].values, strict=True))
-
-    def named(r: Any) -> list[str]:
-        return [str(names.get(r, ""))] if names else []
-
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file)
-        table.writerow(columns)
-        for (i, k), fit in fits.items():
-            grid = data["overturned"].values[i, k]
-            share = (grid == 1).sum() / (grid >= 0).sum()
-            group = [float(data["yaw"][i]), float(data["friction"][k]), f"{share:.4f}"]
-            for r, low, high in zip(
-                data["pgv_pga"].values, fit.boundary.lower, fit.boundary.upper, strict=True
-            ):
-                empty = [""] * 6
-                table.writerow(
-                    [
-                        *group,
-                        "grid",
-                        *empty,
-                        "first_overturning_pga_g",
-                        r,
-                        _g(high),
-                        _g(low),
-                        _g(high),
-                        *named(r),
-                    ]
-                )
-            for model in fit.models:
-                scores = [
-                    f"{getattr(model.scores, s):.5f}" for s in ("log_loss", "brier", "accuracy")
-                ]
-                about = [
-                    model.name,
-                    int(model.name == fit.recommended),
-                    *scores,
-                    int(model.separated),
-                    model.method,
-                ]
-                for quantity, r, *values in _quantities(data["pgv_pga"].values, model):
-                    table.writerow([*group, *about, quantity, r, *map(_g, values), *named(r)])
+def _table(dataset: xr.Dataset, fits: _Fits) -> pd.DataFrame:
+    """The boundary's rows, then those of each model, of each yaw and friction."""
+    rows = {"pgv_pga_s": dataset["pgv_pga"].values.astype(str)}
+    if rows_of(dataset) == "record":
+        rows["record"] = dataset["record"].values
+    parts = [pd.DataFrame(columns=[*_COLUMNS, *list(rows)[1:]])]
+    for (i, k), fit in fits.items():
+        one = dataset.isel(yaw=i, friction=k)
+        edge = fit.boundary
+        found = [_quantity(rows, "first_overturning_pga_g", edge.upper, edge.lower, edge.upper)]
+        found[0]["model"] = "grid"
+        found += [_of_model(rows, model, fit.recommended) for model in fit.models]
+        group = {"yaw_deg": str(one["yaw"].item()), "friction": str(one["friction"].item())}
+        share = f"{one['toppled_share'].item():.4f}"
+        parts.append(pd.concat(found).assign(**group, toppled_share=share))
+    table = pd.concat(parts)
+    words = table.columns.difference(["value", "lower", "upper"])
+    return table.fillna(dict.fromkeys(words, ""))
 
 
-def _quantities(pgv_pga: Any, model: ModelFit) -> Any:
-    for parameter in model.parameters:
-        if parameter.value.ndim == 0:
-            yield parameter.name, "", parameter.value, parameter.lower, parameter.upper
-        else:
-            for row in zip(pgv_pga, parameter.value, parameter.lower, parameter.upper, strict=True):
-                yield (parameter.name, *row)
-    for row in zip(pgv_pga, model.median, model.median_lower, model.median_upper, strict=True):
-        yield ("median_pga_g", *row)
+def _of_model(rows: dict[str, _Array], model: ModelFit, recommended: str) -> pd.DataFrame:
+    found = [_quantity(rows, p.name, p.value, p.lower, p.upper) for p in model.parameters]
+    median = (model.median, model.median_lower, model.median_upper)
+    found.append(_quantity(rows, "median_pga_g", *median))
+    scores = {
+        name: f"{getattr(model.scores, name):.5f}" for name in ("log_loss", "brier", "accuracy")
+    }
+    return pd.concat(found).assign(
+        model=model.name,
+        recommended=str(int(model.name == recommended)),
+        **scores,
+        separated=str(int(model.separated)),
+        method=model.method,
+    )
 
 
-def _g(value: float) -> str:
-    return f"{float(value):.6g}"
+def _quantity(rows: dict[str, _Array], name: str, *ends: _Array) -> pd.DataFrame:
+    """Value, lower and upper end of a quantity, for each row or for the whole grid."""
+    columns = dict(zip(("value", "lower", "upper"), map(np.atleast_1d, ends), strict=True))
+    return pd.DataFrame({**(rows if ends[0].ndim else {}), **columns, "quantity": name})
