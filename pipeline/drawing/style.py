@@ -9,10 +9,12 @@ from collections.abc import Callable
 from typing import Any, ParamSpec
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.workflow.writers import Writer, binary
+from vsr_core.arrays import Array
 
 P = ParamSpec("P")
 
@@ -51,9 +53,24 @@ _RC: Any = {
     "pdf.fonttype": 42,  # text that can be selected and edited
 }
 
+_SAVED: dict[str, Any] = {  # without the time at which it was made
+    "png": {"dpi": DPI, "facecolor": "white", "metadata": {"Software": None}},
+    "svg": {"facecolor": "white", "metadata": {"Date": None}},
+    "pdf": {"metadata": {"CreationDate": None}},
+}
+
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Draw with the project's style, whatever the caller's matplotlib is set to."""
+    """Draw with the project's style, whatever the caller's matplotlib is set to.
+
+    Parameters
+    ----------
+    draw : function that returns a Figure
+
+    Returns
+    -------
+    function, the same in the style
+    """
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -64,43 +81,100 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def png(figure: Figure) -> bytes:
-    """Render as PNG, the same bytes every time."""
-    with mpl.rc_context(_RC), io.BytesIO() as file:
-        figure.savefig(file, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
-        return file.getvalue()
+    """Render as PNG, the same bytes every time.
 
+    Parameters
+    ----------
+    figure : Figure
 
-def svg(figure: Figure) -> bytes:
-    """Render as SVG, the same bytes every time."""
-    with mpl.rc_context(_RC), io.BytesIO() as file:
-        figure.savefig(file, format="svg", facecolor="white", metadata={"Date": None})
-        return file.getvalue()
-
-
-def pdf(figure: Figure) -> bytes:
-    """Render as PDF, the same bytes every time."""
-    with mpl.rc_context(_RC), io.BytesIO() as file:
-        figure.savefig(file, format="pdf", metadata={"CreationDate": None})
-        return file.getvalue()
+    Returns
+    -------
+    bytes
+    """
+    return _rendered(figure, "png")
 
 
 def pictures(name: str, figure: Figure) -> dict[str, Writer]:
-    """The files of a figure that is a product: PNG and PDF."""
-    return {f"{name}.png": binary(png(figure)), f"{name}.pdf": binary(pdf(figure))}
+    """The files of a figure that is a product.
+
+    Parameters
+    ----------
+    name : str
+        Without a suffix.
+    figure : Figure
+
+    Returns
+    -------
+    dict from file name to Writer, of a PNG and a PDF
+    """
+    return {f"{name}.{kind}": binary(_rendered(figure, kind)) for kind in ("png", "pdf")}
 
 
 def png_uri(figure: Figure) -> str:
-    """Render as PNG, inside an address that holds it all."""
+    """Render as PNG, inside an address that holds it all.
+
+    Parameters
+    ----------
+    figure : Figure
+
+    Returns
+    -------
+    str
+    """
     return f"data:image/png;base64,{base64.b64encode(png(figure)).decode()}"
 
 
 def svg_uri(figure: Figure) -> str:
-    """Render as SVG, inside an address that holds it all."""
-    return f"data:image/svg+xml;base64,{base64.b64encode(svg(figure)).decode()}"
+    """Render as SVG, inside an address that holds it all.
+
+    Parameters
+    ----------
+    figure : Figure
+
+    Returns
+    -------
+    str
+    """
+    return f"data:image/svg+xml;base64,{base64.b64encode(_rendered(figure, 'svg')).decode()}"
+
+
+def _rendered(figure: Figure, kind: str) -> bytes:
+    with mpl.rc_context(_RC), io.BytesIO() as file:
+        figure.savefig(file, format=kind, **_SAVED[kind])
+        return file.getvalue()
+
+
+def cell_edges(values: Array) -> Array:
+    """Borders of cells around grid values, half-way between them.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,), ascending
+
+    Returns
+    -------
+    ndarray, shape (n + 1,)
+
+    >>> cell_edges(np.array([1.0, 2.0, 4.0])).tolist()
+    [0.5, 1.5, 3.0, 5.0]
+    """
+    if values.size == 1:
+        return np.array([0.5 * values[0], 1.5 * values[0]])
+    middle = (values[1:] + values[:-1]) / 2
+    return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
 
 
 def legend_below(figure: Figure, axes: Axes, columns: int, top: float = 0.08) -> None:
-    """Legend of one panel, below ``top`` as a share of the figure's height."""
+    """Legend of one panel, below the figure.
+
+    Parameters
+    ----------
+    figure : Figure
+    axes : Axes, the panel
+    columns : int
+    top : float
+        Its upper end, as a share of the figure's height.
+    """
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(
         handles,

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from pipeline.stages.datasets.responses import FILE as RESPONSES
 from pipeline.workflow import writers
 from pipeline.workflow.datasets import described, netcdf, read, rows_of
 from pipeline.workflow.stage import Job, Product
+from vsr_core.arrays import Array
 from vsr_core.fragility import FragilityResult, ModelFit, fit_all
 
 FILE = "fragility.nc"
@@ -22,7 +22,6 @@ _COLUMNS = ["yaw_deg", "friction", "toppled_share", "model", "recommended", "log
             "upper"]  # fmt: skip
 
 _Fits = dict[tuple[int, int], FragilityResult]
-_Array = NDArray[np.float64]
 
 
 def make(job: Job) -> Product:
@@ -123,7 +122,7 @@ def _model(model: ModelFit, row: str) -> xr.Dataset:
     )
 
 
-def _pair(lower: _Array, upper: _Array) -> _Array:
+def _pair(lower: Array, upper: Array) -> Array:
     return np.stack([lower, upper], axis=-1)
 
 
@@ -147,7 +146,7 @@ def _table(dataset: xr.Dataset, fits: _Fits) -> pd.DataFrame:
     return table.fillna(dict.fromkeys(words, ""))
 
 
-def _of_model(rows: dict[str, _Array], model: ModelFit, recommended: str) -> pd.DataFrame:
+def _of_model(rows: dict[str, Array], model: ModelFit, recommended: str) -> pd.DataFrame:
     found = [_quantity(rows, p.name, p.value, p.lower, p.upper) for p in model.parameters]
     median = (model.median, model.median_lower, model.median_upper)
     found.append(_quantity(rows, "median_pga_g", *median))
@@ -163,7 +162,7 @@ def _of_model(rows: dict[str, _Array], model: ModelFit, recommended: str) -> pd.
     )
 
 
-def _quantity(rows: dict[str, _Array], name: str, *ends: _Array) -> pd.DataFrame:
+def _quantity(rows: dict[str, Array], name: str, *ends: Array) -> pd.DataFrame:
     """Value, lower and upper end of a quantity, for each row or for the whole grid."""
     columns = dict(zip(("value", "lower", "upper"), map(np.atleast_1d, ends), strict=True))
     return pd.DataFrame({**(rows if ends[0].ndim else {}), **columns, "quantity": name})

@@ -97,8 +97,8 @@ def _cells(axes: Axes, runs: xr.Dataset) -> None:
     kinds = shown(runs)
     colours = {kind: colour for kind, colour, _ in _KINDS}
     axes.pcolormesh(
-        _edges(pga),
-        _edges(ratio),
+        style.cell_edges(pga),
+        style.cell_edges(ratio),
         kinds,
         cmap=ListedColormap([colours[kind] for kind in range(4)]),
         vmin=-0.5,
@@ -227,11 +227,3 @@ def _model_of_records(axes: Axes, name: str, median: Array, rows: Array, ends: A
         gid="interval",
         zorder=4,
     )
-
-
-def _edges(values: Array) -> Array:
-    """Borders of cells around grid values."""
-    if values.size == 1:
-        return np.array([0.5 * values[0], 1.5 * values[0]])
-    middle = (values[1:] + values[:-1]) / 2
-    return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])

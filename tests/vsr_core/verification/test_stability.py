@@ -11,10 +11,13 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline.config.layers import load_site
+from pipeline.drawing.style import pictures
 from pipeline.stages.studies.stability import stability as stage
+from pipeline.stages.studies.stability.stability_figure import stability_map
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.keys import code
@@ -201,16 +204,16 @@ def test_a_wrong_case_is_counted_and_shown(make_stage: Callable[..., Path]) -> N
     assert "1 silently wrong" in (folder / stage.PAGE).read_text(encoding="utf-8")
 
 
-def test_figures_are_the_same_bytes_every_time() -> None:
-    from pipeline.drawing.style import pdf
-    from pipeline.stages.studies.stability.stability_figure import stability_map
-
-    points = [
-        {"time_step": h, "stiffness": k, "verdict": "flagged"}
-        for h, k in _module("map").POINTS.values()
-    ]
-    one, other = (pdf(stability_map(points, _module("map").limits())) for _ in range(2))
-    assert one == other
+def test_figures_are_the_same_bytes_every_time(tmp_path: Path) -> None:
+    points = pd.DataFrame(_module("map").POINTS.values(), columns=["time_step", "stiffness"])
+    points["verdict"] = "flagged"
+    made = []
+    for _ in range(2):
+        figure = stability_map(points, _module("map").limits())
+        for name, write in pictures("map", figure).items():
+            write(tmp_path / name)
+        made.append([(tmp_path / name).read_bytes() for name in ("map.png", "map.pdf")])
+    assert made[0] == made[1]
 
 
 def test_an_edit_of_a_case_makes_the_stage_again() -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from pipeline.config.motion_schema import PulseConfig
@@ -18,22 +17,44 @@ from pipeline.stages.mesh.products import load_rock
 from pipeline.stages.studies.capacity import table_limits
 from pipeline.stages.studies.capacity.feasible_figure import feasible_grid
 from pipeline.stages.studies.capacity.table_limits import TableConfig
-from pipeline.workflow import graph, keys
+from pipeline.workflow import graph, keys, writers
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import writing
-from pipeline.workflow.writers import table as as_csv
 from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.table.capacity import LIMITS, Table, binding, commands, largest_pga, loads
 
 FILE, TABLE, PICTURE = "feasible.nc", "feasible.csv", "feasible"
 
-COLUMNS = ("pgv_pga_s", "pga_g", "feasible", "binding", "pgv_m_per_s", "stroke_m")
+_BINDING = ("none", *LIMITS)
+"""What limits a motion, by its code."""
+
+_COLUMNS = {
+    "pgv_pga": "pgv_pga_s",
+    "pga": "pga_g",
+    "feasible": "feasible",
+    "binding": "binding",
+    "pgv": "pgv_m_per_s",
+    "stroke": "stroke_m",
+}
+"""Columns of the table by their variables."""
 
 
 def make(job: Job, name: str, export: Path | None) -> list[str]:
-    """Write the products, and the commands if wanted; returns what to tell the user.
+    """Write the products, and the commands if wanted.
+
+    Parameters
+    ----------
+    job : Job
+    name : str
+        A table in ``configs/tables``, or a path.
+    export : Path or None
+        Folder of the commands.
+
+    Returns
+    -------
+    list of str, what to tell the user
 
     Raises
     ------
@@ -52,17 +73,15 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
     job = replace(job, key=keys.digest(facts))
     dataset = _dataset(motion, config.table(), rock.mass)
     dataset.attrs |= {"table": label, "unchecked": ", ".join(config.unstated)}
-    dataset = _flagged(described(dataset, job, f"What {label} can do"))
+    dataset = described(dataset, job, f"What {label} can do")
+    dataset["binding"].attrs |= {
+        "flag_values": list(range(len(_BINDING))),
+        "flag_meanings": " ".join(_BINDING),
+    }
     figure = feasible_grid(dataset, _boundaries(job))
-    job.store.publish(
-        PICTURE,
-        {"key": job.key, "facts": facts, "unresolved": 0, "retry": 0},
-        {
-            FILE: netcdf(dataset),
-            TABLE: as_csv(COLUMNS, _records(dataset)),
-            **pictures(PICTURE, figure),
-        },
-    )
+    files = {FILE: netcdf(dataset), TABLE: writers.table(_table(dataset))}
+    manifest = {"key": job.key, "facts": facts, "unresolved": 0, "retry": 0}
+    job.store.publish(PICTURE, manifest, files | pictures(PICTURE, figure))
     lines = _told(dataset, config, rock.mass)
     if export is not None:
         number = _export(dataset, config.table(), export)
@@ -71,43 +90,23 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
 
 
 def _dataset(motion: PulseConfig, table: Table, mass: float) -> xr.Dataset:
-    ratios, peaks = np.array(motion.pgv_pga), np.array(motion.pga)
-    limit = np.zeros((ratios.size, peaks.size), np.int8)
-    asked = np.zeros((2, *limit.shape))
-    for i, k in np.ndindex(*limit.shape):
-        pulse = CosinePulse.from_g(float(peaks[k]), float(ratios[i]))
-        limit[i, k] = ("", *LIMITS).index(binding(table, pulse, mass))
-        load = loads(pulse, mass)
-        asked[:, i, k] = load["velocity"], load["stroke"]
-    cell = ("pgv_pga", "pga")
-    ends = [largest_pga(table, ratio) for ratio in ratios.tolist()]
-    return xr.Dataset(
+    """What each motion asks of the table, and the limit that it goes beyond furthest."""
+    cells = pd.MultiIndex.from_product([motion.pgv_pga, motion.pga], names=["pgv_pga", "pga"])
+    pulses = [CosinePulse.from_g(pga, ratio) for ratio, pga in cells]
+    asked = [loads(pulse, mass) for pulse in pulses]
+    binds = [_BINDING.index(binding(table, pulse, mass) or "none") for pulse in pulses]
+    grid = pd.DataFrame(
         {
-            "feasible": (cell, (limit == 0).astype(np.int8)),
-            "binding": (cell, limit),
-            "pgv": (cell, asked[0]),
-            "stroke": (cell, asked[1]),
-            **{
-                f"{name}_pga": ("pgv_pga", np.array([end[name] / GRAVITY for end in ends]))
-                for name in ends[0]
-            },
+            "feasible": np.equal(binds, 0).astype(np.int8),
+            "binding": np.array(binds, np.int8),
+            "pgv": [load["velocity"] for load in asked],
+            "stroke": [load["stroke"] for load in asked],
         },
-        {"pga": peaks, "pgv_pga": ratios},
-        {"mass_kg": mass},
-    )
-
-
-def _flagged(dataset: xr.Dataset) -> xr.Dataset:
-    names = ("none", *LIMITS)
-    dataset["binding"].attrs |= {
-        "flag_values": list(range(len(names))),
-        "flag_meanings": " ".join(names),
-    }
-    return dataset
-
-
-def _names(dataset: xr.Dataset) -> list[str]:
-    return str(dataset["binding"].attrs["flag_meanings"]).split()
+        cells,
+    ).to_xarray()
+    ends = pd.DataFrame([largest_pga(table, ratio) for ratio in motion.pgv_pga]) / GRAVITY
+    limits = {f"{name}_pga": ("pgv_pga", values) for name, values in ends.items()}
+    return grid.assign(limits).assign_attrs(mass_kg=mass)
 
 
 def _boundaries(job: Job) -> xr.Dataset | None:
@@ -119,19 +118,11 @@ def _boundaries(job: Job) -> xr.Dataset | None:
     return responses if "pgv_pga" in responses.dims else None
 
 
-def _records(dataset: xr.Dataset) -> list[dict[str, Any]]:
-    names = _names(dataset)
-    return [
-        {
-            "pgv_pga_s": float(dataset["pgv_pga"][i]),
-            "pga_g": float(dataset["pga"][k]),
-            "feasible": int(dataset["feasible"].values[i, k]),
-            "binding": names[dataset["binding"].values[i, k]],
-            "pgv_m_per_s": float(dataset["pgv"].values[i, k]),
-            "stroke_m": float(dataset["stroke"].values[i, k]),
-        }
-        for i, k in np.ndindex(*dataset["binding"].shape)
-    ]
+def _table(dataset: xr.Dataset) -> pd.DataFrame:
+    """A row a motion."""
+    table = dataset[["feasible", "binding", "pgv", "stroke"]].to_dataframe().reset_index()
+    table["binding"] = [_BINDING[code] for code in table["binding"]]
+    return table[list(_COLUMNS)].rename(columns=_COLUMNS)
 
 
 def _told(dataset: xr.Dataset, config: TableConfig, mass: float) -> list[str]:
@@ -142,7 +133,7 @@ def _told(dataset: xr.Dataset, config: TableConfig, mass: float) -> list[str]:
         f"{'binding':<14}{'limit':<12}{'motions':>7}",
     ]
     units = {"acceleration": "g", "velocity": "m/s", "stroke": "m", "payload": "kg"}
-    for code, what in enumerate(_names(dataset)[1:], 1):
+    for code, what in enumerate(LIMITS, 1):
         given = getattr(config, what)
         shown = "not stated" if given is None else f"{given:g} {units[what]}"
         lines.append(f"{what:<14}{shown:<12}{int((limit == code).sum()):>7}")
@@ -164,11 +155,9 @@ def _export(dataset: xr.Dataset, table: Table, folder: Path) -> int:
         for i, k in places.tolist():
             ratio, pga = float(dataset["pgv_pga"][i]), float(dataset["pga"][k])
             sent = commands(table, CosinePulse.from_g(pga, ratio))
-            columns: dict[str, Any] = {"time_s": sent.time, "velocity_m_per_s": sent.velocity}
+            frame = pd.DataFrame({"time_s": sent.time, "velocity_m_per_s": sent.velocity})
             if sent.steps is not None:
-                columns["motor_step"] = sent.steps
-            with (folder / f"pgv_pga_{ratio:g}_pga_{pga:g}.csv").open("w", newline="") as file:
-                out = csv.writer(file)
-                out.writerow(columns)
-                out.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+                frame["motor_step"] = sent.steps
+            file = folder / f"pgv_pga_{ratio:g}_pga_{pga:g}.csv"
+            frame.to_csv(file, index=False, lineterminator="\r\n")
     return len(places)

@@ -12,7 +12,6 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from pipeline.drawing import style
-from pipeline.stages.fragility.response_diagram import _edges
 from pipeline.workflow.datasets import label
 from vsr_core.fragility.boundary import locate
 
@@ -59,7 +58,10 @@ def _title(feasible: xr.Dataset) -> str:
 
 
 def _cells(axes: Axes, feasible: xr.Dataset) -> None:
-    pga, ratio = _edges(feasible["pga"].values), _edges(feasible["pgv_pga"].values)
+    pga, ratio = (
+        style.cell_edges(feasible["pga"].values),
+        style.cell_edges(feasible["pgv_pga"].values),
+    )
     can = feasible["feasible"].values
     for gid, kind, colour, hatch in (("can", 1, CAN, ""), ("outside", 0, CANNOT, "////")):
         with mpl.rc_context({"hatch.linewidth": 0.5, "hatch.color": FAINTER}):

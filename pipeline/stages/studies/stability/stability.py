@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator
+
+import pandas as pd
 
 from pipeline.drawing.style import pictures, svg_uri
 from pipeline.stages.studies.stability.stability_figure import stability_map
@@ -18,111 +19,122 @@ from vsr_core.verification.stability.stiffness_map import POINTS, limits
 
 TABLE, PAGE, PICTURE = "stability.csv", "stability.html", "stability_map"
 
-BATCH = 2
+_BATCH = 2
 """Cases handed to a worker at once."""
 
-HEAVY = ("rest", "map")
+_HEAVY = ("rest", "map")
 """Families that take longest, and so come first."""
 
-COLUMNS = ("case", "family", "parameter", "value", "unit", "verdict", "measured", "expected",
-           "error", "tolerance", "note")  # fmt: skip
-
-DIED = Finding(
+_DIED = Finding(
     Verdict.WRONG, math.nan, math.nan, math.nan, "the process died in it; see the log of workers"
 )
 
-Record = dict[str, Any]
-
 
 def make(job: Job) -> Product:
-    """Run all cases and say what became of them."""
+    """Run all cases and say what became of them.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+        Table, page and map of verdicts; a case that is silently wrong counts as unresolved.
+    """
     cases = stability.cases()
     job.log(f"stability: {len(cases)} cases")
-    findings = _findings(job, cases)
-    records = [_record(case, findings[name]) for name, case in cases.items()]
-    figure = stability_map(_points(cases, findings), limits())
-    text = _page(records, cases, svg_uri(figure))
-    counts = _counts(records)
+    table = _table(cases, _findings(job, cases))
+    points = pd.DataFrame.from_dict(POINTS, "index", columns=["time_step", "stiffness"])
+    points = points.join(table.set_index("case")["verdict"], how="inner")
+    figure = stability_map(points, limits())
     files = {
-        TABLE: writers.table(COLUMNS, records),
-        PAGE: writers.text(text),
+        TABLE: writers.table(table.drop(columns="reference")),
+        PAGE: writers.text(_page(table, svg_uri(figure))),
         **pictures(PICTURE, figure),
     }
-    wrong = [record["case"] for record in _wrong(records)]
-    summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    wrong = table["case"][table["verdict"] == Verdict.WRONG.value].tolist()
+    summary = ", ".join(f"{count} {verdict}" for verdict, count in _counts(table).items())
     if wrong:
         summary += f": {'; '.join(wrong[:5])}{' ...' if len(wrong) > 5 else ''}"
     return Product(files, summary, unresolved=len(wrong))
 
 
 def run_cases(shared: None, names: tuple[str, ...]) -> list[Finding]:
-    """Findings of the cases of those names, on a worker."""
+    """Run cases on a worker.
+
+    Parameters
+    ----------
+    shared : None
+    names : tuple of str
+
+    Returns
+    -------
+    list of Finding, one a name
+    """
     cases = stability.cases()
     return [cases[name].run() for name in names]
 
 
 def _findings(job: Job, cases: dict[str, Case]) -> dict[str, Finding]:
-    order = sorted(cases, key=lambda name: cases[name].family not in HEAVY)
+    order = sorted(cases, key=lambda name: cases[name].family not in _HEAVY)
 
     def batches() -> Iterator[Batch]:
-        for start in range(0, len(order), BATCH):
-            names = tuple(order[start : start + BATCH])
+        for start in range(0, len(order), _BATCH):
+            names = tuple(order[start : start + _BATCH])
             yield Batch(names, "cases", names)
 
     found: dict[str, Finding] = {}
     for batch, results in job.cluster.run(run_cases, batches(), lambda name: None):
-        found |= zip(batch.items, results or [DIED] * len(batch.items), strict=True)
+        found |= zip(batch.items, results or [_DIED] * len(batch.items), strict=True)
     return found
 
 
-def _record(case: Case, finding: Finding) -> Record:
-    return {
-        "case": case.name,
-        "family": case.family,
-        "parameter": case.parameter,
-        "value": case.value,
-        "unit": case.unit,
-        "verdict": finding.verdict.value,
-        "measured": finding.measured,
-        "expected": finding.expected,
-        "error": finding.error,
-        "tolerance": case.tolerance,
-        "note": finding.note,
-    }
+def _table(cases: dict[str, Case], findings: dict[str, Finding]) -> pd.DataFrame:
+    """A row a case: the columns of the CSV, and what it is measured against."""
+    return pd.DataFrame(
+        {
+            "case": name,
+            "family": case.family,
+            "parameter": case.parameter,
+            "value": case.value,
+            "unit": case.unit,
+            "verdict": findings[name].verdict.value,
+            "measured": findings[name].measured,
+            "expected": findings[name].expected,
+            "error": findings[name].error,
+            "tolerance": case.tolerance,
+            "note": findings[name].note,
+            "reference": case.reference,
+        }
+        for name, case in cases.items()
+    )
 
 
-def _counts(records: Sequence[Record]) -> dict[str, int]:
-    return {v.value: sum(record["verdict"] == v.value for record in records) for v in Verdict}
+def _counts(table: pd.DataFrame) -> dict[str, int]:
+    """Number of cases by verdict."""
+    return {one.value: int((table["verdict"] == one.value).sum()) for one in Verdict}
 
 
-def _wrong(records: Sequence[Record]) -> list[Record]:
-    return [record for record in records if record["verdict"] == Verdict.WRONG.value]
-
-
-def _points(cases: dict[str, Case], findings: dict[str, Finding]) -> list[Record]:
-    """The map's cases, by time step [s] and stiffness [N/m]."""
-    return [
-        {"time_step": step, "stiffness": stiffness, "verdict": findings[name].verdict.value}
-        for name, (step, stiffness) in POINTS.items()
-        if name in findings
+def _page(table: pd.DataFrame, picture: str) -> str:
+    families = {family: table[table["family"] == family] for family in stability.families()}
+    groups = [
+        {
+            "name": family,
+            "about": _about(family),
+            "kinds": {
+                reference: list(rows.itertuples())
+                for reference, rows in own.groupby("reference", sort=False)
+            },
+            "counts": _counts(own),
+        }
+        for family, own in families.items()
     ]
-
-
-def _page(records: list[Record], cases: dict[str, Case], picture: str) -> str:
-    groups = []
-    for family in stability.families():
-        own = [record for record in records if record["family"] == family]
-        kinds: dict[str, list[Record]] = {}
-        for record in own:
-            kinds.setdefault(cases[record["case"]].reference, []).append(record)
-        groups.append(
-            {"name": family, "about": _about(family), "kinds": kinds, "counts": _counts(own)}
-        )
     facts = {
-        "counts": _counts(records),
-        "total": len(records),
+        "counts": _counts(table),
+        "total": len(table),
         "groups": groups,
-        "wrong": _wrong(records),
+        "wrong": list(table[table["verdict"] == Verdict.WRONG.value].itertuples()),
         "picture": picture,
         "files": {"table": TABLE, "picture": PICTURE},
     }

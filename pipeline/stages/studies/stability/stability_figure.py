@@ -3,122 +3,91 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from pipeline.drawing.style import INK, SERIES, styled
+from pipeline.drawing.style import INK, SERIES, cell_edges, styled
+from vsr_core.arrays import Array
 from vsr_core.verification.stability import Verdict
 from vsr_core.verification.stability.stiffness_map import Limits
 
-Record = dict[str, Any]
-
-COLOURS = {Verdict.RIGHT: SERIES[4], Verdict.FLAGGED: "#f3e3b3", Verdict.WRONG: "#c7362f"}
-HATCHES = {Verdict.RIGHT: "", Verdict.FLAGGED: "////", Verdict.WRONG: "xxxx"}
+_TILES = {
+    Verdict.RIGHT: {"facecolor": SERIES[4], "hatch": ""},
+    Verdict.FLAGGED: {"facecolor": "#f3e3b3", "hatch": "////"},
+    Verdict.WRONG: {"facecolor": "#c7362f", "hatch": "xxxx"},
+}
 """Each verdict by colour and by hatch: they differ in grey and for a reader who sees no red."""
 
-LABELS = {
+_LABELS = {
     Verdict.RIGHT: "right",
     Verdict.FLAGGED: "flagged: refused or ended without an outcome",
     Verdict.WRONG: "silently wrong",
 }
 
-GAP = 0.35
+_GAP = 0.35
 """Between the stiffest spring and the rigid contact, in decades."""
 
 
 @styled
-def stability_map(records: list[Record], limits: Limits) -> Figure:
+def stability_map(points: pd.DataFrame, limits: Limits) -> Figure:
     """Verdict at each time step and stiffness, with the limits that the program knows.
 
     Parameters
     ----------
-    records : list of dict, with ``time_step`` [s], ``stiffness`` [N/m] and ``verdict``
+    points : DataFrame, with ``time_step`` [s], ``stiffness`` [N/m] and ``verdict``
     limits : Limits
+
+    Returns
+    -------
+    Figure
     """
     figure = Figure(figsize=(7.2, 4.9), layout="constrained")
     axes = figure.add_subplot()
-    steps = sorted({record["time_step"] for record in records})
-    stiffnesses = sorted({record["stiffness"] for record in records})
-    finite = [k for k in stiffnesses if math.isfinite(k)]
-    edges = _edges(np.log10(steps))
-    rigid = math.log10(finite[-1]) + 1.0 + GAP
-    for record in records:
-        at = steps.index(record["time_step"])
-        k = record["stiffness"]
-        centre = math.log10(k) if math.isfinite(k) else rigid
-        verdict = Verdict(record["verdict"])
-        axes.add_patch(
-            Rectangle(
-                (centre - 0.5, edges[at]),
-                1.0,
-                edges[at + 1] - edges[at],
-                facecolor=COLOURS[verdict],
-                hatch=HATCHES[verdict],
-                edgecolor="white",
-                linewidth=1.2,
-            )
-        )
-    _draw_limits(axes, finite, limits, (edges[0], edges[-1]), rigid)
-    axes.set_xlim(math.log10(finite[0]) - 0.5, rigid + 0.5)
+    steps = np.log10(np.unique(points["time_step"]))
+    finite = np.log10(np.unique(points["stiffness"][np.isfinite(points["stiffness"])]))
+    rigid = float(finite[-1]) + 1.0 + _GAP
+    edges = cell_edges(steps)
+    for step, stiffness, name in points[["time_step", "stiffness", "verdict"]].itertuples(False):
+        row = np.searchsorted(steps, math.log10(step))
+        left = (math.log10(stiffness) if math.isfinite(stiffness) else rigid) - 0.5
+        size = (1.0, edges[row + 1] - edges[row])
+        look = {"edgecolor": "white", "linewidth": 1.2, **_TILES[Verdict(name)]}
+        axes.add_patch(Rectangle((left, edges[row]), *size, **look))
+    _draw_limits(axes, finite, limits, rigid + 0.5)
+    axes.set_xlim(finite[0] - 0.5, rigid + 0.5)
     axes.set_ylim(edges[0], edges[-1])
-    places = [*(math.log10(k) for k in finite), rigid]
-    axes.set_xticks(places, [*(f"$10^{{{round(math.log10(k))}}}$" for k in finite), "rigid"])
-    axes.set_yticks(np.log10(steps), [_named(step) for step in steps])
+    names = [*(f"$10^{{{round(decade)}}}$" for decade in finite), "rigid"]
+    axes.set_xticks([*finite, rigid], names)
+    axes.set_yticks(steps, [f"{1e3 * 10.0**step:.3g}" for step in steps])
     axes.tick_params(length=0)
     axes.set_xlabel("stiffness of each point of contact [N/m]")
     axes.set_ylabel("time step [ms]")
-    _legend(figure, axes, records)
-    return figure
-
-
-def _edges(centres: Any) -> Any:
-    """Edges of tiles around centres, halfway between them."""
-    middle = 0.5 * (centres[1:] + centres[:-1])
-    return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])
-
-
-def _draw_limits(
-    axes: Axes, finite: list[float], limits: Limits, ends: tuple[float, float], rigid: float
-) -> None:
-    left, right = math.log10(finite[0]) - 0.5, math.log10(finite[-1]) + 0.5
-    longest = math.log10(limits.step)
-    axes.plot([left, rigid + 0.5], [longest] * 2, color=INK, label="longest step for the rock")
-    axes.plot(
-        [math.log10(limits.stiffness)] * 2,
-        ends,
-        color=INK,
-        linestyle=(0, (4, 2)),
-        label="softest contact that bears it",
-    )
-    slope = np.polyfit(np.log10(finite), np.log10(limits.spring_steps), 1)
-    axes.plot(
-        [left, right],
-        np.polyval(slope, [left, right]),
-        color=INK,
-        linestyle=(0, (1, 1.2)),
-        linewidth=2.0,
-        label="longest step for the springs",
-    )
-
-
-def _legend(figure: Figure, axes: Axes, records: list[Record]) -> None:
-    counts = {verdict: sum(r["verdict"] == verdict.value for r in records) for verdict in Verdict}
+    counts = points["verdict"].value_counts()
     tiles = [
-        Patch(
-            facecolor=COLOURS[verdict],
-            hatch=HATCHES[verdict],
-            edgecolor="white",
-            label=f"{LABELS[verdict]} ({counts[verdict]})",
-        )
-        for verdict in Verdict
+        Patch(edgecolor="white", label=f"{_LABELS[v]} ({counts.get(v.value, 0)})", **look)
+        for v, look in _TILES.items()
     ]
     lines, _ = axes.get_legend_handles_labels()
     figure.legend(handles=[*tiles, *lines], loc="outside lower center", ncols=2, handleheight=1.3)
+    return figure
 
 
-def _named(step: float) -> str:
-    return f"{1e3 * step:.3g}"
+def _draw_limits(axes: Axes, finite: Array, limits: Limits, right: float) -> None:
+    """What the program checks before a run, over decades of stiffness up to ``right``."""
+    ends = finite[0] - 0.5, finite[-1] + 0.5
+    longest = math.log10(limits.step)
+    axes.plot([ends[0], right], [longest] * 2, color=INK, label="longest step for the rock")
+    softest = {"color": INK, "ls": (0, (4, 2)), "label": "softest contact that bears it"}
+    axes.axvline(math.log10(limits.stiffness), **softest)
+    slope = np.polyfit(finite, np.log10(limits.spring_steps), 1)
+    springs = {
+        "color": INK,
+        "ls": (0, (1, 1.2)),
+        "lw": 2.0,
+        "label": "longest step for the springs",
+    }
+    axes.plot(ends, np.polyval(slope, ends), **springs)
