@@ -15,7 +15,7 @@ from pipeline.workflow.stage import Job
 from pipeline.workflow.writers import Writer
 from vsr_core import outcome
 
-CATALOGUE = Path(__file__).with_name("catalogue.yaml")
+_CATALOGUE = Path(__file__).with_name("catalogue.yaml")
 
 _VERSIONS = ("vsr", "numpy", "scipy", "xarray")
 
@@ -25,19 +25,46 @@ _ENGINES = {"bullet": "PyBullet", "mujoco": "MuJoCo"}
 
 @cache
 def catalogue() -> dict[str, dict[str, str]]:
-    """Variables by name: ``units``, ``long_name`` and perhaps ``flags``."""
-    return dict(yaml.safe_load(CATALOGUE.read_text(encoding="utf-8")))
+    """Every variable of every dataset.
+
+    Returns
+    -------
+    dict from name to its ``units``, ``long_name`` and perhaps ``flags``
+    """
+    return dict(yaml.safe_load(_CATALOGUE.read_text(encoding="utf-8")))
 
 
 def label(name: str) -> str:
-    """Axis label of a variable, e.g. ``peak ground acceleration [g]``."""
+    """Axis label of a variable.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    str
+
+    >>> label("pga")
+    'peak ground acceleration [g]'
+    """
     entry = catalogue()[name]
     unit = {"1": "", "degree": " [deg]"}.get(entry["units"], f" [{entry['units']}]")
     return entry["long_name"] + unit
 
 
 def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
-    """The dataset with CF attributes for every variable and its provenance.
+    """Give a dataset CF attributes for every variable, and its provenance.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    job : Job
+    title : str
+
+    Returns
+    -------
+    Dataset, the same one
 
     Raises
     ------
@@ -68,12 +95,51 @@ def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
 
 
 def rows_of(dataset: xr.Dataset) -> str:
-    """Name of the dimension of the ground motions: ``pgv_pga`` of pulses, ``record``."""
+    """Name of the dimension along which the ground motions lie.
+
+    Parameters
+    ----------
+    dataset : Dataset
+
+    Returns
+    -------
+    str, ``pgv_pga`` for pulses and ``record`` for records
+    """
     return "record" if "record" in dataset.dims else "pgv_pga"
 
 
+def split(dataset: xr.Dataset, size: str, sample: str = "sample") -> list[xr.Dataset]:
+    """The records, runs or cases of a ragged dataset, each with its own samples.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    size : str
+        Variable that holds how many samples each has.
+    sample : str
+        Dimension of the samples.
+
+    Returns
+    -------
+    list of Dataset
+    """
+    owner, ends = str(dataset[size].dims[0]), dataset[size].values.cumsum()
+    spans = zip(ends - dataset[size].values, ends, strict=True)
+    return [dataset.isel({owner: n, sample: slice(*span)}) for n, span in enumerate(spans)]
+
+
 def netcdf(dataset: xr.Dataset) -> Writer:
-    """Writer of a dataset as compressed NetCDF; fill values as already set in its encoding."""
+    """Writer of a dataset as compressed NetCDF.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its fill values are those set in its encoding.
+
+    Returns
+    -------
+    Writer
+    """
 
     def write(path: Path) -> None:
         encoding: dict[str, dict[str, Any]] = {}
@@ -92,5 +158,14 @@ def netcdf(dataset: xr.Dataset) -> Writer:
 
 
 def read(path: Path) -> xr.Dataset:
-    """A product, loaded and closed, with its flags and fill values as stored numbers."""
+    """Read a product whole.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Dataset, with its flags and fill values as stored numbers
+    """
     return xr.load_dataset(path, engine="netcdf4", mask_and_scale=False)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from pipeline.config.layers import Site
@@ -18,6 +18,7 @@ from pipeline.stages.studies.servo import driving
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import standing
@@ -27,9 +28,29 @@ from vsr_core.verification.tracking import Track
 
 FILE, TABLE, PAGE = "drive.nc", "drive.csv", "drive.html"
 
+_SAMPLED = {
+    "time": "time",
+    "wanted_velocity": "wanted",
+    "command": "command",
+    "table_velocity": "measured",
+    "servo_force": "force",
+    "tilt": "tilt",
+}
+"""Variables of the samples, and what they are in a ``Track``."""
+
 
 def make(job: Job) -> Product:
-    """Follow a pulse and a rougher motion, and look for the boundary with and without a servo."""
+    """Follow a pulse and a rougher motion, and look for the boundary with and without a servo.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+        Dataset, table, page and figures of the driven table.
+    """
     rock, limits = _rock(job)
     drives = driving.drives(job.config.servo.servo())
     tracks, records = driving.tracks(job, rock, limits, drives)
@@ -50,12 +71,12 @@ def make(job: Job) -> Product:
         "mass": rock.mass,
         "table_mass": drives[-1].servo.mass if drives[-1].servo else math.nan,
         "shift": _shift(dataset),
-        "rows": _listed(dataset),
+        "rows": np.column_stack([dataset["pgv_pga"], _middle(dataset).T]).tolist(),
         "drives": [drive.name for drive in drives],
     }
     files = {
         FILE: netcdf(dataset),
-        TABLE: writers.table(driving.COLUMNS, records),
+        TABLE: writers.table(pd.DataFrame(records, columns=driving.COLUMNS)),
         PAGE: writers.text(pages.filled(PAGE, page)),
     }
     for name, figure in drawn.items():
@@ -72,25 +93,16 @@ def _rock(job: Job) -> tuple[Rock, Barrier]:
 def _dataset(
     tracks: dict[str, Track], rows: dict[tuple[str, float], driving.Interval]
 ) -> xr.Dataset:
-    names = list(dict.fromkeys(name for name, _ in rows))
-    ratios = list(dict.fromkeys(ratio for _, ratio in rows))
+    names, ratios = (list(dict.fromkeys(part)) for part in zip(*rows, strict=True))
     ends = np.array([[rows[name, ratio] for ratio in ratios] for name in names])
-
-    def joined(part: str) -> Any:
-        return np.concatenate([getattr(track, part) for track in tracks.values()])
-
-    sampled = {
-        "time": "time",
-        "wanted_velocity": "wanted",
-        "command": "command",
-        "table_velocity": "measured",
-        "servo_force": "force",
-        "tilt": "tilt",
+    samples = {
+        name: ("sample", np.concatenate([getattr(track, part) for track in tracks.values()]))
+        for name, part in _SAMPLED.items()
     }
     return xr.Dataset(
         {
             "row_size": ("case", [len(track.time) for track in tracks.values()]),
-            **{name: ("sample", joined(part)) for name, part in sampled.items()},
+            **samples,
             "last_balanced_pga": (("drive", "pgv_pga"), ends[..., 0]),
             "first_overturning_pga": (("drive", "pgv_pga"), ends[..., 1]),
         },
@@ -98,9 +110,15 @@ def _dataset(
     )
 
 
+def _middle(dataset: xr.Dataset) -> Array:
+    """Middle of the boundary's interval, shape (drives, rows) [g]."""
+    middle: Array = 0.5 * (dataset["last_balanced_pga"] + dataset["first_overturning_pga"]).values
+    return middle
+
+
 def _shift(dataset: xr.Dataset) -> str:
     """Change of the boundary from the table's frame to a servo, in words."""
-    middle = 0.5 * (dataset["last_balanced_pga"] + dataset["first_overturning_pga"]).values
+    middle = _middle(dataset)
     change = 100.0 * (middle[1:] / middle[0] - 1.0)
     change = change[np.isfinite(change)]
     if not change.size:
@@ -109,17 +127,16 @@ def _shift(dataset: xr.Dataset) -> str:
     return f"shifted by {np.median(change):+.1f} % in the median row and by {worst:+.1f} % at most"
 
 
-def _listed(dataset: xr.Dataset) -> list[list[float]]:
-    """Rows of the page's table: PGV/PGA and the boundary with each drive [g]."""
-    middle = 0.5 * (dataset["last_balanced_pga"] + dataset["first_overturning_pga"]).values
-    return [
-        [float(ratio), *(float(value) for value in middle[:, i])]
-        for i, ratio in enumerate(dataset["pgv_pga"].values)
-    ]
-
-
 def inputs(site: Site) -> dict[str, str]:
     """The servo, which the configuration leaves out where it is idle.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    dict of one entry, the servo's settings
 
     Raises
     ------
