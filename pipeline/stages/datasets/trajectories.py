@@ -6,6 +6,7 @@ from contextlib import closing
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from pipeline.config.problems import InputError, Problem
@@ -14,10 +15,10 @@ from pipeline.stages.motions import shaking
 from pipeline.stages.motions.shaking import Shaking
 from pipeline.stages.runs.running import groups
 from pipeline.stages.runs.trajectory_packing import SAMPLE, unpack
+from pipeline.workflow import writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import RUNS, DisplacementRow, RunStore
-from pipeline.workflow.writers import table
 from vsr_core.displacement.correlation import correlations, row
 from vsr_core.outcome import Outcome
 
@@ -54,7 +55,7 @@ def make(job: Job) -> Product:
     unresolved = int(sum(counts[o] for o in Outcome if o.overturned == -1))
     files = {
         FILE: netcdf(described(dataset, job, "Large displacement")),
-        TABLE: table(COLUMNS, _correlations(dataset)),
+        TABLE: writers.table(pd.DataFrame(_correlations(dataset), columns=COLUMNS)),
     }
     return Product(files, f"{text}; {dataset.sizes['sample']} samples", unresolved=unresolved)
 

@@ -18,7 +18,6 @@ from pipeline.drawing import style
 from pipeline.drawing.ground_map import around, draw, relief
 from pipeline.stages.displacement.correlation_figures import NAMES
 from pipeline.stages.displacement.trajectory_maps import WIDTH, named
-from pipeline.stages.fragility.response_diagram import _edges
 from vsr_core.arrays import Array, Mask
 from vsr_core.displacement.origin import REACH, Forward, Found, Origin
 
@@ -74,7 +73,7 @@ def _motions(figure: Figure, axes: Axes, origin: Origin, forward: Forward) -> No
     axes.set_title("PGA and PGV/PGA, given the place")
     axes.set_xlabel(NAMES["pga"])
     axes.set_ylabel(NAMES["pgv_pga"])
-    right, up = _edges(origin.pga), _edges(origin.pgv_pga)
+    right, up = style.cell_edges(origin.pga), style.cell_edges(origin.pgv_pga)
     axes.set_xlim(right[0], right[-1])
     axes.set_ylim(up[0], up[-1])
     axes.set_facecolor(_UNKNOWN)

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import jinja2
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -26,17 +27,20 @@ def test_text_and_bytes_as_given(tmp_path: Path) -> None:
     assert (tmp_path / "bytes").read_bytes() == b"\x00\xff\r\n"
 
 
-def test_table_holds_its_columns_and_nothing_else(tmp_path: Path) -> None:
-    records = [
-        {"b": 1.23456789e-9, "a": 'x, "y"\nz', "c": 0},
-        {"c": 12, "b": math.nan, "a": "", "d": "not asked for"},
-    ]
-    writers.table(("a", "b", "c"), iter(records))(tmp_path / "table")
+def test_table_is_written_with_six_digits(tmp_path: Path) -> None:
+    frame = pd.DataFrame(
+        {"b": [1.23456789e-9, math.nan], "a": ['x, "y"\nz', ""], "c": [0, 12], "d": [math.inf, ""]}
+    )
+    writers.table(frame)(tmp_path / "table")
     with (tmp_path / "table").open(newline="", encoding="utf-8") as file:
         rows = list(csv.reader(file))
-    assert rows == [["a", "b", "c"], ['x, "y"\nz', "1.23457e-09", "0"], ["", "nan", "12"]]
-    with pytest.raises(KeyError):
-        writers.table(("a", "e"), records)
+    assert rows == [
+        ["b", "a", "c", "d"],
+        ["1.23457e-09", 'x, "y"\nz', "0", "inf"],
+        ["nan", "", "12", ""],
+    ]
+    writers.table(pd.DataFrame(columns=["a", "b"]))(tmp_path / "empty")
+    assert (tmp_path / "empty").read_bytes() == b"a,b\r\n"
 
 
 def test_a_page_with_a_place_left_empty_is_an_error() -> None:

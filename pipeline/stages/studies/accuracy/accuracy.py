@@ -6,6 +6,7 @@ call.
 
 from __future__ import annotations
 
+import pandas as pd
 import xarray as xr
 
 from pipeline.config.motion_schema import PulseConfig
@@ -57,7 +58,7 @@ def make(job: Job) -> Product:
     shown = facts(job.site.name, job.config, records, targets, read(job.path(TIME_STEP)), diagram)
     files = {
         FILE: netcdf(described(_dataset(targets, cells), job, "Accuracy")),
-        TABLE: writers.table(comparing.COLUMNS, records),
+        TABLE: writers.table(pd.DataFrame(records, columns=comparing.COLUMNS)),
         PAGE: writers.text(pages.filled(PAGE, shown)),
         **pictures(PICTURE, diagram),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,7 +16,7 @@ from vsr_core.arrays import Array
 from vsr_core.verification.stability import Verdict
 from vsr_core.verification.stability.stiffness_map import Limits
 
-_TILES = {
+_TILES: dict[Verdict, Any] = {
     Verdict.RIGHT: {"facecolor": SERIES[4], "hatch": ""},
     Verdict.FLAGGED: {"facecolor": "#f3e3b3", "hatch": "////"},
     Verdict.WRONG: {"facecolor": "#c7362f", "hatch": "xxxx"},
@@ -55,7 +56,7 @@ def stability_map(points: pd.DataFrame, limits: Limits) -> Figure:
         row = np.searchsorted(steps, math.log10(step))
         left = (math.log10(stiffness) if math.isfinite(stiffness) else rigid) - 0.5
         size = (1.0, edges[row + 1] - edges[row])
-        look = {"edgecolor": "white", "linewidth": 1.2, **_TILES[Verdict(name)]}
+        look: Any = {"edgecolor": "white", "linewidth": 1.2, **_TILES[Verdict(name)]}
         axes.add_patch(Rectangle((left, edges[row]), *size, **look))
     _draw_limits(axes, finite, limits, rigid + 0.5)
     axes.set_xlim(finite[0] - 0.5, rigid + 0.5)
@@ -81,10 +82,10 @@ def _draw_limits(axes: Axes, finite: Array, limits: Limits, right: float) -> Non
     ends = finite[0] - 0.5, finite[-1] + 0.5
     longest = math.log10(limits.step)
     axes.plot([ends[0], right], [longest] * 2, color=INK, label="longest step for the rock")
-    softest = {"color": INK, "ls": (0, (4, 2)), "label": "softest contact that bears it"}
+    softest: Any = {"color": INK, "ls": (0, (4, 2)), "label": "softest contact that bears it"}
     axes.axvline(math.log10(limits.stiffness), **softest)
     slope = np.polyfit(finite, np.log10(limits.spring_steps), 1)
-    springs = {
+    springs: Any = {
         "color": INK,
         "ls": (0, (1, 1.2)),
         "lw": 2.0,

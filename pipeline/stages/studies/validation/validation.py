@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import pandas as pd
+
 from pipeline.config.layers import Site
 from pipeline.drawing.style import pictures, png_uri
 from pipeline.stages.studies.validation import predictions
@@ -74,9 +76,9 @@ def make(job: Job) -> Product:
     dataset = described(predictions.dataset(tests, predicted), job, "Shake-table tests")
     files = {
         FILE: netcdf(dataset),
-        TABLE: writers.table(predictions.COLUMNS, records),
-        DOUBTS: writers.table(predictions.DOUBT_COLUMNS, doubts),
-        FAILED: writers.table(predictions.FAILED_COLUMNS, failed),
+        TABLE: writers.table(pd.DataFrame(records, columns=predictions.COLUMNS)),
+        DOUBTS: writers.table(pd.DataFrame(doubts, columns=predictions.DOUBT_COLUMNS)),
+        FAILED: writers.table(pd.DataFrame(failed, columns=predictions.FAILED_COLUMNS)),
         PAGE: writers.text(pages.filled("validation.html", facts)),
     }
     for name, figure in drawn.items():
