@@ -83,7 +83,7 @@ fetch: setup ## download the public original NAME into data/raw
 #: DERIVED=folder         where results go, in place of data/derived
 
 ## The project
-.PHONY: setup setup-dev test test-slow lint check format bench lock clean
+.PHONY: setup setup-dev test test-slow lint check format options bench lock clean
 test: setup-dev ## tests of some minutes at most, with coverage
 	@$(python) -m pytest -n auto --dist loadfile --cov --cov-report=term:skip-covered
 
@@ -100,6 +100,9 @@ lint: setup-dev ## lint, format and types only
 format: setup-dev ## put the code in the project's format
 	@$(python) -m ruff check --fix
 	@$(python) -m ruff format
+
+options: setup-dev ## docs/options.md and the schemas in configs/, from the models
+	@$(python) -m scripts.options --write
 
 bench: setup-dev ## performance benchmarks, as ratios in one run
 	@$(python) -m benchmarks

@@ -106,7 +106,7 @@ add() { # install into .venv
     say "uv failed, as $LOG tells; going on with pip, which takes longer"
     uv=''
   fi
-  logged "${PIP[@]}" install --progress-bar off "$@" || failed
+  logged "${PIP[@]}" install --progress-bar off --use-pep517 "$@" || failed
 }
 
 install_environment() {

@@ -297,5 +297,5 @@ def _description(place: tuple[str, ...], models: list[type[BaseModel] | None]) -
     for name, model in zip(reversed(place), reversed(models), strict=True):
         field = model.model_fields.get(name) if model else None
         if field and field.description:
-            return f"it is the {field.description}"
+            return f"expected: {field.description}"
     return "correct it in the configuration"

@@ -14,8 +14,12 @@ from pydantic import (
     model_validator,
 )
 
-from pipeline.config.sections import Grid, Section, as_values
+from pipeline.config.sections import Grid, Range, Section, as_values
 from vsr_core.motions.records.processing import Processing
+
+# What the schema says of each value; the functions below say it in the field's words.
+_Peak = Annotated[float, Field(gt=0, le=10)]
+_Ratio = Annotated[float, Field(gt=0, le=10)]
 
 
 def _in_g(pga: tuple[float, ...]) -> tuple[float, ...]:
@@ -28,7 +32,11 @@ def _in_g(pga: tuple[float, ...]) -> tuple[float, ...]:
     return pga
 
 
-Peaks = Annotated[Grid, BeforeValidator(as_values), AfterValidator(_in_g)]
+Peaks = Annotated[
+    Grid,
+    BeforeValidator(as_values, json_schema_input_type=_Peak | list[_Peak] | Range),
+    AfterValidator(_in_g),
+]
 """Peak ground accelerations [g]."""
 
 
@@ -40,19 +48,27 @@ def _in_seconds(pgv_pga: tuple[float, ...]) -> tuple[float, ...]:
     return pgv_pga
 
 
-Ratios = Annotated[Grid, BeforeValidator(as_values), AfterValidator(_in_seconds)]
+Ratios = Annotated[
+    Grid,
+    BeforeValidator(as_values, json_schema_input_type=_Ratio | list[_Ratio] | Range),
+    AfterValidator(_in_seconds),
+]
 """Ratios of peak velocity to peak acceleration [s]."""
 
 
 class PulseConfig(Section):
     """The grid of cosine pulses."""
 
-    kind: Literal["cosine_pulse"] = "cosine_pulse"
+    kind: Literal["cosine_pulse"] = Field("cosine_pulse", description="kind of motion")
     pga: Peaks = Field(description="peak ground acceleration [g]")
     pgv_pga: Ratios = Field(description="ratio of peak velocity to peak acceleration [s]")
 
 
-Files = Annotated[tuple[str, ...], BeforeValidator(as_values), Field(min_length=1)]
+Files = Annotated[
+    tuple[str, ...],
+    BeforeValidator(as_values, json_schema_input_type=str | list[str]),
+    Field(min_length=1),
+]
 """Names of files or folders."""
 
 Corner = Annotated[float, Field(gt=0, le=1000)]
@@ -62,12 +78,19 @@ class ProcessingConfig(Section):
     """What is done to each record; no filter is there unless it is asked for."""
 
     order: Literal["paper", "standard", "none"] = Field(
-        description="order: paper (filters), standard (line, filters, baseline) or none"
+        description="steps and their order: paper (filters), standard (straight line removed, "
+        "filters, baseline correction) or none"
     )
-    highpass: Corner | None = Field(description="corner [Hz] of the high-pass, or null")
-    lowpass: Corner | None = Field(description="corner [Hz] of the low-pass, or null")
-    poles: int = Field(4, ge=1, le=10, description="poles of each filter in one pass")
-    resample: Corner | None = Field(None, le=100_000, description="new rate [1/s], band-limited")
+    highpass: Corner | None = Field(
+        description="corner frequency of the high-pass filter; null for none [Hz]"
+    )
+    lowpass: Corner | None = Field(
+        description="corner frequency of the low-pass filter; null for none [Hz]"
+    )
+    poles: int = Field(4, ge=1, le=10, description="number of poles of each filter in one pass")
+    resample: Corner | None = Field(
+        None, le=100_000, description="new sampling rate, band-limited; null to keep it [1/s]"
+    )
 
     @model_validator(mode="after")
     def _corners_make_sense(self) -> ProcessingConfig:
@@ -85,9 +108,11 @@ class ProcessingConfig(Section):
 class ResponseConfig(Section):
     """Removal of an instrument's response."""
 
-    file: str = Field(description="StationXML of the instruments; relative to this file")
+    file: str = Field(
+        description="StationXML file of the instruments; relative to the file that names it"
+    )
     corners: tuple[float, float, float, float] = Field(
-        description="f1 < f2 < f3 < f4 [Hz] of the taper of the spectrum"
+        description="corner frequencies f1 < f2 < f3 < f4 of the spectrum's taper [Hz]"
     )
 
     @field_validator("corners")
@@ -101,24 +126,38 @@ class ResponseConfig(Section):
 class RecordConfig(Section):
     """Recorded motions, each scaled to every PGA."""
 
-    kind: Literal["record"] = "record"
-    files: Files = Field(description="recorded motions or folders of them; relative to this file")
+    kind: Literal["record"] = Field("record", description="kind of motion")
+    files: Files = Field(
+        description="recorded motions or folders of them; relative to the file that names them"
+    )
     component: str | None = Field(None, description="channel or column, where a file has several")
-    unit: str | None = Field(None, description="unit of the files that state none, e.g. m/s2, gal")
-    response: ResponseConfig | None = None
-    processing: ProcessingConfig
+    unit: str | None = Field(
+        None, description="unit of the acceleration in files that state none, e.g. m/s2 or gal"
+    )
+    response: ResponseConfig | None = Field(
+        None, description="removal of the instruments' response; null where there is none to remove"
+    )
+    processing: ProcessingConfig = Field(description="what is done to each record")
     pga: Peaks = Field(description="peak ground acceleration after processing [g]")
 
 
 class AxisPulseConfig(Section):
     """A cosine pulse on one axis of a table."""
 
-    axis: Literal["x", "y", "z", "roll", "pitch", "yaw"]
+    axis: Literal["x", "y", "z", "roll", "pitch", "yaw"] = Field(
+        description="axis of the table along or about which the pulse acts"
+    )
     share: float = Field(
-        1.0, ge=-100, le=100, description="share of the PGA; of a turn, at 1 m from its axis"
+        1.0,
+        ge=-100,
+        le=100,
+        description="share of the PGA, not 0; of a rotation, at 1 m from its axis [1]",
     )
     pgv_pga: float | None = Field(
-        None, gt=0, le=10, description="PGV/PGA [s] of its own, where it is not the row's"
+        None,
+        gt=0,
+        le=10,
+        description="this pulse's own PGV/PGA; null for that of the row [s]",
     )
 
     @field_validator("share")
@@ -132,17 +171,22 @@ class AxisPulseConfig(Section):
 class TableMotionConfig(Section):
     """Motions of a table in up to six axes, from files or as pulses, each scaled to every PGA."""
 
-    kind: Literal["table"] = "table"
+    kind: Literal["table"] = Field("table", description="kind of motion")
     files: Files | None = Field(
-        None, description="CSV or NetCDF files of time and axes; relative to this file"
+        None,
+        description="CSV or NetCDF files of time and axes; relative to the file that names them",
     )
     pulses: tuple[AxisPulseConfig, ...] | None = Field(
         None, description="cosine pulses that begin together, each on its axis"
     )
     pgv_pga: Ratios | None = Field(
-        None, validate_default=True, description="PGV/PGA [s] of the pulses, a row for each"
+        None,
+        validate_default=True,
+        description="ratio of peak velocity to peak acceleration of the pulses; a row for each [s]",
     )
-    pga: Peaks = Field(description="peak acceleration, tilt of gravity included in files [g]")
+    pga: Peaks = Field(
+        description="peak ground acceleration; in files the tilt of gravity counts [g]"
+    )
 
     @field_validator("pulses")
     @classmethod

@@ -6,6 +6,7 @@ import math
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    BeforeValidator,
     Field,
     SerializerFunctionWrapHandler,
     ValidationInfo,
@@ -15,30 +16,37 @@ from pydantic import (
 )
 
 from pipeline.config.motion_schema import MotionConfig, TableMotionConfig
-from pipeline.config.sections import Section, Values, as_values
+from pipeline.config.sections import Range, Section, Values, as_values
 from vsr_core.table.servo import Servo, check
 
 Vector = tuple[float, float, float]
+Channel = Annotated[int, Field(ge=0, le=255)]
+
+# What the schema says of each value; the validators below say it in the field's words.
+_Friction = Annotated[float, Field(ge=0, le=100)]
+_Angle = Annotated[float, Field(ge=-360, le=360)]
 
 
 class RockConfig(Section):
     """What stands on the pedestal."""
 
-    shape: Literal["box", "mesh"]
-    size: tuple[float, float, float] | None = Field(
-        None, description="x, y, z of a box at yaw 0 [m]"
-    )
+    shape: Literal["box", "mesh"] = Field(description="shape of the rock: a box, or a scanned mesh")
+    size: Vector | None = Field(None, description="lengths of a box along x, y, z at yaw 0 [m]")
     mesh: str | None = Field(
-        None, description="scan of the rock, z up; .ply .stl .obj .dae .glb; relative to this file"
+        None,
+        description="scan of the rock, z up, or a folder with one: .ply, .stl, .obj, .dae or .glb; "
+        "relative to the file that names it",
     )
     fallback: str | None = Field(
-        None, description="generator in vsr_core.surrogates used where the scan is absent"
+        None,
+        description="surrogate, a module of vsr_core.surrogates, that is used where there is no "
+        "scan",
     )
-    scale: float = Field(1.0, gt=0, description="metres per unit of the mesh file")
+    scale: float = Field(1.0, gt=0, description="length of the mesh file's unit [m]")
     closing: Literal["caps", "hull", "poisson"] = Field(
         "caps", description="how the open underside of a rock in a terrain scan is closed"
     )
-    density: float = Field(gt=0, le=30_000, description="density [kg m-3]")
+    density: float = Field(gt=0, le=30_000, description="density of the rock [kg m-3]")
 
     @field_validator("size")
     @classmethod
@@ -59,32 +67,38 @@ class RockConfig(Section):
 class PlaneCut(Section):
     """The rock is what lies on one side of a plane, in the scan's coordinates."""
 
-    kind: Literal["plane"]
+    kind: Literal["plane"] = Field(description="kind of cut")
     point: Vector = Field(description="a point of the plane [m]")
-    normal: Vector = Field(description="its normal, toward the rock")
+    normal: Vector = Field(description="normal of the plane, toward the rock [1]")
 
 
 class BoxCut(Section):
     """The rock is what lies in a box, in the scan's coordinates."""
 
-    kind: Literal["box"]
-    low: Vector = Field(description="its lowest corner [m]")
-    high: Vector = Field(description="its highest corner [m]")
+    kind: Literal["box"] = Field(description="kind of cut")
+    low: Vector = Field(description="lowest corner of the box [m]")
+    high: Vector = Field(description="highest corner of the box [m]")
 
 
 class PolygonCut(Section):
     """The rock is what lies in a polygon seen from above, in the scan's coordinates."""
 
-    kind: Literal["polygon"]
-    corners: tuple[tuple[float, float], ...] = Field(min_length=3, description="x, y [m]")
+    kind: Literal["polygon"] = Field(description="kind of cut")
+    corners: tuple[tuple[float, float], ...] = Field(
+        min_length=3, description="x, y of the polygon's corners [m]"
+    )
 
 
 class ColourCut(Section):
-    """The rock is what the scan's vertices colour so."""
+    """The rock is what has a given colour at the scan's vertices."""
 
-    kind: Literal["colour"]
-    rgb: tuple[int, int, int] = Field(description="red, green, blue, 0 to 255")
-    tolerance: float = Field(40.0, gt=0, le=442, description="distance in that space")
+    kind: Literal["colour"] = Field(description="kind of cut")
+    rgb: tuple[Channel, Channel, Channel] = Field(
+        description="red, green and blue of the rock, out of 255 [1]"
+    )
+    tolerance: float = Field(
+        40.0, gt=0, le=442, description="largest distance from that colour, out of 442 [1]"
+    )
 
 
 Cut = Annotated[PlaneCut | BoxCut | PolygonCut | ColourCut, Field(discriminator="kind")]
@@ -93,12 +107,15 @@ Cut = Annotated[PlaneCut | BoxCut | PolygonCut | ColourCut, Field(discriminator=
 class PedestalConfig(Section):
     """What the rock stands on: level ground, or the terrain in its scan."""
 
-    shape: Literal["flat", "mesh"] = "flat"
+    shape: Literal["flat", "mesh"] = Field(
+        "flat", description="level ground, or the terrain in the rock's scan"
+    )
     cut: Literal["proposal"] | Cut | None = Field(
-        None, description="what of the scan is the rock; proposal accepts what `vsr prep` shows"
+        None,
+        description="which part of the scan is the rock; proposal accepts what `vsr prep` shows",
     )
     near: Vector | None = Field(
-        None, description="a point on the rock, where the scan shows several [m]"
+        None, description="a point on the rock, where the scan shows several rocks [m]"
     )
     clearance: float = Field(
         0.001, gt=0, le=0.05, description="gap between the rock and its seat before it settles [m]"
@@ -106,13 +123,16 @@ class PedestalConfig(Section):
 
 
 class ContactConfig(Section):
-    """Effective coefficients of the pair rock-pedestal."""
+    """Effective coefficients of the pair of rock and pedestal."""
 
-    friction: Values = Field(description="Coulomb friction of the pair [1]")
-    restitution: float = Field(0.0, ge=0, le=1, description="normal restitution of the pair [1]")
+    friction: Annotated[
+        Values,
+        BeforeValidator(as_values, json_schema_input_type=_Friction | list[_Friction] | Range),
+    ] = Field(description="coefficient of Coulomb friction of the pair [1]")
+    restitution: float = Field(
+        0.0, ge=0, le=1, description="coefficient of normal restitution of the pair [1]"
+    )
     rolling_friction: float = Field(0.0, ge=0, description="rolling friction, a length [m]")
-
-    _values = field_validator("friction", mode="before")(as_values)
 
     @field_validator("friction")
     @classmethod
@@ -125,18 +145,18 @@ class ContactConfig(Section):
 
 
 class ServoConfig(Section):
-    """The servo of a driven table: PID of the pedestal's velocity."""
+    """The servo of a driven table: a PID controller of the pedestal's velocity."""
 
     mass: float = Field(gt=0, description="mass of the pedestal [kg]")
     kp: float = Field(gt=0, description="proportional gain [N s/m]")
     ki: float = Field(ge=0, description="integral gain [N/m]")
-    kd: float = Field(ge=0, description="derivative gain [N s^2/m]")
-    period: float = Field(gt=0, le=0.1, description="time for which a force is held [s]")
+    kd: float = Field(ge=0, description="derivative gain [N s2/m]")
+    period: float = Field(gt=0, le=0.1, description="control period, for which a force is held [s]")
     force_limit: float | None = Field(
-        None, gt=0, description="largest force [N], or null where there is no limit"
+        None, gt=0, description="largest force of the servo; null for no limit [N]"
     )
     command_rate: float | None = Field(
-        None, gt=0, description="velocity commands in a second [Hz], null for one each period"
+        None, gt=0, description="rate of velocity commands; null for one each period [Hz]"
     )
 
     @model_validator(mode="after")
@@ -166,27 +186,37 @@ class SimulationConfig(Section):
     """How runs are computed."""
 
     engine: Literal["bullet", "mujoco"] = Field(
-        "bullet", description="physics engine; mujoco is an extra"
+        "bullet", description="physics engine; mujoco is an extra of the installation"
     )
     time_step: Literal["auto"] | Annotated[float, Field(gt=0, le=0.02)] = Field(
-        "auto", description="step [s], or auto: chosen for `tolerance`"
+        "auto", description="time step; auto for the coarsest that keeps to the tolerance [s]"
     )
     tolerance: float = Field(
-        0.01, ge=0.0005, le=0.1, description="relative error of the overturning boundary [1]"
+        0.01,
+        ge=0.0005,
+        le=0.1,
+        description="relative error of the overturning boundary for which auto chooses [1]",
     )
-    reduce: bool = Field(True, description="leave out what cannot change an outcome")
+    reduce: bool = Field(
+        True, description="whether what cannot change an outcome is left out of a run"
+    )
 
 
 class FoundConfig(Section):
-    """A rock that lies on the terrain, to ask where it came from and how strong the shaking was."""
+    """A rock found on the terrain, of which it is asked where it came from."""
 
     place: tuple[float, float] = Field(
-        description="x, y of its middle, in the scan's coordinates [m]"
+        description="x, y of the found rock's centre, in the scan's coordinates [m]"
     )
     sigma: float = Field(gt=0, description="standard deviation of that place [m]")
-    identity: float = Field(1.0, gt=0, le=1, description="probability that it is this rock [1]")
+    identity: float = Field(
+        1.0, gt=0, le=1, description="probability that the found rock is this one [1]"
+    )
     area: float | None = Field(
-        None, gt=0, description="ground on which it could lie had it come from elsewhere [m2]"
+        None,
+        gt=0,
+        description="area in which it could lie had it come from elsewhere; needed where identity "
+        "is below 1 [m2]",
     )
 
     @model_validator(mode="after")
@@ -199,19 +229,24 @@ class FoundConfig(Section):
 class Config(Section):
     """Everything that determines the products of a site."""
 
-    rock: RockConfig
-    pedestal: PedestalConfig = PedestalConfig()
-    contact: ContactConfig
-    motion: MotionConfig
-    yaw: Values = Field(description="turn of the rock about z before the shaking along +x [degree]")
+    rock: RockConfig = Field(description="rock on the pedestal: its shape and density")
+    pedestal: PedestalConfig = Field(PedestalConfig(), description="what the rock stands on")
+    contact: ContactConfig = Field(description="coefficients of the pair of rock and pedestal")
+    motion: MotionConfig = Field(description="ground motions of the study")
+    yaw: Annotated[
+        Values,
+        BeforeValidator(as_values, json_schema_input_type=_Angle | list[_Angle] | Range),
+    ] = Field(description="rotation of the rock about z before the shaking along +x [degree]")
     drive: Literal["table_frame", "servo"] = Field(
         "table_frame", description="motion as prescribed, or as a servo brings it about"
     )
-    servo: ServoConfig
-    simulation: SimulationConfig = SimulationConfig()
-    found: FoundConfig | None = None
-
-    _values = field_validator("yaw", mode="before")(as_values)
+    servo: ServoConfig = Field(description="servo of the table, where drive is servo")
+    simulation: SimulationConfig = Field(
+        SimulationConfig(), description="how the runs are computed"
+    )
+    found: FoundConfig | None = Field(
+        None, description="rock found on the terrain, where there is one"
+    )
 
     @property
     def on_terrain(self) -> bool:

@@ -18,8 +18,8 @@ class Section(BaseModel):
 class Range(Section):
     """Evenly spaced values, both ends included."""
 
-    start: float
-    stop: float
+    start: float = Field(description="first value")
+    stop: float = Field(description="last value")
     num: int = Field(ge=1, le=100_000, description="number of values")
 
     def values(self) -> tuple[float, ...]:

@@ -13,17 +13,18 @@ from vsr_core.table.capacity import Table
 
 
 class TableConfig(Section):
-    """What a table can do; null is a limit that nobody stated, and so is not checked."""
+    """What a table can do; null is a limit that is not stated, and so is not checked."""
 
     acceleration: float | None = Field(gt=0, description="largest acceleration [g]")
     velocity: float | None = Field(gt=0, description="largest velocity [m/s]")
-    stroke: float | None = Field(gt=0, description="travel from end to end [m], or null")
+    stroke: float | None = Field(gt=0, description="stroke from end to end [m]")
     payload: float | None = Field(gt=0, description="largest mass of the rock [kg]")
     pulley_diameter: float = Field(gt=0, description="diameter on which the belt runs [m]")
     steps_per_turn: float | None = Field(
-        gt=0, description="number of motor steps in a turn, microsteps counted, or null"
+        gt=0,
+        description="motor steps in a turn, microsteps counted; null exports no motor steps [1]",
     )
-    command_rate: float = Field(gt=0, le=10_000, description="velocity commands in a second [Hz]")
+    command_rate: float = Field(gt=0, le=10_000, description="rate of velocity commands [Hz]")
 
     def table(self) -> Table:
         """The table in the terms of the physics."""

@@ -33,7 +33,7 @@ PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d+)_(?P<setting>\w+)")
 class Spread(Section):
     """A normal distribution."""
 
-    mean: float
+    mean: float = Field(description="mean")
     sd: float = Field(ge=0, description="standard deviation")
 
 
@@ -43,25 +43,35 @@ Pair = tuple[float, float]
 class TableConfig(Section):
     """What is assumed of a series of tests, before any outcome is looked at."""
 
-    density: float = Field(2700.0, gt=0, le=30_000, description="density [kg m-3]")
-    acceleration: str | None = Field(None, description="variable of records.nc that drives")
+    density: float = Field(2700.0, gt=0, le=30_000, description="density of the rock [kg m-3]")
+    acceleration: str | None = Field(
+        None, description="variable of records.nc that holds the table's acceleration"
+    )
     azimuth: Spread = Field(
-        Spread(mean=-7.5, sd=7.5), description="direction of the drive from the scan's +x [degree]"
+        Spread(mean=-7.5, sd=7.5),
+        description="direction of the shaking from the scan's +x [degree]",
     )
     reversed_share: float = Field(
-        0.5, ge=0, le=1, description="probability that the drive points the other way [1]"
+        0.5, ge=0, le=1, description="probability that the shaking points the other way [1]"
     )
     friction: Pair = Field((0.5, 0.9), description="range of the friction [1]")
     restitution: Pair = Field((0.0, 0.0), description="range of the restitution [1]")
     amplitude: Spread = Field(
         Spread(mean=1.0, sd=0.03), description="factor on the acceleration [1]"
     )
-    mixing: Pair = Field((0.15, 0.85), description="way from a scan to that of its replica [1]")
-    base_error: float = Field(
-        1.0, ge=0, le=10, description="error of the base, in units of a scan without replica [1]"
+    mixing: Pair = Field(
+        (0.15, 0.85), description="range of the blend from a scan to its replica's [1]"
     )
-    centre_of_mass: float = Field(0.004, ge=0, le=1, description="its error along each axis [m]")
-    members: int = Field(20, ge=1, le=10_000, description="draws of the ensemble")
+    base_error: float = Field(
+        1.0,
+        ge=0,
+        le=10,
+        description="error of the base, relative to that of a scan without replica [1]",
+    )
+    centre_of_mass: float = Field(
+        0.004, ge=0, le=1, description="error of the centre of mass along each axis [m]"
+    )
+    members: int = Field(20, ge=1, le=10_000, description="number of draws in the ensemble")
 
     def priors(self) -> Priors:
         """The same in the terms of the physics."""
