@@ -18,14 +18,14 @@ DEGREE = 5
 """Of the splines: the acceleration is then a cubic between samples and has a continuous slope."""
 
 LEAST_SAMPLES = 8
-"""Fewer tell nothing of an acceleration."""
+"""Fewer do not define an acceleration."""
 
-UNRESTED = 0.05
-"""Velocity at the ends of a sampled motion, as a share of its largest in any direction, that is
-still rest."""
+REST = 0.05
+"""Velocity at the ends of a sampled motion that still counts as rest, as a share of its largest in
+any direction."""
 
-LOOKS = 8
-"""Times at which a spline is looked at between two samples, for its peaks and integrals."""
+SUBDIVISION = 8
+"""Parts into which the time between two samples is divided for peaks and integrals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class SampledMotion(TableMotion):
     @cached_property
     def shortest_time(self) -> float:
         """Least time, among the axes, in which an acceleration changes by its own size [s]."""
-        times = self.looks
+        times = self.fine_times
         second, third = (np.sqrt(np.mean(self._splines[n](times) ** 2, axis=0)) for n in (2, 3))
         moves = third > 0.0
         return float(min((second[moves] / third[moves]).min(initial=math.inf), self.duration))
@@ -63,12 +63,13 @@ class SampledMotion(TableMotion):
         return bool(self.samples[:, 3:].any())
 
     @cached_property
-    def looks(self) -> Array:
-        """``LOOKS`` in each interval."""
+    def fine_times(self) -> Array:
+        """``SUBDIVISION`` in each interval."""
         times = self.time - self.time[0]
-        return np.interp(np.arange(LOOKS * (len(times) - 1) + 1) / LOOKS, range(len(times)), times)
+        places = np.arange(SUBDIVISION * (len(times) - 1) + 1) / SUBDIVISION
+        return np.interp(places, range(len(times)), times)
 
-    def course(self, t: Array, order: int) -> Array:
+    def derivative(self, t: Array, order: int) -> Array:
         """By the splines; at rest outside."""
         value = self._splines[order](np.clip(t, 0.0, self.duration))
         if order:
@@ -93,7 +94,12 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
     Parameters
     ----------
     time : ndarray, shape (n,) [s]
-    samples : ndarray, shape (n, 6) [m, rad], x, y, z, roll, pitch, yaw
+    samples : ndarray, shape (n, 6) [m, rad]
+        Of x, y, z, roll, pitch and yaw; angles may wrap at a turn.
+
+    Returns
+    -------
+    SampledMotion
 
     Raises
     ------
@@ -129,7 +135,7 @@ def _check_ends(time: Array, samples: Array) -> None:
     slopes = np.gradient(samples - samples[0], time, axis=0, edge_order=2)
     largest = np.abs(slopes).reshape(-1, 2, 3).max(axis=(0, 2)).repeat(3)
     for where, slope in (("start", slopes[0]), ("end", slopes[-1])):
-        moving = np.abs(slope) > UNRESTED * largest
+        moving = np.abs(slope) > REST * largest
         if moving.any():
             axis = int(np.argmax(moving))
             raise InvalidInput(

@@ -5,9 +5,9 @@ its axes are the world's. A motion takes that origin to (x, y, z) and turns the 
 
     R = Rz(yaw) Ry(pitch) Rx(roll),
 
-roll first, about the world's axes. In the frame itself, at rate w and with the origin's absolute
-acceleration a, a rock feels by ``acceleration`` what a table in translation would give it, R^T (a +
-g z) - g z, and by ``w`` and its rate what ``engines`` add to that.
+roll first, about the world's axes. Seen in that frame, with a the absolute acceleration of its
+origin, the table acts on a rock as one in translation with R^T (a + g z) - g z would; what its
+angular velocity and the rate of that add is up to ``engines``.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
@@ -50,26 +51,37 @@ class TableMotion(ABC):
     def turns(self) -> bool:
         """Whether any of it is rotation."""
 
+    @property
     @abstractmethod
-    def course(self, t: Array, order: int) -> Array:
-        """Derivative of ``order`` 0, 1 or 2 of x, y, z, roll, pitch and yaw at times ``t`` [s].
+    def fine_times(self) -> Array:
+        """Times [s], ascending, close enough for its peaks and integrals."""
+
+    @abstractmethod
+    def derivative(self, t: Array, order: int) -> Array:
+        """Position of the table and its derivatives.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n,) [s]
+        order : int
+            0, 1 or 2.
 
         Returns
         -------
         ndarray, shape (n, 6) [m, rad and seconds]
+            Of x, y, z, roll, pitch and yaw.
         """
-
-    def place(self, t: Array) -> tuple[Array, Array]:
-        """Where the table is: origin, shape (n, 3) [m], and rotation matrix, shape (n, 3, 3)."""
-        course = self.course(t, 0)
-        return course[:, :3], rotation(course[:, 3:])
 
     def velocity(self, t: Array) -> Array:
         """Velocity of the table's origin [m/s], shape (n, 3), world axes."""
-        return self.course(t, 1)[:, :3]
+        return self.derivative(t, 1)[:, :3]
 
     def acceleration(self, t: Array) -> Array:
         """What the table does to a rock on it, in the table's axes.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n,) [s]
 
         Returns
         -------
@@ -77,26 +89,24 @@ class TableMotion(ABC):
             Acceleration [m/s^2] as of a table in translation, angular velocity [rad/s] and its
             rate [rad/s^2].
         """
-        second = self.course(t, 2)
+        second = self.derivative(t, 2)
         if not self.turns:
             return second[:, :3]
-        angles, rates = self.course(t, 0)[:, 3:], self.course(t, 1)[:, 3:]
+        angles, rates = self.derivative(t, 0)[:, 3:], self.derivative(t, 1)[:, 3:]
         up = np.array([0.0, 0.0, GRAVITY])
         felt = np.einsum("nji,nj->ni", rotation(angles), second[:, :3] + up) - up
-        return np.hstack([felt, *spin(angles, rates, second[:, 3:])])
+        return np.hstack([felt, *angular_velocity(angles, rates, second[:, 3:])])
 
     @cached_property
     def peak_acceleration(self) -> float:
         """Largest length of the acceleration [m/s^2]."""
-        return float(self._lengths[1].max())
+        return float(np.linalg.norm(self._accelerations, axis=1).max())
 
     @cached_property
     def peak_velocity(self) -> float:
         """Largest length of the acceleration's integral [m/s]: in translation the velocity's."""
-        times = self.looks
-        acceleration = self.acceleration(times)[:, :3]
-        pieces = 0.5 * (acceleration[1:] + acceleration[:-1]) * np.diff(times)[:, None]
-        return float(np.linalg.norm(np.cumsum(pieces, axis=0), axis=1).max())
+        integral = cumulative_trapezoid(self._accelerations, self.fine_times, axis=0)
+        return float(np.linalg.norm(integral, axis=1).max())
 
     def remaining_impulse(self, t: float) -> float:
         """Integral of the length of the acceleration [m/s] from ``t`` [s] to the end.
@@ -104,27 +114,24 @@ class TableMotion(ABC):
         Of a motion that turns it bounds nothing, so it is infinite, unless the table rests level.
         """
         if self.turns:
-            level = bool(np.allclose(self.course(np.array([self.duration]), 0)[0, 3:5], 0.0))
+            level = bool(np.allclose(self.derivative(np.array([self.duration]), 0)[0, 3:5], 0.0))
             return 0.0 if level and t >= self.duration else math.inf
-        times, _, done = self._lengths
-        return float(done[-1] - np.interp(t, times, done))
+        return float(self._impulse[-1] - np.interp(t, self.fine_times, self._impulse))
 
     @cached_property
-    def _lengths(self) -> tuple[Array, Array, Array]:
-        """Times, length of the acceleration at them and its integral so far."""
-        times = self.looks
-        length = np.linalg.norm(self.acceleration(times)[:, :3], axis=1)
-        pieces = 0.5 * (length[1:] + length[:-1]) * np.diff(times)
-        return times, length, np.concatenate([[0.0], np.cumsum(pieces)])
+    def _accelerations(self) -> Array:
+        """At the fine times, shape (n, 3)."""
+        return self.acceleration(self.fine_times)[:, :3]
 
-    @property
-    @abstractmethod
-    def looks(self) -> Array:
-        """Times, ascending [s], close enough to see its peaks and take its integrals."""
+    @cached_property
+    def _impulse(self) -> Array:
+        """Integral of the length of the acceleration up to each of the fine times."""
+        lengths = np.linalg.norm(self._accelerations, axis=1)
+        return cumulative_trapezoid(lengths, self.fine_times, initial=0.0)
 
 
 @dataclass(frozen=True)
-class AxisPulse(TableMotion):
+class AxisPulse:
     """The single cosine pulse on one axis.
 
     Attributes
@@ -132,53 +139,16 @@ class AxisPulse(TableMotion):
     axis : one of ``AXES``
     peak : float [m/s^2 or rad/s^2], peak acceleration; a negative one mirrors the pulse
     ratio : float [s], of peak velocity to peak acceleration
-
-    Examples
-    --------
-    >>> pulse = AxisPulse("pitch", 2.0, 0.5)
-    >>> round(float(pulse.course(np.array([pulse.duration / 2]), 0)[0, 4]), 9)
-    1.0
     """
 
     axis: Axis
     peak: float
     ratio: float
 
-    @cached_property
-    def _pulse(self) -> CosinePulse:
+    @property
+    def pulse(self) -> CosinePulse:
+        """The pulse, in metres or radians."""
         return CosinePulse(self.peak, self.ratio)
-
-    @property
-    def duration(self) -> float:
-        """Length 2 pi times the ratio [s]."""
-        return self._pulse.duration
-
-    @property
-    def shortest_time(self) -> float:
-        """Time for one radian of the pulse [s]."""
-        return self.ratio
-
-    @property
-    def turns(self) -> bool:
-        """Whether it is on roll, pitch or yaw."""
-        return AXES.index(self.axis) >= 3
-
-    @property
-    def looks(self) -> Array:
-        """A thousand times."""
-        return np.linspace(0.0, self.duration, 1001)
-
-    def course(self, t: Array, order: int) -> Array:
-        """Zero on the other axes."""
-        pulse = self._pulse
-        value = (pulse.displacement, pulse.velocity, pulse.acceleration)[order](t)
-        return np.where(np.array(AXES) == self.axis, value[:, None], 0.0)
-
-    def remaining_impulse(self, t: float) -> float:
-        """As of the pulse, exactly; infinite for a rotation that is not over."""
-        if self.turns:
-            return super().remaining_impulse(t)
-        return self._pulse.remaining_impulse(t)
 
 
 @dataclass(frozen=True)
@@ -188,6 +158,12 @@ class AxisPulses(TableMotion):
     Attributes
     ----------
     pulses : tuple of AxisPulse, one at least
+
+    Examples
+    --------
+    >>> motion = AxisPulses((AxisPulse("pitch", 2.0, 0.5),))
+    >>> round(float(motion.derivative(np.array([motion.duration / 2]), 0)[0, 4]), 9)
+    1.0
     """
 
     pulses: tuple[AxisPulse, ...]
@@ -195,36 +171,56 @@ class AxisPulses(TableMotion):
     @property
     def duration(self) -> float:
         """Length of the longest [s]."""
-        return max(pulse.duration for pulse in self.pulses)
+        return max(one.pulse.duration for one in self.pulses)
 
     @property
     def shortest_time(self) -> float:
         """Time for one radian of the shortest [s]."""
-        return min(pulse.shortest_time for pulse in self.pulses)
+        return min(one.ratio for one in self.pulses)
 
     @property
     def turns(self) -> bool:
         """Whether one of them is on roll, pitch or yaw."""
-        return any(pulse.turns for pulse in self.pulses)
+        return any(AXES.index(one.axis) >= 3 for one in self.pulses)
 
     @property
-    def looks(self) -> Array:
-        """Those of all of them."""
-        return np.unique(np.concatenate([pulse.looks for pulse in self.pulses]))
+    def fine_times(self) -> Array:
+        """A thousand for each pulse."""
+        return np.unique([np.linspace(0.0, one.pulse.duration, 1001) for one in self.pulses])
 
-    def course(self, t: Array, order: int) -> Array:
-        """Sum of theirs."""
-        return np.sum([pulse.course(t, order) for pulse in self.pulses], axis=0)
+    def derivative(self, t: Array, order: int) -> Array:
+        """Sum of the pulses'."""
+        parts = []
+        for one in self.pulses:
+            pulse = one.pulse
+            value = (pulse.displacement, pulse.velocity, pulse.acceleration)[order](t)
+            parts.append(np.where(np.array(AXES) == one.axis, value[:, None], 0.0))
+        return np.sum(parts, axis=0)
 
     def remaining_impulse(self, t: float) -> float:
         """Sum of theirs, which is no less than that of their sum; infinite as a rotation's is."""
         if self.turns:
             return super().remaining_impulse(t)
-        return sum(pulse.remaining_impulse(t) for pulse in self.pulses)
+        return sum(one.pulse.remaining_impulse(t) for one in self.pulses)
 
 
 def rotation(angles: Array) -> Array:
-    """Rotation matrices Rz(yaw) Ry(pitch) Rx(roll), shape (n, 3, 3), of angles, shape (n, 3)."""
+    """Rotation matrices Rz(yaw) Ry(pitch) Rx(roll).
+
+    Parameters
+    ----------
+    angles : ndarray, shape (n, 3) [rad]
+        Roll, pitch and yaw.
+
+    Returns
+    -------
+    ndarray, shape (n, 3, 3)
+
+    Examples
+    --------
+    >>> rotation(np.array([[0.0, 0.0, 0.5 * np.pi]])).round(3)[0] @ [1.0, 0.0, 0.0]
+    array([0., 1., 0.])
+    """
     (cr, cp, cy), (sr, sp, sy) = np.cos(angles.T), np.sin(angles.T)
     rows = [
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
@@ -234,11 +230,20 @@ def rotation(angles: Array) -> Array:
     return np.moveaxis(np.array(rows), -1, 0)
 
 
-def spin(angles: Array, rates: Array, second: Array) -> tuple[Array, Array]:
-    """Angular velocity [rad/s] and its rate [rad/s^2] in the table's axes, shape (n, 3) each.
+def angular_velocity(angles: Array, rates: Array, second: Array) -> tuple[Array, Array]:
+    """Angular velocity and its rate in the table's axes.
 
     Of roll r, pitch p and yaw y it is (r' - y' sin p, p' cos r + y' cos p sin r, -p' sin r + y' cos
     p cos r), and the rate of its components.
+
+    Parameters
+    ----------
+    angles, rates, second : ndarray, shape (n, 3) [rad and seconds]
+        Roll, pitch and yaw with their first and second derivatives.
+
+    Returns
+    -------
+    velocity, rate : ndarray, shape (n, 3) [rad/s], [rad/s^2]
     """
     (cr, cp, _), (sr, sp, _) = np.cos(angles.T), np.sin(angles.T)
     (r1, p1, y1), (r2, p2, y2) = rates.T, second.T

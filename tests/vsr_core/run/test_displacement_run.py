@@ -1012,7 +1012,8 @@ def test_a_run_begins_at_once_where_its_rest_is_not_known() -> None:
 
 def test_no_table_in_several_axes() -> None:
     site = site_of("box", "cliff")
-    for motion in (AxisPulse("x", 3.0, 0.2), AxisPulses((AxisPulse("z", 3.0, 0.2),))):
+    for axis in ("x", "z"):
+        motion = AxisPulses((AxisPulse(axis, 3.0, 0.2),))
         with pytest.raises(InvalidInput, match="several axes"):
             displacement.displace(site, motion, usual(site.seat.rock))  # type: ignore[arg-type]
 

@@ -42,7 +42,7 @@ def test_pulses_together_are_their_sum(pulses: list[AxisPulse]) -> None:
         for pulse in pulses:
             own = getattr(CosinePulse(pulse.peak, pulse.ratio), name)(t)
             expected[:, AXES.index(pulse.axis)] += own
-        np.testing.assert_allclose(motion.course(t, order), expected, atol=1e-12)
+        np.testing.assert_allclose(motion.derivative(t, order), expected, atol=1e-12)
 
 
 @given(PULSES, st.floats(0.0, 1.1))
@@ -55,10 +55,10 @@ def test_what_is_left_of_their_impulse_is_bounded(pulses: list[AxisPulse], share
         assert left == (0.0 if start >= motion.duration else math.inf)
         return
     times = np.linspace(start, max(start, motion.duration), 20_001)
-    length = np.linalg.norm(motion.course(times, 2)[:, :3], axis=1)
+    length = np.linalg.norm(motion.derivative(times, 2)[:, :3], axis=1)
     assert left >= np.trapezoid(length, times) - 1e-2
     if len(pulses) == 1:
-        assert left == pulses[0].remaining_impulse(start)
+        assert left == pulses[0].pulse.remaining_impulse(start)
 
 
 @pytest.mark.parametrize("seed", range(6))
