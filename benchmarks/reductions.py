@@ -16,14 +16,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-import vsr_core.run.overturning as loop
 from pipeline import ROOT
 from pipeline.stages.reports.report import GAINS
 from vsr_core import GRAVITY, engines
@@ -32,7 +30,7 @@ from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.outcome import Outcome
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.run import bounds, sampling
+from vsr_core.run import bounds, overturning, sampling
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene, State
@@ -336,7 +334,11 @@ def recorded() -> AbstractContextManager[None]:
 
 def singly() -> AbstractContextManager[None]:
     """A sample of the motion is held for one step only."""
-    return patched(loop, "sampling", partial(sampling.sampling, most=1))
+    return patched(
+        overturning,
+        "sampling",
+        lambda motion, drive, time_step, most: sampling.sampling(motion, drive, time_step, 1),
+    )
 
 
 @contextmanager

@@ -184,7 +184,8 @@ def settled(scene: Scene, time_step: float) -> State:
     turn = _angle(state.rotation @ scene.start.rotation.T)
     if shift > 0.1 * radius or turn > math.radians(15.0):
         raise InvalidInput(
-            f"a rock that moves {shift:.3g} m and turns {math.degrees(turn):.1f} deg unshaken",
+            f"a rock that unshaken moves by {shift:.3g} m and turns by "
+            f"{math.degrees(turn):.1f} deg",
             "it stands where it was scanned, to a tenth of its radius and 15 deg",
             "look at the closing of the scan and its cut (`vsr prep`)",
         )

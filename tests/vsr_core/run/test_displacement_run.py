@@ -371,10 +371,10 @@ def various() -> list[tuple[TerrainCase, float, float]]:
 
 FRESH = """
 import sys
-sys.path.insert(0, "tests")
-import test_travel
-for cell in reversed(test_travel.various()):
-    print(test_travel.digest(test_travel.run(*cell)))
+sys.path[:0] = ["tests", "tests/vsr_core/run"]
+import test_displacement_run as tests
+for cell in reversed(tests.various()):
+    print(tests.digest(tests.run(*cell)))
 """
 
 
@@ -916,7 +916,8 @@ def staying(rock: str, ground: str, yaw: float) -> TerrainCase:
     """A rock that settled, with the range of accelerations in which it stays."""
     site = site_of(rock, ground, yaw)
     return replace(
-        site, still=displacement.limits_on_seat(site.seat, 0.006 * step_unit(site.seat.rock))
+        site,
+        static_limits=displacement.limits_on_seat(site.seat, 0.006 * step_unit(site.seat.rock)),
     )
 
 
