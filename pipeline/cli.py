@@ -11,22 +11,9 @@ from pathlib import Path
 
 from pipeline import ROOT
 from pipeline.config.problems import InputError, Problem
+from pipeline.workflow.products import DELIVERABLES
 
-DONE, REFUSED, BROKEN, STOPPED = 0, 2, 3, 130
-
-PRODUCTS = (
-    "rock",
-    "motions",
-    "responses",
-    "fragility",
-    "report",
-    "displacement",
-    "accuracy",
-    "stability",
-    "drive",
-    "validation",
-)
-"""What `run` can make; each is a stage of that name."""
+DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -38,7 +25,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         options = _parser().parse_args(arguments)
         verb = getattr(importlib.import_module("pipeline.commands"), options.verb)
-        return int(verb(options))
+        return UNRESOLVED if verb(options) else DONE
     except InputError as error:
         for problem in error.problems:
             print(f"vsr: {problem}", file=sys.stderr)
@@ -77,7 +64,9 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
 
     run = add("run", "make a product and all that it needs")
-    run.add_argument("product", choices=PRODUCTS, metavar="PRODUCT", help=", ".join(PRODUCTS))
+    run.add_argument(
+        "product", choices=DELIVERABLES, metavar="PRODUCT", help=", ".join(DELIVERABLES)
+    )
     add_site(run, required=False)
     run.add_argument("--table", metavar="FOLDER", help="recorded shake-table tests to predict")
     prep = add("prep", "rock and terrain of a scan, with a page of every step to look at")
@@ -94,7 +83,7 @@ def _parser() -> argparse.ArgumentParser:
     ):
         sub = add(name, text)
         sub.add_argument(
-            "product", nargs="?", default="fragility", choices=PRODUCTS, metavar="PRODUCT"
+            "product", nargs="?", default="fragility", choices=DELIVERABLES, metavar="PRODUCT"
         )
         add_site(sub)
     feasible = add("feasible", "what a shake table can do of a site's motions")

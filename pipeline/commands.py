@@ -1,4 +1,7 @@
-"""What each command does; imported when a command is given, not for its help."""
+"""What each command does; imported when a command is given, not for its help.
+
+A command returns the number of runs without a verdict.
+"""
 
 from __future__ import annotations
 
@@ -9,49 +12,26 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pipeline.cli import DONE, PRODUCTS
 from pipeline.config.layers import STUDIES, TABLES, known, load_site
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
+from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import Store
-
-UNRESOLVED = 1
-
-ALIASES: dict[str, str] = {"fragility": "report", "displacement": "displacement_report"}
-"""Products that come with more: fragility and displacement with their reports."""
-
-SHOWN = {
-    "fragility": ("report.html", "fragility.csv", "responses.nc"),
-    "report": ("report.html", "fragility.csv", "responses.nc"),
-    "displacement": ("displacement.html", "trajectories.html", "correlation.csv"),
-    "prep": ("prep.html", "terrain.nc"),
-    "accuracy": ("accuracy.html", "accuracy.csv", "work_precision.png"),
-    "stability": ("stability.html", "stability.csv", "stability_map.png"),
-    "drive": ("drive.html", "drive.csv", "drive.nc"),
-    "validation": ("validation.html", "validation.csv", "validation.nc"),
-    "feasible": ("feasible.png", "feasible.csv"),
-}
-"""Files that are named when a product is done."""
-
-LOST = "runs are without a verdict; the report and responses.nc say which"
-UNRESOLVED_ARE = {"stability": "cases are silently wrong; stability.html says which"}
-"""What an exit code of 1 means, where it is not that runs are without a verdict."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Make a product and all that it needs."""
-    job = _job(options)
+    job, wanted = _job(options), DELIVERABLES[options.product]
     job.store.open()
     with job.cluster:
-        unresolved = graph.make(ALIASES.get(options.product, options.product), job)
-    for name in SHOWN.get(options.product, ()):
+        unresolved = graph.make(wanted.stage, job)
+    for name in wanted.shown:
         _log(f"-> {job.path(name)}")
     if unresolved:
-        _log(f"{unresolved} {UNRESOLVED_ARE.get(options.product, LOST)}")
-        return UNRESOLVED
-    return DONE
+        _log(f"{unresolved} {wanted.unresolved}")
+    return unresolved
 
 
 def prep(options: argparse.Namespace) -> int:
@@ -64,14 +44,13 @@ def prep(options: argparse.Namespace) -> int:
     job.store.open()
     with job.cluster:
         graph.make("scan", job)
-        page, terrain = SHOWN["prep"]
-        _log(f"-> {job.path(page)}")
+        _log(f"-> {job.path('prep.html')}")
         if job.config.pedestal.cut is None:
             _log("the cut is a proposal; to accept it, set pedestal.cut: proposal")
-            return DONE
+            return 0
         graph.make("terrain", job)
-    _log(f"-> {job.path(terrain)}")
-    return DONE
+    _log(f"-> {job.path('terrain.nc')}")
+    return 0
 
 
 def plan(options: argparse.Namespace) -> int:
@@ -90,8 +69,8 @@ def why(options: argparse.Namespace) -> int:
 
 
 def _inspected(question: str, options: argparse.Namespace) -> int:
-    product = ALIASES.get(options.product, options.product)
-    return _show(named(f"pipeline.status:{question}")(product, _job(options)))
+    stage = DELIVERABLES[options.product].stage
+    return _show(named(f"pipeline.status:{question}")(stage, _job(options)))
 
 
 def feasible(options: argparse.Namespace) -> int:
@@ -101,7 +80,7 @@ def feasible(options: argparse.Namespace) -> int:
     job.store.open()
     with job.cluster:
         lines = make(job, options.table, Path(options.export) if options.export else None)
-    for name in SHOWN["feasible"]:
+    for name in ("feasible.png", "feasible.csv"):
         _log(f"-> {job.path(name)}")
     return _show(lines)
 
@@ -111,8 +90,8 @@ def list_all(options: argparse.Namespace) -> int:
     print("sites:   ", *known())
     print("studies: ", *(known(STUDIES) or ["none"]))
     print("tables:  ", *known(TABLES))
-    print("products:", *PRODUCTS)
-    return DONE
+    print("products:", *DELIVERABLES)
+    return 0
 
 
 def clean(options: argparse.Namespace) -> int:
@@ -122,14 +101,14 @@ def clean(options: argparse.Namespace) -> int:
     targets = [target for target in targets if (target / ".stages").is_dir()]
     if not targets:
         print("nothing derived to remove")
-        return DONE
+        return 0
     names = ", ".join(str(target) for target in targets)
     if not options.yes and not _agreed(f"remove {names}? [y/N] "):
         print("kept")
-        return DONE
+        return 0
     for target in targets:
         shutil.rmtree(target)
-    return DONE
+    return 0
 
 
 def _agreed(question: str) -> bool:
@@ -143,7 +122,7 @@ def fetch(options: argparse.Namespace) -> int:
     """Download a public original."""
     path = named("pipeline.stages.mesh.fetch:fetch")(options.name, options.url)
     _log(f"-> {path}")
-    return DONE
+    return 0
 
 
 def _job(options: argparse.Namespace) -> Job:
@@ -179,7 +158,7 @@ def _wanted(given: dict[str, Any], option: str, what: str) -> Path:
 
 def _show(lines: list[str]) -> int:
     print("\n".join(lines), flush=True)
-    return DONE
+    return 0
 
 
 def _log(line: str) -> None:

@@ -1,0 +1,44 @@
+"""What a user can ask for: names of products, the stage that ends each, the files to look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+WITHOUT_VERDICT = "runs are without a verdict; the report and responses.nc say which"
+
+
+@dataclass(frozen=True)
+class Deliverable:
+    """A product as it is asked for on the command line.
+
+    Attributes
+    ----------
+    stage : str, the stage that ends it: fragility and displacement come with their reports
+    shown : files that are named when it is done
+    unresolved : what an exit code of 1 means, after a number
+    """
+
+    stage: str
+    shown: tuple[str, ...] = ()
+    unresolved: str = WITHOUT_VERDICT
+
+
+DELIVERABLES = {
+    "rock": Deliverable("rock"),
+    "motions": Deliverable("motions"),
+    "responses": Deliverable("responses"),
+    "fragility": Deliverable("report", ("report.html", "fragility.csv", "responses.nc")),
+    "report": Deliverable("report", ("report.html", "fragility.csv", "responses.nc")),
+    "displacement": Deliverable(
+        "displacement_report", ("displacement.html", "trajectories.html", "correlation.csv")
+    ),
+    "accuracy": Deliverable("accuracy", ("accuracy.html", "accuracy.csv", "work_precision.png")),
+    "stability": Deliverable(
+        "stability",
+        ("stability.html", "stability.csv", "stability_map.png"),
+        "cases are silently wrong; stability.html says which",
+    ),
+    "drive": Deliverable("drive", ("drive.html", "drive.csv", "drive.nc")),
+    "validation": Deliverable("validation", ("validation.html", "validation.csv", "validation.nc")),
+}
+"""By the names that ``vsr run`` takes."""
