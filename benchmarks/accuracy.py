@@ -35,7 +35,7 @@ def blocks() -> list[Row]:
         worst = max(score.error for score in scores)
         text = f"{100 * worst:.2f} %, {1e3 * cost:.2f} ms"
         rows.append((f"Housner's blocks, tolerance {tolerance:.1%}: worst error, CPU", text, ""))
-    seed = peers.load("seed")
+    seed = peers.load("published_setup")
     case, wanted = targets[0]
     found = work_precision.score(
         work_precision.by_tilt(seed.build(case.full, seed.SWEEP[0]), case.limits.toppled_tilt),

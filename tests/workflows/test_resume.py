@@ -260,7 +260,7 @@ import sys, time
 from dataclasses import replace
 
 from pipeline.cli import main
-from pipeline.stages import runs
+from pipeline.stages.runs import overturning_runs as runs
 
 runs.WORK = replace(runs.WORK, batch=4)
 simulate, done = vsr_core.run.overturning.simulate, []

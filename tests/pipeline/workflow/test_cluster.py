@@ -183,7 +183,7 @@ INTERRUPTED = """
 import os, signal, sys, time
 from dataclasses import replace
 from pipeline import cli, running
-from pipeline.stages import runs
+from pipeline.stages.runs import overturning_runs as runs
 
 def run():
     running.SMALL, runs.WORK = 0, replace(runs.WORK, batch=3)

@@ -576,7 +576,7 @@ def test_every_function_that_a_displacement_run_enters_is_in_its_key() -> None:
     rock = grounds.lump()
     triangles = grounds.perch(cells=6)
     places = [grounds.site(rock, triangles), grounds.site(rock, grounds.cliff(1.0, 0.3))]
-    places.append(grounds.site(rock, grounds.in_pieces(triangles, 0.01, 0.04)))
+    places.append(grounds.site(rock, grounds.in_parts(triangles, 0.01, 0.04)))
     with following() as entered:
         for place in places:
             for pga in (0.01, 0.7):

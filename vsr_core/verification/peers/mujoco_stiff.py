@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from vsr_core.scene import Scene
 from vsr_core.verification.peers import Setting, Test
+from vsr_core.verification.peers.mujoco_default import NEEDS as NEEDS
+from vsr_core.verification.peers.mujoco_default import SWEEP as SWEEP
 from vsr_core.verification.peers.mujoco_default import with_contact
 
 LABEL = "MuJoCo, stiff contact"

@@ -25,7 +25,11 @@ from support import scan_shapes
 from pipeline import ROOT, cli
 from pipeline.config.layers import load_site
 from pipeline.stages.mesh import scan_figures, scan_page
+from pipeline.workflow import graph
+from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import read
+from pipeline.workflow.stage import Job
+from pipeline.workflow.store import Store
 from vsr_core.rock.reduction import FLIGHT_SHARE, SEAT_SHARE
 from vsr_core.scan import cleaning, distance, preparation
 from vsr_core.scan.alternatives import Alternative, alternatives
@@ -273,16 +277,10 @@ def cut_by(kind: str) -> str:
 def test_cuts_by_hand_give_the_same_rock(tmp_path: Path, quick: None, kind: str) -> None:
     write_ply(tmp_path / "scan.ply", survey(), FAR)
     where = site(tmp_path, cut_by(kind).strip())
-    monkey = pytest.MonkeyPatch()
-    with monkey.context() as patch:
-        patch.setattr(cli, "_log", lambda line: None)
-        job = cli._job(cli._parser().parse_args(
-            ["prep", "--site", str(where), "--derived", str(tmp_path / "derived")]
-        ))  # fmt: skip
-        from pipeline.workflow import graph
-
-        job.store.open()
-        graph.make("scan", job)  # without the terrain, which takes longer
+    store = Store(tmp_path / "derived" / "hill")
+    store.open()
+    job = Job(load_site(str(where)), store, Cluster(0), "", lambda line: None)
+    graph.make("scan", job)  # without the terrain, which takes longer
     see_that_it_is_the_rock(tmp_path / "derived" / "hill")
     assert read(tmp_path / "derived" / "hill" / "scan.nc").attrs["accepted"] == 1
 

@@ -27,7 +27,7 @@ SITE = (
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch, quick_time_step: None) -> None:
     """Two peers, three steps, a few cells and cases: seconds instead of minutes."""
-    monkeypatch.setattr(peers, "names", lambda: ["dart", "mujoco_default", "seed"])
+    monkeypatch.setattr(peers, "names", lambda: ["dart", "mujoco_default", "published_setup"])
     missing = peers.missing
     monkeypatch.setattr(peers, "missing", lambda n: ("dartpy",) if n == "dart" else missing(n))
     monkeypatch.setattr(time_step, "SHARES", (0.012, 0.006, 0.003))
@@ -60,7 +60,7 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     assert parts == {"method", "sweep", "cells", "reference"}
     measured = [row for row in rows if row["part"] in ("method", "sweep") and row["cpu_s"]]
     methods = {row["method"] for row in measured if row["part"] == "method"}
-    labels = {peers.load(name).LABEL for name in ("mujoco_default", "seed")}
+    labels = {peers.load(name).LABEL for name in ("mujoco_default", "published_setup")}
     assert methods == {"project, bullet", "project, mujoco"} | labels
     for row in measured:
         assert float(row["cpu_s"]) > 0.0
