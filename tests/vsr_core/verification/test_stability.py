@@ -81,12 +81,13 @@ QUICK = {
 
 def test_the_list_is_covered() -> None:
     assert len(ALL) >= 70
-    assert {case.family for case in ALL.values()} == set(stability.families())
     wanted = {"servo", "mass", "contact", "shape", "motion", "friction", "restitution", "start"}
-    assert wanted | {"rest", "step", "record", "flight", "map"} <= set(stability.families())
+    families = {case.family for case in ALL.values()}
+    assert wanted | {"rest", "step", "record", "flight", "map"} <= families
+    assert families == set(stability.families())
     assert all(name == case.name for name, case in ALL.items())
-    assert len(ALL) == sum(len(_module(family).CASES) for family in stability.families())
-    points = _module("map").POINTS.values()
+    assert len(ALL) == sum(len(module.CASES) for module in stability._modules())
+    points = _module("stiffness_map").POINTS.values()
     assert len({h for h, _ in points}) >= 8
     assert len({k for _, k in points}) >= 7
     assert (max(h for h, _ in points), min(h for h, _ in points)) == (1 / 30, 1e-5)
@@ -179,7 +180,11 @@ def make_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[...,
 def test_products(make_stage: Callable[..., Path]) -> None:
     families = ("servo", "mass", "start")
     chosen = {name: case for name, case in ALL.items() if case.family in families}
-    chosen |= {name: ALL[name] for name, (step, _) in _module("map").POINTS.items() if step >= 1e-3}
+    chosen |= {
+        name: ALL[name]
+        for name, (step, _) in _module("stiffness_map").POINTS.items()
+        if step >= 1e-3
+    }
     folder = make_stage(chosen)
     with (folder / stage.TABLE).open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -198,18 +203,22 @@ def test_products(make_stage: Callable[..., Path]) -> None:
 
 
 def test_a_wrong_case_is_counted_and_shown(make_stage: Callable[..., Path]) -> None:
-    chosen = {name: ALL[name] for name, (h, _) in _module("map").POINTS.items() if h > 5e-3}
+    chosen = {
+        name: ALL[name] for name, (h, _) in _module("stiffness_map").POINTS.items() if h > 5e-3
+    }
     broken = replace(ALL["step 33.3 ms, rigid"], measure=_case(math.inf).measure)
     folder = make_stage(chosen | {broken.name: broken}, expected=1)
     assert "1 silently wrong" in (folder / stage.PAGE).read_text(encoding="utf-8")
 
 
 def test_figures_are_the_same_bytes_every_time(tmp_path: Path) -> None:
-    points = pd.DataFrame(_module("map").POINTS.values(), columns=["time_step", "stiffness"])
+    points = pd.DataFrame(
+        _module("stiffness_map").POINTS.values(), columns=["time_step", "stiffness"]
+    )
     points["verdict"] = "flagged"
     made = []
     for _ in range(2):
-        figure = stability_map(points, _module("map").limits())
+        figure = stability_map(points, _module("stiffness_map").limits())
         for name, write in pictures("map", figure).items():
             write(tmp_path / name)
         made.append([(tmp_path / name).read_bytes() for name in ("map.png", "map.pdf")])

@@ -17,6 +17,7 @@ import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from types import ModuleType
 
 from vsr_core.errors import InvalidInput
 
@@ -93,13 +94,21 @@ class Case:
         return Finding(verdict, found.measured, found.expected, found.error, found.note)
 
 
-def families() -> list[str]:
-    """Names of the families there are."""
-    modules = (module.name for module in pkgutil.iter_modules(__path__))
-    return sorted(name for name in modules if not name.startswith("_"))
+def families() -> dict[str, str]:
+    """What each family of cases is about, by name: the first line of its module's docstring."""
+    return {
+        module.CASES[0].family: (module.__doc__ or "").partition("\n")[0].rstrip(".")
+        for module in _modules()
+    }
 
 
 def cases() -> dict[str, Case]:
     """All cases by name, family by family."""
-    modules = (importlib.import_module(f"{__name__}.{name}") for name in families())
-    return {case.name: case for module in modules for case in module.CASES}
+    return {case.name: case for module in _modules() for case in module.CASES}
+
+
+def _modules() -> list[ModuleType]:
+    """A module a family, in the order of their families' names."""
+    names = (module.name for module in pkgutil.iter_modules(__path__))
+    found = (importlib.import_module(f"{__name__}.{n}") for n in names if not n.startswith("_"))
+    return sorted(found, key=lambda module: str(module.CASES[0].family))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Iterator
 
@@ -117,18 +116,18 @@ def _counts(table: pd.DataFrame) -> dict[str, int]:
 
 
 def _page(table: pd.DataFrame, picture: str) -> str:
-    families = {family: table[table["family"] == family] for family in stability.families()}
     groups = [
         {
             "name": family,
-            "about": _about(family),
+            "about": about,
             "kinds": {
                 reference: list(rows.itertuples())
                 for reference, rows in own.groupby("reference", sort=False)
             },
             "counts": _counts(own),
         }
-        for family, own in families.items()
+        for family, about in stability.families().items()
+        for own in [table[table["family"] == family]]
     ]
     facts = {
         "counts": _counts(table),
@@ -139,9 +138,3 @@ def _page(table: pd.DataFrame, picture: str) -> str:
         "files": {"table": TABLE, "picture": PICTURE},
     }
     return pages.filled(PAGE, facts)
-
-
-def _about(family: str) -> str:
-    """First line of a family's docstring."""
-    text = importlib.import_module(f"{stability.__name__}.{family}").__doc__ or ""
-    return text.partition("\n")[0].rstrip(".")
