@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from pipeline.config.layers import Site
@@ -32,14 +33,24 @@ MEASURES = {
 }
 """Variables of the intensity measures, by their names in `vsr_core.motions.records.measures`."""
 
-IN_G = ("record_pga", "sa_1hz", "sa_2hz")
+_IN_G = ("record_pga", "sa_1hz", "sa_2hz")
 
-OSCILLATORS = 90
+_OSCILLATORS = 90
 """Frequencies of the response spectrum, evenly in their logarithm from 0.1 to 50 Hz."""
 
 
 def make(job: Job) -> Product:
-    """The motions of the configuration's kind."""
+    """Make the motions of the configuration's kind.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+        ``motions.nc``.
+    """
     motion = job.config.motion
     if isinstance(motion, PulseConfig):
         dataset, summary = _pulses(motion.pgv_pga, motion.pga)
@@ -76,79 +87,62 @@ def _pulses(ratios: tuple[float, ...], peaks: tuple[float, ...]) -> tuple[xr.Dat
 def _records(job: Job, motion: RecordConfig) -> tuple[xr.Dataset, str]:
     """Every record as processed, its measures, and what it was before."""
     ready = record_inputs.load(job.site, motion)
-    frequency = np.geomspace(0.1, 50.0, OSCILLATORS)
-    dataset = xr.Dataset(
-        {
-            "record_size": ("record", np.array([len(r.trace.times) for r in ready], np.int32)),
-            "interval": ("record", [r.trace.interval for r in ready]),
-            "raw_size": ("record", np.array([len(r.record.acceleration) for r in ready], np.int32)),
-            "raw_interval": ("record", [r.record.interval for r in ready]),
-            "raw_start": ("record", [_start(r) for r in ready]),
-            **{
-                name: ("sample", np.concatenate([getattr(r.trace, name) for r in ready]))
-                for name in ("acceleration", "velocity", "displacement")
-            },
-            "raw_acceleration": ("raw_sample", _joined(ready)),
-            **_spectra(ready, frequency),
-            **{name: ("record", words) for name, words in _words(ready).items()},
-        },
-        {
-            "record": [r.name for r in ready],
-            **{name: ("record", values) for name, values in measured(ready).items()},
-            "oscillator_frequency": frequency,
-        },
-    )
+    frequency = np.geomspace(0.1, 50.0, _OSCILLATORS)
+    table = pd.DataFrame([_facts(one) for one in ready]).set_index("record")
+    sizes = dict.fromkeys(("record_size", "raw_size"), np.int32)
+    dataset = table.astype(sizes).to_xarray().set_coords(list(MEASURES.values()))
+    for name in ("acceleration", "velocity", "displacement"):
+        dataset[name] = ("sample", np.concatenate([getattr(one.trace, name) for one in ready]))
+    raw = [Trace(one.record.acceleration, one.record.interval) for one in ready]
+    dataset["raw_acceleration"] = ("raw_sample", np.concatenate([r.acceleration for r in raw]))
+    dataset["oscillator_frequency"] = frequency
+    for name, traces in (
+        ("spectral_acceleration", [one.trace for one in ready]),
+        ("raw_spectral_acceleration", raw),
+    ):
+        spectra = np.array([spectrum(trace, frequency) / GRAVITY for trace in traces])
+        dataset[name] = (("record", "oscillator_frequency"), spectra)
     dataset["record_size"].attrs["sample_dimension"] = "sample"
     dataset["raw_size"].attrs["sample_dimension"] = "raw_sample"
-    repaired = sum(bool(r.record.repairs) for r in ready)
-    shaking = len(motion.pga) * sum(r.trace.duration for r in ready)
+    repaired = sum(bool(one.record.repairs) for one in ready)
+    shaking = len(motion.pga) * sum(one.trace.duration for one in ready)
     summary = f"{len(ready)} records x {len(motion.pga)} PGA, {shaking:.0f} s of shaking"
     return dataset, summary + (f"; {repaired} records were repaired" if repaired else "")
 
 
-def measured(ready: tuple[Ready, ...]) -> dict[str, list[float]]:
-    """Intensity measures of each record, by the names of their variables."""
-    rows = [asdict(r.measures) for r in ready]
+def _facts(one: Ready) -> dict[str, Any]:
+    """What is known of a record, by the names of the variables."""
+    record, trace, measures = one.record, one.trace, asdict(one.measures)
+    longer = trace.duration - (len(record.acceleration) - 1) * record.interval
     return {
-        name: [row[own] / (GRAVITY if name in IN_G else 1.0) for row in rows]
-        for own, name in MEASURES.items()
-    }
-
-
-def _start(one: Ready) -> float:
-    """Time of the first sample as recorded, since the start of the processed motion [s]."""
-    longer = one.trace.duration - (len(one.record.acceleration) - 1) * one.record.interval
-    return max(0.0, 0.5 * longer) if longer > one.trace.interval else 0.0
-
-
-def _joined(ready: tuple[Ready, ...]) -> Any:
-    return np.concatenate([r.record.acceleration for r in ready])
-
-
-def _spectra(ready: tuple[Ready, ...], frequency: Any) -> dict[str, Any]:
-    raw = [Trace(r.record.acceleration, r.record.interval) for r in ready]
-    return {
-        name: (
-            ("record", "oscillator_frequency"),
-            np.array([spectrum(trace, frequency) / GRAVITY for trace in traces]),
-        )
-        for name, traces in (
-            ("spectral_acceleration", [r.trace for r in ready]),
-            ("raw_spectral_acceleration", raw),
-        )
-    }
-
-
-def _words(ready: tuple[Ready, ...]) -> dict[str, list[str]]:
-    return {
-        "station": [r.record.station for r in ready],
-        "channel": [r.record.channels[0] for r in ready],
-        "record_source": [r.record.source for r in ready],
-        "record_unit": [r.record.unit for r in ready],
-        "repairs": ["; ".join(r.record.repairs) for r in ready],
+        "record": one.name,
+        "record_size": len(trace.times),
+        "interval": trace.interval,
+        "raw_size": len(record.acceleration),
+        "raw_interval": record.interval,
+        # the first sample as recorded, since the start of the processed motion
+        "raw_start": max(0.0, 0.5 * longer) if longer > trace.interval else 0.0,
+        "station": record.station,
+        "channel": record.channels[0],
+        "record_source": record.source,
+        "record_unit": record.unit,
+        "repairs": "; ".join(record.repairs),
+        **{
+            name: measures[own] / (GRAVITY if name in _IN_G else 1.0)
+            for own, name in MEASURES.items()
+        },
     }
 
 
 def inputs(site: Site) -> dict[str, str]:
-    """Digests of the files of the motions, whatever their kind."""
+    """Digests of the files of the motions, whatever their kind.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    dict from file name to digest
+    """
     return record_inputs.digests(site) | table_motions.digests(site)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.drawing import style
-from pipeline.workflow.datasets import label
+from pipeline.workflow.datasets import label, split
 from vsr_core import GRAVITY
-from vsr_core.arrays import Array
 from vsr_core.motions.records.trace import Trace
 
 BESIDE = 0.25
@@ -32,40 +29,36 @@ def record_figure(motions: xr.Dataset, number: int) -> Figure:
         As in ``motions.nc``, of records.
     number : int
         Place of the record.
+
+    Returns
+    -------
+    Figure
     """
     figure = Figure(figsize=(8.6, 5.0))
     grid = figure.add_gridspec(
         3, 2, width_ratios=(1.75, 1.0), left=0.08, right=0.985, top=0.93, bottom=0.13, hspace=0.14
     )
-    one = motions.isel(record=number)
+    one = split(motions, "record_size")[number]
+    before = split(motions, "raw_size", "raw_sample")[number]
     left = [figure.add_subplot(grid[0, 0])]
     left += [figure.add_subplot(grid[row, 0], sharex=left[0]) for row in (1, 2)]
-    _histories(left, motions, one, number)
+    _histories(left, one, before)
     _spectrum(figure.add_subplot(grid[:, 1]), one)
     left[0].set_title(f"{one['record'].item()}, as recorded and as processed", loc="left")
     style.legend_below(figure, left[0], 3, top=0.055)
     return figure
 
 
-def history(motions: xr.Dataset, number: int, name: str, size: str) -> Array:
-    """Samples of one record in a ragged variable; ``size`` holds how many each has."""
-    ends = motions[size].values.cumsum()
-    values: Array = motions[name].values[ends[number] - motions[size].values[number] : ends[number]]
-    return values
-
-
-def _histories(panels: list[Axes], motions: xr.Dataset, one: xr.Dataset, number: int) -> None:
+def _histories(panels: list[Axes], one: xr.Dataset, before: xr.Dataset) -> None:
+    """The motion in ``one`` as processed, over that ``before``."""
     start = float(one["raw_start"])
-    raw = Trace(
-        history(motions, number, "raw_acceleration", "raw_size"), float(one["raw_interval"])
-    )
-    for axes, name, unit in zip(
-        panels, ("acceleration", "velocity", "displacement"), (GRAVITY, 1.0, 1.0), strict=True
-    ):
-        values = history(motions, number, name, "record_size") / unit
-        times = float(one["interval"]) * np.arange(len(values)) - start
-        style_raw: Any = {"color": style.FAINT, "lw": 1.0, "label": "as recorded, integrated"}
-        axes.plot(raw.times, getattr(raw, name) / unit, **style_raw)
+    raw = Trace(before["raw_acceleration"].values, float(one["raw_interval"]))
+    times = float(one["interval"]) * np.arange(one.sizes["sample"]) - start
+    quantities = {"acceleration": GRAVITY, "velocity": 1.0, "displacement": 1.0}
+    for axes, (name, unit) in zip(panels, quantities.items(), strict=True):
+        values = one[name].values / unit
+        recorded = getattr(raw, name) / unit
+        axes.plot(raw.times, recorded, color=style.FAINT, lw=1.0, label="as recorded, integrated")
         axes.plot(times, values, color=style.SERIES[0], lw=0.9, label="processed", gid=name)
         peak = int(np.abs(values).argmax())
         axes.plot(times[peak], values[peak], "o", ms=4, color=style.OVERTURNED, label="peak")

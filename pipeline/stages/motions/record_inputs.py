@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +23,8 @@ from vsr_core.motions.records.measures import Measures, measures
 from vsr_core.motions.records.processing import process
 from vsr_core.motions.records.record import Record
 from vsr_core.motions.records.trace import Trace
+
+Loaded = TypeVar("Loaded")
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +80,37 @@ def find(site: Site, files: tuple[str, ...]) -> list[Path]:
     return found
 
 
+def each(file: str, paths: list[Path], load: Callable[[Path], Loaded]) -> list[Loaded]:
+    """Load every file of ``motion.files``.
+
+    Parameters
+    ----------
+    file : str
+        The site's, for messages.
+    paths : list of Path
+    load : function of a Path that raises InvalidInput for what cannot be used
+
+    Returns
+    -------
+    list of what ``load`` returns
+
+    Raises
+    ------
+    InputError
+        With a line for each file that cannot be used.
+    """
+    found, problems = [], []
+    for path in paths:
+        try:
+            found.append(load(path))
+        except InvalidInput as error:
+            given = f"{shown(path)}, {error.given}"
+            problems.append(Problem(file, "motion.files", given, error.rule, error.remedy))
+    if problems:
+        raise InputError(*problems)
+    return found
+
+
 def digests(site: Site) -> dict[str, str]:
     """Digests of the files, by name, for the key of what is made of them.
 
@@ -108,15 +143,7 @@ def load(site: Site, motion: RecordConfig) -> tuple[Ready, ...]:
 def _loaded(
     file: str, files: tuple[tuple[Path, str], ...], response: bytes | None, motion: RecordConfig
 ) -> tuple[Ready, ...]:
-    ready, problems = [], []
-    for path, _ in files:
-        try:
-            ready.append(_ready(path, response, motion))
-        except InvalidInput as error:
-            given = f"{shown(path)}, {error.given}"
-            problems.append(Problem(file, "motion.files", given, error.rule, error.remedy))
-    if problems:
-        raise InputError(*problems)
+    ready = each(file, [path for path, _ in files], lambda path: _ready(path, response, motion))
     ready.sort(key=lambda one: (one.measures.pgv_pga, one.name))
     for one, other in pairwise(ready):
         if _same(one.trace, other.trace):

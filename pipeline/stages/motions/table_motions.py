@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pipeline.config.layers import Site, shown
+from pipeline.config.layers import Site
 from pipeline.config.motion_schema import AxisPulseConfig, TableMotionConfig
-from pipeline.config.problems import InputError, Problem
 from pipeline.stages.motions import record_inputs, table_files
+from pipeline.workflow.datasets import split
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Job
 from vsr_core import GRAVITY
@@ -39,15 +39,9 @@ def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
         With a line for each file that cannot be used.
     """
     assert motion.files is not None
-    found, problems = {}, []
-    for path in record_inputs.find(site, motion.files):
-        try:
-            found[path.stem] = _moving(table_files.load(path))
-        except InvalidInput as error:
-            given = f"{shown(path)}, {error.given}"
-            problems.append(Problem(site.file, "motion.files", given, error.rule, error.remedy))
-    if problems:
-        raise InputError(*problems)
+    paths = record_inputs.find(site, motion.files)
+    motions = record_inputs.each(site.file, paths, lambda path: _moving(table_files.load(path)))
+    found = dict(zip((path.stem for path in paths), motions, strict=True))
     ratios = {name: one.peak_velocity / one.peak_acceleration for name, one in found.items()}
     names = tuple(sorted(found, key=lambda name: (ratios[name], name)))
     return names, tuple(found[name] for name in names), tuple(ratios[name] for name in names)
@@ -80,11 +74,12 @@ def dataset(job: Job, motion: TableMotionConfig) -> tuple[xr.Dataset, str]:
 
 def of_dataset(data: Any) -> Loaded:
     """The motions from the product."""
-    ends = np.cumsum(data["record_size"].values)
-    samples = np.hstack([data["table_position"].values, data["table_angle"].values])
     motions = tuple(
-        SampledMotion(data["table_time"].values[end - size : end], samples[end - size : end])
-        for size, end in zip(data["record_size"].values, ends, strict=True)
+        SampledMotion(
+            one["table_time"].values,
+            np.hstack([one["table_position"].values, one["table_angle"].values]),
+        )
+        for one in split(data, "record_size")
     )
     names = tuple(str(name) for name in data["record"].values)
     return names, motions, tuple(float(ratio) for ratio in data["pgv_pga"].values)
