@@ -7,8 +7,8 @@ has a class here that makes its motions; `of_store` and `of_site` choose it.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from pipeline.config.layers import Site
 from pipeline.config.motion_schema import (
@@ -23,7 +23,7 @@ from pipeline.stages.motions import table_motions
 from pipeline.stages.motions.record_inputs import load
 from pipeline.workflow import keys
 from pipeline.workflow.code_roots import AXIS_CODE, RECORD_CODE, TABLE_CODE
-from pipeline.workflow.datasets import read
+from pipeline.workflow.datasets import read, split
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
@@ -72,12 +72,30 @@ class Shaking(Protocol):
 
 
 def cells(shaking: Shaking) -> tuple[Cell, ...]:
-    """All cells of the grid, PGA running fastest."""
+    """All cells of the grid.
+
+    Parameters
+    ----------
+    shaking : Shaking
+
+    Returns
+    -------
+    tuple of Cell, PGA running fastest
+    """
     return tuple(Cell(row, pga) for row in range(len(shaking.rows)) for pga in shaking.pga)
 
 
 def strongest(shaking: Shaking) -> list[GroundMotion]:
-    """The motions of largest PGA: every record, the shortest and the longest pulse."""
+    """The motions of largest PGA.
+
+    Parameters
+    ----------
+    shaking : Shaking
+
+    Returns
+    -------
+    list of GroundMotion, every record, or the shortest and the longest pulse
+    """
     rows = range(len(shaking.rows)) if shaking.dimension == "record" else (0, -1)
     return [shaking.motion(Cell(row, shaking.pga[-1])) for row in rows]
 
@@ -88,7 +106,7 @@ class Pulses:
 
     pgv_pga: tuple[float, ...]
     pga: tuple[float, ...]
-    dimension: str = field(default="pgv_pga", init=False)
+    dimension: ClassVar = "pgv_pga"
 
     @property
     def rows(self) -> tuple[float, ...]:
@@ -105,32 +123,19 @@ class Pulses:
 
 
 @dataclass(frozen=True)
-class TablePulses:
+class TablePulses(Pulses):
     """Cosine pulses on axes of a table, all at once; a row is the PGV/PGA of those without one."""
 
     pulses: tuple[AxisPulseConfig, ...]
-    pgv_pga: tuple[float, ...]
-    pga: tuple[float, ...]
-    dimension: str = field(default="pgv_pga", init=False)
 
-    @property
-    def rows(self) -> tuple[float, ...]:
-        return self.pgv_pga
-
-    def motion(self, cell: Cell) -> AxisPulses:
+    def motion(self, cell: Cell) -> GroundMotion:
+        row, pga = self.pgv_pga[cell.row], cell.pga
         return AxisPulses(
             tuple(
-                AxisPulse(
-                    pulse.axis,
-                    pulse.share * cell.pga * GRAVITY,
-                    pulse.pgv_pga or self.pgv_pga[cell.row],
-                )
+                AxisPulse(pulse.axis, pulse.share * pga * GRAVITY, pulse.pgv_pga or row)
                 for pulse in self.pulses
             )
         )
-
-    def token(self, cell: Cell) -> bytes:
-        return struct.pack("<2d", self.pgv_pga[cell.row], cell.pga)
 
     def identity(self) -> Any:
         parts = [pulse.model_dump(mode="json") for pulse in self.pulses]
@@ -145,7 +150,7 @@ class Records:
     traces: tuple[Trace, ...]
     pgv_pga: tuple[float, ...]
     pga: tuple[float, ...]
-    dimension: str = field(default="record", init=False)
+    dimension: ClassVar = "record"
 
     def motion(self, cell: Cell) -> GroundMotion:
         return RecordedMotion.scaled(self.traces[cell.row], cell.pga)
@@ -167,7 +172,7 @@ class Tables:
     motions: tuple[SampledMotion, ...]
     pgv_pga: tuple[float, ...]
     pga: tuple[float, ...]
-    dimension: str = field(default="record", init=False)
+    dimension: ClassVar = "record"
 
     def motion(self, cell: Cell) -> SampledMotion:
         whole = self.motions[cell.row]
@@ -182,29 +187,47 @@ class Tables:
 
 
 def of_store(config: Config, store: Store) -> Shaking:
-    """The motions of a study; records as the stage of motions has made them."""
+    """The motions of a study; records as the stage of motions has made them.
+
+    Parameters
+    ----------
+    config : Config
+    store : Store
+
+    Returns
+    -------
+    Shaking
+    """
     pulses = _pulses(config.motion)
     if pulses is not None:
         return pulses
     data = read(store.folder / FILE)
     if isinstance(config.motion, TableMotionConfig):
         return Tables(*table_motions.of_dataset(data), config.motion.pga)
-
-    ends = data["record_size"].values.cumsum()
-    samples = data["acceleration"].values
-    traces = [
-        Trace(samples[end - size : end].copy(), float(step))
-        for end, size, step in zip(
-            ends, data["record_size"].values, data["interval"].values, strict=True
-        )
-    ]
-    names = tuple(str(name) for name in data["record"].values)
-    ratios = tuple(float(value) for value in data["pgv_pga"].values)
-    return Records(names, tuple(traces), ratios, config.motion.pga)
+    traces = tuple(
+        Trace(one["acceleration"].values.copy(), one["interval"].item())
+        for one in split(data, "record_size")
+    )
+    names = tuple(map(str, data["record"].values))
+    return Records(names, traces, tuple(data["pgv_pga"].values.tolist()), config.motion.pga)
 
 
 def of_site(site: Site) -> Shaking:
-    """The motions of a study; records from their files, before any product is made."""
+    """The motions of a study; records from their files, before any product is made.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    Shaking
+
+    Raises
+    ------
+    InputError
+        With a line for each file that cannot be used.
+    """
     motion = site.config.motion
     pulses = _pulses(motion)
     if pulses is not None:
@@ -212,14 +235,9 @@ def of_site(site: Site) -> Shaking:
     if isinstance(motion, TableMotionConfig):
         return Tables(*table_motions.of_site(site, motion), motion.pga)
     assert isinstance(motion, RecordConfig)
-
     ready = load(site, motion)
-    return Records(
-        tuple(one.name for one in ready),
-        tuple(one.trace for one in ready),
-        tuple(one.measures.pgv_pga for one in ready),
-        motion.pga,
-    )
+    names, traces = tuple(one.name for one in ready), tuple(one.trace for one in ready)
+    return Records(names, traces, tuple(one.measures.pgv_pga for one in ready), motion.pga)
 
 
 def _pulses(motion: MotionConfig) -> Shaking | None:
@@ -228,5 +246,5 @@ def _pulses(motion: MotionConfig) -> Shaking | None:
         return Pulses(motion.pgv_pga, motion.pga)
     if isinstance(motion, TableMotionConfig) and motion.pulses:
         assert motion.pgv_pga is not None
-        return TablePulses(motion.pulses, motion.pgv_pga, motion.pga)
+        return TablePulses(motion.pgv_pga, motion.pga, motion.pulses)
     return None
