@@ -11,8 +11,8 @@ import numpy as np
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.records.record import Record, factor, is_acceleration, stated
-from vsr_core.motions.records.record_checks import evenly
+from vsr_core.motions.records.record import Record, is_acceleration
+from vsr_core.motions.records.timed_columns import on_times
 
 _BRACKETS = re.compile(r"^(.*?)\s*[\[(]([^\])]*)[\])]\s*$")
 _TIMES = ("time", "t")
@@ -22,8 +22,18 @@ _SECONDS = (None, "s", "sec", "seconds", "second")
 def read(text: str, component: str | None, unit: str | None) -> Record:
     """The accelerations in a table's text.
 
-    Without ``component``, the columns whose name holds a unit of acceleration; if there is none, a
-    single column besides the times, in ``unit``.
+    Parameters
+    ----------
+    text : str
+    component : str or None
+        Column to take; without one, those whose name holds a unit of acceleration or, if there is
+        none, a single column besides the times.
+    unit : str or None
+        Of a column that states none.
+
+    Returns
+    -------
+    Record
 
     Raises
     ------
@@ -31,8 +41,9 @@ def read(text: str, component: str | None, unit: str | None) -> Record:
         If times or accelerations are not there, or the time steps are uneven.
     """
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    separator = next((mark for mark in ",;\t" if mark in lines[0]), None) if lines else None
-    names = [_name(word) for word in (lines[0].split(separator) if lines else [])]
+    head, *rows = lines or [""]
+    separator = next((mark for mark in ",;\t" if mark in head), None)
+    names = [_name(word) for word in head.split(separator)]
     clock = [i for i, (name, _) in enumerate(names) if name.lower() in _TIMES]
     if len(clock) != 1 or names[clock[0]][1] not in _SECONDS:
         raise InvalidInput(
@@ -40,21 +51,10 @@ def read(text: str, component: str | None, unit: str | None) -> Record:
             "one of them is named time, in seconds",
             "name the columns in the first line",
         )
-    times, columns = _numbers(lines[1:], separator, len(names), clock[0])
+    table = _numbers(rows, separator, len(names))
     others = [i for i in range(len(names)) if i != clock[0]]
-    wanted = _wanted(names, others, component)
-    in_file = {names[i][1] for i in wanted}
-    if len(in_file) > 1:
-        raise InvalidInput(
-            f"columns in {', '.join(map(str, in_file))}",
-            "they share a unit",
-            "name one of them as motion.component",
-        )
-    name = stated(in_file.pop(), unit)
-    values, interval, repairs = evenly(times, columns[:, wanted] * factor(name))
-    channels = tuple(names[i][0] for i in wanted)
-    values = values[:, 0] if len(wanted) == 1 else values
-    return Record(values, interval, channels, "", "table of columns", name, repairs)
+    wanted = [(*names[i], table[:, i]) for i in _wanted(names, others, component)]
+    return on_times(table[:, clock[0]], wanted, unit, station="", source="table of columns")
 
 
 def _name(word: str) -> tuple[str, str | None]:
@@ -90,10 +90,8 @@ def _wanted(
     )
 
 
-def _numbers(
-    lines: list[str], separator: str | None, width: int, clock: int
-) -> tuple[Array, Array]:
-    """Times (n,) and all columns (n, width); an empty cell is not a number."""
+def _numbers(lines: list[str], separator: str | None, width: int) -> Array:
+    """All columns, shape (n, width); an empty cell is not a number."""
     rows = []
     for place, line in enumerate(lines, start=2):
         cells = line.split(separator)
@@ -109,5 +107,4 @@ def _numbers(
                 f"each row has {width}",
                 "correct it",
             )
-    table = np.array(rows, dtype=np.float64).reshape(-1, width)
-    return table[:, clock], table
+    return np.array(rows, dtype=np.float64).reshape(-1, width)

@@ -61,7 +61,7 @@ def measures(trace: Trace) -> Measures:
         sa_1hz=float(sa_1hz),
         sa_2hz=float(sa_2hz),
         arias=0.5 * math.pi / GRAVITY * float(energy.sum()),
-        cav=float(absolute(trace).sum()),
+        cav=float(cav_increments(trace).sum()),
         significant_duration=ends - starts,
     )
 
@@ -80,7 +80,7 @@ def spectrum(trace: Trace, frequencies: Array, damping: float = DAMPING) -> Arra
     return np.array(found)
 
 
-def absolute(trace: Trace) -> Array:
+def cav_increments(trace: Trace) -> Array:
     """Integral of the absolute acceleration over each interval [m/s], shape (n - 1,)."""
     a, b = trace.acceleration[:-1], trace.acceleration[1:]
     total = np.abs(a) + np.abs(b)

@@ -90,7 +90,7 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
     if how.order == "none":
         return Trace(acceleration, interval)
     if how.order == "standard":
-        acceleration = without_line(acceleration)
+        acceleration = signal.detrend(acceleration, type="linear")
     if how.highpass is not None:
         acceleration = np.pad(acceleration, pad_length(how, interval))
     for kind, corner in (("lowpass", how.lowpass), ("highpass", how.highpass)):
@@ -122,12 +122,6 @@ def filtered(values: Array, interval: float, kind: str, corner: float, poles: in
     forward = signal.sosfilt(sections, values)
     backward: Array = signal.sosfilt(sections, forward[::-1])[::-1]
     return np.ascontiguousarray(backward)
-
-
-def without_line(values: Array) -> Array:
-    """The values less their line of least squares."""
-    straight: Array = signal.detrend(values, type="linear")
-    return straight
 
 
 def with_level_baseline(acceleration: Array, interval: float) -> Array:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
@@ -44,33 +47,50 @@ class Record:
     repairs: tuple[str, ...] = ()
 
     def channel(self, name: str | None) -> Record:
-        """The record of one channel; without a name, of the only one.
+        """The record of one channel.
+
+        Parameters
+        ----------
+        name : str or None
+            Without one, the only channel.
+
+        Returns
+        -------
+        Record
+            With an acceleration of shape (n,).
 
         Raises
         ------
         InvalidInput
             If there is no such channel, or several to choose from.
         """
-        columns = self.acceleration.reshape(len(self.acceleration), -1)
         listed = ", ".join(self.channels)
-        if name is None and len(self.channels) == 1:
-            return replace(self, acceleration=columns[:, 0])
-        if name is None:
+        if name is None and len(self.channels) > 1:
             raise InvalidInput(
                 f"{len(self.channels)} channels ({listed})",
                 "a rock is shaken along one",
                 "name one of them as motion.component",
             )
-        if name not in self.channels:
+        if name is not None and name not in self.channels:
             raise InvalidInput(
                 f"no channel {name!r}", f"the channels are {listed}", "name one of them"
             )
-        at = self.channels.index(name)
-        return replace(self, acceleration=columns[:, at], channels=(name,))
+        if len(self.channels) == 1:
+            return self
+        at = self.channels.index(str(name))
+        return replace(self, acceleration=self.acceleration[:, at], channels=(str(name),))
 
 
 def factor(unit: str) -> float:
     """What one of a unit is in m/s^2.
+
+    Parameters
+    ----------
+    unit : str
+
+    Returns
+    -------
+    float [m/s^2]
 
     Raises
     ------
@@ -98,12 +118,34 @@ def factor(unit: str) -> float:
 
 
 def is_acceleration(unit: str) -> bool:
-    """Whether a unit is one of acceleration."""
+    """Whether a unit is one of acceleration.
+
+    Parameters
+    ----------
+    unit : str
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> is_acceleration("cm/s^2"), is_acceleration("m")
+    (True, False)
+    """
     return _plain(unit) in _KNOWN
 
 
 def stated(in_file: str | None, given: str | None) -> str:
     """The unit of a file: what it states, or what is given where it states none.
+
+    Parameters
+    ----------
+    in_file, given : str or None
+
+    Returns
+    -------
+    str
 
     Raises
     ------
@@ -123,6 +165,25 @@ def stated(in_file: str | None, given: str | None) -> str:
             "leave motion.unit out, or correct the file",
         )
     return str(in_file if in_file is not None else given)
+
+
+def side_by_side(columns: Sequence[Array]) -> Array:
+    """Channels as the acceleration of a ``Record``.
+
+    Parameters
+    ----------
+    columns : sequence of ndarray, shape (n,) each
+
+    Returns
+    -------
+    ndarray, shape (n,) of one channel, else (n, channels)
+
+    Examples
+    --------
+    >>> side_by_side([np.zeros(5)]).shape, side_by_side([np.zeros(5), np.ones(5)]).shape
+    ((5,), (5, 2))
+    """
+    return columns[0] if len(columns) == 1 else np.column_stack(columns)
 
 
 def _plain(unit: str) -> str:

@@ -1,4 +1,4 @@
-"""What a record must be before anything is made of it: repaired and told, or refused."""
+"""What a record must be before anything is made of it: it is repaired, or refused."""
 
 from __future__ import annotations
 
@@ -11,12 +11,6 @@ from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Record
 from vsr_core.motions.records.trace import Trace
-
-UNEVEN = 0.02
-"""Farthest time from an even grid, as a share of the step."""
-
-COARSE = 0.3
-"""The same where the times are written with too few digits, at most."""
 
 LONGEST_GAP = 0.05
 """Longest gap [s] that a straight line may bridge: half a cycle of 10 Hz."""
@@ -37,77 +31,6 @@ DRIFT = 0.02
 
 OFFSET = 0.2
 """Largest final displacement, as a share of the PGD."""
-
-
-def evenly(times: Array, values: Array) -> tuple[Array, float, tuple[str, ...]]:
-    """Values on an even grid of times, nan where a step of it was left out.
-
-    Parameters
-    ----------
-    times : ndarray, shape (n,) [s]
-    values : ndarray, shape (n, c)
-
-    Returns
-    -------
-    values : ndarray, shape (m, c)
-    interval : float [s]
-    repairs : tuple of str
-
-    Raises
-    ------
-    InvalidInput
-        If the times do not increase, or are on no even grid.
-    """
-    if len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
-        raise InvalidInput(
-            f"{len(times)} times that are not increasing numbers",
-            "each is later than the one before",
-            "sort them and drop those that repeat",
-        )
-    elapsed, written = times - times[0], _printed(times)
-    interval = _interval(elapsed, float(written[-1]))
-    places = np.rint(elapsed / interval).astype(np.int64)
-    late = np.abs(elapsed - places * interval) / interval
-    allowed = np.clip(written / interval, UNEVEN, COARSE)
-    if (late > allowed).any() or (np.diff(places) < 1).any():
-        raise InvalidInput(
-            f"time steps that differ: one sample is {late.max():.0%} of a step of "
-            f"{1e3 * interval:.4g} ms from its place",
-            f"all are equal to {UNEVEN:.0%}, or to the last digit that is written",
-            "resample the record to equal steps, band-limited",
-        )
-    if len(places) == places[-1] + 1:
-        return values, interval, ()
-    filled = np.full((int(places[-1]) + 1, values.shape[1]), np.nan)
-    filled[places] = values
-    lost = len(filled) - len(places)
-    return filled, interval, (f"{lost} time steps were left out in the file",)
-
-
-def _interval(elapsed: Array, written: float) -> float:
-    """Step [s] of rounded times, from ever longer spans, so that none is lost count of.
-
-    A whole number of samples a second is taken, if it agrees to the digits that are ``written``.
-    """
-    interval, last = float(np.median(np.diff(elapsed))), len(elapsed) - 1
-    at = 1
-    while at < 2 * last:
-        end = float(elapsed[min(at, last)])
-        interval = end / max(1, round(end / interval))
-        at *= 2
-    rate = round(1.0 / interval)
-    if rate and abs(round(end / interval) / rate - end) <= written:
-        return 1.0 / rate
-    return interval
-
-
-def _printed(times: Array) -> Array:
-    """Unit in the last digit written of each time [s]: of fixed decimals, or of fixed digits."""
-    numbers = [f"{time:.12g}" for time in times.tolist()]
-    digits = max(len(word.replace(".", "").lstrip("0")) for word in numbers)
-    decimals = max(len(word.partition(".")[2]) for word in numbers)
-    leading = np.floor(np.log10(np.maximum(np.abs(times), 1e-12)))
-    return np.maximum(10.0 ** (leading + 1 - digits), 10.0**-decimals)
 
 
 def sound(record: Record) -> Record:

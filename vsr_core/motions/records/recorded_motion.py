@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
-from vsr_core.motions.records.measures import absolute
+from vsr_core.motions.records.measures import cav_increments
 from vsr_core.motions.records.trace import Trace
 
 
@@ -25,15 +26,20 @@ class RecordedMotion:
     """
 
     trace: Trace
-    _left: Array = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        left = np.concatenate([[0.0], np.cumsum(absolute(self.trace)[::-1])])[::-1]
-        object.__setattr__(self, "_left", left)
 
     @classmethod
     def scaled(cls, trace: Trace, pga: float) -> RecordedMotion:
-        """The motion at a PGA [g]; its velocity and displacement grow with it."""
+        """The motion scaled to another PGA; its velocity and displacement grow with it.
+
+        Parameters
+        ----------
+        trace : Trace
+        pga : float [g]
+
+        Returns
+        -------
+        RecordedMotion
+        """
         factor = pga * GRAVITY / float(np.abs(trace.acceleration).max())
         return cls(Trace(factor * trace.acceleration, trace.interval))
 
@@ -88,6 +94,11 @@ class RecordedMotion:
         else:  # two triangles
             piece = 0.5 * rest * (here**2 + b**2) / (abs(here) + abs(b))
         return piece + float(self._left[k + 1])
+
+    @cached_property
+    def _left(self) -> Array:
+        """Integral of |acceleration| from each sample to the end."""
+        return np.concatenate([[0.0], np.cumsum(cav_increments(self.trace)[::-1])])[::-1]
 
     def _inside(self, t: Array) -> np.ndarray:
         return (t >= 0.0) & (t <= self.duration)

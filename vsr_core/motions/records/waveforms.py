@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.records.record import Record, factor, stated
+from vsr_core.motions.records.record import Record, factor, side_by_side, stated
 
 Corners = tuple[float, float, float, float]
 
-MOST_TOLD, MOST_WORDS = 3, 160
+MOST_WARNINGS, WARNING_LENGTH = 3, 160
 """Warnings of ObsPy that are kept, and characters of each."""
 
 
@@ -31,6 +31,10 @@ def read(
     unit : str or None, for formats that do not state one
     response : bytes or None, StationXML; with it the response is removed, to acceleration
     corners : tuple of float [Hz], of the cosine taper of the spectrum before that
+
+    Returns
+    -------
+    Record
 
     Raises
     ------
@@ -52,13 +56,28 @@ def read(
     except Exception as error:  # noqa: BLE001 (readers of many formats raise what they like)
         raise _unreadable(error) from None
     record = from_stream(stream, "m/s2" if response is not None else unit)
-    return replace(record, repairs=(*record.repairs, *_told(caught)))
+    return replace(record, repairs=(*record.repairs, *_warnings(caught)))
 
 
 def from_stream(stream: Any, unit: str | None) -> Record:
     """The record of an ObsPy stream whose traces are merged, one for each channel.
 
     K-NET and KiK-net samples come as counts with a factor to m/s^2 (``stats.calib``).
+
+    Parameters
+    ----------
+    stream : obspy.Stream
+    unit : str or None
+        Of the samples, unless they are K-NET's or KiK-net's.
+
+    Returns
+    -------
+    Record
+
+    Raises
+    ------
+    InvalidInput
+        If the channels have no time step or no time in common, or the unit is not known.
     """
     if len({trace.stats.delta for trace in stream}) != 1:
         raise InvalidInput(
@@ -83,13 +102,12 @@ def from_stream(stream: Any, unit: str | None) -> Record:
             lost = len(samples) - len(part)
             repairs.append(f"{trace.stats.channel}: {lost} samples that others lack were cut")
         columns.append(part * (trace.stats.calib if japanese else factor(name)))
-    values = np.column_stack(columns)
     ids = [".".join((t.stats.network, t.stats.station, t.stats.location)) for t in stream]
     channels = [str(trace.stats.channel) for trace in stream]
     if len(set(channels)) < len(channels):
         channels = [f"{one}.{channel}" for one, channel in zip(ids, channels, strict=True)]
     return Record(
-        values[:, 0] if len(channels) == 1 else values,
+        side_by_side(columns),
         interval,
         tuple(channels),
         str(stream[0].stats.station),
@@ -113,12 +131,12 @@ def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> A
     return pieces
 
 
-def _told(caught: list[warnings.WarningMessage]) -> list[str]:
+def _warnings(caught: list[warnings.WarningMessage]) -> list[str]:
     """What ObsPy warned of about a file, e.g. blocks that it passed over."""
     said = [" ".join(str(w.message).split()) for w in caught if issubclass(w.category, UserWarning)]
-    said = [f"ObsPy: {text[:MOST_WORDS]}" for text in dict.fromkeys(said)]
-    more = len(said) - MOST_TOLD
-    return said[:MOST_TOLD] + ([f"ObsPy: {more} more warnings"] if more > 0 else [])
+    said = [f"ObsPy: {text[:WARNING_LENGTH]}" for text in dict.fromkeys(said)]
+    more = len(said) - MOST_WARNINGS
+    return said[:MOST_WARNINGS] + ([f"ObsPy: {more} more warnings"] if more > 0 else [])
 
 
 def _unreadable(error: Exception) -> InvalidInput:
