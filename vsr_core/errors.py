@@ -1,4 +1,4 @@
-"""The one exception for input that the physics cannot accept."""
+"""The exception for input that the physics cannot accept, and what errors of libraries say."""
 
 from __future__ import annotations
 
@@ -20,3 +20,23 @@ class InvalidInput(ValueError):
 
     def __reduce__(self) -> tuple[type[InvalidInput], tuple[str, str, str]]:
         return (InvalidInput, (self.given, self.rule, self.remedy))
+
+
+def reason(error: Exception) -> str:
+    """What an error of a library says, on one line.
+
+    Parameters
+    ----------
+    error : Exception
+
+    Returns
+    -------
+    str
+        Its first line, or else its kind.
+
+    Examples
+    --------
+    >>> reason(OSError("broken")), reason(KeyError())
+    ('broken', 'KeyError')
+    """
+    return str(error).splitlines()[0] if str(error) else type(error).__name__

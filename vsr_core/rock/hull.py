@@ -21,7 +21,8 @@ MAX_SETTLING_TURN = np.radians(15.0)
 """A scan that has to turn further than this to rest did not stand [rad]."""
 
 TOPPLED_TILT = 1.0
-"""Tilt of the seed's toppling rule, |roll| + |pitch| > 1 rad (public scripts of Chen et al.)."""
+"""Tilt beyond which the published set-up calls a rock toppled, |roll| + |pitch| > 1 rad (public
+scripts of Chen et al.)."""
 
 _FLAT = 1e-6  # rad between facets and share of the size between points that count as one plane
 
@@ -48,7 +49,16 @@ class Hull:
     face: Indices
 
     def turned(self, rotation: Array) -> Hull:
-        """The same hull with every vector turned by ``rotation``, shape (3, 3)."""
+        """The same hull with every vector turned.
+
+        Parameters
+        ----------
+        rotation : ndarray, shape (3, 3)
+
+        Returns
+        -------
+        Hull
+        """
         return Hull(
             self.vertices @ rotation.T,
             self.facets,
@@ -65,7 +75,7 @@ class Tipping:
 
     Attributes
     ----------
-    direction : ndarray, shape (k,) [rad], counter-clockwise from +x, the way the rock tips
+    direction : ndarray, shape (k,) [rad], in which the rock tips, counter-clockwise from +x
     uplift : ndarray, shape (k,) [g], table acceleration at which the first edge lifts
     overturning : ndarray, shape (k,) [g], steady acceleration that topples it
     """
@@ -81,12 +91,27 @@ class Tipping:
 
 
 def convex_hull(points: Array) -> Hull:
-    """Hull of ``points``, shape (n, 3) [m], given relative to the centre of mass.
+    """Convex hull of points about the centre of mass.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3) [m], relative to the centre of mass
+
+    Returns
+    -------
+    Hull
 
     Raises
     ------
     InvalidInput
         If the points span no volume, or the centre of mass lies outside their hull.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> cube = convex_hull(np.array(list(product((-1.0, 1.0), repeat=3))))
+    >>> len(cube.vertices), len(cube.facets), len(set(cube.face.tolist()))
+    (8, 12, 6)
     """
     try:
         hull = ConvexHull(points)
@@ -111,6 +136,11 @@ def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float
 
     The rock starts on the facet that faces down most and rolls over the edge that its centre of
     mass overhangs, until none is overhung: a local minimum of the height of its centre.
+
+    Parameters
+    ----------
+    hull : Hull, in the given pose
+    largest : float [rad]
 
     Returns
     -------
@@ -143,45 +173,74 @@ def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float
 
 
 def rest_tilts(hull: Hull) -> Array:
-    """Tilts [rad] of all poses in which a hull, given in its rest pose, rests on one of its facets.
+    """Tilts of all poses in which a hull rests on one of its facets.
+
+    Parameters
+    ----------
+    hull : Hull, in its rest pose
 
     Returns
     -------
-    ndarray, shape (k,), ascending; the first is the given pose, 0
+    ndarray, shape (k,) [rad], ascending; the first is the given pose, 0
     """
     stable = [outline.facet for outline in _outlines(hull).values() if outline.room.min() >= 0.0]
     return np.sort(np.arccos(np.clip(-hull.normals[stable, 2], -1.0, 1.0)))
 
 
 def base_polygon(vertices: Array, tolerance: float) -> Array:
-    """Outline of what lies within ``tolerance`` [m] of the lowest vertex of a rest pose.
+    """Outline of what lies within ``tolerance`` of the lowest vertex of a rest pose.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m], relative to the centre of mass
+    tolerance : float [m]
 
     Returns
     -------
     ndarray, shape (k, 2) [m], counter-clockwise, relative to the centre of mass
+
+    Examples
+    --------
+    >>> foot, top = [[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]], [[1, 0.5, 3]]
+    >>> base_polygon(np.array(foot + top), 0.01).shape
+    (4, 2)
     """
     low = vertices[vertices[:, 2] <= vertices[:, 2].min() + tolerance, :2]
     return low[ConvexHull(low).vertices]
 
 
 def tipping(hull: Hull, direction: Array) -> Tipping:
-    """Static tipping of a hull in its rest pose toward each ``direction``, shape (k,) [rad].
+    """Static tipping of a hull from its rest pose toward each direction.
 
     The pedestal is rigid and rough. Under a steady acceleration the resultant of weight and
     inertia leaves the face of rest over an edge; the rock rolls onto the next facet, where it may
     find a new rest. What the worst of these facets needs is the overturning acceleration; what
     the first needs is the uplift acceleration (Housner 1963 for a block: both b/h).
+
+    Parameters
+    ----------
+    hull : Hull, in its rest pose
+    direction : ndarray, shape (k,) [rad], in which the rock tips, counter-clockwise from +x
+
+    Returns
+    -------
+    Tipping
     """
     start = int(np.argmin(hull.normals[:, 2]))
     outlines = _outlines(hull)
-    ways = np.column_stack([np.cos(direction), np.sin(direction), np.zeros(len(direction))])
-    pairs = [_tip(hull, outlines, start, toward) for toward in ways]
+    level = np.column_stack([np.cos(direction), np.sin(direction), np.zeros(len(direction))])
+    pairs = [_tip(hull, outlines, start, toward) for toward in level]
     uplift, overturning = np.array(pairs).T
     return Tipping(direction, uplift, overturning)
 
 
 def touching(hull: Hull, tilt: float) -> Mask:
-    """Vertices that can touch a plane while the rock is tilted by at most ``tilt`` [rad].
+    """Vertices that can touch a plane while the rock is tilted by at most ``tilt``.
+
+    Parameters
+    ----------
+    hull : Hull, in its rest pose
+    tilt : float [rad]
 
     Returns
     -------
@@ -191,11 +250,19 @@ def touching(hull: Hull, tilt: float) -> Mask:
 
 
 def contact_tilts(hull: Hull) -> tuple[Array, Array]:
-    """Least and greatest tilt [rad] at which each vertex can touch a plane, shape (n,) each.
+    """Least and greatest tilt at which each vertex can touch a plane.
 
     A vertex touches for the directions of ``down`` between the normals of its facets. The range
     of their tilts is widened by the widest angle between neighbouring facets there, because an
     arc between two normals may pass a tilt that neither has; it encloses the true one.
+
+    Parameters
+    ----------
+    hull : Hull, in its rest pose
+
+    Returns
+    -------
+    least, greatest : ndarray, shape (n,) [rad]
     """
     facing = np.arccos(np.clip(-hull.normals[:, 2], -1.0, 1.0))
     cosine = np.einsum("ij,ikj->ik", hull.normals, hull.normals[hull.neighbours])

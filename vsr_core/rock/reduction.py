@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 from trimesh.triangles import closest_point
 
-from vsr_core.arrays import Array, Mask
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import tipping, touching
 
@@ -25,18 +25,35 @@ BASE_SHARE = 0.08
 KEPT_TILT = np.radians(80.0)
 """Vertices that touch only beyond this tilt are left out of a reduced hull [rad]."""
 
-CERTIFIED_WAYS = 72
-"""Directions in which a reduced hull must tip as the complete one does."""
+_DIRECTIONS = 72  # in which a reduced hull must tip as the complete one does
 
 
 def on_its_seat(rock: Rock) -> Rock:
-    """The rock with all corners of its base, and as few others as ``SEAT_SHARE`` allows."""
+    """The rock with all corners of its base, and as few others as ``SEAT_SHARE`` allows.
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    Rock
+    """
     low = rock.vertices[:, 2] <= rock.vertices[:, 2].min() + BASE_SHARE * rock.radius
     return lightened(rock, SEAT_SHARE * rock.radius, low)
 
 
 def in_flight(rock: Rock) -> Rock:
-    """The rock with as few corners as ``FLIGHT_SHARE`` allows."""
+    """The rock with as few corners as ``FLIGHT_SHARE`` allows.
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    Rock
+    """
     return lightened(rock, FLIGHT_SHARE * rock.radius, np.zeros(len(rock.vertices), dtype=bool))
 
 
@@ -58,12 +75,31 @@ def lightened(rock: Rock, tolerance: float, kept: Mask) -> Rock:
     Rock
         The same rock where all corners are needed.
     """
-    along = rock.vertices @ rock.axes
     chosen = kept.copy()
-    # Engines size their contact tolerances by the bounding box in the principal frame.
-    chosen[[*along.argmin(axis=0), *along.argmax(axis=0)]] = True
+    chosen[on_bounding_box(rock.vertices, rock.axes)] = True
     chosen = needed(rock.vertices, tolerance, chosen)
     return rock if chosen.all() else replace(rock, vertices=rock.vertices[chosen])
+
+
+def on_bounding_box(corners: Array, axes: Array) -> Indices:
+    """Corners on the bounding box in the principal frame: engines size their tolerances by it.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (n, 3) [m]
+    axes : ndarray, shape (3, 3), principal axes as columns
+
+    Returns
+    -------
+    ndarray of int, shape (6,)
+
+    Examples
+    --------
+    >>> on_bounding_box(np.array([[0.0, 5, 1], [1, 0, 2], [2, 4, 0]]), np.eye(3)).tolist()
+    [0, 1, 2, 2, 0, 1]
+    """
+    along = corners @ axes
+    return np.concatenate([along.argmin(axis=0), along.argmax(axis=0)])
 
 
 def needed(corners: Array, tolerance: float, chosen: Mask) -> Mask:
@@ -120,17 +156,23 @@ def _outside(points: Array, triangles: Array, planes: Array) -> Array:
 def simplified(rock: Rock) -> Rock:
     """The rock with those vertices of its hull that can touch below ``KEPT_TILT``.
 
-    Certified: static uplift and tipping in ``CERTIFIED_WAYS`` directions are those of the complete
-    hull, or the rock is returned as it is.
+    Certified: static uplift and tipping in 72 directions are those of the complete hull, or the
+    rock is returned as it is.
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    Rock
     """
     hull = rock.hull
     keep = touching(hull, KEPT_TILT)
-    # Engines size their contact tolerances by the bounding box in the principal frame.
-    along = hull.vertices @ rock.axes
-    keep[[*along.argmin(axis=0), *along.argmax(axis=0)]] = True
+    keep[on_bounding_box(hull.vertices, rock.axes)] = True
     kept = replace(rock, vertices=hull.vertices[keep])
-    ways = np.linspace(0.0, 2.0 * np.pi, CERTIFIED_WAYS, endpoint=False)
-    before, after = tipping(hull, ways), tipping(kept.hull, ways)
+    toward = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
+    before, after = tipping(hull, toward), tipping(kept.hull, toward)
     same = np.allclose(after.overturning, before.overturning, rtol=1e-9, atol=0.0) and np.allclose(
         after.uplift, before.uplift, rtol=1e-9, atol=0.0
     )

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import trimesh
 
-from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull, settle
+from vsr_core.rock.triangles import self_intersections
 
 LARGEST_SIZE = 30.0
 """A rock with a longer side than this [m] was probably not given in metres."""
@@ -24,8 +25,6 @@ LARGEST_LEVELLING = np.radians(45.0)
 CROSSING_SHARE = 0.001
 """Share of the surface that may cross itself: a real scan holds a few folded faces, whose volume
 is nothing to its mass; a surface that passes through itself has no inside."""
-
-_ROUNDING = 64.0 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,22 @@ class Solid:
 
 
 def box(size: tuple[float, float, float], density: float) -> Solid:
-    """Cuboid of ``size`` x, y, z [m] and ``density`` [kg/m^3], standing on its x-y face."""
+    """Cuboid standing on its x-y face.
+
+    Parameters
+    ----------
+    size : tuple of three floats [m], along x, y and z
+    density : float [kg/m^3]
+
+    Returns
+    -------
+    Solid
+
+    Examples
+    --------
+    >>> box((1.0, 1.0, 2.0), 2000.0).rock.mass
+    4000.0
+    """
     x, y, z = size
     mesh = trimesh.creation.box(extents=size)
     mass = density * x * y * z
@@ -72,6 +86,10 @@ def from_mesh(mesh: trimesh.Trimesh, density: float, *, as_scanned: bool = False
     as_scanned : bool
         Whether it keeps its pose, as on a terrain, or is set on a level pedestal.
 
+    Returns
+    -------
+    Solid
+
     Raises
     ------
     InvalidInput
@@ -92,6 +110,14 @@ def from_mesh(mesh: trimesh.Trimesh, density: float, *, as_scanned: bool = False
 def standing(rock: Rock) -> Rock:
     """A rock in the pose of a scan, set on a level pedestal as near to that pose as it stands.
 
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    Rock
+
     Raises
     ------
     InvalidInput
@@ -107,6 +133,15 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     Vertices that an exporter split are merged and faces wound against their neighbours are
     turned. Anything else is refused.
 
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh [m]
+
+    Returns
+    -------
+    mesh : trimesh.Trimesh [m]
+    repaired : tuple of str
+
     Raises
     ------
     InvalidInput
@@ -114,7 +149,7 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
         bodies, or intersects itself.
     """
     repaired = []
-    _see_that_it_is_a_rock(mesh)
+    _require_a_rock(mesh)
     mesh = mesh.copy()
     before = len(mesh.vertices)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
@@ -157,7 +192,7 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     return mesh, tuple(repaired)
 
 
-def _see_that_it_is_a_rock(mesh: trimesh.Trimesh) -> None:
+def _require_a_rock(mesh: trimesh.Trimesh) -> None:
     if len(mesh.faces) == 0:
         raise InvalidInput("a mesh without faces", "a rock has a surface", "export the scan again")
     if not np.isfinite(mesh.vertices).all():
@@ -171,82 +206,3 @@ def _see_that_it_is_a_rock(mesh: trimesh.Trimesh) -> None:
             f"rocks here are {SMALLEST_SIZE} to {LARGEST_SIZE:.0f} m",
             "scale? set rock.scale (0.001 for a mesh in millimetres)",
         )
-
-
-def self_intersections(vertices: Array, faces: Indices) -> Indices:
-    """Pairs of faces that cross each other and share no vertex.
-
-    Two triangles in general position cross if and only if an edge of one pierces the other
-    (Moeller 1997). Candidates come from a uniform grid over the bounding boxes.
-
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3) [m]
-    faces : ndarray of int, shape (m, 3)
-
-    Returns
-    -------
-    ndarray of int, shape (k, 2)
-    """
-    corners = vertices[faces]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    pairs = _sharing_a_cell(low, high)
-    apart = (low[pairs[:, 0]] > high[pairs[:, 1]]) | (low[pairs[:, 1]] > high[pairs[:, 0]])
-    pairs = pairs[~apart.any(axis=1)]
-    shared = (faces[pairs[:, 0], :, None] == faces[pairs[:, 1], None, :]).any(axis=(1, 2))
-    pairs = pairs[~shared]
-    crossing = np.zeros(len(pairs), dtype=bool)
-    for one, other in ((0, 1), (1, 0)):
-        edged, pierced = corners[pairs[:, one]], corners[pairs[:, other]]
-        for k in range(3):
-            crossing |= _pierces(edged[:, k], edged[:, (k + 1) % 3], pierced)
-    return pairs[crossing]
-
-
-def _sharing_a_cell(low: Array, high: Array) -> Indices:
-    """Unique index pairs of boxes that overlap a common cell of a grid."""
-    cell = 2.0 * float(np.median((high - low).max(axis=1)))
-    first = np.floor(low / cell).astype(np.int64)
-    last = np.floor(high / cell).astype(np.int64)
-    spans = last - first + 1
-    count = spans.prod(axis=1)
-    box = np.repeat(np.arange(len(low)), count)
-    within = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count)
-    span = spans[box]
-    place = first[box] + np.column_stack(
-        [
-            within // (span[:, 1] * span[:, 2]),
-            within // span[:, 2] % span[:, 1],
-            within % span[:, 2],
-        ]
-    )
-    _, number = np.unique(place, axis=0, return_inverse=True)
-    order = np.argsort(number, kind="stable")
-    box, number = box[order], number[order]
-    pairs = []
-    for ahead in range(1, int(np.bincount(number).max())):
-        same = number[ahead:] == number[:-ahead]
-        pairs.append(np.column_stack([box[:-ahead][same], box[ahead:][same]]))
-    if not pairs:
-        return np.empty((0, 2), dtype=np.int64)
-    return np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
-
-
-def _pierces(start: Array, end: Array, triangle: Array) -> Mask:
-    """Whether segments pass strictly through the inside of triangles, pair by pair.
-
-    An end within the rounding of the triangle's plane is in it: triangles of one plane do not
-    cross.
-    """
-    a, b, c = triangle[:, 0], triangle[:, 1], triangle[:, 2]
-    far = np.abs(np.stack([b - a, c - a, start - a, end - a])).max(axis=(0, 2))
-    at = np.abs(np.stack([a, b, c, start, end])).max(axis=(0, 2))
-    rounding = _ROUNDING * far**2 * np.maximum(far, at)
-
-    def volume(a: Array, b: Array, c: Array, d: Array) -> Array:
-        return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)
-
-    one, other = volume(a, b, c, start), volume(a, b, c, end)
-    across = (one * other < 0.0) & (np.minimum(np.abs(one), np.abs(other)) > rounding)
-    sides = np.sign([volume(start, end, a, b), volume(start, end, b, c), volume(start, end, c, a)])
-    return across & (np.abs(sides.sum(axis=0)) == 3)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import shapely
@@ -12,15 +11,14 @@ from scipy.spatial import cKDTree
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.scan.cleaning import areas
+from vsr_core.rock.triangles import areas
+from vsr_core.scan.cleaning import colours_of
 from vsr_core.scan.cuts import Box, Colour, Cut, Plane, Polygon
 from vsr_core.scan.fill import area_vector
 from vsr_core.scan.rim import settled
 from vsr_core.scan.separation import Separation, by_cut
 
-MOST_CORNERS = 12
-"""A polygon to write down by hand has no more corners than this."""
-
+_MOST_CORNERS = 12  # of a polygon to write down by hand
 _CLOSE, _WIDE = 0.015, 0.05  # of the rock's size, between a cut and the seam or the rock
 _DIGITS = 3  # of metres that are written down
 _BETWEEN = np.arange(0.0, 1.0, 0.125)  # places on each edge of a seam that are compared
@@ -51,10 +49,14 @@ def alternatives(mesh: trimesh.Trimesh, separation: Separation) -> tuple[Alterna
     ----------
     mesh : trimesh.Trimesh [m], the clean scan
     separation : Separation, of it
+
+    Returns
+    -------
+    tuple of Alternative
     """
     seam = separation.seams[0].points
     rock = separation.vertices[np.unique(separation.faces[separation.rock])]
-    colours = _colours(mesh)
+    colours = colours_of(mesh)
     size = float(np.ptp(rock, axis=0).max())
     made: list[Cut] = [
         _plane(seam, _CLOSE * size),
@@ -63,7 +65,7 @@ def alternatives(mesh: trimesh.Trimesh, separation: Separation) -> tuple[Alterna
         _polygon(rock, _WIDE * size),
     ]
     if colours is not None:
-        made.append(_colour(np.array(mesh.vertices), colours, rock))
+        made.append(_colour(np.array(mesh.vertices), colours[:, :3].astype(np.float64), rock))
     tried = [_tried(mesh, separation, cut) for cut in made]
     worse = max(tried[2:4], key=lambda found: np.nan_to_num(found.away, nan=np.inf))
     return tuple(found for found in tried if found is not worse)
@@ -87,17 +89,9 @@ def _polygon(points: Array, margin: float) -> Polygon:
     """Outline of points from above, wider by ``margin`` [m], with few corners."""
     outline = shapely.convex_hull(shapely.MultiPoint(points[:, :2])).buffer(margin)
     tolerance = 0.0
-    while len(corners := shapely.get_coordinates(outline.simplify(tolerance))[:-1]) > MOST_CORNERS:
+    while len(corners := shapely.get_coordinates(outline.simplify(tolerance))[:-1]) > _MOST_CORNERS:
         tolerance = max(1.3 * tolerance, 0.1 * margin)
     return Polygon(tuple((round(x, _DIGITS), round(y, _DIGITS)) for x, y in corners.tolist()))
-
-
-def _colours(mesh: trimesh.Trimesh) -> Array | None:
-    """Red, green and blue of each vertex, shape (n, 3), 0 to 255, where there are any."""
-    visual: Any = mesh.visual
-    if visual.kind != "vertex":
-        return None
-    return np.asarray(visual.vertex_colors, dtype=np.float64)[:, :3]
 
 
 def _colour(vertices: Array, colours: Array, rock: Array) -> Colour:

@@ -1,4 +1,4 @@
-"""A raw scan made sound: near the origin, one piece, each edge between two faces or on a rim."""
+"""A raw scan cleaned: near the origin, one piece, each edge between two faces or on a rim."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from trimesh.graph import connected_component_labels
 
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
-from vsr_core.scan.topology import edges, ends, pieces, split_fans
+from vsr_core.rock.triangles import areas, chunks, cross_products
+from vsr_core.scan.topology import edges, ends, split_fans
 
 MEMORY = 4 * 2**30
 """What cleaning may take, the given mesh included [byte]: 20 million faces of a scan without
@@ -31,12 +33,10 @@ FAULTY_SHARE = 0.01
 LOOSE_SHARE = 0.05
 """Share of the area that may be dropped as loose pieces; a larger piece may be the rock."""
 
-_CHUNK = 1 << 18  # faces handled at a time where that saves memory
-
 
 @dataclass(frozen=True)
 class Cleaned:
-    """A sound scan.
+    """A clean scan.
 
     Attributes
     ----------
@@ -51,7 +51,15 @@ class Cleaned:
 
 
 def clean(mesh: trimesh.Trimesh) -> Cleaned:
-    """Sound copy of a raw scan in metres, z up; colours of vertices are kept.
+    """Clean copy of a raw scan; colours of vertices are kept.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh [m], z up
+
+    Returns
+    -------
+    Cleaned
 
     Raises
     ------
@@ -59,7 +67,7 @@ def clean(mesh: trimesh.Trimesh) -> Cleaned:
         If the scan is empty, too large for the memory, of an unlikely size, stored too coarsely,
         in several large pieces, not a surface, or without outside.
     """
-    _see_that_it_fits(mesh)
+    _require_memory(mesh)
     notes: list[str] = []
     colours = colours_of(mesh)
     vertices, offset, faces = _near_origin(mesh, notes)
@@ -85,7 +93,7 @@ def clean(mesh: trimesh.Trimesh) -> Cleaned:
     return Cleaned(cleaned, offset, tuple(notes))
 
 
-def _see_that_it_fits(mesh: trimesh.Trimesh) -> None:
+def _require_memory(mesh: trimesh.Trimesh) -> None:
     count = len(mesh.faces)
     if count == 0:
         raise InvalidInput("a scan without faces", "a scan has a surface", "export the scan again")
@@ -99,7 +107,17 @@ def _see_that_it_fits(mesh: trimesh.Trimesh) -> None:
 
 
 def colours_of(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
-    """Colours of a mesh's vertices, shape (n, 4); None where it has none."""
+    """Colours of a mesh's vertices.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+
+    Returns
+    -------
+    ndarray of uint8, shape (n, 4), or None
+        Red, green, blue and opacity; None where it has none.
+    """
     visual: Any = mesh.visual
     return np.asarray(visual.vertex_colors) if getattr(visual, "kind", None) == "vertex" else None
 
@@ -118,7 +136,7 @@ def _near_origin(mesh: trimesh.Trimesh, notes: list[str]) -> tuple[Array, Array,
         faces = faces[whole]
         vertices[~finite] = vertices[finite][:1] if finite.any() else 0.0
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    _see_that_it_is_fine(vertices, float(max(-low.min(), high.max())))
+    _require_precision(vertices, float(max(-low.min(), high.max())))
     offset = np.round(0.5 * (low + high))
     vertices -= offset
     if offset.any():
@@ -133,7 +151,7 @@ def _near_origin(mesh: trimesh.Trimesh, notes: list[str]) -> tuple[Array, Array,
     return vertices, offset, faces
 
 
-def _see_that_it_is_fine(vertices: Array, largest: float) -> None:
+def _require_precision(vertices: Array, largest: float) -> None:
     spacing = float(np.spacing(np.float32(largest)))
     if spacing > 1e-3 and bool((vertices == vertices.astype(np.float32)).all()):
         raise InvalidInput(
@@ -164,21 +182,6 @@ def _merged(vertices: Array, faces: Indices, notes: list[str]) -> tuple[Indices,
         notes.append(f"{int(flat.sum())} faces between fewer than three points dropped")
         faces = faces[~flat]
     return origin, faces
-
-
-def areas(vertices: Array, faces: Indices) -> Array:
-    """Area of each face [m^2], shape (m,)."""
-    area = np.empty(len(faces))
-    for first in range(0, len(faces), _CHUNK):
-        chunk = slice(first, first + _CHUNK)
-        area[chunk] = 0.5 * np.linalg.norm(_crosses(vertices, faces[chunk])[1], axis=1)
-    return area
-
-
-def _crosses(vertices: Array, faces: Indices) -> tuple[Array, Array]:
-    """First corners and area vectors, doubled, of faces, shape (m, 3) each."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return a, np.cross(b - a, c - a)
 
 
 def _with_area(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
@@ -244,7 +247,7 @@ def _manifold(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
 
 
 def _one_piece(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
-    """The largest piece, wound one way and outward."""
+    """The largest piece, all faces wound alike and outward."""
     found = edges(faces)
     pairs, rim = found.pairs, found.open // 3
     del found
@@ -252,12 +255,12 @@ def _one_piece(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     alike = start != ends(faces, pairs[:, 1])[:, 0]
     del start
     pairs //= 3
-    patch = pieces(pairs[alike], len(faces))
+    patch = connected_component_labels(pairs[alike], len(faces))
     across = np.unique(patch[pairs[~alike]], axis=0)
     del pairs, alike
     count = int(patch.max()) + 1
     # Every patch and its turned twin: patches wound against each other hang with the other's twin.
-    twins = pieces(
+    twins = connected_component_labels(
         np.concatenate([across + np.array([0, count]), across + np.array([count, 0])]), 2 * count
     )
     if (twins[:count] == twins[count:]).any():
@@ -290,8 +293,8 @@ def _one_piece(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
 def _looks_in(vertices: Array, faces: Indices, sheet: bool) -> bool:
     """Whether an open sheet faces down, or a closed surface inward."""
     up = volume = 0.0
-    for first in range(0, len(faces), _CHUNK):
-        corner, cross = _crosses(vertices, faces[first : first + _CHUNK])
+    for chunk in chunks(len(faces)):
+        cross = cross_products(vertices, faces[chunk])
         up += float(cross[:, 2].sum())
-        volume += float(np.einsum("ij,ij->", corner, cross))
+        volume += float(np.einsum("ij,ij->", vertices[faces[chunk, 0]], cross))
     return (up if sheet else volume) < 0.0

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
-from vsr_core.scan.cleaning import areas
+from vsr_core.rock.triangles import cross_products
 from vsr_core.scan.topology import edges, ends
 
 NOISE = 0.2
@@ -61,14 +61,24 @@ class Turns:
 
 
 def smoothed_normals(vertices: Array, faces: Indices, rounds: int) -> Array:
-    """Unit normals of faces, ``rounds`` times averaged over all faces that share a vertex.
+    """Unit normals of faces, averaged over all faces that share a vertex.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+    rounds : int, of averaging
 
     Returns
     -------
     ndarray, shape (m, 3)
+
+    Examples
+    --------
+    >>> smoothed_normals(np.eye(3) * [2, 2, 0], np.array([[0, 1, 2]]), 1).tolist()
+    [[0.0, 0.0, 1.0]]
     """
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    vector = np.cross(b - a, c - a)
+    vector = cross_products(vertices, faces)
     area = np.linalg.norm(vector, axis=1, keepdims=True)
     for _ in range(rounds):
         vector = _normed(_around_vertices(vector, faces, len(vertices))) * area
@@ -89,9 +99,18 @@ def _normed(vector: Array) -> Array:
 def turns(vertices: Array, faces: Indices) -> Turns:
     """Turn of a surface across its edges, smoothed as much as its noise asks for.
 
-    The turn at an edge is the difference of the normals beside it along the way from the middle
+    The turn at an edge is the difference of the normals beside it along the line from the middle
     of one face to that of the other. Smoothing spreads it over neighbouring edges; it is scaled
     such that the deepest edge along a sharp, regular hollow keeps its turn.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+
+    Returns
+    -------
+    Turns
 
     Raises
     ------
@@ -119,11 +138,12 @@ def turns(vertices: Array, faces: Indices) -> Turns:
     return Turns(side, length, inward, noise)
 
 
-def cheapest_cut(found: Turns, count: int, rock: Mask, ground: Mask) -> Mask:
-    """Which of ``count`` faces a cheapest seam leaves with the rock (minimum cut).
+def cheapest_cut(found: Turns, rock: Mask, ground: Mask) -> Mask:
+    """Faces that the cheapest seam leaves with the rock (minimum cut).
 
     Parameters
     ----------
+    found : Turns
     rock, ground : ndarray of bool, shape (count,), faces known to be of either; disjoint
 
     Returns
@@ -149,8 +169,3 @@ def cheapest_cut(found: Turns, count: int, rock: Mask, ground: Mask) -> Mask:
     reached = np.zeros(size, dtype=bool)
     reached[breadth_first_order(left, 0, return_predecessors=False)] = True
     return reached[node]
-
-
-def mean_edge(vertices: Array, faces: Indices) -> float:
-    """Side of the equilateral triangle of the mean area [m]: a mesh's resolution."""
-    return float(np.sqrt(4.0 / np.sqrt(3.0) * areas(vertices, faces).mean()))

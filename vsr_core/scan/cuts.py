@@ -6,7 +6,7 @@ on the nearest edges.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -16,7 +16,7 @@ import trimesh
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import colours_of
-from vsr_core.scan.topology import edges, ends
+from vsr_core.scan.topology import Edges, edges, ends
 
 Point: TypeAlias = tuple[float, float, float]
 
@@ -39,6 +39,10 @@ class Plane:
             )
         return (mesh.vertices - np.array(self.point)) @ (normal / np.linalg.norm(normal))
 
+    def moved(self, by: Array) -> Plane:
+        """The same plane ``by``, shape (3,) [m], from here."""
+        return replace(self, point=tuple(np.array(self.point) + by))
+
 
 @dataclass(frozen=True)
 class Box:
@@ -55,6 +59,11 @@ class Box:
             )
         below, above = mesh.vertices - np.array(self.low), np.array(self.high) - mesh.vertices
         return np.minimum(below, above).min(axis=1)
+
+    def moved(self, by: Array) -> Box:
+        """The same box ``by``, shape (3,) [m], from here."""
+        low, high = tuple(np.array(self.low) + by), tuple(np.array(self.high) + by)
+        return replace(self, low=low, high=high)
 
 
 @dataclass(frozen=True)
@@ -76,13 +85,17 @@ class Polygon:
         away: Array = shapely.distance(polygon.exterior, points)
         return np.where(shapely.contains(polygon, points), away, -away)
 
+    def moved(self, by: Array) -> Polygon:
+        """The same polygon ``by``, shape (3,) [m], from here."""
+        return Polygon(tuple((x + by[0], y + by[1]) for x, y in self.corners))
+
 
 @dataclass(frozen=True)
 class Colour:
     """The rock is painted in a colour (red, green, blue, 0 to 255), within a tolerance."""
 
     rgb: tuple[int, int, int]
-    tolerance: float = 60.0
+    tolerance: float
 
     def inside(self, mesh: trimesh.Trimesh) -> Array:
         """Tolerance less each vertex's distance from the colour, shape (n,)."""
@@ -96,12 +109,21 @@ class Colour:
         given = colours[:, :3].astype(np.float64)
         return self.tolerance - np.linalg.norm(given - np.array(self.rgb), axis=1)
 
+    def moved(self, by: Array) -> Colour:
+        """The same: a colour is nowhere."""
+        return self
+
 
 Cut: TypeAlias = Plane | Box | Polygon | Colour
 
 
 def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
     """Faces split along a cut.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh [m]
+    cut : Cut, in the mesh's coordinates
 
     Returns
     -------
@@ -110,33 +132,27 @@ def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
     rock : ndarray of bool, shape (m,), on the rock's side
     """
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
-    value = _without_slivers(cut.inside(mesh), faces)
-    found = edges(faces)
-    start, end = ends(faces, found.side[found.first]).T
-    crossed = value[start] * value[end] < 0.0
-    start, end = start[crossed], end[crossed]
-    share = (value[start] / (value[start] - value[end]))[:, None]
-    between = np.full(3 * len(faces), -1)
-    number = np.full(len(found.first), -1)
-    number[crossed] = len(vertices) + np.arange(len(start))
-    between[found.side] = np.repeat(number, found.count)
-    vertices = np.concatenate([vertices, (1.0 - share) * vertices[start] + share * vertices[end]])
-    faces = _split_faces(faces, between.reshape(-1, 3))
-    value = np.append(value, np.zeros(len(start)))
-    return vertices, faces, value[faces].sum(axis=1) > 0.0
-
-
-def _without_slivers(value: Array, faces: Indices) -> Array:
-    """Values set to zero at the vertices close to which an edge is cut."""
-    found = edges(faces)
-    start, end = ends(faces, found.side[found.first]).T
-    crossed = value[start] * value[end] < 0.0
-    start, end = start[crossed], end[crossed]
-    share = value[start] / (value[start] - value[end])
-    value = value.copy()
+    found, value = edges(faces), np.array(cut.inside(mesh))
+    _, start, end, share = _crossings(value, faces, found)
     value[start[share < _NEAR_END]] = 0.0
     value[end[share > 1.0 - _NEAR_END]] = 0.0
-    return value
+    crossed, start, end, share = _crossings(value, faces, found)
+    number = np.full(len(found.first), -1)
+    number[crossed] = len(vertices) + np.arange(len(start))
+    between = np.full(3 * len(faces), -1)
+    between[found.side] = np.repeat(number, found.count)
+    new = (1.0 - share)[:, None] * vertices[start] + share[:, None] * vertices[end]
+    faces = _split_faces(faces, between.reshape(-1, 3))
+    value = np.append(value, np.zeros(len(start)))
+    return np.concatenate([vertices, new]), faces, value[faces].sum(axis=1) > 0.0
+
+
+def _crossings(value: Array, faces: Indices, found: Edges) -> tuple[Mask, Indices, Indices, Array]:
+    """Which edges are cut, their ends, and at what share of their length."""
+    start, end = ends(faces, found.side[found.first]).T
+    crossed = value[start] * value[end] < 0.0
+    start, end = start[crossed], end[crossed]
+    return crossed, start, end, value[start] / (value[start] - value[end])
 
 
 def _split_faces(faces: Indices, between: Indices) -> Indices:

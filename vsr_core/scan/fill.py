@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
-from vsr_core.scan.topology import edges, ends, rims
+from vsr_core.scan.topology import border, rims, touching
 
 _STRIP = 0.6  # width of the strip along the rim, of the spacing, that holds no inner vertex
 
@@ -29,16 +29,49 @@ class Frame:
     axes: Array
 
     def into(self, points: Array) -> Array:
-        """Points, shape (n, 3) [m], in these coordinates."""
+        """Points in these coordinates.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3) [m]
+
+        Returns
+        -------
+        ndarray, shape (n, 3) [m]
+        """
         return (points - self.origin) @ self.axes.T
 
     def back(self, points: Array) -> Array:
-        """The reverse of ``into``."""
+        """The reverse of ``into``.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3) [m], u, v and h
+
+        Returns
+        -------
+        ndarray, shape (n, 3) [m]
+        """
         return self.origin + points @ self.axes
 
 
 def frame(points: Array, up: Array) -> Frame:
-    """Frame about the middle of points, shape (n, 3) [m], with h along ``up``, shape (3,)."""
+    """Frame about the middle of points.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3) [m]
+    up : ndarray, shape (3,), direction of h, of any length
+
+    Returns
+    -------
+    Frame
+
+    Examples
+    --------
+    >>> frame(np.eye(3), np.array([0.0, 0.0, 2.0])).axes[2].tolist()
+    [0.0, 0.0, 1.0]
+    """
     h = up / np.linalg.norm(up)
     u = np.cross(np.eye(3)[int(np.argmin(np.abs(h)))], h)
     u /= np.linalg.norm(u)
@@ -46,12 +79,26 @@ def frame(points: Array, up: Array) -> Frame:
 
 
 def area_vector(loop: Array) -> Array:
-    """Area vector of a closed loop of points, shape (n, 3) [m]: its normal, counter-clockwise."""
+    """Area vector of a closed loop of points: its normal where it runs counter-clockwise.
+
+    Parameters
+    ----------
+    loop : ndarray, shape (n, 3) [m]
+
+    Returns
+    -------
+    ndarray, shape (3,) [m^2]
+
+    Examples
+    --------
+    >>> area_vector(np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])).tolist()
+    [0.0, 0.0, 2.0]
+    """
     middle = loop - loop.mean(axis=0)
     return 0.5 * np.cross(middle, np.roll(middle, -1, axis=0)).sum(axis=0)
 
 
-def across(rim: Array, spacing: float = np.inf) -> tuple[Array, Indices]:
+def across(rim: Array, spacing: float) -> tuple[Array, Indices]:
     """Triangles that fill a simple polygon, every side of it the side of one triangle.
 
     Parameters
@@ -68,6 +115,12 @@ def across(rim: Array, spacing: float = np.inf) -> tuple[Array, Indices]:
     ------
     InvalidInput
         If the polygon crosses itself.
+
+    Examples
+    --------
+    >>> inner, faces = across(np.array([[0.0, 0], [2, 0], [2, 1], [0, 1]]), np.inf)
+    >>> len(inner), len(faces)
+    (0, 2)
     """
     if not (polygon := shapely.Polygon(rim)).is_valid:
         raise InvalidInput(
@@ -79,16 +132,16 @@ def across(rim: Array, spacing: float = np.inf) -> tuple[Array, Indices]:
     holes = [inner[loop] for loop in rims(even)]
     strip = shapely.constrained_delaunay_triangles(shapely.Polygon(rim, holes))
     corners = shapely.get_coordinates(strip).reshape(-1, 4, 2)[:, :3]
-    faces = _named(corners.reshape(-1, 2), np.concatenate([rim, inner])).reshape(-1, 3)
+    faces = np.asarray(cKDTree(np.concatenate([rim, inner])).query(corners)[1], dtype=np.int64)
     side = corners[:, 1:] - corners[:, :1]
     clockwise = side[:, 0, 0] * side[:, 1, 1] < side[:, 0, 1] * side[:, 1, 0]
     faces[clockwise] = faces[clockwise, ::-1]
     faces = np.concatenate([faces, even + len(rim)])
-    _see_that_it_is_whole(faces, len(rim))
+    _require_border(faces, len(rim))
     return inner, faces
 
 
-def _lattice(polygon: object, spacing: float) -> tuple[Array, Indices]:
+def _lattice(polygon: shapely.Polygon, spacing: float) -> tuple[Array, Indices]:
     """Vertices and faces of the equilateral triangles well inside a polygon."""
     none = np.empty((0, 2)), np.empty((0, 3), dtype=np.int64)
     if not np.isfinite(spacing):
@@ -110,29 +163,25 @@ def _lattice(polygon: object, spacing: float) -> tuple[Array, Indices]:
     kept = shapely.contains(room, shapely.points(points))
     faces = _without_pinches(faces[kept[faces].all(axis=1)])
     used, local = np.unique(faces, return_inverse=True)
-    return points[used], local.reshape(-1, 3)
+    return points[used], local
 
 
 def _without_pinches(faces: Indices) -> Indices:
     """Faces less those at a vertex where their rim meets itself."""
     while len(faces):
-        start = np.sort(ends(faces, edges(faces).open)[:, 0])
+        start = np.sort(border(faces)[:, 0])
         pinched = start[1:][start[1:] == start[:-1]]
         if len(pinched) == 0:
             break
-        faces = faces[~np.isin(faces, pinched).any(axis=1)]
+        faces = faces[~touching(faces, pinched)]
     return faces
 
 
-def _named(corners: Array, points: Array) -> Indices:
-    """Number of the point that each corner is."""
-    return np.asarray(cKDTree(points).query(corners)[1], dtype=np.int64)
-
-
-def _see_that_it_is_whole(faces: Indices, rim: int) -> None:
-    left = ends(faces, edges(faces).open)
-    expected = np.column_stack([np.arange(rim), (np.arange(rim) + 1) % rim])
-    if {tuple(e) for e in left.tolist()} != {tuple(e) for e in expected.tolist()}:
+def _require_border(faces: Indices, rim: int) -> None:
+    """Check that the border of the faces is the rim, vertices 0, 1, ... in order."""
+    links = border(faces)
+    along = np.column_stack([np.arange(rim), (np.arange(rim) + 1) % rim])
+    if not np.array_equal(links[np.argsort(links[:, 0])], along):
         raise InvalidInput(
             f"a rim of {rim} edges that cannot be filled",
             "its points are distinct",

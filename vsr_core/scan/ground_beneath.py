@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import trimesh
 
@@ -14,70 +12,67 @@ from vsr_core.scan.distance import signed_distance
 from vsr_core.scan.separation import Separation
 from vsr_core.terrain.surface import Terrain
 
-LARGEST_PUSH = 0.1
-"""Ground that reaches deeper into the rock than this share of the rock's size is no noise."""
-
+_LARGEST_PUSH = 0.1  # of the rock's size: ground that reaches deeper into the rock is no noise
 _ROUNDS = 12  # of pushing ground out of the rock
 
 
-@dataclass(frozen=True, eq=False)
-class Mated:
-    """Ground without a hole beneath the rock.
-
-    Attributes
-    ----------
-    terrain : Terrain, in the scan's coordinates
-    seat : ndarray of bool, shape (m,), its faces beneath the rock
-    pushed : float [m], farthest that ground which poked into the rock was moved away
-    notes : tuple of str
-    """
-
-    terrain: Terrain
-    seat: Mask
-    pushed: float
-    notes: tuple[str, ...]
-
-
-def mated(separation: Separation, closed: Closed, clearance: float) -> Mated:
-    """Ground with a mating surface under each cap of a closed rock, ``clearance`` [m] below it.
+def ground_beneath(
+    separation: Separation, closed: Closed, clearance: float
+) -> tuple[Terrain, Mask, tuple[str, ...]]:
+    """Ground without a hole: with a mating surface under each cap of the closed rock.
 
     The mating surface is the cap moved out of the rock; the rim of the ground goes with it, so
     that no gap opens. Ground beside the rim that noise has put into the rock, or nearer to it
     than the clearance, is moved away to that distance.
 
+    Parameters
+    ----------
+    separation : Separation
+    closed : Closed
+    clearance : float [m], from the rock down to the mating surface
+
+    Returns
+    -------
+    terrain : Terrain, in the scan's coordinates
+    seat : ndarray of bool, shape (m,), its faces beneath the rock
+    notes : tuple of str
+
     Raises
     ------
     InvalidInput
-        If ground reaches into the rock by more than ``LARGEST_PUSH`` of its size, or stays there.
+        If ground reaches into the rock by more than a tenth of its size, or stays there.
     """
-    vertices = closed.vertices.copy()
-    faces = [separation.faces[~separation.rock]]
-    copied: dict[int, int] = {}
+    vertices = closed.vertices
+    faces = separation.faces[~separation.rock]
+    seat = np.concatenate([cap.faces[:, ::-1] for cap in closed.caps])
+    name = np.arange(len(vertices))
     for cap in closed.caps:
         own = np.concatenate([cap.rim, cap.inner])
-        copied.update(
-            zip(own.tolist(), range(len(vertices), len(vertices) + len(own)), strict=True)
-        )
+        name[own] = len(vertices) + np.arange(len(own))
         vertices = np.concatenate([vertices, vertices[own] - clearance * cap.up])
-        faces.append(cap.faces[:, ::-1])
-    name = np.arange(len(vertices))
-    name[list(copied)] = list(copied.values())
-    used, local = np.unique(name[np.concatenate(faces)], return_inverse=True)
-    ground, triangles = vertices[used], local.reshape(-1, 3)
-    ground, pushed, count = _pushed_out(ground, triangles, closed.rock, clearance)
-    notes = [f"mating surface of {sum(len(cap.faces) for cap in closed.caps)} faces, "
-             f"{1e3 * clearance:.3g} mm below the rock"]  # fmt: skip
+    used, triangles = np.unique(name[np.concatenate([faces, seat])], return_inverse=True)
+    ground, pushed, count = _pushed_out(vertices[used], triangles, closed.rock, clearance)
+    notes = [f"mating surface of {len(seat)} faces, {1e3 * clearance:.3g} mm below the rock"]
     if count:
         notes.append(
             f"{count} vertices of the ground in or near the rock moved away, by at most "
             f"{1e3 * pushed:.1f} mm"
         )
-    seat = np.arange(len(triangles)) >= len(faces[0])
-    return Mated(Terrain(ground, triangles), seat, pushed, tuple(notes))
+    return Terrain(ground, triangles), np.arange(len(triangles)) >= len(faces), tuple(notes)
 
 
-def inside(terrain: Terrain, rock: trimesh.Trimesh) -> float:
-    """How deep a rock's vertices lie in the ground at most [m]; 0 if none does."""
+def depth_in(terrain: Terrain, rock: trimesh.Trimesh) -> float:
+    """How deep a rock's vertices lie in the ground at most.
+
+    Parameters
+    ----------
+    terrain : Terrain
+    rock : trimesh.Trimesh [m], in the same coordinates
+
+    Returns
+    -------
+    float [m], 0 if none does
+    """
     return max((terrain.depth(vertex) or 0.0 for vertex in np.array(rock.vertices)), default=0.0)
 
 
@@ -86,8 +81,8 @@ def _pushed_out(
 ) -> tuple[Array, float, int]:
     """Ground moved away from the rock, how far at most [m], and how many vertices."""
     given = ground
-    size = float(np.ptp(rock.vertices, axis=0).max())
     low, high = rock.bounds
+    largest = _LARGEST_PUSH * float((high - low).max())
     for _ in range(_ROUNDS):
         beside = ((ground > low - clearance) & (ground < high + clearance)).all(axis=1)
         near = np.flatnonzero(beside)
@@ -97,15 +92,14 @@ def _pushed_out(
         if not close.any() and not len(caught):
             break
         ground = ground.copy()
-        step = (clearance - distance[close])[:, None] * outward[close]
-        ground[near[close]] += step
+        ground[near[close]] += (clearance - distance[close])[:, None] * outward[close]
         corners = np.unique(faces[caught])
         ground[corners, 2] -= clearance
         moved = float(np.linalg.norm(ground - given, axis=1).max())
-        if moved > LARGEST_PUSH * size:
+        if moved > largest:
             raise InvalidInput(
                 f"ground that reaches {moved:.3g} m into the rock",
-                f"rock and ground touch, to {LARGEST_PUSH:.0%} of the rock's size",
+                f"rock and ground touch, to {_LARGEST_PUSH:.0%} of the rock's size",
                 "move the cut, or close the rock in another way",
             )
     else:
@@ -114,17 +108,17 @@ def _pushed_out(
             "rock and ground touch along a seam",
             "move the cut, or close the rock in another way",
         )
-    way = np.linalg.norm(ground - given, axis=1)
-    return ground, float(way.max()), int((way > 0.0).sum())
+    away = np.linalg.norm(ground - given, axis=1)
+    return ground, float(away.max()), int((away > 0.0).sum())
 
 
 def _from_rock(rock: trimesh.Trimesh, points: Array) -> tuple[Array, Array]:
-    """Way out of the rock, shape (n, 3), and distance from it [m], negative inside."""
+    """Directions out of the rock, shape (n, 3), and distances from it [m], negative inside."""
     distance, nearest, face = signed_distance(rock, points)
     touching = np.abs(distance) < 1e-9
-    way = (points - nearest) / np.where(touching, 1.0, distance)[:, None]
-    way[touching] = np.array(rock.face_normals)[face[touching]]
-    return way, distance
+    outward = (points - nearest) / np.where(touching, 1.0, distance)[:, None]
+    outward[touching] = np.array(rock.face_normals)[face[touching]]
+    return outward, distance
 
 
 def _caught(ground: Array, faces: Indices, rock: trimesh.Trimesh) -> Indices:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import get_args
 
 import numpy as np
 import trimesh
@@ -16,31 +16,18 @@ from vsr_core.rock.reduction import in_flight, on_its_seat
 from vsr_core.rock.solid import from_mesh
 from vsr_core.scan.alternatives import Alternative, alternatives
 from vsr_core.scan.cleaning import Cleaned, clean
-from vsr_core.scan.closing import Closed, by_poisson, caps, hull
-from vsr_core.scan.cuts import Box, Colour, Cut, Plane, Polygon
+from vsr_core.scan.closing import Closed, Closing, close
+from vsr_core.scan.cuts import Cut
 from vsr_core.scan.distance import hausdorff
-from vsr_core.scan.ground_beneath import inside, mated
+from vsr_core.scan.ground_beneath import depth_in, ground_beneath
 from vsr_core.scan.proposal import propose
 from vsr_core.scan.rim import settled
 from vsr_core.scan.separation import Separation, by_cut
-from vsr_core.scan.weighing import Measure, Step, largest_change, measured, tips_of
+from vsr_core.scan.weighing import Measure, Step, largest_change, measured, tipping_angles
 from vsr_core.terrain.surface import Terrain
 
-Closing = Literal["caps", "hull", "poisson"]
-
-CLOSINGS: dict[Closing, Callable[[Separation], Closed]] = {
-    "caps": caps,
-    "hull": hull,
-    "poisson": by_poisson,
-}
-"""Ways of closing a rock by name."""
-
-START_TOLERANCE = 1e-6
-"""Depth [m] of a rock in the ground that is rounding and no interpenetration."""
-
-
-SAME_FACE = 1e-6
-"""Faces whose middles agree to this [m] are one."""
+_START_TOLERANCE = 1e-6  # m: a rock this deep in the ground is rounding and no interpenetration
+_SAME_FACE = 1e-6  # m: faces whose middles agree to this are one
 
 
 class Miscut(InvalidInput):
@@ -82,7 +69,6 @@ class Prepared:
     proposed : bool, whether the cut was proposed, and not given
     alternatives : tuple of Alternative, cuts that could take its place, in the scan's coordinates
     closing : str, how the rock was closed
-    cleaned : trimesh.Trimesh [m], the clean scan
     shift : ndarray, shape (3,) [m], from the clean scan's coordinates to the site's frame
     steps : tuple of Step
     trials : tuple of Trial, the other closings
@@ -98,7 +84,6 @@ class Prepared:
     proposed: bool
     alternatives: tuple[Alternative, ...]
     closing: Closing
-    cleaned: trimesh.Trimesh
     shift: Array
     steps: tuple[Step, ...]
     trials: tuple[Trial, ...]
@@ -125,22 +110,26 @@ def prepare_scan(
     density : float [kg/m^3]
     clearance : float [m], between the rock and the ground beneath it
 
+    Returns
+    -------
+    Prepared
+
     Raises
     ------
     Miscut
-        If rock and ground cannot be told apart so; see ``by_cut`` and ``propose``.
+        If rock and ground cannot be separated so; see ``by_cut`` and ``propose``.
     InvalidInput
-        If another step cannot be done; see ``clean``, ``caps``, ``mated``.
+        If another step cannot be done; see ``clean``, ``close``, ``ground_beneath``.
     """
     cleaned = clean(mesh)
     try:
-        separation = settled(_told_apart(cleaned, cut, near))
+        separation = settled(_separated(cleaned, cut, near))
     except InvalidInput as error:
         raise Miscut(error.given, error.rule, error.remedy) from error
-    closed = CLOSINGS[closing](separation)
-    ground = mated(separation, closed, clearance)
-    depth = inside(ground.terrain, closed.rock)
-    if depth > START_TOLERANCE:
+    closed = close(separation, closing)
+    terrain, seat, notes = ground_beneath(separation, closed, clearance)
+    depth = depth_in(terrain, closed.rock)
+    if depth > _START_TOLERANCE:
         raise InvalidInput(
             f"a rock that starts {1e3 * depth:.3g} mm inside the ground",
             "rock and ground do not overlap",
@@ -149,81 +138,65 @@ def prepare_scan(
     shift = -np.append(closed.rock.center_mass[:2], closed.rock.vertices[:, 2].min())
     rock = closed.rock.copy()
     rock.apply_translation(shift)
-    terrain = Terrain(ground.terrain.vertices + shift, ground.terrain.faces)
-    steps, trials = _weighed(
-        mesh, cleaned.mesh, cleaned.notes, separation, closed, density, closing
-    )
+    steps = tuple(_steps(mesh, cleaned, separation, closed, density, closing))
+    solid = steps[2].after
     return Prepared(
-        rock,
-        _added(closed),
-        terrain,
-        ground.seat,
-        cleaned.offset - shift,
-        separation,
-        cut is None,
-        tuple(
-            replace(other, cut=_moved(other.cut, cleaned.offset))
+        rock=rock,
+        added=_added(closed),
+        terrain=Terrain(terrain.vertices + shift, terrain.faces),
+        seat=seat,
+        origin=cleaned.offset - shift,
+        separation=separation,
+        proposed=cut is None,
+        alternatives=tuple(
+            replace(other, cut=other.cut.moved(cleaned.offset))
             for other in alternatives(cleaned.mesh, separation)
         ),
-        closing,
-        cleaned.mesh,
-        shift,
-        steps,
-        trials,
-        (*cleaned.notes, *closed.notes, *ground.notes),
+        closing=closing,
+        shift=shift,
+        steps=steps,
+        trials=tuple(
+            _trial(name, separation, solid, density)
+            for name in get_args(Closing)
+            if name != closing
+        ),
+        notes=(*cleaned.notes, *closed.notes, *notes),
     )
 
 
-def _told_apart(
+def _separated(
     cleaned: Cleaned, cut: Cut | None, near: tuple[float, float, float] | None
 ) -> Separation:
-    if cut is not None:
-        return by_cut(cleaned.mesh, _moved(cut, -cleaned.offset))
-    return propose(cleaned.mesh, near, cleaned.offset)
-
-
-def _moved(cut: Cut, by: Array) -> Cut:
-    """A cut in coordinates that are shifted."""
-    x, y, _ = by
-    if isinstance(cut, Plane):
-        return replace(cut, point=tuple(np.array(cut.point) + by))
-    if isinstance(cut, Box):
-        return replace(cut, low=tuple(np.array(cut.low) + by), high=tuple(np.array(cut.high) + by))
-    if isinstance(cut, Polygon):
-        return replace(cut, corners=tuple((a + x, b + y) for a, b in cut.corners))
-    assert isinstance(cut, Colour)
-    return cut
+    if cut is None:
+        return propose(cleaned.mesh, near, cleaned.offset)
+    return by_cut(cleaned.mesh, cut.moved(-cleaned.offset))
 
 
 def _added(closed: Closed) -> Mask:
     """Which faces of a closed rock are of its caps."""
     caps = np.concatenate([cap.faces for cap in closed.caps])
     middle = closed.vertices[caps].mean(axis=1)
-    return np.asarray(cKDTree(middle).query(closed.rock.triangles_center)[0] < SAME_FACE)
+    return np.asarray(cKDTree(middle).query(closed.rock.triangles_center)[0] < _SAME_FACE)
 
 
-def _weighed(
+def _steps(
     raw: trimesh.Trimesh,
-    cleaned: trimesh.Trimesh,
-    notes: tuple[str, ...],
+    cleaned: Cleaned,
     separation: Separation,
     closed: Closed,
     density: float,
     closing: Closing,
-) -> tuple[tuple[Step, ...], tuple[Trial, ...]]:
+) -> Iterator[Step]:
+    """What each step from the scan to the hulls that contact sees changed."""
     faces = separation.faces[separation.rock]
     patch = trimesh.Trimesh(separation.vertices, faces, process=False)
     patch.remove_unreferenced_vertices()
     own = closed.notes[len(separation.notes) :]
-    whole, part, solid = (measured(m, density) for m in (cleaned, patch, closed.rock))
-    steps = (
-        Step("clean", measured(raw, density), whole, np.nan, notes),
-        Step("separate", whole, part, np.nan, separation.notes),
-        Step(f"close ({closing})", part, solid, hausdorff(patch, closed.rock), own),
-        *_hulls(closed.rock, solid),
-    )
-    others = tuple(name for name in CLOSINGS if name != closing)
-    return steps, tuple(_trial(name, separation, solid, density) for name in others)
+    whole, part, solid = (measured(m, density) for m in (cleaned.mesh, patch, closed.rock))
+    yield Step("clean", measured(raw, density), whole, np.nan, cleaned.notes)
+    yield Step("separate", whole, part, np.nan, separation.notes)
+    yield Step(f"close ({closing})", part, solid, hausdorff(patch, closed.rock), own)
+    yield from _hulls(closed.rock, solid)
 
 
 def _hulls(rock: trimesh.Trimesh, solid: Measure) -> Iterator[Step]:
@@ -242,16 +215,19 @@ def _hulls(rock: trimesh.Trimesh, solid: Measure) -> Iterator[Step]:
         ("hull in flight", in_flight(body), "once it has toppled"),
     ):
         hull = trimesh.Trimesh(other.vertices + centre).convex_hull
-        tipping = tips_of(np.array(other.vertices))
-        faces, corners = len(hull.faces), len(hull.vertices)
-        after = replace(solid, faces=faces, vertices=corners, tipping=tipping)
+        after = replace(
+            solid,
+            faces=len(hull.faces),
+            vertices=len(hull.vertices),
+            tipping=tipping_angles(np.array(other.vertices)),
+        )
         yield Step(name, before, after, hausdorff(surface, hull), (note,))
         before, surface = after, hull
 
 
 def _trial(name: Closing, separation: Separation, chosen: Measure, density: float) -> Trial:
     try:
-        other = measured(CLOSINGS[name](separation).rock, density)
+        other = measured(close(separation, name).rock, density)
     except InvalidInput as error:
         return Trial(name, None, np.nan, np.nan, error.given)
     moved = float(np.linalg.norm(other.centre_of_mass - chosen.centre_of_mass))

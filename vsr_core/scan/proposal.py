@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
+from trimesh.graph import connected_component_labels
 
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
-from vsr_core.scan.cleaning import areas
+from vsr_core.rock.triangles import areas
 from vsr_core.scan.concave import Turns, cheapest_cut, turns
-from vsr_core.scan.separation import Separation, seams, whole
-from vsr_core.scan.topology import at_border, edges, ends, pieces
+from vsr_core.scan.separation import Separation, at_border, seams, whole
+from vsr_core.scan.topology import border
 
-ORIGIN: Array = np.zeros(3)
+_CONCAVE_SHARE = 0.6  # of a seam's length along a clear hollow, below which it is none
+_SAME = 0.8  # two cuts whose rocks share this part of their joint area are one
 
-CONCAVE_SHARE = 0.6
-"""Share of a seam's length along a clear hollow, below which it is none."""
-
-SAME = 0.8
-"""Two cuts whose rocks share this part of their joint area are one."""
-
-RIVAL_SIZE = 4.0
-"""Another rock counts if its area is within this factor of the best one's; what is smaller are
-pebbles, what is larger is relief of the ground."""
-
-RIVAL_COST = 0.15
-"""And if its seam costs at most this part of its length [1], or three times the best one's."""
+# Another rock counts if its area is within this factor of the best one's (what is smaller are
+# pebbles, what is larger is relief of the ground) and its seam costs at most this part of its
+# length, or three times the best one's.
+_RIVAL_SIZE, _RIVAL_COST = 4.0, 0.15
 
 _LEVELS = np.linspace(0.9, 0.1, 9)  # heights above the ground of the seeds, of the highest
 _STANDS_OUT = 0.15  # of the highest, by which a seed's top must rise above its foot
@@ -47,10 +41,10 @@ class _Found:
 
 def propose(
     mesh: trimesh.Trimesh,
-    near: tuple[float, float, float] | None = None,
-    offset: Array = ORIGIN,
+    near: tuple[float, float, float] | None,
+    offset: Array,
 ) -> Separation:
-    """Rock and ground of a clean scan, told apart by the hollow between them.
+    """Rock and ground of a clean scan, separated along the hollow between them.
 
     What rises above the ground, at several heights, seeds a minimum cut whose cost is a length
     that is cheap along hollows; the border of the scan is ground. Of the seams that follow a
@@ -61,9 +55,13 @@ def propose(
     Parameters
     ----------
     mesh : trimesh.Trimesh [m], z up
-    near : three floats [m], optional
+    near : three floats [m], or None
         A point on or in the rock, where several stand on the ground, in the given coordinates.
     offset : ndarray, shape (3,) [m], given coordinates are the mesh's plus these
+
+    Returns
+    -------
+    Separation
 
     Raises
     ------
@@ -71,17 +69,15 @@ def propose(
         If no part of the scan is set off by a hollow, or several are.
     """
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
-    outer = at_border(faces, len(vertices))
-    if not outer.any():
-        whole(vertices, faces, ~outer)
+    outer = at_border(faces)
     found = turns(vertices, faces)
     cuts = _candidates(vertices, faces, found, outer, offset)
-    good = [cut for cut in cuts if cut.concave >= CONCAVE_SHARE]
+    good = [cut for cut in cuts if cut.concave >= _CONCAVE_SHARE]
     if not good:
         raise InvalidInput(
             "a scan in which no hollow runs around a rock"
             + (f" (at best {max(c.concave for c in cuts):.0%} of a seam)" if cuts else ""),
-            f"{CONCAVE_SHARE:.0%} of the seam between rock and ground is a hollow",
+            f"{_CONCAVE_SHARE:.0%} of the seam between rock and ground is a hollow",
             "give a cut: a plane, a box, a polygon or a colour",
         )
     best = _the_one(good, vertices[faces].mean(axis=1) + offset, near)
@@ -107,19 +103,20 @@ def _candidates(
     vertices: Array, faces: Indices, found: Turns, outer: Mask, offset: Array
 ) -> list[_Found]:
     """Different cuts around what rises above the ground."""
-    height = _above_ground(vertices, faces, outer)
+    height = _above_ground(vertices, faces)
     area, middle = areas(vertices, faces), vertices[faces].mean(axis=1)
     highest = float(height.max())
     cuts: list[_Found] = []
     for level in _LEVELS:
         above = (height > level * highest) & ~outer
-        piece = pieces(found.faces[above[found.faces].all(axis=1)], len(faces))
+        linked = found.faces[above[found.faces].all(axis=1)]
+        piece = connected_component_labels(linked, len(faces))
         tops = np.full(len(faces), -np.inf)
         np.maximum.at(tops, piece[above], height[above])
         for name in np.flatnonzero(tops > (level + _STANDS_OUT * (level < 0.85)) * highest):
             seed = above & (piece == name)
             top = middle[seed][np.argmax(height[seed])] + offset
-            rock = cheapest_cut(found, len(faces), seed, outer)
+            rock = cheapest_cut(found, seed, outer)
             _add(cuts, rock, area, found, top)
     return cuts
 
@@ -127,8 +124,8 @@ def _candidates(
 def _add(cuts: list[_Found], rock: Mask, area: Array, found: Turns, top: Array) -> None:
     """Add a cut, or count another seed for one that is there."""
     for k, cut in enumerate(cuts):
-        if area[cut.rock & rock].sum() > SAME * area[cut.rock | rock].sum():
-            cuts[k] = _Found(cut.rock, cut.area, cut.cost, cut.concave, cut.seeds + 1, cut.top)
+        if area[cut.rock & rock].sum() > _SAME * area[cut.rock | rock].sum():
+            cuts[k] = replace(cut, seeds=cut.seeds + 1)
             return
     between = rock[found.faces[:, 0]] != rock[found.faces[:, 1]]
     length = float(found.length[between].sum())
@@ -155,8 +152,8 @@ def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float]
     rivals = [
         cut
         for cut in apart
-        if best.area / RIVAL_SIZE < cut.area < best.area * RIVAL_SIZE
-        and cut.cost < max(RIVAL_COST, 3.0 * best.cost)
+        if best.area / _RIVAL_SIZE < cut.area < best.area * _RIVAL_SIZE
+        and cut.cost < max(_RIVAL_COST, 3.0 * best.cost)
     ]
     if rivals:
         places = [_place(cut.top) for cut in (best, *rivals)]
@@ -168,9 +165,9 @@ def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float]
     return best
 
 
-def _above_ground(vertices: Array, faces: Indices, outer: Mask) -> Array:
+def _above_ground(vertices: Array, faces: Indices) -> Array:
     """Height of each face over the plane through the scan's border [m], shape (m,)."""
-    open_ = np.unique(ends(faces, edges(faces).open))
+    open_ = np.unique(border(faces))
     rows = np.column_stack([vertices[:, :2], np.ones(len(vertices))])
     plane = np.linalg.lstsq(rows[open_], vertices[open_, 2], rcond=None)[0]
     return (vertices[:, 2] - rows @ plane)[faces].mean(axis=1)

@@ -12,17 +12,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.scan.cleaning import areas
-from vsr_core.scan.concave import mean_edge, smoothed_normals
+from vsr_core.arrays import Array, Indices
+from vsr_core.rock.triangles import areas
+from vsr_core.scan.concave import smoothed_normals
 from vsr_core.scan.separation import Separation
+from vsr_core.scan.topology import means_beside, touching
 
-REACH = 2.5
-"""Width, in edges, of the weight that faces have on the plane beside a seam."""
-
-LARGEST_MOVE = 2.0
-"""A vertex moves by at most this many edges: further off, a plane says nothing."""
-
+_REACH = 2.5  # width, in edges, of the weight that faces have on the plane beside a seam
+_LARGEST_MOVE = 2.0  # edges by which a vertex moves at most: further off, a plane says nothing
 _FACES = 48  # nearest faces looked at on each side
 _SHIFTS = 10  # rounds in which the plane beside a point settles on like faces
 _ALIKE = 0.25  # width, in |difference of normals|, of the weight of faces of another plane
@@ -35,21 +32,30 @@ def settled(separation: Separation) -> Separation:
     The weights of the faces fall with distance and with the difference of their normals from the
     mean (Zheng et al. 2011), so that a corner of the rock is not averaged away. Faces at the seam
     itself count for neither side; vertices beside it are laid onto their side's plane.
+
+    Parameters
+    ----------
+    separation : Separation
+
+    Returns
+    -------
+    Separation
     """
     vertices, faces = separation.vertices, separation.faces
     loop = np.concatenate([seam.loop for seam in separation.seams])
     sides = [faces[separation.rock], faces[~separation.rock]]
-    edge = mean_edge(vertices, faces[_touching(faces, loop, len(vertices))])
+    # The side of the equilateral triangle of the mean area beside the seam.
+    mean = areas(vertices, faces[touching(faces, loop)]).mean()
+    edge = float(np.sqrt(4.0 / np.sqrt(3.0) * mean))
     planes = [planes_beside(vertices, side, loop, vertices[loop], edge) for side in sides]
-    way = to_both(vertices[loop], *planes[0], *planes[1], LARGEST_MOVE * edge)
+    step = _to_both(vertices[loop], *planes[0], *planes[1], _LARGEST_MOVE * edge)
     for side in sides:
-        vertices = laid(vertices, side, loop, way, edge)
-    vertices[loop] += way
-    length = np.linalg.norm(way, axis=1)
+        vertices = laid(vertices, side, loop, step, edge)
+    vertices[loop] += step
+    length = np.linalg.norm(step, axis=1)
     return replace(
         separation,
         vertices=vertices,
-        settled=True,
         seams=tuple(replace(seam, points=vertices[seam.loop]) for seam in separation.seams),
         notes=(
             *separation.notes,
@@ -59,27 +65,30 @@ def settled(separation: Separation) -> Separation:
     )
 
 
-def _touching(faces: Indices, loop: Indices, count: int) -> Mask:
-    """Faces with a corner on a loop, shape (m,)."""
-    on_loop = np.zeros(count, dtype=bool)
-    on_loop[loop] = True
-    return np.asarray(on_loop[faces].any(axis=1))
-
-
 def planes_beside(
     vertices: Array, faces: Indices, loop: Indices, points: Array, edge: float
 ) -> tuple[Array, Array]:
-    """Centre and unit normal of the plane of a surface beside points, shape (p, 3) each.
+    """Planes of a surface beside points.
 
-    Faces with a corner on ``loop`` do not count; ``edge`` [m] is the length of the mesh's edges.
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+    loop : ndarray of int, vertices whose faces do not count
+    points : ndarray, shape (p, 3) [m]
+    edge : float [m], length of the mesh's edges
+
+    Returns
+    -------
+    centre : ndarray, shape (p, 3) [m], on each plane
+    normal : ndarray, shape (p, 3), of unit length
     """
-    faces = faces[~_touching(faces, loop, len(vertices))]
+    faces = faces[~touching(faces, loop)]
     used, local = np.unique(faces, return_inverse=True)
-    local = local.reshape(-1, 3)
     normal = smoothed_normals(vertices[used], local, 2)
     middle, area = vertices[faces].mean(axis=1), areas(vertices, faces)
     away, near = cKDTree(middle).query(points, min(_FACES, len(faces)))
-    weight = area[near] * (np.exp(-0.5 * (away / (REACH * edge)) ** 2) + 1e-12)
+    weight = area[near] * (np.exp(-0.5 * (away / (_REACH * edge)) ** 2) + 1e-12)
     own = weight
     for _ in range(_SHIFTS):
         mean = np.einsum("pk,pkj->pj", own, normal[near])
@@ -90,19 +99,10 @@ def planes_beside(
     return centre, mean
 
 
-def to_both(
-    points: Array, c: Array, n: Array, d: Array, m: Array, farthest: float = np.inf
-) -> Array:
-    """Shortest way from each point to the line in which planes (c, n) and (d, m) meet.
+def _to_both(points: Array, c: Array, n: Array, d: Array, m: Array, farthest: float) -> Array:
+    """Shortest steps from points to the lines in which planes (c, n) and (d, m) meet, (p, 3) [m].
 
-    Parameters
-    ----------
-    points, c, n, d, m : ndarray, shape (p, 3), points, points of the planes and unit normals
-    farthest : float [m], beyond which a point stays where it is
-
-    Returns
-    -------
-    ndarray, shape (p, 3); 0 where the planes are about parallel
+    0 where the planes are about parallel, or meet beyond ``farthest`` [m].
     """
     first = np.einsum("ij,ij->i", c - points, n)
     second = np.einsum("ij,ij->i", d - points, m)
@@ -111,11 +111,11 @@ def to_both(
     square = np.where(meet, 1.0 - cosine**2, 1.0)
     along_n = np.where(meet, first - cosine * second, 0.0) / square
     along_m = np.where(meet, second - cosine * first, 0.0) / square
-    way = along_n[:, None] * n + along_m[:, None] * m
-    return way * (np.linalg.norm(way, axis=1, keepdims=True) <= farthest)
+    step = along_n[:, None] * n + along_m[:, None] * m
+    return step * (np.linalg.norm(step, axis=1, keepdims=True) <= farthest)
 
 
-def laid(vertices: Array, faces: Indices, loop: Indices, way: Array, edge: float) -> Array:
+def laid(vertices: Array, faces: Indices, loop: Indices, step: Array, edge: float) -> Array:
     """Vertices of a surface beside a loop that moves, laid onto the surface's planes there.
 
     They follow the loop by half first, lest faces fold.
@@ -125,24 +125,20 @@ def laid(vertices: Array, faces: Indices, loop: Indices, way: Array, edge: float
     vertices : ndarray, shape (n, 3) [m], with the loop not yet moved
     faces : ndarray of int, shape (m, 3), of the surface on one side of the loop
     loop : ndarray of int, shape (p,)
-    way : ndarray, shape (p, 3) [m], of the loop's vertices
+    step : ndarray, shape (p, 3) [m], of the loop's vertices
     edge : float [m], length of the mesh's edges
+
+    Returns
+    -------
+    ndarray, shape (n, 3) [m]
     """
     moved = np.full(vertices.shape, np.nan)
-    moved[loop] = way
-    near = faces[_touching(faces, loop, len(vertices))]
-    count, total = np.zeros(len(vertices)), np.zeros_like(vertices)
-    for k in range(3):
-        for j in (1, 2):
-            one, other = near[:, k], near[:, (k + j) % 3]
-            given = np.isfinite(moved[other, 0])
-            np.add.at(total, one[given], moved[other[given]])
-            np.add.at(count, one[given], 1.0)
-    beside = np.setdiff1d(near, loop)
-    points = vertices[beside] + 0.5 * total[beside] / count[beside, None]
+    moved[loop] = step
+    beside = np.setdiff1d(faces[touching(faces, loop)], loop)
+    points = vertices[beside] + 0.5 * means_beside(faces, moved, beside)
     centre, normal = planes_beside(vertices, faces, loop, points, edge)
     off = np.einsum("ij,ij->i", centre - points, normal)
-    off[np.abs(off) > LARGEST_MOVE * edge] = 0.0
+    off[np.abs(off) > _LARGEST_MOVE * edge] = 0.0
     vertices = vertices.copy()
     vertices[beside] = points + off[:, None] * normal
     return vertices

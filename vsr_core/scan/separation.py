@@ -1,4 +1,4 @@
-"""Rock and ground told apart in one scan: by a user's cut, and what a seam is."""
+"""Rock and ground of one scan, separated by a user's cut along a seam."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
+from trimesh.graph import connected_component_labels
 
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
-from vsr_core.scan.cleaning import areas
-from vsr_core.scan.concave import Turns, cheapest_cut, turns
+from vsr_core.rock.triangles import areas
+from vsr_core.scan.concave import Turns, turns
 from vsr_core.scan.cuts import Cut, split
-from vsr_core.scan.topology import at_border, chains, edges, ends, pieces
+from vsr_core.scan.topology import border, chains, edges, ends, touching
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,6 @@ class Separation:
     seams : tuple of Seam, the longest first
     confidence : float, 0 to 1: 1 for a cut that was given; for a proposed seam see ``propose``
     notes : tuple of str
-    settled : bool, whether the seams lie where rock and ground would meet (see ``rim``)
     """
 
     vertices: Array
@@ -55,40 +54,44 @@ class Separation:
     seams: tuple[Seam, ...]
     confidence: float
     notes: tuple[str, ...]
-    settled: bool = False
 
 
-def by_cut(mesh: trimesh.Trimesh, cut: Cut, reach: float = 0.0) -> Separation:
+def by_cut(mesh: trimesh.Trimesh, cut: Cut) -> Separation:
     """Rock and ground by a user's cut through a clean scan.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh [m]
     cut : Plane, Box, Polygon or Colour, in the mesh's coordinates
-    reach : float [m]
-        0 takes the cut as it is; else the seam moves to the hollow nearby, by at most this.
+
+    Returns
+    -------
+    Separation
 
     Raises
     ------
     InvalidInput
         If the cut leaves no rock or no ground, or touches the border of the scan.
     """
-    if reach > 0.0:
-        vertices, faces = np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
-        rock = cut.inside(mesh)[faces].sum(axis=1) > 0.0
-    else:
-        vertices, faces, rock = split(mesh, cut)
+    vertices, faces, rock = split(mesh, cut)
     rock, notes = whole(vertices, faces, rock)
-    found = turns(vertices, faces)
-    if reach > 0.0:
-        rock = _to_the_hollow(vertices, faces, rock, found, reach)
-        rock, more = whole(vertices, faces, rock)
-        notes += more
-    return Separation(vertices, faces, rock, seams(vertices, faces, rock, found), 1.0, notes)
+    found = seams(vertices, faces, rock, turns(vertices, faces))
+    return Separation(vertices, faces, rock, found, 1.0, notes)
 
 
 def whole(vertices: Array, faces: Indices, rock: Mask) -> tuple[Mask, tuple[str, ...]]:
     """Rock in one piece without islands of ground: the largest piece of what is given.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+    rock : ndarray of bool, shape (m,)
+
+    Returns
+    -------
+    rock : ndarray of bool, shape (m,)
+    notes : tuple of str, what was changed
 
     Raises
     ------
@@ -96,13 +99,7 @@ def whole(vertices: Array, faces: Indices, rock: Mask) -> tuple[Mask, tuple[str,
         If there is no rock, no ground, or the rock reaches the border of the scan.
     """
     area = areas(vertices, faces)
-    outer = at_border(faces, len(vertices))
-    if not outer.any():
-        raise InvalidInput(
-            "a scan without a rim",
-            "rock and ground form one open surface",
-            "use a closed rock as it is",
-        )
+    outer = at_border(faces)
     if not rock.any():
         raise InvalidInput("a cut that leaves no rock", "part of the scan is rock", "move the cut")
     side = edges(faces).pairs
@@ -117,13 +114,44 @@ def whole(vertices: Array, faces: Indices, rock: Mask) -> tuple[Mask, tuple[str,
                 "move the cut, or scan more of the ground",
             )
         one, other = side.T // 3
-        piece = pieces((side // 3)[rock[one] == rock[other]], len(faces))
+        piece = connected_component_labels((side // 3)[rock[one] == rock[other]], len(faces))
         rock = ~np.isin(piece, piece[outer])
     lost, won = area[before & ~rock].sum(), area[rock & ~before].sum()
     notes = [f"{lost:.2g} m2 cut off beside the rock left to the ground"] if lost > 0.0 else []
     if won > 0.0:
         notes.append(f"{won:.2g} m2 of ground within the rock made rock")
     return rock, tuple(notes)
+
+
+def at_border(faces: Indices) -> Mask:
+    """Faces at the border of a scan, which are ground.
+
+    Parameters
+    ----------
+    faces : ndarray of int, shape (m, 3)
+
+    Returns
+    -------
+    ndarray of bool, shape (m,)
+
+    Raises
+    ------
+    InvalidInput
+        If there are none.
+
+    Examples
+    --------
+    >>> at_border(np.array([[0, 1, 2]])).tolist()
+    [True]
+    """
+    outer = touching(faces, border(faces))
+    if not outer.any():
+        raise InvalidInput(
+            "a scan without a rim",
+            "rock and ground form one open surface",
+            "use a closed rock as it is",
+        )
+    return outer
 
 
 def _largest(faces: Indices, side: Indices, area: Array, rock: Mask) -> Mask:
@@ -133,15 +161,26 @@ def _largest(faces: Indices, side: Indices, area: Array, rock: Mask) -> Mask:
     """
     one, other = side.T // 3
     links = ends(faces, side[:, 0])
-    at_seam = np.zeros(int(faces.max()) + 1, dtype=bool)
-    at_seam[links[rock[one] != rock[other]]] = True
-    held = rock[one] & rock[other] & ~at_seam[links].all(axis=1)
-    piece = pieces((side // 3)[held], len(area))
+    across = np.isin(links, links[rock[one] != rock[other]]).all(axis=1)
+    held = rock[one] & rock[other] & ~across
+    piece = connected_component_labels((side // 3)[held], len(area))
     return rock & (piece == int(np.argmax(np.bincount(piece[rock], weights=area[rock]))))
 
 
 def seams(vertices: Array, faces: Indices, rock: Mask, found: Turns) -> tuple[Seam, ...]:
-    """Loops between rock and ground, the longest first."""
+    """Loops between rock and ground.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+    rock : ndarray of bool, shape (m,)
+    found : Turns, of these faces
+
+    Returns
+    -------
+    tuple of Seam, the longest first
+    """
     one, other = found.faces.T
     between = np.flatnonzero(rock[one] != rock[other])
     side = np.where(rock[one[between]], found.side[between, 0], found.side[between, 1])
@@ -154,21 +193,3 @@ def seams(vertices: Array, faces: Indices, rock: Mask, found: Turns) -> tuple[Se
         concave = float(found.length[between][own & hollow].sum()) / length
         made.append(Seam(loop, vertices[loop], length, concave))
     return tuple(sorted(made, key=lambda seam: -seam.length))
-
-
-def _to_the_hollow(vertices: Array, faces: Indices, rock: Mask, found: Turns, reach: float) -> Mask:
-    """The cheapest seam within ``reach`` of a cut."""
-    one, other = found.faces.T
-    between = rock[one] != rock[other]
-    start, end = ends(faces, found.side[between, 0]).T
-    middle = 0.5 * (vertices[start] + vertices[end])
-    away = cKDTree(middle).query(vertices[faces].mean(axis=1), distance_upper_bound=reach)[0]
-    near = np.isfinite(away)
-    ground = ~rock & (~near | at_border(faces, len(vertices)))
-    if not (rock & ~near).any() or not ground.any():
-        raise InvalidInput(
-            f"a seam sought within {reach} m of the cut",
-            "part of the rock and of the ground lie further away",
-            "seek it within less",
-        )
-    return cheapest_cut(found, len(faces), rock & ~near, ground)

@@ -1,4 +1,4 @@
-"""How the faces of a triangle mesh hang together: edges, pieces, rims. Arrays only, no loops.
+"""How the faces of a triangle mesh hang together: edges, borders, rims.
 
 A *rim* is a closed chain of open edges, in the order in which the faces beside it run along it:
 the surface lies to its left, seen from outside.
@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from trimesh.graph import connected_component_labels
 
-from vsr_core.arrays import Indices, Mask
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 
 
@@ -44,7 +43,22 @@ class Edges:
 
 
 def edges(faces: Indices) -> Edges:
-    """Edges of faces, shape (m, 3)."""
+    """Edges of faces.
+
+    Parameters
+    ----------
+    faces : ndarray of int, shape (m, 3)
+
+    Returns
+    -------
+    Edges
+
+    Examples
+    --------
+    >>> found = edges(np.array([[0, 1, 2], [2, 1, 3]]))
+    >>> len(found.count), len(found.pairs), len(found.open)
+    (5, 1, 4)
+    """
     key = np.empty(faces.shape, dtype=np.int64)
     for k in range(3):
         one, other = faces[:, k], faces[:, (k + 1) % 3]
@@ -59,42 +73,141 @@ def edges(faces: Indices) -> Edges:
 
 
 def ends(faces: Indices, side: Indices) -> Indices:
-    """Vertices from and to which sides run, shape (k, 2)."""
+    """Vertices from and to which sides run.
+
+    Parameters
+    ----------
+    faces : ndarray of int, shape (m, 3)
+    side : ndarray of int, shape (k,), 3 face + k (see ``Edges``)
+
+    Returns
+    -------
+    ndarray of int, shape (k, 2)
+
+    Examples
+    --------
+    >>> ends(np.array([[7, 8, 9]]), np.array([0, 2])).tolist()
+    [[7, 8], [9, 7]]
+    """
     face, corner = np.divmod(side, 3)
     return np.column_stack([faces[face, corner], faces[face, (corner + 1) % 3]])
 
 
-def pieces(pairs: Indices, count: int) -> Indices:
-    """Number of the connected piece that each of ``count`` things is in, linked by ``pairs``."""
-    links = coo_array(
-        (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count)
-    )
-    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+def border(faces: Indices) -> Indices:
+    """Vertices from and to which the open edges run.
+
+    Parameters
+    ----------
+    faces : ndarray of int, shape (m, 3)
+
+    Returns
+    -------
+    ndarray of int, shape (k, 2)
+
+    Examples
+    --------
+    >>> sorted(border(np.array([[0, 1, 2], [2, 1, 3]])).tolist())
+    [[0, 1], [1, 3], [2, 0], [3, 2]]
+    """
+    return ends(faces, edges(faces).open)
+
+
+def touching(faces: Indices, vertices: Indices) -> Mask:
+    """Faces with a corner among some vertices.
+
+    Parameters
+    ----------
+    faces : ndarray of int, shape (m, 3)
+    vertices : ndarray of int, of any shape
+
+    Returns
+    -------
+    ndarray of bool, shape (m,)
+
+    Examples
+    --------
+    >>> touching(np.array([[0, 1, 2], [2, 1, 3]]), np.array([0])).tolist()
+    [True, False]
+    """
+    return np.asarray(np.isin(faces, vertices).any(axis=1))
+
+
+def means_beside(faces: Indices, values: Array, vertices: Indices) -> Array:
+    """Means of what is known at the neighbours of some vertices; a neighbour counts once a face.
+
+    Parameters
+    ----------
+    faces : ndarray of int, shape (m, 3)
+    values : ndarray, shape (n, d), of all vertices; nan where unknown
+    vertices : ndarray of int, shape (k,), each with a neighbour whose value is known
+
+    Returns
+    -------
+    ndarray, shape (k, d)
+
+    Examples
+    --------
+    >>> height = np.array([[np.nan], [2.0], [4.0]])
+    >>> means_beside(np.array([[0, 1, 2]]), height, np.array([0, 1])).tolist()
+    [[3.0], [4.0]]
+    """
+    near = faces[touching(faces, vertices)]
+    count, total = np.zeros(len(values)), np.zeros_like(values)
+    for k in range(3):
+        for j in (1, 2):
+            one, other = near[:, k], near[:, (k + j) % 3]
+            known = np.isfinite(values[other, 0])
+            np.add.at(total, one[known], values[other[known]])
+            np.add.at(count, one[known], 1.0)
+    return total[vertices] / count[vertices, None]
 
 
 def rims(faces: Indices) -> list[Indices]:
-    """Open rims of faces, each the vertices in order, the one of most edges first.
+    """Open rims of faces.
+
+    Parameters
+    ----------
+    faces : ndarray of int, shape (m, 3)
+
+    Returns
+    -------
+    list of ndarray of int
+        The vertices of each in order, the one of most edges first.
 
     Raises
     ------
     InvalidInput
         If rims meet in a vertex (see ``split_fans``).
     """
-    return chains(ends(faces, edges(faces).open))
+    return chains(border(faces))
 
 
 def chains(links: Indices) -> list[Indices]:
-    """Closed chains of directed links, shape (k, 2); each vertex at most once, longest first.
+    """Closed chains of directed links.
+
+    Parameters
+    ----------
+    links : ndarray of int, shape (k, 2)
+
+    Returns
+    -------
+    list of ndarray of int
+        Each vertex at most once, the longest chain first.
 
     Raises
     ------
     InvalidInput
         If chains meet in a vertex, or one is not closed.
+
+    Examples
+    --------
+    >>> [chain.tolist() for chain in chains(np.array([[0, 5], [7, 0], [5, 7]]))]
+    [[0, 5, 7]]
     """
     if len(links) == 0:
         return []
     names, ordered = np.unique(links, return_inverse=True)
-    start, end = ordered.reshape(-1, 2).T
+    start, end = ordered.T
     after = np.full(len(names), -1)
     after[start] = end
     if len(np.unique(start)) < len(start) or len(np.unique(end)) < len(end) or (after < 0).any():
@@ -103,7 +216,8 @@ def chains(links: Indices) -> list[Indices]:
             "a rim is a simple closed chain of edges",
             "clean the scan first",
         )
-    loop = pieces(np.column_stack([np.arange(len(names)), after]), len(names))
+    ahead = np.column_stack([np.arange(len(names)), after])
+    loop = connected_component_labels(ahead, len(names))
     found = []
     successor = after.tolist()
     for first in np.unique(loop, return_index=True)[1].tolist():
@@ -112,13 +226,6 @@ def chains(links: Indices) -> list[Indices]:
             chain.append(successor[chain[-1]])
         found.append(names[chain])
     return sorted(found, key=len, reverse=True)
-
-
-def at_border(faces: Indices, vertices: int) -> Mask:
-    """Faces with a vertex on an open edge, shape (m,)."""
-    border = np.zeros(vertices, dtype=bool)
-    border[ends(faces, edges(faces).open).ravel()] = True
-    return np.asarray(border[faces].any(axis=1))
 
 
 def split_fans(faces: Indices, vertices: int) -> tuple[Indices, Indices]:
@@ -134,14 +241,19 @@ def split_fans(faces: Indices, vertices: int) -> tuple[Indices, Indices]:
     faces : ndarray of int, shape (m, 3)
     copied : ndarray of int, shape (c,), the vertices of which ``vertices``, ``vertices`` + 1, ...
         are copies
+
+    Examples
+    --------
+    >>> [part.tolist() for part in split_fans(np.array([[0, 1, 2], [0, 3, 4]]), 5)]
+    [[[0, 1, 2], [5, 3, 4]], [0]]
     """
-    rim = ends(faces, edges(faces).open)
+    rim = border(faces)
     crowded = np.flatnonzero(np.bincount(rim[:, 0], minlength=vertices) > 1)
-    around = np.flatnonzero(np.isin(faces, crowded).any(axis=1))
+    around = np.flatnonzero(touching(faces, crowded))
     if len(around) == 0:
         return faces, np.empty(0, dtype=np.int64)
     local = faces[around]
-    fan = pieces(_corners_beside(local), 3 * len(local)).reshape(-1, 3)
+    fan = connected_component_labels(_corners_beside(local), 3 * len(local)).reshape(-1, 3)
     corner = np.isin(local, crowded)
     known = np.unique(np.column_stack([local[corner], fan[corner]]), axis=0)
     again = np.concatenate([[False], known[1:, 0] == known[:-1, 0]])

@@ -44,7 +44,7 @@ class Measure:
 
 @dataclass(frozen=True)
 class Step:
-    """A step of the way from scan to solid.
+    """A step from scan to solid.
 
     Attributes
     ----------
@@ -67,7 +67,22 @@ class Step:
 
 
 def measured(mesh: trimesh.Trimesh, density: float) -> Measure:
-    """Figures of a mesh of uniform ``density`` [kg/m^3]."""
+    """Figures of a mesh of uniform density.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh [m]
+    density : float [kg/m^3]
+
+    Returns
+    -------
+    Measure
+
+    Examples
+    --------
+    >>> measured(trimesh.creation.box((1.0, 1.0, 2.0)), 2000.0).mass
+    4000.0
+    """
     nothing = np.full(3, np.nan), np.full((3, 3), np.nan), np.full(len(DIRECTIONS), np.nan)
     counts = len(mesh.faces), len(mesh.vertices)
     if not mesh.is_watertight:
@@ -75,16 +90,21 @@ def measured(mesh: trimesh.Trimesh, density: float) -> Measure:
     centre = np.array(mesh.center_mass)
     volume = float(mesh.volume)
     inertia = density * np.array(mesh.moment_inertia)
-    return Measure(*counts, True, volume, density * volume, centre, inertia, tips(mesh))
+    tipping = tipping_angles(np.array(mesh.vertices) - centre)
+    return Measure(*counts, True, volume, density * volume, centre, inertia, tipping)
 
 
-def tips(mesh: trimesh.Trimesh) -> Array:
-    """Static tipping angles of a closed mesh set on a level plane [rad], shape (72,)."""
-    return tips_of(np.array(mesh.vertices) - np.array(mesh.center_mass))
+def tipping_angles(points: Array) -> Array:
+    """Static tipping angles of the hull of points, set on a level plane.
 
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3) [m], about the centre of mass
 
-def tips_of(points: Array) -> Array:
-    """The same of points, shape (n, 3) [m], about the centre of mass; nan if they do not stand."""
+    Returns
+    -------
+    ndarray, shape (72,) [rad], in ``DIRECTIONS``; nan where it does not stand
+    """
     try:
         hull = convex_hull(points)
         return np.asarray(
@@ -95,5 +115,14 @@ def tips_of(points: Array) -> Array:
 
 
 def largest_change(one: Measure, other: Measure) -> float:
-    """Largest difference of static tipping angles of two solids [rad]."""
+    """Largest difference of static tipping angles of two solids.
+
+    Parameters
+    ----------
+    one, other : Measure
+
+    Returns
+    -------
+    float [rad]
+    """
     return float(np.abs(one.tipping - other.tipping).max())

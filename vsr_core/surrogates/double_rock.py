@@ -1,8 +1,14 @@
 """A stand-in for the scan of the Double Rock precariously balanced rock.
 
-The solid is generated from published and measured figures of the rock, listed below; no point of
-a scan is in it. It shares the rock's size, volume, mass distribution and static tipping angles,
+The solid is generated from published and measured figures of the rock; no point of a scan is in
+it. It shares the rock's size, volume, mass distribution and static tipping angles,
 not its surface: what is computed with it is no statement about the real rock.
+
+These figures are, in the pose of the published mesh (z up, standing on z = 0, centre of mass over
+the origin): lowest and highest x, y, z of (-0.654, -0.344, 0) and (0.584, 0.409, 1.5085) m; volume
+0.5529 m^3; centre of mass at (0, 0, 0.742) m; and over the mass, about that centre, moments of
+inertia of 0.18119, 0.21802 and 0.09324 m^2 and, off the diagonal of the tensor, -0.00896 (xy),
+-0.05821 (xz) and -0.01865 m^2 (yz).
 
 The solid is a stack of horizontal cross-sections along a bent axis that leans like the rock. The
 lowest is the base polygon. With height it turns into a superellipse whose centre, half-widths
@@ -12,7 +18,7 @@ How the constants were found: first the eight corners of the base, by least squa
 tipping of the rock in 36 directions (where gravity leaves the hull of the points within 4 mm of
 the plane it rests on, and how far that hull reaches); then the 26 control values above it, by
 bounded least squares (``scipy.optimize.least_squares``) on the bounds, volume, centre of mass
-and inertia of the mesh at the default subdivision. Small weights on the differences of
+and inertia of the mesh. Small weights on the differences of
 neighbouring control values chose a smooth solid among the many that fit. All were then rounded.
 
 References
@@ -30,22 +36,11 @@ import numpy as np
 from vsr_core.arrays import Array, Indices
 from vsr_core.surrogates.ring_stack import bezier, closed_stack, polygon_radius
 
-# Figures of the rock in the pose of the published mesh: z up, standing on z = 0, centre of mass
-# over the origin.
-BOUNDS = ((-0.654, -0.344, 0.0), (0.584, 0.409, 1.5085))
-"""Lowest and highest x, y, z of the rock [m]."""
-VOLUME = 0.5529
-"""Volume of the rock [m^3]."""
-CENTRE_OF_MASS = (0.0, 0.0, 0.742)
-"""Centre of mass of the rock [m]."""
-INERTIA_PER_MASS = (
-    (0.18119, -0.00896, -0.05821),
-    (-0.00896, 0.21802, -0.01865),
-    (-0.05821, -0.01865, 0.09324),
-)
-"""Inertia tensor about the centre of mass over mass [m^2], off the diagonal -mean(x y) etc."""
+_HEIGHT = 1.5085  # m
+_AROUND, _RINGS = 72, 60  # points of a ring, and rings, for which the constants were fitted
 
-BASE_POLYGON = (
+# Corners x, y of the polygon that the rock rests on [m], counter-clockwise, convex.
+_BASE_POLYGON = (
     (0.075, -0.255),
     (0.055, 0.200),
     (-0.045, 0.205),
@@ -55,7 +50,6 @@ BASE_POLYGON = (
     (-0.360, -0.325),
     (-0.020, -0.320),
 )
-"""Corners x, y of the polygon that the rock rests on [m], counter-clockwise, convex."""
 
 # Control values of the Bezier curves in z / height, from the base to the top.
 _CENTRE_X = (-0.215, -0.372, -0.106, 0.298, 0.319, -0.005)  # m; starts inside the base polygon
@@ -72,12 +66,12 @@ _RELIEF_WAVES = 24
 _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 
-def _ring_angles(count: int, corners: Array) -> Array:
+def _ring_angles(corners: Array) -> Array:
     """Ascending angles [rad], evenly spaced but for the nearest to each corner, moved onto it."""
-    step = 2.0 * math.pi / count
-    angles: Array = step * np.arange(count, dtype=np.float64)
+    step = 2.0 * math.pi / _AROUND
+    angles: Array = step * np.arange(_AROUND, dtype=np.float64)
     nearest = np.rint(corners / step).astype(int)
-    angles[nearest % count] = corners - 2.0 * math.pi * (nearest // count)
+    angles[nearest % _AROUND] = corners - 2.0 * math.pi * (nearest // _AROUND)
     return angles
 
 
@@ -92,19 +86,13 @@ def _relief(angles: Array, s: Array) -> Array:
     return _RELIEF * relief
 
 
-def double_rock(subdivisions: int = 72) -> tuple[Array, Indices]:
+def double_rock() -> tuple[Array, Indices]:
     """Closed surface of the stand-in for Double Rock.
 
     The surface cannot intersect itself. Every ring is star-shaped about its centre, with its
     points at the same ascending angles, and the rings lie at ascending heights. A horizontal cut
     between two rings meets the triangles in points at ascending angles about the point
     between the two centres, so every cut is a simple polygon; the base lies in one plane.
-
-    Parameters
-    ----------
-    subdivisions : int
-        Points of a ring, at least 36. There are 5/6 as many rings. The figures of the rock are
-        met best at the default, for which the constants were fitted.
 
     Returns
     -------
@@ -120,16 +108,12 @@ def double_rock(subdivisions: int = 72) -> tuple[Array, Indices]:
     >>> vertices.shape, faces.shape
     ((4322, 3), (8640, 3))
     """
-    if subdivisions < 36:
-        raise ValueError(f"subdivisions is {subdivisions}; it must be at least 36")
-    rings = subdivisions * 5 // 6
-    height = BOUNDS[1][2]
     # Heights close up towards the top, where the surface turns level.
-    s = np.sin(0.5 * math.pi * np.arange(rings) / rings)[:, None]
+    s = np.sin(0.5 * math.pi * np.arange(_RINGS) / _RINGS)[:, None]
 
-    corners = np.array(BASE_POLYGON) - (_CENTRE_X[0], _CENTRE_Y[0])
+    corners = np.array(_BASE_POLYGON) - (_CENTRE_X[0], _CENTRE_Y[0])
     corner_angles = np.arctan2(corners[:, 1], corners[:, 0]) % (2.0 * math.pi)
-    angles = _ring_angles(subdivisions, corner_angles)
+    angles = _ring_angles(corner_angles)
     turned = angles - bezier(_DIRECTION, s)
     superellipse = (
         np.abs(np.cos(turned) / bezier(_HALF_WIDTH_1, s)) ** _SQUARENESS
@@ -142,7 +126,7 @@ def double_rock(subdivisions: int = 72) -> tuple[Array, Indices]:
 
     x = bezier(_CENTRE_X, s) + radius * np.cos(angles)
     y = bezier(_CENTRE_Y, s) + radius * np.sin(angles)
-    z = np.broadcast_to(height * s, x.shape)
+    z = np.broadcast_to(_HEIGHT * s, x.shape)
     bottom = (_CENTRE_X[0], _CENTRE_Y[0], 0.0)
-    top = (_CENTRE_X[-1], _CENTRE_Y[-1], height)
+    top = (_CENTRE_X[-1], _CENTRE_Y[-1], _HEIGHT)
     return closed_stack(np.stack([x, y, z], axis=-1), bottom, top)

@@ -47,12 +47,16 @@ _SOIL = -4.2  # m, of the ground between the domes
 def site() -> SurrogateSite:
     """A boulder of about 1.9 m on jointed domes of about 6 m relief, 18 m x 16 m.
 
+    Returns
+    -------
+    SurrogateSite
+
     Examples
     --------
     >>> site().rock_vertices.shape
     (3170, 3)
     """
-    vertices, faces = boulder()
+    vertices, faces = _boulder()
     base, lowest = vertices[:_AROUND], vertices[_AROUND : 2 * _AROUND]
     rim = rim_around(base[:, :2], lowest[:, :2], _SEAM)
     terrain, triangles, loop = sheet(_EXTENT, _spacing, _ground, [], rim)
@@ -68,16 +72,11 @@ def site() -> SurrogateSite:
     )
 
 
-def boulder() -> tuple[Array, Indices]:
+def _boulder() -> tuple[Array, Indices]:
     """Closed surface of the boulder, standing on z = 0 with its centre of mass over 0, 0.
 
     Like Double Rock's surrogate it is a stack of level rings, each star-shaped about its middle,
     and cannot intersect itself.
-
-    Returns
-    -------
-    vertices : ndarray, shape (n, 3) [m]
-    faces : ndarray of int64, shape (m, 3), counter-clockwise seen from outside
     """
     polar = (_BASE + (math.pi - _BASE) * np.arange(_RINGS) / _RINGS)[:, None]
     s = (polar - _BASE) / (math.pi - _BASE)

@@ -25,6 +25,11 @@ def waves(place: Array, length: float, seed: int) -> Array:
     Returns
     -------
     ndarray, shape (...)
+
+    Examples
+    --------
+    >>> waves(np.zeros((5, 2)), 3.0, 0).shape
+    (5,)
     """
     value = np.zeros(place.shape[:-1])
     for j in range(_WAVES):
@@ -56,31 +61,87 @@ def rough(place: Array, longest: float, octaves: int, seed: int) -> Array:
 
 
 def scattered(count: int) -> Array:
-    """Points of the unit square, evenly spread without a pattern, shape (count, 2).
+    """Points of the unit square, evenly spread without a pattern.
+
+    Parameters
+    ----------
+    count : int
+
+    Returns
+    -------
+    ndarray, shape (count, 2)
 
     References
     ----------
     Roberts (2018), The unreasonable effectiveness of quasirandom sequences.
+
+    Examples
+    --------
+    >>> scattered(2).round(2).tolist()
+    [[0.25, 0.07], [0.01, 0.64]]
     """
     number = np.arange(1, count + 1)[:, None]
     return (0.5 + number * np.array([1.0 / _PLASTIC, 1.0 / _PLASTIC**2])) % 1.0
 
 
 def rise(t: Array) -> Array:
-    """0 below t = 0, 1 above t = 1, smooth between."""
+    """0 below t = 0, 1 above t = 1, smooth between.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> rise(np.array([-1.0, 0.5, 2.0])).tolist()
+    [0.0, 0.5, 1.0]
+    """
     t = np.clip(t, 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 
 def ramp(t: Array, width: float) -> Array:
-    """Zero, then ``t``, with a smooth bend about ``width`` [m] wide at t = 0 [m]."""
+    """Zero, then ``t``, with a smooth bend at t = 0.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,) [m]
+    width : float [m], of the bend
+
+    Returns
+    -------
+    ndarray, shape (n,) [m]
+
+    Examples
+    --------
+    >>> ramp(np.array([-9.0, 9.0]), 0.1).round(6).tolist()
+    [0.0, 9.0]
+    """
     return width * np.logaddexp(0.0, t / width)
 
 
 def stepped(height: Array, shift: Array, step: float, share: float) -> Array:
-    """Ground of this ``height`` [m] broken into steps of height ``step`` [m].
+    """Ground broken into steps.
 
-    The steps lie ``shift`` [m] lower; ``share`` is 0 for none and 1 for level treads.
+    Parameters
+    ----------
+    height : ndarray, shape (n,) [m]
+    shift : ndarray, shape (n,) [m], by which the steps lie lower
+    step : float [m], height of a step
+    share : float, 0 for no steps to 1 for level treads
+
+    Returns
+    -------
+    ndarray, shape (n,) [m]
+
+    Examples
+    --------
+    >>> stepped(np.array([0.0, 0.25, 1.0]), np.zeros(3), 1.0, 1.0).round(3).tolist()
+    [0.0, 0.091, 1.0]
     """
     turn = 2.0 * math.pi / step
     return height - share / turn * np.sin(turn * (height + shift))

@@ -10,9 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from scipy.spatial import Delaunay, KDTree
 
-from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.arrays import Array, Indices
 
 Field = Callable[[Array], Array]
 """From places in the plane, shape (n, 2) [m], to a value at each, shape (n,)."""
@@ -20,11 +21,8 @@ Field = Callable[[Array], Array]
 Extent = tuple[float, float, float, float]
 """Least and greatest x, least and greatest y of a sheet [m]."""
 
-_GRADE = 2.0**0.5
-"""Each lattice of points is this much coarser than the last."""
-
-_NEAREST = 0.7
-"""Share of a lattice's spacing within which its points give way to finer ones."""
+_GRADE = 2.0**0.5  # each lattice of points is this much coarser than the last
+_NEAREST = 0.7  # of a lattice's spacing, within which its points give way to finer ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +87,7 @@ def sheet(
     for block in blocks:
         size = len(block.outline)
         edge = np.arange(start + size, start + 2 * size)
-        on = inside(places, block.outline)
+        on = shapely.contains_xy(shapely.Polygon(block.outline), places)
         on[start : start + size] = False
         on[edge[0] : edge[0] + 2 * size] = True
         top = block.top(places[on])
@@ -101,12 +99,12 @@ def sheet(
     one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
     faces[area < 0.0] = faces[area < 0.0][:, ::-1]
-    _see_that_it_is_a_loop(faces, len(rim))
+    _require_loop(faces, len(rim))
     vertices: Array = np.column_stack([places, height])
     return np.round(vertices, 6), faces, np.arange(len(rim))
 
 
-def _see_that_it_is_a_loop(faces: Indices, size: int) -> None:
+def _require_loop(faces: Indices, size: int) -> None:
     """Check that the first ``size`` vertices follow each other along edges."""
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     joined = set(map(tuple, edges[(edges < size).all(axis=1)].tolist()))
@@ -151,7 +149,22 @@ def _clear(places: Array, fixed: int, rim: Array) -> Array:
 
 
 def resampled(corners: Array, spacing: float) -> Array:
-    """Points along a closed polygon, its corners among them, about ``spacing`` [m] apart."""
+    """Points along a closed polygon, its corners among them.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (n, 2) [m]
+    spacing : float [m], about what the points are apart
+
+    Returns
+    -------
+    ndarray, shape (k, 2) [m]
+
+    Examples
+    --------
+    >>> len(resampled(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), 0.5))
+    8
+    """
     points = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         count = max(1, round(float(np.linalg.norm(b - a)) / spacing))
@@ -160,11 +173,24 @@ def resampled(corners: Array, spacing: float) -> Array:
 
 
 def rounded(corners: Array) -> Array:
-    """A closed polygon with each corner cut back to a quarter of its sides, shape (2 n, 2).
+    """A closed polygon with each corner cut back to a quarter of its sides.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (n, 2) [m]
+
+    Returns
+    -------
+    ndarray, shape (2 n, 2) [m]
 
     References
     ----------
     Chaikin (1974), An algorithm for high-speed curve generation.
+
+    Examples
+    --------
+    >>> rounded(np.array([[0.0, 0.0], [4.0, 0.0]])).tolist()
+    [[1.0, 0.0], [3.0, 0.0], [3.0, 0.0], [1.0, 0.0]]
     """
     after = np.roll(corners, -1, axis=0)
     cut = np.stack([0.75 * corners + 0.25 * after, 0.25 * corners + 0.75 * after], axis=1)
@@ -172,28 +198,28 @@ def rounded(corners: Array) -> Array:
 
 
 def offset(loop: Array, distance: float) -> Array:
-    """A counter-clockwise loop, shape (n, 2), with its points moved outward by ``distance`` [m].
+    """A loop with its points moved outward.
 
     A point at a corner moves along the corner's bisector, further by up to a half.
+
+    Parameters
+    ----------
+    loop : ndarray, shape (n, 2) [m], counter-clockwise
+    distance : float [m]
+
+    Returns
+    -------
+    ndarray, shape (n, 2) [m]
+
+    Examples
+    --------
+    >>> offset(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), 0.5)[0].round(9).tolist()
+    [-0.5, -0.5]
     """
     side = np.roll(loop, -1, axis=0) - loop
     normal = np.column_stack([side[:, 1], -side[:, 0]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    way = normal + np.roll(normal, 1, axis=0)
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    cosine = np.einsum("ij,ij->i", way, normal)
-    return loop + distance * way / np.maximum(cosine, 2.0 / 3.0)[:, None]
-
-
-def inside(places: Array, polygon: Array) -> Mask:
-    """Whether each place, shape (n, 2), lies in a simple polygon, shape (k, 2)."""
-    result = np.zeros(len(places), dtype=bool)
-    near = ((places >= polygon.min(axis=0)) & (places <= polygon.max(axis=0))).all(axis=1)
-    x, y = places[near].T
-    odd = np.zeros(len(x), dtype=bool)
-    for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        if ay != by:
-            beyond = x < ax + (y - ay) * (bx - ax) / (by - ay)
-            odd ^= ((ay > y) != (by > y)) & beyond
-    result[near] = odd
-    return result
+    outward = normal + np.roll(normal, 1, axis=0)
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    cosine = np.einsum("ij,ij->i", outward, normal)
+    return loop + distance * outward / np.maximum(cosine, 2.0 / 3.0)[:, None]

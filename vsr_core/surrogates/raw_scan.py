@@ -9,23 +9,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.surrogates.ground_sheet import inside
+from vsr_core.rock.triangles import cross_products
 from vsr_core.surrogates.surrogate_site import SurrogateSite
 
-_SPLIT_SHARE = 0.02
-"""Share of faces with vertices of their own, doubled from their neighbours'."""
-
-_HIDDEN = 0.01
-"""Height [m] above the seat below which the crevice hides the rock."""
-
-_PATCH = 0.25
-"""Radius [m] of the two patches, one on the rock and one beside it, that are wound wrongly."""
-
-_ROCK, _GROUND = (116, 94, 82), (190, 174, 152)
-"""Mean colours, red, green, blue: dark varnish, and lighter ground."""
+_OFFSET = np.array([712345.678, 3894567.89, 251.3])  # m, site frame to projected coordinates
+_SPLIT_SHARE = 0.02  # of the faces, with vertices of their own, doubled from their neighbours'
+_HIDDEN = 0.01  # m above the seat, below which the crevice hides the rock
+_PATCH = 0.25  # m, radius of the patches on the rock and beside it that are wound wrongly
+_ROCK, _GROUND = (116, 94, 82), (190, 174, 152)  # mean red, green, blue: varnish, lighter ground
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +48,6 @@ def scan(
     seed: int = 0,
     noise: float = 0.005,
     spacing: float = 0.4,
-    offset: tuple[float, float, float] = (712345.678, 3894567.89, 251.3),
 ) -> RawScan:
     """Scan a site.
 
@@ -64,7 +58,10 @@ def scan(
     noise : float [m], root mean square of the error along the normals: half of its variance is
         white, half smooth over decimetres
     spacing : float [m], longest edge before the noise; longer ones are halved
-    offset : tuple of three floats [m], from the site frame to projected coordinates
+
+    Returns
+    -------
+    RawScan
     """
     random = np.random.default_rng(seed)
     vertices, faces, rock = _refined(*_seen(site), spacing)
@@ -73,7 +70,7 @@ def scan(
     )
     colours = _colours(vertices, faces[rock], random)
     turned = _miswound(vertices, faces, rock, random)
-    vertices = vertices + error[:, None] * _normals(vertices, faces) + np.array(offset)
+    vertices = vertices + error[:, None] * _normals(vertices, faces) + _OFFSET
     faces = turned
     own = random.choice(len(faces), round(_SPLIT_SHARE * len(faces)), replace=False)
     doubled = faces[own].ravel()
@@ -88,7 +85,7 @@ def scan(
         faces=place[faces[order]],
         colours=colours[np.argsort(place)],
         rock=rock[order],
-        offset=np.array(offset),
+        offset=_OFFSET,
     )
 
 
@@ -101,7 +98,7 @@ def _seen(site: SurrogateSite) -> tuple[Array, Indices, Mask]:
     rock = (site.rock_vertices[site.rock_faces, 2] >= rim[:, 2].min()).all(axis=1)
     hole = site.terrain_vertices[site.seat_rim, :2]
     middles = site.terrain_vertices[site.terrain_faces, :2].mean(axis=1)
-    terrain = count + site.terrain_faces[~inside(middles, hole)]
+    terrain = count + site.terrain_faces[~shapely.contains_xy(shapely.Polygon(hole), middles)]
     share = (_HIDDEN / rim[:, 2])[:, None]
     foot = (1.0 - share) * site.contact_rim + share * rim
     vertices = np.vstack([site.rock_vertices, site.terrain_vertices, foot])
@@ -174,18 +171,17 @@ def _divided(faces: Indices, middle: Indices) -> tuple[Indices, Indices]:
 def _smooth(vertices: Array, random: np.random.Generator) -> Array:
     """Noise of root mean square 1 that is smooth over decimetres, at each vertex."""
     count = 48
-    way = random.standard_normal((count, 3))
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    direction = random.standard_normal((count, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     number = 2.0 * np.pi / random.uniform(0.5, 2.0, count)  # lengths of 0.5 to 2 m
     phase = random.uniform(0.0, 2.0 * np.pi, count)
-    value: Array = np.cos(vertices @ (way * number[:, None]).T + phase).sum(axis=1)
+    value: Array = np.cos(vertices @ (direction * number[:, None]).T + phase).sum(axis=1)
     return value * np.sqrt(2.0 / count)
 
 
 def _normals(vertices: Array, faces: Indices) -> Array:
     """Unit normal at each vertex, shape (n, 3): the mean of its faces' by area."""
-    corners = vertices[faces]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = cross_products(vertices, faces)
     normals = np.zeros_like(vertices)
     for corner in faces.T:
         np.add.at(normals, corner, area)
@@ -200,7 +196,7 @@ def _colours(vertices: Array, rock: Indices, random: np.random.Generator) -> NDA
 
 
 def _miswound(vertices: Array, faces: Indices, rock: Mask, random: np.random.Generator) -> Indices:
-    """Faces with a patch on the rock and a patch within 2 m of it wound the wrong way."""
+    """Faces with a patch on the rock and a patch within 2 m of it wound wrongly."""
     faces, middles = faces.copy(), vertices[faces].mean(axis=1)
     beside = ~rock & (np.linalg.norm(middles - middles[rock].mean(axis=0), axis=1) < 2.0)
     for part in (rock, beside):

@@ -10,7 +10,22 @@ from vsr_core.arrays import Array, Indices
 
 
 def bezier(control: tuple[float, ...], s: Array) -> Array:
-    """Value at ``s`` in [0, 1] of the Bezier curve with these control values."""
+    """Bezier curve.
+
+    Parameters
+    ----------
+    control : tuple of floats, its control values
+    s : ndarray, of any shape, in [0, 1]
+
+    Returns
+    -------
+    ndarray, of the shape of ``s``
+
+    Examples
+    --------
+    >>> bezier((0.0, 2.0, 4.0), np.array([0.0, 0.5, 1.0])).tolist()
+    [0.0, 2.0, 4.0]
+    """
     n = len(control) - 1
     value = np.zeros_like(s)
     for k, c in enumerate(control):
@@ -23,9 +38,19 @@ def polygon_radius(angles: Array, corners: Array, margin: float = 0.0) -> Array:
 
     Parameters
     ----------
-    angles : ndarray [rad], counter-clockwise from +x
+    angles : ndarray, shape (k,) [rad], counter-clockwise from +x
     corners : ndarray, shape (n, 2) [m], counter-clockwise
     margin : float [m], by which the sides lie outside the corners
+
+    Returns
+    -------
+    ndarray, shape (k,) [m]
+
+    Examples
+    --------
+    >>> square = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+    >>> polygon_radius(np.array([0.0]), square, 0.5).tolist()
+    [1.5]
     """
     edges = np.roll(corners, -1, axis=0) - corners
     normals = np.column_stack([edges[:, 1], -edges[:, 0]])

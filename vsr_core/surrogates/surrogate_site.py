@@ -47,6 +47,7 @@ def rim_around(base: Array, lowest: Array, distance: float) -> Array:
     Parameters
     ----------
     base, lowest : ndarray, shape (r, 2) [m], star-shaped about the base's middle, point by point
+    distance : float [m]
 
     Returns
     -------
@@ -59,6 +60,11 @@ def rim_around(base: Array, lowest: Array, distance: float) -> Array:
 
 def over_origin(vertices: Array, faces: Indices) -> Array:
     """Points of a closed surface standing on z = 0, moved so that its centre of mass is over 0, 0.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3), counter-clockwise seen from outside
 
     Returns
     -------

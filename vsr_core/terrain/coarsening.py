@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import fast_simplification
 import numpy as np
@@ -23,23 +22,7 @@ WITHIN = 0.99
 _SAMPLES = 4000
 
 
-@dataclass(frozen=True)
-class Coarse:
-    """A coarser terrain and its distance from the given one.
-
-    Attributes
-    ----------
-    terrain : Terrain
-    within : float, share of it within the tolerance
-    largest : float [m], largest distance found of points of either from the other
-    """
-
-    terrain: Terrain
-    within: float
-    largest: float
-
-
-def coarser(terrain: Terrain, tolerance: Callable[[Array], Array]) -> Coarse:
+def coarser(terrain: Terrain, tolerance: Callable[[Array], Array]) -> Terrain:
     """The terrain with as few triangles as keep ``WITHIN`` of it within its tolerance.
 
     Edges collapse where the quadric error is least (Garland & Heckbert 1997, by
@@ -49,9 +32,14 @@ def coarser(terrain: Terrain, tolerance: Callable[[Array], Array]) -> Coarse:
     ----------
     terrain : Terrain
     tolerance : function from points, shape (n, 3) [m], to the distance allowed there [m]
+
+    Returns
+    -------
+    Terrain
+        The given one where no coarser one stays within its tolerance.
     """
     whole = trimesh.Trimesh(terrain.vertices, terrain.faces, process=False)
-    best = Coarse(terrain, 1.0, 0.0)
+    best = terrain
     for share in KEPT_SHARES:
         # Single precision is enough near the origin, where a site's frame has its rock.
         vertices, faces = fast_simplification.simplify(
@@ -62,10 +50,9 @@ def coarser(terrain: Terrain, tolerance: Callable[[Array], Array]) -> Coarse:
         light = Terrain(vertices.astype(np.float64), faces.astype(np.int64))
         mesh = trimesh.Trimesh(light.vertices, light.faces, process=False)
         points, distance = _apart(whole, mesh)
-        within = float(np.mean(distance <= tolerance(points)))
-        if within < WITHIN:
+        if np.mean(distance <= tolerance(points)) < WITHIN:
             break
-        best = Coarse(light, within, float(distance.max()))
+        best = light
     return best
 
 

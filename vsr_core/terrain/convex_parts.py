@@ -17,6 +17,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from vsr_core.arrays import Array, Indices
 from vsr_core.rock.reduction import needed
+from vsr_core.rock.triangles import cross_products
 from vsr_core.terrain.surface import Terrain
 
 MOST_POINTS = 150
@@ -97,18 +98,16 @@ class _Growing:
         self, terrain: Terrain, tolerance: Callable[[Array], Array], thickness: float
     ) -> None:
         self._terrain, self._tolerance, self._thickness = terrain, tolerance, thickness
-        corners = terrain.vertices[terrain.faces]
-        self._triangles = _Triangles(corners)
-        a, b, c = (corners[:, k] for k in range(3))
-        self._areas = np.cross(b - a, c - a)
+        self._triangles = _Triangles(terrain.vertices[terrain.faces])
+        self._areas = cross_products(terrain.vertices, terrain.faces)
 
     def body(self, patch: Indices) -> Array:
         """Corners of the hull of a patch's points and of the same points below it, shape (k, 3)."""
         points, outward = self._points(patch)
         corners = np.concatenate([points, points - self._thickness * outward])
         extreme = np.zeros(len(corners), dtype=bool)
-        for way in (*np.eye(3), outward, np.cross(outward, [0.6, 0.8, 0.0])):
-            along = corners @ way
+        for direction in (*np.eye(3), outward, np.cross(outward, [0.6, 0.8, 0.0])):
+            along = corners @ direction
             extreme[[along.argmin(), along.argmax()]] = True
         allowed = CORNER_SHARE * float(self._tolerance(points.mean(axis=0)[None])[0])
         return corners[needed(corners, allowed, extreme)]

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.rock.triangles import cells_of_boxes
 
-CELLS_A_FACE = 0.5
-"""Cells of the lookup grid per triangle."""
+_CELLS_A_FACE = 0.5  # cells of the lookup grid per triangle
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +35,15 @@ class Terrain:
     parts: tuple[Array, ...] = ()
 
     def surfaces(self, x: float, y: float) -> tuple[Array, Mask]:
-        """Heights [m] at which the vertical through (x, y) [m] meets the ground, ascending.
+        """Heights at which a vertical meets the ground, ascending.
+
+        Parameters
+        ----------
+        x, y : float [m]
 
         Returns
         -------
-        height : ndarray, shape (k,)
+        height : ndarray, shape (k,) [m]
             Empty where there is no ground.
         upward : ndarray of bool, shape (k,)
             Whether the ground lies below there (its normal points up).
@@ -57,13 +61,29 @@ class Terrain:
         return height[order], (twice[met] > 0.0)[order]
 
     def around(self, x: float, y: float) -> Indices:
-        """Faces near the vertical through (x, y) [m]: all that it meets are among them."""
+        """Faces near a vertical: all that it meets are among them.
+
+        Parameters
+        ----------
+        x, y : float [m]
+
+        Returns
+        -------
+        ndarray of int, shape (k,)
+        """
         return self._lookup.at(x, y)
 
     def depth(self, point: Array) -> float | None:
-        """How far ``point``, shape (3,) [m], is below the ground [m]; 0 above it.
+        """How far a point is below the ground.
 
-        None where there is no ground below or above: it is beyond the border.
+        Parameters
+        ----------
+        point : ndarray, shape (3,) [m]
+
+        Returns
+        -------
+        float or None
+            In metres, 0 above the ground; None beyond its border, where none is below or above.
         """
         height, upward = self.surfaces(float(point[0]), float(point[1]))
         if not len(height):
@@ -96,15 +116,11 @@ class _Grid:
     @classmethod
     def over(cls, low: Array, high: Array) -> _Grid:
         origin, extent = low.min(axis=0), high.max(axis=0) - low.min(axis=0)
-        cell = float(np.sqrt(max(extent.prod(), 1e-12) / (CELLS_A_FACE * len(low))))
+        cell = float(np.sqrt(max(extent.prod(), 1e-12) / (_CELLS_A_FACE * len(low))))
         nx, ny = (int(n) for n in np.floor(extent / cell).astype(int) + 1)
-        begin = np.floor((low - origin) / cell).astype(np.int64)
-        spans = np.floor((high - origin) / cell).astype(np.int64) - begin + 1
-        count = spans.prod(axis=1)
-        box = np.repeat(np.arange(len(low)), count)
-        within = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count)
-        across = spans[box, 1]
-        place = (begin[box, 0] + within // across) * ny + begin[box, 1] + within % across
+        ends = (np.floor((end - origin) / cell).astype(np.int64) for end in (low, high))
+        box, cells = cells_of_boxes(*ends)
+        place = cells[:, 0] * ny + cells[:, 1]
         order = np.argsort(place, kind="stable")
         first = np.searchsorted(place[order], np.arange(nx * ny + 1))
         return cls(origin, cell, (nx, ny), first, box[order])

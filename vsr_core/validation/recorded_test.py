@@ -12,7 +12,7 @@ from vsr_core.motions.records.trace import Trace
 from vsr_core.outcome import Response
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import touching
-from vsr_core.rock.reduction import lightened
+from vsr_core.rock.reduction import lightened, on_bounding_box
 from vsr_core.run import bounds
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
@@ -44,8 +44,7 @@ def standing_case(rock: Rock, member: Member) -> Case:
     kept = min(limits.toppled_tilt + PAST_TOPPLING, math.pi)
     hull = rock.hull
     corners = touching(hull, kept)
-    along = hull.vertices @ rock.axes
-    corners[[*along.argmin(axis=0), *along.argmax(axis=0)]] = True  # they size the tolerances
+    corners[on_bounding_box(hull.vertices, rock.axes)] = True
     part = replace(rock, vertices=hull.vertices[corners])
     base = touching(hull, COMPLETE_TILT)[corners]
     lighter = lightened(part, TOLERANCE * rock.radius, base)

@@ -7,6 +7,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import pooch
 import requests
 import trimesh
 
@@ -15,6 +16,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.stages.mesh.sources import ORIGIN, SUFFIXES
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.store import writing
+from vsr_core.errors import reason
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,11 @@ def fetch(name: str, url: str | None = None, raw: Path = ROOT / "data" / "raw") 
     url : str, optional, another place that serves the same bytes
     raw : Path, folder of raw data
 
+    Returns
+    -------
+    Path
+        The mesh.
+
     Raises
     ------
     InputError
@@ -79,16 +86,13 @@ def fetch(name: str, url: str | None = None, raw: Path = ROOT / "data" / "raw") 
 
 
 def _download(name: str, original: Original, url: str, folder: Path) -> Path:
-    import pooch
-
     pooch.get_logger().setLevel("ERROR")
     try:
         file = pooch.retrieve(url, None, fname=Path(original.url).name, path=folder)
     except (requests.RequestException, OSError, ValueError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise _problem(
             url,
-            f"no download ({reason[:160]})",
+            f"no download ({reason(error)[:160]})",
             "the file can be reached",
             "check the network, or give --url",
         ) from None

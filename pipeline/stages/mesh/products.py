@@ -18,13 +18,7 @@ from vsr_core.terrain.surface import Terrain
 
 SCAN, SCAN_PAGE, ROCK, TERRAIN = "scan.nc", "prep.html", "rock.nc", "terrain.nc"
 
-BARRIER_SCALARS = (
-    "toppled_tilt",
-    "edge_tilt",
-    "edge_height",
-    "upright_floor",
-    "floor",
-)
+BARRIER_SCALARS = ("toppled_tilt", "edge_tilt", "edge_height", "upright_floor", "floor")
 """Attributes of the rock's dataset that tell its energy barrier."""
 
 
@@ -37,7 +31,16 @@ class Ground:
 
 
 def load_rock(store: Store) -> tuple[Rock, Barrier]:
-    """The rock and its energy barrier, from the product."""
+    """The rock and its energy barrier, from the product.
+
+    Parameters
+    ----------
+    store : Store
+
+    Returns
+    -------
+    Rock, Barrier
+    """
     path = store.folder / ROCK
     return _rock(path, path.stat().st_mtime_ns)
 
@@ -61,7 +64,16 @@ def _rock(path: Path, changed: int) -> tuple[Rock, Barrier]:
 
 
 def load_terrain(store: Store) -> Ground:
-    """The ground and the rock's rest on it, from the product."""
+    """The ground and the rock's rest on it, from the product.
+
+    Parameters
+    ----------
+    store : Store
+
+    Returns
+    -------
+    Ground
+    """
     path = store.folder / TERRAIN
     return _terrain(path, path.stat().st_mtime_ns)
 

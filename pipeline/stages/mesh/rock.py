@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import trimesh
 import xarray as xr
 
-from pipeline.config.layers import shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.mesh import sources
 from pipeline.stages.mesh.products import BARRIER_SCALARS, ROCK, SCAN, SCAN_PAGE
@@ -19,7 +17,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import base_polygon, tipping
-from vsr_core.rock.solid import Solid, standing
+from vsr_core.rock.solid import Solid
 from vsr_core.run.bounds import barrier
 
 BASE_TOLERANCE = 0.003
@@ -27,9 +25,18 @@ BASE_TOLERANCE = 0.003
 
 
 def make(job: Job) -> Product:
-    """Read, check, weigh and set down the rock."""
-    solid, source, repaired = _solid(job)
-    rolling, radius = job.config.contact.rolling_friction, solid.rock.radius
+    """Read, check, weigh and set down the rock.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+    """
+    made, level, source, repaired = _solid(job)
+    rolling, radius = job.config.contact.rolling_friction, made.rock.radius
     if rolling > 0.05 * radius:
         raise InputError(
             Problem(
@@ -40,38 +47,44 @@ def make(job: Job) -> Product:
                 "give metres; 0 if you have a coefficient in mind",
             )
         )
-    dataset = _dataset(solid, standing(solid.rock) if job.config.on_terrain else solid.rock)
+    dataset, turned = _dataset(made, level), math.degrees(made.turned)
     dataset.attrs |= {
         "shape_source": source,
         "repaired": "; ".join(repaired),
-        "mass_kg": solid.rock.mass,
-        "volume_m3": solid.volume,
-        "turned_to_rest_deg": _degrees(solid.turned),
+        "mass_kg": made.rock.mass,
+        "volume_m3": made.volume,
+        "turned_to_rest_deg": turned,
     }
-    note = f"{source}; {solid.rock.mass:.4g} kg, turned {_degrees(solid.turned):.2f} deg to rest"
+    note = f"{source}; {made.rock.mass:.4g} kg, turned {turned:.2f} deg to rest"
     return Product({ROCK: netcdf(described(dataset, job, "Rock"))}, note)
 
 
-def _solid(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
-    rock = job.config.rock
+def _solid(job: Job) -> tuple[Solid, Rock, str, tuple[str, ...]]:
+    """The rock as it stands, the same on level ground, where it is from, what was repaired."""
+    rock, terrain = job.config.rock, job.config.on_terrain
     if rock.shape == "box":
         assert rock.size is not None
-        return solid.box(rock.size, rock.density), "box", ()
-    if job.config.on_terrain:
-        return _from_scan(job)
-    source = sources.find(job.site)
-    mesh = sources.load(source, job.site)
+        made = solid.box(rock.size, rock.density)
+        return made, made.rock, "box", ()
+    mesh, label, where, file = _from_scan(job) if terrain else _from_file(job)
     try:
         mesh, repaired = solid.checked(mesh)
-        return solid.from_mesh(mesh, rock.density), source.label, repaired
+        made = solid.from_mesh(mesh, rock.density, as_scanned=terrain)
+        level = solid.standing(made.rock) if terrain else made.rock
     except InvalidInput as error:
-        where = f"{job.site.file}: rock.mesh" if source.path else job.site.file
-        file = shown(source.path) if source.path else "surrogate"
         raise InputError.from_invalid(where, file, error) from None
+    return made, level, label, repaired
 
 
-def _from_scan(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
-    """The rock in the pose in which it stands on its terrain."""
+def _from_file(job: Job) -> tuple[trimesh.Trimesh, str, str, str]:
+    """The mesh of the rock alone, where it is from, and what to name if it is refused."""
+    source = sources.find(job.site)
+    where = f"{job.site.file}: rock.mesh" if source.path else job.site.file
+    return sources.load(source, job.site), source.label, where, source.name
+
+
+def _from_scan(job: Job) -> tuple[trimesh.Trimesh, str, str, str]:
+    """The same of the rock in the pose in which it stands on its terrain."""
     scan = read(job.path(SCAN))
     if not scan.attrs["accepted"]:
         raise InputError(
@@ -86,27 +99,20 @@ def _from_scan(job: Job) -> tuple[Solid, str, tuple[str, ...]]:
         )
     faces = scan["rock_face"].values.astype(np.int64)
     mesh = trimesh.Trimesh(scan["rock_vertex"].values, faces, process=False)
-    try:
-        mesh, repaired = solid.checked(mesh)
-        made = solid.from_mesh(mesh, job.config.rock.density, as_scanned=True)
-        solid.standing(made.rock)
-    except InvalidInput as error:
-        raise InputError.from_invalid(
-            f"{job.site.file}: rock.mesh", scan.attrs["shape_source"], error
-        ) from None
-    return made, scan.attrs["shape_source"], repaired
+    source = scan.attrs["shape_source"]
+    return mesh, source, f"{job.site.file}: rock.mesh", source
 
 
-def _dataset(solid: Solid, level: Rock) -> Any:
-    rock = solid.rock
+def _dataset(made: Solid, level: Rock) -> xr.Dataset:
+    rock = made.rock
     tips = tipping(level.hull, np.radians(np.arange(360.0)))
     limits = barrier(level)
     attributes = {f"barrier_{name}": getattr(limits, name) for name in BARRIER_SCALARS}
     return xr.Dataset(
         {
             "vertex": (("corner", "xyz"), rock.vertices),
-            "surface_vertex": (("surface_corner", "xyz"), solid.vertices.astype(np.float32)),
-            "surface_face": (("face", "three"), solid.faces.astype(np.int32)),
+            "surface_vertex": (("surface_corner", "xyz"), made.vertices.astype(np.float32)),
+            "surface_face": (("face", "three"), made.faces.astype(np.int32)),
             "principal_moment": ("axis", rock.inertia),
             "principal_axis": (("xyz", "axis"), rock.axes),
             "base_polygon": (
@@ -121,7 +127,3 @@ def _dataset(solid: Solid, level: Rock) -> Any:
         {"direction": np.arange(360.0), "barrier_tilt": limits.tilt},
         {"rock_shape": rock.shape, **attributes},
     )
-
-
-def _degrees(angle: float) -> float:
-    return math.degrees(angle)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import xarray as xr
 
-from pipeline.config.layers import shown
 from pipeline.config.problems import InputError
 from pipeline.config.schema import Config
 from pipeline.stages.mesh import scan_page, sources
@@ -21,7 +18,16 @@ from vsr_core.scan.preparation import Miscut, Prepared, prepare_scan
 
 
 def make(job: Job) -> Product:
-    """Separate, close and weigh; a proposed cut is shown, and used once it is accepted."""
+    """Separate, close and weigh; a proposed cut is shown, and used once it is accepted.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+    """
     source = sources.find(job.site)
     prepared = _prepared(job, source)
     accepted = job.config.pedestal.cut is not None
@@ -43,18 +49,18 @@ def _summary(prepared: Prepared, job: Job) -> str:
     )
 
 
-def cut_of(config: Config) -> Any:
+def _cut_of(config: Config) -> cuts.Cut | None:
     """The user's cut in the terms of the physics; None where one is to be proposed."""
     cut = config.pedestal.cut
     if cut is None or cut == "proposal":
         return None
-    given = cut.model_dump(exclude={"kind"})
-    return {
+    kinds = {
         "plane": cuts.Plane,
         "box": cuts.Box,
         "polygon": cuts.Polygon,
         "colour": cuts.Colour,
-    }[cut.kind](**given)
+    }
+    return kinds[cut.kind](**cut.model_dump(exclude={"kind"}))
 
 
 def _prepared(job: Job, source: sources.Source) -> Prepared:
@@ -63,7 +69,7 @@ def _prepared(job: Job, source: sources.Source) -> Prepared:
     try:
         return prepare_scan(
             mesh,
-            cut_of(config),
+            _cut_of(config),
             near=config.pedestal.near,
             closing=config.rock.closing,
             density=config.rock.density,
@@ -72,8 +78,8 @@ def _prepared(job: Job, source: sources.Source) -> Prepared:
     except Miscut as error:
         raise InputError.from_invalid(job.site.file, "pedestal.cut", error) from None
     except InvalidInput as error:
-        file = shown(source.path) if source.path else "surrogate"
-        raise InputError.from_invalid(f"{job.site.file}: rock.mesh", file, error) from None
+        where = f"{job.site.file}: rock.mesh"
+        raise InputError.from_invalid(where, source.name, error) from None
 
 
 def _dataset(prepared: Prepared) -> xr.Dataset:

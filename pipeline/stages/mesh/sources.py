@@ -12,6 +12,7 @@ import trimesh
 from pipeline.config.layers import Site, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.keys import digest_file
+from vsr_core.errors import reason
 from vsr_core.surrogates import GENERATORS, SITES
 from vsr_core.surrogates.raw_scan import scan
 
@@ -36,9 +37,22 @@ class Source:
     fallback: str
     label: str
 
+    @property
+    def name(self) -> str:
+        """What to call it in a message."""
+        return shown(self.path) if self.path else "surrogate"
+
 
 def find(site: Site) -> Source:
     """The shape of a mesh site: a scan, else the surrogate that its configuration names.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    Source
 
     Raises
     ------
@@ -68,7 +82,16 @@ def find(site: Site) -> Source:
 
 
 def digests(site: Site) -> dict[str, str]:
-    """Digest of the scan, by its name, for the key of the rock stage."""
+    """Digest of the scan, by its name, for the key of the rock stage.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    dict from str to str
+    """
     if site.config.rock.shape == "box":
         return {}
     source = find(site)
@@ -79,6 +102,15 @@ def digests(site: Site) -> dict[str, str]:
 
 def load(source: Source, site: Site) -> trimesh.Trimesh:
     """The mesh, scaled to metres.
+
+    Parameters
+    ----------
+    source : Source
+    site : Site
+
+    Returns
+    -------
+    trimesh.Trimesh [m], in the coordinates of the file
 
     Raises
     ------
@@ -93,10 +125,9 @@ def load(source: Source, site: Site) -> trimesh.Trimesh:
     try:
         mesh = trimesh.load(source.path, force="mesh", process=False)
     except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise _problem(
             site,
-            f"{shown(source.path)}, which cannot be read ({reason})",
+            f"{source.name}, which cannot be read ({reason(error)})",
             "it is a mesh",
             "export it again",
         ) from None

@@ -15,6 +15,7 @@ from pipeline.stages.mesh.products import SCAN, TERRAIN, load_rock
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
 from vsr_core.run.displacement import settled
@@ -36,7 +37,16 @@ THICKNESS_SHARE = 0.05
 
 
 def make(job: Job) -> Product:
-    """Make the ground light enough to run on, and set the rock down."""
+    """Make the ground light enough to run on, and set the rock down.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+    """
     scan = read(job.path(SCAN))
     whole = Terrain(scan["terrain_vertex"].values, scan["terrain_face"].values.astype(np.int64))
     try:
@@ -55,12 +65,12 @@ def make(job: Job) -> Product:
 def _light(whole: Terrain, job: Job) -> Terrain:
     radius = load_rock(job.store)[0].radius
 
-    def tolerance(points: np.ndarray) -> np.ndarray:
+    def tolerance(points: Array) -> Array:
         near = np.hypot(points[:, 0], points[:, 1]) < NEAR_RADII * radius
         return np.where(near, SEAT_SHARE, SLOPE_SHARE) * radius
 
     light = coarser(whole, tolerance)
-    made = convex_parts(light.terrain, tolerance, THICKNESS_SHARE * radius)
+    made = convex_parts(light, tolerance, THICKNESS_SHARE * radius)
     return replace(whole, parts=made)
 
 

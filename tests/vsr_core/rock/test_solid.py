@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vsr_core.errors import InvalidInput
-from vsr_core.rock.solid import box, checked, from_mesh, self_intersections
+from vsr_core.rock.solid import box, checked, from_mesh
+from vsr_core.rock.triangles import self_intersections
 from vsr_core.surrogates.double_rock import double_rock
 
 Array = NDArray[np.float64]

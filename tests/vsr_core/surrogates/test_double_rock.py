@@ -144,21 +144,7 @@ def test_rests_on_the_base_polygon_alone(rock: trimesh.Trimesh) -> None:
     assert lean > 1.2 * max(TIPPING)
 
 
-@pytest.mark.parametrize("subdivisions", [36, 53, 96])
-def test_other_subdivisions(subdivisions: int) -> None:
-    vertices, faces = double_rock(subdivisions)
-    rock = trimesh.Trimesh(vertices, faces, process=False)
-    assert rock.is_volume
-    assert rock.volume == pytest.approx(VOLUME, rel=0.02)
-    assert tipping_angle(rock, 0.0) == pytest.approx(TIPPING[0], abs=1.0)
-
-
 def test_repeatable_and_rounded() -> None:
     first, second = double_rock(), double_rock()
     assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
     np.testing.assert_array_equal(first[0], np.round(first[0], 6))
-
-
-def test_too_coarse_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least 36"):
-        double_rock(35)

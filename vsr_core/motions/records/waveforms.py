@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vsr_core.errors import InvalidInput
+from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.records.record import Record, factor, side_by_side, stated
 
 Corners = tuple[float, float, float, float]
@@ -140,10 +140,9 @@ def _warnings(caught: list[warnings.WarningMessage]) -> list[str]:
 
 
 def _unreadable(error: Exception) -> InvalidInput:
-    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-    reason = reason.partition(" for file ")[0]  # a temporary one of ObsPy's
+    said = reason(error).partition(" for file ")[0]  # a temporary one of ObsPy's
     return InvalidInput(
-        f"a record that ObsPy cannot read ({reason[:120]})",
+        f"a record that ObsPy cannot read ({said[:120]})",
         "it is miniSEED, SAC, K-NET or KiK-net, and a response is StationXML of its channels",
         "download it again, or convert it",
     )

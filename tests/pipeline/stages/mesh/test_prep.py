@@ -34,7 +34,7 @@ from vsr_core.rock.reduction import FLIGHT_SHARE, SEAT_SHARE
 from vsr_core.scan import cleaning, distance, preparation
 from vsr_core.scan.alternatives import Alternative, alternatives
 from vsr_core.scan.cuts import Colour, Plane
-from vsr_core.scan.ground_beneath import inside, mated
+from vsr_core.scan.ground_beneath import depth_in, ground_beneath
 from vsr_core.scan.preparation import Prepared, prepare_scan
 from vsr_core.scan.rim import settled
 from vsr_core.scan.separation import Separation, by_cut
@@ -496,12 +496,11 @@ def test_rock_that_starts_in_the_ground(
     """No scan does that, since the ground gives way; so here it is put back."""
 
     def raised(*given: object) -> object:
-        found = mated(*given)  # type: ignore[arg-type]
+        terrain, *others = ground_beneath(*given)  # type: ignore[arg-type]
         lift = np.array([0.0, 0.0, 0.05])
-        terrain = Terrain(found.terrain.vertices + lift, found.terrain.faces)
-        return replace(found, terrain=terrain)
+        return Terrain(terrain.vertices + lift, terrain.faces), *others
 
-    monkeypatch.setattr(preparation, "mated", raised)
+    monkeypatch.setattr(preparation, "ground_beneath", raised)
     refuse(refused, tmp_path, survey(), ("rock.mesh", "mm inside the ground", "clearance"))
 
 
@@ -588,7 +587,7 @@ def test_ground_follows_the_rock_at_the_clearance() -> None:
         away = trimesh.proximity.closest_point(rock, under)[1]
         assert away.min() > 0.99 * clearance
         assert np.median(away) < 1.5 * clearance
-        assert inside(terrain, rock) == 0.0
+        assert depth_in(terrain, rock) == 0.0
         edges = np.sort(terrain.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         count = np.unique(edges, axis=0, return_counts=True)[1]
         assert count.max() == 2
