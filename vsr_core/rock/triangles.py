@@ -55,7 +55,12 @@ def areas(vertices: Array, faces: Indices) -> Array:
 
 
 def chunks(count: int, size: int = _CHUNK) -> list[slice]:
-    """Slices of at most ``size`` that cover ``count`` elements, to save memory.
+    """Slices of many elements, to be handled one after the other where that saves memory.
+
+    Parameters
+    ----------
+    count : int, of elements
+    size : int, of a slice
 
     Returns
     -------

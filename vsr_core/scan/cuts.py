@@ -31,7 +31,16 @@ class Plane:
     normal: Point
 
     def inside(self, mesh: trimesh.Trimesh) -> Array:
-        """Height of each vertex over the plane [m], shape (n,)."""
+        """Height of each vertex over the plane.
+
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh [m]
+
+        Returns
+        -------
+        ndarray, shape (n,) [m]
+        """
         normal = np.array(self.normal, dtype=np.float64)
         if not np.linalg.norm(normal) > 0.0:
             raise InvalidInput(
@@ -40,7 +49,16 @@ class Plane:
         return (mesh.vertices - np.array(self.point)) @ (normal / np.linalg.norm(normal))
 
     def moved(self, by: Array) -> Plane:
-        """The same plane ``by``, shape (3,) [m], from here."""
+        """The same plane elsewhere.
+
+        Parameters
+        ----------
+        by : ndarray, shape (3,) [m]
+
+        Returns
+        -------
+        Plane
+        """
         return replace(self, point=tuple(np.array(self.point) + by))
 
 
@@ -52,7 +70,16 @@ class Box:
     high: Point
 
     def inside(self, mesh: trimesh.Trimesh) -> Array:
-        """Distance of each vertex to the box, positive inside [m], shape (n,)."""
+        """Distance of each vertex to the box, positive inside.
+
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh [m]
+
+        Returns
+        -------
+        ndarray, shape (n,) [m]
+        """
         if not (np.array(self.low) < np.array(self.high)).all():
             raise InvalidInput(
                 f"a box from {self.low} to {self.high}", "low is below high", "swap them"
@@ -61,7 +88,16 @@ class Box:
         return np.minimum(below, above).min(axis=1)
 
     def moved(self, by: Array) -> Box:
-        """The same box ``by``, shape (3,) [m], from here."""
+        """The same box elsewhere.
+
+        Parameters
+        ----------
+        by : ndarray, shape (3,) [m]
+
+        Returns
+        -------
+        Box
+        """
         low, high = tuple(np.array(self.low) + by), tuple(np.array(self.high) + by)
         return replace(self, low=low, high=high)
 
@@ -73,7 +109,16 @@ class Polygon:
     corners: tuple[tuple[float, float], ...]
 
     def inside(self, mesh: trimesh.Trimesh) -> Array:
-        """Distance of each vertex to the prism's walls, positive inside [m], shape (n,)."""
+        """Distance of each vertex to the prism's walls, positive inside.
+
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh [m]
+
+        Returns
+        -------
+        ndarray, shape (n,) [m]
+        """
         polygon = shapely.Polygon(self.corners) if len(self.corners) > 2 else shapely.Polygon()
         if polygon.is_empty or not polygon.is_valid:
             raise InvalidInput(
@@ -86,7 +131,16 @@ class Polygon:
         return np.where(shapely.contains(polygon, points), away, -away)
 
     def moved(self, by: Array) -> Polygon:
-        """The same polygon ``by``, shape (3,) [m], from here."""
+        """The same polygon elsewhere.
+
+        Parameters
+        ----------
+        by : ndarray, shape (3,) [m]
+
+        Returns
+        -------
+        Polygon
+        """
         return Polygon(tuple((x + by[0], y + by[1]) for x, y in self.corners))
 
 
@@ -98,7 +152,16 @@ class Colour:
     tolerance: float
 
     def inside(self, mesh: trimesh.Trimesh) -> Array:
-        """Tolerance less each vertex's distance from the colour, shape (n,)."""
+        """Tolerance less each vertex's distance from the colour.
+
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh [m]
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
         colours = colours_of(mesh)
         if colours is None:
             raise InvalidInput(
@@ -110,7 +173,16 @@ class Colour:
         return self.tolerance - np.linalg.norm(given - np.array(self.rgb), axis=1)
 
     def moved(self, by: Array) -> Colour:
-        """The same: a colour is nowhere."""
+        """The same: a colour has no place.
+
+        Parameters
+        ----------
+        by : ndarray, shape (3,) [m]
+
+        Returns
+        -------
+        Colour
+        """
         return self
 
 

@@ -1,4 +1,4 @@
-"""Rock and ground of one scan, separated by a user's cut along a seam."""
+"""Rock and ground of one scan, separated along a seam by a user's cut."""
 
 from __future__ import annotations
 

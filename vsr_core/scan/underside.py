@@ -1,4 +1,4 @@
-"""What a rock's unseen underside may be: heights over the plane of its rim, in three ways."""
+"""What a rock's unseen underside may be: planes, a convex hull or Poisson's surface."""
 
 from __future__ import annotations
 
@@ -15,15 +15,12 @@ from vsr_core.errors import InvalidInput
 Height: TypeAlias = Callable[[Array], Array]
 """Height [m], shape (n,), at points u, v, shape (n, 2) [m]."""
 
-MOST_PLANES = 3
-"""An underside is of at most this many planes."""
-
-FLAT = 0.02
-"""A rim is flat if it scatters about its plane by less than this share of its width."""
-
+_MOST_PLANES = 3  # of an underside
+_FLAT = 0.02  # of its width: a rim that scatters about its plane by less is flat
 _BETTER = 0.6  # another plane is worth it if the scatter falls below this share
 _SLOPE_SCATTER = 0.2  # tangent of the angle by which a joint's slope differs from its neighbours'
 _LEAST_SCATTER = 1e-3  # m, below which points are not trusted against each other
+_DEPTH = 9  # of the octree of Poisson's surface
 
 
 @dataclass(frozen=True)
@@ -42,11 +39,29 @@ class Planes:
     scatter: float
 
     def __call__(self, points: Array) -> Array:
-        """Height at points u, v, shape (n, 2) [m]."""
+        """Height of the envelope at points.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 2) [m], u and v
+
+        Returns
+        -------
+        ndarray, shape (n,) [m]
+        """
         return self.sign * (self.sign * self.each(points)).max(axis=1)
 
     def each(self, points: Array) -> Array:
-        """Height of each plane at points u, v, shape (n, k) [m]."""
+        """Height of each plane at points.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 2) [m], u and v
+
+        Returns
+        -------
+        ndarray, shape (n, k) [m]
+        """
         return points @ self.rows[:, :2].T + self.rows[:, 2]
 
 
@@ -62,10 +77,20 @@ def planes(rim: Array, slope: Array) -> Planes:
     ----------
     rim : ndarray, shape (n, 3) [m], u, v and h of its points
     slope : ndarray, shape (n, 2), slope along u and v of the ground beside each point
+
+    Returns
+    -------
+    Planes
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
+    >>> planes(square, np.zeros((4, 2))).rows.round(6).tolist()
+    [[0.0, 0.0, 1.0]]
     """
     best = _envelope(rim, slope, np.zeros(len(rim), dtype=np.int64), 1, 1)
     width = float(np.ptp(rim[:, :2], axis=0).max())
-    while best.scatter > FLAT * width and len(best.rows) < MOST_PLANES:
+    while best.scatter > _FLAT * width and len(best.rows) < _MOST_PLANES:
         more = min(
             (
                 _envelope(rim, slope, part, len(best.rows) + 1, sign)
@@ -81,7 +106,7 @@ def planes(rim: Array, slope: Array) -> Planes:
 
 
 def _parts(rim: Array, count: int) -> list[Indices]:
-    """Several ways to part a rim into sectors about its middle."""
+    """Several divisions of a rim into sectors about its middle."""
     u, v = (rim[:, :2] - rim[:, :2].mean(axis=0)).T
     turn = np.arctan2(v, u) / (2.0 * np.pi)
     return [
@@ -103,8 +128,8 @@ def _envelope(rim: Array, slope: Array, part: Indices, count: int, sign: int) ->
         if (again == part).all():
             break
         part = again
-    left = rim[:, 2] - found(rim[:, :2])
-    return Planes(found.rows, sign, 1.48 * float(np.median(np.abs(left))))
+    residual = np.abs(rim[:, 2] - found(rim[:, :2]))
+    return Planes(found.rows, sign, 1.48 * float(np.median(residual)))
 
 
 def _plane(points: Array, slope: Array) -> Array:
@@ -120,21 +145,34 @@ def _plane(points: Array, slope: Array) -> Array:
         plane = np.linalg.lstsq(
             system, np.concatenate([points[:, 2] * by, expected, [0.0]]), rcond=None
         )[0]
-        left = np.abs(points[:, 2] - rows @ plane)
-        if len(left):
-            scatter = max(1.48 * float(np.median(left)), _LEAST_SCATTER)
-        weight = np.where(left < 4.0 * scatter, 1.0 - (left / (4.0 * scatter)) ** 2, 0.0)
-        weight = np.maximum(weight, 0.0)
+        residual = np.abs(points[:, 2] - rows @ plane)
+        if len(residual):
+            scatter = max(1.48 * float(np.median(residual)), _LEAST_SCATTER)
+        weight = np.maximum(1.0 - (residual / (4.0 * scatter)) ** 2, 0.0)
     return plane
 
 
 def lower_hull(points: Array) -> Height:
-    """Lower side of the convex hull of points u, v, h, shape (n, 3) [m].
+    """Lower side of a convex hull.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3) [m], u, v and h
+
+    Returns
+    -------
+    Height
 
     Raises
     ------
     InvalidInput
         If the points lie in a plane.
+
+    Examples
+    --------
+    >>> tent = np.array([[0.0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 1]])
+    >>> lower_hull(tent)(np.array([[1.0, 1.0]])).tolist()
+    [0.0]
     """
     try:
         sides = ConvexHull(points).equations
@@ -153,18 +191,18 @@ def lower_hull(points: Array) -> Height:
     return height
 
 
-def poisson(vertices: Array, normals: Array, depth: int = 9) -> tuple[Array, Indices]:
+def poisson(vertices: Array, normals: Array) -> tuple[Array, Indices]:
     """Closed surface through points with normals (Kazhdan & Hoppe 2013, by Open3D).
 
     Parameters
     ----------
     vertices : ndarray, shape (n, 3) [m]
     normals : ndarray, shape (n, 3), outward
-    depth : int, of the octree
 
     Returns
     -------
-    vertices, faces
+    vertices : ndarray, shape (k, 3) [m]
+    faces : ndarray of int, shape (l, 3)
 
     Raises
     ------
@@ -181,5 +219,5 @@ def poisson(vertices: Array, normals: Array, depth: int = 9) -> tuple[Array, Ind
         ) from error
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(vertices))
     cloud.normals = open3d.utility.Vector3dVector(normals)
-    mesh = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth)[0]
+    mesh = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=_DEPTH)[0]
     return np.asarray(mesh.vertices), np.asarray(mesh.triangles, dtype=np.int64)

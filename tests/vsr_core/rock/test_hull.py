@@ -44,9 +44,9 @@ def random_rock(seed: int, count: int = 30) -> Hull:
 def to_the_edge(outline: Array, direction: Array) -> Array:
     """Distance from the origin to a convex outline in each direction, by its half-planes."""
     planes = ConvexHull(outline).equations  # n x + offset <= 0 inside
-    ways = np.column_stack([np.cos(direction), np.sin(direction)])
+    directions = np.column_stack([np.cos(direction), np.sin(direction)])
     with np.errstate(divide="ignore"):
-        reach = -planes[:, 2] / (ways @ planes[:, :2].T)
+        reach = -planes[:, 2] / (directions @ planes[:, :2].T)
     return np.where(reach > 0.0, reach, np.inf).min(axis=1)
 
 
@@ -92,8 +92,8 @@ def test_tipping_turns_with_the_rock(seed: int, yaw: float) -> None:
     hull = random_rock(seed)
     turned = hull.turned(Rotation.from_euler("z", yaw).as_matrix())
     # Not multiples of a degree: those hit no symmetry of a random rock.
-    ways = ALL_ROUND[::7] + 0.0123
-    here, there = tipping(hull, ways), tipping(turned, ways + yaw)
+    directions = ALL_ROUND[::7] + 0.0123
+    here, there = tipping(hull, directions), tipping(turned, directions + yaw)
     np.testing.assert_allclose(there.uplift, here.uplift, rtol=1e-6)
     np.testing.assert_allclose(there.overturning, here.overturning, rtol=1e-6)
 
@@ -183,11 +183,11 @@ def test_rock_on_three_points_with_others_just_above(d: float) -> None:
 @given(HALF, HALF, HALF, st.floats(0.1, 14.9), st.floats(0.0, 360.0))
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_slightly_tilted_box_settles_on_its_base(
-    bx: float, by: float, h: float, tilt: float, way: float
+    bx: float, by: float, h: float, tilt: float, direction: float
 ) -> None:
     """By the angle it was tilted, if its centre stood over the base."""
     h = min(h, 3.0 * min(bx, by))  # alpha > 18 deg
-    axis = np.array([math.cos(math.radians(way)), math.sin(math.radians(way)), 0.0])
+    axis = np.array([math.cos(math.radians(direction)), math.sin(math.radians(direction)), 0.0])
     given_pose = Rotation.from_rotvec(math.radians(tilt) * axis).as_matrix()
     hull = convex_hull(SIGNS * (bx, by, h)).turned(given_pose)
     rotation, turned = settle(hull)

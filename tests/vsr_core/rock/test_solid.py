@@ -78,11 +78,11 @@ def test_box_and_its_mesh_have_the_closed_form(
 
 @given(st.floats(0.0, 360.0), st.floats(0.0, 4.5), st.floats(0.0, 360.0))
 @settings(max_examples=8, deadline=None, derandomize=True)
-def test_mass_properties_turn_with_the_rock(yaw: float, tilt: float, way: float) -> None:
+def test_mass_properties_turn_with_the_rock(yaw: float, tilt: float, direction: float) -> None:
     """Turned by any yaw; and a scan tilted by less than the 5 deg that topple it comes back."""
     given_mesh = surrogate()
     level = from_mesh(given_mesh, 2110.0)
-    axis = np.array([math.cos(math.radians(way)), math.sin(math.radians(way)), 0.0])
+    axis = np.array([math.cos(math.radians(direction)), math.sin(math.radians(direction)), 0.0])
     turn = Rotation.from_rotvec(math.radians(tilt) * axis) * Rotation.from_euler(
         "z", yaw, degrees=True
     )

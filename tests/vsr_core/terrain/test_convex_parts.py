@@ -39,14 +39,14 @@ def boulder(seed: int, corners: int = 150) -> Rock:
     return from_mesh(mesh, 2000.0, as_scanned=True).rock
 
 
-def ways(number: int, seed: int) -> Array:
+def directions(number: int, seed: int) -> Array:
     given_ways = np.random.default_rng(seed).standard_normal((number, 3))
     return np.asarray(given_ways / np.linalg.norm(given_ways, axis=1)[:, None])
 
 
 def shortfall(whole: Array, part: Array) -> float:
     """Largest difference of support functions: no more than the Hausdorff distance of the hulls."""
-    around = ways(40_000, 1)
+    around = directions(40_000, 1)
     return float(((whole @ around.T).max(axis=0) - (part @ around.T).max(axis=0)).max())
 
 
@@ -196,7 +196,7 @@ def standing_out(terrain: Terrain, made: tuple[Array, ...], number: int) -> Arra
 
 @given(st.integers(0, 10**6), st.sampled_from([0.005, 0.02, 0.06]))
 @settings(max_examples=8, deadline=None, derandomize=True)
-def test_pieces_cover_the_ground_and_hardly_stand_out(seed: int, tolerance: float) -> None:
+def test_parts_cover_the_ground_and_hardly_stand_out(seed: int, tolerance: float) -> None:
     terrain = grounds.bumpy(seed, 0.3, 1.0, half=2.0, cells=10)
     made = convex_parts(terrain, same_everywhere(tolerance), 0.05)
     assert uncovered(terrain, made).max() <= CORNER_SHARE * tolerance + 1e-9
@@ -271,7 +271,7 @@ def test_a_level_piece_is_a_slab_of_its_thickness() -> None:
     assert len(part) == 8
 
 
-def test_pieces_end_where_they_have_too_many_points() -> None:
+def test_parts_end_where_they_have_too_many_points() -> None:
     cells = math.isqrt(2 * MOST_POINTS)
     made = convex_parts(grounds.level(2.0, cells), same_everywhere(0.01), 0.05)
     assert 2 <= len(made) <= 6
