@@ -6,12 +6,14 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.speed import WORKERS, Row
+from benchmarks.speed import WORKERS
+from benchmarks.table import Row, say
 from pipeline.config.layers import load_site
 from pipeline.stages.runs.scenes import on_terrain
 from pipeline.workflow.store import Store
@@ -28,27 +30,28 @@ CELLS = [(0.5, 0.3), (0.7, 0.5), (0.8, 0.7), (0.9, 0.4), (1.0, 0.6), (1.0, 0.9)]
 """PGA [g] and PGV/PGA [s] of the runs compared."""
 
 
-def grid(folder: Path) -> list[Row]:
+def grid(folder: Path) -> Iterator[Row]:
     """The site from its raw scan to the report, 2,500 runs with trajectories."""
+    say("a raw scan to rock and terrain")
     prepared = _command(folder, "prep")
+    yield "raw scan to rock and terrain [s]", f"{prepared:.0f}", ""
+    say("2,500 displacement runs with trajectories, statistics and pages")
     whole = _command(folder, "run", "displacement", "--workers", str(WORKERS))
     log = (folder / SITE / "log.jsonl").read_text(encoding="utf-8").splitlines()
     note = next(
         fact for fact in map(json.loads, reversed(log)) if fact["stage"] == "displacement_runs"
     )
-    again = _command(folder, "run", "displacement", "--workers", str(WORKERS))
     wall, cpu = note["seconds"], note["cpu_seconds"]
-    return [
-        ("raw scan to rock and terrain [s]", f"{prepared:.0f}", ""),
-        ("2,500 runs with trajectories on the terrain [s]", f"{wall:.0f}", "at most 240"),
-        ("  CPU of a run [ms]", f"{1e3 * cpu / note['runs']:.0f}", ""),
-        ("  workers and store beyond that [%]", f"{100 * (wall * WORKERS / cpu - 1):.0f}", ""),
-        ("  time step, statistics, figures and pages [s]", f"{whole - wall:.0f}", ""),
-        ("  the second call [s]", f"{again:.1f}", "at most 3"),
-    ]
+    yield "2,500 runs with trajectories on the terrain [s]", f"{wall:.0f}", "at most 240"
+    yield "  CPU of a run [ms]", f"{1e3 * cpu / note['runs']:.0f}", ""
+    yield "  workers and store beyond that [%]", f"{100 * (wall * WORKERS / cpu - 1):.0f}", ""
+    yield "  time step, statistics, figures and pages [s]", f"{whole - wall:.0f}", ""
+    say("the same command again")
+    again = _command(folder, "run", "displacement", "--workers", str(WORKERS))
+    yield "  the second call [s]", f"{again:.1f}", "at most 3"
 
 
-def reductions(folder: Path) -> list[Row]:
+def reductions(folder: Path) -> Iterator[Row]:
     """CPU on a terrain four times as large, and without one reduction each; ``grid`` goes first."""
     config = load_site(SITE).config
     store = Store(folder / SITE)
@@ -61,16 +64,16 @@ def reductions(folder: Path) -> list[Row]:
         0.0,
         config.contact.friction[0],
     ).seat.rock
+    say("a step on the terrain as it is")
     usual = _cost(site)
     others = (
         ("CPU of a step on a terrain four times as large", _larger(site), "about 1"),
         ("CPU of a step with the seat's hull to the end", replace(site, flight=site.seat), ""),
         ("CPU of a step with all corners of the hull", _with(site, rock=rock), ""),
     )
-    return [
-        (f"{what} / as it is", f"{_cost(other) / usual:.2f}", target)
-        for what, other, target in others
-    ]
+    for what, other, target in others:
+        say(what)
+        yield f"{what} / as it is", f"{_cost(other) / usual:.2f}", target
 
 
 def _larger(site: TerrainCase) -> TerrainCase:

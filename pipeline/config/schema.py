@@ -39,8 +39,7 @@ class RockConfig(Section):
     )
     fallback: str | None = Field(
         None,
-        description="surrogate, a module of vsr_core.surrogates, that is used where there is no "
-        "scan",
+        description="surrogate, listed in vsr_core.surrogates, that is used where there is no scan",
     )
     scale: float = Field(1.0, gt=0, description="length of the mesh file's unit [m]")
     closing: Literal["caps", "hull", "poisson"] = Field(
