@@ -21,6 +21,14 @@ def main(arguments: list[str] | None = None) -> int:
 
     0 done; 1 finished, but some runs are without a verdict; 2 usage or input; 3 a fault of the
     program; 130 stopped by Ctrl-C.
+
+    Parameters
+    ----------
+    arguments : list of str, in place of those of the process
+
+    Returns
+    -------
+    int
     """
     try:
         options = _parser().parse_args(arguments)

@@ -22,7 +22,16 @@ from pipeline.workflow.store import Store
 
 
 def run(options: argparse.Namespace) -> int:
-    """Make a product and all that it needs."""
+    """Make a product and all that it needs.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, runs without a verdict
+    """
     job, wanted = _job(options), DELIVERABLES[options.product]
     job.store.open()
     with job.cluster:
@@ -35,7 +44,16 @@ def run(options: argparse.Namespace) -> int:
 
 
 def prep(options: argparse.Namespace) -> int:
-    """Make rock and terrain of a scan, and the page of every step."""
+    """Make rock and terrain of a scan, and the page of every step.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, always 0
+    """
     job = _job(options)
     if not job.config.on_terrain:
         shape = f"a {job.config.pedestal.shape} pedestal"
@@ -54,17 +72,44 @@ def prep(options: argparse.Namespace) -> int:
 
 
 def plan(options: argparse.Namespace) -> int:
-    """Print what would run and what it costs."""
+    """Print what would run and what it costs.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, always 0
+    """
     return _inspected("plan", options)
 
 
 def status(options: argparse.Namespace) -> int:
-    """Print what is done."""
+    """Print what is done.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, always 0
+    """
     return _inspected("status", options)
 
 
 def why(options: argparse.Namespace) -> int:
-    """Print why something would run again."""
+    """Print why something would run again.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, always 0
+    """
     return _inspected("why", options)
 
 
@@ -74,7 +119,16 @@ def _inspected(question: str, options: argparse.Namespace) -> int:
 
 
 def feasible(options: argparse.Namespace) -> int:
-    """Print and write what a table of hardware can do of a site's motions."""
+    """Print and write what a table of hardware can do of a site's motions.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, always 0
+    """
     make = named("pipeline.stages.studies.capacity.feasible:make")
     job = _job(options)
     job.store.open()
@@ -86,7 +140,16 @@ def feasible(options: argparse.Namespace) -> int:
 
 
 def list_all(options: argparse.Namespace) -> int:
-    """Print sites, studies, tables and products."""
+    """Print sites, studies, tables and products.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, always 0
+    """
     print("sites:   ", *known())
     print("studies: ", *(known(STUDIES) or ["none"]))
     print("tables:  ", *known(TABLES))
@@ -95,7 +158,16 @@ def list_all(options: argparse.Namespace) -> int:
 
 
 def clean(options: argparse.Namespace) -> int:
-    """Remove derived data; never data/raw."""
+    """Remove derived data; never data/raw.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, always 0
+    """
     derived = Path(options.derived)
     targets = [derived / options.site] if options.site else sorted(derived.glob("*/"))
     targets = [target for target in targets if (target / ".stages").is_dir()]
@@ -119,7 +191,16 @@ def _agreed(question: str) -> bool:
 
 
 def fetch(options: argparse.Namespace) -> int:
-    """Download a public original."""
+    """Download a public original.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, always 0
+    """
     path = named("pipeline.stages.mesh.fetch:fetch")(options.name, options.url)
     _log(f"-> {path}")
     return 0

@@ -89,7 +89,16 @@ class Scene:
 
 
 def resting(scene: Scene) -> State:
-    """State of the rock at rest on the pedestal, turned by the scene's yaw."""
+    """State of the rock at rest on the pedestal, turned by the scene's yaw.
+
+    Parameters
+    ----------
+    scene : Scene, on a level pedestal
+
+    Returns
+    -------
+    State
+    """
     cos, sin = np.cos(scene.yaw), np.sin(scene.yaw)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return State(np.array([0.0, 0.0, scene.rock.height]), turn, np.zeros(3), np.zeros(3))

@@ -87,12 +87,31 @@ _Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping
 
 
 def known(folder: Path = SITES) -> list[str]:
-    """Names of the YAML files in a folder of configurations."""
+    """Names of the YAML files in a folder of configurations.
+
+    Parameters
+    ----------
+    folder : Path, of YAML files
+
+    Returns
+    -------
+    list of str, sorted
+    """
     return sorted(path.stem for path in folder.glob("*.yaml"))
 
 
 def load_site(site: str, study: str | None = None, settings: tuple[str, ...] = ()) -> Site:
     """Merge base, site, study and ``key=value`` settings, later ones over earlier ones.
+
+    Parameters
+    ----------
+    site : str, its name or the path of its YAML
+    study : str, a name or path too
+    settings : tuple of str, ``key=value``
+
+    Returns
+    -------
+    Site
 
     Raises
     ------
@@ -121,7 +140,18 @@ def load_site(site: str, study: str | None = None, settings: tuple[str, ...] = (
 
 
 def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple[Checked, str]:
-    """A configuration of one file, by its name in a folder or by its path; and the file as shown.
+    """A configuration of one file, by its name in a folder or by its path.
+
+    Parameters
+    ----------
+    name : str, name or path
+    folder : Path, where names are looked up
+    what : str, what it is a file of, for messages
+    model : type of the configuration
+
+    Returns
+    -------
+    configuration, and its file as a reader would write it
 
     Raises
     ------
@@ -138,7 +168,16 @@ def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple
 
 
 def shown(path: Path) -> str:
-    """A path as a reader would write it: relative to where they stand, if it is below."""
+    """A path as a reader would write it: relative to where they stand, if it is below.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    str
+    """
     for folder in (Path.cwd(), ROOT):
         if path.resolve().is_relative_to(folder.resolve()):
             return str(path.resolve().relative_to(folder.resolve()))

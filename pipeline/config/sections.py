@@ -31,7 +31,23 @@ class Range(Section):
 
 
 def as_values(given: Any) -> Any:
-    """A number, a text or {start, stop, num} as a tuple; anything else as it is."""
+    """A number, a text or {start, stop, num} as a tuple; anything else as it is.
+
+    Parameters
+    ----------
+    given : any value of a YAML file
+
+    Returns
+    -------
+    tuple of values, or what was given
+
+    Examples
+    --------
+    A range becomes its values:
+
+    >>> as_values({"start": 0.0, "stop": 1.0, "num": 3}), as_values(0.6), as_values([1, 2])
+    ((0.0, 0.5, 1.0), (0.6,), [1, 2])
+    """
     if isinstance(given, dict):
         return Range(**given).values()
     if isinstance(given, (int, float, str)):

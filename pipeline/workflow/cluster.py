@@ -193,5 +193,10 @@ def _raise_its_own_error(future: Any, result: Any) -> None:
 
 
 def dask_setup(worker: Any) -> None:
-    """Dask calls this in each local worker: Ctrl-C is for the client, which ends its workers."""
+    """Dask calls this in each local worker: Ctrl-C is for the client, which ends its workers.
+
+    Parameters
+    ----------
+    worker : the Dask worker
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)

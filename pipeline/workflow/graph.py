@@ -26,7 +26,17 @@ class Identity:
 
 
 def identities(name: str, site: Site) -> dict[str, Identity]:
-    """Identity of each stage that a product needs and that applies, each after what it needs."""
+    """Identity of each stage that a product needs and that applies, each after what it needs.
+
+    Parameters
+    ----------
+    name : str, of the stage that ends a product
+    site : Site
+
+    Returns
+    -------
+    dict, from the names of stages to their identities
+    """
     found: dict[str, Identity] = {}
     for stage in upstream(name):
         if not stage.is_for(site.config):
@@ -44,7 +54,18 @@ def identities(name: str, site: Site) -> dict[str, Identity]:
 
 
 def why(stage: Stage, identity: Identity, store: Store) -> Iterator[str]:
-    """Reasons why a stage has to be made; none if its products are fresh."""
+    """Reasons why a stage has to be made; none if its products are fresh.
+
+    Parameters
+    ----------
+    stage : Stage
+    identity : Identity, that it should have
+    store : Store
+
+    Yields
+    ------
+    str
+    """
     manifest = store.manifest(stage.name)
     if manifest is None:
         yield "never made here"
@@ -80,7 +101,17 @@ def _differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
 
 
 def make(name: str, job: Job) -> int:
-    """Bring a product up to date; returns the number of runs without a verdict."""
+    """Bring a product up to date; returns the number of runs without a verdict.
+
+    Parameters
+    ----------
+    name : str, of the stage that ends the product
+    job : Job
+
+    Returns
+    -------
+    int
+    """
     wanted = identities(name, job.site)
     _forget_crashed(name, job.store)
     for stage, identity in wanted.items():

@@ -25,13 +25,41 @@ _SIZE = 16
 
 
 def digest(value: Any) -> str:
-    """Digest of plain data by its canonical JSON; refuses NaN and what JSON cannot hold."""
+    """Digest of plain data by its canonical JSON; refuses NaN and what JSON cannot hold.
+
+    Parameters
+    ----------
+    value : numbers, texts, and lists and dicts of them
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    The order of keys does not count:
+
+    >>> digest({"a": 1, "b": 2}) == digest({"b": 2, "a": 1})
+    True
+    """
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.blake2b(text.encode(), digest_size=_SIZE).hexdigest()
 
 
 def digest_bytes(*parts: bytes) -> str:
-    """Digest of byte strings, each with its length."""
+    """Digest of byte strings, each with its length.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    Where one ends counts:
+
+    >>> digest_bytes(b"ab", b"c") == digest_bytes(b"a", b"bc")
+    False
+    """
     state = hashlib.blake2b(digest_size=_SIZE)
     for part in parts:
         state.update(len(part).to_bytes(8, "little"))
@@ -40,13 +68,31 @@ def digest_bytes(*parts: bytes) -> str:
 
 
 def digest_file(path: Path) -> str:
-    """SHA-256 of a file's content."""
+    """SHA-256 of a file's content.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    str
+    """
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def library_version(name: str) -> str:
-    """Version of a library, or that it is not installed: an engine may be an extra."""
+    """Version of a library, or that it is not installed: an engine may be an extra.
+
+    Parameters
+    ----------
+    name : str, as it is installed
+
+    Returns
+    -------
+    str
+    """
     try:
         return version(name)
     except PackageNotFoundError:

@@ -203,7 +203,16 @@ BY_NAME = {stage.name: stage for stage in STAGES}
 
 
 def upstream(name: str) -> tuple[Stage, ...]:
-    """The stages that a product needs, itself last, in the order of the mission."""
+    """The stages that a product needs, itself last, in the order of the mission.
+
+    Parameters
+    ----------
+    name : str, of a stage
+
+    Returns
+    -------
+    tuple of Stage
+    """
     wanted = {name}
     for stage in reversed(STAGES):
         if stage.name in wanted:

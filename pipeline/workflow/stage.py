@@ -126,7 +126,16 @@ class Stage:
 
 
 def named(path: str) -> Callable[..., Any]:
-    """The function at ``"package.module:function"``."""
+    """The function at ``"package.module:function"``.
+
+    Parameters
+    ----------
+    path : str
+
+    Returns
+    -------
+    callable
+    """
     module, _, name = path.partition(":")
     function: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return function

@@ -195,7 +195,12 @@ class RunStore(Generic[Row]):
 
 @contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Turn a failure to write into one clear line."""
+    """Turn a failure to write into one clear line.
+
+    Parameters
+    ----------
+    folder : Path, that is written to
+    """
     try:
         yield
     except (OSError, sqlite3.OperationalError, sqlite3.DatabaseError) as error:

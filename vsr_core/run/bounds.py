@@ -94,6 +94,14 @@ def barrier(rock: Rock) -> Barrier:
     sampled azimuths, less half a spacing's change, is a bound for all of them. Nothing is lost by
     the sampling in tilt: any set of tilts bounds a path that has to cross them. Leaving out
     vertices that do not touch at a tilt only lowers its bound.
+
+    Parameters
+    ----------
+    rock : Rock, with its complete hull
+
+    Returns
+    -------
+    Barrier
     """
     tilt = np.arange(0.0, math.pi + _TILT_STEP / 2, _TILT_STEP)
     azimuth = np.linspace(0.0, 2.0 * math.pi, _AZIMUTHS, endpoint=False)
@@ -145,6 +153,17 @@ def static_limits(rock: Rock, contact: Contact, yaw: float) -> tuple[float, floa
     Assumes besides a start at rest in the hull's rest pose, turned by ``yaw`` [rad]. Restitution
     has no part in it, and rolling friction can only widen the range. A positive acceleration tips
     toward -x.
+
+    Parameters
+    ----------
+    rock : Rock, in its rest pose
+    contact : Contact, with the pedestal
+    yaw : float [rad], by which the rock is turned
+
+    Returns
+    -------
+    (float, float)
+        Lowest and highest [m/s^2]: not above and not below 0.
     """
     toward_plus_x, toward_minus_x = tipping(rock.hull, np.array([-yaw, math.pi - yaw])).uplift
     return (
@@ -173,6 +192,17 @@ def reachable_energy(energy: float, impulse: float) -> float:
     ----------
     energy : float [m^2/s^2], kinetic and potential above the floor
     impulse : float [m/s], integral of |a| still to come
+
+    Returns
+    -------
+    float [m^2/s^2]
+
+    Examples
+    --------
+    Without shaking it is what there is:
+
+    >>> reachable_energy(8.0, 0.0), reachable_energy(8.0, 2.0)
+    (8.0, 18.0)
     """
     return 0.5 * (math.sqrt(2.0 * max(energy, 0.0)) + impulse) ** 2
 
@@ -187,6 +217,17 @@ def cannot_topple(limits: Barrier, tilt: float, energy: float, impulse: float) -
 
     ``energy`` is kinetic plus g z [m^2/s^2], ``impulse`` as in ``reachable_energy``, with its
     assumptions: a servo's table is not at rest after the motion, and no bound for it.
+
+    Parameters
+    ----------
+    limits : Barrier
+    tilt : float [rad], now
+    energy : float [m^2/s^2], kinetic plus g z, per unit mass
+    impulse : float [m/s], integral of |a| still to come
+
+    Returns
+    -------
+    bool
     """
     if tilt > limits.edge_tilt:
         return False
@@ -199,6 +240,17 @@ def cannot_return(limits: Barrier, tilt: float, energy: float, impulse: float) -
 
     Theorem: if true, the tilt stays above ``toppled_tilt`` for ever. Proof: as of
     ``cannot_topple``, with the highest bound on the way back and the lowest height of all.
+
+    Parameters
+    ----------
+    limits : Barrier
+    tilt : float [rad], now
+    energy : float [m^2/s^2], kinetic plus g z, per unit mass
+    impulse : float [m/s], integral of |a| still to come
+
+    Returns
+    -------
+    bool
     """
     if tilt <= limits.toppled_tilt:
         return False
@@ -234,6 +286,10 @@ def cannot_be_stopped(
     spin : ndarray, shape (3,) [rad/s], angular velocity; f is along its horizontal part
     inertia : ndarray, shape (3, 3) [m^2], about the centre of mass, per unit mass, same axes
     contact : Contact
+
+    Returns
+    -------
+    bool
     """
     behind, axis, turning = _fall(lever, angular_velocity)
     reach = contact.friction * float(lever[2]) + contact.rolling_friction

@@ -125,6 +125,16 @@ def respond(case: TerrainCase, motion: GroundMotion, settings: Settings) -> Resp
     """Outcome of one run on a terrain, without what follows when the rock has toppled.
 
     Parameters and errors are those of ``displace``.
+
+    Parameters
+    ----------
+    case : TerrainCase
+    motion : GroundMotion, along (cos yaw, -sin yaw)
+    settings : Settings
+
+    Returns
+    -------
+    Response
     """
     return displace(case, motion, settings, follow=False).response
 

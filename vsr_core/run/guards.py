@@ -55,19 +55,47 @@ def at_halved_steps(
 
 
 def finite(state: State) -> bool:
-    """Whether all numbers of a state are finite."""
+    """Whether all numbers of a state are finite.
+
+    Parameters
+    ----------
+    state : State
+
+    Returns
+    -------
+    bool
+    """
     total = state.position.sum() + state.rotation.sum()
     total += state.velocity.sum() + state.angular_velocity.sum()
     return math.isfinite(float(total))
 
 
 def inertia_of(rock: Rock) -> Array:
-    """Inertia about the centre of mass per unit mass, in the rock's axes, shape (3, 3) [m^2]."""
+    """Inertia about the centre of mass per unit mass, in the rock's axes, shape (3, 3) [m^2].
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    ndarray, shape (3, 3) [m^2]
+    """
     return rock.axes * (rock.inertia / rock.mass) @ rock.axes.T
 
 
 def kinetic_energy(inertia: Array, state: State) -> float:
-    """Kinetic energy per unit mass [m^2/s^2] for ``inertia`` of ``inertia_of``."""
+    """Kinetic energy per unit mass [m^2/s^2] for ``inertia`` of ``inertia_of``.
+
+    Parameters
+    ----------
+    inertia : ndarray, shape (3, 3) [m^2], of ``inertia_of``
+    state : State
+
+    Returns
+    -------
+    float [m^2/s^2]
+    """
     turning = state.rotation.T @ state.angular_velocity
     return 0.5 * float(state.velocity @ state.velocity + turning @ inertia @ turning)
 

@@ -83,13 +83,32 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
 
 
 def longest_step(scene: Scene, engine: str) -> float:
-    """Longest time step [s] at which an engine rocks the rock of a scene right."""
+    """Longest time step [s] at which an engine rocks the rock of a scene right.
+
+    Parameters
+    ----------
+    scene : Scene
+    engine : str, its name
+
+    Returns
+    -------
+    float [s]
+    """
     share = min(COARSEST_SHARE, engines.load(engine).SLENDER_SHARE * _slenderness(scene))
     return share * math.sqrt(scene.rock.radius / GRAVITY)
 
 
 def softest(rock: Rock) -> float:
-    """Least stiffness [N/m] of a point of contact that a rock may stand on."""
+    """Least stiffness [N/m] of a point of contact that a rock may stand on.
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    float [N/m]
+    """
     return rock.mass * GRAVITY / (SINK_SHARE * rock.radius)
 
 
@@ -99,6 +118,15 @@ def longest_step_on_springs(contact: Contact, mass: float) -> float:
     Stepped implicitly, a spring of frequency w loses as much as one with w h / 2 of the critical
     damping, which changes the rebound e by e pi w h / 2. And Bullet finds a landing up to a step
     late: up to w h = ``LATE`` that changes the rebound by no more than that.
+
+    Parameters
+    ----------
+    contact : Contact, with a stiffness
+    mass : float [kg], of the rock
+
+    Returns
+    -------
+    float [s]
     """
     assert contact.stiffness is not None
     frequency = math.sqrt(4.0 * contact.stiffness / mass)
@@ -111,9 +139,25 @@ def rebound(contact: Contact, mass: float) -> float:
 
     The rock leaves when the force is zero: dashpots do not pull.
 
+    Parameters
+    ----------
+    contact : Contact, with a stiffness
+    mass : float [kg], of the rock
+
+    Returns
+    -------
+    float, speed after over speed before
+
     References
     ----------
     Schwager & Poeschel (2007), Granular Matter 9(6), 465-469.
+
+    Examples
+    --------
+    Springs without dashpots lose nothing:
+
+    >>> rebound(Contact(0.6, stiffness=1e6), 1000.0)
+    1.0
     """
     assert contact.stiffness is not None
     zeta = contact.damping / math.sqrt(contact.stiffness * mass)

@@ -190,14 +190,35 @@ def set_up(
 
 
 def enter(scene: Scene, settings: Settings, sampled: Sampling) -> engines.World:
-    """World of a scene in the engine of the settings, at the step of the sampling."""
+    """World of a scene in the engine of the settings, at the step of the sampling.
+
+    Parameters
+    ----------
+    scene : Scene
+    settings : Settings
+    sampled : Sampling
+
+    Returns
+    -------
+    World
+    """
     engine = engines.load(settings.engine)
     step = sampled.interval / sampled.substeps
     return engine.build(scene, step, sampled.substeps, settings.solver)
 
 
 def complete(run: Run, rules: Rules[Ending]) -> Ending:
-    """Step a run to its end by its rules."""
+    """Step a run to its end by its rules.
+
+    Parameters
+    ----------
+    run : Run, before its first step; changed
+    rules : Rules
+
+    Returns
+    -------
+    what the rules end it with
+    """
     ending = rules.begin(run)
     values = run.values.tolist()
     while ending is None and run.sample < run.last_sample:

@@ -36,7 +36,18 @@ class Sampling:
 
 
 def first_step(motion: GroundMotion, drive: Servo | None, time_step: float) -> float:
-    """Step [s] to begin with: ``time_step``, or as fine as the motion or the drive needs it."""
+    """Step [s] to begin with: ``time_step``, or as fine as the motion or the drive needs it.
+
+    Parameters
+    ----------
+    motion : GroundMotion
+    drive : Servo, if one moves the table
+    time_step : float [s], the largest allowed
+
+    Returns
+    -------
+    float [s]
+    """
     longest = SAMPLING_SHARE * motion.shortest_time if drive is None else drive.period
     return min(time_step, longest)
 
@@ -48,6 +59,17 @@ def sampling(
 
     A whole number of them fills the motion. A drive takes one per control period instead, and a
     whole number of steps fills that.
+
+    Parameters
+    ----------
+    motion : GroundMotion
+    drive : Servo, if one moves the table
+    time_step : float [s], the largest allowed
+    most : int, steps under one sample without a drive
+
+    Returns
+    -------
+    Sampling
     """
     if drive is not None:
         substeps = _times(time_step, drive.period)
@@ -65,6 +87,13 @@ def samples(motion: GroundMotion, drive: Servo | None, interval: float, number: 
     keeps to a command that is held for T until the next. It is on time in the mean if the command
     is the velocity (T + h) / 2 after its start. Without a hold, T = h, that is the one at the end
     of the period, and the jump of a pulse's acceleration comes with the first one.
+
+    Parameters
+    ----------
+    motion : GroundMotion
+    drive : Servo, if one moves the table
+    interval : float [s], for which a sample is held
+    number : int, of samples
 
     Returns
     -------
