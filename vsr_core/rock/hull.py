@@ -1,13 +1,11 @@
-"""What of a rock can touch a flat pedestal: its hull, the face it rests on, how it tips.
+"""The convex hull of a rock, and which of its vertices can touch a flat pedestal.
 
-All vectors are relative to the centre of mass. ``down`` is the direction of gravity in the frame
-of the rock; while the rock rests on a facet, ``down`` is that facet's outward normal.
+All vectors are relative to the centre of mass.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -17,14 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 
-MAX_SETTLING_TURN = np.radians(15.0)
-"""A scan that has to turn further than this to rest did not stand [rad]."""
-
-TOPPLED_TILT = 1.0
-"""Tilt beyond which the published set-up calls a rock toppled, |roll| + |pitch| > 1 rad (public
-scripts of Chen et al.)."""
-
-_FLAT = 1e-6  # rad between facets and share of the size between points that count as one plane
+_FLAT = 1e-6  # difference of unit normals below which neighbouring facets are of one face
 
 
 @dataclass(frozen=True)
@@ -69,27 +60,6 @@ class Hull:
         )
 
 
-@dataclass(frozen=True)
-class Tipping:
-    """Static tipping toward each direction, from a rest pose.
-
-    Attributes
-    ----------
-    direction : ndarray, shape (k,) [rad], in which the rock tips, counter-clockwise from +x
-    uplift : ndarray, shape (k,) [g], table acceleration at which the first edge lifts
-    overturning : ndarray, shape (k,) [g], steady acceleration that topples it
-    """
-
-    direction: Array
-    uplift: Array
-    overturning: Array
-
-    @property
-    def angle(self) -> Array:
-        """Static tipping angle [rad], shape (k,): slope at which the rock topples."""
-        return np.arctan(self.overturning)
-
-
 def convex_hull(points: Array) -> Hull:
     """Convex hull of points about the centre of mass.
 
@@ -129,109 +99,6 @@ def convex_hull(points: Array) -> Hull:
     face = _flat_faces(normals, hull.neighbors)
     corners, facets = points[hull.vertices], number[hull.simplices]
     return Hull(corners, facets, normals, offsets, hull.neighbors, face)
-
-
-def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float]:
-    """Rest pose on a level plane, found by rolling from facet to facet.
-
-    The rock starts on the facet that faces down most and rolls over the edge that its centre of
-    mass overhangs, until none is overhung: a local minimum of the height of its centre.
-
-    Parameters
-    ----------
-    hull : Hull, in the given pose
-    largest : float [rad]
-
-    Returns
-    -------
-    rotation : ndarray, shape (3, 3), turns the given pose into the rest pose (no yaw)
-    turned : float [rad], the angle of that rotation
-
-    Raises
-    ------
-    InvalidInput
-        If the rock turns by more than ``largest`` [rad]: it does not stand as given.
-    """
-    given = np.array([0.0, 0.0, -1.0])
-    facet = int(np.argmax(hull.normals @ given))
-    outlines = _outlines(hull)
-    for _ in range(len(hull.facets)):
-        outline = outlines[hull.face[facet]]
-        edge = int(np.argmin(outline.room))
-        if outline.room[edge] >= -_FLAT * hull.offsets[facet]:
-            break
-        facet = int(outline.neighbour[edge])
-    rotation = _rotation(hull.normals[facet], given)
-    turned = float(np.arccos(np.clip(hull.normals[facet] @ given, -1.0, 1.0)))
-    if turned > largest:
-        raise InvalidInput(
-            f"a rock that falls by {np.degrees(turned):.0f} deg before it rests",
-            f"it stands as given, within {np.degrees(largest):.0f} deg, z up",
-            "turn the mesh upright, or restore the base it stands on",
-        )
-    return rotation, turned
-
-
-def rest_tilts(hull: Hull) -> Array:
-    """Tilts of all poses in which a hull rests on one of its facets.
-
-    Parameters
-    ----------
-    hull : Hull, in its rest pose
-
-    Returns
-    -------
-    ndarray, shape (k,) [rad], ascending; the first is the given pose, 0
-    """
-    stable = [outline.facet for outline in _outlines(hull).values() if outline.room.min() >= 0.0]
-    return np.sort(np.arccos(np.clip(-hull.normals[stable, 2], -1.0, 1.0)))
-
-
-def base_polygon(vertices: Array, tolerance: float) -> Array:
-    """Outline of what lies within ``tolerance`` of the lowest vertex of a rest pose.
-
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3) [m], relative to the centre of mass
-    tolerance : float [m]
-
-    Returns
-    -------
-    ndarray, shape (k, 2) [m], counter-clockwise, relative to the centre of mass
-
-    Examples
-    --------
-    >>> foot, top = [[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]], [[1, 0.5, 3]]
-    >>> base_polygon(np.array(foot + top), 0.01).shape
-    (4, 2)
-    """
-    low = vertices[vertices[:, 2] <= vertices[:, 2].min() + tolerance, :2]
-    return low[ConvexHull(low).vertices]
-
-
-def tipping(hull: Hull, direction: Array) -> Tipping:
-    """Static tipping of a hull from its rest pose toward each direction.
-
-    The pedestal is rigid and rough. Under a steady acceleration the resultant of weight and
-    inertia leaves the face of rest over an edge; the rock rolls onto the next facet, where it may
-    find a new rest. What the worst of these facets needs is the overturning acceleration; what
-    the first needs is the uplift acceleration (Housner 1963 for a block: both b/h).
-
-    Parameters
-    ----------
-    hull : Hull, in its rest pose
-    direction : ndarray, shape (k,) [rad], in which the rock tips, counter-clockwise from +x
-
-    Returns
-    -------
-    Tipping
-    """
-    start = int(np.argmin(hull.normals[:, 2]))
-    outlines = _outlines(hull)
-    level = np.column_stack([np.cos(direction), np.sin(direction), np.zeros(len(direction))])
-    pairs = [_tip(hull, outlines, start, toward) for toward in level]
-    uplift, overturning = np.array(pairs).T
-    return Tipping(direction, uplift, overturning)
 
 
 def touching(hull: Hull, tilt: float) -> Mask:
@@ -275,20 +142,6 @@ def contact_tilts(hull: Hull) -> tuple[Array, Array]:
     return least, greatest
 
 
-class _Outline(NamedTuple):
-    """A flat face of a hull, seen from the foot of the centre of mass.
-
-    ``room`` is the distance [m] to each edge, negative where the centre overhangs it, ``outward``
-    the edge's normal in the face's plane, ``neighbour`` a facet beyond it; ``facet`` is one of
-    the face's own.
-    """
-
-    facet: int
-    room: Array
-    outward: Array
-    neighbour: Indices
-
-
 def _flat_faces(normals: Array, neighbours: Indices) -> Indices:
     """Number of the flat face of each facet: neighbours with the same normal are one face."""
     facet, corner = np.nonzero(
@@ -297,62 +150,3 @@ def _flat_faces(normals: Array, neighbours: Indices) -> Indices:
     pairs = (np.ones(len(facet)), (facet, neighbours[facet, corner]))
     size = (len(normals), len(normals))
     return np.asarray(connected_components(coo_array(pairs, shape=size), directed=False)[1])
-
-
-def _outlines(hull: Hull) -> dict[int, _Outline]:
-    """Outline of every flat face."""
-    facet, corner = np.nonzero(hull.face[hull.neighbours] != hull.face[:, None])
-    first = hull.vertices[hull.facets[facet, (corner + 1) % 3]]
-    second = hull.vertices[hull.facets[facet, (corner + 2) % 3]]
-    outward = np.cross(second - first, hull.normals[facet])
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    middle = 0.5 * (first + second)
-    outlines = {}
-    for number in np.unique(hull.face):
-        own = hull.face[facet] == number
-        away = np.einsum("ij,ij->i", outward[own], middle[own] - middle[own].mean(axis=0))
-        normal = outward[own] * np.sign(away)[:, None]
-        room = np.einsum("ij,ij->i", normal, first[own])
-        beyond = hull.neighbours[facet[own], corner[own]]
-        outlines[int(number)] = _Outline(int(facet[own][0]), room, normal, beyond)
-    return outlines
-
-
-def _tip(
-    hull: Hull, outlines: dict[int, _Outline], facet: int, toward: Array
-) -> tuple[float, float]:
-    """Uplift and overturning acceleration [g] toward one horizontal direction."""
-    needed, uplift = 0.0, np.inf
-    start = down = hull.normals[facet]
-    seen = set()
-    while True:
-        seen.add(int(hull.face[facet]))  # a rock that tips one way rests on no face twice
-        outline = outlines[int(hull.face[facet])]
-        height, slope = hull.offsets[facet], outline.outward @ toward
-        closed = np.array([int(hull.face[f]) in seen for f in outline.neighbour])
-        if closed.all():
-            return uplift, needed
-        room = np.where(closed, np.inf, outline.room - needed * height * slope)
-        edge = int(np.argmin(room))
-        if room[edge] >= 0.0:
-            ahead = (slope > 0.0) & ~closed
-            if not ahead.any():
-                return uplift, needed
-            reach = np.full(len(slope), np.inf)
-            reach[ahead] = outline.room[ahead] / (height * slope[ahead])
-            edge = int(np.argmin(reach))
-            needed = max(needed, float(reach[edge]))
-        uplift = min(uplift, needed)
-        facet = int(outline.neighbour[edge])
-        turn = _rotation(down, hull.normals[facet])
-        down = hull.normals[facet]
-        if np.arccos(np.clip(down @ start, -1.0, 1.0)) > TOPPLED_TILT:
-            return uplift, needed
-        toward = turn @ toward
-
-
-def _rotation(a: Array, b: Array) -> Array:
-    """Smallest rotation, shape (3, 3), that takes unit vector ``a`` to ``b`` (not opposite)."""
-    v, c = np.cross(a, b), float(a @ b)
-    cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    return np.eye(3) + cross + cross @ cross / (1.0 + c)

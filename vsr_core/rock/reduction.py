@@ -11,7 +11,8 @@ from trimesh.triangles import closest_point
 
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import tipping, touching
+from vsr_core.rock.hull import touching
+from vsr_core.rock.tipping import tipping
 
 SEAT_SHARE = 0.01
 """Distance of the hull of a rock on its seat from the complete one, as a share of its radius."""

@@ -10,7 +10,8 @@ import trimesh
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull, settle
+from vsr_core.rock.hull import convex_hull
+from vsr_core.rock.tipping import settle
 from vsr_core.rock.triangles import self_intersections
 
 LARGEST_SIZE = 30.0

@@ -34,7 +34,8 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import TOPPLED_TILT, contact_tilts, rest_tilts, tipping
+from vsr_core.rock.hull import contact_tilts
+from vsr_core.rock.tipping import TOPPLED_TILT, rest_tilts, tipping
 from vsr_core.scene import Contact
 
 LEANING_TILT = math.radians(30.0)

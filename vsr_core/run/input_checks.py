@@ -11,7 +11,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import tipping
+from vsr_core.rock.tipping import tipping
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.sampling import first_step, samples, sampling
 from vsr_core.scene import Contact, Scene

@@ -17,7 +17,8 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull, settle
+from vsr_core.rock.hull import convex_hull
+from vsr_core.rock.tipping import settle
 from vsr_core.run import bounds
 from vsr_core.scene import Contact
 

@@ -9,8 +9,9 @@ import trimesh
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.rock.hull import convex_hull, settle, tipping
+from vsr_core.rock.hull import convex_hull
 from vsr_core.rock.solid import LARGEST_LEVELLING
+from vsr_core.rock.tipping import settle, tipping
 
 DIRECTIONS = np.radians(np.arange(0.0, 360.0, 5.0))
 """Directions [rad] in which tipping is compared."""

@@ -17,7 +17,8 @@ from trimesh.registration import icp
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull, settle
+from vsr_core.rock.hull import convex_hull
+from vsr_core.rock.tipping import settle
 from vsr_core.validation.priors import Member
 
 ALIKE = 0.01

@@ -16,8 +16,8 @@ from pipeline.workflow.stage import Job, Product
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import base_polygon, tipping
 from vsr_core.rock.solid import Solid
+from vsr_core.rock.tipping import base_polygon, tipping
 from vsr_core.run.bounds import barrier
 
 BASE_TOLERANCE = 0.003

@@ -514,7 +514,7 @@ def test_edit_of_what_is_not_used_is_not(tree: Path, file: str, old: str, new: s
     ("module", "function", "decides"),
     [
         ("vsr_core/run/bounds.py", "barrier", {"rock", "runs"}),
-        ("vsr_core/rock/hull.py", "rest_tilts", {"rock", "runs"}),
+        ("vsr_core/rock/tipping.py", "rest_tilts", {"rock", "runs"}),
         ("vsr_core/rock/triangles.py", "self_intersections", {"rock"}),
         ("pipeline/stages/runs/overturning_runs.py", "simulate_batch", {"runs"}),
         ("pipeline/stages/runs/overturning_runs.py", "make", set()),

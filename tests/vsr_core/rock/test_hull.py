@@ -13,17 +13,8 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from vsr_core.errors import InvalidInput
-from vsr_core.rock.hull import (
-    MAX_SETTLING_TURN,
-    Hull,
-    base_polygon,
-    contact_tilts,
-    convex_hull,
-    rest_tilts,
-    settle,
-    tipping,
-    touching,
-)
+from vsr_core.rock.hull import Hull, contact_tilts, convex_hull, touching
+from vsr_core.rock.tipping import MAX_SETTLING_TURN, base_polygon, rest_tilts, settle, tipping
 
 Array = NDArray[np.float64]
 ALL_ROUND = np.radians(np.arange(0.0, 360.0, 1.0))

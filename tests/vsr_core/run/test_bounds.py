@@ -20,7 +20,7 @@ from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import tipping
+from vsr_core.rock.tipping import tipping
 from vsr_core.run import bounds, loop, overturning
 from vsr_core.run.bounds import Barrier, barrier, reachable_energy, static_limits
 from vsr_core.run.cases import Case, Settings, prepare

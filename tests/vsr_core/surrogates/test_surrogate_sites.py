@@ -13,7 +13,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, KDTree
 
-from vsr_core.rock.hull import convex_hull, tipping
+from vsr_core.rock.hull import convex_hull
+from vsr_core.rock.tipping import tipping
 from vsr_core.rock.triangles import self_intersections
 from vsr_core.surrogates import SITES, double_rock_terrain
 from vsr_core.surrogates.double_rock import double_rock
