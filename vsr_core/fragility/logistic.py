@@ -18,7 +18,7 @@ class LogisticFragility(FragilityModel):
     Unpenalised maximum likelihood where it exists. When a line separates the outcomes (as on
     almost every deterministic grid) the likelihood has no maximum; a linear program detects
     this exactly and Firth's penalised likelihood is used instead, which is always finite. A
-    slope that the data cannot tell (one PGA, one PGV/PGA or one outcome only) is 0.
+    slope that the data do not determine (one PGA, one PGV/PGA or one outcome only) is 0.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class LogisticFragility(FragilityModel):
         self._toppled = cells.toppled[self._row, column]
         self._trials = cells.trials[self._row, column]
 
-        self.separated = is_separated(cells, self._centre, self._slope_scale)
+        self.separated = is_separated(self._design, self._toppled, self._trials - self._toppled)
         self._start = np.zeros((1, self._design.shape[1]))
         self._start = self._solve(np.ones((1, cells.ln_ratio.size)), tolerance=1e-9)
         self.coefs = self._unscaled(self._start)
@@ -134,38 +134,38 @@ class LogisticFragility(FragilityModel):
         return np.column_stack([beta[:, 0] - slopes @ self._centre, slopes])
 
 
-def is_separated(cells: Cells, centre: Array, scale: Array) -> bool:
-    """Whether a line in (ln PGA, ln PGV/PGA) separates the outcomes, completely or quasi.
+def is_separated(points: Array, toppled: Array, balanced: Array) -> bool:
+    """Whether a plane through the origin separates the outcomes, completely or quasi.
 
-    Solves max sum s_i x_i.b subject to s_i x_i.b >= 0 and |b_j| <= 1, with s = +1 for
+    Solves max mean s_i x_i.b subject to s_i x_i.b >= 0 and |b_j| <= 1, with s = +1 for
     overturned and -1 for balanced: the optimum is positive exactly when the outcomes are
-    separated (Konis 2007). Only the outermost PGA of either outcome in a row can bind.
+    separated (Konis 2007).
 
     Parameters
     ----------
-    cells : Cells
-    centre, scale : ndarray, shape (2,)
-        Each coordinate enters as (value - centre) * scale.
+    points : ndarray, shape (n, p)
+        A first column of ones makes it a plane anywhere in the other p - 1 coordinates.
+    toppled, balanced : ndarray, shape (n,)
+        Overturned and balanced runs of each point.
 
     Returns
     -------
     bool
+
+    Examples
+    --------
+    >>> line = np.array([[1.0, 0.1], [1.0, 0.2], [1.0, 0.3]])
+    >>> is_separated(line, np.array([0, 0, 1]), np.array([1, 1, 0]))
+    True
+    >>> is_separated(line, np.array([0, 1, 0]), np.array([1, 0, 1]))
+    False
     """
-    signed = []
-    for sign, count in ((1.0, cells.toppled), (-1.0, cells.trials - cells.toppled)):
-        present = count > 0
-        rows = np.flatnonzero(present.any(axis=1))
-        lowest = present[rows].argmax(axis=1)
-        highest = present.shape[1] - 1 - present[rows, ::-1].argmax(axis=1)
-        ends = np.column_stack([np.r_[lowest, highest], np.r_[rows, rows]])
-        raw = np.column_stack([cells.ln_pga[ends[:, 0]], cells.ln_ratio[ends[:, 1]]])
-        signed.append(sign * np.column_stack([np.ones(len(raw)), (raw - centre) * scale]))
-    rows_signed = np.concatenate(signed)
+    signed = np.concatenate([points[toppled > 0], -points[balanced > 0]])
     found = linprog(
-        -rows_signed.sum(axis=0),
-        A_ub=-rows_signed,
-        b_ub=np.zeros(len(rows_signed)),
+        -signed.mean(axis=0),
+        A_ub=-signed,
+        b_ub=np.zeros(len(signed)),
         bounds=(-1.0, 1.0),
         method="highs",
     )
-    return bool(-found.fun > 1e-5)
+    return bool(-found.fun > 1e-6)

@@ -14,14 +14,8 @@ MAX_BETA = 2.0
 """Largest beta: P then rises from 2.5 % to 97.5 % over a factor 2500 in PGA. A row that exceeds it
 does not order its outcomes by PGA."""
 
-STATUS = {
-    "probit": "outcomes overlap: maximum likelihood",
-    "interval": "all balanced below all overturned: from the grid interval between them",
-    "above": "never topples: theta is the least value that the row allows",
-    "below": "topples from its first PGA on: theta is the largest value that the row allows",
-    "flat": "toppling does not rise with PGA: beta held at its largest allowed value",
-    "undecided": "no decided cell: interpolated from the neighbouring rows",
-}
+STATUS = ("probit", "interval", "above", "below", "flat", "undecided")
+"""How a row was decided, see `LognormalFragility`."""
 
 
 class LognormalFragility(FragilityModel):
@@ -43,7 +37,11 @@ class LognormalFragility(FragilityModel):
     Attributes
     ----------
     status : tuple of str, length n_ratio
-        A key of `STATUS` for each row.
+        Of each row: "probit", outcomes overlap, maximum likelihood; "interval", all balanced below
+        all overturned; "above", never topples, theta is the least value that the row allows;
+        "below", topples from its first PGA on, theta is the largest value that the row allows;
+        "flat", toppling does not rise with PGA, beta is held at `MAX_BETA`; "undecided", no decided
+        cell, interpolated from the neighbouring rows.
 
     References
     ----------

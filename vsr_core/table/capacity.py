@@ -17,7 +17,7 @@ LIMITS = ("acceleration", "velocity", "stroke", "payload")
 
 @dataclass(frozen=True)
 class Table:
-    """What a table can do; a limit that nobody stated is infinite.
+    """What a table can do; a limit that is not known is infinite.
 
     Attributes
     ----------
@@ -64,7 +64,18 @@ class Commands:
 
 
 def loads(motion: CosinePulse, mass: float) -> dict[str, float]:
-    """What a pulse asks of a table, by limit, in the units of ``Table``: 2 A of travel."""
+    """What a pulse asks of a table.
+
+    Parameters
+    ----------
+    motion : CosinePulse
+    mass : float [kg], of the rock on the table
+
+    Returns
+    -------
+    dict of str to float
+        By limit, in the units of ``Table``; the stroke is twice the amplitude.
+    """
     pga, ratio = motion.peak_acceleration, motion.pgv_pga
     return {
         "acceleration": pga,
@@ -82,6 +93,10 @@ def binding(table: Table, motion: CosinePulse, mass: float) -> str:
     table : Table
     motion : CosinePulse
     mass : float [kg], of the rock on the table
+
+    Returns
+    -------
+    str, one of ``LIMITS`` or ""
     """
     shares = {name: load / getattr(table, name) for name, load in loads(motion, mass).items()}
     worst = max(LIMITS, key=lambda name: shares[name])
@@ -89,7 +104,23 @@ def binding(table: Table, motion: CosinePulse, mass: float) -> str:
 
 
 def largest_pga(table: Table, ratio: float) -> dict[str, float]:
-    """Largest PGA [m/s^2] at a PGV/PGA [s] within each limit of motion."""
+    """Largest PGA within each limit of motion.
+
+    Parameters
+    ----------
+    table : Table
+    ratio : float [s], PGV/PGA
+
+    Returns
+    -------
+    dict of str to float [m/s^2], by limit
+
+    Examples
+    --------
+    >>> table = Table(10.0, 0.5, 0.4, 100.0, 200.0, 0.02, None)
+    >>> largest_pga(table, 0.5)
+    {'acceleration': 10.0, 'velocity': 1.0, 'stroke': 0.8}
+    """
     return {
         "acceleration": table.acceleration,
         "velocity": table.velocity / ratio,
@@ -102,6 +133,15 @@ def commands(table: Table, motion: CosinePulse) -> Commands:
 
     Each command is the mean velocity of the time for which it is held, so that the table is where
     the motion is whenever it ends, and back at its start after the last one.
+
+    Parameters
+    ----------
+    table : Table
+    motion : CosinePulse
+
+    Returns
+    -------
+    Commands
 
     References
     ----------

@@ -89,30 +89,27 @@ def loop(servo: Servo, commands: Array) -> Array:
     return np.array(speeds)
 
 
-def closed_loop(servo: Servo) -> Array:
-    """Matrix that takes the state over one control period when the table is to stand still.
+def spectral_radius(servo: Servo) -> float:
+    """Factor by which the slowest error shrinks, or the fastest grows, in a control period.
 
-    The state is (v, s_before / h, v_before) [m/s], of which the second is left out without
-    integral gain and the third without derivative gain: what no force depends on cannot make the
-    velocity grow. The integral alone would add an eigenvalue of 1.
+    Parameters
+    ----------
+    servo : Servo
 
     Returns
     -------
-    ndarray, shape (n, n), n = 1, 2 or 3 [1]
+    float [1]
+
+    Examples
+    --------
+    >>> spectral_radius(Servo(mass=50.0, kp=1000.0, ki=0.0, kd=0.0, period=0.01))
+    0.8
     """
-    p, i, d = _shares(servo)
-    full = np.array([[1.0 - p - i - d, i, d], [-1.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
-    kept = [0, *([1] if i else []), *([2] if d else [])]
-    return full[np.ix_(kept, kept)]
-
-
-def spectral_radius(servo: Servo) -> float:
-    """Factor by which the slowest error shrinks, or the fastest grows, in a control period [1]."""
-    return float(np.abs(np.linalg.eigvals(closed_loop(servo))).max())
+    return float(np.abs(np.linalg.eigvals(_closed_loop(servo))).max())
 
 
 def largest_stable_period(servo: Servo) -> float:
-    """Period [s] from which on the sampled loop is unstable; 0 if it is at every period.
+    """Period from which on the sampled loop is unstable; 0 if it is at every period.
 
     With p = kp h / M, i = ki h^2 / M and d = kd / M the characteristic polynomial is
 
@@ -120,6 +117,14 @@ def largest_stable_period(servo: Servo) -> float:
 
     and Jury's conditions for kp > 0, ki, kd >= 0 come down to 2 p + i + 4 d < 4. Without ki and kd
     that is h < 2 M / kp.
+
+    Parameters
+    ----------
+    servo : Servo
+
+    Returns
+    -------
+    float [s]
 
     References
     ----------
@@ -138,6 +143,10 @@ def largest_stable_period(servo: Servo) -> float:
 
 def check(servo: Servo) -> None:
     """Refuse a servo whose sampled loop is unstable.
+
+    Parameters
+    ----------
+    servo : Servo
 
     Raises
     ------
@@ -164,7 +173,15 @@ def check(servo: Servo) -> None:
     )
 
 
-def _shares(servo: Servo) -> tuple[float, float, float]:
-    """The gains as shares of an error that they take away in a period [1]."""
+def _closed_loop(servo: Servo) -> Array:
+    """Matrix that takes the state over one control period when the table is to stand still.
+
+    The state is (v, s_before / h, v_before) [m/s], of which the second is left out without
+    integral gain and the third without derivative gain: what no force depends on cannot make the
+    velocity grow. The integral alone would add an eigenvalue of 1.
+    """
     h, mass = servo.period, servo.mass
-    return servo.kp * h / mass, servo.ki * h * h / mass, servo.kd / mass
+    p, i, d = servo.kp * h / mass, servo.ki * h * h / mass, servo.kd / mass
+    full = np.array([[1.0 - p - i - d, i, d], [-1.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    kept = [0, *([1] if i else []), *([2] if d else [])]
+    return full[np.ix_(kept, kept)]

@@ -24,23 +24,23 @@ class Calibration:
     tests: int = 0
 
     def probability(self, overturned: Array, members: Array) -> Array:
-        """Calibrated probabilities, shape (n,); see ``calibrate``."""
-        score = self.intercept + self.slope * log_odds(overturned, members)
+        """Calibrated probabilities, shape (n,), of counts as in ``calibrate``."""
+        score = self.intercept + self.slope * _log_odds(overturned, members)
         return np.asarray(1.0 / (1.0 + np.exp(-score)))
 
 
-def log_odds(overturned: Array, members: Array) -> Array:
+def _log_odds(overturned: Array, members: Array) -> Array:
     """Log-odds of overturning with half a member more on each side (Jeffreys), shape (n,)."""
     return np.asarray(np.log((overturned + 0.5) / (members - overturned + 0.5)))
 
 
-def calibrate(overturned: Array, members: Array, happened: Mask) -> Calibration:
+def calibrate(overturned: Array, members: Array, observed: Mask) -> Calibration:
     """Logistic regression of outcomes on the ensemble's log-odds (Platt 1999).
 
     Parameters
     ----------
     overturned, members : ndarray, shape (n,), members that overturned and that have a verdict
-    happened : ndarray of bool, shape (n,)
+    observed : ndarray of bool, shape (n,)
 
     Returns
     -------
@@ -49,8 +49,8 @@ def calibrate(overturned: Array, members: Array, happened: Mask) -> Calibration:
     """
     from sklearn.linear_model import LogisticRegression
 
-    if happened.all() or not happened.any():
+    if observed.all() or not observed.any():
         return Calibration()
-    score = log_odds(overturned, members)[:, None]
-    fit = LogisticRegression(C=np.inf).fit(score, happened)
-    return Calibration(float(fit.intercept_[0]), float(fit.coef_[0, 0]), len(happened))
+    score = _log_odds(overturned, members)[:, None]
+    fit = LogisticRegression(C=np.inf).fit(score, observed)
+    return Calibration(float(fit.intercept_[0]), float(fit.coef_[0, 0]), len(observed))

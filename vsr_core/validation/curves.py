@@ -15,8 +15,11 @@ from vsr_core.fragility.newton import maximise
 SAMPLES = 200
 """Bootstrap samples of whole ground motions."""
 
+SEED = 1
+"""Of the bootstrap samples."""
+
 FLATTEST, STEEPEST = 0.05, 50.0
-"""Slopes of a curve that tells nothing, and of one that is a step."""
+"""Least and largest slope: of a curve that is nearly level, and of one that is a step."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +39,7 @@ class Curve:
     median: float
 
 
-def curve(
-    intensity: Array, share: Array, motions: NDArray[np.str_], at: Array, seed: int = 1
-) -> Curve:
+def curve(intensity: Array, share: Array, motions: NDArray[np.str_], at: Array) -> Curve:
     """Lognormal fragility by maximum likelihood, with a bootstrap over ground motions.
 
     Parameters
@@ -46,7 +47,11 @@ def curve(
     intensity : ndarray, shape (n,), above 0
     share : ndarray, shape (n,), 0 or 1 of a test, a probability of a prediction
     motions : ndarray of str, shape (n,)
-    at : ndarray, shape (k,), intensities to tell it at
+    at : ndarray, shape (k,), intensities at which it is evaluated
+
+    Returns
+    -------
+    Curve
 
     References
     ----------
@@ -54,7 +59,7 @@ def curve(
     analysis. Earthquake Spectra 31(1), Eq. 11.
     """
     names, group = np.unique(motions, return_inverse=True)
-    chosen = np.random.default_rng(seed).integers(0, len(names), (SAMPLES, len(names)))
+    chosen = np.random.default_rng(SEED).integers(0, len(names), (SAMPLES, len(names)))
     counts = np.array([np.bincount(row, minlength=len(names)) for row in chosen])
     weights = np.vstack([np.ones(len(share)), counts[:, group]])
     centre = float(np.log(intensity).mean())

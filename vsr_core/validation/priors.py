@@ -1,4 +1,4 @@
-"""What nobody knows of a shake-table test, and draws of it that fill it evenly.
+"""What is unknown of a shake-table test, as prior ranges, and an ensemble that fills them evenly.
 
 None of this was fitted to outcomes. A test is predicted by an ensemble of draws, and its best guess
 is the middle of all priors.
@@ -15,6 +15,9 @@ from scipy.stats import norm, qmc
 
 from vsr_core.arrays import Array
 
+SEED = 7
+"""Of the sequence of draws."""
+
 
 @dataclass(frozen=True)
 class Priors:
@@ -27,8 +30,8 @@ class Priors:
     friction : (low, high) [1]
     restitution : (low, high) [1]
     amplitude : (mean, sd) [1], factor on the acceleration, for its gain
-    mixing : (low, high) [1], way from the scan to that of a replica, where there is one
-    error : float [1], error of the base in units of what is not known of it (see ``Form.spread``)
+    mixing : (low, high) [1], share of a replica's scan in the shape, where there is a replica
+    error : float [1], error of the base in units of its standard deviation (see ``Form.spread``)
     centre : float [m], sd of the centre of mass along each axis: density, closing of the scan
     """
 
@@ -63,81 +66,108 @@ class Member:
     seed: int
 
 
-def draws(priors: Priors, count: int, seed: int = 7) -> list[Member]:
+def draws(priors: Priors, count: int) -> list[Member]:
     """Members of an ensemble: a scrambled Sobol sequence over all unknowns but the base's error.
 
-    The drive is reversed in every other member, to the share that is asked for.
+    The drive is reversed in every other member, or as often as ``reversed_share`` says.
+
+    Parameters
+    ----------
+    priors : Priors
+    count : int
+
+    Returns
+    -------
+    list of Member
     """
     exponent = math.ceil(math.log2(max(count, 2)))
-    points = qmc.Sobol(9, rng=seed).random_base2(exponent)[:count]
+    points = qmc.Sobol(9, rng=SEED).random_base2(exponent)[:count]
     points = np.clip(points, 1e-6, 1.0 - 1e-6)
-    normal = norm.ppf(points)
-    members = []
-    for number, (u, z) in enumerate(zip(points, normal, strict=True)):
-        turned = math.pi * (u[1] < priors.reversed_share)
-        members.append(
-            Member(
-                azimuth=priors.azimuth[0] + priors.azimuth[1] * z[0] + turned,
-                friction=_within(priors.friction, u[2]),
-                restitution=_within(priors.restitution, u[3]),
-                amplitude=priors.amplitude[0] + priors.amplitude[1] * z[4],
-                mixing=_within(priors.mixing, u[5]),
-                error=priors.error,
-                centre=priors.centre * z[6:9],
-                seed=1000 * seed + number,
-            )
-        )
-    return members
+    return [
+        _member(priors, u, z, error=priors.error, seed=1000 * SEED + number)
+        for number, (u, z) in enumerate(zip(points, norm.ppf(points), strict=True))
+    ]
 
 
 def best_guess(priors: Priors) -> Member:
-    """The middle of all priors, with the scan as it is and the drive as the scan has it."""
-    turned = math.pi * (priors.reversed_share > 0.5)
-    return Member(
-        azimuth=priors.azimuth[0] + turned,
-        friction=_within(priors.friction, 0.5),
-        restitution=_within(priors.restitution, 0.5),
-        amplitude=priors.amplitude[0],
-        mixing=_within(priors.mixing, 0.5),
-        error=0.0,
-        centre=np.zeros(3),
-        seed=0,
-    )
+    """The middle of all priors, with the scan as it is and the likelier sign of the drive.
+
+    Parameters
+    ----------
+    priors : Priors
+
+    Returns
+    -------
+    Member
+
+    Examples
+    --------
+    >>> best_guess(Priors(friction=(0.5, 0.75))).friction
+    0.625
+    """
+    return _member(priors, np.full(9, 0.5), np.zeros(9), error=0.0, seed=0)
 
 
 def extremes(priors: Priors, *, replica: bool) -> dict[str, tuple[Member, Member]]:
     """For each unknown that has a range, the best guess at its 16th and at its 84th percentile.
 
-    With a ``replica`` the base is drawn between two scans, without one with an error of its own.
+    Parameters
+    ----------
+    priors : Priors
+    replica : bool
+        Whether the base is drawn between two scans; else it has an error of its own.
+
+    Returns
+    -------
+    dict of str to (Member, Member)
+        By the unknown in words.
     """
     guess = best_guess(priors)
-    along = np.array([math.cos(guess.azimuth), math.sin(guess.azimuth), 0.0])
-    azimuth, spread = guess.azimuth, priors.azimuth[1]
-    mean, gain = priors.amplitude
-    up = np.array([0.0, 0.0, 1.0])
-    pairs: dict[str, list[dict[str, Any]]] = {
-        "azimuth": [{"azimuth": azimuth + way * spread} for way in (-1.0, 1.0)],
-        "sign of the drive": [{"azimuth": azimuth + turn} for turn in (0.0, math.pi)],
-        "friction": [{"friction": _within(priors.friction, u)} for u in (0.16, 0.84)],
-        "restitution": [{"restitution": _within(priors.restitution, u)} for u in (0.16, 0.84)],
-        "amplitude": [{"amplitude": mean + way * gain} for way in (-1.0, 1.0)],
-        "centre of mass along the drive": [
-            {"centre": way * priors.centre * along} for way in (-1.0, 1.0)
-        ],
-        "height of the centre of mass": [
-            {"centre": way * priors.centre * up} for way in (-1.0, 1.0)
-        ],
+    azimuth, turn, (mean, gain) = guess.azimuth, priors.azimuth[1], priors.amplitude
+    along = priors.centre * np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
+    up = priors.centre * np.array([0.0, 0.0, 1.0])
+    ends: dict[str, tuple[str, Any, Any]] = {
+        "azimuth": ("azimuth", azimuth - turn, azimuth + turn),
+        "sign of the drive": ("azimuth", azimuth, azimuth + math.pi),
+        "friction": ("friction", *_percentiles(priors.friction)),
+        "restitution": ("restitution", *_percentiles(priors.restitution)),
+        "amplitude": ("amplitude", mean - gain, mean + gain),
+        "centre of mass along the drive": ("centre", -along, along),
+        "height of the centre of mass": ("centre", -up, up),
     }
     if replica:
-        pairs["mixing of the scans"] = [{"mixing": _within(priors.mixing, u)} for u in (0.16, 0.84)]
-    else:
-        pairs["error of the base"] = [{"error": priors.error, "seed": seed} for seed in (1, 2)]
-    return {
-        name: (replace(guess, **low), replace(guess, **high))
-        for name, (low, high) in pairs.items()
-        if str(low) != str(high)
+        ends["mixing of the scans"] = ("mixing", *_percentiles(priors.mixing))
+    pairs = {
+        name: (replace(guess, **{field: low}), replace(guess, **{field: high}))
+        for name, (field, low, high) in ends.items()
+        if np.any(low != high)
     }
+    if not replica:
+        one, other = (replace(guess, error=priors.error, seed=seed) for seed in (1, 2))
+        pairs["error of the base"] = one, other
+    return pairs
+
+
+def _member(priors: Priors, u: Array, z: Array, *, error: float, seed: int) -> Member:
+    """The member at nine numbers each, uniform on (0, 1) and the same as standard normal ones."""
+    return Member(
+        azimuth=float(
+            priors.azimuth[0] + priors.azimuth[1] * z[0] + math.pi * (u[1] < priors.reversed_share)
+        ),
+        friction=_within(priors.friction, u[2]),
+        restitution=_within(priors.restitution, u[3]),
+        amplitude=float(priors.amplitude[0] + priors.amplitude[1] * z[4]),
+        mixing=_within(priors.mixing, u[5]),
+        error=error,
+        centre=priors.centre * z[6:9],
+        seed=seed,
+    )
 
 
 def _within(pair: tuple[float, float], share: float) -> float:
     return pair[0] + (pair[1] - pair[0]) * float(share)
+
+
+def _percentiles(pair: tuple[float, float]) -> tuple[float, float]:
+    """The 16th and the 84th of a uniform prior."""
+    return _within(pair, 0.16), _within(pair, 0.84)

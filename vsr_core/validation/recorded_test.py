@@ -37,6 +37,15 @@ def standing_case(rock: Rock, member: Member) -> Case:
     A slab and not the plane that ``reduce`` takes for hulls: on a plane Bullet finds one corner of
     a landing edge at a time and loses too much in each impact. A pulse has few of them, a record
     of an earthquake hundreds.
+
+    Parameters
+    ----------
+    rock : Rock
+    member : Member
+
+    Returns
+    -------
+    Case
     """
     contact = Contact(member.friction, member.restitution)
     limits = bounds.barrier(rock)
@@ -64,6 +73,10 @@ def shaken(case: Case, acceleration: Array, interval: float, amplitude: float) -
     acceleration : ndarray, shape (n,) [m/s^2], along the drive
     interval : float [s], between its samples
     amplitude : float [1], factor on it
+
+    Returns
+    -------
+    Response
     """
     step = STEP_SHARE * math.sqrt(case.full.rock.radius / GRAVITY)
     motion = RecordedMotion(Trace(amplitude * acceleration, interval))

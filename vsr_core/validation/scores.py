@@ -1,4 +1,4 @@
-"""How well probabilities and predictions of overturning fit what happened."""
+"""How well probabilities and predictions of overturning fit the observed outcomes."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from vsr_core.arrays import Array, Mask
+from vsr_core.arrays import Array, Indices, Mask
 
 SMALLEST_PROBABILITY = 1e-3
-"""Probabilities are kept this far from 0 and 1 for the log loss: nobody is surer of a single test
-of a rock that is set up by hand."""
+"""Probabilities are kept this far from 0 and 1 for the log loss: the outcome of a single test of a
+rock that is set up by hand cannot be known better."""
 
 
 @dataclass(frozen=True)
@@ -36,53 +35,84 @@ class Scores:
     log_loss: float
 
 
-def scored(happened: Mask, predicted: Mask, probability: Array | None = None) -> Scores:
+def scored(observed: Mask, predicted: Mask, probability: Array | None = None) -> Scores:
     """Scores of predictions, and of probabilities where there are some.
 
     Parameters
     ----------
-    happened : ndarray of bool, shape (n,), whether the rock overturned
+    observed : ndarray of bool, shape (n,), whether the rock overturned
     predicted : ndarray of bool, shape (n,)
     probability : ndarray, shape (n,), of overturning
+
+    Returns
+    -------
+    Scores
     """
     from sklearn import metrics
 
-    if not len(happened):
+    if not len(observed):
         return Scores(0, *[np.nan] * 6)
     brier = loss = np.nan
     if probability is not None:
-        sure = np.clip(probability, SMALLEST_PROBABILITY, 1.0 - SMALLEST_PROBABILITY)
-        brier = float(np.mean((probability - happened) ** 2))
-        loss = float(metrics.log_loss(happened, sure, labels=[False, True]))
+        clipped = np.clip(probability, SMALLEST_PROBABILITY, 1.0 - SMALLEST_PROBABILITY)
+        brier = float(np.mean((probability - observed) ** 2))
+        loss = float(metrics.log_loss(observed, clipped, labels=[False, True]))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of one outcome only: the mean of one recall
         return Scores(
-            len(happened),
-            float(metrics.accuracy_score(happened, predicted)),
-            float(metrics.balanced_accuracy_score(happened, predicted)),
-            float(metrics.f1_score(happened, predicted, zero_division=0.0)),
-            float(metrics.matthews_corrcoef(happened, predicted)),
+            len(observed),
+            float(metrics.accuracy_score(observed, predicted)),
+            float(metrics.balanced_accuracy_score(observed, predicted)),
+            float(metrics.f1_score(observed, predicted, zero_division=0.0)),
+            float(metrics.matthews_corrcoef(observed, predicted)),
             brier,
             loss,
         )
 
 
 def decided(probability: Array) -> Mask:
-    """Whether each test is predicted to overturn: where it is likelier than the mean of all.
+    """Whether each test is predicted to overturn: where that is likelier than the mean of all.
 
-    Of right probabilities, the limit that makes the balanced accuracy largest is the share of all
-    tests that overturn. Its estimate before any outcome is known is the mean probability.
+    If the probabilities are right, the threshold with the largest balanced accuracy is the share of
+    all tests that overturn. Its estimate before any outcome is known is the mean probability.
+
+    Parameters
+    ----------
+    probability : ndarray, shape (n,)
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+
+    Examples
+    --------
+    >>> decided(np.array([0.0, 0.1, 0.2, 0.4]))
+    array([False, False,  True,  True])
     """
     return np.asarray(probability >= probability.mean())
 
 
-def mcnemar(happened: Mask, one: Mask, other: Mask) -> float:
-    """Probability of so uneven a split of the tests on which only one of two predictors is right.
+def mcnemar(observed: Mask, one: Mask, other: Mask) -> float:
+    """Probability of so uneven a split of the tests that only one of two predictors has right.
 
-    Exact and two-sided (McNemar 1947, with the binomial distribution); 1 where there is none.
+    Exact and two-sided (McNemar 1947, with the binomial distribution).
+
+    Parameters
+    ----------
+    observed, one, other : ndarray of bool, shape (n,)
+
+    Returns
+    -------
+    float
+        1 where there is no such test.
+
+    Examples
+    --------
+    >>> mcnemar(np.ones(3, bool), np.ones(3, bool), np.zeros(3, bool))
+    0.25
     """
-    only_one = int(((one == happened) & (other != happened)).sum())
-    only_other = int(((one != happened) & (other == happened)).sum())
+    right, other_right = one == observed, other == observed
+    only_one, only_other = int((right & ~other_right).sum()), int((other_right & ~right).sum())
     if only_one + only_other == 0:
         return 1.0
     return float(binomtest(only_one, only_one + only_other).pvalue)
@@ -103,19 +133,29 @@ class Reliability:
     observed: Array
     low: Array
     high: Array
-    count: NDArray[np.int64]
+    count: Indices
 
 
-def reliability(happened: Mask, probability: Array, classes: int = 8) -> Reliability:
-    """Observed shares in evenly spaced classes of probability; empty classes are left out."""
+def reliability(observed: Mask, probability: Array, classes: int = 8) -> Reliability:
+    """Observed shares in evenly spaced classes of probability.
+
+    Parameters
+    ----------
+    observed : ndarray of bool, shape (n,)
+    probability : ndarray, shape (n,)
+    classes : int
+        Empty ones are left out.
+
+    Returns
+    -------
+    Reliability
+    """
     number = np.minimum((probability * classes).astype(int), classes - 1)
     rows = []
-    for k in range(classes):
+    for k in np.unique(number):
         inside = number == k
-        if not inside.any():
-            continue
-        hits, count = int(happened[inside].sum()), int(inside.sum())
+        hits, count = int(observed[inside].sum()), int(inside.sum())
         low, high = binomtest(hits, count).proportion_ci(method="wilson")
         rows.append((probability[inside].mean(), hits / count, low, high, count))
-    predicted, observed, lower, upper, counts = np.array(rows).reshape(-1, 5).T
-    return Reliability(predicted, observed, lower, upper, counts.astype(np.int64))
+    predicted, share, lower, upper, counts = np.array(rows).reshape(-1, 5).T
+    return Reliability(predicted, share, lower, upper, counts.astype(np.int64))

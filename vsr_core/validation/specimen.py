@@ -1,7 +1,7 @@
-"""The shape of a specimen, as well as its scans know it.
+"""The shape of a specimen, as far as its scans give it.
 
-Two specimens cut to one form have one shape twice scanned: where the scans differ tells how well
-either knows its base, and what lies between them is likelier than each. A rock stands on three
+Two specimens cut to one form are one shape scanned twice: the difference of the scans shows how
+well either gives the base, and a shape between them is likelier than each. A rock stands on three
 points of its base, so that millimetres there decide which way it topples.
 """
 
@@ -28,7 +28,7 @@ BASE_SHARE = 0.06
 """Height of the base, as a share of the rock's."""
 
 SCAN_ERROR = 0.002
-"""Error of a scan at the base [m] where there is no second one to tell."""
+"""Error of a scan at the base [m] where there is no second scan to estimate it from."""
 
 ERROR_LENGTH = 0.045
 """Length over which errors of a scan are alike [m]: the distance at which the difference of the two
@@ -67,13 +67,17 @@ class Form:
 
 
 def form(scan: trimesh.Trimesh, replica: trimesh.Trimesh | None) -> Form:
-    """What a scan, and perhaps one of another specimen of its form, tell of a specimen.
+    """The shape of a specimen by its scan, and by that of a specimen of the same form.
 
     Parameters
     ----------
     scan : Trimesh [m], closed, z up
     replica : Trimesh [m] or None
         Brought onto the scan by iterated closest points; taken only if the two are ``ALIKE``.
+
+    Returns
+    -------
+    Form
     """
     vertices = np.array(scan.vertices)
     normals, faces = np.array(scan.vertex_normals), np.array(scan.faces, dtype=np.int64)
@@ -101,6 +105,10 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
     of : Form
     member : Member of an ensemble
     density : float [kg/m^3]
+
+    Returns
+    -------
+    Rock
 
     Raises
     ------
