@@ -1,8 +1,12 @@
-"""How the shaking and the way of an overturned rock go together: means of ensembles, regressed.
+"""How the trajectory of an overturned rock depends on the shaking: regression of ensemble means.
 
 An ensemble is all overturned runs of one PGA, or of one PGV/PGA (Chen et al. 2024, section 5.4).
 The line is fitted to the means of the ensembles, each counted once whatever its number of runs,
-as the paper does; ``Variance`` says how much of the runs' scatter such means leave out.
+as in the paper; the shares of variance say how much of the runs' scatter the means leave out.
+
+Runs are rows of a table with the columns ``REGRESSORS`` and ``STATISTICS``: ``pga`` [g],
+``pgv_pga`` [s], ``trajectory_length`` [m] (path of the centre of mass), ``largest_speed`` [m/s] and
+``terminal_distance`` [m] (from the start to the end of the centre of mass).
 """
 
 from __future__ import annotations
@@ -11,7 +15,7 @@ import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 from scipy import stats
 
 from vsr_core.arrays import Array
@@ -29,90 +33,29 @@ FEWEST = 3
 _ALIKE = 1e-12  # relative range below which means differ by rounding only
 
 
-@dataclass(frozen=True, eq=False)
-class Runs:
-    """Runs whose rock overturned; all arrays of shape (n,).
-
-    Attributes
-    ----------
-    pga : ndarray [g]
-    pgv_pga : ndarray [s]
-    trajectory_length : ndarray [m], path of the centre of mass
-    largest_speed : ndarray [m/s]
-    terminal_distance : ndarray [m], from the start to the end of the centre of mass
-
-    Raises
-    ------
-    InvalidInput
-        If the arrays are not of one length, or hold a value that is not finite.
-    """
-
-    pga: Array
-    pgv_pga: Array
-    trajectory_length: Array
-    largest_speed: Array
-    terminal_distance: Array
-
-    def __post_init__(self) -> None:
-        names = (*REGRESSORS, *STATISTICS)
-        shapes = {getattr(self, name).shape for name in names}
-        if len(shapes) > 1 or len(self.pga.shape) != 1:
-            raise InvalidInput(
-                f"arrays of shapes {sorted(shapes)}",
-                "each overturned run has one value of each",
-                "give flat arrays of equal length",
-            )
-        for name in names:
-            lost = int((~np.isfinite(getattr(self, name))).sum())
-            if lost:
-                raise InvalidInput(
-                    f"{lost} values of {name} that are not finite",
-                    "an overturned run has a path",
-                    "leave out runs without a verdict",
-                )
-
-
-@dataclass(frozen=True, eq=False)
-class Ensembles:
-    """Runs put together by their value of the regressor; all arrays of shape (k,).
-
-    Attributes
-    ----------
-    value : ndarray [unit of the regressor], ascending
-    n : ndarray of int, runs
-    mean : ndarray [unit of the statistic]
-    deviation : ndarray [unit of the statistic], standard deviation (n - 1); NaN for one run
-    """
-
-    value: Array
-    n: NDArray[np.int64]
-    mean: Array
-    deviation: Array
-
-
 @dataclass(frozen=True)
 class Line:
     """Ordinary least squares of the ensembles' means on the regressor; NaN if undetermined.
 
     Attributes
     ----------
+    n_groups : int
     slope, intercept : float
     r2 : float, share of the variance of the means that the line explains
     p : float, two-sided, of a slope of zero (t test)
-    n_groups : int
     centre : float, mean of the regressor over the ensembles
     spread : float, sum of its squared distances from ``centre``
     residual : float, standard deviation of the means about the line (n_groups - 2)
     """
 
-    slope: float
-    intercept: float
-    r2: float
-    p: float
     n_groups: int
-    centre: float
-    spread: float
-    residual: float
+    slope: float = math.nan
+    intercept: float = math.nan
+    r2: float = math.nan
+    p: float = math.nan
+    centre: float = math.nan
+    spread: float = math.nan
+    residual: float = math.nan
 
     @property
     def t(self) -> float:
@@ -132,12 +75,12 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Correlation:
-    """One statistic of the runs against one measure of the shaking.
+    """One statistic of the runs against one measure of the shaking; numbers NaN if undetermined.
 
     Attributes
     ----------
     statistic, regressor : str
-    ensembles : Ensembles
+    ensembles : DataFrame, see ``ensembles``
     line : Line
     spearman, spearman_p : float, rank correlation of the ensembles' means, and its two-sided p
     spearman_runs, spearman_runs_p : float, the same over the runs
@@ -148,21 +91,45 @@ class Correlation:
 
     statistic: str
     regressor: str
-    ensembles: Ensembles
+    ensembles: pd.DataFrame
     line: Line
-    spearman: float
-    spearman_p: float
-    spearman_runs: float
-    spearman_runs_p: float
-    between: float
-    within: float
+    spearman: float = math.nan
+    spearman_p: float = math.nan
+    spearman_runs: float = math.nan
+    spearman_runs_p: float = math.nan
+    between: float = math.nan
+    within: float = math.nan
     reason: str = ""
 
 
-def correlations(runs: Runs) -> tuple[Correlation, ...]:
-    """Every statistic against every regressor, statistic by statistic."""
+def correlations(runs: pd.DataFrame) -> tuple[Correlation, ...]:
+    """Correlate every statistic with every regressor.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        The overturned runs, with the columns ``REGRESSORS`` and ``STATISTICS``.
+
+    Returns
+    -------
+    tuple of Correlation
+        Statistic by statistic.
+
+    Raises
+    ------
+    InvalidInput
+        If a value is not finite.
+    """
+    for name in (*REGRESSORS, *STATISTICS):
+        lost = int((~np.isfinite(runs[name])).sum())
+        if lost:
+            raise InvalidInput(
+                f"{lost} values of {name} that are not finite",
+                "an overturned run has a trajectory",
+                "leave out runs without a verdict",
+            )
     return tuple(
-        correlate(getattr(runs, regressor), getattr(runs, statistic), statistic, regressor)
+        correlate(runs[regressor].to_numpy(), runs[statistic].to_numpy(), statistic, regressor)
         for statistic in STATISTICS
         for regressor in REGRESSORS
     )
@@ -179,61 +146,73 @@ def correlate(
         Of the runs; equal values of the regressor make an ensemble.
     statistic, regressor : str
         Names that the result carries.
+
+    Returns
+    -------
+    Correlation
+
+    Examples
+    --------
+    >>> found = correlate(np.array([0.4, 0.4, 0.6, 0.8]), np.array([3.0, 5.0, 6.0, 8.0]))
+    >>> round(found.line.slope, 9), found.line.n_groups
+    (10.0, 3)
     """
     groups = ensembles(regressor_values, values)
     reason = _undetermined(groups)
     if reason:
-        nan = math.nan
-        line = Line(nan, nan, nan, nan, len(groups.n), nan, nan, nan)
-        numbers = (nan,) * 6
-        return Correlation(statistic, regressor, groups, line, *numbers, reason)
+        return Correlation(statistic, regressor, groups, Line(len(groups)), reason=reason)
     between = _variance_between(groups, values)
     return Correlation(
         statistic,
         regressor,
         groups,
-        fitted(groups),
-        *_spearman(groups.value, groups.mean),
-        *_spearman(regressor_values, values),
+        _fitted(groups),
+        *map(float, stats.spearmanr(groups.index, groups["mean"])),
+        *map(float, stats.spearmanr(regressor_values, values)),
         between,
         1.0 - between,
     )
 
 
-def ensembles(regressor_values: Array, values: Array) -> Ensembles:
-    """Put runs of equal ``regressor_values`` together; both arrays of shape (n,)."""
-    value, group, n = np.unique(regressor_values, return_inverse=True, return_counts=True)
-    mean = np.bincount(group, values, len(value)) / n
-    squares = np.bincount(group, (values - mean[group]) ** 2, len(value))
-    freedom = np.where(n > 1, n - 1.0, np.nan)
-    return Ensembles(value, n.astype(np.int64), mean, np.sqrt(squares / freedom))
+def ensembles(regressor_values: Array, values: Array) -> pd.DataFrame:
+    """Put runs of equal ``regressor_values`` together.
 
+    Parameters
+    ----------
+    regressor_values, values : ndarray, shape (n,)
 
-def fitted(groups: Ensembles) -> Line:
-    """Least squares line through the means of at least three ensembles that differ."""
-    fit = stats.linregress(groups.value, groups.mean)
-    centre = float(groups.value.mean())
-    spread = float(((groups.value - centre) ** 2).sum())
-    return Line(
-        float(fit.slope),
-        float(fit.intercept),
-        float(fit.rvalue) ** 2,
-        float(fit.pvalue),
-        len(groups.n),
-        centre,
-        spread,
-        float(fit.stderr) * math.sqrt(spread),
-    )
+    Returns
+    -------
+    DataFrame
+        Over the values of the regressor, ascending: ``n`` runs, their ``mean`` and their
+        standard ``deviation`` (n - 1; NaN for one run).
+
+    Examples
+    --------
+    >>> ensembles(np.array([0.2, 0.1, 0.2]), np.array([3.0, 1.0, 5.0]))["mean"].to_dict()
+    {0.1: 1.0, 0.2: 4.0}
+    """
+    groups = pd.Series(values).groupby(regressor_values)
+    return groups.agg(n="size", mean="mean", deviation="std")
 
 
 def row(found: Correlation) -> dict[str, str | int | float]:
-    """One row of the table of correlations, by the names of its columns."""
+    """One row of the table of correlations, by the names of its columns.
+
+    Parameters
+    ----------
+    found : Correlation
+
+    Returns
+    -------
+    dict
+    """
     line = asdict(found.line)
     return {
         "statistic": found.statistic,
         "regressor": found.regressor,
         "n_groups": found.line.n_groups,
-        "n_runs": int(found.ensembles.n.sum()),
+        "n_runs": int(found.ensembles["n"].sum()),
         **{name: line[name] for name in ("slope", "intercept", "r2", "p")},
         "spearman": found.spearman,
         "spearman_p": found.spearman_p,
@@ -243,23 +222,36 @@ def row(found: Correlation) -> dict[str, str | int | float]:
     }
 
 
-def _undetermined(groups: Ensembles) -> str:
-    if len(groups.n) == 0:
+def _fitted(groups: pd.DataFrame) -> Line:
+    """Least squares line through the means of at least three ensembles that differ."""
+    value = groups.index.to_numpy()
+    fit = stats.linregress(value, groups["mean"])
+    centre = float(value.mean())
+    spread = float(((value - centre) ** 2).sum())
+    return Line(
+        len(groups),
+        float(fit.slope),
+        float(fit.intercept),
+        float(fit.rvalue) ** 2,
+        float(fit.pvalue),
+        centre,
+        spread,
+        float(fit.stderr) * math.sqrt(spread),
+    )
+
+
+def _undetermined(groups: pd.DataFrame) -> str:
+    if groups.empty:
         return "no run overturned"
-    if len(groups.n) < FEWEST:
-        return f"{len(groups.n)} of the {FEWEST} ensembles that a line needs"
-    if np.ptp(groups.mean) <= _ALIKE * np.abs(groups.mean).max():
-        return "the ensembles have one and the same mean"
+    if len(groups) < FEWEST:
+        return f"{len(groups)} of the {FEWEST} ensembles that a line needs"
+    if np.ptp(groups["mean"]) <= _ALIKE * groups["mean"].abs().max():
+        return "all ensembles have the same mean"
     return ""
 
 
-def _variance_between(groups: Ensembles, values: Array) -> float:
+def _variance_between(groups: pd.DataFrame, values: Array) -> float:
     """Eta squared: the sum of squares between the ensembles over the whole."""
     middle = values.mean()
-    between = float(groups.n @ (groups.mean - middle) ** 2)
+    between = float(groups["n"] @ (groups["mean"] - middle) ** 2)
     return between / float(((values - middle) ** 2).sum())
-
-
-def _spearman(one: Array, other: Array) -> tuple[float, float]:
-    found = stats.spearmanr(one, other)
-    return float(found.statistic), float(found.pvalue)

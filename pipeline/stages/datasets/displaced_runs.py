@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from vsr_core.arrays import Array, Mask
@@ -34,11 +35,11 @@ def groups(displacement: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
         yield name, chosen(displacement, (yaw == turn) & (friction == grip))
 
 
-def overturned_runs(displacement: xr.Dataset) -> correlation.Runs:
+def overturned_runs(displacement: xr.Dataset) -> pd.DataFrame:
     """The overturned runs, as the correlations take them."""
-    mask = toppled(displacement)
-    names = (*correlation.REGRESSORS, *correlation.STATISTICS)
-    return correlation.Runs(*(displacement[name].values[mask].astype(float) for name in names))
+    names = [*correlation.REGRESSORS, *correlation.STATISTICS]
+    table = displacement[names].isel(run=toppled(displacement)).to_dataframe()
+    return table[names].astype(float)
 
 
 def ends(displacement: xr.Dataset) -> Array:

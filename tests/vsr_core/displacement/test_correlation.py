@@ -6,6 +6,7 @@ import math
 import warnings
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,7 +17,6 @@ from vsr_core.displacement.correlation import (
     REGRESSORS,
     STATISTICS,
     Correlation,
-    Runs,
     correlate,
     correlations,
     ensembles,
@@ -142,7 +142,7 @@ def test_rank_correlation_against_its_definition() -> None:
 
     means = ensembles(x, y)
     assert found.spearman_runs == pytest.approx(np.corrcoef(ranks(x), ranks(y))[0, 1])
-    expected = np.corrcoef(ranks(means.value), ranks(means.mean))[0, 1]
+    expected = np.corrcoef(ranks(means.index.to_numpy()), ranks(means["mean"].to_numpy()))[0, 1]
     assert found.spearman == pytest.approx(expected)
     rising = correlate(np.arange(8.0), np.exp(np.arange(8.0)))
     assert (rising.spearman, rising.line.r2 < 0.9) == (1.0, True)
@@ -159,10 +159,10 @@ def test_rank_correlation_finds_nothing_in_noise() -> None:
 
 def test_ensembles_by_hand() -> None:
     groups = ensembles(np.array([0.3, 0.1, 0.3, 0.2, 0.3]), np.array([1.0, 5.0, 3.0, 4.0, 8.0]))
-    np.testing.assert_array_equal(groups.value, [0.1, 0.2, 0.3])
-    np.testing.assert_array_equal(groups.n, [1, 1, 3])
-    np.testing.assert_allclose(groups.mean, [5.0, 4.0, 4.0])
-    np.testing.assert_allclose(groups.deviation, [np.nan, np.nan, math.sqrt(13.0)])
+    np.testing.assert_array_equal(groups.index, [0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(groups["n"], [1, 1, 3])
+    np.testing.assert_allclose(groups["mean"], [5.0, 4.0, 4.0])
+    np.testing.assert_allclose(groups["deviation"], [np.nan, np.nan, math.sqrt(13.0)])
 
 
 @given(st.integers(0, 10**6), st.floats(0.01, 100.0), st.floats(0.01, 100.0), st.floats(-9.0, 9.0))
@@ -204,7 +204,8 @@ def test_too_little_to_say(x: list[float], y: list[float], words: str) -> None:
 def test_every_statistic_against_every_regressor() -> None:
     rng = np.random.default_rng(8)
     pga, ratio = (rng.choice(np.linspace(0.2, 1.0, 9), 90) for _ in range(2))
-    runs = Runs(pga, ratio, 9.0 * pga, 4.0 + ratio, 3.0 - pga)
+    columns = (pga, ratio, 9.0 * pga, 4.0 + ratio, 3.0 - pga)
+    runs = pd.DataFrame(dict(zip((*REGRESSORS, *STATISTICS), columns, strict=True)))
     found = correlations(runs)
     assert [(f.statistic, f.regressor) for f in found] == [
         (s, r) for s in STATISTICS for r in REGRESSORS
@@ -224,9 +225,8 @@ def test_every_statistic_against_every_regressor() -> None:
     assert float(by["largest_speed", "pga"]["r2"]) < 0.9
 
 
-def test_runs_that_are_none_are_refused() -> None:
-    ones = np.ones(4)
-    with pytest.raises(InvalidInput, match="equal length"):
-        Runs(ones, ones, ones, ones, np.ones(3))
+def test_runs_without_a_trajectory_are_refused() -> None:
+    runs = pd.DataFrame({name: np.linspace(0.1, 1.0, 4) for name in (*REGRESSORS, *STATISTICS)})
+    runs.loc[1, "largest_speed"] = np.nan
     with pytest.raises(InvalidInput, match="1 values of largest_speed"):
-        Runs(ones, ones, ones, np.array([1.0, np.nan, 1.0, 1.0]), ones)
+        correlations(runs)

@@ -324,7 +324,7 @@ def test_bounds_by_hand() -> None:
     nothing = lower_bound(value, distance, 6.5, "pga")
     assert nothing.reached == 0
     assert math.isnan(nothing.first_run)
-    assert "no run came as far" in nothing.reason
+    assert "no run went as far" in nothing.reason
 
 
 def test_line_is_read_backwards() -> None:
