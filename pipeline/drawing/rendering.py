@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
+import fast_simplification
 import numpy as np
 
 from vsr_core.arrays import Array, Indices, Mask
@@ -90,6 +91,10 @@ def fitted(axes: Array, points: Array, shape: tuple[int, int], margin: float = 0
     points : ndarray, shape (n, 3) [m]
     shape : (int, int), rows and columns
     margin : float, share of the picture's lesser side that stays free on every side
+
+    Returns
+    -------
+    View
     """
     placed = points @ axes.T
     low, high = placed.min(axis=0), placed.max(axis=0)
@@ -117,59 +122,66 @@ def drawn(view: View, vertices: Array, faces: Indices, onto: Indices | None = No
     ndarray of int64, shape (pixels,), row by row; see ``seen``, ``faces_of`` and ``depths_of``
     """
     corners = view.project(vertices)[faces]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    facing = np.flatnonzero(first[:, 1] * second[:, 0] > first[:, 0] * second[:, 1])
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing = np.flatnonzero(normal[:, 2] < 0.0)  # rows run downwards
     buffer = np.full(view.shape[0] * view.shape[1], _EMPTY) if onto is None else onto.copy()
     names = facing if onto is None else facing + LATER
-    for pixels, triangle, depth in _fragments(corners[facing], view.shape):
+    slope = -normal[facing, :2] / normal[facing, 2:]  # change of depth [m] a column and a row
+    for pixels, triangle, depth in _fragments(corners[facing], slope, view.shape):
         key = (np.rint(depth / _TICK).astype(np.int64) << 32) + names[triangle]
         np.maximum.at(buffer, pixels, key)
     return buffer
 
 
 def seen(buffer: Indices) -> Indices:
-    """Pixels that show a face."""
+    """Pixels of a buffer that show a face, shape (n,)."""
     return np.flatnonzero(buffer != _EMPTY)
 
 
 def faces_of(buffer: Indices) -> Indices:
-    """Faces that pixels show."""
+    """Faces that pixels of a buffer show, of its shape."""
     return buffer & 0xFFFFFFFF
 
 
 def depths_of(buffer: Indices) -> Array:
-    """Depths [m] that pixels show, towards the eye; far behind where there is nothing."""
+    """Depths [m] towards the eye, of the shape of the buffer; far behind where there is nothing."""
     return (buffer >> 32).astype(np.float64) * _TICK
 
 
-def _fragments(corners: Array, shape: tuple[int, int]) -> Iterator[tuple[Indices, Indices, Array]]:
+def _fragments(
+    corners: Array, slope: Array, shape: tuple[int, int]
+) -> Iterator[tuple[Indices, Indices, Array]]:
     """Pixels whose middle is in a triangle, the triangle and its depth there, a part at a time.
 
     Triangles are cut into rows and rows into pixels, so that no pixel is tried in vain.
     """
     rows, columns = shape
     across, down, depth = np.moveaxis(corners, -1, 0)
-    top = np.clip(np.ceil(down.min(axis=1) - 0.5), 0, rows).astype(np.int64)
-    bottom = np.clip(np.floor(down.max(axis=1) + 0.5), 0, rows).astype(np.int64)
+    top, bottom = _between(down.min(axis=1), down.max(axis=1), rows)
     triangle, row = _expanded(top, bottom)
     left, right = np.full(len(row), -np.inf), np.full(len(row), np.inf)
-    for here, there in ((0, 1), (1, 2), (2, 0)):  # a side that falls is on the left
+    for here, there in ((0, 1), (1, 2), (2, 0)):  # a side that runs downwards is on the left
         fall = (down[:, there] - down[:, here])[triangle]
         run = (across[:, there] - across[:, here])[triangle]
         with np.errstate(divide="ignore", invalid="ignore"):
             at = across[triangle, here] + (row + 0.5 - down[triangle, here]) * run / fall
         left = np.where(fall > 0.0, np.maximum(left, at), left)
         right = np.where(fall < 0.0, np.minimum(right, at), right)
-    start = np.clip(np.ceil(left - 0.5), 0, columns).astype(np.int64)
-    end = np.clip(np.floor(right + 0.5), 0, columns).astype(np.int64)
-    slope = _slopes(across, down, depth)
+    start, end = _between(left, right, columns)
     part = np.cumsum(np.maximum(end - start, 0)) // _FRAGMENTS
-    for piece in np.split(np.arange(len(row)), np.flatnonzero(np.diff(part)) + 1):
-        which, column = _expanded(start[piece], end[piece])
-        line, face = row[piece][which], triangle[piece][which]
+    for some in np.split(np.arange(len(row)), np.flatnonzero(np.diff(part)) + 1):
+        which, column = _expanded(start[some], end[some])
+        line, face = row[some][which], triangle[some][which]
         aside, below = column + 0.5 - across[face, 0], line + 0.5 - down[face, 0]
         height = depth[face, 0] + slope[face, 0] * aside + slope[face, 1] * below
         yield line * columns + column, face, height
+
+
+def _between(low: Array, high: Array, count: int) -> tuple[Indices, Indices]:
+    """First pixel whose middle lies from ``low`` to ``high``, and the one after the last."""
+    ends = np.stack([np.ceil(low - 0.5), np.floor(high + 0.5)])
+    start, end = np.clip(ends, 0, count).astype(np.int64)
+    return start, end
 
 
 def _expanded(start: Indices, end: Indices) -> tuple[Indices, Indices]:
@@ -179,54 +191,48 @@ def _expanded(start: Indices, end: Indices) -> tuple[Indices, Indices]:
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count - start, count)
 
 
-def _slopes(across: Array, down: Array, depth: Array) -> Array:
-    """Change of depth [m] a pixel to the right and a pixel down, shape (n, 2)."""
-    u, v, w = (values[:, 1:] - values[:, :1] for values in (across, down, depth))
-    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    to_right = w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]
-    to_below = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
-    return np.stack([to_right, to_below], axis=-1) / area[:, None]
-
-
 def thinned(vertices: Array, faces: Indices, most: int) -> tuple[Array, Indices]:
-    """Surface of about ``most`` faces at the most: vertices of one cell become their mean."""
-    cells = np.sqrt(0.5 * most)
-    while len(faces) > most:
-        cell = np.ptp(vertices, axis=0).max() / cells
-        _, merged, count = np.unique(
-            np.round(vertices / cell).astype(int), axis=0, return_inverse=True, return_counts=True
-        )
-        faces = merged.reshape(-1)[faces]
-        real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-        sums = [np.bincount(merged.reshape(-1), part) for part in vertices.T]
-        vertices, faces = np.stack(sums, axis=-1) / count[:, None], np.unique(faces[real], axis=0)
-        cells *= 0.8
-    return vertices, faces
+    """Surface of about ``most`` faces at the most, as near to the given one as so few can be.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+    most : int
+
+    Returns
+    -------
+    vertices, faces : ndarray, shape (k, 3) [m] and (j, 3)
+    """
+    if len(faces) <= most:
+        return vertices, faces
+    vertices, faces = fast_simplification.simplify(vertices, faces, target_count=most)
+    return vertices.astype(np.float64), faces.astype(np.int64)
 
 
 def reach(path: Array, radius: float) -> Array:
-    """Points, shape (6 n, 3) [m], that span a rock of that radius all along its path (n, 3) [m]."""
+    """Points, shape (6 n, 3) [m], that span a rock of a radius [m] along its path, (n, 3) [m]."""
     return np.concatenate([path + radius * side for side in (*np.eye(3), *-np.eye(3))])
 
 
 def clearest(
-    ground: tuple[Array, Indices], path: Array, radius: float, way: Array
+    ground: tuple[Array, Indices], path: Array, radius: float, along: Array
 ) -> tuple[float, float]:
-    """Place of the eye from which most of a path is seen over the ground, best across its way.
+    """Where the eye sees most of a path over the ground, across its direction if possible.
 
     Parameters
     ----------
     ground : vertices (n, 3) [m] and faces (m, 3)
     path : ndarray, shape (n, 3) [m], points to see
     radius : float [m], of the rock
-    way : ndarray, shape (2,), level direction that is to run to the right in the picture
+    along : ndarray, shape (2,), level direction that is to run to the right in the picture
 
     Returns
     -------
     azimuth, elevation : float [rad], see ``axes_of``
     """
     vertices, faces = thinned(*ground, 8_000)
-    across = math.atan2(way[1], way[0]) - 0.5 * math.pi
+    across = math.atan2(along[1], along[0]) - 0.5 * math.pi
     best, found = -np.inf, (across, 0.0)
     for turn, elevation in product((0, 25, -25, 180, 205, 155), (22, 32, 45)):
         place = across + math.radians(turn), math.radians(elevation)
@@ -240,7 +246,18 @@ def clearest(
 
 
 def in_sight(view: View, buffer: Indices, points: Array) -> Mask:
-    """Whether nothing in the buffer hides the points; what lies beside the picture is hidden."""
+    """Find the points that a mesh does not hide.
+
+    Parameters
+    ----------
+    view : View
+    buffer : ndarray, shape (pixels,), of the mesh, as ``drawn`` in the view
+    points : ndarray, shape (n, 3) [m]
+
+    Returns
+    -------
+    ndarray of bool, shape (n,), False for what lies beside the picture
+    """
     column, row, depth = np.moveaxis(view.project(points), -1, 0)
     rows, columns = view.shape
     inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
@@ -250,7 +267,13 @@ def in_sight(view: View, buffer: Indices, points: Array) -> Mask:
 
 
 def round_number(value: float) -> float:
-    """Largest of 1, 2 and 5 times a power of ten that is not above ``value``."""
+    """Largest of 1, 2 and 5 times a power of ten that is not above ``value``.
+
+    Examples
+    --------
+    >>> round_number(73.0), round_number(0.021)
+    (50.0, 0.02)
+    """
     power = 10.0 ** math.floor(math.log10(value))
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value * (1.0 + 1e-9))
 

@@ -12,6 +12,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from pipeline.workflow.writers import Writer, binary
 from vsr_core.arrays import Array
@@ -32,6 +33,9 @@ SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 """Okabe and Ito's colours, for lines that are told apart by colour."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
+
+HALO = (withStroke(linewidth=2.4, foreground="white"),)
+"""Path effects of text that stands on a picture."""
 
 DPI = 160
 

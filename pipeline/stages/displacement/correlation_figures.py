@@ -1,15 +1,16 @@
-"""How the way of the overturned rock goes with the shaking (Figs 16 and 17 of Chen et al. 2024)."""
+"""How the trajectory of the overturned rock depends on the shaking (Figs 16 and 17 of the paper).
+
+The paper is Chen et al. (2024).
+"""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 
 from pipeline.drawing import style
 from pipeline.stages.datasets.displaced_runs import overturned_runs, toppled
@@ -29,7 +30,7 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @style.styled
 def trajectory_lengths(displacement: xr.Dataset, source: str) -> Figure:
-    """Length of each path against PGA and PGV/PGA, the third of the three as colour.
+    """Length of each trajectory, PGA and PGV/PGA: two as axes, the third as colour.
 
     Parameters
     ----------
@@ -37,79 +38,59 @@ def trajectory_lengths(displacement: xr.Dataset, source: str) -> Figure:
         As in ``displacement.nc``; runs that did not topple are grey in the first panel.
     source : str
         What the terrain is.
+
+    Returns
+    -------
+    Figure
     """
-    runs = overturned_runs(displacement)
+    runs, standing = overturned_runs(displacement), displacement.isel(run=~toppled(displacement))
     figure = Figure(figsize=(WIDTH, 3.4))
-    panels = figure.subplots(
-        1, 3, gridspec_kw={"left": 0.06, "right": 0.97, "bottom": 0.15, "top": 0.91, "wspace": 0.34}
-    )
-    standing = ~toppled(displacement)
-    panels[0].plot(
-        displacement["pga"].values[standing],
-        displacement["pgv_pga"].values[standing],
-        ".",
-        ms=1.6,
-        color="#bdbdbd",
-        label="did not topple",
-        rasterized=True,
-        gid="standing",
-    )
-    for axes, (right, up, colour) in zip(
-        panels,
-        (
-            ("pga", "pgv_pga", "trajectory_length"),
-            ("pga", "trajectory_length", "pgv_pga"),
-            ("pgv_pga", "trajectory_length", "pga"),
-        ),
-        strict=True,
-    ):
-        dots = axes.scatter(
-            getattr(runs, right),
-            getattr(runs, up),
-            c=getattr(runs, colour),
-            s=9,
-            cmap="viridis",
-            linewidths=0,
-            rasterized=True,
-            gid="runs",
-        )
+    margins = {"left": 0.06, "right": 0.97, "bottom": 0.15, "top": 0.91, "wspace": 0.34}
+    panels = figure.subplots(1, 3, gridspec_kw=margins)
+    grey: Any = {"ms": 1.6, "color": "#bdbdbd", "rasterized": True, "gid": "standing"}
+    panels[0].plot(standing["pga"], standing["pgv_pga"], ".", label="did not topple", **grey)
+    length = "trajectory_length"
+    axes_and_colour = (("pga", "pgv_pga", length), ("pga", length, "pgv_pga"),
+                       ("pgv_pga", length, "pga"))  # fmt: skip
+    for axes, (right, up, colour) in zip(panels, axes_and_colour, strict=True):
+        look: Any = {"s": 9, "cmap": "viridis", "linewidths": 0, "rasterized": True, "gid": "runs"}
+        dots = axes.scatter(runs[right], runs[up], c=runs[colour], **look)
         axes.set_xlabel(NAMES[right])
         axes.set_ylabel(NAMES[up])
-        if len(runs.pga):
+        if len(runs):
             bar = figure.colorbar(dots, ax=axes, location="top", pad=0.03, aspect=35)
             bar.set_label(NAMES[colour])
         else:
             axes.text(0.5, 0.5, "no run toppled", transform=axes.transAxes, ha="center")
-        if up == "trajectory_length":
+        if up == length:
             _from_zero(axes)
-    if standing.any():
-        panels[0].legend(
-            loc="lower left",
-            handletextpad=0.1,
-            markerscale=3,
-            frameon=True,
-            framealpha=1.0,
-            edgecolor="none",
-        )
+    if standing.sizes["run"]:
+        frame: Any = {"frameon": True, "framealpha": 1.0, "edgecolor": "none"}
+        panels[0].legend(loc="lower left", handletextpad=0.1, markerscale=3, **frame)
     named(figure, source)
     return figure
 
 
 @style.styled
 def ensemble_means(displacement: xr.Dataset, source: str) -> Figure:
-    """Means of ensembles against PGA and PGV/PGA, with the line through them and its band."""
+    """Means of ensembles against PGA and PGV/PGA, with the line through them and its band.
+
+    Parameters
+    ----------
+    displacement : Dataset
+        As in ``displacement.nc``.
+    source : str
+        What the terrain is.
+
+    Returns
+    -------
+    Figure
+    """
     found = correlations(overturned_runs(displacement))
     figure = Figure(figsize=(7.4, 8.4))
-    panels = figure.subplots(
-        3,
-        2,
-        sharex="col",
-        sharey="row",
-        gridspec_kw={
-            "left": 0.09, "right": 0.985, "bottom": 0.095, "top": 0.965, "hspace": 0.08,
-            "wspace": 0.05,
-        },
-    )  # fmt: skip
+    margins = {"left": 0.09, "right": 0.985, "bottom": 0.095, "top": 0.965,
+               "hspace": 0.08, "wspace": 0.05}  # fmt: skip
+    panels = figure.subplots(3, 2, sharex="col", sharey="row", gridspec_kw=margins)
     for axes, one in zip(panels.ravel(), found, strict=True):
         _means(axes, one)
         if axes in panels[-1]:
@@ -124,7 +105,21 @@ def ensemble_means(displacement: xr.Dataset, source: str) -> Figure:
 
 
 def power(p: float) -> str:
-    """Write a small probability with a power of ten in raised digits."""
+    """Write a small probability with a power of ten in raised digits.
+
+    Parameters
+    ----------
+    p : float
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> power(0.0431), power(2.34e-9)
+    ('0.043', '2.3×10⁻⁹')
+    """
     if not 0.0 < p < 1e-3:
         return f"{p:.2g}"
     mantissa, exponent = f"{p:.1e}".split("e")
@@ -132,60 +127,31 @@ def power(p: float) -> str:
 
 
 def _means(axes: Axes, found: Correlation) -> None:
-    groups, line = found.ensembles, found.line
-    several = groups.n > 1
+    several, single = (found.ensembles[found.ensembles["n"] > 1],
+                       found.ensembles[found.ensembles["n"] == 1])  # fmt: skip
     bars: Any = {"fmt": "none", "ecolor": "#9db7d3", "elinewidth": 0.9, "zorder": 1}
-    axes.errorbar(
-        groups.value[several],
-        groups.mean[several],
-        groups.deviation[several],
-        label="standard deviation of the runs",
-        **bars,
-    )
-    dots: Any = {"ls": "none", "marker": "o", "ms": 4.2, "mec": style.UPRIGHT, "zorder": 3}
-    axes.plot(
-        groups.value[several],
-        groups.mean[several],
-        color=style.UPRIGHT,
-        label="mean of an ensemble",
-        gid="means",
-        **dots,
-    )
-    axes.plot(groups.value[~several], groups.mean[~several], mfc="white", gid="single", **dots)
-    if not found.reason:
-        at = np.linspace(groups.value[0], groups.value[-1], 100)
-        axes.plot(
-            at, line.mean(at), "-.", color=style.OVERTURNED, lw=1.4, label="line", gid="line",
-            zorder=4,
-        )  # fmt: skip
-        axes.fill_between(
-            at,
-            *line.band(at),
-            color=style.OVERTURNED,
-            alpha=0.18,
-            lw=0,
-            label="its 95 % confidence band",
-            gid="band",
-            zorder=2,
-        )
-        text = f"R² = {line.r2:.2f}\np = {power(line.p)}\n{line.n_groups} ensembles"
-    else:
-        text = f"no line: {found.reason}"
-    falls = math.isfinite(line.slope) and line.slope < 0.0
-    axes.text(
-        0.97 if falls else 0.03,
-        0.97,
-        text,
-        transform=axes.transAxes,
-        va="top",
-        ha="right" if falls else "left",
-        linespacing=1.45,
-        path_effects=[withStroke(linewidth=2.5, foreground="white")],
-        zorder=5,
-        gid="numbers",
-    )
+    axes.errorbar(several.index, several["mean"], several["deviation"],
+                  label="standard deviation of the runs", **bars)  # fmt: skip
+    dots: Any = {"color": style.UPRIGHT, "ls": "none", "marker": "o", "ms": 4.2, "zorder": 3}
+    axes.plot(several.index, several["mean"], label="mean of an ensemble", gid="means", **dots)
+    axes.plot(single.index, single["mean"], mfc="white", gid="single", **dots)
+    text = f"no line: {found.reason}" if found.reason else _line(axes, found)
+    at, side = (0.97, "right") if found.line.slope < 0.0 else (0.03, "left")
+    corner: Any = {"transform": axes.transAxes, "va": "top", "ha": side, "linespacing": 1.45}
+    axes.text(at, 0.97, text, **corner, path_effects=style.HALO, zorder=5, gid="numbers")
+
+
+def _line(axes: Axes, found: Correlation) -> str:
+    """Draw the line and its band; what is to be said of them."""
+    line, value = found.line, found.ensembles.index
+    at = np.linspace(value[0], value[-1], 100)
+    red: Any = {"color": style.OVERTURNED}
+    axes.plot(at, line.mean(at), "-.", lw=1.4, label="line", gid="line", zorder=4, **red)
+    axes.fill_between(at, *line.band(at), alpha=0.18, lw=0, label="its 95 % confidence band",
+                      gid="band", zorder=2, **red)  # fmt: skip
+    return f"R² = {line.r2:.2f}\np = {power(line.p)}\n{line.n_groups} ensembles"
 
 
 def _from_zero(axes: Axes) -> None:
-    """Lengths and speeds are read against nothing; room above for text."""
+    """Lengths and speeds start at zero; there is room above for text."""
     axes.set_ylim(bottom=0.0, top=1.1 * axes.get_ylim()[1])

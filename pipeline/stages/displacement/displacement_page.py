@@ -124,14 +124,12 @@ def _answer(displacement: xr.Dataset) -> Row:
     runs, stop = overturned_runs(displacement), displacement["stop_reason"].values
     answer: Row = {
         "runs": displacement.sizes["run"],
-        "toppled": len(runs.pga),
+        "toppled": len(runs),
         "cut": int((toppled(displacement) & (stop != StopReason.REST)).sum()),
         "undone": int((stop == StopReason.UNDONE).sum()),
     }
     for name in STATISTICS:
-        values = getattr(runs, name)
-        ends_of = np.percentile(values, [50.0, 100.0]) if len(values) else (math.nan, math.nan)
-        answer[name] = [float(value) for value in ends_of]
+        answer[name] = [float(runs[name].median()), float(runs[name].max())]
     return answer
 
 

@@ -420,7 +420,7 @@ def test_means_and_their_lines(runs: xr.Dataset) -> None:
     figure = ensemble_means(runs, SOURCE)
     for axes, found in zip(figure.axes, correlations(overturned_runs(runs)), strict=True):
         drawn = np.concatenate([artist(axes, gid).get_xydata() for gid in ("means", "single")])
-        expected = np.column_stack([found.ensembles.value, found.ensembles.mean])
+        expected = np.column_stack([found.ensembles.index, found.ensembles["mean"]])
         np.testing.assert_allclose(drawn[np.argsort(drawn[:, 0])], expected)
         x, y = artist(axes, "line").get_data()
         np.testing.assert_allclose(y, found.line.slope * x + found.line.intercept)
