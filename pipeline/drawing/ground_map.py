@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
-from scipy.interpolate import RegularGridInterpolator
 
 from pipeline.drawing.rendering import View, depths_of, drawn, seen
 from vsr_core.arrays import Array
@@ -37,32 +35,18 @@ class Window:
         return self.x[1] - self.x[0], self.y[1] - self.y[0]
 
 
-@dataclass(frozen=True, eq=False)
-class Relief:
-    """Heights of the terrain's upper side.
-
-    Attributes
-    ----------
-    x : ndarray, shape (n,) [m]
-    y : ndarray, shape (m,) [m]
-    height : ndarray, shape (m, n) [m], NaN where there is no terrain
-    """
-
-    x: Array
-    y: Array
-    height: Array
-
-    def at(self, x: Array, y: Array) -> Array:
-        """Height [m] at points, any shape; NaN outside."""
-        heights = RegularGridInterpolator((self.y, self.x), self.height, bounds_error=False)
-        found: Array = heights(np.stack([y, x], axis=-1))
-        return found
-
-
 def around(points: Array, terrain: xr.Dataset) -> Window:
-    """Window around ``points``, shape (n, 2) [m], with a margin; all the terrain if there are none.
+    """Window around points with a margin; all of the terrain if there are none.
 
-    The shorter side is at least ``FLATTEST`` of the longer.
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2) [m]
+    terrain : Dataset
+        As in ``terrain.nc``.
+
+    Returns
+    -------
+    Window, whose shorter side is at least ``FLATTEST`` of the longer
     """
     if not len(points):
         points = terrain["terrain_vertex"].values[:, :2]
@@ -73,8 +57,19 @@ def around(points: Array, terrain: xr.Dataset) -> Window:
     return Window((left, left + size[0]), (bottom, bottom + size[1]))
 
 
-def relief(terrain: xr.Dataset, window: Window) -> Relief:
-    """Heights of what is seen of the terrain from above, on a grid in ``window``."""
+def relief(terrain: xr.Dataset, window: Window) -> xr.DataArray:
+    """Heights of what is seen of the terrain from above.
+
+    Parameters
+    ----------
+    terrain : Dataset
+        As in ``terrain.nc``.
+    window : Window
+
+    Returns
+    -------
+    DataArray, dimensions (y, x) [m], on a grid in the window; NaN where there is no terrain
+    """
     cell = max(window.size) / CELLS
     columns, rows = (math.ceil(side / cell) for side in window.size)
     middle = np.array([sum(window.x), sum(window.y), 0.0]) / 2.0
@@ -87,42 +82,35 @@ def relief(terrain: xr.Dataset, window: Window) -> Relief:
         at + (np.arange(count) + 0.5 - 0.5 * count) * cell
         for at, count in ((middle[0], columns), (middle[1], rows))
     )
-    return Relief(x, y, height.reshape(view.shape)[::-1])  # a picture's rows run downwards
+    upwards = height.reshape(view.shape)[::-1]  # a picture's rows run downwards
+    return xr.DataArray(upwards, {"y": y, "x": x})
 
 
-def draw(axes: Axes, ground: Relief, window: Window, *, named: bool = True) -> None:
-    """Shade the ground, draw its contours, ``named`` by their height, and set the axes to it."""
-    cell = float(ground.x[1] - ground.x[0])
-    down, across = np.gradient(ground.height, cell)
+def draw(axes: Axes, ground: xr.DataArray, window: Window, *, named: bool = True) -> None:
+    """Shade the ground, draw its contours and set the axes to it.
+
+    Parameters
+    ----------
+    axes : Axes
+    ground : DataArray, as ``relief`` gives it
+    window : Window
+    named : bool
+        Whether contours bear their height.
+    """
+    x, y, height = ground["x"].values, ground["y"].values, ground.values
+    cell = float(x[1] - x[0])
+    down, across = np.gradient(height, cell)
     normal = np.stack([-across, -down, np.ones(across.shape)])
     light = np.tensordot(_LIGHT, normal / np.linalg.norm(normal, axis=0), 1)
+    half = 0.5 * cell
     axes.imshow(
         _DARK + (_BRIGHT - _DARK) * (0.5 + 0.5 * light),
-        origin="lower",
-        extent=(
-            ground.x[0] - 0.5 * cell, ground.x[-1] + 0.5 * cell,
-            ground.y[0] - 0.5 * cell, ground.y[-1] + 0.5 * cell,
-        ),
-        cmap="gray",
-        vmin=0.0,
-        vmax=1.0,
-        interpolation="bilinear",
-        zorder=0,
-        gid="relief",
+        origin="lower", extent=(x[0] - half, x[-1] + half, y[0] - half, y[-1] + half),
+        cmap="gray", vmin=0.0, vmax=1.0, interpolation="bilinear", zorder=0, gid="relief",
     )  # fmt: skip
-    known = ground.height[~np.isnan(ground.height)]
-    if known.size and np.ptp(known) > 1e-6:
-        levels = MaxNLocator(9).tick_values(known.min(), known.max())
-        lines = axes.contour(
-            ground.x,
-            ground.y,
-            ground.height,
-            levels,
-            colors="#6a6a6a",
-            linewidths=0.5,
-            linestyles="solid",
-            zorder=1,
-        )
+    if np.nanmax(height, initial=-np.inf) - np.nanmin(height, initial=np.inf) > 1e-6:
+        lines = axes.contour(x, y, height, 8, colors="#6a6a6a", linewidths=0.5,
+                             linestyles="solid", zorder=1)  # fmt: skip
         if named:
             axes.clabel(lines, fontsize=6.0, fmt="%g m", colors="#4a4a4a")
     axes.set_xlim(window.x)

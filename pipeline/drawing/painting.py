@@ -168,8 +168,8 @@ def normals(vertices: Array, faces: Indices) -> Array:
 
     Examples
     --------
-    >>> normals(np.array([[0.0, 0, 0], [0, 2, 0], [0, 0, 2]]), np.array([[0, 1, 2]])).tolist()
-    [[1.0, 0.0, 0.0]]
+    >>> normals(np.array([[0.0, 0, 0], [0, 2, 0], [0, 0, 2]]), np.array([[0, 1, 2]])) == [1, 0, 0]
+    array([[ True,  True,  True]])
     """
     normal: Array = unitize(triangles.cross(vertices[faces]))
     return normal

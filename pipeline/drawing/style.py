@@ -37,6 +37,9 @@ MARKERS = ("o", "s", "^", "D", "v", "P")
 HALO = (withStroke(linewidth=2.4, foreground="white"),)
 """Path effects of text that stands on a picture."""
 
+BOTH_WAYS = {"arrowstyle": "<|-|>", "shrinkA": 0, "shrinkB": 0}
+"""Arrow of the shaking, to and fro."""
+
 DPI = 160
 
 _RC: Any = {

@@ -167,8 +167,8 @@ def correlate(
         regressor,
         groups,
         _fitted(groups),
-        *map(float, stats.spearmanr(groups.index, groups["mean"])),
-        *map(float, stats.spearmanr(regressor_values, values)),
+        *_spearman(groups.index.to_numpy(), groups["mean"].to_numpy()),
+        *_spearman(regressor_values, values),
         between,
         1.0 - between,
     )
@@ -193,7 +193,7 @@ def ensembles(regressor_values: Array, values: Array) -> pd.DataFrame:
     {0.1: 1.0, 0.2: 4.0}
     """
     groups = pd.Series(values).groupby(regressor_values)
-    return groups.agg(n="size", mean="mean", deviation="std")
+    return groups.agg(["size", "mean", "std"]).set_axis(["n", "mean", "deviation"], axis=1)
 
 
 def row(found: Correlation) -> dict[str, str | int | float]:
@@ -255,3 +255,8 @@ def _variance_between(groups: pd.DataFrame, values: Array) -> float:
     middle = values.mean()
     between = float(groups["n"] @ (groups["mean"] - middle) ** 2)
     return between / float(((values - middle) ** 2).sum())
+
+
+def _spearman(one: Array, other: Array) -> tuple[float, float]:
+    found = stats.spearmanr(one, other)
+    return float(found.statistic), float(found.pvalue)

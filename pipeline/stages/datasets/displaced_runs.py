@@ -13,6 +13,14 @@ from vsr_core.displacement import correlation
 from vsr_core.displacement.origin import Forward
 from vsr_core.outcome import Outcome, StopReason
 
+STOPS = {
+    StopReason.REST: "came to rest",
+    StopReason.LEFT_TERRAIN: "left the terrain",
+    StopReason.TIME: "still moving when time ran out",
+    StopReason.UNDONE: "no verdict",
+}
+"""What ended a run, in words."""
+
 
 def toppled(displacement: xr.Dataset) -> Mask:
     """Find the runs whose rock overturned, shape (run,)."""

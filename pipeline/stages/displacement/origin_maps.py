@@ -1,4 +1,4 @@
-"""Where a found rock came from: probable shakings, and the ends of the runs around the place."""
+"""Origin of an observed fallen rock: probable motions, and end positions of the runs around it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from matplotlib.patheffects import withStroke
 
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import around, draw, relief
@@ -37,7 +36,7 @@ def origin_maps(
     source: str,
     starts: Array | None = None,
 ) -> Figure:
-    """Draw the probability of each PGA and PGV/PGA, and of what is near the place.
+    """Draw the probability of each PGA and PGV/PGA, and the runs that end near the place.
 
     Parameters
     ----------
@@ -50,6 +49,10 @@ def origin_maps(
         What the terrain is.
     starts : ndarray, shape (s, 2) [m], optional
         Places of the starts in the order of their numbers; the origin if there is one only.
+
+    Returns
+    -------
+    Figure
     """
     figure = Figure(figsize=(WIDTH, 4.9))
     left = figure.add_axes((0.06, 0.2, 0.34, 0.68))
@@ -57,58 +60,39 @@ def origin_maps(
     _motions(figure, left, origin, forward)
     places = np.zeros((1, 2)) if starts is None else starts
     _ground(right, origin, forward, found, terrain, places)
-    figure.text(
-        0.06,
-        0.08,
-        textwrap.fill(origin.statement, 65),
-        va="top",
-        weight="normal" if origin.answered else "bold",
-        gid="statement",
-    )
+    text, weight = textwrap.fill(origin.statement, 65), "normal" if origin.answered else "bold"
+    figure.text(0.06, 0.08, text, va="top", weight=weight, gid="statement")
     named(figure, source)
     return figure
 
 
 def _motions(figure: Figure, axes: Axes, origin: Origin, forward: Forward) -> None:
-    axes.set_title("PGA and PGV/PGA, given the place")
-    axes.set_xlabel(NAMES["pga"])
-    axes.set_ylabel(NAMES["pgv_pga"])
     right, up = style.cell_edges(origin.pga), style.cell_edges(origin.pgv_pga)
-    axes.set_xlim(right[0], right[-1])
-    axes.set_ylim(up[0], up[-1])
-    axes.set_facecolor(_UNKNOWN)
+    axes.set(title="probability of the motion, given the place", facecolor=_UNKNOWN,
+             xlabel=NAMES["pga"], ylabel=NAMES["pgv_pga"],
+             xlim=right[[0, -1]], ylim=up[[0, -1]])  # fmt: skip
     if not origin.answered:
         axes.text(0.5, 0.5, "no answer", transform=axes.transAxes, ha="center", gid="none")
         return
     tried = np.zeros(origin.of_motion.shape, dtype=bool)
     at = np.searchsorted(origin.pgv_pga, forward.pgv_pga), np.searchsorted(origin.pga, forward.pga)
     tried[at] = True
+    odds = np.where(tried, 100.0 * origin.of_motion, np.nan)
     cells = axes.pcolormesh(
-        right,
-        up,
-        np.where(tried, 100.0 * origin.of_motion, np.nan),
-        cmap=_ODDS,
-        vmin=0.0,
-        rasterized=True,
-        gid="motions",
-    )
+        right, up, odds, cmap=_ODDS, vmin=0.0, rasterized=True, gid="motions"
+    )  # fmt: skip
     figure.colorbar(cells, ax=axes, label="probability of a cell [%]", pad=0.02)
-    axes.add_collection(
-        LineCollection(
-            list(_outline(origin.region(SHARE), right, up)),
-            colors=style.OVERTURNED,
-            linewidths=1.1,
-            gid="region",
-        )
-    )
-    axes.plot([], [], color=style.OVERTURNED, lw=1.1, label=f"{100 * SHARE:.0f} % lie inside")
+    sides = list(_outline(origin.region(SHARE), right, up))
+    red: Any = {"color": style.OVERTURNED, "lw": 1.1}
+    axes.add_collection(LineCollection(sides, **red, gid="region"))
+    axes.plot([], [], label=f"holds {100 * SHARE:.0f} % of the probability", **red)
     if not tried.all():
-        axes.plot([], [], "s", color=_UNKNOWN, ms=7, label="no run, or its end not known")
+        axes.plot([], [], "s", color=_UNKNOWN, ms=7, label="no run, or its end unknown")
     axes.legend(loc="lower left", frameon=True, framealpha=0.9, edgecolor="none")
 
 
 def _outline(region: Mask, right: Array, up: Array) -> Iterator[Array]:
-    """Sides of cells that part the region from the rest."""
+    """Sides of cells on the border of the region."""
     padded = np.pad(region, 1)
     for row, column in np.argwhere(padded[1:, 1:-1] != padded[:-1, 1:-1]):
         yield np.array([[right[column], up[row]], [right[column + 1], up[row]]])
@@ -117,58 +101,38 @@ def _outline(region: Mask, right: Array, up: Array) -> Iterator[Array]:
 
 
 def _ground(
-    axes: Axes,
-    origin: Origin,
-    forward: Forward,
-    found: Found,
-    terrain: xr.Dataset,
-    starts: Array,
+    axes: Axes, origin: Origin, forward: Forward, found: Found, terrain: xr.Dataset, starts: Array
 ) -> None:
     on_it = ~np.isnan(forward.end).any(axis=1)
     end, weight = forward.end[on_it], origin.weight[on_it]
     reach = REACH * found.sigma * np.array([[-1.0, -1.0], [1.0, 1.0]])
     window = around(np.concatenate([end, starts, found.place + reach]), terrain)
     draw(axes, relief(terrain, window), window)
-    dots: Any = {"s": 9, "linewidths": 0.0, "rasterized": True, "zorder": 3}
+    look: Any = {"rasterized": True, "zorder": 3}
     far = weight == 0.0
-    axes.scatter(*end[far].T, color="#6e6e6e", label="end of a run, too far", **dots)
+    axes.scatter(
+        end[far, 0], end[far, 1], 9, color="#6e6e6e", lw=0.0, label="end of a run, too far", **look
+    )
     if origin.answered:
         order = np.flatnonzero(~far)[np.argsort(weight[~far])]
-        axes.scatter(
-            end[order, 0],
-            end[order, 1],
-            c=weight[order],
-            cmap=_ODDS,
-            vmin=0.0,
-            **{**dots, "s": 20, "linewidths": 0.35},
-            edgecolors=style.INK,
-            label="end of a run, by weight",
-            gid="near",
-        )
-    for reach_of, line in ((1.0, "-"), (REACH, "--")):
-        ring: Any = {"ls": line, "lw": 1.3}
-        circle = Circle(found.place, reach_of * found.sigma, fill=False, zorder=4, **ring)
-        circle.set(edgecolor=style.OVERTURNED, gid="reach")
+        look |= {"c": weight[order], "cmap": _ODDS, "vmin": 0.0, "edgecolors": style.INK}
+        label = "end of a run, by weight"
+        axes.scatter(end[order, 0], end[order, 1], 20, lw=0.35, label=label, gid="near", **look)
+    red: Any = {"color": style.OVERTURNED}
+    for sigmas, line in ((1.0, "-"), (REACH, "--")):
+        ring: Any = {**red, "ls": line, "lw": 1.3}
+        circle = Circle(found.place, sigmas * found.sigma, fill=False, zorder=4, **ring)
+        circle.set_gid("reach")
         axes.add_patch(circle)
-        text = f"{reach_of:g} sigma from the place"
-        axes.plot([], [], color=style.OVERTURNED, label=text, **ring)
-    axes.plot(*found.place, "P", color=style.OVERTURNED, mec="white", ms=9, zorder=5, ls="none",
-              label="place", gid="place")  # fmt: skip
+        axes.plot([], [], label=f"{sigmas:g} sigma from the place", **ring)
+    axes.plot(*found.place, "P", mec="white", ms=9, zorder=5, label="observed place", gid="place",
+              **red)  # fmt: skip
     axes.plot(*starts.T, "o", mfc="white", mec=style.INK, ms=6, zorder=5, label="start")
     if len(starts) > 1 and origin.answered:
+        near: Any = {"textcoords": "offset points", "xytext": (5.0, 5.0), "zorder": 6}
         for number, share in zip(origin.start, origin.of_start, strict=True):
-            axes.annotate(
-                f"{100.0 * share:.0f} %",
-                starts[number],
-                (5.0, 5.0),
-                textcoords="offset points",
-                path_effects=[withStroke(linewidth=2.2, foreground="white")],
-                zorder=6,
-                gid="start",
-            )
-    axes.set_title("ends of the runs around the place")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    axes.legend(
-        loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3, fontsize=7, columnspacing=1.0
-    )
+            text = f"{100.0 * share:.0f} %"
+            axes.annotate(text, starts[number], path_effects=style.HALO, gid="start", **near)
+    axes.set(title="end positions around the place", xlabel="x [m]", ylabel="y [m]")
+    below: Any = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13)}
+    axes.legend(**below, ncols=3, fontsize=7, columnspacing=1.0)

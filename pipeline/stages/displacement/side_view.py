@@ -8,7 +8,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
 from pipeline.drawing import style
-from pipeline.drawing.ground_map import Relief, around, relief
+from pipeline.drawing.ground_map import around, relief
 from pipeline.stages.datasets.displaced_runs import chosen, ends, toppled
 from pipeline.stages.displacement.trajectory_maps import SPEEDS, WIDTH, named, paths, speeds
 from vsr_core.arrays import Array
@@ -16,17 +16,28 @@ from vsr_core.arrays import Array
 
 @style.styled
 def side_view(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> Figure:
-    """Paths of the overturned rock from the side: height against distance along the slope.
+    """Trajectories of the overturned rock from the side: height against distance along the slope.
 
-    The distance is that along the mean direction from the start to the ends. The ground is cut
-    below the start; what else of it lies below the paths is between the lowest and the highest
-    ground within their width.
+    The distance is that along the mean direction from the start to the ends. A line shows the
+    ground below the start, a band the lowest and highest ground within the width of the
+    trajectories.
+
+    Parameters
+    ----------
+    displacement, terrain : Dataset
+        As in ``displacement.nc`` and ``terrain.nc``.
+    source : str
+        What the terrain is.
+
+    Returns
+    -------
+    Figure
     """
     runs = chosen(displacement, toppled(displacement))
     points = np.column_stack([runs["x"].values, runs["y"].values])
     along = _mean_direction(ends(runs))
-    way, aside = points @ along, points @ np.array([-along[1], along[0]])
-    least, most = min(way.min(initial=0.0), 0.0), max(way.max(initial=0.0), 0.0)
+    distance, aside = points @ along, points @ np.array([-along[1], along[0]])
+    least, most = distance.min(initial=0.0), distance.max(initial=0.0)
     margin = 0.06 * max(most - least, 1.0)
     at = np.linspace(least - margin, most + margin, 500)
     below, beside = _profiles(relief(terrain, around(points, terrain)), at, along, aside)
@@ -41,20 +52,20 @@ def side_view(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> Fig
         np.nanmax(beside[:, known], axis=0),
         color="#dcdcdc",
         lw=0,
-        label="ground within the width of the paths",
+        label="ground within the width of the trajectories",
         gid="band",
     )
     axes.plot(at, below, color=style.INK, lw=1.2, label="ground below the start", gid="ground")
     speed = speeds(runs)
-    sideways = runs.assign(way=("sample", way))
-    paths(axes, sideways, ("way", "z"), speed, float(np.ptp(at)) / 8.0)
+    sideways = runs.assign(distance=("sample", distance))
+    paths(axes, sideways, ("distance", "z"), speed, float(np.ptp(at)) / 8.0)
     axes.set_xlim(at[0], at[-1])
     axes.set_ylim(low, high)
     axes.set_aspect("equal")
     turn = np.round(np.degrees(np.arctan2(along[1], along[0]))) % 360.0
     axes.set_xlabel(f"distance from the start, at {turn:.0f}° counter-clockwise from +x [m]")
     axes.set_ylabel("height of the\ncentre of mass [m]")
-    axes.set_title(f"all that toppled, N = {runs.sizes['run']}")
+    axes.set_title(f"all toppled runs, N = {runs.sizes['run']}")
     axes.legend(loc="upper right")
     figure.colorbar(ScalarMappable(speed, SPEEDS), ax=axes, label="speed [m/s]", shrink=0.9)
     named(figure, source)
@@ -68,15 +79,15 @@ def _mean_direction(places: Array) -> Array:
     return middle / length if length > 1e-6 else np.array([1.0, 0.0])
 
 
-def _profiles(ground: Relief, at: Array, along: Array, aside: Array) -> tuple[Array, Array]:
+def _profiles(ground: xr.DataArray, at: Array, along: Array, aside: Array) -> tuple[Array, Array]:
     """Height of the ground [m] along the line through the start, and along lines beside it.
 
     Parameters
     ----------
-    ground : Relief
+    ground : DataArray, see ``relief``
     at : ndarray, shape (n,) [m], distances along the lines
     along : ndarray, shape (2,), their direction
-    aside : ndarray [m], how far to the left the paths pass; the lines cover most of them
+    aside : ndarray [m], how far to the left the trajectories pass; the lines cover most of them
 
     Returns
     -------
@@ -87,7 +98,8 @@ def _profiles(ground: Relief, at: Array, along: Array, aside: Array) -> tuple[Ar
     width = np.percentile(np.append(aside, 0.0), [2.0, 98.0])
     offsets = np.linspace(float(width[0]), float(width[1]), 25)
     lines = at[:, None] * along + np.append(offsets, 0.0)[:, None, None] * left
-    heights = ground.at(lines[..., 0], lines[..., 1])
+    x, y = (xr.DataArray(lines[..., axis], dims=("line", "at")) for axis in (0, 1))
+    heights = ground.interp(x=x, y=y).values
     return heights[-1], heights[:-1]
 
 

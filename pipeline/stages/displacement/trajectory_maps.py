@@ -1,57 +1,47 @@
-"""Where the rock goes: its paths over the terrain from above, and where they end.
+"""Trajectories of the rock over the terrain from above, and where they end.
 
-Figures as 15 of Chen et al. (2024). Each says in a corner whose terrain it is.
+Figures like Fig. 15 of Chen et al. (2024). Each says in a corner whose terrain it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import Window, around, draw, relief
-from pipeline.stages.datasets.displaced_runs import chosen, ends, toppled
+from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, toppled
 from vsr_core.arrays import Array
 from vsr_core.outcome import StopReason
 
 PGA_EDGES = (0.0, 0.5, 0.7, 0.8, 1.0)
 """Ends of the ranges of PGA [g], open below and closed above; the middle two are the paper's."""
 
-SPEEDS = colormaps["plasma"]
+SPEEDS = "plasma"
 
 WIDTH = 9.4
 """Of a figure [inch]."""
 
 _FINEST = 3.0 / style.DPI  # inch: a shorter piece of a path is not seen
-_ARROW = {"arrowstyle": "<|-|>", "color": style.INK, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
-_HALO = [withStroke(linewidth=2.2, foreground="white")]
-
-_STOPS: tuple[tuple[StopReason, str, str, str], ...] = (
-    (StopReason.REST, "o", style.SERIES[0], "came to rest"),
-    (StopReason.LEFT_TERRAIN, "^", style.SERIES[1], "left the terrain"),
-    (StopReason.TIME, "s", style.SERIES[3], "still moving when time ran out"),
-    (StopReason.UNDONE, "X", style.INK, "no verdict"),
-)
+_MARKS = {
+    StopReason.REST: ("o", style.SERIES[0]),
+    StopReason.LEFT_TERRAIN: ("^", style.SERIES[1]),
+    StopReason.TIME: ("s", style.SERIES[3]),
+    StopReason.UNDONE: ("X", style.INK),
+}
 
 
 @style.styled
-def trajectories(
-    displacement: xr.Dataset,
-    terrain: xr.Dataset,
-    source: str,
-    edges: Sequence[float] = PGA_EDGES,
-) -> Figure:
-    """Paths of the overturned rock from above, all together and by range of PGA.
+def trajectories(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> Figure:
+    """Trajectories of the overturned rock from above, all together and by range of PGA.
 
     Parameters
     ----------
@@ -59,43 +49,52 @@ def trajectories(
         As in ``displacement.nc`` and ``terrain.nc``.
     source : str
         What the terrain is, e.g. "surrogate terrain".
-    edges : sequence of float [g]
-        Ends of the ranges; the last one is raised to the largest PGA.
+
+    Returns
+    -------
+    Figure
     """
     runs = chosen(displacement, toppled(displacement))
     window = around(np.column_stack([runs["x"].values, runs["y"].values]), terrain)
     ground = relief(terrain, window)
-    pga = runs["pga"].values
-    edges = [*edges[:-1], max(edges[-1], float(pga.max(initial=0.0)))]
-    speed = speeds(runs)
-    large, panels, bar = _panels(len(edges) // 2, window.size[1] / window.size[0])
-    figure = large.get_figure(root=True)
-    assert isinstance(figure, Figure)
-    draw(large, ground, window)
-    paths(large, runs, ("x", "y"), speed, window.size[0] / _width(large))
-    _start(large)
+    pga, speed = runs["pga"].values, speeds(runs)
+    edges = [*PGA_EDGES[:-1], max(PGA_EDGES[-1], float(pga.max(initial=0.0)))]
+    figure, large, panels, bar = _panels(window.size[1] / window.size[0])
+    titles = [f"all toppled runs, N = {runs.sizes['run']}"]
+    parts = [runs]
+    for low, high in itertools.pairwise(edges):
+        parts.append(chosen(runs, (pga > low) & (pga <= high)))
+        titles.append(f"{low:g} < PGA ≤ {high:g} g, N = {parts[-1].sizes['run']}")
+    for axes, part, title in zip((large, *panels), parts, titles, strict=True):
+        draw(axes, ground, window, named=axes is large)
+        inch = window.size[0] / (WIDTH * axes.get_position().width)
+        paths(axes, part, ("x", "y"), speed, inch)
+        _start(axes, 6.0 if axes is large else 3.5)
+        axes.set_title(title)
+        axes.tick_params(labelleft=axes is large, labelbottom=axes is large)
     _shaking(large, np.unique(displacement["yaw"].values), window)
-    large.set_title(f"all that toppled, N = {runs.sizes['run']}")
-    for axes, low, high in zip(panels, edges, edges[1:], strict=False):
-        inside = chosen(runs, (pga > low) & (pga <= high))
-        draw(axes, ground, window, named=False)
-        paths(axes, inside, ("x", "y"), speed, window.size[0] / _width(axes))
-        _start(axes, 3.5)
-        axes.set_title(f"{low:g} < PGA ≤ {high:g} g, N = {inside.sizes['run']}")
-    for axes in panels[len(edges) - 1 :]:
-        axes.set_axis_off()
-    for axes in panels:
-        axes.tick_params(labelleft=False, labelbottom=False)
-    large.set_xlabel("x [m]")
-    large.set_ylabel("y [m]")
-    _speed_bar(figure, bar, speed)
+    large.set(xlabel="x [m]", ylabel="y [m]")
+    scale = ScalarMappable(speed, SPEEDS)
+    figure.colorbar(scale, cax=bar, orientation="horizontal", label="speed [m/s]")
     named(figure, source)
     return figure
 
 
 @style.styled
 def end_positions(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> Figure:
-    """Where every run ended, and why it did."""
+    """Where every run ended, and why it did.
+
+    Parameters
+    ----------
+    displacement, terrain : Dataset
+        As in ``displacement.nc`` and ``terrain.nc``.
+    source : str
+        What the terrain is.
+
+    Returns
+    -------
+    Figure
+    """
     places, stop = ends(displacement), displacement["stop_reason"].values
     window = around(places, terrain)
     width, left, below = 6.1, 0.6, 0.5
@@ -104,81 +103,91 @@ def end_positions(displacement: xr.Dataset, terrain: xr.Dataset, source: str) ->
     figure = Figure(figsize=(WIDTH, tall))
     axes = figure.add_axes((left / WIDTH, below / tall, width / WIDTH, height / tall))
     draw(axes, relief(terrain, window), window)
-    for reason, marker, colour, words in _STOPS:
+    dots: Any = {"s": 13, "edgecolors": "white", "linewidths": 0.3, "alpha": 0.85,
+                 "rasterized": True, "zorder": 3}  # fmt: skip
+    for reason, (marker, colour) in _MARKS.items():
         runs = stop == reason
         if runs.any():
-            axes.scatter(
-                places[runs, 0],
-                places[runs, 1],
-                s=13,
-                marker=marker,
-                color=colour,
-                edgecolors="white",
-                linewidths=0.3,
-                alpha=0.85,
-                label=f"{words} ({runs.sum()})",
-                rasterized=True,
-                gid=reason.name.lower(),
-                zorder=3,
-            )
+            name = f"{STOPS[reason]} ({runs.sum()})"
+            axes.scatter(*places[runs].T, marker=marker, color=colour, label=name,
+                         gid=reason.name.lower(), **dots)  # fmt: skip
     _start(axes, label="start")
     _shaking(axes, np.unique(displacement["yaw"].values), window)
-    axes.set_title(f"ends of all {displacement.sizes['run']} runs")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.set_title(f"end positions of all {displacement.sizes['run']} runs")
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
     named(figure, source)
     return figure
 
 
 def named(figure: Figure, source: str) -> None:
-    """Say in the upper left corner what the terrain is."""
+    """Say in the upper left corner what the terrain is.
+
+    Parameters
+    ----------
+    figure : Figure
+    source : str
+    """
     figure.text(0.006, 0.992, source, ha="left", va="top", size=7.5, color="#5a5a5a", gid="source")
 
 
 def speeds(runs: xr.Dataset) -> Normalize:
-    """Scale of the colours of speed."""
+    """Scale of the colours of speed.
+
+    Parameters
+    ----------
+    runs : Dataset
+        As in ``displacement.nc``.
+
+    Returns
+    -------
+    Normalize, from 0 to the largest speed [m/s]
+    """
     return Normalize(0.0, max(float(runs["speed"].values.max(initial=0.0)), 1e-9))
 
 
 def paths(
     axes: Axes, runs: xr.Dataset, names: tuple[str, str], speed: Normalize, inch: float
 ) -> None:
-    """Paths coloured by speed, in pieces no shorter than can be seen; ``inch`` [m] of the panel."""
+    """Draw paths coloured by speed, in pieces no shorter than can be seen.
+
+    Parameters
+    ----------
+    axes : Axes
+    runs : Dataset
+        As in ``displacement.nc``.
+    names : (str, str)
+        The coordinates to the right and up.
+    speed : Normalize
+    inch : float [m], what an inch of the panel shows
+    """
     if runs.sizes["run"] == 0:
         middle: Any = {"transform": axes.transAxes, "ha": "center", "gid": "empty"}
-        axes.text(0.5, 0.5, "no run toppled", path_effects=_HALO, **middle)
+        axes.text(0.5, 0.5, "no run toppled", path_effects=style.HALO, **middle)
         return
     points = np.column_stack([runs[name].values for name in names]).astype(float)
     run = np.repeat(np.arange(runs.sizes["run"]), runs["row_size"].values)
     starts = np.diff(run, prepend=-1) > 0
     step = np.hypot(*np.diff(points, axis=0, prepend=points[:1]).T)
-    way = np.floor(np.cumsum(np.where(starts, 0.0, step)) / (_FINEST * inch))
-    kept = starts | (np.diff(way, prepend=-1.0) > 0) | np.roll(starts, -1)
+    pieces = np.floor(np.cumsum(np.where(starts, 0.0, step)) / (_FINEST * inch))
+    kept = starts | (np.diff(pieces, prepend=-1.0) > 0) | np.roll(starts, -1)
     points, run, pace = points[kept], run[kept], runs["speed"].values[kept]
     joined = run[1:] == run[:-1]
+    look: Any = {"linewidths": 0.65, "alpha": 0.75, "capstyle": "round", "rasterized": True}
     lines = LineCollection(
         np.stack([points[:-1], points[1:]], axis=1)[joined],
         array=(0.5 * (pace[1:] + pace[:-1]))[joined],
-        cmap=SPEEDS,
-        norm=speed,
-        linewidths=0.65,
-        alpha=0.75,
-        capstyle="round",
-        rasterized=True,
-        zorder=2,
-        gid="paths",
-    )
+        cmap=SPEEDS, norm=speed, zorder=2, gid="paths", **look,
+    )  # fmt: skip
     axes.add_collection(lines, autolim=False)
 
 
-def _panels(rows: int, aspect: float) -> tuple[Axes, list[Axes], Axes]:
-    """One large panel, two columns of small ones as high together, and a bar below [inch]."""
+def _panels(aspect: float) -> tuple[Figure, Axes, list[Axes], Axes]:
+    """One large panel, two rows of two small ones as high together, and a bar below [inch]."""
     gap, title, left, below, top = 0.12, 0.24, 0.6, 0.75, 0.42
     room = WIDTH - left - 3 * gap
-    # heights: large = a W, small = a w; rows w a + (rows - 1) (gap + title) = a W; W + 2 w = room
-    spare = (rows - 1) * (gap + title)
-    small = (room - spare / aspect) / (rows + 2)
+    # heights: large = a W, small = a w; 2 w a + gap + title = a W; W + 2 w = room
+    small = (room - (gap + title) / aspect) / 4
     large = room - 2 * small
     height = large * aspect + below + top
     figure = Figure(figsize=(WIDTH, height))
@@ -187,33 +196,15 @@ def _panels(rows: int, aspect: float) -> tuple[Axes, list[Axes], Axes]:
         return figure.add_axes((x / WIDTH, y / height, width / WIDTH, tall / height))
 
     whole = place(left, below, large, large * aspect)
-    panels = [
-        place(
-            left + large + gap + column * (small + gap),
-            below + (rows - 1 - row) * (small * aspect + gap + title),
-            small,
-            small * aspect,
-        )
-        for row in range(rows)
-        for column in range(2)
-    ]
-    bar = place(left + large + gap, below - 0.28, 2 * small + gap, 0.12)
-    return whole, panels, bar
-
-
-def _width(axes: Axes) -> float:
-    return WIDTH * axes.get_position().width
-
-
-def _speed_bar(figure: Figure, axes: Axes, speed: Normalize) -> None:
-    figure.colorbar(
-        ScalarMappable(speed, SPEEDS), cax=axes, orientation="horizontal", label="speed [m/s]"
-    )
+    lefts = [left + large + gap, left + large + 2 * gap + small]
+    bottoms = [below + small * aspect + gap + title, below]
+    panels = [place(x, y, small, small * aspect) for y in bottoms for x in lefts]
+    return figure, whole, panels, place(lefts[0], below - 0.28, 2 * small + gap, 0.12)
 
 
 def _start(axes: Axes, size: float = 6.0, **given: Any) -> None:
-    axes.plot(0.0, 0.0, "o", ms=size, mfc="white", mec=style.INK, mew=0.9, zorder=5, gid="start",
-              **given)  # fmt: skip
+    look: Any = {"mfc": "white", "mec": style.INK, "mew": 0.9, "zorder": 5, "gid": "start"}
+    axes.plot(0.0, 0.0, "o", ms=size, **look, **given)
 
 
 def _shaking(axes: Axes, yaws: Array, window: Window) -> None:
@@ -222,6 +213,7 @@ def _shaking(axes: Axes, yaws: Array, window: Window) -> None:
     middle = np.array([window.x[0] + 1.5 * unit, window.y[1] - 1.5 * unit])
     for yaw in np.radians(yaws):
         half = unit * np.array([np.cos(yaw), -np.sin(yaw)])
+        arrow = {**style.BOTH_WAYS, "color": style.INK, "lw": 1.4}
         tips = tuple(middle + half), tuple(middle - half)
-        axes.annotate("", *tips, arrowprops=_ARROW, zorder=6, gid="shaking")
-    axes.text(middle[0] + 1.3 * unit, middle[1], "shaking", va="center", path_effects=_HALO)
+        axes.annotate("", *tips, arrowprops=arrow, zorder=6, gid="shaking")
+    axes.text(middle[0] + 1.3 * unit, middle[1], "shaking", va="center", path_effects=style.HALO)

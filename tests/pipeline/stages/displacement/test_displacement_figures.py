@@ -249,13 +249,20 @@ def test_forward_runs_are_those_whose_rest_is_known(runs: xr.Dataset) -> None:
 # terrain from above
 
 
+def heights(ground: xr.DataArray, x: Array, y: Array) -> Array:
+    """Between the points of the grid; NaN outside."""
+    dims = ("row", "column")[: x.ndim]
+    found: Array = ground.interp(x=(dims, x), y=(dims, y)).values
+    return found
+
+
 def test_relief_has_the_height_of_the_plane() -> None:
     window = ground_map.Window((-6.0, 10.0), (-8.0, 3.0))
     found = ground_map.relief(plane(), window)
     x, y = np.meshgrid(np.linspace(-3.9, 9.9, 31), np.linspace(-5.9, 2.9, 17))
-    np.testing.assert_allclose(found.at(x, y), -SLOPE * x, atol=1e-4)
-    assert np.isnan(found.at(np.array([-5.0, 5.0]), np.array([0.0, -7.0]))).all()
-    assert np.isnan(found.at(np.array([99.0]), np.array([0.0]))).all()
+    np.testing.assert_allclose(heights(found, x, y), -SLOPE * x, atol=1e-4)
+    assert np.isnan(heights(found, np.array([-5.0, 5.0]), np.array([0.0, -7.0]))).all()
+    assert np.isnan(heights(found, np.array([99.0]), np.array([0.0]))).all()
 
 
 def test_relief_shows_the_upper_of_two_grounds() -> None:
@@ -273,8 +280,8 @@ def test_relief_shows_the_upper_of_two_grounds() -> None:
         }
     )
     found = ground_map.relief(both, ground_map.Window((-4.0, 10.0), (-6.0, 6.0)))
-    heights = found.at(np.array([0.5, 5.0]), np.array([0.2, 0.2]))
-    np.testing.assert_allclose(heights, [2.0 - SLOPE * 2.0, -SLOPE * 5.0], atol=1e-3)
+    shown = heights(found, np.array([0.5, 5.0]), np.array([0.2, 0.2]))
+    np.testing.assert_allclose(shown, [2.0 - SLOPE * 2.0, -SLOPE * 5.0], atol=1e-3)
 
 
 def test_window_holds_its_points_and_is_no_strip() -> None:
@@ -319,7 +326,7 @@ def test_ranges_of_pga_part_the_paths(runs: xr.Dataset, ground: xr.Dataset) -> N
     figure = trajectories(strong, ground, SOURCE)
     whole, *panels = figure.axes[:5]
     fallen = toppled(strong)
-    assert whole.get_title() == f"all that toppled, N = {fallen.sum()}"
+    assert whole.get_title() == f"all toppled runs, N = {fallen.sum()}"
     counts = [int(axes.get_title().split("N = ")[1]) for axes in panels]
     pga = strong["pga"].values[fallen]
     edges = [*PGA_EDGES[:-1], pga.max()]
@@ -332,13 +339,6 @@ def test_ranges_of_pga_part_the_paths(runs: xr.Dataset, ground: xr.Dataset) -> N
     for axes, count in zip(panels, counts, strict=True):
         assert len(artists(axes, "empty")) == (count == 0)
     assert 0 in counts
-
-
-def test_other_ranges_than_the_usual(runs: xr.Dataset, ground: xr.Dataset) -> None:
-    figure = trajectories(runs, ground, SOURCE, (0.0, 0.4, 0.8, 1.0))
-    counts = [int(axes.get_title().split("N = ")[1]) for axes in figure.axes[:4]]
-    assert counts[0] == sum(counts[1:])
-    assert not figure.axes[4].axison
 
 
 @pytest.mark.parametrize("yaw", [0.0, 90.0, 210.0])
