@@ -23,6 +23,13 @@ CONTACTS = 4
 FLAT_SHARE = 1e-3
 """Corners this close to the pedestal at rest bear the rock, as a share of its radius."""
 
+NARROW_SHARE = 0.1
+"""Width of a base, as a share of the radius, below which its corners get feet. Bullet moves the
+corners of a hull to a grid of a ten-thousandth of its length, by cutting digits: whether two equal
+heights stay equal is a matter of the last bit, which differs from machine to machine. A step of the
+grid under one corner tilts a base of this width by 3 % of the angle at which the rock topples, and
+a needle by more than all of it."""
+
 MOST_FEET = 6
 """Corners of a base that get feet: with six a rock on a flat base stands to within 2 % of its
 static limit, as the hull adds the corner it leans on. Fifteen, all that Bullet takes, cost twice
@@ -41,7 +48,8 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int) -> int:
     A hull on a flat base of more than four corners gets feet, balls as small as its ``margin``
     (in Bullet's length unit) in the corners of the base. Bullet keeps four contact points between
     two shapes, so that without feet the rock would stand on four of its corners and topple before
-    its base says so.
+    its base says so. A narrow base gets them too (see ``NARROW_SHARE``), but none on a terrain
+    (``margin`` 0), where the rock need not stand on it.
     """
     if rock.shape == "box":
         half = np.abs(rock.vertices).max(axis=0) * scale
@@ -52,7 +60,9 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int) -> int:
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_SPHERE, radius=rock.radius * scale, physicsClientId=client
         )
-    elif (feet := bearing_corners(rock)).shape[0] > CONTACTS:
+    elif len(feet := bearing_corners(rock)) > CONTACTS or (
+        margin > 0.0 and _width(feet) < NARROW_SHARE * rock.radius
+    ):
         shape = _hull_on_feet(rock, feet @ rock.axes * scale, scale, margin, client)
     else:
         corners = rock.vertices @ rock.axes * scale
@@ -84,6 +94,14 @@ def bearing_corners(rock: Rock) -> Array:
         (x1, y1), (x2, y2) = (corners[:, :2] - before).T, (after - before).T
         corners = np.delete(corners, np.argmin(np.abs(x1 * y2 - y1 * x2)), axis=0)
     return corners
+
+
+def _width(corners: Array) -> float:
+    """Least width of a convex outline, shape (n, 3) [m], seen from above."""
+    edges = np.roll(corners, -1, axis=0)[:, :2] - corners[:, :2]
+    across = np.column_stack([-edges[:, 1], edges[:, 0]])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return float(np.ptp(corners[:, :2] @ across.T, axis=0).min())
 
 
 def _hull_on_feet(rock: Rock, feet: Array, scale: float, margin: float, client: int) -> int:
