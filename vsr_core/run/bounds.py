@@ -122,7 +122,7 @@ def barrier(rock: Rock) -> Barrier:
     floor = float(hull.offsets.min())
     edge = int(np.argmax(np.where(tilt <= toppled, height, -math.inf)))
     upright = np.arccos(np.clip(-hull.normals[:, 2], -1.0, 1.0)) <= tilt[edge]
-    upright_floor = min(float(hull.offsets[upright].min()), float(height[edge]))
+    upright_floor = min(float(hull.offsets[upright].min(initial=math.inf)), float(height[edge]))
     edge_tilt, edge_height = float(tilt[edge]), float(height[edge])
     return Barrier(tilt, height, toppled, edge_tilt, edge_height, upright_floor, floor)
 

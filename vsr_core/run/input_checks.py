@@ -33,6 +33,14 @@ LATE = 0.2
 """Longest step of a well damped spring, as a share of the inverse of its frequency. At it a rebound
 is wrong by at most 0.026 of the speed of approach, at 0.7 by 0.07."""
 
+UNSHAKEN_TIME = 20.0
+"""Time for which a rock has to stand where nothing shakes it, in units of sqrt(radius / g). One
+that an engine holds on too small a base falls in 4 to 12."""
+
+UNSHAKEN_LEAN = 0.01
+"""Tilt [rad] that it may have by then, as a share of the tangent of its least tipping angle. What
+stands keeps to a fiftieth of that."""
+
 SINK_SHARE = 0.002
 """Depth allowed of a point on a spring that bears the whole rock, as a share of its radius. A
 landing goes some five times as deep, to where a run is stopped."""
@@ -80,6 +88,41 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
         )
     if scene.contact.stiffness is not None:
         _check_springs(scene.contact, scene.contact.stiffness, scene.rock, time_step)
+
+
+def check_unshaken(case: Case, settings: Settings, motion: GroundMotion) -> None:
+    """Refuse a rock that falls by itself in its engine: no shaking would be what toppled it.
+
+    An engine has tolerances of its own, below which a base is a point: Bullet drops a block of
+    1:100, whose base is narrower than the gap within which it takes corners for one.
+
+    Parameters
+    ----------
+    case : Case
+    settings : Settings
+    motion : GroundMotion, which it is to be shaken by: steps are as fine as for that
+
+    Raises
+    ------
+    InvalidInput
+        If it leans after ``UNSHAKEN_TIME``. Not for a rock that does not start at rest.
+    """
+    scene = case.scene
+    if scene.start is not None:
+        return
+    taken = sampling(motion, scene.drive, first_step(motion, scene.drive, settings.time_step))
+    world = engines.load(settings.engine).build(
+        scene, taken.interval / taken.substeps, taken.substeps, settings.solver
+    )
+    samples = math.ceil(UNSHAKEN_TIME * math.sqrt(scene.rock.radius / GRAVITY) / taken.interval)
+    world.advance([0.0] * samples)
+    lean = math.hypot(*world.state().rotation[:2, 2].tolist())
+    if not lean <= UNSHAKEN_LEAN * _slenderness(scene):
+        raise InvalidInput(
+            f"a rock that leans by {lean:.2g} rad in {settings.engine} where nothing shakes it",
+            f"it tips at {_slenderness(scene):.2g} rad, and stands until it is shaken",
+            "shorten the step, use another engine, or see whether its base is as narrow as that",
+        )
 
 
 def longest_step(scene: Scene, engine: str) -> float:

@@ -22,7 +22,7 @@ from vsr_core.rock.solid import standing
 from vsr_core.run import displacement
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
 from vsr_core.run.cases import TerrainCase as Ground
-from vsr_core.run.input_checks import COARSEST_SHARE, check, longest_step
+from vsr_core.run.input_checks import COARSEST_SHARE, check, check_unshaken, longest_step
 from vsr_core.run.reductions import TABLE_FRAME_REDUCTIONS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.scene import Scene
 
@@ -131,6 +131,7 @@ def check_scene(site: Site, store: Store) -> Case:
             settings = Settings(step, simulation.reduce, simulation.engine)
             for motion in strongest:
                 check(case, settings, motion)
+        check_unshaken(cases[0], settings, strongest[0])
     except InvalidInput as error:
         raise InputError.from_invalid(site.file, key, error) from None
     return cases[0]

@@ -16,8 +16,8 @@ from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.run.bounds import Barrier, barrier
-from vsr_core.run.cases import Settings, prepare
-from vsr_core.run.input_checks import check
+from vsr_core.run.cases import Case, Settings, prepare
+from vsr_core.run.input_checks import check, check_unshaken
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Scene, State
 from vsr_core.verification import rocking_block
@@ -93,8 +93,9 @@ def respond(
         If the program refuses the run, or ends it without an outcome.
     """
     settings = Settings(time_step, reduce, engine)
-    case = prepare(scene, _barrier(scene.rock), reduce=reduce)
+    case = _prepared(scene, reduce)
     check(case, settings, motion)
+    _check_unshaken(scene, settings)
     return decided(simulate(case, motion, settings))
 
 
@@ -174,6 +175,16 @@ def lifted(rock: Rock, height: float, speed: float = 0.0) -> State:
     """State upright, ``height`` [m] above the rest pose, moving down at ``speed`` [m/s]."""
     place = np.array([0.0, 0.0, rock.height + height])
     return State(place, np.eye(3), np.array([0.0, 0.0, -speed]), np.zeros(3))
+
+
+@cache
+def _prepared(scene: Scene, reduce: bool) -> Case:
+    return prepare(scene, _barrier(scene.rock), reduce=reduce)
+
+
+@cache
+def _check_unshaken(scene: Scene, settings: Settings) -> None:
+    check_unshaken(_prepared(scene, settings.reduce), settings, WEAK)
 
 
 @cache
