@@ -121,7 +121,7 @@ def check_unshaken(case: Case, settings: Settings, motion: GroundMotion) -> None
         raise InvalidInput(
             f"a rock that leans by {lean:.2g} rad in {settings.engine} where nothing shakes it",
             f"it tips at {_slenderness(scene):.2g} rad, and stands until it is shaken",
-            "shorten the step, use another engine, or see whether its base is as narrow as that",
+            "shorten the step, use another engine, or see whether its base is that narrow",
         )
 
 

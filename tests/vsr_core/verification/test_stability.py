@@ -56,6 +56,7 @@ QUICK = {
     "springs under a hull": Verdict.FLAGGED,
     "1:20 in bullet": Verdict.RIGHT,
     "box of 0.01 m": Verdict.RIGHT,
+    "1:100 in bullet": Verdict.FLAGGED,
     "needle on 200 mm in bullet": Verdict.RIGHT,
     "knife edge at a step of 0.006": Verdict.FLAGGED,
     "PGA 3 g": Verdict.RIGHT,
@@ -271,6 +272,28 @@ def test_what_is_fine_is_not_refused() -> None:
     _check(drive=PUBLISHED)
     _check(Contact(0.6, stiffness=1e9, damping=2e6), share=0.0003)
     _check(rock=frustum((1.0, 1.0), (0.6, 0.6), 2.0))
+
+
+@pytest.mark.parametrize("lifted", range(4))
+def test_a_needle_stands_whichever_corner_bullet_cuts_a_digit_off(lifted: int) -> None:
+    """Bullet's grid moves a corner by a whole step when its height has one bit more or less."""
+    needle = frustum((0.01, 0.01), (0.6, 0.6), 2.0)
+    corners = needle.vertices.copy()
+    corners[lifted, 2] *= 1.0 - 1e-15
+    scene = Scene(replace(needle, vertices=corners), Contact(10.0))
+    case = prepare(scene, _limits(needle), reduce=True)
+    step = input_checks.longest_step(scene, "bullet")
+    input_checks.check_unshaken(case, Settings(step), PULSE)
+
+
+def test_a_rock_that_falls_unshaken_is_refused() -> None:
+    slender = box(1.0, 1.0, 100.0)
+    case = prepare(Scene(slender, Contact(10.0)), _limits(slender), reduce=True)
+    with pytest.raises(InvalidInput, match="in bullet where nothing shakes it; it tips at 0.01"):
+        input_checks.check_unshaken(case, Settings(0.002 * unit(slender)), PULSE)
+    leaning_block = Scene(BLOCK, Contact(0.6), start=leaning(BLOCK, 0.6))
+    case = prepare(leaning_block, _limits(BLOCK), reduce=True)
+    input_checks.check_unshaken(case, Settings(0.002 * unit(BLOCK)), PULSE)  # it is to fall
 
 
 def test_a_step_too_coarse_for_the_rock_is_refused() -> None:
