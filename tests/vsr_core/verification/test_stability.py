@@ -289,7 +289,7 @@ def test_a_needle_stands_whichever_corner_bullet_cuts_a_digit_off(lifted: int) -
 def test_a_rock_that_falls_unshaken_is_refused() -> None:
     slender = box(1.0, 1.0, 100.0)
     case = prepare(Scene(slender, Contact(10.0)), _limits(slender), reduce=True)
-    with pytest.raises(InvalidInput, match="in bullet where nothing shakes it; it tips at 0.01"):
+    with pytest.raises(InvalidInput, match="where nothing shakes it; it tips at"):
         input_checks.check_unshaken(case, Settings(0.002 * unit(slender)), PULSE)
     leaning_block = Scene(BLOCK, Contact(0.6), start=leaning(BLOCK, 0.6))
     case = prepare(leaning_block, _limits(BLOCK), reduce=True)

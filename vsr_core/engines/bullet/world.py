@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.engines import Solver, silenced
-from vsr_core.engines.bullet.ground import Ground
 from vsr_core.engines.bullet.collision_shapes import pedestal_shape, rock_shape, surroundings
+from vsr_core.engines.bullet.ground import Ground
 from vsr_core.engines.bullet.springs import RIGID, Springs, exact_springs
 from vsr_core.engines.bullet.turning import turn
 from vsr_core.scene import Scene, State, resting
