@@ -56,8 +56,7 @@ class Row:
     """A quantity with an answer.
 
     ``measure`` takes a contact, the size of cells, whether they are convex parts, and a time step.
-    The
-    error is relative to ``unit``, or to the answer if that is 0.
+    The error is relative to ``unit``, or to the answer if that is 0.
     """
 
     what: str
@@ -127,16 +126,16 @@ def _bend(contact: Contact, cell: float, cut: bool, step: float) -> Pair:
 
 ROWS = (
     Row("sphere on a slope of 55 deg: acceleration [m/s2]", _sphere),
-    _impact("sphere hits a slope: speed along it after [m/s]", "sphere", "along", 3.6),
-    _impact("block falls flat: normal speed after [m/s]", "face", "normal", 3.6),
-    _impact("block falls flat: speed along the slope after [m/s]", "face", "along", 3.6),
-    _impact("block falls on an edge: spin after [rad/s]", "edge", "spin", 5.1),
-    _impact("block falls on a corner: share of energy kept", "corner", "energy", 1.0),
+    _impact("sphere hits a slope: velocity along it after [m/s]", "sphere", "along", 3.6),
+    _impact("block falls flat: normal velocity after [m/s]", "face", "normal", 3.6),
+    _impact("block falls flat: velocity along the slope after [m/s]", "face", "along", 3.6),
+    _impact("block falls on an edge: angular velocity after [rad/s]", "edge", "spin", 5.1),
+    _impact("block falls on a corner: share of energy retained", "corner", "energy", 1.0),
     Row("wheel of eight facets on 15 deg: terminal speed [m/s]", _wheel),
     Row("block slides to rest on 10 deg: fall of its energy line", _line),
     Row("block slides down 35 deg and through a bend: run-out [m]", _bend),
 )
-"""Errors of speeds after impacts are relative to that before, of spins to that over the radius."""
+"""Errors after impacts are relative to the velocity before, or to that over the radius."""
 
 
 # ------------------------------------------------------------------- tables
@@ -255,8 +254,8 @@ def page(found: rebound_figure.Ensemble) -> str:
     milliseconds = [f"{1e3 * step:g} ms" for step in STEPS]
     slid = [f"sliding block, e = {e:g}" for e in RESTITUTIONS]
     energy_head = ["e", "ground", *(f"friction {friction:g}" for friction in FRICTIONS)]
-    ends_head = ["e", "friction", "ground", "level way [m]", "spread [m]",
-                 "median beyond the foot [m]", "mean top speed [m/s]", "lost"]  # fmt: skip
+    ends_head = ["e", "friction", "ground", "horizontal distance [m]", "spread [m]",
+                 "median beyond the slope [m]", "mean largest speed [m/s]", "lost"]  # fmt: skip
     bend = runout.Bend()
     drop, level = bend.top[1], -bend.top[0]
     return TEXT.format(
@@ -278,76 +277,81 @@ TEXT = """# Rebound, rolling and sliding on terrain
 
 Made by `python -m benchmarks.rebound --write`; do not edit.
 
-What the model of contact does on ground of triangles and of convex parts, on cases with an answer:
-the families `incline`, `impact`, `rimless_wheel`, `runout` and `dissipation` of
-`vsr_core/verification/reference/`. e is the restitution. Unless stated, the step is {step}.
+How well the contact model works on ground made of triangles and of convex parts, in cases with a
+known answer: the families `incline`, `impact`, `rimless_wheel`, `runout` and `dissipation` of
+`vsr_core/verification/reference/`. e is the coefficient of restitution. The time step is {step}
+unless stated otherwise.
 
 ![Impacts, rolling, sliding and tumbling](rebound.png)
 
-## Answers
+## Known answers
 
 {coefficients}
 
-Errors of speeds after an impact are relative to the speed before, spins to that over the block's
-radius. Impacts: Newton's restitution at the point that touches, and the impulse of friction that
-stops it or lies on Coulomb's cone against the slip that is left; a face that falls flat cannot
-turn. The wheel (McGeer 1990) grips, whatever the friction, and has an answer only without a
-rebound. A block on an even slope loses the friction a metre of level way, whatever its mass. In a
-bend it loses more: the ground that turns it presses on it, so that a point mass comes {bent} far
-where Coulomb's line alone gives {straight}; the facets of the bend take a few percent more.
+Errors of velocities after an impact are relative to the velocity before it, those of angular
+velocities to that velocity divided by the block's radius. The answers for impacts combine Newton's
+restitution at the point of contact with a friction impulse that either stops the slip there or has
+the size of Coulomb's limit and opposes the remaining slip; a face that lands flat does not rotate.
+The wheel (McGeer 1990) does not slip at any of these frictions, and has an answer only without
+rebound. The energy line of a block on an even slope falls by the coefficient of friction in each
+metre of horizontal distance, whatever the mass. In a bend it falls faster, because the curved
+ground presses against the block: a point mass then comes to rest after {bent}, and after {straight}
+with Coulomb's energy line alone. The facets of the bend take a few percent more.
 
 ## Time steps
 
 {steps}
 
-## Borders inside the ground
+## Borders within the ground
 
-An even slope must not be felt to be made of parts. A sphere of half a metre rolls 6 m down 20 deg.
-A block of 0.4 x 0.4 x 0.1 m slides to rest on 10 deg at a friction of 0.6; the error is that of the
-fall of its energy line.
+A rock should not notice that an even slope consists of parts. In this table a sphere of half a
+metre rolls 6 m down a slope of 20 deg, and a block of 0.4 x 0.4 x 0.1 m slides to rest on 10 deg
+at a friction of 0.6; the block's error is that of the fall of its energy line.
 
 {borders}
 
 ## Energy
 
-{hulls} hulls of random corners fall on rough slopes and tumble. Largest rise of the energy above
-what it was before, over g times the radius, and how many of the hulls have one above 0.01.
+{hulls} convex hulls of random points fall on rough slopes and tumble. The table gives the largest
+rise of the energy above its earlier value, divided by g times the radius, and in brackets the
+number of hulls for which it exceeds 0.01.
 
 {energies}
 
-## A rock that tumbles
+## A tumbling rock
 
-{pushes} pushes of the Double Rock surrogate, the same for every line: any pose, 0.5 to 2.5 m/s
-downhill, on a rough slope of 35 deg whose foot is 14 m ahead and that runs out on rough level
-ground. The level way from start to end: its mean with the standard error, and the spread of single
-runs. Lost are those that left the ground or were under way after 40 s.
+{pushes} runs of the Double Rock surrogate, with the same starts in every row: random orientations
+and 0.5 to 2.5 m/s downhill, on a rough slope of 35 deg that ends 14 m ahead in rough level ground.
+The horizontal distance from start to end is given as its mean with the standard error, and as the
+standard deviation of single runs. Lost runs left the ground or were still moving after 40 s.
 
 {tumbled}
 
-A single way says little: the spread of the thirty is what restitution, friction and the first pose
-leave open, and a difference between two lines is one only where it is several standard errors.
+A single run says little: for given coefficients, the start alone causes the spread in the table,
+and a difference between two rows is significant only if it is several standard errors.
 
 ## Where the model is wrong
 
-- **Restitution is Newton's.** The point that touches leaves with e times its normal speed. Where
-  friction acts off the centre of mass that is not a share of the energy: a rock can gain some in an
-  impact (Kane & Levinson 1985), from restitutions of about 0.8 on. Stronge's energetic restitution
-  (panel a, dashed) cannot; Bullet has none.
-- **Below {threshold}** of normal speed (for a rock of 1 m radius) nothing rebounds.
-- **Points of contact.** Bullet keeps four between two bodies and finds one in a step. Of an edge
-  that comes down flat one end lands first: the rock is turned aside, and the impact takes less than
-  it should. A prism that rolls on gets faster than the exact one (panel b) and leaves its line.
-- **Borders.** Each triangle and each part is a shape of its own. A hull that lies across a border
-  can be pushed back by the side of the part ahead, and a block that slides then trips or stops on
-  even ground (panel c). The table of borders says how much: most without restitution, where Bullet
-  keeps contacts over a wider gap. A sphere and a rock that comes down on its corners hardly notice.
-  Rough ground has true edges everywhere; what its parts do to a rock that tumbles is the difference
-  between the lines of triangles and of parts above.
-- **Friction without restitution** is a pyramid: an impulse may be up to 1.4 times as large as the
-  cone's, and where points share a load some keep friction of an earlier iteration. With restitution
-  Bullet has another solver, and a cone.
-- **A hull that rolls and rebounds** has no steady speed; nothing here says how well it is computed.
-- Rock and ground are rigid: nothing breaks, and no soil is pushed aside.
+- **Restitution is Newton's.** The point of contact leaves with e times its normal velocity. Where
+  friction acts off the centre of mass, this does not fix the energy that is lost: a rock can gain
+  energy in an impact (Kane & Levinson 1985), at restitutions from about 0.8. Stronge's energetic
+  restitution (dashed in panel a) excludes this; Bullet does not offer it.
+- **Below {threshold}** of normal velocity (for a rock of 1 m radius) nothing rebounds.
+- **Points of contact.** Bullet keeps up to four between two bodies and adds one in each step. When
+  an edge lands flat, one end therefore touches first: the rock is turned aside, and the impact
+  takes less energy than it should. A rolling prism becomes faster than the exact one (panel b) and
+  drifts off its line.
+- **Borders.** Each triangle and each part is a separate shape. A hull that lies across a border
+  can be pushed back by the side of the part ahead of it, so that a sliding block trips or stops on
+  even ground (panel c). The table of borders gives the size of the error: it is largest without
+  restitution, where Bullet keeps contacts over a wider gap. A sphere, or a rock that lands on its
+  corners, is hardly affected. Rough ground has real edges everywhere; there, the effect on a
+  tumbling rock is the difference between the rows for triangles and for parts above.
+- **Friction without restitution** is a pyramid: an impulse can be up to 1.4 times as large as with
+  Coulomb's cone, and where several points share a load, some keep the friction of an earlier
+  iteration. With restitution Bullet uses another solver, and a cone.
+- **A hull that rolls and rebounds** has no steady velocity; no case here tests it.
+- Rock and ground are rigid: nothing breaks, and no soil is displaced.
 """
 
 

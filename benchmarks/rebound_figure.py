@@ -160,6 +160,6 @@ def _tumbles(panel: Axes, found: Ensemble) -> None:
     panel.set_ylim(bottom=0.0)
     panel.set_xticks(tumbling.RESTITUTIONS)
     panel.set_xlabel("restitution")
-    panel.set_ylabel("level way of the rock [m]")
+    panel.set_ylabel("horizontal distance of the rock [m]")
     panel.set_title("d  rock that tumbles down 35 deg: mean, its error, spread", loc="left")
     panel.legend()

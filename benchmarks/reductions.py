@@ -191,32 +191,32 @@ ROWS = (
         "joint, servo and moving pedestal",
     ),
     Row(
-        "pedestal slab: a plane instead",
-        "flat, and its edges are out of reach",
+        "pedestal slab, replaced by a plane",
+        "the top is flat, and its edges are out of reach",
         slab,
         "pedestal slab",
     ),
     Row(
         "hull vertices that touch only beyond 80 deg",
-        "normals of their facets say so; a run that tilts further is repeated with all",
+        "shown by the normals of their facets; a run that tilts further is repeated with all",
         all_vertices,
         "hull vertices",
     ),
     Row(
         "runs that cannot move",
-        f"`static_limits` in {PROOF}: forces that hold the rock exist",
+        f"`static_limits` in {PROOF}: contact forces exist that hold the rock",
         no_proof_before,
         "runs below the uplift and sliding limits",
     ),
     Row(
         "the motion before its first push",
-        "until it leaves `static_limits` nothing moves",
+        "nothing moves until it exceeds `static_limits`",
         whole_motion,
         "the motion before its first push",
     ),
     Row(
         "time after the outcome is certain",
-        f"`cannot_topple`, `cannot_return`, the rule of the fall in {PROOF}",
+        f"`cannot_topple`, `cannot_return` and `cannot_be_stopped` in {PROOF}",
         to_rest,
         "time after the outcome is certain",
     ),
@@ -228,21 +228,21 @@ ROWS = (
     ),
     Row(
         "building a world for each run",
-        "a world is rewound to the same bits, its contact cache emptied",
+        "a world is reset to the same bits, and its contact cache is emptied",
         rebuilt,
     ),
     Row(
         "a call to the engine for each step",
-        "a sample is held for at most a tenth of the pulse's radian: 0.04 % of it",
+        "a sample is held for at most a tenth of PGV/PGA, which changes it by 0.04 %",
         single_steps,
     ),
     Row(
         "iterations of a solver that has converged",
-        "the residual is 5e-4 of what gravity does in a step; the time step's error is far larger",
+        "the residual is 5e-4 of gravity's impulse in a step; the time step's error is far larger",
         all_iterations,
     ),
-    Row("the trajectory", "only outcomes are wanted", trajectory, "trajectory"),
-    Row("all of these at once, but the joint", "as above", everything),
+    Row("the trajectory", "only outcomes are needed", trajectory, "trajectory"),
+    Row("all of these at once, except the joint", "as above", everything),
 )
 
 
@@ -418,14 +418,14 @@ def _in_words(run: Run, with_it: Outcome, without: Outcome) -> str:
     """The cell, both outcomes, and how little more or less PGA gives the one without."""
     assert isinstance(run.motion, CosinePulse)
     pulse, yaw = run.motion, math.degrees(run.case.full.yaw)
-    near = "no change of PGA up to 4 % does the same"
+    near = "no change of PGA up to 4 % has the same effect"
     for share in sorted(NEARBY, key=abs):
         nearby = replace(run, motion=replace(pulse, pga=pulse.pga * (1.0 + share)))
         if _timed(nearby)[0] is without:
-            near = f"so does {share:+.1%} of PGA with it"
+            near = f"a change of PGA of {share:+.1%} has the same effect"
             break
     cell = f"{pulse.pga / GRAVITY:.4f} g, {pulse.pgv_pga:.4f} s, {yaw:.0f} deg"
-    return f"{cell}: {with_it.name.lower()}, without it {without.name.lower()}; {near}"
+    return f"{cell}: {with_it.name.lower()} ({without.name.lower()} without the reduction); {near}"
 
 
 Measured = list[tuple[Row, list[Gain | None]]]
@@ -483,25 +483,27 @@ TEXT = """# What a run leaves out, and what that gains
 
 Made by `python -m benchmarks.reductions --write`; do not edit.
 
-A gain is the CPU time of a run without this one reduction over that with it, all else equal:
-{number} random cells of each rock on a flat pedestal, the same for every row (PGA 0.02-1 g,
-PGV/PGA 0.02-1 s, twelve yaws, friction 0.6). Runs with and without it take turns, so that a busy
-machine slows both. Gains do not multiply: what one reduction leaves out, another need not make
-faster. A dash says that the reduction has no part in that scene.
+A gain is the CPU time of a run without the one reduction divided by that with it, all else being
+equal. Each rock has {number} random cells on a flat pedestal, the same in every row (PGA 0.02-1 g,
+PGV/PGA 0.02-1 s, twelve yaws, friction 0.6). Runs with and without the reduction alternate, so
+that other load on the machine slows both. Gains do not multiply, because several reductions can
+leave out the same work. A dash means that a reduction is not used for that rock.
 
 {table}
 
-Cells that end otherwise, with the least change of PGA that does the same to the program's own run:
-what small changes turn over lies on the boundary, or where many impacts decide.
+These cells end otherwise without the reduction. Each line also gives the smallest change of PGA
+that has the same effect with the reduction: an outcome that so small a change reverses lies on the
+boundary, or depends on many impacts.
 
 {cells}
 
-Both sides of a row lack what would hide it:
+Some reductions would hide the effect of another; both runs of a row do without them:
 
-- the joint: no proofs, and the slab, since a driven table allows neither. It is ten thousand times
-  as heavy as the rock, and its controller takes all of an error away in one period of 1 ms;
-- time after the outcome is certain: all vertices, or runs that go on to the end would be repeated
-  for them, and no proof of rest;
+- the joint: no proofs, and the slab in place of the plane, since a driven table allows neither.
+  The table is ten thousand times as heavy as the rock, and its controller removes an error
+  completely in one period of 1 ms;
+- time after the outcome is certain: all vertices, since runs that go on to the end would otherwise
+  be repeated with all of them, and no proof of rest;
 - rest before the pulse: no proof of rest.
 """
 

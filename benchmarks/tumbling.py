@@ -60,7 +60,7 @@ class Runs:
 
     Attributes
     ----------
-    way : ndarray, shape (n,) [m], level way from start to end
+    way : ndarray, shape (n,) [m], horizontal distance from start to end
     beyond : ndarray, shape (n,) [m], way of the end beyond the foot of the slope
     speed : ndarray, shape (n,) [m/s], largest
     away : int, how many left the ground or were still under way at the end
