@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from pipeline import ROOT
 from pipeline.stages.reports.report import GAINS
 from vsr_core import GRAVITY, engines
-from vsr_core.engines import Solver, bullet
+from vsr_core.engines import bullet
+from vsr_core.engines.interface import Solver
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.outcome import Outcome
 from vsr_core.rock import solid

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from vsr_core.arrays import Array
-from vsr_core.engines import Solver
+from vsr_core.engines.interface import Solver
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Scene, State, resting
@@ -115,9 +115,20 @@ class MujocoWorld:
 def build(
     scene: Scene, time_step: float, substeps: int = 1, solver: Solver | None = None
 ) -> MujocoWorld:
-    """World with the rock at its start; ``substeps`` of ``time_step`` [s] a sample.
+    """World with the rock at its start.
 
     The world of an earlier call with the same scene is rewound and no longer valid itself.
+
+    Parameters
+    ----------
+    scene : Scene
+    time_step : float [s]
+    substeps : int, steps for which a sample is held
+    solver : Solver, by default ``SOLVER``
+
+    Returns
+    -------
+    MujocoWorld
 
     Raises
     ------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from vsr_core import engines
+from vsr_core.engines.interface import Solver
 from vsr_core.run import bounds
 from vsr_core.run.reductions import Reduction
 from vsr_core.run.reductions import reduce as reduce_scene
@@ -28,7 +28,7 @@ class Settings:
     time_step: float
     reduce: bool = True
     engine: str = "bullet"
-    solver: engines.Solver | None = None
+    solver: Solver | None = None
 
 
 @dataclass(frozen=True)

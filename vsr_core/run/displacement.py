@@ -15,6 +15,7 @@ import numpy as np
 
 from vsr_core import GRAVITY, engines
 from vsr_core.arrays import Array
+from vsr_core.engines.interface import GroundWorld
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
@@ -151,7 +152,7 @@ def limits_on_seat(scene: Scene, time_step: float) -> tuple[float, float]:
     -------
     (float, float), lowest and highest; zeros where the rock does not rest by its points of contact
     """
-    world = cast(engines.GroundWorld, engines.load("bullet").build(scene, time_step, 1))
+    world = cast(GroundWorld, engines.load("bullet").build(scene, time_step, 1))
     world.advance([0.0] * QUIET_STEPS)
     centre = world.state().position
     return static_limits.on_points(*world.footing(), centre, scene.contact.friction, _along(scene))
@@ -202,7 +203,7 @@ def settled(scene: Scene, time_step: float) -> State:
     return replace(state, velocity=np.zeros(3), angular_velocity=np.zeros(3))
 
 
-def clear(world: engines.GroundWorld, state: State) -> State:
+def clear(world: GroundWorld, state: State) -> State:
     """Raise a rock until it is no deeper in the ground than a touch.
 
     Parameters
@@ -305,7 +306,7 @@ class DisplacementRules:
 
     def _go_on_in(self, run: Run, scene: Scene) -> None:
         """Change to another scene of the same rock, raised so that it does not start inside it."""
-        world = cast(engines.GroundWorld, loop.enter(scene, self.settings, run.sampled))
+        world = cast(GroundWorld, loop.enter(scene, self.settings, run.sampled))
         world.put(run.state)
         run.world, run.state = world, clear(world, run.state)
         self.recorder.go_on_from(run.state)
@@ -331,7 +332,7 @@ class DisplacementRules:
         if not closely:
             return True
         depth = self.terrain.depth(run.state.position) or 0.0
-        deepest = cast(engines.GroundWorld, run.world).contacts()[1]
+        deepest = cast(GroundWorld, run.world).contacts()[1]
         return max(depth, deepest) <= PENETRATION_SHARE * self.radius
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from vsr_core import engines
 from vsr_core.arrays import Array
+from vsr_core.engines.interface import TurningWorld, World
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
 from vsr_core.rock.body import Rock
@@ -61,7 +62,7 @@ class Run:
     monitored: int
     last_sample: int
     values: Array
-    world: engines.World
+    world: World
     inertia: Array
     foot: Array
     start: State
@@ -127,7 +128,7 @@ class Run:
     def stepper(self) -> Callable[[Any], None]:
         """How the world takes samples of this motion."""
         if isinstance(self.motion, TableMotion) and self.motion.turns:
-            return cast(engines.TurningWorld, self.world).turn
+            return cast(TurningWorld, self.world).turn
         return self.world.advance if self.values.ndim == 1 else self.world.shake
 
 
@@ -189,7 +190,7 @@ def set_up(
     )
 
 
-def enter(scene: Scene, settings: Settings, sampled: Sampling) -> engines.World:
+def enter(scene: Scene, settings: Settings, sampled: Sampling) -> World:
     """World of a scene in the engine of the settings, at the step of the sampling.
 
     Parameters

@@ -7,7 +7,8 @@ from typing import cast
 
 import numpy as np
 
-from vsr_core import GRAVITY, engines
+from vsr_core import GRAVITY
+from vsr_core.engines.interface import DrivenWorld, TurningWorld
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
@@ -126,8 +127,8 @@ class OverturningRules:
         self.limits, self.radius = case.limits, rock.radius
         self.kept_tilt = math.pi if simulated is case.full else simulated.kept_tilt
         turns = isinstance(run.motion, TableMotion) and run.motion.turns
-        self.turning = cast(engines.TurningWorld, run.world) if turns else None
-        self.driven = cast(engines.DrivenWorld, run.world) if simulated.drive else None
+        self.turning = cast(TurningWorld, run.world) if turns else None
+        self.driven = cast(DrivenWorld, run.world) if simulated.drive else None
         # The proofs assume the prescribed motion, which a servo's table does not quite follow, and
         # gravity along z, which a table that turns has not; and they know of no energy in springs.
         rigid = self.contact.stiffness is None

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from vsr_core.engines import Solver, bullet
+from vsr_core.engines import bullet
+from vsr_core.engines.interface import Solver
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.scene import Scene
 from vsr_core.table import servo

@@ -11,6 +11,7 @@ import numpy as np
 
 from vsr_core import engines
 from vsr_core.arrays import Array
+from vsr_core.engines.interface import DrivenWorld
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.records.trace import Trace
 from vsr_core.run.sampling import samples, sampling
@@ -109,7 +110,7 @@ def track(scene: Scene, motion: GroundMotion, time_step: float, after: float) ->
     plan = sampling(motion, drive, time_step)
     number = plan.pulse_samples + math.ceil(after / plan.interval)
     step = plan.interval / plan.substeps
-    world = cast(engines.DrivenWorld, engines.load(ENGINE).build(scene, step, plan.substeps))
+    world = cast(DrivenWorld, engines.load(ENGINE).build(scene, step, plan.substeps))
     commands = samples(motion, drive, plan.interval, number)
     read = np.array(list(_read(world, commands)))
     time = plan.interval * np.arange(1, number + 1, dtype=np.float64)
@@ -173,7 +174,7 @@ def synthetic(ratio: float) -> Trace:
     return Trace(acceleration, SYNTHETIC_STEP)
 
 
-def _read(world: engines.DrivenWorld, commands: Array) -> Iterator[tuple[float, float, float]]:
+def _read(world: DrivenWorld, commands: Array) -> Iterator[tuple[float, float, float]]:
     for command in commands.tolist():
         world.advance([command])
         upright = float(world.state().rotation[2, 2])

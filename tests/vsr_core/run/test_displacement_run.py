@@ -22,6 +22,7 @@ from pipeline import ROOT
 from pipeline.stages.runs.trajectory_packing import pack, unpack
 from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import ground as bullet_ground
+from vsr_core.engines.interface import Solver
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.records.recorded_motion import RecordedMotion
@@ -740,7 +741,7 @@ class Fake:
         self.time_steps: list[float] = []
 
     def build(
-        self, scene: Scene, time_step: float, substeps: int, solver: engines.Solver | None = None
+        self, scene: Scene, time_step: float, substeps: int, solver: Solver | None = None
     ) -> Fake:
         self.time_steps.append(time_step)
         self.interval, self.time = time_step * substeps, 0.0

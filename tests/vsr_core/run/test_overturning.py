@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import SOLVER
+from vsr_core.engines.interface import Solver
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
 from vsr_core.rock import solid
@@ -376,7 +377,7 @@ class Fake:
         self.time_steps: list[float] = []
 
     def build(
-        self, scene: Scene, time_step: float, substeps: int, solver: engines.Solver | None = None
+        self, scene: Scene, time_step: float, substeps: int, solver: Solver | None = None
     ) -> Fake:
         self.time_steps.append(time_step)
         self.steps, self.height = 0, scene.rock.height

@@ -20,7 +20,6 @@ from pipeline.workflow import keys
 from pipeline.workflow.graph import identities
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
-from vsr_core.engines.bullet.driven import DrivenWorld
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
@@ -64,15 +63,15 @@ def pid(servo: Servo, wanted: Array, start: float = 0.0) -> Array:
     return np.array(speeds)
 
 
-def world_of(described: Scene, substeps: int = 1) -> DrivenWorld:
+def world_of(described: Scene, substeps: int = 1) -> BulletDrivenWorld:
     assert described.drive is not None
     step = described.drive.period / substeps
     world = engines.load("bullet").build(described, step, substeps)
-    assert isinstance(world, DrivenWorld)
+    assert isinstance(world, BulletDrivenWorld)
     return world
 
 
-def driven(world: DrivenWorld, wanted: Array) -> Array:
+def driven(world: BulletDrivenWorld, wanted: Array) -> Array:
     """The table's velocity [m/s] at the end of each period."""
     speeds = []
     for speed in wanted.tolist():
@@ -356,7 +355,7 @@ def test_the_guard_bounds_what_a_light_table_gives() -> None:
 
 def test_the_guard_reads_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
     """Told that the table never accelerated, it takes the rock's energy for a fault."""
-    monkeypatch.setattr(DrivenWorld, "impulse", lambda world: 0.0)
+    monkeypatch.setattr(BulletDrivenWorld, "impulse", lambda world: 0.0)
     assert outcome(PUBLISHED, 0.9, 0.25).outcome is Outcome.UNSTABLE
 
 
@@ -510,7 +509,7 @@ def test_run_keys_hold_the_servo_that_drives(
         found.add(run_keys("drive=servo", f"servo.{change}"))
     assert len(found) == 8
     assert {
-        "vsr_core.engines.bullet.driven:DrivenWorld",
+        "vsr_core.engines.bullet.driven:BulletDrivenWorld",
         "vsr_core.run.sampling:samples",
         "vsr_core.table.servo:check",
     } <= set(keys.code(run_code(load_site(site).config)))

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY, engines
-from vsr_core.engines import Engine, Solver, World
+from vsr_core.engines.interface import Engine, Solver, World
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.scene import Scene
 from vsr_core.verification import rocking_block

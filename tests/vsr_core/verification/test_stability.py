@@ -233,7 +233,7 @@ def test_an_edit_of_a_case_makes_the_stage_again() -> None:
         "vsr_core.verification.stability.long_rest:_drift",
         "vsr_core.run.input_checks:check",
         "vsr_core.run.overturning:simulate",
-        "vsr_core.engines.bullet.driven:DrivenWorld",
+        "vsr_core.engines.bullet.driven:BulletDrivenWorld",
         "vsr_core.engines.mujoco:SLIDING_SHARE",
         "vsr_core.verification.rocking_block:rocking_response",
     ):

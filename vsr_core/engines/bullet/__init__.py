@@ -13,9 +13,9 @@ from importlib.metadata import version
 
 import numpy as np
 
-from vsr_core.engines import Solver
-from vsr_core.engines.bullet.driven import DrivenWorld
+from vsr_core.engines.bullet.driven import BulletDrivenWorld
 from vsr_core.engines.bullet.world import BulletWorld
+from vsr_core.engines.interface import Solver
 from vsr_core.errors import InvalidInput
 from vsr_core.scene import Scene
 
@@ -42,10 +42,21 @@ _worlds: OrderedDict[Scene, BulletWorld] = OrderedDict()
 def build(
     scene: Scene, time_step: float, substeps: int = 1, solver: Solver | None = None
 ) -> BulletWorld:
-    """World with the rock at its start; ``substeps`` of ``time_step`` [s] a sample.
+    """World with the rock at its start.
 
-    The world of an earlier call with the same scene is rewound and no longer valid itself. In a
-    scene with a drive it is a ``DrivenWorld``.
+    The world of an earlier call with the same scene is rewound and no longer valid itself.
+
+    Parameters
+    ----------
+    scene : Scene
+    time_step : float [s]
+    substeps : int, steps for which a sample is held
+    solver : Solver, by default ``SOLVER``
+
+    Returns
+    -------
+    BulletWorld
+        In a scene with a drive a ``BulletDrivenWorld``.
 
     Raises
     ------
@@ -66,7 +77,7 @@ def build(
     if world is not None and not np.isfinite(world.state().position).all():
         world.close()
         world = None
-    _worlds[scene] = world or (BulletWorld if scene.drive is None else DrivenWorld)(scene)
+    _worlds[scene] = world or (BulletWorld if scene.drive is None else BulletDrivenWorld)(scene)
     while len(_worlds) > WORLDS_KEPT:
         _worlds.popitem(last=False)[1].close()
     _worlds[scene].rewind(time_step, substeps, solver or SOLVER)

@@ -10,12 +10,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from vsr_core.arrays import Array, Indices
-from vsr_core.engines import silenced
+from vsr_core.engines.bullet.library import pybullet
 from vsr_core.rock.body import Rock
-
-with silenced():
-    import pybullet
-
 
 CONTACTS = 4
 """Contact points that Bullet keeps between two shapes."""

@@ -10,16 +10,14 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
-from vsr_core.engines import Solver, silenced
+from vsr_core.engines.bullet.library import pybullet
 from vsr_core.engines.bullet.world import FASTEST, MASS, BulletWorld
+from vsr_core.engines.interface import Solver
 from vsr_core.errors import InvalidInput
 from vsr_core.scene import Scene, State
 
-with silenced():
-    import pybullet
 
-
-class DrivenWorld(BulletWorld):
+class BulletDrivenWorld(BulletWorld):
     """One rock on a pedestal that its servo moves along x, and that the rock pushes back.
 
     Each sample is a velocity command for one control period. Its force is held over all steps of

@@ -13,14 +13,10 @@ import math
 import numpy as np
 
 from vsr_core.arrays import Array, Indices
-from vsr_core.engines import silenced
+from vsr_core.engines.bullet.library import pybullet
 from vsr_core.rock.hull import convex_hull
 from vsr_core.scene import State
 from vsr_core.terrain.surface import Terrain
-
-with silenced():
-    import pybullet
-
 
 TILE_FACES = 6
 """Most triangles of a tile."""
@@ -34,7 +30,7 @@ KEPT = 0.2
 and to go cost as much as some steps."""
 
 
-class Ground:
+class GroundBlocks:
     """The blocks of a terrain around a rock, in one world.
 
     Parameters

@@ -19,10 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from vsr_core.engines import silenced
-
-with silenced():
-    import pybullet
+from vsr_core.engines.bullet.library import pybullet
 
 Vector = tuple[float, float, float]
 

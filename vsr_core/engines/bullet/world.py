@@ -12,16 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
-from vsr_core.engines import Solver, silenced
 from vsr_core.engines.bullet.collision_shapes import pedestal_shape, rock_shape, surroundings
-from vsr_core.engines.bullet.ground import Ground
+from vsr_core.engines.bullet.ground import GroundBlocks
+from vsr_core.engines.bullet.library import pybullet
 from vsr_core.engines.bullet.springs import RIGID, Springs, exact_springs
 from vsr_core.engines.bullet.turning import turn
+from vsr_core.engines.interface import Solver
 from vsr_core.scene import Scene, State, resting
-
-with silenced():
-    import pybullet
-
 
 SCALED_RADIUS = 10.0
 """Radius of every rock inside the engine, in Bullet's length unit."""
@@ -105,9 +102,9 @@ class BulletWorld:
         self._known: State | None = None  # as last read, until the next step
         self._impulse = 0.0
         self._moments = scene.rock.inertia / scene.rock.mass * self._scale**2
-        self._ground: Ground | None = None
+        self._ground: GroundBlocks | None = None
         if scene.terrain is not None:
-            self._ground = Ground(
+            self._ground = GroundBlocks(
                 scene.terrain, surroundings(scene.rock), self._scale, self._client, self._maximal
             )
         if self._springs:

@@ -22,13 +22,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vsr_core.arrays import Array, Indices
-from vsr_core.engines import silenced
+from vsr_core.engines.bullet.library import pybullet
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.scene import Scene, resting
 from vsr_core.verification.peers import AFTER, Setting, Test, largest_tilt
-
-with silenced():
-    import pybullet
 
 LABEL = "seed's set-up (PyBullet, servo)"
 NEEDS = ("pybullet",)

@@ -14,6 +14,7 @@ from typing import cast
 import numpy as np
 
 from vsr_core import engines
+from vsr_core.engines.interface import DrivenWorld
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.run.sampling import samples, sampling
 from vsr_core.scene import Contact, Scene
@@ -36,7 +37,7 @@ def tracking(engine: str, time_step: float) -> float:
     wanted = samples(PULSE, PUBLISHED, plan.interval, plan.pulse_samples)
     step = plan.interval / plan.substeps
     world = engines.load(engine).build(_scene(), step, plan.substeps)
-    driven = cast(engines.DrivenWorld, world)
+    driven = cast(DrivenWorld, world)
     got = []
     for command in wanted.tolist():
         driven.advance([command])

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 
 from vsr_core import engines
-from vsr_core.engines import DrivenWorld
+from vsr_core.engines.interface import DrivenWorld
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.input_checks import check

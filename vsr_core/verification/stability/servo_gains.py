@@ -11,7 +11,7 @@ import numpy as np
 
 from vsr_core import engines
 from vsr_core.arrays import Array
-from vsr_core.engines import DrivenWorld
+from vsr_core.engines.interface import DrivenWorld
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.input_checks import check
