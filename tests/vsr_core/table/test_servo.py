@@ -20,6 +20,7 @@ from pipeline.workflow import keys
 from pipeline.workflow.graph import identities
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
+from vsr_core.engines.bullet.driven import BulletDrivenWorld
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
