@@ -25,7 +25,16 @@ Checked = TypeVar("Checked", bound=BaseModel)
 
 @dataclass(frozen=True)
 class Site:
-    """A site's name, its checked configuration and the folder its paths are relative to."""
+    """A site and its checked configuration.
+
+    Attributes
+    ----------
+    name : str, stem of its YAML file
+    config : Config
+    file : str, its YAML file as a reader would write it
+    folder : Path, of that file
+    folders : dict, from dotted key to the folder of the file that set it
+    """
 
     name: str
     config: Config
@@ -34,7 +43,16 @@ class Site:
     folders: dict[str, Path] = field(default_factory=dict)
 
     def folder_of(self, key: str) -> Path:
-        """Folder that a path is relative to: that of the file which set its dotted key."""
+        """Folder that a path is relative to: that of the file which set its dotted key.
+
+        Parameters
+        ----------
+        key : str, e.g. ``"motion.files"``
+
+        Returns
+        -------
+        Path
+        """
         return self.folders.get(key, self.folder)
 
 

@@ -9,7 +9,21 @@ from vsr_core.errors import InvalidInput
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong with what the user gave."""
+    """One thing wrong with what the user gave.
+
+    Attributes
+    ----------
+    file : str, where it stands: a file, or an option of the command line
+    key : str, dotted key of the configuration, or empty
+    given : str, what stands there
+    rule : str, what it should keep to
+    remedy : str, what to do about it
+
+    Examples
+    --------
+    >>> print(Problem("my.yaml", "yaw", "700", "yaw is at most 360 degrees", "subtract 360"))
+    my.yaml: yaw: got 700; yaw is at most 360 degrees; subtract 360
+    """
 
     file: str
     key: str
@@ -32,5 +46,15 @@ class InputError(Exception):
 
     @classmethod
     def from_invalid(cls, file: str, key: str, error: InvalidInput) -> InputError:
-        """The physics' refusal, with the file and key it came from."""
+        """The physics' refusal, with the file and key it came from.
+
+        Parameters
+        ----------
+        file, key : str, as in `Problem`
+        error : InvalidInput
+
+        Returns
+        -------
+        InputError
+        """
         return cls(Problem(file, key, error.given, error.rule, error.remedy))

@@ -23,7 +23,17 @@ class Range(Section):
     num: int = Field(ge=1, le=100_000, description="number of values")
 
     def values(self) -> tuple[float, ...]:
-        """The values, rounded so that overlapping ranges share them exactly."""
+        """The values, rounded so that overlapping ranges share them exactly.
+
+        Returns
+        -------
+        tuple of float, of length ``num``
+
+        Examples
+        --------
+        >>> Range(start=0.1, stop=0.7, num=3).values()
+        (0.1, 0.4, 0.7)
+        """
         if self.num == 1:
             return (round(self.start, _DIGITS),)
         step = (self.stop - self.start) / (self.num - 1)
