@@ -4,30 +4,30 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.config import in_si
 from pipeline.config.motion_schema import PulseConfig
+from pipeline.config.schema import Config
 from pipeline.stages.motions import shaking
 from pipeline.stages.motions.shaking import Cell, Shaking
-from pipeline.stages.runs.running import groups
-from pipeline.stages.runs.scenes import left_out, prepared
-from pipeline.stages.runs.step_choice import time_step
+from pipeline.stages.runs import displacement_runs, overturning_runs
+from pipeline.stages.runs.runner import Kind, Run
+from pipeline.stages.runs.scenes import Scenes, flat_case, groups, left_out, load_scenes
+from pipeline.stages.runs.study import load_study
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.stage import Job
-from pipeline.workflow.store import RUNS, DisplacementRow, RunRow, RunStore, Store
-from vsr_core import GRAVITY
+from pipeline.workflow.store import RUNS, RunStore, Store
 from vsr_core.outcome import Outcome
 
 TYPICAL_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 150.0
 """CPU time of a run [ms] before any was measured here."""
-
-Kind = type[RunRow] | type[DisplacementRow]
-
 
 def why(product: str, job: Job) -> list[str]:
     """Each stage that would be made again, with every reason."""
@@ -69,50 +69,43 @@ def plan(product: str, job: Job) -> list[str]:
     lines = [f"stages to make: {', '.join(todo) or 'none'}"]
     if not {"runs", "displacement_runs"} & {stage.name for stage in upstream(product)}:
         return lines
-    config = job.config
     with tempfile.TemporaryDirectory() as temporary:
-        store = _with_rock(job, Path(temporary)).store
-        case = prepared(config, store, config.yaw[0], config.contact.friction[0])
-        measured = not {"motions", "time_step", "terrain"} & set(todo)
-        lines += _planned_runs(job, store, _kind(product), measured=measured)
-        dropped = left_out(config, case)
+        scenes = load_scenes(job.config, _with_rock(job, Path(temporary)).store, level=True)
+    measured = not {"motions", "time_step", "terrain"} & set(todo)
+    lines += _planned_runs(job, scenes, _kind(product), measured=measured)
+    dropped = left_out(job.config, flat_case(scenes, groups(job.config)[0]))
     lines.append("left out:")
     lines += [f"  {r.what}: {r.why}" for r in dropped] or ["  nothing (simulation.reduce: off)"]
     return lines
 
 
-def _kind(product: str) -> Kind:
-    """Journeys over a terrain, or runs."""
-    return (
-        DisplacementRow
-        if "displacement_runs" in (stage.name for stage in upstream(product))
-        else RunRow
-    )
+def _kind(product: str) -> Kind[Any]:
+    """Displacement runs, or runs whose outcome alone is wanted."""
+    names = {stage.name for stage in upstream(product)}
+    return displacement_runs.KIND if "displacement_runs" in names else overturning_runs.KIND
 
 
-def _planned_runs(job: Job, rock: Store, kind: Kind, *, measured: bool) -> list[str]:
+def _planned_runs(job: Job, scenes: Scenes, kind: Kind[Any], *, measured: bool) -> list[str]:
     """Runs to do and their cost; which are stored is known once the time step is ``measured``."""
-    config = job.config
-    motions = shaking.of_site(job.site)
-    cells = [cell.pga for cell in shaking.cells(motions)]
-    stored: dict[tuple[float, float], list[bool]] = {}
-    for group in groups(config, job.store) if measured else ():
-        kept = _stored(job.store, group.keys, kind)
-        stored[group.yaw, group.friction] = [key in kept for key in group.keys]
+    config, motions = job.config, shaking.of_site(job.site)
+    cells = shaking.cells(motions)
+    study = load_study(config, job.store) if measured else None
+    proves = config.simulation.reduce and not config.on_terrain and config.motion.kind != "table"
     total = proved = new = 0
-    for yaw in config.yaw:
-        for friction in config.contact.friction:
-            still = prepared(config, rock, yaw, friction).static_limits
-            proves = config.simulation.reduce and not config.on_terrain
-            proves = proves and config.motion.kind != "table"
-            limit = min(-still[0], still[1]) / GRAVITY if proves else 0.0
-            done = stored.get((yaw, friction), [False] * len(cells))
-            left = [pga for pga, kept in zip(cells, done, strict=True) if not kept]
-            total, new = total + len(cells), new + len(left)
-            proved += sum(pga < limit for pga in left)
-    frictions = config.contact.friction if measured else ()
-    steps = {time_step(config, job.store, friction) for friction in frictions}
-    text = ", ".join(f"{1e3 * step:.3g} ms" for step in sorted(steps))
+    for group in groups(config):
+        limit = 0.0
+        if proves:
+            still = flat_case(scenes, group).static_limits
+            limit = in_si.in_g(min(-still[0], still[1]))
+        left = cells
+        if study is not None:
+            runs = study.wanted(group)
+            kept = _stored(job.store, runs, kind)
+            left = tuple(run.item for run in runs if run.key not in kept)
+        total, new = total + len(cells), new + len(left)
+        proved += sum(cell.pga < limit for cell in left)
+    steps = sorted(set(study.time_steps.values())) if study is not None else []
+    text = ", ".join(f"{1e3 * step:.3g} ms" for step in steps)
     return [
         *_motions(motions),
         f"runs: {total}; {total - new} stored, {new} to do, {proved} of them proved without a step",
@@ -135,9 +128,8 @@ def _motions(motions: Shaking) -> list[str]:
     return [f"records: {len(lines)}, each at {len(motions.pga)} PGA", *lines]
 
 
-def _cost(job: Job, runs: int, kind: Kind) -> str:
-    name = "runs" if kind is RunRow else "displacement_runs"
-    measured = [note for note in job.store.notes(name) if note["runs"]]
+def _cost(job: Job, runs: int, kind: Kind[Any]) -> str:
+    measured = [note for note in job.store.notes(kind.stage) if note["runs"]]
     typical = TYPICAL_ON_TERRAIN_MS if job.config.on_terrain else TYPICAL_MS
     each = 1e3 * measured[-1]["cpu_seconds"] / measured[-1]["runs"] if measured else typical
     source = "as measured here" if measured else "typical"
@@ -160,25 +152,26 @@ def _is_stale(name: str, job: Job) -> bool:
     return any(graph.why(BY_NAME[name], graph.identities(name, job.site)[name], job.store))
 
 
-def _stored(store: Store, keys: Any, kind: Kind) -> dict[bytes, int]:
-    """Outcomes of the runs that are stored."""
+def _stored(store: Store, runs: Sequence[Run], kind: Kind[Any]) -> dict[bytes, int]:
+    """Outcomes of those of the runs that are stored."""
     if not (store.folder / RUNS).is_file():
         return {}
-    with closing(RunStore(store.folder, kind)) as runs:
-        return runs.outcomes(keys)
+    with closing(RunStore(store.folder, kind.row)) as database:
+        return database.outcomes(run.key for run in runs)
 
 
-def _runs(job: Job, kind: Kind) -> tuple[Counter[int], int]:
+def _runs(job: Job, kind: Kind[Any]) -> tuple[Counter[int], int]:
     """Outcomes of the runs stored, and how many are wanted; none where no key is known yet."""
+    if not isinstance(job.site.settings, Config):
+        return Counter(), 0
     needed = [BY_NAME[name] for name in ("rock", "terrain", "time_step", "motions")]
     names = [stage.name for stage in needed if stage.is_for(job.config)]
     if any(job.store.manifest(name) is None or job.store.damage(name) for name in names):
         return Counter(), 0
     if not isinstance(job.config.motion, PulseConfig) and _is_stale("motions", job):
         return Counter(), 0  # which runs are wanted is known once the records are read anew
+    study = load_study(job.config, job.store)
     counts: Counter[int] = Counter()
-    total = 0
-    for group in groups(job.config, job.store):
-        counts.update(_stored(job.store, group.keys, kind).values())
-        total += len(group.keys)
-    return counts, total
+    for group in study.groups:
+        counts.update(_stored(job.store, study.wanted(group), kind).values())
+    return counts, len(study.groups) * len(study.cells)

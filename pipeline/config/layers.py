@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 from pipeline import ROOT
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.schema import Config
+from pipeline.config.shake_table_schema import ShakeTableConfig
 
 SITES = ROOT / "configs" / "sites"
 STUDIES = ROOT / "configs" / "studies"
@@ -25,22 +26,34 @@ Checked = TypeVar("Checked", bound=BaseModel)
 
 @dataclass(frozen=True)
 class Site:
-    """A site and its checked configuration.
+    """What products are made for, and from which settings.
 
     Attributes
     ----------
-    name : str, stem of its YAML file
-    config : Config
-    file : str, its YAML file as a reader would write it
-    folder : Path, of that file
-    folders : dict, from dotted key to the folder of the file that set it
+    name : str
+    settings : the checked configuration of a rock, or what is assumed of a series of recorded
+        shake-table tests
+    file : str, where they stand, as a reader would write it
+    folder : Path, which the settings' paths are relative to
+    folders : dict, from a dotted key to the folder of the file that set it
     """
 
     name: str
-    config: Config
+    settings: Config | ShakeTableConfig
     file: str
     folder: Path
     folders: dict[str, Path] = field(default_factory=dict)
+
+    @property
+    def config(self) -> Config:
+        """The configuration, of a site that is a rock."""
+        assert isinstance(self.settings, Config)
+        return self.settings
+
+    @property
+    def origin(self) -> str:
+        """Where the settings stand, for provenance: never a path that only one machine knows."""
+        return Path(self.file).name if Path(self.file).is_absolute() else self.file
 
     def folder_of(self, key: str) -> Path:
         """Folder that a path is relative to: that of the file which set its dotted key.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -22,10 +22,15 @@ _SETTINGS = {
 
 
 class Batch(NamedTuple):
-    """Items that share one object, done together by one worker."""
+    """Items that share one object, done together by one worker.
 
-    tag: Any
-    shared: str
+    Attributes
+    ----------
+    shared : hashable, by which the object is known
+    items : tuple
+    """
+
+    shared: Hashable
     items: tuple[Any, ...]
 
 
@@ -33,7 +38,7 @@ class Done(NamedTuple):
     """Results of a batch; None if the worker died on its only item."""
 
     batch: Batch
-    results: Sequence[Any] | None
+    results: Any
 
 
 @dataclass(frozen=True)
@@ -74,14 +79,24 @@ class Cluster:
 
     def run(
         self,
-        function: Callable[[Any, tuple[Any, ...]], Sequence[Any]],
+        function: Callable[[Any, tuple[Any, ...]], Any],
         batches: Iterator[Batch],
-        shared: Callable[[str], Any],
+        shared: Callable[[Any], Any],
     ) -> Iterator[Done]:
-        """Results of ``function(shared(batch.shared), batch.items)``, as they complete.
+        """Do batches of work, handing over their results as they complete.
 
         A batch whose worker dies is done again, one item at a time; an item that kills its
         worker again comes back alone, with None. Only the batches in flight are held here.
+
+        Parameters
+        ----------
+        function : callable, from the shared object and the items of a batch to its results
+        batches : iterator of Batch
+        shared : callable, from what a batch names to the object its items share
+
+        Yields
+        ------
+        Done
         """
         if self.local and self.workers == 0:
             yield from _in_turn(function, batches, shared)
@@ -89,6 +104,26 @@ class Cluster:
         if not self._clients:
             self._clients.append(self._open.enter_context(self._client()))
         yield from _distributed(self._clients[0], function, batches, shared)
+
+    def each(
+        self,
+        function: Callable[[Any, tuple[Any, ...]], Sequence[Any]],
+        batches: Iterator[Batch],
+        shared: Callable[[Any], Any],
+    ) -> Iterator[tuple[Any, Any, Any]]:
+        """Do batches of work whose results are one for each item.
+
+        Parameters
+        ----------
+        function, batches, shared : as ``run`` takes them
+
+        Yields
+        ------
+        (what the item's batch names as shared, item, result or None if it killed its worker)
+        """
+        for batch, results in self.run(function, batches, shared):
+            for item, result in zip(batch.items, results or [None] * len(batch.items), strict=True):
+                yield batch.shared, item, result
 
     @contextmanager
     def _client(self) -> Iterator[Any]:
@@ -121,26 +156,26 @@ class Cluster:
 
 
 def _in_turn(
-    function: Callable[[Any, tuple[Any, ...]], Sequence[Any]],
+    function: Callable[[Any, tuple[Any, ...]], Any],
     batches: Iterator[Batch],
-    shared: Callable[[str], Any],
+    shared: Callable[[Any], Any],
 ) -> Iterator[Done]:
-    name, thing = None, None
+    last: Batch | None = None
     for batch in batches:
-        if batch.shared != name:
-            name, thing = batch.shared, shared(batch.shared)
+        if last is None or batch.shared != last.shared:
+            last, thing = batch, shared(batch.shared)
         yield Done(batch, function(thing, batch.items))
 
 
 def _distributed(
     client: Any,
-    function: Callable[[Any, tuple[Any, ...]], Sequence[Any]],
+    function: Callable[[Any, tuple[Any, ...]], Any],
     batches: Iterator[Batch],
-    shared: Callable[[str], Any],
+    shared: Callable[[Any], Any],
 ) -> Iterator[Done]:
     from distributed import as_completed
 
-    sent: dict[str, Any] = {}
+    sent: dict[Hashable, Any] = {}
     flying: dict[str, tuple[Batch, bool]] = {}
     again: list[Batch] = []
     completed = as_completed(with_results=True, raise_errors=False)

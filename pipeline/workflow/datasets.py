@@ -79,16 +79,16 @@ def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
             attributes["flag_values"] = [flag.value for flag in flags]
             attributes["flag_meanings"] = " ".join(flag.name.lower() for flag in flags)
         dataset[name].attrs.update(attributes)
-    engine = _ENGINES[job.config.simulation.engine]
+    engine = _ENGINES[job.site.settings.engine]
     versions = {name: library_version(name) for name in (*_VERSIONS, engine.lower())}
     dataset.attrs |= {
         "Conventions": "CF-1.11",
         "title": f"{title}: {job.site.name}",
         "source": f"virtual shake robot {versions['vsr']}, {engine} {versions[engine.lower()]}",
-        "history": f"made by stage from {job.site.file}",
+        "history": f"made by stage {job.stage} from {job.site.origin}",
         "references": "Chen et al. (2024), Virtual Shake Robot, Seismica 3(1)",
         "vsr_key": job.key,
-        "vsr_config_json": json.dumps(job.config.model_dump(mode="json"), sort_keys=True),
+        "vsr_config_json": json.dumps(job.site.settings.model_dump(mode="json"), sort_keys=True),
         "vsr_versions_json": json.dumps(versions, sort_keys=True),
     }
     return dataset

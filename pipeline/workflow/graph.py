@@ -39,11 +39,11 @@ def identities(name: str, site: Site) -> dict[str, Identity]:
     """
     found: dict[str, Identity] = {}
     for stage in upstream(name):
-        if not stage.is_for(site.config):
+        if not stage.is_for(site.settings):
             continue
         found[stage.name] = Identity(
             {
-                "config": stage.settings(site.config),
+                "config": stage.settings(site.settings),
                 "code": keys.code(stage.roots()),
                 "inputs": stage.input_digests(site),
                 "versions": {library: keys.library_version(library) for library in stage.versions},

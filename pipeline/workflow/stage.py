@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+
 from pipeline.config.layers import Site
 from pipeline.config.schema import Config
 from pipeline.workflow import pages
@@ -101,13 +103,13 @@ class Stage:
         """Roots of its code."""
         return self.code if self.made_elsewhere else (self.make, *self.code)
 
-    def is_for(self, config: Config) -> bool:
-        """Whether a configuration has any use for it."""
-        return not self.applies or bool(getattr(config, self.applies))
+    def is_for(self, settings: BaseModel) -> bool:
+        """Whether a site with these settings has any use for it."""
+        return not self.applies or bool(getattr(settings, self.applies))
 
-    def settings(self, config: Config) -> dict[str, Any]:
-        """The part of the configuration that it reads, by dotted key."""
-        whole = config.model_dump(mode="json")
+    def settings(self, settings: BaseModel) -> dict[str, Any]:
+        """The part of the settings that it reads, by dotted key."""
+        whole = settings.model_dump(mode="json")
         return {key: _at(whole, key) for key in self.reads}
 
     def product(self, job: Job) -> Product:

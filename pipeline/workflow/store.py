@@ -15,6 +15,7 @@ from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.writers import Writer, text
+from vsr_core.outcome import DecidedBy, StopReason
 
 Row = TypeVar("Row", bound="RunRow | DisplacementRow")
 
@@ -23,31 +24,37 @@ LOG = "log.jsonl"
 
 
 class RunRow(NamedTuple):
-    """A stored run; the numbers mean what ``vsr_core.outcome.Response`` says."""
+    """A stored run; the numbers mean what ``vsr_core.outcome.Response`` says.
+
+    A run that crashed has a key and an outcome only.
+    """
 
     key: bytes
     outcome: int
-    decided_by: int
-    peak_tilt: float
-    final_tilt: float
-    slip: float
-    steps: int
+    decided_by: int = int(DecidedBy.SIMULATION)
+    peak_tilt: float | None = None
+    final_tilt: float | None = None
+    slip: float | None = None
+    steps: int = 0
 
 
 class DisplacementRow(NamedTuple):
-    """A stored run on a terrain, with its trajectory as ``trajectory_packing`` packs it."""
+    """A stored displacement run, with its trajectory as ``trajectory_packing`` packs it.
+
+    A run that crashed has a key and an outcome only.
+    """
 
     key: bytes
     outcome: int
-    peak_tilt: float
-    slip: float
-    steps: int
-    stop_reason: int
-    trajectory: bytes
+    peak_tilt: float | None = None
+    slip: float | None = None
+    steps: int = 0
+    stop_reason: int = int(StopReason.UNDONE)
+    trajectory: bytes = b""
 
 
 _TABLES: dict[type, str] = {RunRow: "runs", DisplacementRow: "displacement_runs"}
-_COLUMNS = {bytes: "BLOB", int: "INTEGER", float: "REAL"}
+_COLUMNS = {bytes: "BLOB", int: "INTEGER", float | None: "REAL"}
 
 
 class Store:

@@ -9,18 +9,17 @@ import pandas as pd
 import xarray as xr
 import yaml
 
-from pipeline.config.schema import Config
 from pipeline.stages.datasets.stored_runs import stored, tally
-from pipeline.stages.motions import shaking
 from pipeline.stages.motions.motions import MEASURES
 from pipeline.stages.motions.shaking import FILE as MOTIONS
 from pipeline.stages.motions.shaking import Shaking
-from pipeline.stages.runs.scenes import left_out, prepared
+from pipeline.stages.runs.overturning_runs import KIND
+from pipeline.stages.runs.scenes import flat_case, left_out
 from pipeline.stages.runs.step_choice import FILE as TIME_STEP
+from pipeline.stages.runs.study import Study, load_study
 from pipeline.workflow import writers
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
-from pipeline.workflow.store import RunRow
 from vsr_core.outcome import Outcome
 
 FILE = "responses.nc"
@@ -48,25 +47,26 @@ def make(job: Job) -> Product:
         ``responses.nc`` and the resolved configuration.
     """
     config = job.config
-    motions = shaking.of_store(config, job.store)
-    runs = stored(job, RunRow, "runs")
+    study = load_study(config, job.store)
+    runs = stored(job, KIND, study)
     summary, unresolved = tally(runs["outcome"])
-    dataset = _dataset(config, motions, runs).assign_coords(_measures(job, motions))
-    case = prepared(config, job.store, config.yaw[0], config.contact.friction[0])
+    dataset = _dataset(study, runs).assign_coords(_measures(job, study.motions))
     measured = read(job.path(TIME_STEP))
     for name in ("time_step", "boundary_error", "boundary_error_worst"):
         dataset[name] = ("friction", measured[name].values)
-    dataset.attrs["left_out"] = "\n".join(f"{r.what}: {r.why}" for r in left_out(config, case))
+    reductions = left_out(config, flat_case(study.scenes, study.groups[0]))
+    dataset.attrs["left_out"] = "\n".join(f"{r.what}: {r.why}" for r in reductions)
     settings = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)
     files = {
         FILE: netcdf(described(dataset, job, "Overturning responses")),
-        "config.yaml": writers.text(f"# resolved configuration of {job.site.file}\n{settings}"),
+        "config.yaml": writers.text(f"# resolved configuration of {job.site.origin}\n{settings}"),
     }
     return Product(files, summary, unresolved=unresolved)
 
 
-def _dataset(config: Config, motions: Shaking, runs: pd.DataFrame) -> xr.Dataset:
+def _dataset(study: Study, runs: pd.DataFrame) -> xr.Dataset:
     """The runs on (yaw, friction, PGV/PGA or record, PGA)."""
+    config, motions = study.scenes.config, study.motions
     coordinates = {
         "yaw": list(config.yaw),
         "friction": list(config.contact.friction),

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from pipeline.config.problems import InputError, Problem
-from pipeline.stages.runs.running import groups
+from pipeline.stages.runs import runner
+from pipeline.stages.runs.runner import Kind
+from pipeline.stages.runs.study import Study
 from pipeline.workflow.stage import Job
-from pipeline.workflow.store import RUNS, DisplacementRow, RunRow, RunStore
 from vsr_core.outcome import Outcome
 
 
-def stored(job: Job, row: type[RunRow | DisplacementRow], stage: str) -> pd.DataFrame:
+def stored(job: Job, kind: Kind[Any], study: Study) -> pd.DataFrame:
     """All runs of a study.
 
     Parameters
     ----------
     job : Job
-    row : type of the stored rows
-    stage : str
-        The stage that did the runs; it is made again where some are not there.
+    kind : Kind
+    study : Study
 
     Returns
     -------
@@ -35,19 +34,11 @@ def stored(job: Job, row: type[RunRow | DisplacementRow], stage: str) -> pd.Data
     InputError
         If runs are not there.
     """
-    parts = []
-    with closing(RunStore(job.store.folder, row)) as runs:
-        for group in groups(job.config, job.store):
-            rows = runs.get(group.keys)
-            lost = sum(key not in rows for key in group.keys)
-            if lost:
-                job.store.forget(stage)
-                given = f"{lost} {stage.replace('_', ' ')} fewer than were done"
-                rule, remedy = "every run that was done is kept", "start again to redo them"
-                raise InputError(Problem(str(job.store.folder / RUNS), "", given, rule, remedy))
-            cells = pd.DataFrame(group.cells, columns=["motion", "pga"])
-            found = pd.DataFrame([rows[key] for key in group.keys], columns=row._fields)
-            parts.append(cells.join(found).assign(yaw=group.yaw, friction=group.friction))
+    cells = pd.DataFrame(study.cells, columns=["motion", "pga"])
+    parts = [
+        cells.join(pd.DataFrame(rows, columns=kind.row._fields)).assign(**group._asdict())
+        for group, rows in runner.stored(job, kind, study.groups, study.wanted)
+    ]
     return pd.concat(parts, ignore_index=True)
 
 

@@ -8,13 +8,13 @@ import xarray as xr
 
 from pipeline.stages.datasets.displaced_runs import overturned_runs
 from pipeline.stages.datasets.stored_runs import stored, tally
-from pipeline.stages.motions import shaking
 from pipeline.stages.motions.shaking import Shaking
+from pipeline.stages.runs.displacement_runs import KIND
+from pipeline.stages.runs.study import load_study
 from pipeline.stages.runs.trajectory_packing import SAMPLE, unpack
 from pipeline.workflow import writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
-from pipeline.workflow.store import DisplacementRow
 from vsr_core.displacement.correlation import correlations, row
 
 FILE, TABLE = "displacement.nc", "correlation.csv"
@@ -32,8 +32,9 @@ def make(job: Job) -> Product:
     Product
         ``displacement.nc`` and ``correlation.csv``.
     """
-    runs = stored(job, DisplacementRow, "displacement_runs")
-    dataset = _dataset(runs, shaking.of_store(job.config, job.store))
+    study = load_study(job.config, job.store)
+    runs = stored(job, KIND, study)
+    dataset = _dataset(runs, study.motions)
     found = correlations(overturned_runs(dataset))
     text, unresolved = tally(runs["outcome"])
     files = {

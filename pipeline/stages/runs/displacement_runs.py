@@ -1,43 +1,60 @@
-"""Journeys: every cell of the grid that is not stored yet, followed over the terrain to its end."""
+"""Displacement runs: every cell of the grid not stored yet, followed over the terrain to its end."""
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.motions.shaking import Cell
-from pipeline.stages.runs.running import Work, run_missing
-from pipeline.stages.runs.scenes import on_terrain
-from pipeline.stages.runs.step_choice import time_step
+from pipeline.stages.motions.shaking import Cell, Shaking
+from pipeline.stages.runs.runner import Kind
+from pipeline.stages.runs.scenes import terrain_site
+from pipeline.stages.runs.study import run_study
 from pipeline.stages.runs.trajectory_packing import pack
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import DisplacementRow
-from vsr_core.outcome import Outcome, StopReason
-from vsr_core.run.cases import Settings
 from vsr_core.run.displacement import displace
+from vsr_core.run.cases import Settings, TerrainCase
 
 
-def follow_batch(shared: Any, cells: tuple[Cell, ...]) -> list[tuple[Any, ...]]:
-    """Journeys of the cells, on a worker.
+def follow_batch(
+    shared: tuple[TerrainCase, Settings, Shaking], cells: tuple[Cell, ...]
+) -> list[tuple[Any, ...]]:
+    """Simulate the displacement runs of some cells, on a worker.
 
-    ``shared`` is a TerrainCase with its Settings, and the motions. The last entry of the list
-    is the CPU
-    time used [s].
+    Parameters
+    ----------
+    shared : TerrainCase, Settings, and the motions
+    cells : tuple of Cell
+
+    Returns
+    -------
+    list of tuple, values of a ``DisplacementRow`` after its key
     """
-    site, settings, motions = shared
-    start = time.process_time()
-    rows: list[tuple[Any, ...]] = []
+    place, settings, motions = shared
+    rows = []
     for cell in cells:
-        found = displace(site, motions.motion(cell), settings)
-        r = found.response
-        packed = pack(found.trajectory)
+        found = displace(place, motions.motion(cell), settings)
+        r, packed = found.response, pack(found.trajectory)
         rows.append((int(r.outcome), r.peak_tilt, r.slip, r.steps, int(found.stop), packed))
-    return [*rows, (time.process_time() - start,)]
+    return rows
 
 
 def make(job: Job) -> Product:
-    """Do the missing displacement runs."""
+    """Do the missing displacement runs.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+
+    Raises
+    ------
+    InputError
+        If the rock does not stand on a terrain.
+    """
     if not job.config.on_terrain:
         raise InputError(
             Problem(
@@ -48,20 +65,7 @@ def make(job: Job) -> Product:
                 "set pedestal.shape: mesh, with the terrain in the rock's scan",
             )
         )
-    return run_missing(job, "displacement_runs", WORK)
+    return run_study(job, KIND, terrain_site)
 
 
-def _shared(job: Job, yaw: float, friction: float) -> Any:
-    simulation = job.config.simulation
-    step = time_step(job.config, job.store, friction)
-    settings = Settings(step, simulation.reduce, simulation.engine)
-    return on_terrain(job.config, job.store, yaw, friction), settings
-
-
-WORK = Work(
-    row=DisplacementRow,
-    function=follow_batch,
-    shared=_shared,
-    crashed=(int(Outcome.CRASHED), None, None, 0, int(StopReason.UNDONE), b""),
-    batch=4,
-)
+KIND = Kind("displacement_runs", "displacement runs", DisplacementRow, follow_batch, batch=4)

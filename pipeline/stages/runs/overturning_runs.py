@@ -2,55 +2,72 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
-from pipeline.stages.motions.shaking import Cell
-from pipeline.stages.runs.running import Work, run_missing
-from pipeline.stages.runs.scenes import on_terrain, prepared
-from pipeline.stages.runs.step_choice import time_step
+from pipeline.stages.motions.shaking import Cell, Shaking
+from pipeline.stages.runs.runner import Kind
+from pipeline.stages.runs.scenes import flat_case, terrain_site
+from pipeline.stages.runs.study import run_study
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import RunRow
-from vsr_core.outcome import DecidedBy, Outcome
-from vsr_core.run.cases import Case, Settings
+from vsr_core.outcome import Response
+from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.run.displacement import respond
 from vsr_core.run.overturning import simulate
 
 
-def simulate_batch(shared: Any, cells: tuple[Cell, ...]) -> list[tuple[Any, ...]]:
-    """Responses to the cells, on a worker.
+def simulate_batch(
+    shared: tuple[Case | TerrainCase, Settings, Shaking], cells: tuple[Cell, ...]
+) -> list[tuple[Any, ...]]:
+    """Simulate the responses to some cells, on a worker.
 
-    ``shared`` is a Case or a TerrainCase with its Settings, and the motions. The last entry of
-    the list is
-    the CPU time used [s].
+    Parameters
+    ----------
+    shared : Case or TerrainCase, Settings, and the motions
+    cells : tuple of Cell
+
+    Returns
+    -------
+    list of tuple, values of a ``RunRow`` after its key
     """
     place, settings, motions = shared
-    start = time.process_time()
-    rows: list[tuple[Any, ...]] = []
+    rows = []
     for cell in cells:
-        run = simulate if isinstance(place, Case) else respond
-        r = run(place, motions.motion(cell), settings)
-        rows.append((int(r.outcome), int(r.decided_by), r.peak_tilt, r.final_tilt, r.slip, r.steps))
-    return [*rows, (time.process_time() - start,)]
+        motion = motions.motion(cell)
+        if isinstance(place, Case):
+            rows.append(values(simulate(place, motion, settings)))
+        else:
+            rows.append(values(respond(place, motion, settings)))
+    return rows
+
+
+def values(response: Response) -> tuple[Any, ...]:
+    """List a response as a row keeps it.
+
+    Parameters
+    ----------
+    response : Response
+
+    Returns
+    -------
+    tuple, values of a ``RunRow`` after its key
+    """
+    r = response
+    return int(r.outcome), int(r.decided_by), r.peak_tilt, r.final_tilt, r.slip, r.steps
 
 
 def make(job: Job) -> Product:
-    """Do the missing runs."""
-    return run_missing(job, "runs", WORK)
+    """Do the missing runs.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+    """
+    return run_study(job, KIND, terrain_site if job.config.on_terrain else flat_case)
 
 
-def _shared(job: Job, yaw: float, friction: float) -> Any:
-    scene = on_terrain if job.config.on_terrain else prepared
-    simulation = job.config.simulation
-    step = time_step(job.config, job.store, friction)
-    settings = Settings(step, simulation.reduce, simulation.engine)
-    return scene(job.config, job.store, yaw, friction), settings
-
-
-WORK = Work(
-    row=RunRow,
-    function=simulate_batch,
-    shared=_shared,
-    crashed=(int(Outcome.CRASHED), int(DecidedBy.SIMULATION), None, None, None, 0),
-    batch=40,
-)
+KIND = Kind("runs", "runs", RunRow, simulate_batch, batch=40)

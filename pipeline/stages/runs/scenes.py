@@ -2,40 +2,178 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
 
-from pipeline.config.in_si import contact
+from pipeline.config import in_si
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError
 from pipeline.config.schema import Config
-from pipeline.stages.mesh.products import load_rock, load_terrain
+from pipeline.stages.mesh.products import Ground, load_rock, load_terrain
 from pipeline.stages.motions import shaking
 from pipeline.workflow import keys
 from pipeline.workflow.code_roots import RUN_CODE, TERRAIN_CODE
 from pipeline.workflow.store import Store
-from vsr_core import GRAVITY, engines
+from vsr_core import engines
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
+from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import standing
 from vsr_core.run import displacement
+from vsr_core.run.bounds import Barrier
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
-from vsr_core.run.cases import TerrainCase as Ground
 from vsr_core.run.input_checks import COARSEST_SHARE, check, check_unshaken, longest_step
 from vsr_core.run.reductions import TABLE_FRAME_REDUCTIONS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.scene import Scene
+from vsr_core.verification.time_step import step_unit
 
 
-def code(config: Config) -> tuple[str, ...]:
-    """Roots of the code that determines the runs of a configuration."""
-    roots = TERRAIN_CODE if config.on_terrain else RUN_CODE
-    return (*roots, f"vsr_core.engines.{config.simulation.engine}:build")
+class Group(NamedTuple):
+    """What tells the runs of one scene from those of the others of a study.
+
+    Attributes
+    ----------
+    yaw : float [degree]
+    friction : float [1]
+    """
+
+    yaw: float
+    friction: float
 
 
-def identity(config: Config, store: Store) -> dict[str, Any]:
-    """What all runs of a configuration share, but for direction, friction, motion and time step."""
-    rock, _ = load_rock(store)
+@dataclass(frozen=True, eq=False)
+class Scenes:
+    """What the scenes of all groups of a configuration are built from, read once.
+
+    Attributes
+    ----------
+    config : Config
+    rock : Rock, in the pose in which it stands
+    barrier : Barrier, the energy that it takes to topple it
+    ground : Ground or None, its terrain, if it is not a flat pedestal
+    """
+
+    config: Config
+    rock: Rock
+    barrier: Barrier
+    ground: Ground | None
+
+    @cached_property
+    def level_rock(self) -> Rock:
+        """The rock as it stands on a flat pedestal."""
+        return standing(self.rock) if self.config.on_terrain else self.rock
+
+
+def load_scenes(config: Config, store: Store, *, level: bool = False) -> Scenes:
+    """Read the rock, and its terrain where it stands on one.
+
+    Parameters
+    ----------
+    config : Config
+    store : Store, which holds the products of the stages ``rock`` and ``terrain``
+    level : bool, whether only scenes on a flat pedestal are wanted, for which no terrain is read
+
+    Returns
+    -------
+    Scenes
+    """
+    ground = load_terrain(store) if config.on_terrain and not level else None
+    return Scenes(config, *load_rock(store), ground)
+
+
+def groups(config: Config) -> tuple[Group, ...]:
+    """List the groups of a study.
+
+    Parameters
+    ----------
+    config : Config
+
+    Returns
+    -------
+    tuple of Group, friction running fastest
+    """
+    return tuple(
+        Group(yaw, friction) for yaw in config.yaw for friction in config.contact.friction
+    )
+
+
+def flat_case(scenes: Scenes, group: Group) -> Case:
+    """Prepare the scene of a group on a flat pedestal.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    group : Group
+
+    Returns
+    -------
+    Case
+    """
+    config = scenes.config
+    drive = in_si.servo(config.servo) if config.drive == "servo" else None
+    contact = in_si.contact(config.contact, group.friction)
+    scene = Scene(scenes.level_rock, contact, in_si.angle(group.yaw), drive=drive)
+    return prepare(scene, scenes.barrier, reduce=config.simulation.reduce)
+
+
+def terrain_site(scenes: Scenes, group: Group) -> TerrainCase:
+    """Set the rock on its terrain for the shaking of a group.
+
+    Parameters
+    ----------
+    scenes : Scenes, with a ground
+    group : Group
+
+    Returns
+    -------
+    TerrainCase
+    """
+    ground, rock, toppled = scenes.ground, scenes.rock, scenes.barrier.toppled_tilt
+    assert ground is not None
+    reduce = scenes.config.simulation.reduce
+    seat = Scene(
+        reduction.on_its_seat(rock) if reduce else rock,
+        in_si.contact(scenes.config.contact, group.friction),
+        in_si.angle(group.yaw),
+        "terrain",
+        start=ground.starts[group.friction],
+        terrain=ground.terrain if reduce else replace(ground.terrain, parts=()),
+    )
+    if not reduce:
+        return TerrainCase(seat, seat, toppled)
+    flight = replace(seat, rock=reduction.in_flight(rock))
+    still = displacement.limits_on_seat(seat, COARSEST_SHARE * step_unit(rock))
+    return TerrainCase(seat, flight, toppled, still)
+
+
+def code(engine: str, *, terrain: bool) -> tuple[str, ...]:
+    """Name the roots of the code that determines runs.
+
+    Parameters
+    ----------
+    engine : str
+    terrain : bool, whether the rock stands on a terrain
+
+    Returns
+    -------
+    tuple of str, as ``pipeline.workflow.keys.code`` takes them
+    """
+    return (*(TERRAIN_CODE if terrain else RUN_CODE), f"vsr_core.engines.{engine}:build")
+
+
+def identity(scenes: Scenes) -> dict[str, Any]:
+    """Tell what all runs of a study share, but for group, motion and time step.
+
+    Parameters
+    ----------
+    scenes : Scenes
+
+    Returns
+    -------
+    dict of plain data
+    """
+    config, rock, ground = scenes.config, scenes.rock, scenes.ground
     parts = (rock.vertices, rock.inertia, rock.axes)
     engine = config.simulation.engine
     return {
@@ -43,17 +181,16 @@ def identity(config: Config, store: Store) -> dict[str, Any]:
             keys.digest_bytes(rock.shape.encode(), *(part.tobytes() for part in parts)),
             rock.mass,
         ],
-        "pedestal": _terrain_identity(store) if config.on_terrain else config.pedestal.shape,
+        "pedestal": _ground_identity(ground) if ground else config.pedestal.shape,
         "contact": [config.contact.restitution, config.contact.rolling_friction],
         "drive": config.servo.model_dump() if config.drive == "servo" else config.drive,
         "simulation": [engine, config.simulation.reduce],
         "engine": engines.load(engine).VERSION,
-        "code": keys.digest(keys.code(code(config))),
+        "code": keys.digest(keys.code(code(engine, terrain=ground is not None))),
     }
 
 
-def _terrain_identity(store: Store) -> str:
-    ground = load_terrain(store)
+def _ground_identity(ground: Ground) -> str:
     starts = (
         array for start in ground.starts.values() for array in (start.position, start.rotation)
     )
@@ -61,39 +198,18 @@ def _terrain_identity(store: Store) -> str:
     return keys.digest_bytes(*(array.tobytes() for array in arrays))
 
 
-def prepared(config: Config, store: Store, yaw: float, friction: float) -> Case:
-    """The case of one yaw [degree] and friction on a flat pedestal."""
-    rock, limits = load_rock(store)
-    drive = config.servo.servo() if config.drive == "servo" else None
-    if config.on_terrain:
-        rock = standing(rock)
-    scene = Scene(rock, contact(config, friction), math.radians(yaw), drive=drive)
-    return prepare(scene, limits, reduce=config.simulation.reduce)
-
-
-def on_terrain(config: Config, store: Store, yaw: float, friction: float) -> Ground:
-    """The rock on its terrain, for shaking at one yaw [degree] and friction."""
-    rock, limits = load_rock(store)
-    ground = load_terrain(store)
-    reduce = config.simulation.reduce
-    terrain = ground.terrain if reduce else replace(ground.terrain, parts=())
-    seat = Scene(
-        reduction.on_its_seat(rock) if reduce else rock,
-        contact(config, friction),
-        math.radians(yaw),
-        "terrain",
-        start=ground.starts[friction],
-        terrain=terrain,
-    )
-    if not reduce:
-        return TerrainCase(seat, seat, limits.toppled_tilt)
-    flight = replace(seat, rock=reduction.in_flight(rock))
-    step = COARSEST_SHARE * math.sqrt(rock.radius / GRAVITY)
-    return TerrainCase(seat, flight, limits.toppled_tilt, displacement.limits_on_seat(seat, step))
-
-
 def left_out(config: Config, case: Case) -> tuple[Reduction, ...]:
-    """What the runs of a configuration leave out; ``case`` is that of a flat pedestal."""
+    """List what the runs of a configuration leave out of the scene.
+
+    Parameters
+    ----------
+    config : Config
+    case : Case, of a flat pedestal
+
+    Returns
+    -------
+    tuple of Reduction
+    """
     if config.motion.kind == "table":  # proofs are for motions along x
         return tuple(r for r in case.reductions if r not in TABLE_FRAME_REDUCTIONS[1:])
     if not config.on_terrain:
@@ -101,25 +217,21 @@ def left_out(config: Config, case: Case) -> tuple[Reduction, ...]:
     return TERRAIN_REDUCTIONS if config.simulation.reduce else ()
 
 
-def check_scene(site: Site, store: Store) -> Case:
-    """See that scene, engine and a given time step go together, before any run.
+def check_scenes(site: Site, scenes: Scenes) -> None:
+    """See that scenes, engine and a given time step go together, before any run.
 
-    Returns
-    -------
-    Case
-        Of the first direction and friction.
+    Parameters
+    ----------
+    site : Site
+    scenes : Scenes
 
     Raises
     ------
     InputError
         If they do not.
     """
-    config, simulation = site.config, site.config.simulation
-    cases = [
-        prepared(config, store, yaw, friction)
-        for yaw in config.yaw
-        for friction in config.contact.friction
-    ]
+    simulation = scenes.config.simulation
+    cases = [flat_case(scenes, group) for group in groups(scenes.config)]
     strongest = shaking.strongest(shaking.of_site(site))
     key = "simulation.engine"
     try:
@@ -134,11 +246,24 @@ def check_scene(site: Site, store: Store) -> Case:
         check_unshaken(cases[0], settings, strongest[0])
     except InvalidInput as error:
         raise InputError.from_invalid(site.file, key, error) from None
-    return cases[0]
 
 
 def engine_version(site: Site) -> dict[str, str]:
-    """Version of the engine that a site names, for the identity of a stage."""
+    """Tell the version of the engine that a site names, for the identity of a stage.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    dict of str
+
+    Raises
+    ------
+    InputError
+        If the engine is not installed.
+    """
     name = site.config.simulation.engine
     try:
         return {f"engine {name}": engines.load(name).VERSION}

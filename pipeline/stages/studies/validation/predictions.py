@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from enum import Enum
+from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
 import xarray as xr
 from numpy.typing import NDArray
 
-from pipeline.stages.studies.validation.recorded_tests import Tests
+from pipeline.stages.studies.validation.recorded_runs import Outcomes, Role
+from pipeline.stages.studies.validation.recorded_tests import Tests, priors
 from pipeline.workflow.store import RunRow
 from vsr_core.arrays import Array, Mask
 from vsr_core.outcome import Outcome
@@ -78,48 +80,66 @@ def forms(scans: dict[int, trimesh.Trimesh]) -> dict[int, Form]:
     }
 
 
-def undecided(
-    tests: Tests, specimen: int, of: Form, found: dict[str, dict[int, RunRow]]
-) -> tuple[int, ...]:
-    """Tests in which a member came ``NEAR`` toppling, or has no verdict.
+def undecided(tests: Tests, specimen: int, of: Form, found: Outcomes) -> tuple[int, ...]:
+    """Find the tests in which a member came ``NEAR`` toppling, or has no verdict.
 
     Of 184 tests of a public specimen that six members did not take that far, no other member of
     twenty overturned in any.
+
+    Parameters
+    ----------
+    tests : Tests
+    specimen : int
+    of : Form, its
+    found : Outcomes
+
+    Returns
+    -------
+    tuple of int, numbers of the tests
     """
-    guess = drawn(of, best_guess(tests.config.priors()), tests.config.density)
+    guess = drawn(of, best_guess(priors(tests.config)), tests.config.density)
     limit = NEAR * bounds.barrier(guess).edge_tilt
     rows = [
-        row for name, row in found.items() if name.startswith(f"{specimen}/") and "best" not in name
+        row
+        for draw, row in found.items()
+        if draw.specimen == specimen and draw.role is Role.MEMBER
     ]
 
     def is_open(run: RunRow) -> bool:
-        return not run.peak_tilt < limit or Outcome(run.outcome).overturned < 0
+        lost = run.peak_tilt is None or Outcome(run.outcome).overturned < 0
+        return lost or not run.peak_tilt < limit
 
     return tuple(n for n in tests.number if any(is_open(row[n]) for row in rows))
 
 
-def predictions(tests: Tests, found: dict[str, dict[int, RunRow]]) -> Predictions:
-    """Shares of the ensembles, and the same calibrated on half of the ground motions.
+def predictions(tests: Tests, found: Outcomes) -> Predictions:
+    """Take the shares of the ensembles, and the same calibrated on half of the ground motions.
 
     Members that left a test out count as those that ran it.
+
+    Parameters
+    ----------
+    tests : Tests
+    found : Outcomes, of the members and the best guesses
+
+    Returns
+    -------
+    Predictions
     """
     sides = np.array([o.overturned for o in Outcome])
     shape = (len(tests.specimens), len(tests.number))
     overturned, members = np.zeros(shape), np.zeros(shape)
     guess = np.zeros(shape, dtype=bool)
     lost = 0
-    for row, specimen in enumerate(tests.specimens):
-        for name, rows in found.items():
-            owner, _, member = name.partition("/")
-            if int(owner) != specimen:
-                continue
-            side = np.array([sides[rows[n].outcome] if n in rows else -1 for n in tests.number])
-            if member == "best guess":
-                guess[row] = side == 1
-            else:
-                overturned[row] += side == 1
-                members[row] += side >= 0
-                lost += sum(sides[run.outcome] < 0 for run in rows.values())
+    for draw, rows in found.items():
+        row = tests.specimens.index(draw.specimen)
+        side = np.array([sides[rows[n].outcome] if n in rows else -1 for n in tests.number])
+        if draw.role is Role.BEST_GUESS:
+            guess[row] = side == 1
+        else:
+            overturned[row] += side == 1
+            members[row] += side >= 0
+            lost += sum(sides[run.outcome] < 0 for run in rows.values())
     half = first_half(np.array(tests.motion))
     whole = float(tests.config.members)
     counted = overturned * whole / np.maximum(members, 1.0)
@@ -149,29 +169,70 @@ def compared(tests: Tests) -> Iterator[tuple[int, int, Mask]]:
             yield row, specimen, np.array(tests.happened[specimen]) == 1
 
 
-def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, tuple[Mask, Array | None]]:
-    """Predictions for one specimen with outcomes, and probabilities where there are some."""
+class Origin(Enum):
+    """Where a prediction comes from."""
+
+    OURS = "this project"
+    REGRESSION = "a regression of the outcomes on the motions"
+    PUBLISHED = "someone's publication"
+    CONSTANT = "no information"
+    OTHER_SPECIMEN = "what happened to another specimen"
+
+
+class Predictor(NamedTuple):
+    """Predictions of the tests of one specimen.
+
+    Attributes
+    ----------
+    origin : Origin
+    sides : ndarray of bool, shape (tests,), whether it overturns
+    probability : ndarray, shape (tests,), or None where there is none
+    """
+
+    origin: Origin
+    sides: Bools
+    probability: Array | None = None
+
+
+def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, Predictor]:
+    """Gather the predictions for a specimen with outcomes.
+
+    Parameters
+    ----------
+    tests : Tests
+    made : Predictions
+    row : int, of the specimen
+
+    Returns
+    -------
+    dict of Predictor by name
+    """
     specimen = tests.specimens[row]
     happened = np.array(tests.happened[specimen]) == 1
     motions = np.array(tests.motion)
     intensity = np.log(np.column_stack([tests.pga, tests.pgv_pga]))
     regression = logistic(intensity, happened, motions)
-    share, calibrated = made.share[row], made.calibrated[row]
     velocity = logistic(intensity.sum(axis=1, keepdims=True), happened, motions)
-    found: dict[str, tuple[Mask, Array | None]] = {
-        "ensemble": (scores.decided(share), share),
-        "calibrated ensemble": (scores.decided(calibrated), calibrated),
-        "best guess": (made.best_guess[row], None),
-        "logistic of PGA and PGV/PGA": (scores.decided(regression), regression),
-        "logistic of PGV": (scores.decided(velocity), velocity),
-        "always balanced": (np.zeros(len(happened), dtype=bool), None),
+
+    def decided(origin: Origin, probability: Array) -> Predictor:
+        return Predictor(origin, scores.decided(probability), probability)
+
+    constant = np.zeros(len(happened), dtype=bool)
+    found = {
+        "ensemble": decided(Origin.OURS, made.share[row]),
+        "calibrated ensemble": decided(Origin.OURS, made.calibrated[row]),
+        "best guess": Predictor(Origin.OURS, made.best_guess[row]),
+        "logistic of PGA and PGV/PGA": decided(Origin.REGRESSION, regression),
+        "logistic of PGV": decided(Origin.REGRESSION, velocity),
+        "always balanced": Predictor(Origin.CONSTANT, constant),
     }
     for (owner, name), values in tests.published.items():
         if owner == specimen:
-            found[name] = (np.array(values) == 1, None)
+            found[name] = Predictor(Origin.PUBLISHED, np.array(values) == 1)
     for other, values in tests.happened.items():
         if other != specimen:
-            found[f"outcome of specimen {other}"] = (np.array(values) == 1, None)
+            name = f"outcome of specimen {other}"
+            found[name] = Predictor(Origin.OTHER_SPECIMEN, np.array(values) == 1)
     return found
 
 
@@ -182,14 +243,15 @@ def records(tests: Tests, made: Predictions) -> list[Record]:
     rows = []
     for row, specimen, happened in compared(tests):
         known = predictors(tests, made, row)
-        for name, (sides, probability) in known.items():
+        for name, predictor in known.items():
+            sides, probability = predictor.sides, predictor.probability
             for subset, inside in subsets.items():
                 score = scores.scored(
                     happened[inside],
                     sides[inside],
                     None if probability is None else probability[inside],
                 )
-                p = scores.mcnemar(happened[inside], known["ensemble"][0][inside], sides[inside])
+                p = scores.mcnemar(happened[inside], known["ensemble"].sides[inside], sides[inside])
                 rows.append(
                     {
                         "specimen": specimen,
@@ -209,9 +271,9 @@ def failed(tests: Tests, made: Predictions) -> list[Record]:
     for row, specimen, happened in compared(tests):
         known = predictors(tests, made, row)
         wrong = [
-            sides != happened
-            for name, (sides, _) in known.items()
-            if name != "always balanced" and not name.startswith("outcome of")
+            predictor.sides != happened
+            for predictor in known.values()
+            if predictor.origin not in (Origin.CONSTANT, Origin.OTHER_SPECIMEN)
         ]
         rows += [
             {

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,11 @@ import numpy as np
 import pandas as pd
 import trimesh
 import xarray as xr
-from pydantic import Field
 
-from pipeline.config.layers import Site, load_file, load_site, shown
+from pipeline.config import in_si
+from pipeline.config.layers import Site, load_file, shown
 from pipeline.config.problems import InputError, Problem
-from pipeline.config.sections import Section
+from pipeline.config.shake_table_schema import ShakeTableConfig
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.solid import checked
 from vsr_core.validation.priors import Priors
@@ -28,64 +27,6 @@ SCAN = re.compile(r"sp(\d+)\.ply")
 
 PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d+)_(?P<setting>\w+)")
 """A column of someone's predictions for a specimen, such as dem_s1_kn10."""
-
-
-class Spread(Section):
-    """A normal distribution."""
-
-    mean: float = Field(description="mean")
-    sd: float = Field(ge=0, description="standard deviation")
-
-
-Pair = tuple[float, float]
-
-
-class TableConfig(Section):
-    """What is assumed of a series of tests, before any outcome is looked at."""
-
-    density: float = Field(2700.0, gt=0, le=30_000, description="density of the rock [kg m-3]")
-    acceleration: str | None = Field(
-        None, description="variable of records.nc that holds the table's acceleration"
-    )
-    azimuth: Spread = Field(
-        Spread(mean=-7.5, sd=7.5),
-        description="direction of the shaking from the scan's +x [degree]",
-    )
-    reversed_share: float = Field(
-        0.5, ge=0, le=1, description="probability that the shaking points the other way [1]"
-    )
-    friction: Pair = Field((0.5, 0.9), description="range of the friction [1]")
-    restitution: Pair = Field((0.0, 0.0), description="range of the restitution [1]")
-    amplitude: Spread = Field(
-        Spread(mean=1.0, sd=0.03), description="factor on the acceleration [1]"
-    )
-    mixing: Pair = Field(
-        (0.15, 0.85), description="range of the blend from a scan to its replica's [1]"
-    )
-    base_error: float = Field(
-        1.0,
-        ge=0,
-        le=10,
-        description="error of the base, relative to that of a scan without replica [1]",
-    )
-    centre_of_mass: float = Field(
-        0.004, ge=0, le=1, description="error of the centre of mass along each axis [m]"
-    )
-    members: int = Field(20, ge=1, le=10_000, description="number of draws in the ensemble")
-
-    def priors(self) -> Priors:
-        """The same in the terms of the physics."""
-        turn = (math.radians(self.azimuth.mean), math.radians(self.azimuth.sd))
-        return Priors(
-            turn,
-            self.reversed_share,
-            self.friction,
-            self.restitution,
-            (self.amplitude.mean, self.amplitude.sd),
-            self.mixing,
-            self.base_error,
-            self.centre_of_mass,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +52,7 @@ class Tests:
     published: dict[tuple[int, str], tuple[int, ...]]
     interval: float
     specimens: tuple[int, ...]
-    config: TableConfig = field(repr=False)
+    config: ShakeTableConfig = field(repr=False)
 
 
 def site_of(folder: Path) -> Site:
@@ -128,16 +69,34 @@ def site_of(folder: Path) -> Site:
     for name in (RECORDS, OUTCOMES):
         if not (folder / name).is_file():
             raise _problem(folder / name, "", "nothing", "the folder holds it", "put it there")
-    scans = scans_in(folder)
-    if not scans:
+    if not scans_in(folder):
         raise _problem(
             folder, "", "no scan", "there is one for each specimen", "call it sp1.ply, in metres"
         )
-    assumed = assumptions(folder)
-    settings = ("rock.shape=mesh", "rock.size=null", f"rock.density={assumed.density!r}")
-    rock = f"rock.mesh={next(iter(scans.values())).name}"
-    site = load_site("cuboid_1x1x2", settings=(*settings, rock))
-    return replace(site, name=folder.name, file=shown(folder), folder=folder)
+    return Site(folder.name, assumptions(folder), shown(folder), folder)
+
+
+def priors(config: ShakeTableConfig) -> Priors:
+    """Put what is assumed of the tests in the terms of the physics.
+
+    Parameters
+    ----------
+    config : ShakeTableConfig
+
+    Returns
+    -------
+    Priors
+    """
+    return Priors(
+        (in_si.angle(config.azimuth.mean), in_si.angle(config.azimuth.sd)),
+        config.reversed_share,
+        config.friction,
+        config.restitution,
+        (config.amplitude.mean, config.amplitude.sd),
+        config.mixing,
+        config.base_error,
+        config.centre_of_mass,
+    )
 
 
 def scans_in(folder: Path) -> dict[int, Path]:
@@ -148,12 +107,12 @@ def scans_in(folder: Path) -> dict[int, Path]:
     }
 
 
-def assumptions(folder: Path) -> TableConfig:
+def assumptions(folder: Path) -> ShakeTableConfig:
     """What is assumed of the tests in a folder; the defaults where it says nothing."""
     path = folder / ASSUMED
     if not path.is_file():
-        return TableConfig()
-    return load_file(str(path), folder, "table", TableConfig)[0]
+        return ShakeTableConfig()
+    return load_file(str(path), folder, "table", ShakeTableConfig)[0]
 
 
 def scan(path: Path) -> trimesh.Trimesh:

@@ -12,13 +12,19 @@ from pipeline.drawing.style import pictures, png_uri
 from pipeline.stages.studies.validation import predictions
 from pipeline.stages.studies.validation import validation_figures as figures
 from pipeline.stages.studies.validation.predictions import Predictions
-from pipeline.stages.studies.validation.recorded_runs import Draw, outcomes
+from pipeline.stages.studies.validation.recorded_runs import (
+    Draw,
+    Outcomes,
+    Role,
+    Series,
+    outcomes,
+)
 from pipeline.stages.studies.validation.recorded_tests import (
     ASSUMED,
     OUTCOMES,
     RECORDS,
-    Tests,
     accelerations,
+    priors,
     scan,
     scans_in,
     tests_in,
@@ -28,7 +34,7 @@ from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Job, Product
 from vsr_core.outcome import Outcome
-from vsr_core.validation.priors import best_guess, draws, extremes
+from vsr_core.validation.priors import Member, best_guess, draws, extremes
 
 FILE, TABLE, PAGE, DOUBTS, FAILED = (
     "validation.nc",
@@ -47,12 +53,22 @@ prior."""
 
 
 def make(job: Job) -> Product:
-    """Predict the tests, score the predictions beside others', and say what they hang on."""
+    """Predict the tests, score the predictions beside others', and say what they hang on.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+    """
     tests = tests_in(job.site.folder)
     accelerations(job.site.folder, tests.config.acceleration)  # what is wrong is told at once
     forms = predictions.forms({n: scan(path) for n, path in scans_in(job.site.folder).items()})
-    predicted = _predict(job, tests, forms)
-    doubts = _doubts(job, tests, forms, predicted)
+    series = Series(tests, forms)
+    found, predicted = _predict(job, series)
+    at_ends, doubts = _doubtful(job, series, predicted)
     records = predictions.records(tests, predicted)
     failed = predictions.failed(tests, predicted)
     drawn = {
@@ -83,76 +99,69 @@ def make(job: Job) -> Product:
     }
     for name, figure in drawn.items():
         files |= pictures(name, figure)
-    unresolved = predicted.lost
-    return Product(files, _summary(records), unresolved=unresolved)
+    crashed = sum(
+        row.outcome == Outcome.CRASHED for rows in (found | at_ends).values() for row in rows.values()
+    )
+    return Product(files, _summary(records), unresolved=predicted.lost, retry=crashed)
 
 
-def _predict(job: Job, tests: Tests, forms: Any) -> Predictions:
-    priors = tests.config.priors()
+def _predict(job: Job, series: Series) -> tuple[Outcomes, Predictions]:
+    tests, drawn = series.tests, priors(series.tests.config)
     members = {
-        f"{specimen}/{number}": Draw(specimen, member)
+        Draw(specimen, Role.MEMBER, number): member
         for specimen in tests.specimens
-        for number, member in enumerate(draws(priors, tests.config.members))
+        for number, member in enumerate(draws(drawn, tests.config.members))
     }
     guesses = {
-        f"{specimen}/best guess": Draw(specimen, best_guess(priors)) for specimen in tests.specimens
+        Draw(specimen, Role.BEST_GUESS): best_guess(drawn) for specimen in tests.specimens
     }
-    first = {name: draw for name, draw in members.items() if int(name.split("/")[1]) < FIRST}
+    first = [draw for draw in members if int(draw.of) < FIRST]
     job.log(f"validation: {len(tests.number)} tests, {len(tests.specimens)} specimens")
-    every = {**guesses, **first}
-    found = outcomes(job, tests, forms, every, dict.fromkeys(every, tests.number))
+    every = dict.fromkeys([*guesses, *first], tests.number)
+    found = outcomes(job, series, guesses | members, every)
     open_ones = {
-        specimen: predictions.undecided(tests, specimen, forms[specimen], found)
+        specimen: predictions.undecided(tests, specimen, series.forms[specimen], found)
         for specimen in tests.specimens
     }
-    rest = {name: draw for name, draw in members.items() if name not in first}
-    wanted = {name: open_ones[draw.specimen] for name, draw in rest.items()}
-    return predictions.predictions(tests, found | outcomes(job, tests, forms, rest, wanted))
+    rest = {draw: open_ones[draw.specimen] for draw in members if draw not in every}
+    found |= outcomes(job, series, members, rest)
+    return found, predictions.predictions(tests, found)
 
 
-def _doubts(job: Job, tests: Tests, forms: Any, predicted: Predictions) -> list[dict[str, Any]]:
+def _doubtful(
+    job: Job, series: Series, predicted: Predictions
+) -> tuple[Outcomes, list[dict[str, Any]]]:
     """What each unknown does to the tests that are in doubt, from one end of it to the other."""
-    low, high = DOUBTFUL
-    draws: dict[str, Draw] = {}
-    wanted: dict[str, tuple[int, ...]] = {}
-    unknowns = {
-        specimen: extremes(tests.config.priors(), replica=forms[specimen].replica)
-        for specimen in tests.specimens
-    }
-    for row, specimen in enumerate(tests.specimens):
-        share = predicted.share[row]
-        doubtful = tuple(
-            number
-            for number, p in zip(tests.number, share.tolist(), strict=True)
-            if low <= p <= high
-        )
+    tests, (least, most) = series.tests, DOUBTFUL
+    members: dict[Draw, Member] = {}
+    wanted: dict[Draw, tuple[int, ...]] = {}
+    for specimen, share in zip(tests.specimens, predicted.share.tolist(), strict=True):
+        shares = zip(tests.number, share, strict=True)
+        doubtful = tuple(number for number, p in shares if least <= p <= most)
         doubtful = doubtful[:: math.ceil(len(doubtful) / MOST_DOUBTFUL) or 1]
-        for unknown, pair in unknowns[specimen].items():
-            for end, member in zip(("low", "high"), pair, strict=True):
-                name = f"{specimen}/{unknown}/{end}"
-                draws[name], wanted[name] = Draw(specimen, member), doubtful
-    found = outcomes(job, tests, forms, draws, wanted)
+        pairs = extremes(priors(tests.config), replica=series.forms[specimen].replica)
+        for unknown, pair in pairs.items():
+            for role, member in zip((Role.LOW, Role.HIGH), pair, strict=True):
+                draw = Draw(specimen, role, unknown)
+                members[draw], wanted[draw] = member, doubtful
+    found = outcomes(job, series, members, wanted)
     records = []
-    for specimen in tests.specimens:
-        for unknown in unknowns[specimen]:
-            low_end, high_end = (found[f"{specimen}/{unknown}/{end}"] for end in ("low", "high"))
-            sides = [
-                [row.outcome == Outcome.OVERTURNED for row in end.values()]
-                for end in (low_end, high_end)
-            ]
-            count = len(sides[0])
-            changed = sum(one != other for one, other in zip(*sides, strict=True))
+    for draw in members:
+        if draw.role is Role.LOW:
+            ends = (found[draw], found[draw._replace(role=Role.HIGH)])
+            sides = [[Outcome(row.outcome).overturned for row in end.values()] for end in ends]
+            both = [pair for pair in zip(*sides, strict=True) if min(pair) >= 0]
             records.append(
                 {
-                    "specimen": specimen,
-                    "unknown": unknown,
-                    "tests": count,
-                    "overturned_low": sum(sides[0]),
-                    "overturned_high": sum(sides[1]),
-                    "changed": changed / count if count else float("nan"),
+                    "specimen": draw.specimen,
+                    "unknown": draw.of,
+                    "tests": len(both),
+                    "overturned_low": sum(low for low, _ in both),
+                    "overturned_high": sum(high for _, high in both),
+                    "changed": sum(a != b for a, b in both) / len(both) if both else math.nan,
                 }
             )
-    return records
+    return found, records
 
 
 def _summary(records: list[dict[str, Any]]) -> str:

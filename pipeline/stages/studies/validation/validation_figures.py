@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing.style import FAINT, INK, MARKERS, OVERTURNED, SERIES, UPRIGHT, styled
 from pipeline.stages.studies.validation import predictions
-from pipeline.stages.studies.validation.predictions import Predictions
+from pipeline.stages.studies.validation.predictions import Origin, Predictions
 from pipeline.stages.studies.validation.recorded_tests import Tests
 from vsr_core.validation import curves, scores
 
@@ -73,16 +73,15 @@ def roc(tests: Tests, made: Predictions) -> Figure:
     for axes, (row, specimen, happened) in zip(panels, predictions.compared(tests), strict=False):
         axes.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
         points = 0
-        for k, (name, (sides, probability)) in enumerate(
-            predictions.predictors(tests, made, row).items()
-        ):
+        for k, (name, known) in enumerate(predictions.predictors(tests, made, row).items()):
+            sides, probability = known.sides, known.probability
             if probability is not None:
                 false, right, _ = roc_curve(happened, probability)
                 area = roc_auc_score(happened, probability)
                 axes.plot(
                     false, right, color=SERIES[k % 6], lw=1.2, label=f"{name}, area {area:.3f}"
                 )
-            elif name != "always balanced":
+            elif known.origin is not Origin.CONSTANT:
                 marker = MARKERS[points % 6]
                 points += 1
                 right_share, false_share = sides[happened].mean(), sides[~happened].mean()

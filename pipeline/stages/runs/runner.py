@@ -1,0 +1,199 @@
+"""Runs that are not stored yet, done where the workers are and stored one by one.
+
+Grids of outcomes, displacement runs and recorded shake-table tests are all run by this module. A
+run is known by its key; runs that share something, such as a scene, form a group.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from pipeline.config.problems import InputError, Problem
+from pipeline.workflow.cluster import Batch
+from pipeline.workflow.progress import Progress
+from pipeline.workflow.stage import Job
+from pipeline.workflow.store import RUNS, Row, RunStore, Store
+from vsr_core.outcome import Outcome
+
+SMALL = 200
+"""Below this many runs no worker process is started."""
+
+G = TypeVar("G", bound=Hashable)
+
+
+class Run(NamedTuple):
+    """A run that is wanted: its key, and what its function takes, such as a cell of a grid."""
+
+    key: bytes
+    item: Any
+
+
+Wanted = Callable[[G], Sequence[Run]]
+"""From a group to its runs."""
+
+
+@dataclass(frozen=True)
+class Kind(Generic[Row]):
+    """A kind of run, and how its results are kept.
+
+    Attributes
+    ----------
+    stage : str, for the log
+    what : str, name of its runs in messages
+    row : type of its rows
+    function : run on a worker, from what the runs of a group share and the items of some of them,
+        to the values of a row after its key, for each
+    batch : int, runs handed to a worker at once, 0.2-0.5 s of work
+    """
+
+    stage: str
+    what: str
+    row: type[Row]
+    function: Callable[[Any, tuple[Any, ...]], list[tuple[Any, ...]]]
+    batch: int
+
+
+@dataclass(frozen=True)
+class Tally:
+    """What was done.
+
+    Attributes
+    ----------
+    summary : str, one line
+    runs, crashed : int
+    """
+
+    summary: str
+    runs: int
+    crashed: int
+
+
+def run_missing(
+    job: Job,
+    kind: Kind[Row],
+    groups: Sequence[G],
+    wanted: Wanted[G],
+    shared: Callable[[G], Any],
+) -> Tally:
+    """Do those of the wanted runs that are not stored; crashed ones are tried again.
+
+    Parameters
+    ----------
+    job : Job
+    kind : Kind
+    groups : sequence
+    wanted : Wanted, asked again for each group, so that no more than one is held
+    shared : callable, from a group to what its runs share
+
+    Returns
+    -------
+    Tally
+    """
+    start, cpu = time.monotonic(), 0.0
+    with closing(RunStore(job.store.folder, kind.row)) as runs:
+        total = sum(len(missing(wanted(group), runs)) for group in groups)
+        cluster = job.cluster.in_process() if total < SMALL else job.cluster
+        batches = _batches(kind, groups, wanted, runs)
+        with Progress(total, job.log) as progress:
+            for batch, done in cluster.run(partial(_timed, kind.function), batches, shared):
+                values, used = done or ([(int(Outcome.CRASHED),)] * len(batch.items), 0.0)
+                rows = [kind.row(r.key, *v) for r, v in zip(batch.items, values, strict=True)]
+                runs.add(rows)
+                cpu += used
+                progress.add([row.outcome for row in rows])
+    seconds = time.monotonic() - start
+    workers = cluster.workers if cluster.local else -1
+    job.store.note(kind.stage, runs=total, seconds=seconds, cpu_seconds=cpu, workers=workers)
+    rate = f" in {seconds:.1f} s, {1e3 * cpu / total:.1f} ms of CPU each" if total else ""
+    summary = f"{total} {kind.what} done{rate}"
+    return Tally(summary, total, progress.outcomes[Outcome.CRASHED])
+
+
+def stored(
+    job: Job, kind: Kind[Row], groups: Sequence[G], wanted: Wanted[G]
+) -> Iterator[tuple[G, list[Row]]]:
+    """Read the wanted runs of each group, in their order.
+
+    Parameters
+    ----------
+    job : Job
+    kind : Kind
+    groups : sequence
+    wanted : Wanted
+
+    Yields
+    ------
+    (group, list of rows)
+
+    Raises
+    ------
+    InputError
+        If a run that was done is not there any more.
+    """
+    with closing(RunStore(job.store.folder, kind.row)) as runs:
+        for group in groups:
+            keys = [run.key for run in wanted(group)]
+            found = runs.get(keys)
+            lost = sum(key not in found for key in keys)
+            if lost:
+                job.store.forget(kind.stage)
+                given = f"{lost} {kind.what} fewer than were done"
+                rule, remedy = "every run that was done is kept", "start again to redo them"
+                file = str(job.store.folder / RUNS)
+                raise InputError(Problem(file, "", given, rule, remedy))
+            yield group, [found[key] for key in keys]
+
+
+def missing(wanted: Sequence[Run], runs: RunStore[Any]) -> list[Run]:
+    """Select the wanted runs that are not stored, or crashed.
+
+    Parameters
+    ----------
+    wanted : sequence of Run
+    runs : RunStore
+
+    Returns
+    -------
+    list of Run
+    """
+    known = runs.outcomes(run.key for run in wanted)
+    return [run for run in wanted if known.get(run.key, Outcome.CRASHED) == Outcome.CRASHED]
+
+
+def database_is_there(store: Store) -> str:
+    """Tell what is wrong with the database of runs.
+
+    Parameters
+    ----------
+    store : Store
+
+    Returns
+    -------
+    str, empty if nothing is
+    """
+    return "" if (store.folder / RUNS).is_file() else f"{RUNS} is missing"
+
+
+def _batches(
+    kind: Kind[Row], groups: Sequence[G], wanted: Wanted[G], runs: RunStore[Row]
+) -> Iterator[Batch]:
+    for group in groups:
+        todo = missing(wanted(group), runs)
+        for start in range(0, len(todo), kind.batch):
+            yield Batch(group, tuple(todo[start : start + kind.batch]))
+
+
+def _timed(
+    function: Callable[[Any, tuple[Any, ...]], list[tuple[Any, ...]]],
+    shared: Any,
+    runs: tuple[Run, ...],
+) -> tuple[list[tuple[Any, ...]], float]:
+    """Results of a batch and the CPU time used [s], on a worker."""
+    start = time.process_time()
+    rows = function(shared, tuple(run.item for run in runs))
+    return rows, time.process_time() - start

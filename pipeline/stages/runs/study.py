@@ -1,0 +1,105 @@
+"""A study: the scenes, motions and time steps of a configuration, and the runs it asks for."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.config.schema import Config
+from pipeline.stages.motions import shaking
+from pipeline.stages.motions.shaking import Cell, Shaking
+from pipeline.stages.runs.runner import Kind, Run, run_missing
+from pipeline.stages.runs.scenes import Group, Scenes, groups, identity, load_scenes
+from pipeline.stages.runs.step_choice import time_steps
+from pipeline.workflow import keys
+from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.store import Store
+from vsr_core.run.cases import Settings
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """What a configuration asks for, read once from the products that it is made of.
+
+    Attributes
+    ----------
+    scenes : Scenes, with rock, energy barrier and terrain
+    motions : Shaking
+    time_steps : dict, from friction to time step [s]; nan where it has to be measured first
+    groups : tuple of Group
+    cells : tuple of Cell, those of each group, PGA running fastest
+    """
+
+    scenes: Scenes
+    motions: Shaking
+    time_steps: dict[float, float]
+    groups: tuple[Group, ...]
+    cells: tuple[Cell, ...]
+    _tokens: tuple[bytes, ...]
+    _identity: dict[str, Any]
+
+    def wanted(self, group: Group) -> list[Run]:
+        """The runs of a group, each for one of the cells."""
+        step = self.time_steps[group.friction]
+        scene = {**self._identity, **group._asdict(), "time_step": repr(step)}
+        name = keys.digest(scene).encode()
+        return [
+            Run(hashlib.blake2b(token, key=name, digest_size=16).digest(), cell)
+            for token, cell in zip(self._tokens, self.cells, strict=True)
+        ]
+
+    def settings(self, friction: float) -> Settings:
+        """How the runs of a friction are computed."""
+        simulation, step = self.scenes.config.simulation, self.time_steps[friction]
+        assert not math.isnan(step)
+        return Settings(step, simulation.reduce, simulation.engine)
+
+
+def load_study(config: Config, store: Store) -> Study:
+    """Read what a study is from the products of the stages before its runs.
+
+    Parameters
+    ----------
+    config : Config
+    store : Store
+
+    Returns
+    -------
+    Study
+    """
+    scenes, motions = load_scenes(config, store), shaking.of_store(config, store)
+    cells = shaking.cells(motions)
+    return Study(
+        scenes,
+        motions,
+        time_steps(config, store),
+        groups(config),
+        cells,
+        tuple(motions.token(cell) for cell in cells),
+        {**identity(scenes), "motion": motions.identity()},
+    )
+
+
+def run_study(job: Job, kind: Kind[Any], place: Callable[[Scenes, Group], Any]) -> Product:
+    """Do the missing runs of a study.
+
+    Parameters
+    ----------
+    job : Job
+    kind : Kind, whose function takes what ``place`` gives, Settings and the motions; and cells
+    place : callable, from the scenes and a group to where its runs take place
+
+    Returns
+    -------
+    Product, without files
+    """
+    study = load_study(job.config, job.store)
+
+    def shared(group: Group) -> tuple[Any, Settings, Shaking]:
+        return place(study.scenes, group), study.settings(group.friction), study.motions
+
+    done = run_missing(job, kind, study.groups, study.wanted, shared)
+    return Product({}, done.summary, retry=done.crashed)
