@@ -29,6 +29,7 @@ from vsr_core.outcome import Outcome
 TYPICAL_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 150.0
 """CPU time of a run [ms] before any was measured here."""
 
+
 def why(product: str, job: Job) -> list[str]:
     """Each stage that would be made again, with every reason."""
     lines = []

@@ -22,6 +22,10 @@ from scipy.special import ellipk, ellipkinc
 
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
+from vsr_core.verification.boundary_search import halved
+
+MOST_HALVINGS = 100
+"""More than any tolerance asks for."""
 
 
 @dataclass(frozen=True)
@@ -432,13 +436,10 @@ def _switches(
     for i in range(1, math.ceil((pga_max - block.uplift) / step) + 1):
         tried = min(block.uplift + i * step, pga_max)
         if overturns(tried) != outcome:
-            low, high = known, tried
-            while high - low > tolerance * high:
-                middle = 0.5 * (low + high)
-                if overturns(middle) == outcome:
-                    low = middle
-                else:
-                    high = middle
+            switched = halved(
+                lambda pga, before=outcome: overturns(pga) != before,
+                known, tried, MOST_HALVINGS, tolerance,
+            )  # fmt: skip
+            yield switched.topples
             outcome = not outcome
-            yield high
         known = tried

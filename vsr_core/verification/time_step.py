@@ -22,7 +22,8 @@ from vsr_core.run.cases import Case, Settings
 from vsr_core.run.input_checks import longest_step
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.boundary_search import agrees_from, answer, verdict
+from vsr_core.verification.agreement import agrees_from, answer
+from vsr_core.verification.boundary_search import verdict
 
 SHARES = (0.048, 0.032, 0.024, 0.016, 0.012, 0.008, 0.006, 0.004, 0.003, 0.002)
 """Time steps tried, in units of sqrt(radius / g), coarsest first."""
@@ -134,11 +135,11 @@ def measure(case: Case, pgv_pga: float, settings: Settings) -> Row:
     if math.isnan(known.boundary):
         nothing = np.full(len(SHARES), math.nan)
         return Row(pgv_pga, math.nan, known.exact, nothing, nothing)
-    right = cache(known.right)
+    passing = cache(known.passing)
     error, steps = [], []
     for share in SHARES:
         trial = _Trial(case, pgv_pga, settings, share)
-        error.append(agrees_from(trial, right, known.boundary))
+        error.append(agrees_from(trial, passing, known.boundary))
         steps.append(trial.steps / trial.runs)
     return Row(pgv_pga, known.boundary, known.exact, np.array(error), np.array(steps))
 

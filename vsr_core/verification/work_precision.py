@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.overturning import simulate
-from vsr_core.verification.boundary_search import Topples, agrees_from, answer, levels, verdict
+from vsr_core.verification.agreement import agrees_from, answer, levels
+from vsr_core.verification.boundary_search import Topples, verdict
 from vsr_core.verification.time_step import COARSE_SHARE, REFERENCE_SHARE, step_unit
 
 Test = Callable[[CosinePulse], bool | None]
@@ -36,14 +37,15 @@ class Target:
     boundary : float [m/s^2]; nan if nothing topples the rock
     exact : bool, whether by Housner's equation
     spread : float, how far the two references are apart, relative; 0 if exact
-    right : dict, from the PGAs compared [m/s^2] to toppling; None where the references differ
+    passing : dict, from the PGAs compared [m/s^2] to the outcomes that pass there, as
+        ``agreement.Passing``
     """
 
     pgv_pga: float
     boundary: float
     exact: bool
     spread: float
-    right: Mapping[float, bool | None]
+    passing: Mapping[float, frozenset[bool]]
 
 
 @dataclass(frozen=True)
@@ -74,8 +76,8 @@ def target(case: Case, pgv_pga: float, engines: tuple[str, ...]) -> Target:
     known = answer(case, pgv_pga, run(Settings(COARSE_SHARE * unit)), references, references)
     nothing = math.isnan(known.boundary)
     compared = () if nothing else (pga for pair in levels(known.boundary) for pga in pair)
-    right = {pga: known.right(pga) for pga in compared}
-    return Target(pgv_pga, known.boundary, known.exact, known.spread, right)
+    passing = {pga: known.passing(pga) for pga in compared}
+    return Target(pgv_pga, known.boundary, known.exact, known.spread, passing)
 
 
 def score(test: Test, wanted: Target) -> Score:
@@ -93,7 +95,7 @@ def score(test: Test, wanted: Target) -> Score:
     for share in COST_AT:
         outcome(share * wanted.boundary)
     seconds = (time.process_time() - start) / len(COST_AT)
-    return Score(agrees_from(outcome, wanted.right.__getitem__, wanted.boundary), seconds, lost)
+    return Score(agrees_from(outcome, wanted.passing.__getitem__, wanted.boundary), seconds, lost)
 
 
 def project(case: Case, settings: Settings) -> Test:

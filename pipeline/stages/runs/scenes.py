@@ -93,9 +93,7 @@ def groups(config: Config) -> tuple[Group, ...]:
     -------
     tuple of Group, friction running fastest
     """
-    return tuple(
-        Group(yaw, friction) for yaw in config.yaw for friction in config.contact.friction
-    )
+    return tuple(Group(yaw, friction) for yaw in config.yaw for friction in config.contact.friction)
 
 
 def flat_case(scenes: Scenes, group: Group) -> Case:

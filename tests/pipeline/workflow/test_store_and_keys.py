@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pipeline.stages.runs.running import Group, missing
 from support import grounds
 from support.following import following
 
 from pipeline import ROOT
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
-from pipeline.stages.runs.running import Group, missing
 from pipeline.stages.runs.scenes import code as run_code
 from pipeline.workflow import keys, store
 from pipeline.workflow.graph import identities

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
+from pipeline.stages.runs.running import groups
 from scipy.spatial.transform import Rotation
 
 from pipeline.config.layers import load_site
-from pipeline.stages.runs.running import groups
 from pipeline.stages.runs.scenes import code as run_code
 from pipeline.workflow import keys
 from pipeline.workflow.graph import identities

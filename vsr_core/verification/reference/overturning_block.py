@@ -17,12 +17,11 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.outcome import Outcome
 from vsr_core.run.bounds import barrier
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.boundary_search import bisect
+from vsr_core.verification.boundary_search import halved, verdict
 from vsr_core.verification.reference import BOTH, Reference
 from vsr_core.verification.reference._run import GRIPPING, box
 from vsr_core.verification.rocking_block import (
@@ -49,7 +48,7 @@ PERIODS = (0.4, 0.42, 0.44, 0.46, 0.48, 0.5, 0.515, 0.53)
 stocky ones at several g or never; longer ones overturn slender ones after many impacts."""
 
 WINDOW, HALVINGS = 0.05, 7
-"""Half the range, as a share of the answer, in which a boundary is bisected, and how often."""
+"""Half the range, as a share of the answer, in which a boundary is sought, and how often it is halved."""
 
 SLENDER = (0.2, 4.0)
 """Width and height of a block of alpha = 0.05 [m]."""
@@ -67,18 +66,17 @@ def _case(block: Block) -> Case:
 
 
 def _error(block: Block, pgv_pga: float, answer: float, engine: str, time_step: float) -> float:
-    """Relative error of a boundary [m/s^2] as bisected in an engine; ``WINDOW`` if it is beyond.
+    """Relative error of a boundary [m/s^2] as found in an engine.
 
-    A run without a verdict counts as toppled: it must not pass for one that stands.
+    ``WINDOW`` if it is beyond, or if runs without a verdict keep it from being found.
     """
     settings = Settings(time_step, engine=engine)
 
-    def topples(pga: float) -> bool:
-        response = simulate(_case(block), CosinePulse(pga, pgv_pga), settings)
-        return response.outcome not in (Outcome.BALANCED, Outcome.DISPLACED)
+    def topples(pga: float) -> bool | None:
+        return verdict(simulate(_case(block), CosinePulse(pga, pgv_pga), settings).outcome)
 
-    found = bisect(topples, (1.0 - WINDOW) * answer, (1.0 + WINDOW) * answer, HALVINGS)
-    return abs(found / answer - 1.0)
+    found = halved(topples, (1.0 - WINDOW) * answer, (1.0 + WINDOW) * answer, HALVINGS)
+    return abs(found.middle / answer - 1.0) if found.decided else WINDOW
 
 
 def boundaries(
@@ -158,7 +156,7 @@ def after_impact(engine: str, time_step: float) -> float:
     def topples(pga: float) -> bool:
         return slender_overturns(block, pga, pgv_pga)
 
-    answer = bisect(topples, 1.01 * block.uplift, 3.0 * block.uplift, 40)
+    answer = halved(topples, 1.01 * block.uplift, 3.0 * block.uplift, 40).middle
     return _error(block, pgv_pga, answer, engine, time_step)
 
 

@@ -17,7 +17,7 @@ from vsr_core import GRAVITY, engines
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.boundary_search import bisect
+from vsr_core.verification.boundary_search import halved
 from vsr_core.verification.reference import BOTH, Reference
 from vsr_core.verification.reference._run import DENSITY, GRIPPING, box, whole
 
@@ -50,33 +50,36 @@ def static(make: Callable[[], Rock], slenderness: float, engine: str, time_step:
     scene = Scene(rock, Contact(GRIPPING), pedestal="box" if rock.shape == "box" else "plane")
     answer = GRAVITY / slenderness
 
-    def tips(push: float) -> bool:
+    def tips(push: float) -> bool | None:
         return _tips(engine, scene, time_step, push, TIPPED / slenderness)
 
-    found = bisect(tips, (1.0 - WINDOW) * answer, (1.0 + WINDOW) * answer, HALVINGS)
-    return abs(found / answer - 1.0)
+    found = halved(tips, (1.0 - WINDOW) * answer, (1.0 + WINDOW) * answer, HALVINGS)
+    return abs(found.middle / answer - 1.0) if found.decided else WINDOW
 
 
 def switch(width: float, height: float, engine: str, time_step: float) -> float:
     """Error of the friction from which on a strong steady push tips a block, relative to b/h."""
     answer = width / height
 
-    def tips(friction: float) -> bool:
+    def tips(friction: float) -> bool | None:
         scene = Scene(box(width, width, height), Contact(friction))
         return _tips(engine, scene, time_step, PUSH * GRAVITY * answer, TIPPED * answer)
 
-    found = bisect(tips, (1.0 - WINDOW) * answer, (1.0 + WINDOW) * answer, HALVINGS)
-    return abs(found / answer - 1.0)
+    found = halved(tips, (1.0 - WINDOW) * answer, (1.0 + WINDOW) * answer, HALVINGS)
+    return abs(found.middle / answer - 1.0) if found.decided else WINDOW
 
 
-def _tips(engine: str, scene: Scene, time_step: float, push: float, beyond: float) -> bool:
-    """Whether a steady push tilts the rock beyond a tilt [rad] in time; true if it diverges."""
+def _tips(engine: str, scene: Scene, time_step: float, push: float, beyond: float) -> bool | None:
+    """Whether a steady push tilts the rock beyond a tilt [rad] in time; None if it diverges."""
     duration = PATIENCE * math.sqrt(scene.rock.radius / GRAVITY)
     number, step = whole(duration, time_step)
     world = engines.load(engine).build(scene, step, 1)
     for first in range(0, number, LOOK_EVERY):
         world.advance([push] * min(LOOK_EVERY, number - first))
-        if not world.state().rotation[2, 2] > math.cos(beyond):
+        upright = float(world.state().rotation[2, 2])
+        if math.isnan(upright):
+            return None
+        if upright <= math.cos(beyond):
             return True
     return False
 

@@ -100,9 +100,7 @@ def undecided(tests: Tests, specimen: int, of: Form, found: Outcomes) -> tuple[i
     guess = drawn(of, best_guess(priors(tests.config)), tests.config.density)
     limit = NEAR * bounds.barrier(guess).edge_tilt
     rows = [
-        row
-        for draw, row in found.items()
-        if draw.specimen == specimen and draw.role is Role.MEMBER
+        row for draw, row in found.items() if draw.specimen == specimen and draw.role is Role.MEMBER
     ]
 
     def is_open(run: RunRow) -> bool:

@@ -100,7 +100,9 @@ def make(job: Job) -> Product:
     for name, figure in drawn.items():
         files |= pictures(name, figure)
     crashed = sum(
-        row.outcome == Outcome.CRASHED for rows in (found | at_ends).values() for row in rows.values()
+        row.outcome == Outcome.CRASHED
+        for rows in (found | at_ends).values()
+        for row in rows.values()
     )
     return Product(files, _summary(records), unresolved=predicted.lost, retry=crashed)
 
@@ -112,9 +114,7 @@ def _predict(job: Job, series: Series) -> tuple[Outcomes, Predictions]:
         for specimen in tests.specimens
         for number, member in enumerate(draws(drawn, tests.config.members))
     }
-    guesses = {
-        Draw(specimen, Role.BEST_GUESS): best_guess(drawn) for specimen in tests.specimens
-    }
+    guesses = {Draw(specimen, Role.BEST_GUESS): best_guess(drawn) for specimen in tests.specimens}
     first = [draw for draw in members if int(draw.of) < FIRST]
     job.log(f"validation: {len(tests.number)} tests, {len(tests.specimens)} specimens")
     every = dict.fromkeys([*guesses, *first], tests.number)
