@@ -13,7 +13,7 @@ RUN_CODE = (
 TERRAIN_CODE = (
     *RUN_CODE,
     "vsr_core.run.displacement:displace",
-    "pipeline.stages.runs.scenes:on_terrain",
+    "pipeline.stages.runs.scenes:terrain_site",
 )
 """The same on a terrain."""
 

@@ -83,7 +83,7 @@ STAGES: tuple[Stage, ...] = (
         ),
         made_elsewhere=True,
         inputs="pipeline.stages.runs.scenes:engine_version",
-        check="pipeline.stages.runs.running:database_is_there",
+        check="pipeline.stages.runs.runner:database_is_there",
     ),
     Stage(
         "displacement_runs",
@@ -98,7 +98,7 @@ STAGES: tuple[Stage, ...] = (
         ),
         made_elsewhere=True,
         inputs="pipeline.stages.runs.scenes:engine_version",
-        check="pipeline.stages.runs.running:database_is_there",
+        check="pipeline.stages.runs.runner:database_is_there",
     ),
     Stage(
         "responses",

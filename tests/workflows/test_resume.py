@@ -231,7 +231,7 @@ def test_interrupt_keeps_whole_batches(
     monkeypatch: pytest.MonkeyPatch,
     stop_at: int,
 ) -> None:
-    monkeypatch.setattr(overturning_runs, "WORK", replace(overturning_runs.WORK, batch=4))
+    monkeypatch.setattr(overturning_runs, "KIND", replace(overturning_runs.KIND, batch=4))
     settings = ("yaw=[0, 45]", "contact.friction=[0.5, 0.8]")
     whole = responses(*settings, into=tmp_path / "whole")
     assert counted.take() == 24
@@ -260,10 +260,10 @@ import sys, time
 from dataclasses import replace
 
 from pipeline.cli import main
-from pipeline.stages.runs import overturning_runs as runs
+from pipeline.stages.runs import overturning_runs
 
-runs.WORK = replace(runs.WORK, batch=4)
-simulate, done = vsr_core.run.overturning.simulate, []
+overturning_runs.KIND = replace(overturning_runs.KIND, batch=4)
+simulate, done = overturning_runs.simulate, []
 
 def slow(*arguments):
     if len(done) == 9:
@@ -272,7 +272,7 @@ def slow(*arguments):
     done.append(1)
     return simulate(*arguments)
 
-vsr_core.run.overturning.simulate = slow
+overturning_runs.simulate = slow
 sys.exit(main(sys.argv[1:]))
 """
 

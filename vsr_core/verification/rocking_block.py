@@ -22,7 +22,7 @@ from scipy.special import ellipk, ellipkinc
 
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
-from vsr_core.verification.boundary_search import halved
+from vsr_core.verification.boundary_search import Topples, halved
 
 MOST_HALVINGS = 100
 """More than any tolerance asks for."""
@@ -432,14 +432,13 @@ def _switches(
     def overturns(pga: float) -> bool:
         return rocking_response(block, pga, pgv_pga).overturned
 
+    def leaves(outcome: bool) -> Topples:
+        return lambda pga: overturns(pga) != outcome
+
     known, outcome = block.uplift, False
     for i in range(1, math.ceil((pga_max - block.uplift) / step) + 1):
         tried = min(block.uplift + i * step, pga_max)
         if overturns(tried) != outcome:
-            switched = halved(
-                lambda pga, before=outcome: overturns(pga) != before,
-                known, tried, MOST_HALVINGS, tolerance,
-            )  # fmt: skip
-            yield switched.topples
+            yield halved(leaves(outcome), known, tried, MOST_HALVINGS, tolerance).topples
             outcome = not outcome
         known = tried

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from pipeline.config.in_si import contact
+from pipeline.config import in_si
 from pipeline.config.problems import InputError
 from pipeline.stages.mesh.products import SCAN, TERRAIN, load_rock
 from pipeline.workflow.datasets import described, netcdf, read
@@ -80,7 +80,12 @@ def _rest(terrain: Terrain, job: Job, friction: float) -> State:
     if job.config.simulation.reduce:
         rock = reduction.on_its_seat(rock)
     scene = Scene(
-        rock, contact(job.config, friction), 0.0, "terrain", start=scanned, terrain=terrain
+        rock,
+        in_si.contact(job.config.contact, friction),
+        0.0,
+        "terrain",
+        start=scanned,
+        terrain=terrain,
     )
     return settled(scene, COARSEST_SHARE * math.sqrt(rock.radius / GRAVITY))
 

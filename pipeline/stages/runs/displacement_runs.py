@@ -1,4 +1,4 @@
-"""Displacement runs: every cell of the grid not stored yet, followed over the terrain to its end."""
+"""Displacement runs: cells of the grid that are not stored yet, each followed to its end."""
 
 from __future__ import annotations
 

@@ -26,6 +26,7 @@ from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
 from vsr_core.run.input_checks import COARSEST_SHARE, check, check_unshaken, longest_step
 from vsr_core.run.reductions import TABLE_FRAME_REDUCTIONS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.scene import Scene
+from vsr_core.table.servo import Servo
 from vsr_core.verification.time_step import step_unit
 
 
@@ -96,8 +97,25 @@ def groups(config: Config) -> tuple[Group, ...]:
     return tuple(Group(yaw, friction) for yaw in config.yaw for friction in config.contact.friction)
 
 
+def flat_scene(scenes: Scenes, group: Group, drive: Servo | None = None) -> Scene:
+    """Set the rock on a flat pedestal.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    group : Group
+    drive : Servo or None, where the pedestal moves as prescribed
+
+    Returns
+    -------
+    Scene
+    """
+    contact = in_si.contact(scenes.config.contact, group.friction)
+    return Scene(scenes.level_rock, contact, in_si.angle(group.yaw), drive=drive)
+
+
 def flat_case(scenes: Scenes, group: Group) -> Case:
-    """Prepare the scene of a group on a flat pedestal.
+    """Prepare the scene of a group on a flat pedestal, driven as the configuration says.
 
     Parameters
     ----------
@@ -110,8 +128,7 @@ def flat_case(scenes: Scenes, group: Group) -> Case:
     """
     config = scenes.config
     drive = in_si.servo(config.servo) if config.drive == "servo" else None
-    contact = in_si.contact(config.contact, group.friction)
-    scene = Scene(scenes.level_rock, contact, in_si.angle(group.yaw), drive=drive)
+    scene = flat_scene(scenes, group, drive)
     return prepare(scene, scenes.barrier, reduce=config.simulation.reduce)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from pipeline import ROOT
-from pipeline.stages.runs import overturning_runs, running
+from pipeline.stages.runs import overturning_runs, runner
 from pipeline.workflow.cluster import BATCHES_IN_FLIGHT, Batch, Cluster
 from pipeline.workflow.datasets import read
 from vsr_core.outcome import Outcome
@@ -33,7 +33,7 @@ def quiet(line: str) -> None:
 
 @pytest.fixture(autouse=True)
 def always_a_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(running, "SMALL", 0)
+    monkeypatch.setattr(runner, "SMALL", 0)
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_same_bytes_for_any_workers_and_batches(
     one = responses("alone", 0).read_bytes()
     assert set(np.unique(read(responses("alone", 0))["overturned"])) == {0, 1}
     for workers, batch in ((0, 1), (0, 7), (1, 4), (2, 1), (2, 1000)):
-        monkeypatch.setattr(overturning_runs, "WORK", replace(overturning_runs.WORK, batch=batch))
+        monkeypatch.setattr(overturning_runs, "KIND", replace(overturning_runs.KIND, batch=batch))
         assert responses(f"{workers}-{batch}", workers).read_bytes() == one
 
 
@@ -74,8 +74,8 @@ def test_item_that_kills_its_worker_comes_back_alone(way: str) -> None:
         return [shared * item for item in items]
 
     # Batches of one are there too: those next to the culprit are innocent.
-    batches = [Batch(k, "two", tuple(range(10 * k, 10 * k + 10))) for k in range(4)]
-    batches += [Batch(k, "two", (k,)) for k in range(40, 48)]
+    batches = [Batch("two", tuple(range(10 * k, 10 * k + 10))) for k in range(4)]
+    batches += [Batch("two", (k,)) for k in range(40, 48)]
     done: dict[int, int | None] = {}
     with Cluster(2, log=quiet) as cluster:
         for batch, results in cluster.run(work, iter(batches), lambda name: 2):
@@ -90,7 +90,7 @@ def test_error_in_the_function_is_raised(workers: int) -> None:
         raise ZeroDivisionError("mine")
 
     with Cluster(workers, log=quiet) as cluster, pytest.raises(ZeroDivisionError, match="mine"):
-        list(cluster.run(work, iter([Batch(0, "a", (1,))]), lambda name: 2))
+        list(cluster.run(work, iter([Batch("a", (1,))]), lambda name: 2))
 
 
 @pytest.mark.parametrize("workers", [0, 2])
@@ -100,7 +100,7 @@ def test_holds_no_more_than_the_batches_in_flight(workers: int) -> None:
     def batches() -> Iterator[Batch]:
         nonlocal taken
         for taken in range(1, 101):
-            yield Batch(taken, "none", (taken,))
+            yield Batch(None, (taken,))
 
     most = 0
     results = []
@@ -117,6 +117,18 @@ def test_holds_no_more_than_the_batches_in_flight(workers: int) -> None:
         assert most == 0
 
 
+@pytest.mark.parametrize("workers", [0, 1])
+def test_each_item_has_its_result_and_what_it_shared(workers: int) -> None:
+    def work(shared: float, items: tuple[int, ...]) -> list[float]:
+        return [shared * item for item in items]
+
+    batches = (Batch((0.5, k), (k, 10 * k)) for k in range(3))  # any hashable key
+    with Cluster(workers, log=quiet) as cluster:
+        done = cluster.each(work, batches, lambda key: sum(key))
+        found = {(key, item): result for key, item, result in done}
+    assert found == {((0.5, k), i): (0.5 + k) * i for k in range(3) for i in {k, 10 * k}}
+
+
 def test_shared_things_are_asked_for_once_each() -> None:
     asked = []
 
@@ -124,13 +136,13 @@ def test_shared_things_are_asked_for_once_each() -> None:
         asked.append(name)
         return name.upper()
 
-    batches = [Batch(k, "ab"[k // 5], (k,)) for k in range(10)]
+    batches = [Batch("ab"[k // 5], (k,)) for k in range(10)]
     for workers in (0, 1):
         asked.clear()
         with Cluster(workers, log=quiet) as cluster:
             done = cluster.run(lambda thing, items: [thing], iter(batches), shared)
-            assert {batch.tag: result for batch, result in done} == {
-                k: ["AB"[k // 5]] for k in range(10)
+            assert {batch.items: result for batch, result in done} == {
+                (k,): ["AB"[k // 5]] for k in range(10)
             }
         assert asked == ["a", "b"]
 
@@ -152,7 +164,7 @@ def test_crashed_run_is_told_and_tried_again(
         return simulate_batch(shared, cells)
 
     with monkeypatch.context() as patch:
-        patch.setattr(overturning_runs, "WORK", replace(overturning_runs.WORK, function=deadly))
+        patch.setattr(overturning_runs, "KIND", replace(overturning_runs.KIND, function=deadly))
         ran = vsr(*command)
     assert ran.code == 1
     assert "1 runs are without a verdict" in ran.err
@@ -170,7 +182,7 @@ def test_crashed_run_is_told_and_tried_again(
         simulated.extend(cells)
         return simulate_batch(shared, cells)
 
-    monkeypatch.setattr(overturning_runs, "WORK", replace(overturning_runs.WORK, function=counting))
+    monkeypatch.setattr(overturning_runs, "KIND", replace(overturning_runs.KIND, function=counting))
     assert vsr(*command[:-1], "0").code == 0
     assert simulated == [(1, 0.8)]
     whole = tmp_path / "whole"
@@ -182,16 +194,16 @@ def test_crashed_run_is_told_and_tried_again(
 INTERRUPTED = """
 import os, signal, sys, time
 from dataclasses import replace
-from pipeline import cli, running
-from pipeline.stages.runs import overturning_runs as runs
+from pipeline import cli
+from pipeline.stages.runs import overturning_runs, runner
 
 def run():
-    running.SMALL, runs.WORK = 0, replace(runs.WORK, batch=3)
-    add = running.RunStore.add
+    runner.SMALL, overturning_runs.KIND = 0, replace(overturning_runs.KIND, batch=3)
+    add = runner.RunStore.add
     def stop(store, rows):
         add(store, rows)
         os.killpg(0, signal.SIGINT)  # as a terminal does: the workers get it too
-    running.RunStore.add = stop
+    runner.RunStore.add = stop
     sys.exit(cli.main(sys.argv[1:]))
 
 if __name__ == "__main__":

@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pipeline.stages.runs.running import Group, missing
 from support import grounds
 from support.following import following
 
 from pipeline import ROOT
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
+from pipeline.stages.runs.runner import Run, missing
 from pipeline.stages.runs.scenes import code as run_code
 from pipeline.workflow import keys, store
 from pipeline.workflow.graph import identities
@@ -178,7 +178,7 @@ def test_rows_are_added_all_or_none(tmp_path: Path, error: type[BaseException]) 
 
 
 def test_rows_come_back_as_they_went(tmp_path: Path) -> None:
-    lost = RunRow(b"x" * 16, 5, 0, None, None, None, 0)  # type: ignore[arg-type]
+    lost = RunRow(b"x" * 16, 5)
     odd = RunRow(b"y" * 16, 1, 3, math.pi, math.nextafter(1.0, 2.0), 5e-324, 2**31 - 1)
     with closing(RunStore(tmp_path, RunRow)) as runs:
         runs.add([lost, odd])
@@ -192,7 +192,7 @@ def test_two_kinds_of_rows_in_one_file(tmp_path: Path) -> None:
     one, other = row(1, outcome=2), row(2)
     moved = [
         DisplacementRow(one.key, 1, 0.5, math.nextafter(0.1, 1.0), 12, 0, bytes(range(256)) * 300),
-        DisplacementRow(other.key, 5, None, None, 0, 3, b""),  # type: ignore[arg-type]
+        DisplacementRow(other.key, 5),
     ]
     with (
         closing(RunStore(tmp_path, RunRow)) as runs,
@@ -233,14 +233,14 @@ def test_displacement_runs_are_added_all_or_none(
 
 def test_only_runs_that_are_not_stored_or_crashed_are_missing(tmp_path: Path) -> None:
     keys_of = tuple(bytes([k]) * 16 for k in range(1, 5))
-    group = Group(0.0, 0.6, tuple((0.1, 0.1 * k) for k in range(1, 5)), keys_of)
+    wanted = [Run(key, 0.1 * k) for k, key in enumerate(keys_of)]
     with closing(RunStore(tmp_path, DisplacementRow)) as travelled:
-        assert missing(group, travelled) == [0, 1, 2, 3]
+        assert missing(wanted, travelled) == wanted
         done = DisplacementRow(keys_of[1], 1, 0.5, 0.1, 9, 0, b"way")
-        travelled.add([done, done._replace(key=keys_of[2], outcome=int(Outcome.CRASHED))])
-        assert missing(group, travelled) == [0, 2, 3]
+        travelled.add([done, DisplacementRow(keys_of[2], int(Outcome.CRASHED))])
+        assert missing(wanted, travelled) == [wanted[0], *wanted[2:]]
     with closing(RunStore(tmp_path, RunRow)) as runs:
-        assert missing(group, runs) == [0, 1, 2, 3]
+        assert missing(wanted, runs) == wanted
 
 
 # Folders that cannot be written to
@@ -566,7 +566,7 @@ def test_every_function_that_a_run_enters_is_in_its_key() -> None:
             for ratio, pga in cells:
                 simulate(case, CosinePulse(pga * GRAVITY, ratio), settings)
     assert len(entered) > 15
-    assert entered - set(keys.code(run_code(load_site("cuboid_1x1x2").config))) == set()
+    assert entered - set(keys.code(run_code("bullet", terrain=False))) == set()
 
 
 def test_every_function_that_a_displacement_run_enters_is_in_its_key() -> None:
@@ -582,7 +582,7 @@ def test_every_function_that_a_displacement_run_enters_is_in_its_key() -> None:
             for pga in (0.01, 0.7):
                 displace(place, CosinePulse.from_g(pga, 0.15), Settings(0.002))
     assert len(entered) > 15
-    roots = run_code(load_site("double_rock_terrain").config)
+    roots = run_code("bullet", terrain=True)
     assert entered - set(keys.code(roots)) == set()
 
 

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
-from pipeline.stages.runs.running import groups
 from scipy.spatial.transform import Rotation
 
+from pipeline.config import in_si
 from pipeline.config.layers import load_site
 from pipeline.stages.runs.scenes import code as run_code
+from pipeline.stages.runs.study import load_study
 from pipeline.workflow import keys
 from pipeline.workflow.graph import identities
 from pipeline.workflow.store import Store
@@ -469,11 +470,11 @@ def test_wrong_servo(
 def test_the_published_servo_is_the_default(write_site: Callable[..., str]) -> None:
     """With its commands at 200 Hz."""
     held = replace(PUBLISHED, hold=5)
-    assert load_site(write_site("drive: servo\n")).config.servo.servo() == held
+    assert in_si.servo(load_site(write_site("drive: servo\n")).config.servo) == held
     every = load_site(write_site("drive: servo\nservo: {command_rate: null}\n")).config.servo
-    assert every.servo() == PUBLISHED
+    assert in_si.servo(every) == PUBLISHED
     limited = load_site(write_site("drive: servo\nservo: {force_limit: 3e4}\n")).config.servo
-    assert limited.servo() == replace(held, force_limit=3e4)
+    assert in_si.servo(limited) == replace(held, force_limit=3e4)
 
 
 def test_a_servo_counts_only_where_it_drives(
@@ -501,7 +502,8 @@ def test_run_keys_hold_the_servo_that_drives(
     store = Store(derived / "rock")
 
     def run_keys(*settings: str) -> tuple[bytes, ...]:
-        return next(groups(load_site(site, None, settings).config, store)).keys
+        study = load_study(load_site(site, None, settings).config, store)
+        return tuple(run.key for run in study.wanted(study.groups[0]))
 
     assert run_keys("servo.period=0.0005") == run_keys()
     found = {run_keys()}
@@ -513,7 +515,7 @@ def test_run_keys_hold_the_servo_that_drives(
         "vsr_core.engines.bullet.driven:BulletDrivenWorld",
         "vsr_core.run.sampling:samples",
         "vsr_core.table.servo:check",
-    } <= set(keys.code(run_code(load_site(site).config)))
+    } <= set(keys.code(run_code("bullet", terrain=False)))
     reads = {name: i.facts["config"] for name, i in identities("report", load_site(site)).items()}
     assert {name for name in reads if "drive" in reads[name]} == {
         name for name in reads if "servo" in reads[name]

@@ -48,7 +48,8 @@ PERIODS = (0.4, 0.42, 0.44, 0.46, 0.48, 0.5, 0.515, 0.53)
 stocky ones at several g or never; longer ones overturn slender ones after many impacts."""
 
 WINDOW, HALVINGS = 0.05, 7
-"""Half the range, as a share of the answer, in which a boundary is sought, and how often it is halved."""
+"""Half the range, as a share of the answer, in which a boundary is sought; how often it is
+halved."""
 
 SLENDER = (0.2, 4.0)
 """Width and height of a block of alpha = 0.05 [m]."""

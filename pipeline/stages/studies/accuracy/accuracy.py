@@ -9,25 +9,40 @@ from __future__ import annotations
 import pandas as pd
 import xarray as xr
 
+from pipeline.config import in_si
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import pictures
 from pipeline.stages.runs.step_choice import FILE as TIME_STEP
+from pipeline.stages.runs.study import load_study
 from pipeline.stages.studies.accuracy import comparing
 from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, work_precision
 from pipeline.stages.studies.accuracy.accuracy_page import facts
-from pipeline.stages.studies.accuracy.comparing import Place, Record
+from pipeline.stages.studies.accuracy.comparing import Place, Record, SampledCell
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
-from vsr_core import GRAVITY
 from vsr_core.verification.work_precision import Target
 
 FILE, TABLE, PAGE, PICTURE = "accuracy.nc", "accuracy.csv", "accuracy.html", "work_precision"
 
 
 def make(job: Job) -> Product:
-    """Compare ways of running on the site's own rows, and run the reference suite."""
+    """Compare ways of running on the site's own rows, and run the reference suite.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+
+    Raises
+    ------
+    InputError
+        For a terrain, or motions that are no pulses.
+    """
     if job.config.on_terrain:
         raise InputError(
             Problem(
@@ -48,9 +63,10 @@ def make(job: Job) -> Product:
                 "use the site with motion.kind: cosine_pulse",
             )
         )
-    targets = comparing.find_targets(job)
-    records = comparing.score_ways(job, targets)
-    cells = comparing.sample_cells(job)
+    study = load_study(job.config, job.store)
+    targets = comparing.find_targets(job, study)
+    records = comparing.score_ways(job, study, targets)
+    cells = comparing.sample_cells(job, study)
     records += comparing.compare_cells(cells)
     records += comparing.run_suite(job)
     records += comparing.absent_peers()
@@ -65,17 +81,19 @@ def make(job: Job) -> Product:
     return Product(files, _summary(records))
 
 
-def _dataset(targets: dict[Place, Target], cells: list[Record]) -> xr.Dataset:
+def _dataset(targets: dict[Place, Target], cells: list[SampledCell]) -> xr.Dataset:
     dataset = xr.Dataset(
         {
             "row_yaw": ("row", [yaw for yaw, _ in targets]),
             "row_pgv_pga": ("row", [pgv_pga for _, pgv_pga in targets]),
-            "row_reference": ("row", [t.boundary / GRAVITY for t in targets.values()]),
+            "row_reference": ("row", [in_si.in_g(t.boundary) for t in targets.values()]),
             "row_spread": ("row", [t.spread for t in targets.values()]),
         }
     )
-    for name in cells[0] if cells else ():
-        dataset[name] = ("cell", [cell[name] for cell in cells])
+    for name in ("yaw", "pgv_pga", "pga") if cells else ():
+        dataset[f"cell_{name}"] = ("cell", [getattr(cell, name) for cell in cells])
+    for name in cells[0].outcomes if cells else ():
+        dataset[f"outcome_{name}"] = ("cell", [cell.outcomes[name] for cell in cells])
     return dataset
 
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from pipeline.drawing.style import FAINT, INK, MARKERS, SERIES, styled
-from vsr_core.verification.boundary_search import WORST
+from vsr_core.verification.agreement import WORST
 
 Record = dict[str, Any]
 
@@ -21,9 +21,10 @@ def lines(records: list[Record], part: str) -> dict[str, list[Record]]:
     for record in records:
         if record["part"] == part and record["cpu_s"] != "":
             found[record["method"]].append(record)
+    ranked = sorted(found.items(), key=lambda pair: (not pair[1][0]["own"], pair[0]))
     return {
-        method: sorted(points, key=_step, reverse=True)
-        for method, points in sorted(found.items(), key=lambda pair: _rank(pair[0]))
+        method: sorted(points, key=lambda point: float(point["step"]), reverse=True)
+        for method, points in ranked
     }
 
 
@@ -42,7 +43,7 @@ def work_precision(records: list[Record], tolerance: float, title: str) -> Figur
     figure = Figure(figsize=(6.6, 4.3), layout="constrained")
     axes = figure.add_subplot()
     for at, (method, points) in enumerate(lines(records, "method").items()):
-        own = method.startswith("project")
+        own = points[0]["own"]
         axes.plot(
             [1e3 * point["cpu_s"] for point in points],
             [100.0 * min(point["error"], WORST) for point in points],
@@ -120,16 +121,16 @@ def boundary_convergence(rows: list[Record], chosen: float, tolerance: float) ->
 @styled
 def suite_convergence(records: list[Record]) -> Figure:
     """Error of each case of the reference suite against the time step, one panel an engine."""
-    engines = sorted({_engine(record) for record in records if record["part"] == "reference"})
+    engines = sorted({record["engine"] for record in records if record["part"] == "reference"})
     figure = Figure(figsize=(9.0, 4.6), layout="constrained")
     panels = figure.subplots(1, max(len(engines), 1), sharey=True, squeeze=False)[0]
-    names = sorted({_case(r) for r in records if r["part"] == "reference"})
+    names = sorted({r["case"] for r in records if r["part"] == "reference"})
     for panel, engine in zip(panels, engines, strict=False):
         for at, name in enumerate(names):
             points = [
-                (1e3 * _seconds(r), float(r["error"]))
+                (1e3 * r["step"], float(r["error"]))
                 for r in records
-                if r["part"] == "reference" and _engine(r) == engine and _case(r) == name
+                if r["part"] == "reference" and r["engine"] == engine and r["case"] == name
             ]
             points = sorted(p for p in points if math.isfinite(p[1]))
             panel.plot(
@@ -159,23 +160,3 @@ def _percent_axis(axes: Any) -> None:
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: ""))
     axes.grid(visible=True)
-
-
-def _step(record: Record) -> float:
-    return float(str(record["setting"]).split()[0])
-
-
-def _rank(method: str) -> tuple[bool, str]:
-    return not method.startswith("project"), method
-
-
-def _engine(record: Record) -> str:
-    return str(record["method"]).rpartition("(")[2].rstrip(")")
-
-
-def _case(record: Record) -> str:
-    return str(record["method"]).rpartition(" (")[0]
-
-
-def _seconds(record: Record) -> float:
-    return 1e-3 * float(str(record["setting"]).removesuffix(" ms"))

@@ -8,6 +8,7 @@ from typing import Any
 import xarray as xr
 from matplotlib.figure import Figure
 
+from pipeline.config import in_si
 from pipeline.config.schema import Config
 from pipeline.drawing.style import png_uri, svg_uri
 from pipeline.stages.studies.accuracy.accuracy_figures import (
@@ -17,7 +18,6 @@ from pipeline.stages.studies.accuracy.accuracy_figures import (
     suite_convergence,
 )
 from pipeline.stages.studies.accuracy.comparing import Place, Record
-from vsr_core import GRAVITY
 from vsr_core.verification import time_step
 from vsr_core.verification.work_precision import Target
 
@@ -69,7 +69,7 @@ def _rows(targets: dict[Place, Target]) -> list[Record]:
         {
             "yaw": yaw,
             "pgv_pga": pgv_pga,
-            "boundary": wanted.boundary / GRAVITY,
+            "boundary": in_si.in_g(wanted.boundary),
             "answer": "Housner's equation" if wanted.exact else "two engines at 1/16 of the step",
             "spread": wanted.spread,
         }
@@ -78,19 +78,19 @@ def _rows(targets: dict[Place, Target]) -> list[Record]:
 
 
 def _with_ratio(ways: list[Record]) -> list[Record]:
-    own = [way["cpu_s"] for way in ways if way["method"].startswith("project")]
+    own = [way["cpu_s"] for way in ways if way["own"]]
     return [{**way, "ratio": way["cpu_s"] / own[0] if own else math.nan} for way in ways]
 
 
 def _better(records: list[Record]) -> list[str]:
     """Settings of others with less error at less cost than every setting of the project."""
     ways = lines(records, "method")
-    own = [p for method, points in ways.items() if method.startswith("project") for p in points]
+    own = [p for points in ways.values() for p in points if p["own"]]
     found = []
     for method, points in ways.items():
-        if method.startswith("project"):
-            continue
         for point in points:
+            if point["own"]:
+                continue
             rivals = [p for p in own if p["cpu_s"] <= point["cpu_s"]]
             if all(p["error"] > point["error"] for p in rivals):
                 found.append(

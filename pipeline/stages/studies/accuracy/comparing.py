@@ -5,26 +5,30 @@ from __future__ import annotations
 import random
 from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
-from typing import Any
+from itertools import combinations
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from pipeline.config import in_si
 from pipeline.config.motion_schema import PulseConfig
-from pipeline.stages.mesh.products import load_rock
-from pipeline.stages.runs.scenes import prepared
-from pipeline.stages.runs.step_choice import rows_of, time_step
+from pipeline.stages.runs.scenes import Group, flat_case
+from pipeline.stages.runs.step_choice import rows_of
+from pipeline.stages.runs.study import Study
 from pipeline.stages.studies.accuracy import measuring
+from pipeline.stages.studies.accuracy.measuring import Way
 from pipeline.workflow.cluster import Batch
 from pipeline.workflow.stage import Job
-from vsr_core import GRAVITY, engines
+from vsr_core import engines
 from vsr_core.errors import InvalidInput
 from vsr_core.outcome import Outcome
 from vsr_core.rock.body import Rock
-from vsr_core.run.cases import Settings
+from vsr_core.run.cases import Case, Settings
 from vsr_core.verification import peers, reference, sensitivity
-from vsr_core.verification import time_step as precision
-from vsr_core.verification.work_precision import Target
+from vsr_core.verification import time_step as ladder
+from vsr_core.verification.work_precision import Score, Target
 
 MOST_ROWS = 4
 """Rows on which ways of running are compared; some take seconds a run."""
@@ -38,11 +42,39 @@ STEPS = tuple(1.0 / n for n in (240, 480, 1000, 2000, 4000, 8000, 16000, 32000))
 COLUMNS = ("part", "method", "setting", "error", "worst", "rows", "cpu_s", "lost", "note")
 
 Record = dict[str, Any]
-Place = tuple[float, float]  # yaw [degree], PGV/PGA [s]
+"""A line of the table by ``COLUMNS``; and ``own``, whether it is of this project, ``step`` of its
+setting, in the unit of its method, and of the reference suite ``case`` and ``engine``."""
+
+Place = tuple[float, float]
+"""Yaw [degree] and PGV/PGA [s] of a row."""
+
+
+class SampledCell(NamedTuple):
+    """A cell of the grid, and its outcomes by how it was run: an engine, or ``FINE``.
+
+    Attributes
+    ----------
+    yaw, pgv_pga, pga : float [degree], [s], [g]
+    outcomes : dict of int
+    """
+
+    yaw: float
+    pgv_pga: float
+    pga: float
+    outcomes: dict[str, int]
+
+
+FINE = "fine"
+"""Name of the runs at a sixteenth of the step."""
 
 
 def installed() -> tuple[str, ...]:
-    """Engines whose library is there, the default first."""
+    """List the engines whose library is there.
+
+    Returns
+    -------
+    tuple of str, the default first
+    """
     found = []
     for name in engines.names():
         try:
@@ -59,123 +91,148 @@ def _places(rock: Rock) -> list[Place]:
     if len(rows) <= MOST_ROWS:
         return list(rows)
     yaws = sorted({yaw for yaw, _ in rows})
-    periods = precision.periods(rock)
+    periods = ladder.periods(rock)
     return [(yaw, periods[at % len(periods)]) for at, yaw in enumerate(yaws)][:MOST_ROWS]
 
 
-def find_targets(job: Job) -> dict[Place, Target]:
-    """What is right on the rows of the site that something topples."""
-    rock, _ = load_rock(job.store)
-    friction = job.config.contact.friction[0]
+def find_targets(job: Job, study: Study) -> dict[Place, Target]:
+    """Find what is right on the rows of the site that something topples.
+
+    Parameters
+    ----------
+    job : Job
+    study : Study
+
+    Returns
+    -------
+    dict of Target
+    """
     names = installed()
-    batches = (Batch(place, str(place[0]), ((place[1], names),)) for place in _places(rock))
+    batches = (Batch(yaw, ((ratio, names),)) for yaw, ratio in _places(study.scenes.rock))
     job.log("accuracy: references of the boundaries")
-    done = job.cluster.run(
-        measuring.find_target,
-        batches,
-        lambda yaw: prepared(job.config, job.store, float(yaw), friction),
-    )
-    found = {batch.tag: results[0] for batch, results in done if results is not None}
-    return {place: wanted for place, wanted in sorted(found.items()) if wanted.right}
+    done = job.cluster.each(measuring.find_target, batches, partial(_case, study))
+    found = {(yaw, ratio): target for yaw, (ratio, _), target in done if target is not None}
+    return {place: target for place, target in sorted(found.items()) if target.passing}
 
 
-def score_ways(job: Job, targets: dict[Place, Target]) -> list[Record]:
-    """Every way of running on every row, summed up over the rows."""
-    shape = prepared(job.config, job.store, 0.0, job.config.contact.friction[0]).full.rock.shape
-    engine = job.config.simulation.engine
+def score_ways(job: Job, study: Study, targets: dict[Place, Target]) -> list[Record]:
+    """Score every way of running on every row, summed up over the rows.
+
+    Parameters
+    ----------
+    job : Job
+    study : Study
+    targets : dict of Target
+
+    Returns
+    -------
+    list of Record
+    """
+    case = _case(study, 0.0)
+    engine, friction = job.config.simulation.engine, job.config.contact.friction[0]
     ways = [("project", name) for name in installed()]
     ways += [("peer", name) for name in peers.names() if not peers.missing(name)]
     ways += [
         ("sweep", str(number))
         for number, variation in enumerate(sensitivity.variations())
-        if engine in variation.engines and shape in variation.shapes
+        if engine in variation.engines and case.full.rock.shape in variation.shapes
     ]
 
-    def batches() -> Iterator[Batch]:
-        for way in ways:
-            for place in targets:
-                yield Batch(place, f"{place[0]}/{place[1]}", (way,))
+    def shared(place: Place) -> tuple[Case, Target, Settings]:
+        return _case(study, place[0]), targets[place], study.settings(friction)
 
     job.log(f"accuracy: {len(ways)} ways of running on {len(targets)} boundaries")
-    scored: dict[tuple[str, str, str], list[Any]] = defaultdict(list)
-    shared = partial(_shared, job, targets)
-    for _, results in job.cluster.run(measuring.score, batches(), shared):
-        for result in (results or [[]])[0]:
-            scored[result[:3]].append(result.score)
+    batches = (Batch(place, (way,)) for way in ways for place in targets)
+    scored: dict[Way, list[Score]] = defaultdict(list)
+    for _, _, results in job.cluster.each(measuring.score, batches, shared):
+        for way, found in results or ():
+            scored[way].append(found)
     return [
         record(
-            part,
-            method,
-            setting,
+            way.part,
+            way.method,
+            way.setting,
+            own=way.own,
+            step=way.step,
             error=_kept([score.error for score in scores]),
             worst=max(score.error for score in scores),
             rows=len(scores),
             cpu_s=sum(score.seconds for score in scores) / len(scores),
             lost=sum(score.lost for score in scores),
         )
-        for (part, method, setting), scores in sorted(scored.items())
+        for way, scores in sorted(scored.items())
     ]
 
 
-def _shared(job: Job, targets: dict[Place, Target], name: str) -> Any:
-    yaw, pgv_pga = map(float, name.split("/"))
-    friction = job.config.contact.friction[0]
-    case = prepared(job.config, job.store, yaw, friction)
-    simulation = job.config.simulation
-    step = time_step(job.config, job.store, friction)
-    settings = Settings(step, simulation.reduce, simulation.engine)
-    return case, targets[yaw, pgv_pga], settings
+def _case(study: Study, yaw: float) -> Case:
+    return flat_case(study.scenes, Group(yaw, study.scenes.config.contact.friction[0]))
 
 
 def _kept(errors: list[float]) -> float:
-    return float(np.quantile(errors, precision.KEPT_BY, method="inverted_cdf"))
+    return float(np.quantile(errors, ladder.KEPT_BY, method="inverted_cdf"))
 
 
-def sample_cells(job: Job) -> list[Record]:
-    """Random cells of the grid in every engine, and at a sixteenth of the step."""
-    config, friction = job.config, job.config.contact.friction[0]
+def sample_cells(job: Job, study: Study) -> list[SampledCell]:
+    """Run random cells of the grid in every engine, and at a sixteenth of the step.
+
+    Parameters
+    ----------
+    job : Job, of pulses
+    study : Study
+
+    Returns
+    -------
+    list of SampledCell
+    """
+    config = job.config
     assert isinstance(config.motion, PulseConfig)
-    step = time_step(config, job.store, friction)
-    names = installed()
-    every = [Settings(step, config.simulation.reduce, name) for name in names]
-    every.append(Settings(step / 16.0, config.simulation.reduce, config.simulation.engine))
+    own, names = study.settings(config.contact.friction[0]), installed()
+    every = {name: replace(own, engine=name) for name in names}
+    every[FINE] = replace(own, time_step=own.time_step / 16.0)
     rng = random.Random(1)
     grid = [(r, a) for r in config.motion.pgv_pga for a in config.motion.pga]
     wanted = [(rng.choice(config.yaw), *rng.choice(grid)) for _ in range(CELLS)]
 
     def batches() -> Iterator[Batch]:
         for yaw in sorted(set(config.yaw)):
-            cells = [(r, a * GRAVITY) for at, r, a in wanted if at == yaw]
+            cells = [(r, in_si.acceleration(a)) for at, r, a in wanted if at == yaw]
             for start in range(0, len(cells), 10):
-                yield Batch(yaw, str(yaw), tuple(cells[start : start + 10]))
+                yield Batch(yaw, tuple(cells[start : start + 10]))
+
+    def shared(yaw: float) -> tuple[Case, tuple[Settings, ...]]:
+        return _case(study, yaw), tuple(every.values())
 
     job.log(f"accuracy: {CELLS} cells in {', '.join(names)}, and at a sixteenth of the step")
-    found = []
-    for batch, results in job.cluster.run(
-        measuring.run_cells,
-        batches(),
-        lambda yaw: (prepared(config, job.store, float(yaw), friction), tuple(every)),
-    ):
-        for (pgv_pga, pga), outcomes in zip(batch.items, results or [], strict=False):
-            cell = {"cell_yaw": batch.tag, "cell_pgv_pga": pgv_pga, "cell_pga": pga / GRAVITY}
-            cell |= {f"outcome_{name}": o for name, o in zip(names, outcomes, strict=False)}
-            found.append({**cell, "outcome_fine": outcomes[-1]})
-    return sorted(found, key=lambda cell: tuple(cell.values()))
+    found = [
+        SampledCell(yaw, pgv_pga, in_si.in_g(pga), dict(zip(every, outcomes, strict=True)))
+        for yaw, (pgv_pga, pga), outcomes in job.cluster.each(
+            measuring.run_cells, batches(), shared
+        )
+        if outcomes is not None
+    ]
+    return sorted(found, key=lambda cell: (*cell[:3], *cell.outcomes.values()))
 
 
-def compare_cells(cells: list[Record]) -> list[Record]:
-    """Share of the cells whose outcome differs between engines, and from the finer step."""
-    names = [name for name in cells[0] if name.startswith("outcome_")] if cells else []
-    pairs = [(a, b) for at, a in enumerate(names) for b in names[at + 1 :]]
+def compare_cells(cells: list[SampledCell]) -> list[Record]:
+    """Tell the share of cells whose outcome differs between engines, and from the finer step.
+
+    Parameters
+    ----------
+    cells : list of SampledCell
+
+    Returns
+    -------
+    list of Record
+    """
     return [
         record(
             "cells",
-            f"{a.removeprefix('outcome_')} and {b.removeprefix('outcome_')}",
-            error=sum(_side(cell[a]) != _side(cell[b]) for cell in cells) / len(cells),
+            f"{a} and {b}",
+            error=sum(_side(c.outcomes[a]) != _side(c.outcomes[b]) for c in cells) / len(cells),
             rows=len(cells),
             note="share of random cells of the grid whose outcome differs",
         )
-        for a, b in pairs
+        for a, b in combinations(cells[0].outcomes if cells else (), 2)
     ]
 
 
@@ -184,24 +241,33 @@ def _side(outcome: int) -> int:
 
 
 def run_suite(job: Job) -> list[Record]:
-    """Every case of the reference suite in every engine, at each of ``STEPS``."""
+    """Run every case of the reference suite in every engine, at each of ``STEPS``.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    list of Record
+    """
     cases = {case.name: case for case in reference.cases()}
     there = installed()
     items = [
         (name, engine) for name, case in cases.items() for engine in case.engines if engine in there
     ]
     job.log(f"accuracy: reference suite, {len(items)} cases")
-    done = job.cluster.run(
-        measuring.run_reference,
-        (Batch(item, "steps", (item,)) for item in items),
-        lambda name: STEPS,
-    )
-    found = [result for _, results in done if results is not None for result in results[0]]
+    batches = (Batch(STEPS, (item,)) for item in items)
+    done = job.cluster.each(measuring.run_reference, batches, lambda steps: steps)
+    found = [result for _, _, results in done for result in results or ()]
     return [
         record(
             "reference",
             f"{result.name} ({result.engine})",
             f"{1e3 * result.time_step:.4g} ms",
+            case=result.name,
+            engine=result.engine,
+            step=result.time_step,
             error=result.error,
             rows=1,
             cpu_s=result.seconds,
@@ -212,7 +278,12 @@ def run_suite(job: Job) -> list[Record]:
 
 
 def absent_peers() -> list[Record]:
-    """A record for each peer whose libraries are not installed."""
+    """List the peers whose libraries are not installed.
+
+    Returns
+    -------
+    list of Record
+    """
     return [
         record("method", peers.load(name).LABEL, note=f"not installed: {', '.join(absent)}")
         for name in peers.names()
@@ -221,10 +292,16 @@ def absent_peers() -> list[Record]:
 
 
 def record(part: str, method: str, setting: str = "", **values: Any) -> Record:
-    """A line of the table; what is not given is empty."""
-    return {
-        **dict.fromkeys(COLUMNS, ""),
-        "part": part,
-        "method": method,
-        "setting": setting,
-    } | values
+    """Make a line of the table.
+
+    Parameters
+    ----------
+    part, method, setting : str
+    values : the other columns; what is not given is empty
+
+    Returns
+    -------
+    Record
+    """
+    empty = dict.fromkeys(COLUMNS, "")
+    return empty | {"part": part, "method": method, "setting": setting, "own": False} | values

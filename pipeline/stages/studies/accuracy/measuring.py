@@ -15,7 +15,7 @@ from vsr_core.verification import (
     work_precision,
 )
 from vsr_core.verification import (
-    time_step as precision,
+    time_step as ladder,
 )
 from vsr_core.verification.work_precision import Score, Target
 
@@ -29,13 +29,25 @@ RUNS_A_ROW = 10
 """Runs that one setting takes on a row, about."""
 
 
-class Scored(NamedTuple):
-    """A way of running on one row."""
+class Way(NamedTuple):
+    """A way of running, with one of its settings.
+
+    Attributes
+    ----------
+    part : str, of the table: ``method`` or ``sweep``
+    method, setting : str, as the table shows them
+    own : bool, whether it is this project's
+    step : float, time step, in units of sqrt(radius / g) of this project's, else [s]
+    """
 
     part: str
     method: str
     setting: str
-    score: Score
+    own: bool
+    step: float
+
+
+Scored = tuple[Way, Score]
 
 
 class Suite(NamedTuple):
@@ -49,23 +61,46 @@ class Suite(NamedTuple):
 
 
 def find_target(case: Case, items: tuple[tuple[float, tuple[str, ...]], ...]) -> list[Target]:
-    """References of rows, each given by its PGV/PGA [s] and the engines to ask."""
+    """Find the references of rows.
+
+    Parameters
+    ----------
+    case : Case
+    items : tuple of (PGV/PGA [s], names of the engines to ask)
+
+    Returns
+    -------
+    list of Target
+    """
     return [work_precision.target(case, pgv_pga, names) for pgv_pga, names in items]
 
 
-def score(shared: tuple[Case, Target, Settings], items: tuple[tuple[str, str], ...]) -> list[Any]:
-    """Scores of ways of running, each as a list over its settings."""
+def score(
+    shared: tuple[Case, Target, Settings], items: tuple[tuple[str, str], ...]
+) -> list[list[Scored]]:
+    """Score ways of running.
+
+    Parameters
+    ----------
+    shared : Case, Target and Settings
+    items : tuple of (kind, name)
+
+    Returns
+    -------
+    list of list of (Way, Score), one for each setting of a way
+    """
     ways = {"project": _project, "peer": _peer, "sweep": _variation}
     return [ways[kind](*shared, name) for kind, name in items]
 
 
 def _project(case: Case, wanted: Target, settings: Settings, engine: str) -> list[Scored]:
-    unit = precision.step_unit(case.full.rock)
+    unit = ladder.step_unit(case.full.rock)
     found = []
-    for share in precision.SHARES:
+    for share in ladder.SHARES:
         own = Settings(share * unit, settings.reduce, engine)
         result = work_precision.score(work_precision.project(case, own), wanted)
-        found.append(Scored("method", f"project, {engine}", f"{share:g}", result))
+        way = Way("method", f"project, {engine}", f"{share:g}", own=True, step=share)
+        found.append((way, result))
     return found
 
 
@@ -73,13 +108,13 @@ def _peer(case: Case, wanted: Target, settings: Settings, name: str) -> list[Sco
     method = peers.load(name)
     found: list[Scored] = []
     for setting in method.SWEEP:
-        if found and 2.0 * RUNS_A_ROW * found[-1].score.seconds > BUDGET:
+        if found and 2.0 * RUNS_A_ROW * found[-1][1].seconds > BUDGET:
             break
-        tilt = method.build(case.full, setting)
+        tilt, step = method.build(case.full, setting), setting["time_step"]
         test = work_precision.by_tilt(tilt, case.limits.toppled_tilt)
         result = work_precision.score(test, wanted)
-        text = f"{1e3 * setting['time_step']:g} ms"
-        found.append(Scored("method", method.LABEL, text, result))
+        way = Way("method", method.LABEL, f"{1e3 * step:g} ms", own=False, step=step)
+        found.append((way, result))
     return found
 
 
@@ -87,13 +122,24 @@ def _variation(case: Case, wanted: Target, settings: Settings, number: str) -> l
     variation = sensitivity.variations()[int(number)]
     own, changed = variation.change(case, settings)
     result = work_precision.score(work_precision.project(own, changed), wanted)
-    return [Scored("sweep", variation.what, variation.value, result)]
+    way = Way("sweep", variation.what, variation.value, own=True, step=changed.time_step)
+    return [(way, result)]
 
 
 def run_cells(
     shared: tuple[Case, tuple[Settings, ...]], items: tuple[tuple[float, float], ...]
 ) -> list[tuple[int, ...]]:
-    """Outcomes of cells (PGV/PGA [s], PGA [m/s^2]) with each of the settings."""
+    """Run cells with each of some settings.
+
+    Parameters
+    ----------
+    shared : Case and tuple of Settings
+    items : tuple of (PGV/PGA [s], PGA [m/s^2])
+
+    Returns
+    -------
+    list of tuple of int, outcomes
+    """
     case, every = shared
     return [
         tuple(int(simulate(case, CosinePulse(pga, pgv_pga), one).outcome) for one in every)
@@ -102,7 +148,17 @@ def run_cells(
 
 
 def run_reference(steps: tuple[float, ...], items: tuple[tuple[str, str], ...]) -> list[Any]:
-    """Cases of the reference suite, each by name and engine, at every time step that fits."""
+    """Run cases of the reference suite.
+
+    Parameters
+    ----------
+    steps : tuple of float, time steps [s]
+    items : tuple of (name, engine)
+
+    Returns
+    -------
+    list of list of Suite, one for every time step that fits the budget
+    """
     cases = {case.name: case for case in reference.cases()}
     found = []
     for name, engine in items:

@@ -9,21 +9,21 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pipeline.config import in_si
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError
 from pipeline.drawing.style import pictures, svg_uri
-from pipeline.stages.mesh.products import load_rock
+from pipeline.stages.runs.scenes import load_scenes
 from pipeline.stages.studies.servo import drive_figures as figures
 from pipeline.stages.studies.servo import driving
+from pipeline.stages.studies.servo.driving import Followed
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.rock.body import Rock
-from vsr_core.rock.solid import standing
-from vsr_core.run.bounds import Barrier
 from vsr_core.table.servo import check
+from vsr_core.verification.boundary_search import Bracket
 from vsr_core.verification.tracking import Track
 
 FILE, TABLE, PAGE = "drive.nc", "drive.csv", "drive.html"
@@ -38,6 +38,9 @@ _SAMPLED = {
 }
 """Variables of the samples, and what they are in a ``Track``."""
 
+_ENDS = {"last_balanced_pga": "stands", "first_overturning_pga": "topples"}
+"""Ends of the boundary's interval, and what they are in a ``Bracket``."""
+
 
 def make(job: Job) -> Product:
     """Follow a pulse and a rougher motion, and look for the boundary with and without a servo.
@@ -51,10 +54,10 @@ def make(job: Job) -> Product:
     Product
         Dataset, table, page and figures of the driven table.
     """
-    rock, limits = _rock(job)
-    drives = driving.drives(job.config.servo.servo())
-    tracks, records = driving.tracks(job, rock, limits, drives)
-    rows = driving.rows(job, rock, limits, drives)
+    scenes = load_scenes(job.config, job.store, level=True)
+    drives = driving.drives(in_si.servo(job.config.servo))
+    tracks, records = driving.tracks(scenes, drives)
+    rows = driving.rows(job, scenes, drives)
     dataset = described(_dataset(tracks, rows), job, "Driven table")
     drawn = {
         "drive_tracking": figures.tracking(dataset),
@@ -68,7 +71,7 @@ def make(job: Job) -> Product:
         "pga": records[-1]["pga_g"],
         "wanted_pga": driving.SYNTHETIC[0],
         "tried": job.config.motion.pga[-1],
-        "mass": rock.mass,
+        "mass": scenes.rock.mass,
         "table_mass": drives[-1].servo.mass if drives[-1].servo else math.nan,
         "shift": _shift(dataset),
         "rows": np.column_stack([dataset["pgv_pga"], _middle(dataset).T]).tolist(),
@@ -85,16 +88,8 @@ def make(job: Job) -> Product:
     return Product(files, f"rms errors up to {worst:.2g} m/s; boundary {_shift(dataset)}")
 
 
-def _rock(job: Job) -> tuple[Rock, Barrier]:
-    rock, limits = load_rock(job.store)
-    return (standing(rock) if job.config.on_terrain else rock), limits
-
-
-def _dataset(
-    tracks: dict[str, Track], rows: dict[tuple[str, float], driving.Interval]
-) -> xr.Dataset:
+def _dataset(tracks: dict[Followed, Track], rows: dict[tuple[str, float], Bracket]) -> xr.Dataset:
     names, ratios = (list(dict.fromkeys(part)) for part in zip(*rows, strict=True))
-    ends = np.array([[rows[name, ratio] for ratio in ratios] for name in names])
     samples = {
         name: ("sample", np.concatenate([getattr(track, part) for track in tracks.values()]))
         for name, part in _SAMPLED.items()
@@ -103,10 +98,17 @@ def _dataset(
         {
             "row_size": ("case", [len(track.time) for track in tracks.values()]),
             **samples,
-            "last_balanced_pga": (("drive", "pgv_pga"), ends[..., 0]),
-            "first_overturning_pga": (("drive", "pgv_pga"), ends[..., 1]),
+            "case_motion": ("case", [case.motion for case in tracks]),
+            "case_drive": ("case", [case.drive for case in tracks]),
+            **{
+                name: (
+                    ("drive", "pgv_pga"),
+                    [[getattr(rows[drive, ratio], end) for ratio in ratios] for drive in names],
+                )
+                for name, end in _ENDS.items()
+            },
         },
-        {"case": list(tracks), "drive": names, "pgv_pga": ratios},
+        {"case": [str(case) for case in tracks], "drive": names, "pgv_pga": ratios},
     )
 
 
@@ -143,7 +145,7 @@ def inputs(site: Site) -> dict[str, str]:
     InputError
         For a servo whose sampled loop is unstable.
     """
-    servo = site.config.servo.servo()
+    servo = in_si.servo(site.config.servo)
     try:
         check(servo)
     except InvalidInput as error:

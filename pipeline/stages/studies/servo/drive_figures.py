@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from pipeline.drawing import style
+from pipeline.stages.studies.servo.driving import A_PULSE
 from pipeline.workflow.datasets import label, split
 from vsr_core.arrays import Array
 
@@ -33,14 +34,14 @@ def tracking(drive: xr.Dataset) -> Figure:
     """
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.2))
-    cases = [case for case in split(drive, "row_size") if case["case"].item().startswith("pulse")]
+    cases = [case for case in split(drive, "row_size") if case["case_motion"].item() == A_PULSE]
     first = cases[0]
     upper.plot(
         first["time"], first["wanted_velocity"], color=style.INK, lw=3.2, alpha=0.35, label="wanted"
     )
     for number, case in enumerate(cases):
         colour = style.SERIES[number]
-        name = "measured: " + case["case"].item().removeprefix("pulse, ")
+        name = "measured: " + case["case_drive"].item()
         upper.plot(case["time"], case["table_velocity"], color=colour, lw=0.9, label=name)
         lower.plot(case["time"], _error(case), color=colour, lw=0.5, zorder=3 - number)
     upper.set_ylabel("velocity of the table [m/s]")

@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from pipeline.config.in_si import contact
+from pipeline.config import in_si
 from pipeline.config.motion_schema import PulseConfig
-from pipeline.config.schema import Config
+from pipeline.stages.runs.scenes import Scenes, flat_scene, groups
 from pipeline.workflow.cluster import Batch
 from pipeline.workflow.stage import Job
-from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.motions.records.recorded_motion import RecordedMotion
-from vsr_core.outcome import Outcome
-from vsr_core.rock.body import Rock
 from vsr_core.run.bounds import Barrier
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.input_checks import PERIOD_SHARE
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Scene
 from vsr_core.table.servo import PUBLISHED, Servo, spectral_radius
+from vsr_core.verification.boundary_search import Bracket, first_boundary, verdict
+from vsr_core.verification.time_step import step_unit
 from vsr_core.verification.tracking import Track, disturbance, errors, push, synthetic, track
+
+A_PULSE, ROUGH = "pulse", "rough motion"
+"""The motions that are followed."""
 
 PULSE = (0.2, 0.8)
 """PGA [g] and PGV/PGA [s] of the paper's Fig. 7a."""
@@ -56,7 +57,6 @@ COLUMNS = ("case", "loop_hz", "command_hz", "pga_g", "pgv_m_per_s", "spectral_ra
            "recovery_s", "peak_tilt_deg", "note")  # fmt: skip
 
 Record = dict[str, Any]
-Interval = tuple[float, float]  # last balanced and first overturning PGA [g]
 
 
 class Drive(NamedTuple):
@@ -66,32 +66,50 @@ class Drive(NamedTuple):
     servo: Servo | None
 
 
-def run_rows(shared: Any, items: tuple[tuple[str, float], ...]) -> list[Interval]:
-    """Where the boundary lies in rows, on a worker; an item is a drive's name and a PGV/PGA [s]."""
+class Followed(NamedTuple):
+    """A motion that a table was driven through, and the name of the drive."""
+
+    motion: str
+    drive: str
+
+    def __str__(self) -> str:
+        return f"{self.motion}, {self.drive}"
+
+
+def run_rows(shared: Any, items: tuple[tuple[str, float], ...]) -> list[Bracket]:
+    """Find where the boundary lies in rows, on a worker.
+
+    Parameters
+    ----------
+    shared : dict of Case by the name of its drive, PGAs to try [g], and the time step [s]
+    items : tuple of (name of a drive, PGV/PGA [s])
+
+    Returns
+    -------
+    list of Bracket [g]
+    """
     cases, levels, step = shared
     return [_boundary(cases[name], ratio, levels, step) for name, ratio in items]
 
 
-def _boundary(case: Case, ratio: float, levels: list[float], step: float) -> Interval:
-    def topples(pga: float) -> bool:
-        response = simulate(case, CosinePulse.from_g(pga, ratio), Settings(step))
-        return response.outcome is Outcome.OVERTURNED
+def _boundary(case: Case, ratio: float, levels: list[float], step: float) -> Bracket:
+    def topples(pga: float) -> bool | None:
+        return verdict(simulate(case, CosinePulse.from_g(pga, ratio), Settings(step)).outcome)
 
-    last = 0.0
-    for first in levels:
-        if topples(first):
-            break
-        last = first
-    else:
-        return last, math.nan
-    for _ in range(HALVINGS):
-        middle = 0.5 * (last + first)
-        last, first = (last, middle) if topples(middle) else (middle, first)
-    return last, first
+    return first_boundary(topples, levels, HALVINGS)
 
 
 def drives(own: Servo) -> list[Drive]:
-    """The table's frame, the published servo in two ways, and the site's if it is another."""
+    """List the table's frame, the published servo in two ways, and the site's if it is another.
+
+    Parameters
+    ----------
+    own : Servo, the site's
+
+    Returns
+    -------
+    list of Drive
+    """
     drives = [
         Drive("table's own frame", None),
         Drive("published servo, a command each period", PUBLISHED),
@@ -102,31 +120,32 @@ def drives(own: Servo) -> list[Drive]:
     return drives
 
 
-def _scene(config: Config, rock: Rock, servo: Servo | None) -> Scene:
-    friction = contact(config, config.contact.friction[0])
-    return Scene(rock, friction, math.radians(config.yaw[0]), drive=servo)
+def tracks(scenes: Scenes, drives: list[Drive]) -> tuple[dict[Followed, Track], list[Record]]:
+    """Follow the table through the pulse with each servo, and through the rough motion.
 
+    Parameters
+    ----------
+    scenes : Scenes
+    drives : list of Drive, the first the table's own frame
 
-def _step(rock: Rock) -> float:
-    return STEP_SHARE * math.sqrt(rock.radius / GRAVITY)
-
-
-def tracks(
-    job: Job, rock: Rock, limits: Barrier, drives: list[Drive]
-) -> tuple[dict[str, Track], list[Record]]:
-    """The table's way through the pulse with each servo, and through the rough motion."""
-    found: dict[str, Track] = {}
+    Returns
+    -------
+    tracks : dict of Track by motion and drive
+    records : list of dict, lines of the table
+    """
+    step, place = STEP_SHARE * step_unit(scenes.level_rock), groups(scenes.config)[0]
+    found: dict[Followed, Track] = {}
     records = []
     pulse = CosinePulse.from_g(*PULSE)
     for drive in drives[1:]:
         assert drive.servo is not None
-        scene = _scene(job.config, rock, drive.servo)
-        name = f"pulse, {drive.name}"
-        found[name] = track(scene, pulse, _step(rock), AFTER)
+        scene = flat_scene(scenes, place, drive.servo)
+        name = Followed(A_PULSE, drive.name)
+        found[name] = track(scene, pulse, step, AFTER)
         records.append(_record(name, scene, PULSE[0], found[name], pulse))
     slow = replace(PUBLISHED, period=0.005)
     refused = dict.fromkeys(COLUMNS, math.nan) | {
-        "case": "pulse, published gains, the loop itself at 200 Hz",
+        "case": f"{A_PULSE}, published gains, the loop itself at 200 Hz",
         "loop_hz": 1.0 / slow.period,
         "command_hz": 1.0 / slow.command_period,
         "pga_g": PULSE[0],
@@ -136,9 +155,9 @@ def tracks(
     }
     last = drives[-1].servo
     assert last is not None
-    scene = _scene(job.config, rock, last)
-    pga, motion, rough = _toppling(scene, limits, _step(rock))
-    name = f"rough motion, {drives[-1].name}"
+    scene = flat_scene(scenes, place, last)
+    pga, motion, rough = _toppling(scene, scenes.barrier, step)
+    name = Followed(ROUGH, drives[-1].name)
     found[name] = rough
     return found, [*records, refused, _record(name, scene, pga, rough, motion)]
 
@@ -155,7 +174,9 @@ def _toppling(scene: Scene, limits: Barrier, step: float) -> tuple[float, Ground
         pga *= LARGER
 
 
-def _record(name: str, scene: Scene, pga: float, followed: Track, motion: GroundMotion) -> Record:
+def _record(
+    name: Followed, scene: Scene, pga: float, followed: Track, motion: GroundMotion
+) -> Record:
     servo = scene.drive
     assert servo is not None
     error = errors(followed)
@@ -163,7 +184,7 @@ def _record(name: str, scene: Scene, pga: float, followed: Track, motion: Ground
     start = float(abs(motion.acceleration(np.zeros(1))[0]))
     jumps = start > JUMP * motion.peak_acceleration
     return {
-        "case": name,
+        "case": str(name),
         "loop_hz": 1.0 / servo.period,
         "command_hz": 1.0 / servo.command_period,
         "pga_g": pga,
@@ -175,35 +196,40 @@ def _record(name: str, scene: Scene, pga: float, followed: Track, motion: Ground
         "first_share": error.first_share if jumps else math.nan,
         "push_m_per_s": pushed.peak,
         "recovery_s": pushed.recovery,
-        "peak_tilt_deg": math.degrees(float(followed.tilt.max())),
+        "peak_tilt_deg": in_si.in_degrees(float(followed.tilt.max())),
         "note": "",
     }
 
 
-def rows(
-    job: Job, rock: Rock, limits: Barrier, drives: list[Drive]
-) -> dict[tuple[str, float], Interval]:
-    """The boundary's interval for each drive and PGV/PGA."""
+def rows(job: Job, scenes: Scenes, drives: list[Drive]) -> dict[tuple[str, float], Bracket]:
+    """Find the boundary for each drive and PGV/PGA.
+
+    Parameters
+    ----------
+    job : Job
+    scenes : Scenes
+    drives : list of Drive, the first the table's own frame
+
+    Returns
+    -------
+    dict, from the name of a drive and a PGV/PGA [s] to a Bracket [g]
+    """
+    place = groups(scenes.config)[0]
     cases = {
-        drive.name: prepare(_scene(job.config, rock, drive.servo), limits, reduce=True)
+        drive.name: prepare(flat_scene(scenes, place, drive.servo), scenes.barrier, reduce=True)
         for drive in drives
     }
     motion = job.config.motion
     ends = motion.pgv_pga if isinstance(motion, PulseConfig) else DEFAULT_RATIOS
     held = max(drive.servo.command_period for drive in drives if drive.servo)
     ratios = np.geomspace(max(ends[0], held / PERIOD_SHARE, 0.05 * ends[-1]), ends[-1], ROWS)
-    still = cases[drives[0].name].static_limits
-    lowest = min(-still[0], still[1]) / GRAVITY
+    limits = cases[drives[0].name].static_limits
+    lowest = in_si.in_g(min(-limits[0], limits[1]))
     levels = np.geomspace(min(lowest, 0.5 * motion.pga[-1]), motion.pga[-1], LEVELS).tolist()
     items = [(name, float(ratio)) for ratio in ratios for name in cases]
-
-    def batches() -> Iterator[Batch]:
-        for item in items:
-            yield Batch(item, "drives", (item,))
-
     job.log(f"drive: boundary of {len(ratios)} PGV/PGA with {len(drives)} drives")
-    found: dict[tuple[str, float], Interval] = {}
-    shared = (cases, levels, _step(rock))
-    for batch, results in job.cluster.run(run_rows, batches(), lambda name: shared):
-        found[batch.tag] = results[0] if results else (math.nan, math.nan)
+    shared = cases, levels, STEP_SHARE * step_unit(scenes.level_rock)
+    batches = (Batch("drives", (item,)) for item in items)
+    done = job.cluster.each(run_rows, batches, lambda name: shared)
+    found = {item: bracket or Bracket(math.nan, math.nan) for _, item, bracket in done}
     return {item: found[item] for item in items}

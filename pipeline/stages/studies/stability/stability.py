@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import pandas as pd
 
@@ -78,15 +77,10 @@ def run_cases(shared: None, names: tuple[str, ...]) -> list[Finding]:
 def _findings(job: Job, cases: dict[str, Case]) -> dict[str, Finding]:
     order = sorted(cases, key=lambda name: cases[name].family not in _HEAVY)
 
-    def batches() -> Iterator[Batch]:
-        for start in range(0, len(order), _BATCH):
-            names = tuple(order[start : start + _BATCH])
-            yield Batch(names, "cases", names)
-
-    found: dict[str, Finding] = {}
-    for batch, results in job.cluster.run(run_cases, batches(), lambda name: None):
-        found |= zip(batch.items, results or [_DIED] * len(batch.items), strict=True)
-    return found
+    starts = range(0, len(order), _BATCH)
+    batches = (Batch(None, tuple(order[start : start + _BATCH])) for start in starts)
+    done = job.cluster.each(run_cases, batches, lambda nothing: nothing)
+    return {name: finding or _DIED for _, name, finding in done}
 
 
 def _table(cases: dict[str, Case], findings: dict[str, Finding]) -> pd.DataFrame:

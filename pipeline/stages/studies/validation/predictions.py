@@ -104,8 +104,9 @@ def undecided(tests: Tests, specimen: int, of: Form, found: Outcomes) -> tuple[i
     ]
 
     def is_open(run: RunRow) -> bool:
-        lost = run.peak_tilt is None or Outcome(run.outcome).overturned < 0
-        return lost or not run.peak_tilt < limit
+        if run.peak_tilt is None or Outcome(run.outcome).overturned < 0:
+            return True
+        return not run.peak_tilt < limit
 
     return tuple(n for n in tests.number if any(is_open(row[n]) for row in rows))
 
@@ -188,7 +189,7 @@ class Predictor(NamedTuple):
     """
 
     origin: Origin
-    sides: Bools
+    sides: Mask
     probability: Array | None = None
 
 

@@ -14,7 +14,7 @@ from pipeline.stages.studies.accuracy import comparing, measuring
 from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, lines, work_precision
 from pipeline.stages.studies.accuracy.accuracy_page import _better
 from pipeline.workflow.datasets import read
-from vsr_core.verification import boundary_search, peers, reference, sensitivity, time_step
+from vsr_core.verification import agreement, peers, reference, sensitivity, time_step
 
 pytest.importorskip("mujoco")
 
@@ -64,8 +64,8 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     assert methods == {"project, bullet", "project, mujoco"} | labels
     for row in measured:
         assert float(row["cpu_s"]) > 0.0
-        assert boundary_search.OFFSETS[0] <= float(row["error"]) <= float(row["worst"])
-        assert float(row["worst"]) <= boundary_search.WORST
+        assert agreement.OFFSETS[0] <= float(row["error"]) <= float(row["worst"])
+        assert float(row["worst"]) <= agreement.WORST
         assert row["rows"] == "2"
     own = {r["setting"]: float(r["error"]) for r in measured if r["method"] == "project, bullet"}
     assert own["0.003"] < 0.01  # against Housner's equation, at the finest of the steps
@@ -88,6 +88,8 @@ def record(method: str, step: float, error: float, seconds: float) -> dict[str, 
         "part": "method",
         "method": method,
         "setting": f"{step:g}",
+        "own": method.startswith("project"),
+        "step": step,
         "error": error,
         "worst": error,
         "cpu_s": seconds,

@@ -14,6 +14,7 @@ import xarray as xr
 
 from pipeline import ROOT, cli
 from pipeline.stages.studies.validation import predictions, recorded_tests
+from pipeline.stages.studies.validation.recorded_runs import Draw, Role
 from pipeline.workflow.store import RunRow
 from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse
@@ -134,13 +135,14 @@ def test_a_test_that_no_draw_took_near_toppling_is_decided(made: tuple[Path, Pat
         return RunRow(b"", int(outcome), 0, tilt, 0.0, 0.0, 1)
 
     near, far, lost = row(0.6 * edge), row(0.4 * edge), row(0.4 * edge, Outcome.UNSTABLE)
+    died = RunRow(b"", int(Outcome.CRASHED))
     found = {
-        "1/0": {1: far, 2: far, 3: far, 4: near, 5: far, 6: far},
-        "1/1": {1: far, 2: near, 3: lost, 4: near, 5: far, 6: far},
-        "1/best guess": dict.fromkeys(tests.number, near),
-        "2/0": dict.fromkeys(tests.number, near),
+        Draw(1, Role.MEMBER, 0): {1: far, 2: far, 3: far, 4: near, 5: far, 6: far},
+        Draw(1, Role.MEMBER, 1): {1: far, 2: near, 3: lost, 4: near, 5: died, 6: far},
+        Draw(1, Role.BEST_GUESS): dict.fromkeys(tests.number, near),
+        Draw(2, Role.MEMBER, 0): dict.fromkeys(tests.number, near),
     }
-    assert predictions.undecided(tests, 1, of, found) == (2, 3, 4)
+    assert predictions.undecided(tests, 1, of, found) == (2, 3, 4, 5)
 
 
 def test_a_second_call_runs_nothing(
@@ -150,7 +152,7 @@ def test_a_second_call_runs_nothing(
     before = (derived / "validation.nc").stat().st_mtime_ns
     arguments = ["run", "validation", "--table", str(folder), "--derived", str(derived.parent)]
     assert cli.main([*arguments, "--workers", "0"]) == cli.DONE
-    assert "tests in" not in capsys.readouterr().err
+    assert "tests done" not in capsys.readouterr().err
     assert (derived / "validation.nc").stat().st_mtime_ns == before
 
 
