@@ -104,7 +104,7 @@ def factor(unit: str) -> float:
     (0.01, 1.0, 0.01)
     """
     name = _plain(unit)
-    if name in _RAW:
+    if is_raw(unit):
         raise InvalidInput(
             f"a record in {unit}",
             "only the instrument's response makes an acceleration of it",
@@ -134,6 +134,25 @@ def is_acceleration(unit: str) -> bool:
     (True, False)
     """
     return _plain(unit) in _KNOWN
+
+
+def is_raw(unit: str) -> bool:
+    """Whether a unit is that of an instrument's output, such as counts.
+
+    Parameters
+    ----------
+    unit : str
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> is_raw("Counts"), is_raw("g")
+    (True, False)
+    """
+    return _plain(unit) in _RAW
 
 
 def stated(in_file: str | None, given: str | None) -> str:

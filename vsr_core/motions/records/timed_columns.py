@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.records.record import Record, factor, side_by_side, stated
+from vsr_core.motions.named_columns import Column
+from vsr_core.motions.records.record import (
+    Record,
+    factor,
+    is_acceleration,
+    is_raw,
+    side_by_side,
+    stated,
+)
+
+_SECONDS = ("s", "sec", "second", "seconds")
 
 UNEVEN = 0.02
 """Farthest time from an even grid, as a share of the step."""
@@ -18,19 +26,23 @@ COARSE = 0.3
 
 
 def on_times(
-    times: Array,
-    columns: Sequence[tuple[str, str | None, Array]],
+    time: Column,
+    others: list[Column],
+    component: str | None,
     unit: str | None,
     *,
-    station: str,
+    station: str = "",
     source: str,
 ) -> Record:
-    """The record of accelerations at given times.
+    """The record of the accelerations among columns.
 
     Parameters
     ----------
-    times : ndarray, shape (n,) [s]
-    columns : sequence of (name, unit or None, values of shape (n,))
+    time : Column [s]
+    others : list of Column
+    component : str or None
+        Name of the one to take; without it, those in a unit of acceleration or, if there is none,
+        a single one without a unit (or in counts or volts, which is refused with the reason).
     unit : str or None
         Of columns that state none.
     station, source : str
@@ -43,9 +55,14 @@ def on_times(
     Raises
     ------
     InvalidInput
-        If the units differ or are none of acceleration, or the times do not increase in even steps.
+        If times are not in seconds or in even steps, or accelerations are not there or of several
+        units.
     """
-    names, units, values = zip(*columns, strict=True)
+    if time.unit is not None and time.unit.split(" since ")[0].strip() not in _SECONDS:
+        raise InvalidInput(
+            f"times in {time.unit or 'no unit'}", "they are in s", "set the unit of time to s"
+        )
+    names, units, values = zip(*_wanted(others, component), strict=True)
     if len(set(units)) > 1:
         raise InvalidInput(
             f"{', '.join(names)} in {', '.join(map(str, units))}",
@@ -53,8 +70,29 @@ def on_times(
             "name one of them as motion.component",
         )
     name = stated(units[0], unit)
-    even, interval, repairs = _evenly(times, side_by_side(values) * factor(name))
+    even, interval, repairs = _evenly(time.values, side_by_side(values) * factor(name))
     return Record(even, interval, names, station, source, name, repairs)
+
+
+def _wanted(columns: list[Column], component: str | None) -> list[Column]:
+    listed = ", ".join(column.name for column in columns) or "nothing"
+    if component is not None:
+        found = [column for column in columns if column.name == component]
+        if len(found) != 1:
+            raise InvalidInput(
+                f"no column {component!r}", f"the columns are {listed}", "name one of them"
+            )
+        return found
+    if len(columns) == 1 and (columns[0].unit is None or is_raw(columns[0].unit)):
+        return columns
+    accelerations = [column for column in columns if is_acceleration(column.unit or "")]
+    if not accelerations:
+        raise InvalidInput(
+            f"{listed} along time without a unit of acceleration",
+            "one of them is the acceleration, with units such as m s-2",
+            "name it as motion.component, and its unit as motion.unit",
+        )
+    return accelerations
 
 
 def _evenly(times: Array, values: Array) -> tuple[Array, float, tuple[str, ...]]:

@@ -1,0 +1,124 @@
+"""Named columns of numbers with the units that they state: from a table of text, or from NetCDF."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, NamedTuple
+
+import netCDF4
+import numpy as np
+
+from vsr_core.arrays import Array
+from vsr_core.errors import InvalidInput
+
+_BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+
+
+class Column(NamedTuple):
+    """Values of shape (n,), nan where one is missing; no unit where none is stated."""
+
+    name: str
+    unit: str | None
+    values: Array
+
+
+class NetCDF(NamedTuple):
+    """Columns of numbers along time, names of all other variables, and attributes of the file."""
+
+    columns: list[Column]
+    others: list[str]
+    attributes: dict[str, str]
+
+
+def of_text(text: str) -> list[Column]:
+    r"""The columns of a table with a first line of names.
+
+    Columns are separated by commas, semicolons, tabs or blanks; lines that begin with # are left
+    out.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    list of Column
+
+    Raises
+    ------
+    InvalidInput
+        If a row has another number of cells than there are names, or a cell is no number.
+
+    Examples
+    --------
+    >>> [(one.name, one.unit, one.values.tolist()) for one in of_text("time,x [mm]\n0.5,7")]
+    [('time', None, [0.5]), ('x', 'mm', [7.0])]
+    """
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if not lines:
+        return []
+    separator = next((mark for mark in ",;\t" if mark in lines[0]), None)
+    names = [_name(word) for word in lines[0].split(separator)]
+    rows = []
+    for place, line in enumerate(lines[1:], start=2):
+        cells = line.split(separator)
+        if len(cells) != len(names):
+            raise InvalidInput(
+                f"{len(cells)} values in row {place} of a table",
+                f"each row has {len(names)}",
+                "correct it",
+            )
+        try:
+            rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
+        except ValueError:
+            raise InvalidInput(
+                f"row {place} of a table, {line.strip()[:40]!r}", "values are numbers", "correct it"
+            ) from None
+    table = np.array(rows, dtype=np.float64).reshape(-1, len(names)).T
+    return [Column(*name, values) for name, values in zip(names, table, strict=True)]
+
+
+def of_netcdf(content: bytes) -> NetCDF:
+    """The columns of a NetCDF file.
+
+    Parameters
+    ----------
+    content : bytes
+
+    Returns
+    -------
+    NetCDF
+
+    Raises
+    ------
+    InvalidInput
+        If it has no coordinate ``time``.
+    OSError
+        If it is no NetCDF.
+    """
+    with netCDF4.Dataset("motion.nc", memory=content) as data:
+        if "time" not in data.variables or data["time"].ndim != 1:
+            raise InvalidInput(
+                f"a NetCDF file with the variables {', '.join(data.variables)[:80]}, without time",
+                "one of them is the coordinate time",
+                "name it so",
+            )
+        columns, others = [], []
+        for name, variable in data.variables.items():
+            numeric = np.dtype(variable.dtype).kind in "iuf"
+            if numeric and variable.dimensions == data["time"].dimensions:
+                columns.append(Column(name, getattr(variable, "units", None), _filled(variable)))
+            else:
+                others.append(name)
+        return NetCDF(columns, others, {name: str(data.getncattr(name)) for name in data.ncattrs()})
+
+
+def _filled(variable: Any) -> Array:
+    return np.asarray(np.ma.filled(variable[:].astype(np.float64), np.nan))
+
+
+def _name(word: str) -> tuple[str, str | None]:
+    """A column's name without its unit, and the unit."""
+    word = word.strip().strip('"')
+    found = _BRACKETS.match(word)
+    return (found[1], found[2]) if found else (word, None)
