@@ -1,6 +1,6 @@
 """Made-up recorded motions, and writers of the formats in which instruments' files come.
 
-`python tests/record_files.py data/raw/records` writes the samples of the study `records`.
+`python tests/support/record_files.py data/raw/records` writes the samples of the study `records`.
 """
 
 from __future__ import annotations

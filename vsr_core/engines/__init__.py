@@ -48,5 +48,5 @@ def load(name: str) -> Engine:
         raise InvalidInput(
             f"the engine {name!r} without the library {error.name!r}",
             "an engine other than bullet is an extra",
-            f"install it with .venv/bin/pip install '.[{name}]', or set simulation.engine: bullet",
+            f"install it: .venv/bin/pip install -e '.[{name}]', or set simulation.engine: bullet",
         ) from None
