@@ -69,7 +69,17 @@ class CosinePulse:
 
     @classmethod
     def from_g(cls, pga_g: float, pgv_pga: float) -> CosinePulse:
-        """Pulse from a PGA in units of standard gravity and PGV/PGA in seconds."""
+        """Pulse from a PGA in units of standard gravity.
+
+        Parameters
+        ----------
+        pga_g : float [g]
+        pgv_pga : float [s]
+
+        Returns
+        -------
+        CosinePulse
+        """
         return cls(pga_g * GRAVITY, pgv_pga)
 
     @property

@@ -21,13 +21,38 @@ HEADER = 4
 
 
 def is_one(start: str) -> bool:
-    """Whether a text that begins so is such a file."""
+    r"""Whether a text is such a file.
+
+    Parameters
+    ----------
+    start : str
+        Its beginning.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> is_one("PEER\nevent\nACCELERATION\nNPTS=  100, DT= .0050 SEC")
+    True
+    """
     lines = start.splitlines()
     return len(lines) >= HEADER and bool(_NAMED.search(lines[3]) or _PLAIN.search(lines[3]))
 
 
 def read(text: str, unit: str | None) -> Record:
-    """The record in a file's text; ``unit`` is checked against the file's own.
+    """The record in a file's text.
+
+    Parameters
+    ----------
+    text : str
+    unit : str or None
+        Checked against the file's own.
+
+    Returns
+    -------
+    Record
 
     Raises
     ------

@@ -31,7 +31,22 @@ _FORMAT = re.compile(r"\(\s*(\d+)\s*[IFE]\s*(\d+)(?:\.\d+)?\s*\)", re.IGNORECASE
 
 
 def is_one(start: str) -> bool:
-    """Whether a text that begins so is such a file."""
+    """Whether a text is such a file.
+
+    Parameters
+    ----------
+    start : str
+        Its beginning.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> is_one("Corrected acceleration    (Format v01.20 with 13 text lines)")
+    True
+    """
     first = start.split("\n", 1)[0].lower()
     return "(format v" in first and ("accel" in first or "velocity" in first or "displ" in first)
 

@@ -12,7 +12,7 @@ SUFFIXES = (
     *(".at2", ".v2", ".cosmos", ".csv", ".txt", ".nc", ".mseed", ".miniseed", ".sac", ".knet"),
     *(".ew", ".ns", ".ud", ".ew1", ".ns1", ".ud1", ".ew2", ".ns2", ".ud2"),
 )
-"""Of files that a folder of records is searched for."""
+"""Of the files that are taken from a folder of records."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,18 @@ class Reading:
 
 
 def read(content: bytes, suffix: str, how: Reading) -> Record:
-    """The record of one channel in a file's content; its ``suffix`` tells SAC, which has no mark.
+    """The record of one channel in a file's content.
+
+    Parameters
+    ----------
+    content : bytes
+    suffix : str
+        Of the file's name; only SAC and plain tables are recognised by it.
+    how : Reading
+
+    Returns
+    -------
+    Record
 
     Raises
     ------

@@ -45,7 +45,20 @@ class Measures:
 
 
 def measures(trace: Trace) -> Measures:
-    """Measures of a motion that is not all zero."""
+    """Intensity measures of a motion that is not zero throughout.
+
+    Parameters
+    ----------
+    trace : Trace
+
+    Returns
+    -------
+    Measures
+
+    References
+    ----------
+    Arias, A. (1970), in Seismic Design for Nuclear Power Plants, MIT Press: Arias intensity.
+    """
     pga, pgv, pgd = (
         float(np.abs(part).max())
         for part in (trace.acceleration, trace.velocity, trace.displacement)
@@ -67,10 +80,22 @@ def measures(trace: Trace) -> Measures:
 
 
 def spectrum(trace: Trace, frequencies: Array, damping: float = DAMPING) -> Array:
-    """Pseudo-spectral acceleration [m/s^2] of oscillators of given ``frequencies`` [Hz].
+    """Pseudo-spectral acceleration: squared angular frequency times the largest displacement.
 
     Exact for an acceleration that is straight between its samples, which then stops; the largest
     of the relative displacement at the samples, those of one more period included.
+
+    Parameters
+    ----------
+    trace : Trace
+    frequencies : ndarray, shape (n,) [Hz]
+        Of the oscillators.
+    damping : float
+        As a share of the critical.
+
+    Returns
+    -------
+    ndarray, shape (n,) [m/s^2]
 
     References
     ----------
@@ -81,7 +106,21 @@ def spectrum(trace: Trace, frequencies: Array, damping: float = DAMPING) -> Arra
 
 
 def cav_increments(trace: Trace) -> Array:
-    """Integral of the absolute acceleration over each interval [m/s], shape (n - 1,)."""
+    """Integral of the absolute acceleration over each interval; they add up to the CAV.
+
+    Parameters
+    ----------
+    trace : Trace
+
+    Returns
+    -------
+    ndarray, shape (n - 1,) [m/s]
+
+    Examples
+    --------
+    >>> cav_increments(Trace(np.array([0.0, 1.0, -1.0]), 0.5))
+    array([0.25, 0.25])
+    """
     a, b = trace.acceleration[:-1], trace.acceleration[1:]
     total = np.abs(a) + np.abs(b)
     crosses = a * b < 0.0

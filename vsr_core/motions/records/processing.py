@@ -1,4 +1,4 @@
-"""From a sound record to a motion: filters and baseline, as asked and nothing else.
+"""From a sound record to a motion: filters and baseline correction, only as configured.
 
 Two orders, both with Butterworth filters run forward and backward over a record with zeros at both
 ends. The zeros stay: the filters' response runs out in them, and without it velocity and
@@ -75,6 +75,10 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
     interval : float [s]
     how : Processing
 
+    Returns
+    -------
+    Trace
+
     Raises
     ------
     InvalidInput
@@ -102,7 +106,22 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
 
 
 def pad_length(how: Processing, interval: float) -> int:
-    """Zeros at each end, in samples."""
+    """Zeros at each end.
+
+    Parameters
+    ----------
+    how : Processing, with a high-pass
+    interval : float [s]
+
+    Returns
+    -------
+    int, samples
+
+    Examples
+    --------
+    >>> pad_length(Processing("paper", highpass=0.5, lowpass=None), 0.01)
+    600
+    """
     assert how.highpass is not None
     return int(np.ceil(0.5 * PADS * how.poles / how.highpass / interval))
 
@@ -117,6 +136,10 @@ def filtered(values: Array, interval: float, kind: str, corner: float, poles: in
     kind : str, ``lowpass`` or ``highpass``
     corner : float [Hz]
     poles : int
+
+    Returns
+    -------
+    ndarray, shape (n,)
     """
     sections = signal.butter(poles, corner, kind, fs=1.0 / interval, output="sos")
     forward = signal.sosfilt(sections, values)
@@ -127,8 +150,17 @@ def filtered(values: Array, interval: float, kind: str, corner: float, poles: in
 def with_level_baseline(acceleration: Array, interval: float) -> Array:
     """The acceleration whose displacement has no polynomial of powers 2 to 6 left in it.
 
-    Each power's own displacement, as ``Trace`` integrates it, is what is fitted: the fit's rest is
-    the displacement of the result, to rounding.
+    What is fitted is each power's own displacement, as ``Trace`` integrates it, so that the residual
+    of the fit is the displacement of the result, to rounding.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n,) [m/s^2]
+    interval : float [s]
+
+    Returns
+    -------
+    ndarray, shape (n,) [m/s^2]
     """
     span = np.linspace(0.0, 1.0, len(acceleration))
     basis = [power * (power - 1) * span ** (power - 2) for power in POWERS]
@@ -143,7 +175,18 @@ def with_level_baseline(acceleration: Array, interval: float) -> Array:
 
 
 def resampled(values: Array, interval: float, rate: float) -> tuple[Array, float]:
-    """The values at another rate [1/s], by a band-limited filter, and the new interval [s].
+    """The values at another rate, by a band-limited filter.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    interval : float [s]
+    rate : float [1/s]
+
+    Returns
+    -------
+    values : ndarray, shape (m,)
+    interval : float [s]
 
     Raises
     ------

@@ -38,6 +38,14 @@ def sound(record: Record) -> Record:
 
     Short gaps are bridged by a straight line; missing samples at the ends are cut.
 
+    Parameters
+    ----------
+    record : Record, of one channel
+
+    Returns
+    -------
+    Record
+
     Raises
     ------
     InvalidInput
@@ -68,10 +76,14 @@ def sound(record: Record) -> Record:
 def settled(trace: Trace) -> None:
     """Refuse a processed motion that does not come to rest where it began.
 
+    Parameters
+    ----------
+    trace : Trace
+
     Raises
     ------
     InvalidInput
-        With the drift, and what takes it away.
+        With the drift, and what removes it.
     """
     velocity, displacement = trace.velocity, trace.displacement
     drift = abs(float(velocity[-1])) / float(np.abs(velocity).max())

@@ -50,7 +50,7 @@ class RecordedMotion:
 
     @property
     def shortest_time(self) -> float:
-        """Ten samples [s]: no sample is then passed over by a step."""
+        """Ten samples [s]: a time step then skips none."""
         return 10.0 * self.trace.interval
 
     @property
