@@ -54,7 +54,7 @@ class SmoothFragility(FragilityModel):
     def __init__(self, cells: Cells) -> None:
         self.cells = cells
         self._rows, self._columns = _splines(cells.ln_ratio), _splines(cells.ln_pga)
-        self._roughness = roughness(self._rows.shape[1], self._columns.shape[1])
+        self._roughness = _roughness(self._rows.shape[1], self._columns.shape[1])
         everything = np.ones((1, cells.ln_ratio.size))
         start = np.zeros((1, len(self._roughness)))
         tried: list[tuple[float, float, Array]] = []
@@ -138,21 +138,12 @@ def _pairs(basis: Array) -> Array:
     return (basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
 
 
-def roughness(n_row: int, n_column: int) -> Array:
+def _roughness(n_row: int, n_column: int) -> Array:
     """Sum of squared differences of neighbouring coefficients of a table, as a matrix.
-
-    Parameters
-    ----------
-    n_row, n_column : int
-        Size of the table.
-
-    Returns
-    -------
-    ndarray, shape (n_row * n_column, n_row * n_column)
 
     Examples
     --------
-    >>> roughness(1, 2)
+    >>> _roughness(1, 2)
     array([[ 1., -1.],
            [-1.,  1.]])
     """

@@ -150,8 +150,8 @@ def filtered(values: Array, interval: float, kind: str, corner: float, poles: in
 def with_level_baseline(acceleration: Array, interval: float) -> Array:
     """The acceleration whose displacement has no polynomial of powers 2 to 6 left in it.
 
-    What is fitted is each power's own displacement, as ``Trace`` integrates it, so that the residual
-    of the fit is the displacement of the result, to rounding.
+    What is fitted is each power's own displacement, as ``Trace`` integrates it, so that the
+    residual of the fit is the displacement of the result, to rounding.
 
     Parameters
     ----------
