@@ -188,7 +188,7 @@ def test_every_function_that_a_recorded_motion_enters_is_in_its_key(folder: Path
             simulate(case, motions.motion(cell), Settings(0.0014))
     recorded = {name for name in entered if name.startswith("vsr_core.motions.records")}
     assert len(recorded) >= 3
-    in_key = keys.code((*scenes.code(config), *shaking.RECORD_CODE))
+    in_key = keys.code((*scenes.code("bullet", terrain=False), *shaking.RECORD_CODE))
     assert entered - set(in_key) == set()
 
 
