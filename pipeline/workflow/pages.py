@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,9 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined, meta
 
 from pipeline import ROOT
 from pipeline.workflow.keys import digest_bytes
+
+_DASH = "\N{EN DASH}"
+"""Stands for a number that is not known."""
 
 
 def filled(name: str, facts: dict[str, Any]) -> str:
@@ -44,7 +48,7 @@ def source(name: str) -> str:
 
 
 def digest(name: str) -> str:
-    """Digest of a template and what it includes, for the identity of the stage whose page it is.
+    """Digest of a template and all it is made of, for the identity of the stage whose page it is.
 
     Parameters
     ----------
@@ -55,8 +59,8 @@ def digest(name: str) -> str:
     str
     """
     text = source(name)
-    included = sorted(filter(None, meta.find_referenced_templates(_environment().parse(text))))
-    return digest_bytes(text.encode(), *(source(part).encode() for part in included))
+    parts = sorted(filter(None, meta.find_referenced_templates(_environment().parse(text))))
+    return digest_bytes(text.encode(), *(digest(part).encode() for part in parts))
 
 
 @cache
@@ -67,10 +71,39 @@ def _files() -> dict[str, Path]:
 
 @cache
 def _environment() -> Environment:
-    return Environment(
+    environment = Environment(
         loader=FunctionLoader(source),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals |= {"number": _number, "fixed": _fixed, "many": _many}
+    return environment
+
+
+def _number(value: float, digits: int = 3) -> str:
+    """A number to so many significant digits; a dash where it is not known.
+
+    >>> _number(0.012345), _number(math.nan)
+    ('0.0123', '–')
+    """
+    return _DASH if math.isnan(value) else f"{value:.{digits}g}"
+
+
+def _fixed(value: float, digits: int = 3) -> str:
+    """A number with so many decimals; a dash where it is not known.
+
+    >>> _fixed(0.5), _fixed(math.nan)
+    ('0.500', '–')
+    """
+    return _DASH if math.isnan(value) else f"{value:.{digits}f}"
+
+
+def _many(count: int) -> str:
+    """A count with narrow spaces between thousands.
+
+    >>> _many(12345).split()
+    ['12', '345']
+    """
+    return f"{count:,}".replace(",", "\u202f")

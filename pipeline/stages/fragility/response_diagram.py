@@ -158,7 +158,7 @@ def _boundary(axes: Axes, fit: xr.Dataset) -> None:
             upper[both],
             color="black",
             lw=1.0,
-            label="first overturning in between",
+            label="interval of the first overturning",
             gid="boundary",
             zorder=3,
         )

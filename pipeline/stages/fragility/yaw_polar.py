@@ -96,7 +96,7 @@ def _first(axes: PolarAxes, fragility: xr.Dataset, rock: xr.Dataset) -> None:
         color=style.INK,
         lw=0.9,
         ls=(0, (4, 2)),
-        label="static overturning, weaker of the two ways",
+        label="static overturning, weaker direction",
         gid="static",
     )
     ticks = [tick for tick in MaxNLocator(4).tick_values(0.0, rim) if 0.0 < tick < 0.97 * rim]

@@ -56,7 +56,7 @@ def work_precision(records: list[Record], tolerance: float, title: str) -> Figur
         )
     axes.axhline(100.0 * tolerance, color=FAINT, linewidth=0.8, linestyle=":")
     axes.annotate(
-        "tolerance asked for",
+        "tolerance",
         (0.0, 100.0 * tolerance),
         xycoords=("axes fraction", "data"),
         xytext=(4, 3),
@@ -67,7 +67,7 @@ def work_precision(records: list[Record], tolerance: float, title: str) -> Figur
     _percent_axis(axes)
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.set_xlabel("CPU time of a run [ms]")
+    axes.set_xlabel("CPU time per run [ms]")
     axes.set_ylabel("error of the overturning boundary [%]")
     axes.set_title(title, loc="left")
     figure.legend(loc="outside lower center", ncols=2)

@@ -1,11 +1,11 @@
-"""Predictions of shake-table tests and their scores beside those of other predictors."""
+"""Predictions of shake-table tests, and those of other predictors."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -24,20 +24,8 @@ from vsr_core.validation.predictors import first_half, logistic
 from vsr_core.validation.priors import best_guess
 from vsr_core.validation.specimen import Form, drawn, form
 
-Record = dict[str, Any]
-
-SCORED = ("accuracy", "balanced_accuracy", "f1", "matthews", "brier", "log_loss")
-COLUMNS = ("specimen", "predictor", "subset", "n", *SCORED, "mcnemar_p")
-DOUBT_COLUMNS = (
-    "specimen", "unknown", "tests", "overturned_low", "overturned_high", "changed",
-)  # fmt: skip
-FAILED_COLUMNS = ("specimen", "test", "ground_motion", "pga_g", "pgv_pga_s", "happened", "share")
-
-NEAR = 0.5
+_NEAR = 0.5
 """Share of the tilt from which a rock falls on that is near toppling."""
-
-CLASSES = 4
-"""Classes of PGA and of PGV/PGA, with equally many tests, for tables of right and wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +57,16 @@ class Predictions:
 
 
 def forms(scans: dict[int, trimesh.Trimesh]) -> dict[int, Form]:
-    """Form of each specimen, with the next specimen's scan as a replica if it is one."""
+    """Form of each specimen, with the next specimen's scan as a replica if it is one.
+
+    Parameters
+    ----------
+    scans : dict from the number of a specimen to its scan
+
+    Returns
+    -------
+    dict from the number of a specimen to its Form
+    """
     numbers = list(scans)
     return {
         number: form(
@@ -81,7 +78,7 @@ def forms(scans: dict[int, trimesh.Trimesh]) -> dict[int, Form]:
 
 
 def undecided(tests: Tests, specimen: int, of: Form, found: Outcomes) -> tuple[int, ...]:
-    """Find the tests in which a member came ``NEAR`` toppling, or has no verdict.
+    """Find the tests in which a member came half-way to toppling, or has no verdict.
 
     Of 184 tests of a public specimen that six members did not take that far, no other member of
     twenty overturned in any.
@@ -98,7 +95,7 @@ def undecided(tests: Tests, specimen: int, of: Form, found: Outcomes) -> tuple[i
     tuple of int, numbers of the tests
     """
     guess = drawn(of, best_guess(priors(tests.config)), tests.config.density)
-    limit = NEAR * bounds.barrier(guess).edge_tilt
+    limit = _NEAR * bounds.barrier(guess).edge_tilt
     rows = [
         row for draw, row in found.items() if draw.specimen == specimen and draw.role is Role.MEMBER
     ]
@@ -154,18 +151,28 @@ def _calibration(tests: Tests, overturned: Array, members: Array, half: Mask) ->
     known = list(compared(tests))
     if not known:
         return Calibration()
-    happened = np.concatenate([sides[half] for _, _, sides in known])
+    observed = np.concatenate([sides[half] for _, _, sides in known])
     counts, whole = (
         np.concatenate([part[row][half] for row, _, _ in known]) for part in (overturned, members)
     )
-    return calibrate(counts, whole, happened)
+    return calibrate(counts, whole, observed)
 
 
 def compared(tests: Tests) -> Iterator[tuple[int, int, Mask]]:
-    """Row, number and outcomes, shape (tests,), of each specimen that has outcomes."""
+    """The specimens that have outcomes.
+
+    Parameters
+    ----------
+    tests : Tests
+
+    Yields
+    ------
+    row, number : int
+    observed : ndarray of bool, shape (tests,), whether it overturned
+    """
     for row, specimen in enumerate(tests.specimens):
-        if specimen in tests.happened:
-            yield row, specimen, np.array(tests.happened[specimen]) == 1
+        if specimen in tests.observed:
+            yield row, specimen, np.array(tests.observed[specimen]) == 1
 
 
 class Origin(Enum):
@@ -175,7 +182,7 @@ class Origin(Enum):
     REGRESSION = "a regression of the outcomes on the motions"
     PUBLISHED = "someone's publication"
     CONSTANT = "no information"
-    OTHER_SPECIMEN = "what happened to another specimen"
+    OTHER_SPECIMEN = "the outcome of another specimen"
 
 
 class Predictor(NamedTuple):
@@ -207,16 +214,16 @@ def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, Predictor
     dict of Predictor by name
     """
     specimen = tests.specimens[row]
-    happened = np.array(tests.happened[specimen]) == 1
+    observed = np.array(tests.observed[specimen]) == 1
     motions = np.array(tests.motion)
     intensity = np.log(np.column_stack([tests.pga, tests.pgv_pga]))
-    regression = logistic(intensity, happened, motions)
-    velocity = logistic(intensity.sum(axis=1, keepdims=True), happened, motions)
+    regression = logistic(intensity, observed, motions)
+    velocity = logistic(intensity.sum(axis=1, keepdims=True), observed, motions)
 
     def decided(origin: Origin, probability: Array) -> Predictor:
         return Predictor(origin, scores.decided(probability), probability)
 
-    constant = np.zeros(len(happened), dtype=bool)
+    constant = np.zeros(len(observed), dtype=bool)
     found = {
         "ensemble": decided(Origin.OURS, made.share[row]),
         "calibrated ensemble": decided(Origin.OURS, made.calibrated[row]),
@@ -228,113 +235,29 @@ def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, Predictor
     for (owner, name), values in tests.published.items():
         if owner == specimen:
             found[name] = Predictor(Origin.PUBLISHED, np.array(values) == 1)
-    for other, values in tests.happened.items():
+    for other, values in tests.observed.items():
         if other != specimen:
             name = f"outcome of specimen {other}"
             found[name] = Predictor(Origin.OTHER_SPECIMEN, np.array(values) == 1)
     return found
 
 
-def records(tests: Tests, made: Predictions) -> list[Record]:
-    """One record per specimen with outcomes, predictor and subset of tests."""
-    subsets = {"all": np.ones(len(made.half), dtype=bool)}
-    subsets |= {"calibration half": made.half, "other half": ~made.half}
-    rows = []
-    for row, specimen, happened in compared(tests):
-        known = predictors(tests, made, row)
-        for name, predictor in known.items():
-            sides, probability = predictor.sides, predictor.probability
-            for subset, inside in subsets.items():
-                score = scores.scored(
-                    happened[inside],
-                    sides[inside],
-                    None if probability is None else probability[inside],
-                )
-                p = scores.mcnemar(happened[inside], known["ensemble"].sides[inside], sides[inside])
-                rows.append(
-                    {
-                        "specimen": specimen,
-                        "predictor": name,
-                        "subset": subset,
-                        "n": score.n,
-                        **{key: getattr(score, key) for key in SCORED},
-                        "mcnemar_p": p,
-                    }
-                )
-    return rows
-
-
-def failed(tests: Tests, made: Predictions) -> list[Record]:
-    """Tests that every predictor but the constant one and other specimens has wrong."""
-    rows = []
-    for row, specimen, happened in compared(tests):
-        known = predictors(tests, made, row)
-        wrong = [
-            predictor.sides != happened
-            for predictor in known.values()
-            if predictor.origin not in (Origin.CONSTANT, Origin.OTHER_SPECIMEN)
-        ]
-        rows += [
-            {
-                "specimen": specimen,
-                "test": tests.number[at],
-                "ground_motion": tests.motion[at],
-                "pga_g": tests.pga[at],
-                "pgv_pga_s": tests.pgv_pga[at],
-                "happened": int(happened[at]),
-                "share": float(made.share[row, at]),
-            }
-            for at in np.flatnonzero(np.all(wrong, axis=0)).tolist()
-        ]
-    return rows
-
-
-def confusions(tests: Tests, made: Predictions) -> list[Record]:
-    """Right and wrong predictions of the ensemble by classes of PGA and of PGV/PGA."""
-    rows = []
-    for row, specimen, happened in compared(tests):
-        sides = scores.decided(made.share[row])
-        for name, unit, values in (("PGA", "g", tests.pga), ("PGV/PGA", "s", tests.pgv_pga)):
-            measure = np.array(values)
-            edges = np.quantile(measure, np.linspace(0.0, 1.0, CLASSES + 1))
-            number = np.clip(np.searchsorted(edges, measure, "right") - 1, 0, CLASSES - 1)
-            for k in range(CLASSES):
-                inside = number == k
-                rows.append(
-                    {
-                        "specimen": specimen,
-                        "measure": name,
-                        "unit": unit,
-                        "low": float(edges[k]),
-                        "high": float(edges[k + 1]),
-                        "hits": int((inside & sides & happened).sum()),
-                        "false_alarms": int((inside & sides & ~happened).sum()),
-                        "misses": int((inside & ~sides & happened).sum()),
-                        "right_balanced": int((inside & ~sides & ~happened).sum()),
-                    }
-                )
-    return rows
-
-
-def specimens(tests: Tests, of: dict[int, Form]) -> list[Record]:
-    """What is known of each specimen's shape."""
-    return [
-        {
-            "number": number,
-            "error": of[number].error,
-            "replica": of[number].replica,
-            "outcomes": number in tests.happened,
-        }
-        for number in tests.specimens
-    ]
-
-
 def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
-    """The predictions on (specimen, test)."""
+    """The predictions on (specimen, test).
+
+    Parameters
+    ----------
+    tests : Tests
+    made : Predictions
+
+    Returns
+    -------
+    Dataset
+    """
     dims = ("specimen", "test")
-    happened = np.full(made.share.shape, -1, dtype="i1")
+    observed = np.full(made.share.shape, -1, dtype="i1")
     for row, _, sides in compared(tests):
-        happened[row] = sides
+        observed[row] = sides
     found = xr.Dataset(
         {
             "probability": (dims, made.share),
@@ -343,7 +266,7 @@ def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
             "probability_calibrated": (dims, made.calibrated),
             "predicted_calibrated": (dims, _decided(made.calibrated)),
             "members": (dims, made.members.astype("i4")),
-            "happened": (dims, happened),
+            "happened": (dims, observed),
         },
         {
             "specimen": list(tests.specimens),

@@ -38,7 +38,7 @@ class Tests:
     number : tuple of int, the tests that have a record and a row of outcomes
     motion : tuple of str, ground motion of each
     pga, pgv_pga : tuple of float [g], [s]
-    happened : dict from specimen to its outcomes, 1 for overturned
+    observed : dict from specimen to its outcomes, 1 for overturned
     published : dict from (specimen, predictor) to predictions, 1 for overturned
     interval : float [s], between samples
     specimens : tuple of int, those that were scanned
@@ -48,7 +48,7 @@ class Tests:
     motion: tuple[str, ...]
     pga: tuple[float, ...]
     pgv_pga: tuple[float, ...]
-    happened: dict[int, tuple[int, ...]]
+    observed: dict[int, tuple[int, ...]]
     published: dict[tuple[int, str], tuple[int, ...]]
     interval: float
     specimens: tuple[int, ...]
@@ -152,7 +152,7 @@ def tests_in(folder: Path) -> Tests:
     if not len(table):
         raise _problem(path, "test", "no test with a record", "some have one", "number them alike")
     specimens = tuple(scans_in(folder))
-    happened = {
+    observed = {
         number: _flags(path, table, f"specimen{number}")
         for number in specimens
         if f"specimen{number}" in table
@@ -167,7 +167,7 @@ def tests_in(folder: Path) -> Tests:
         tuple(map(str, table["ground_motion"])),
         tuple(map(float, table["pga_g"])),
         tuple(map(float, table["pgv_pga_s"])),
-        happened,
+        observed,
         published,
         round(float(time[1] - time[0]), 9),
         specimens,

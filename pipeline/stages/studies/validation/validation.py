@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from pipeline.config.layers import Site
 from pipeline.drawing.style import pictures, png_uri
-from pipeline.stages.studies.validation import predictions
+from pipeline.stages.studies.validation import predictions, validation_tables
 from pipeline.stages.studies.validation import validation_figures as figures
 from pipeline.stages.studies.validation.predictions import Predictions
 from pipeline.stages.studies.validation.recorded_runs import (
@@ -44,16 +44,18 @@ FILE, TABLE, PAGE, DOUBTS, FAILED = (
     "validation_failed.csv",
 )
 
-FIRST = 6
+_DOUBTS = ["specimen", "unknown", "tests", "overturned_low", "overturned_high", "changed"]
+
+_FIRST = 6
 """Members that run all tests; the others leave out those that none of these was moved much by."""
 
-DOUBTFUL, MOST_DOUBTFUL = (0.15, 0.85), 40
+_DOUBTFUL, _MOST_DOUBTFUL = (0.15, 0.85), 40
 """Tests with a share in this range, and so many of them at most, are run again at the ends of each
 prior."""
 
 
 def make(job: Job) -> Product:
-    """Predict the tests, score the predictions beside others', and say what they hang on.
+    """Predict the tests, score the predictions beside others', and say what they depend on.
 
     Parameters
     ----------
@@ -62,6 +64,7 @@ def make(job: Job) -> Product:
     Returns
     -------
     Product
+        Dataset, tables, page and figures of the validation.
     """
     tests = tests_in(job.site.folder)
     accelerations(job.site.folder, tests.config.acceleration)  # what is wrong is told at once
@@ -69,8 +72,8 @@ def make(job: Job) -> Product:
     series = Series(tests, forms)
     found, predicted = _predict(job, series)
     at_ends, doubts = _doubtful(job, series, predicted)
-    records = predictions.records(tests, predicted)
-    failed = predictions.failed(tests, predicted)
+    scores = validation_tables.scored(tests, predicted)
+    failed = validation_tables.failed(tests, predicted)
     drawn = {
         "validation_reliability": figures.reliability(tests, predicted),
         "validation_roc": figures.roc(tests, predicted),
@@ -80,21 +83,22 @@ def make(job: Job) -> Product:
     facts = {
         "site": job.site.name,
         "tests": len(tests.number),
-        "specimens": predictions.specimens(tests, forms),
+        "forms": forms,
+        "compared": tests.observed,
         "assumed": tests.config.model_dump(mode="json"),
-        "records": records,
+        "scores": list(scores.itertuples()),
         "calibration": predicted.calibration,
-        "classes": predictions.confusions(tests, predicted),
-        "doubts": doubts,
-        "failed": failed,
+        "classes": validation_tables.confusions(tests, predicted),
+        "doubts": list(doubts.itertuples()),
+        "failed": list(failed.itertuples()),
         "pictures": {name: png_uri(figure) for name, figure in drawn.items()},
     }
     dataset = described(predictions.dataset(tests, predicted), job, "Shake-table tests")
     files = {
         FILE: netcdf(dataset),
-        TABLE: writers.table(pd.DataFrame(records, columns=predictions.COLUMNS)),
-        DOUBTS: writers.table(pd.DataFrame(doubts, columns=predictions.DOUBT_COLUMNS)),
-        FAILED: writers.table(pd.DataFrame(failed, columns=predictions.FAILED_COLUMNS)),
+        TABLE: writers.table(scores),
+        DOUBTS: writers.table(doubts),
+        FAILED: writers.table(failed),
         PAGE: writers.text(pages.filled("validation.html", facts)),
     }
     for name, figure in drawn.items():
@@ -104,7 +108,7 @@ def make(job: Job) -> Product:
         for rows in (found | at_ends).values()
         for row in rows.values()
     )
-    return Product(files, _summary(records), unresolved=predicted.lost, retry=crashed)
+    return Product(files, _summary(scores), unresolved=predicted.lost, retry=crashed)
 
 
 def _predict(job: Job, series: Series) -> tuple[Outcomes, Predictions]:
@@ -115,7 +119,7 @@ def _predict(job: Job, series: Series) -> tuple[Outcomes, Predictions]:
         for number, member in enumerate(draws(drawn, tests.config.members))
     }
     guesses = {Draw(specimen, Role.BEST_GUESS): best_guess(drawn) for specimen in tests.specimens}
-    first = [draw for draw in members if int(draw.of) < FIRST]
+    first = [draw for draw in members if int(draw.of) < _FIRST]
     job.log(f"validation: {len(tests.number)} tests, {len(tests.specimens)} specimens")
     every = dict.fromkeys([*guesses, *first], tests.number)
     found = outcomes(job, series, guesses | members, every)
@@ -128,55 +132,53 @@ def _predict(job: Job, series: Series) -> tuple[Outcomes, Predictions]:
     return found, predictions.predictions(tests, found)
 
 
-def _doubtful(
-    job: Job, series: Series, predicted: Predictions
-) -> tuple[Outcomes, list[dict[str, Any]]]:
+def _doubtful(job: Job, series: Series, predicted: Predictions) -> tuple[Outcomes, pd.DataFrame]:
     """What each unknown does to the tests that are in doubt, from one end of it to the other."""
-    tests, (least, most) = series.tests, DOUBTFUL
+    tests, (least, most) = series.tests, _DOUBTFUL
     members: dict[Draw, Member] = {}
     wanted: dict[Draw, tuple[int, ...]] = {}
-    for specimen, share in zip(tests.specimens, predicted.share.tolist(), strict=True):
-        shares = zip(tests.number, share, strict=True)
-        doubtful = tuple(number for number, p in shares if least <= p <= most)
-        doubtful = doubtful[:: math.ceil(len(doubtful) / MOST_DOUBTFUL) or 1]
+    for specimen, share in zip(tests.specimens, predicted.share, strict=True):
+        doubtful = np.array(tests.number)[(share >= least) & (share <= most)].tolist()
+        doubtful = doubtful[:: math.ceil(len(doubtful) / _MOST_DOUBTFUL) or 1]
         pairs = extremes(priors(tests.config), replica=series.forms[specimen].replica)
         for unknown, pair in pairs.items():
             for role, member in zip((Role.LOW, Role.HIGH), pair, strict=True):
                 draw = Draw(specimen, role, unknown)
-                members[draw], wanted[draw] = member, doubtful
+                members[draw], wanted[draw] = member, tuple(doubtful)
     found = outcomes(job, series, members, wanted)
-    records = []
+    rows = []
     for draw in members:
         if draw.role is Role.LOW:
-            ends = (found[draw], found[draw._replace(role=Role.HIGH)])
-            sides = [[Outcome(row.outcome).overturned for row in end.values()] for end in ends]
-            both = [pair for pair in zip(*sides, strict=True) if min(pair) >= 0]
-            records.append(
-                {
-                    "specimen": draw.specimen,
-                    "unknown": draw.of,
-                    "tests": len(both),
-                    "overturned_low": sum(low for low, _ in both),
-                    "overturned_high": sum(high for _, high in both),
-                    "changed": sum(a != b for a, b in both) / len(both) if both else math.nan,
-                }
-            )
-    return found, records
+            ends = (found[draw].values(), found[draw._replace(role=Role.HIGH)].values())
+            sides = np.array([[Outcome(row.outcome).overturned for row in end] for end in ends])
+            low, high = sides[:, (sides >= 0).all(axis=0)] == 1
+            changed = float((low != high).mean()) if low.size else math.nan
+            toppled = int(low.sum()), int(high.sum())
+            rows.append((draw.specimen, draw.of, low.size, *toppled, changed))
+    return found, pd.DataFrame(rows, columns=_DOUBTS)
 
 
-def _summary(records: list[dict[str, Any]]) -> str:
-    rows = [r for r in records if r["predictor"] == "ensemble" and r["subset"] == "all"]
+def _summary(scores: pd.DataFrame) -> str:
+    rows = scores.query("predictor == 'ensemble' and subset == 'all' and n > 0")
     parts = [
-        f"specimen {r['specimen']}: balanced accuracy {r['balanced_accuracy']:.3f}, "
-        f"Matthews {r['matthews']:.3f}, Brier {r['brier']:.4f}"
-        for r in rows
-        if r["n"]
+        f"specimen {row.specimen}: balanced accuracy {row.balanced_accuracy:.3f}, "
+        f"Matthews {row.matthews:.3f}, Brier {row.brier:.4f}"
+        for row in rows.itertuples()
     ]
     return "; ".join(parts) or "no outcomes to compare with"
 
 
 def inputs(site: Site) -> dict[str, str]:
-    """Digests of the files in the folder of tests."""
+    """Digests of the files in the folder of tests.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    dict from file name to digest
+    """
     names = [RECORDS, OUTCOMES, ASSUMED, *(path.name for path in scans_in(site.folder).values())]
     paths = [site.folder / name for name in names]
     return {path.name: digest_file(path) for path in paths if path.is_file()}

@@ -1,4 +1,4 @@
-"""Figures of the validation: predicted probabilities against what happened on the table."""
+"""Figures of the validation: predicted probabilities against what was observed on the table."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from vsr_core.validation import curves, scores
 
 def _panels(tests: Tests) -> tuple[Figure, list[Axes]]:
     """A panel for each specimen that has outcomes; one that says so if there is none."""
-    count = max(len(tests.happened), 1)
+    count = max(len(tests.observed), 1)
     figure = Figure(figsize=(4.6 * count, 4.2), layout="constrained")
     axes = [figure.add_subplot(1, count, k + 1) for k in range(count)]
-    if not tests.happened:
+    if not tests.observed:
         place = axes[0].transAxes
         axes[0].text(0.5, 0.5, "no outcomes to compare with", ha="center", transform=place)
     return figure, axes
@@ -28,14 +28,14 @@ def _panels(tests: Tests) -> tuple[Figure, list[Axes]]:
 def reliability(tests: Tests, made: Predictions) -> Figure:
     """Share of tests that overturned against predicted probability, in classes."""
     figure, panels = _panels(tests)
-    for axes, (row, specimen, happened) in zip(panels, predictions.compared(tests), strict=False):
+    for axes, (row, specimen, observed) in zip(panels, predictions.compared(tests), strict=False):
         axes.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
         kinds = (
-            ("priors only, all tests", made.share[row], np.ones(len(happened), dtype=bool)),
+            ("priors only, all tests", made.share[row], np.ones(len(observed), dtype=bool)),
             ("calibrated, other half", made.calibrated[row], ~made.half),
         )
         for k, (label, probability, inside) in enumerate(kinds):
-            found = scores.reliability(happened[inside], probability[inside])
+            found = scores.reliability(observed[inside], probability[inside])
             shift = 0.008 * (2 * k - 1)
             axes.errorbar(
                 found.predicted + shift,
@@ -70,21 +70,21 @@ def roc(tests: Tests, made: Predictions) -> Figure:
     from sklearn.metrics import roc_auc_score, roc_curve
 
     figure, panels = _panels(tests)
-    for axes, (row, specimen, happened) in zip(panels, predictions.compared(tests), strict=False):
+    for axes, (row, specimen, observed) in zip(panels, predictions.compared(tests), strict=False):
         axes.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
         points = 0
         for k, (name, known) in enumerate(predictions.predictors(tests, made, row).items()):
             sides, probability = known.sides, known.probability
             if probability is not None:
-                false, right, _ = roc_curve(happened, probability)
-                area = roc_auc_score(happened, probability)
+                false, right, _ = roc_curve(observed, probability)
+                area = roc_auc_score(observed, probability)
                 axes.plot(
                     false, right, color=SERIES[k % 6], lw=1.2, label=f"{name}, area {area:.3f}"
                 )
             elif known.origin is not Origin.CONSTANT:
                 marker = MARKERS[points % 6]
                 points += 1
-                right_share, false_share = sides[happened].mean(), sides[~happened].mean()
+                right_share, false_share = sides[observed].mean(), sides[~observed].mean()
                 axes.plot(
                     false_share, right_share, marker, ms=5, mfc="none", color=INK, lw=0, label=name
                 )
@@ -108,12 +108,12 @@ def fragility(tests: Tests, made: Predictions) -> Figure:
     motions = np.array(tests.motion)
     pga, ratio = np.array(tests.pga), np.array(tests.pgv_pga)
     measures = (("peak ground acceleration [g]", pga), ("PGA x PGV/PGA = PGV [g s]", pga * ratio))
-    for at, (row, specimen, happened) in enumerate(known):
+    for at, (row, specimen, observed) in enumerate(known):
         for column, (label, values) in enumerate(measures):
             axes = figure.add_subplot(len(known), 2, 2 * at + column + 1)
             grid = np.geomspace(values.min(), values.max(), 80)
             for share, name, colour in (
-                (happened.astype(np.float64), "experiment", OVERTURNED),
+                (observed.astype(np.float64), "experiment", OVERTURNED),
                 (made.share[row], "ensemble, priors only", UPRIGHT),
             ):
                 found = curves.curve(values, share, motions, grid)
@@ -129,15 +129,15 @@ def fragility(tests: Tests, made: Predictions) -> Figure:
 
 @styled
 def map_of_tests(tests: Tests, made: Predictions) -> Figure:
-    """Every test over PGV/PGA and PGA: what happened, and the probability it had."""
+    """Every test over PGV/PGA and PGA: what was observed, and the probability it had."""
     figure = Figure(figsize=(5.0 * len(tests.specimens), 4.2), layout="constrained")
     drawn = None
     for row, specimen in enumerate(tests.specimens):
         axes = figure.add_subplot(1, len(tests.specimens), row + 1)
-        known = specimen in tests.happened
-        happened = np.array(tests.happened[specimen] if known else [0] * len(tests.number)) == 1
+        known = specimen in tests.observed
+        observed = np.array(tests.observed[specimen] if known else [0] * len(tests.number)) == 1
         for side, marker, name in ((False, "o", "balanced"), (True, "^", "overturned")):
-            inside = happened == side
+            inside = observed == side
             if not inside.any():
                 continue
             drawn = axes.scatter(

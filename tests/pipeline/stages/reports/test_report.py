@@ -124,7 +124,7 @@ def test_page_answers_first(made: Path, products: dict[str, xr.Dataset]) -> None
     share = products["fragility"]["toppled_share"].values[:, 0]
     assert share[0] > share[1] > 0.0
     assert f"most fragile at yaw 0 deg, where {100 * share[0]:.0f}\xa0% of" in head
-    assert "The shape is: box." in head
+    assert "Shape of the rock: box." in head
     assert "Every run has a verdict" in head
     for yaw in ("yaw 0 deg", "yaw 90 deg"):
         assert head.count(yaw) >= 1

@@ -73,7 +73,7 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     assert [row["method"] for row in absent] == [peers.load("dart").LABEL]
     page = (made / "accuracy.html").read_text()
     assert page.count("<img src=") == 2
-    for text in (*methods, "not installed: dartpy", "Housner", "asked for 1 %"):
+    for text in (*methods, "not installed: dartpy", "Housner", "tolerance: 1 %"):
         assert text.replace("'", "&#39;") in page
     assert (made / "work_precision.png").read_bytes().startswith(b"\x89PNG")
     assert (made / "work_precision.pdf").read_bytes().startswith(b"%PDF")

@@ -109,7 +109,12 @@ def test_scores_are_of_each_predictor_and_subset(made: tuple[Path, Path]) -> Non
 def test_page_shows_its_pictures_and_what_was_assumed(made: tuple[Path, Path]) -> None:
     page = (made[1] / "validation.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 4
-    for word in ("McNemar", "azimuth", "sign of the drive", "no outcomes, predicted all the same"):
+    for word in (
+        "McNemar",
+        "azimuth",
+        "sign of the drive",
+        "no observed outcomes, predicted all the same",
+    ):
         assert word in page
     for name in ("reliability", "roc", "fragility", "tests"):
         assert (made[1] / f"validation_{name}.png").stat().st_size > 10_000
