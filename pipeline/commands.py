@@ -9,6 +9,7 @@ import argparse
 import os
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +131,7 @@ def feasible(options: argparse.Namespace) -> int:
     int, always 0
     """
     make = named("pipeline.stages.studies.capacity.feasible:make")
-    job = _job(options)
+    job = replace(_job(options), stage="feasible")
     job.store.open()
     with job.cluster:
         lines = make(job, options.table, Path(options.export) if options.export else None)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import trimesh
 import xarray as xr
 
+from pipeline.config import in_si
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.mesh import sources
 from pipeline.stages.mesh.products import BARRIER_SCALARS, ROCK, SCAN, SCAN_PAGE
@@ -47,7 +46,7 @@ def make(job: Job) -> Product:
                 "give metres; 0 if you have a coefficient in mind",
             )
         )
-    dataset, turned = _dataset(made, level), math.degrees(made.turned)
+    dataset, turned = _dataset(made, level), in_si.in_degrees(made.turned)
     dataset.attrs |= {
         "shape_source": source,
         "repaired": "; ".join(repaired),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,6 @@ from pipeline.config.problems import InputError
 from pipeline.stages.mesh.products import SCAN, TERRAIN, load_rock
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
-from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
@@ -24,6 +22,7 @@ from vsr_core.scene import Scene, State
 from vsr_core.terrain.coarsening import coarser
 from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
+from vsr_core.verification.time_step import step_unit
 
 NEAR_RADII = 2.0
 """Distance from the rock, in its radii, up to which the ground is as detailed as its seat."""
@@ -87,7 +86,7 @@ def _rest(terrain: Terrain, job: Job, friction: float) -> State:
         start=scanned,
         terrain=terrain,
     )
-    return settled(scene, COARSEST_SHARE * math.sqrt(rock.radius / GRAVITY))
+    return settled(scene, COARSEST_SHARE * step_unit(rock))
 
 
 def _dataset(whole: Terrain, terrain: Terrain, starts: dict[float, State]) -> xr.Dataset:

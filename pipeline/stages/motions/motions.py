@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pipeline.config import in_si
 from pipeline.config.layers import Site
 from pipeline.config.motion_schema import PulseConfig, RecordConfig, TableMotionConfig
 from pipeline.stages.motions import record_inputs, table_motions
@@ -16,7 +17,6 @@ from pipeline.stages.motions.record_inputs import Ready
 from pipeline.stages.motions.shaking import FILE
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
-from vsr_core import GRAVITY
 from vsr_core.motions.records.measures import spectrum
 from vsr_core.motions.records.trace import Trace
 
@@ -75,8 +75,8 @@ def _pulses(ratios: tuple[float, ...], peaks: tuple[float, ...]) -> tuple[xr.Dat
         {
             "frequency": ("pgv_pga", frequency),
             "duration": ("pgv_pga", 1.0 / frequency),
-            "amplitude": (("pgv_pga", "pga"), np.outer(pgv_pga**2, GRAVITY * pga)),
-            "pgv": (("pgv_pga", "pga"), np.outer(pgv_pga, GRAVITY * pga)),
+            "amplitude": (("pgv_pga", "pga"), np.outer(pgv_pga**2, in_si.acceleration(pga))),
+            "pgv": (("pgv_pga", "pga"), np.outer(pgv_pga, in_si.acceleration(pga))),
         },
         {"pga": pga, "pgv_pga": pgv_pga},
     )
@@ -100,7 +100,7 @@ def _records(job: Job, motion: RecordConfig) -> tuple[xr.Dataset, str]:
         ("spectral_acceleration", [one.trace for one in ready]),
         ("raw_spectral_acceleration", raw),
     ):
-        spectra = np.array([spectrum(trace, frequency) / GRAVITY for trace in traces])
+        spectra = np.array([in_si.in_g(spectrum(trace, frequency)) for trace in traces])
         dataset[name] = (("record", "oscillator_frequency"), spectra)
     dataset["record_size"].attrs["sample_dimension"] = "sample"
     dataset["raw_size"].attrs["sample_dimension"] = "raw_sample"
@@ -128,7 +128,7 @@ def _facts(one: Ready) -> dict[str, Any]:
         "record_unit": record.unit,
         "repairs": "; ".join(record.repairs),
         **{
-            name: measures[own] / (GRAVITY if name in _IN_G else 1.0)
+            name: in_si.in_g(measures[own]) if name in _IN_G else measures[own]
             for own, name in MEASURES.items()
         },
     }

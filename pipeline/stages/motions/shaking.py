@@ -10,6 +10,7 @@ import struct
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
+from pipeline.config import in_si
 from pipeline.config.layers import Site
 from pipeline.config.motion_schema import (
     AxisPulseConfig,
@@ -25,7 +26,6 @@ from pipeline.workflow import keys
 from pipeline.workflow.code_roots import AXIS_CODE, RECORD_CODE, TABLE_CODE
 from pipeline.workflow.datasets import read, split
 from pipeline.workflow.store import Store
-from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.motions.records.trace import Trace
@@ -113,7 +113,7 @@ class Pulses:
         return self.pgv_pga
 
     def motion(self, cell: Cell) -> GroundMotion:
-        return CosinePulse(cell.pga * GRAVITY, self.pgv_pga[cell.row])
+        return CosinePulse(in_si.acceleration(cell.pga), self.pgv_pga[cell.row])
 
     def token(self, cell: Cell) -> bytes:
         return struct.pack("<2d", self.pgv_pga[cell.row], cell.pga)
@@ -132,7 +132,7 @@ class TablePulses(Pulses):
         row, pga = self.pgv_pga[cell.row], cell.pga
         return AxisPulses(
             tuple(
-                AxisPulse(pulse.axis, pulse.share * pga * GRAVITY, pulse.pgv_pga or row)
+                AxisPulse(pulse.axis, in_si.acceleration(pulse.share * pga), pulse.pgv_pga or row)
                 for pulse in self.pulses
             )
         )
@@ -176,7 +176,7 @@ class Tables:
 
     def motion(self, cell: Cell) -> SampledMotion:
         whole = self.motions[cell.row]
-        return whole.scaled(cell.pga * GRAVITY / whole.peak_acceleration)
+        return whole.scaled(in_si.acceleration(cell.pga) / whole.peak_acceleration)
 
     def token(self, cell: Cell) -> bytes:
         motion = self.motion(cell)

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from pipeline.config import in_si
 from pipeline.config.layers import Site
 from pipeline.config.motion_schema import AxisPulseConfig, TableMotionConfig
 from pipeline.stages.motions import record_inputs, table_files
 from pipeline.workflow.datasets import split
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Job
-from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.sampled import SampledMotion
 
@@ -61,7 +61,7 @@ def dataset(job: Job, motion: TableMotionConfig) -> tuple[xr.Dataset, str]:
         {
             "record": list(names),
             "pgv_pga": ("record", list(ratios)),
-            "record_pga": ("record", [one.peak_acceleration / GRAVITY for one in motions]),
+            "record_pga": ("record", [in_si.in_g(one.peak_acceleration) for one in motions]),
             "record_pgv": ("record", [one.peak_velocity for one in motions]),
         },
     )

@@ -6,9 +6,9 @@ import math
 
 from pydantic import Field
 
+from pipeline.config import in_si
 from pipeline.config.layers import TABLES, load_file
 from pipeline.config.sections import Section
-from vsr_core import GRAVITY
 from vsr_core.table.capacity import Table
 
 
@@ -29,7 +29,7 @@ class TableConfig(Section):
     def table(self) -> Table:
         """The table in the terms of the physics."""
         return Table(
-            acceleration=GRAVITY * _limit(self.acceleration),
+            acceleration=in_si.acceleration(_limit(self.acceleration)),
             velocity=_limit(self.velocity),
             stroke=_limit(self.stroke),
             payload=_limit(self.payload),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ import trimesh
 import xarray as xr
 
 from pipeline import ROOT, cli
+from pipeline.config.shake_table_schema import ShakeTableConfig
 from pipeline.stages.studies.validation import predictions, recorded_tests
 from pipeline.stages.studies.validation.recorded_runs import Draw, Role
 from pipeline.workflow.store import RunRow
@@ -91,6 +93,10 @@ def test_tests_of_a_block_are_predicted(made: tuple[Path, Path]) -> None:
         )
         assert (data["members"] == 3).all()
         assert data.attrs["Conventions"] == "CF-1.11"
+        settings = json.loads(data.attrs["vsr_config_json"])
+        assert set(settings) == set(ShakeTableConfig.model_fields)
+        assert (settings["members"], settings["friction"]) == (3, [1.5, 2.0])
+        assert data.attrs["history"] == "made by stage validation from block_tests"
 
 
 def test_scores_are_of_each_predictor_and_subset(made: tuple[Path, Path]) -> None:
