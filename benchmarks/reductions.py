@@ -34,6 +34,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.run import bounds, overturning, sampling
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
+from vsr_core.run.reductions import Reduction
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.table.servo import Servo
@@ -74,13 +75,13 @@ Pair = Callable[[Run], tuple[Run, Run] | None]
 class Row:
     """A reduction: what is left out, why that is harmless, and the two runs to compare.
 
-    ``name`` is the end of the name by which a scene says that it is left out, if it does.
+    ``reduction`` is what a scene says that it leaves out, if it does.
     """
 
     what: str
     why: str
     pair: Pair
-    name: str = ""
+    reduction: Reduction | None = None
 
 
 @dataclass(frozen=True)
@@ -189,43 +190,43 @@ ROWS = (
         "joint and controller of the table",
         "prescribed motion: the table's own frame is exact, with gravity minus its acceleration",
         driven,
-        "joint, servo and moving pedestal",
+        Reduction.MOVING_PEDESTAL,
     ),
     Row(
         "pedestal slab, replaced by a plane",
         "the top is flat, and its edges are out of reach",
         slab,
-        "pedestal slab",
+        Reduction.PEDESTAL_SLAB,
     ),
     Row(
         "hull vertices that touch only beyond 80 deg",
         "shown by the normals of their facets; a run that tilts further is repeated with all",
         all_vertices,
-        "hull vertices",
+        Reduction.HULL_VERTICES,
     ),
     Row(
         "runs that cannot move",
         f"`static_limits` in {PROOF}: contact forces exist that hold the rock",
         no_proof_before,
-        "runs below the uplift and sliding limits",
+        Reduction.STATIC_RUNS,
     ),
     Row(
         "the motion before its first push",
         "nothing moves until it exceeds `static_limits`",
         whole_motion,
-        "the motion before its first push",
+        Reduction.LEAD_IN,
     ),
     Row(
         "time after the outcome is certain",
         f"`cannot_topple`, `cannot_return` and `cannot_be_stopped` in {PROOF}",
         to_rest,
-        "time after the outcome is certain",
+        Reduction.CERTAIN_END,
     ),
     Row(
         f"{REST:g} s of rest before the pulse",
         "the rest pose is known from the hull's geometry",
         settling,
-        "settling before the pulse",
+        Reduction.SETTLING,
     ),
     Row(
         "building a world for each run",
@@ -242,7 +243,7 @@ ROWS = (
         "the residual is 5e-4 of gravity's impulse in a step; the time step's error is far larger",
         all_iterations,
     ),
-    Row("the trajectory", "only outcomes are needed", trajectory, "trajectory"),
+    Row("the trajectory", "only outcomes are needed", trajectory, Reduction.TRAJECTORY),
     Row("all of these at once, except the joint", "as above", everything),
 )
 
@@ -457,8 +458,12 @@ def page(names: list[str], measured: Measured, number: int) -> str:
 
 
 def stated(measured: Measured) -> str:
-    """Gains on the first rock, by the names that scenes give what they leave out, as YAML."""
-    found = {row.name: float(str(own[0])) for row, own in measured if row.name and own[0]}
+    """Gains on the first rock, by the names of what scenes leave out, as YAML."""
+    found = {
+        row.reduction.name.lower(): float(str(own[0]))
+        for row, own in measured
+        if row.reduction and own[0]
+    }
     head = "# Made by `python -m benchmarks.reductions --write`; do not edit.\n"
     return head + yaml.safe_dump(found, sort_keys=False)
 

@@ -76,7 +76,7 @@ def plan(product: str, job: Job) -> list[str]:
     lines += _planned_runs(job, scenes, _kind(product), measured=measured)
     dropped = left_out(job.config, flat_case(scenes, groups(job.config)[0]))
     lines.append("left out:")
-    lines += [f"  {r.what}: {r.why}" for r in dropped] or ["  nothing (simulation.reduce: off)"]
+    lines += [f"  {reduction}" for reduction in dropped] or ["  nothing (simulation.reduce: off)"]
     return lines
 
 

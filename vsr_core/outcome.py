@@ -33,12 +33,25 @@ class Outcome(IntEnum):
 
 
 class DecidedBy(IntEnum):
-    """The rule that ended a run, or kept it from starting."""
+    """The rule that ended a run, or kept it from starting.
 
-    SIMULATION = 0
-    NO_UPLIFT_BOUND = 1
-    ENERGY_BOUND = 2
-    NO_RETURN = 3
+    Attributes
+    ----------
+    how : str, in words
+    """
+
+    SIMULATION = 0, "simulated until at rest, or until time ran out"
+    NO_UPLIFT_BOUND = 1, "proved, never run: too weak to lift or slide the rock"
+    ENERGY_BOUND = 2, "stopped early: too little energy left to change sides"
+    NO_RETURN = 3, "stopped early: falling past every support"
+
+    how: str
+
+    def __new__(cls, value: int, how: str) -> DecidedBy:
+        """A rule with its words."""
+        rule = int.__new__(cls, value)
+        rule._value_, rule.how = value, how
+        return rule
 
 
 class StopReason(IntEnum):

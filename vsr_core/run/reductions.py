@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from enum import Enum
 
 import numpy as np
 
@@ -10,64 +11,82 @@ from vsr_core.rock.reduction import KEPT_TILT, simplified
 from vsr_core.scene import Scene
 
 
-@dataclass(frozen=True)
-class Reduction:
-    """Something left out of a scene, and why the answer stays the same."""
+class Reduction(Enum):
+    """Something left out of a scene, and why the outcome stays the same.
 
-    what: str
-    why: str
+    Attributes
+    ----------
+    what, why : str, in words
+    """
 
-
-STANDING_REDUCTIONS = (
-    Reduction("trajectory", "only outcomes are wanted"),
-    Reduction("settling before the pulse", "the rest pose is known from the hull's geometry"),
-)
-"""What ``simulate`` itself leaves out when a scene is reduced."""
-
-TABLE_FRAME_REDUCTIONS = (
-    Reduction(
+    TRAJECTORY = "trajectory", "only outcomes are wanted"
+    SETTLING = "settling before the pulse", "the rest pose is known from the hull's geometry"
+    MOVING_PEDESTAL = (
         "joint, servo and moving pedestal",
         "the motion is prescribed, so the table's own frame is exact: gravity minus the table's "
         "acceleration",
-    ),
-    Reduction(
+    )
+    STATIC_RUNS = (
         "runs below the uplift and sliding limits",
         "the resultant stays inside the base and the friction cone: nothing moves",
-    ),
-    Reduction(
+    )
+    LEAD_IN = (
         "the motion before its first push",
         "until it leaves those limits nothing moves, so the run starts there; it passes over rests "
         "in a record as well",
-    ),
-    Reduction(
+    )
+    CERTAIN_END = (
         "time after the outcome is certain",
         "energy too small for any way back, or falling past every support",
-    ),
-)
-"""What it leaves out besides where no servo moves the table."""
-
-TERRAIN_REDUCTIONS = (
-    Reduction(
+    )
+    PEDESTAL_SLAB = "pedestal slab", "a flat pedestal is a plane; its edges are out of reach"
+    HULL_VERTICES = (
+        "hull vertices",
+        f"they cannot touch below {np.degrees(KEPT_TILT):.0f} deg of tilt, and it tips as before "
+        "without them; a run that tilts further is repeated with all",
+    )
+    MOVING_TERRAIN = (
         "joint, servo and moving terrain",
         "the motion is prescribed, so the table's own frame is exact: gravity minus the table's "
         "acceleration",
-    ),
-    Reduction(
+    )
+    STATIC_RUNS_ON_TERRAIN = (
         "runs below the uplift and sliding limits",
         "forces in the friction cones at the points of contact balance weight and inertia",
-    ),
-    Reduction(
+    )
+    TRIANGLES = (
         "triangles of the terrain",
         "convex parts that stand out of it by less than a stated tolerance take their place",
-    ),
-    Reduction(
-        "ground out of reach", "only what is near the rock's surface is in the engine's world"
-    ),
-    Reduction(
+    )
+    FAR_GROUND = (
+        "ground out of reach",
+        "only what is near the rock's surface is in the engine's world",
+    )
+    HULL_CORNERS = (
         "corners of the rock's hull",
         "its base is complete while it is on its seat; what is left out lies within a stated "
         "distance of the rest, farther once the rock has toppled",
-    ),
+    )
+
+    def __init__(self, what: str, why: str) -> None:
+        self.what, self.why = what, why
+
+
+STANDING_REDUCTIONS = (Reduction.TRAJECTORY, Reduction.SETTLING)
+"""What ``simulate`` itself leaves out when a scene is reduced."""
+
+PROOFS = (Reduction.STATIC_RUNS, Reduction.LEAD_IN, Reduction.CERTAIN_END)
+"""What is proved for a motion along one axis."""
+
+TABLE_FRAME_REDUCTIONS = (Reduction.MOVING_PEDESTAL, *PROOFS)
+"""What it leaves out besides where no servo moves the table."""
+
+TERRAIN_REDUCTIONS = (
+    Reduction.MOVING_TERRAIN,
+    Reduction.STATIC_RUNS_ON_TERRAIN,
+    Reduction.TRIANGLES,
+    Reduction.FAR_GROUND,
+    Reduction.HULL_CORNERS,
 )
 """What runs on a terrain leave out."""
 
@@ -93,19 +112,10 @@ def reduce(scene: Scene) -> tuple[Scene, tuple[Reduction, ...]]:
         # On a plane Bullet finds one corner of a landing edge at a time, on a slab both. With a
         # box that shifts the boundary of short pulses by 3-5 %, and no face rebounds as it should.
         reduced = replace(reduced, pedestal="plane")
-        dropped.insert(
-            0, Reduction("pedestal slab", "a flat pedestal is a plane; its edges are out of reach")
-        )
+        dropped.insert(0, Reduction.PEDESTAL_SLAB)
     if scene.rock.shape == "hull":
         rock = simplified(scene.rock)
-        left_out = len(scene.rock.vertices) - len(rock.vertices)
-        if left_out:
+        if len(rock.vertices) < len(scene.rock.vertices):
             reduced = replace(reduced, rock=rock, kept_tilt=float(KEPT_TILT))
-            dropped.append(
-                Reduction(
-                    f"{left_out} of {len(scene.rock.vertices)} hull vertices",
-                    f"they cannot touch below {np.degrees(KEPT_TILT):.0f} deg of tilt, and it tips "
-                    "as before without them; a run that tilts further is repeated with all",
-                )
-            )
+            dropped.append(Reduction.HULL_VERTICES)
     return reduced, tuple(dropped)

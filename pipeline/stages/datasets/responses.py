@@ -55,7 +55,8 @@ def make(job: Job) -> Product:
     for name in ("time_step", "boundary_error", "boundary_error_worst"):
         dataset[name] = ("friction", measured[name].values)
     reductions = left_out(config, flat_case(study.scenes, study.groups[0]))
-    dataset.attrs["left_out"] = "\n".join(f"{r.what}: {r.why}" for r in reductions)
+    dataset.attrs["left_out"] = "\n".join(map(str, reductions))
+    dataset.attrs["left_out_names"] = " ".join(r.reduction.name.lower() for r in reductions)
     settings = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)
     files = {
         FILE: netcdf(described(dataset, job, "Overturning responses")),

@@ -83,6 +83,8 @@ def page(
     found: Found | None = None,
     slots: Sequence[Slot] = (),
     limits: Sequence[str] = (),
+    *,
+    surrogate: bool,
 ) -> str:
     """Everything about large displacement in one page that loads nothing.
 
@@ -92,13 +94,15 @@ def page(
     displacement, terrain : Dataset
         As in ``displacement.nc`` and ``terrain.nc``.
     source : str
-        What the terrain is; one that is not a scan says "surrogate".
+        What the terrain is.
     found : Found, optional
         A rock found on the terrain, in the site's frame.
     slots : sequence of Slot
         Time-lapse, animation, page in three dimensions.
     limits : sequence of str
         Sentences on what else the results do not hold for.
+    surrogate : bool
+        Whether the terrain is no scan, but made from published figures.
     """
     shown = [
         {"title": slot.title, "caption": slot.caption, "link": slot.link, "image": _uri(slot.image)}
@@ -107,7 +111,7 @@ def page(
     facts = {
         "site": site,
         "source": source,
-        "surrogate": "surrogate" in source.lower(),
+        "surrogate": surrogate,
         "answer": _answer(displacement),
         "counts": _counts(displacement),
         "groups": [_group(name, runs, terrain, source) for name, runs in groups(displacement)],

@@ -47,7 +47,14 @@ def make(job: Job) -> Product:
     slots = [] if run is None else _slots(displacement, run, motion)
     found = _found(job, terrain)
     page = displacement_page.page(
-        job.site.name, displacement, terrain, source, found, slots, LIMITS
+        job.site.name,
+        displacement,
+        terrain,
+        source,
+        found,
+        slots,
+        LIMITS,
+        surrogate=bool(rock.attrs["surrogate"]),
     )
     space = scene3d.page(displacement, terrain, rock, job.site.name, source)
     files = _figures(displacement, terrain, source) | {PAGE: text(page), SPACE: text(space)}

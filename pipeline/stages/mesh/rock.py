@@ -34,7 +34,7 @@ def make(job: Job) -> Product:
     -------
     Product
     """
-    made, level, source, repaired = _solid(job)
+    made, level, origin, repaired = _solid(job)
     rolling, radius = job.config.contact.rolling_friction, made.rock.radius
     if rolling > 0.05 * radius:
         raise InputError(
@@ -48,41 +48,45 @@ def make(job: Job) -> Product:
         )
     dataset, turned = _dataset(made, level), in_si.in_degrees(made.turned)
     dataset.attrs |= {
-        "shape_source": source,
+        **origin,
         "repaired": "; ".join(repaired),
         "mass_kg": made.rock.mass,
         "volume_m3": made.volume,
         "turned_to_rest_deg": turned,
     }
-    note = f"{source}; {made.rock.mass:.4g} kg, turned {turned:.2f} deg to rest"
+    note = f"{origin['shape_source']}; {made.rock.mass:.4g} kg, turned {turned:.2f} deg to rest"
     return Product({ROCK: netcdf(described(dataset, job, "Rock"))}, note)
 
 
-def _solid(job: Job) -> tuple[Solid, Rock, str, tuple[str, ...]]:
+Origin = dict[str, str | int]
+"""Where a shape is from, as attributes: its source in words, and whether that is a surrogate."""
+
+
+def _solid(job: Job) -> tuple[Solid, Rock, Origin, tuple[str, ...]]:
     """The rock as it stands, the same on level ground, where it is from, what was repaired."""
     rock, terrain = job.config.rock, job.config.on_terrain
     if rock.shape == "box":
         assert rock.size is not None
         made = solid.box(rock.size, rock.density)
-        return made, made.rock, "box", ()
-    mesh, label, where, file = _from_scan(job) if terrain else _from_file(job)
+        return made, made.rock, {"shape_source": "box", "surrogate": 0}, ()
+    mesh, origin, where, file = _from_scan(job) if terrain else _from_file(job)
     try:
         mesh, repaired = solid.checked(mesh)
         made = solid.from_mesh(mesh, rock.density, as_scanned=terrain)
         level = solid.standing(made.rock) if terrain else made.rock
     except InvalidInput as error:
         raise InputError.from_invalid(where, file, error) from None
-    return made, level, label, repaired
+    return made, level, origin, repaired
 
 
-def _from_file(job: Job) -> tuple[trimesh.Trimesh, str, str, str]:
+def _from_file(job: Job) -> tuple[trimesh.Trimesh, Origin, str, str]:
     """The mesh of the rock alone, where it is from, and what to name if it is refused."""
     source = sources.find(job.site)
     where = f"{job.site.file}: rock.mesh" if source.path else job.site.file
-    return sources.load(source, job.site), source.label, where, source.name
+    return sources.load(source, job.site), source.attributes, where, source.name
 
 
-def _from_scan(job: Job) -> tuple[trimesh.Trimesh, str, str, str]:
+def _from_scan(job: Job) -> tuple[trimesh.Trimesh, Origin, str, str]:
     """The same of the rock in the pose in which it stands on its terrain."""
     scan = read(job.path(SCAN))
     if not scan.attrs["accepted"]:
@@ -98,8 +102,8 @@ def _from_scan(job: Job) -> tuple[trimesh.Trimesh, str, str, str]:
         )
     faces = scan["rock_face"].values.astype(np.int64)
     mesh = trimesh.Trimesh(scan["rock_vertex"].values, faces, process=False)
-    source = scan.attrs["shape_source"]
-    return mesh, source, f"{job.site.file}: rock.mesh", source
+    origin: Origin = {name: scan.attrs[name] for name in ("shape_source", "surrogate")}
+    return mesh, origin, f"{job.site.file}: rock.mesh", str(origin["shape_source"])
 
 
 def _dataset(made: Solid, level: Rock) -> xr.Dataset:

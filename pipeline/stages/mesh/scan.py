@@ -32,8 +32,10 @@ def make(job: Job) -> Product:
     prepared = _prepared(job, source)
     accepted = job.config.pedestal.cut is not None
     dataset = _dataset(prepared)
-    dataset.attrs |= {"accepted": int(accepted), "shape_source": source.label}
-    page = scan_page.page(job.site.name, source.label, prepared, accepted=accepted)
+    dataset.attrs |= {"accepted": int(accepted), **source.attributes}
+    page = scan_page.page(
+        job.site.name, source.label, prepared, accepted=accepted, surrogate=source.surrogate
+    )
     files = {SCAN: netcdf(described(dataset, job, "Scan")), SCAN_PAGE: text(page)}
     return Product(files, _summary(prepared, job))
 

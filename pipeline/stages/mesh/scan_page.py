@@ -28,24 +28,26 @@ SAME_AREA, SAME_SEAM = 0.05, 0.1
 within this share of the rock's size."""
 
 
-def page(site: str, source: str, prepared: Prepared, *, accepted: bool) -> str:
+def page(site: str, source: str, prepared: Prepared, *, accepted: bool, surrogate: bool) -> str:
     """Everything about a separation and a closing in one page that loads nothing.
 
     Parameters
     ----------
     site : str
     source : str
-        Where the scan comes from; one that is none says "surrogate".
+        Where the scan comes from.
     prepared : Prepared
     accepted : bool
         Whether the site's configuration accepts the cut.
+    surrogate : bool
+        Whether the scan is none, but made from published figures.
     """
     solid, found = prepared.steps[-1].after, prepared.separation
     size = np.ptp(prepared.rock.vertices, axis=0)
     facts = {
         "site": site,
         "source": source,
-        "surrogate": "surrogate" in source.lower(),
+        "surrogate": surrogate,
         "accepted": accepted,
         "proposed": prepared.proposed,
         "confidence": found.confidence,

@@ -38,6 +38,16 @@ class Source:
     label: str
 
     @property
+    def surrogate(self) -> bool:
+        """Whether it is not scanned, but made from published figures."""
+        return self.path is None
+
+    @property
+    def attributes(self) -> dict[str, str | int]:
+        """What a product says of it."""
+        return {"shape_source": self.label, "surrogate": int(self.surrogate)}
+
+    @property
     def name(self) -> str:
         """What to call it in a message."""
         return shown(self.path) if self.path else "surrogate"

@@ -33,8 +33,8 @@ from pipeline.workflow.stage import Job, Product
 FILE = "report.html"
 
 GAINS = Path(__file__).with_name("gains.yaml")
-"""CPU time without a reduction over that with it, on the surrogate of Double Rock, by the end of
-the reduction's name; `python -m benchmarks.reductions` measures it."""
+"""CPU time without a reduction over that with it, on the surrogate of Double Rock, by the
+reduction's name; `python -m benchmarks.reductions` measures it."""
 
 MOST_LISTED = 500
 """Runs without a verdict that are listed one by one."""

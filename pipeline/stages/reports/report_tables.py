@@ -23,14 +23,6 @@ Row = dict[str, Any]
 RATIOS = (0.1, 0.2, 0.3, 0.5, 0.8)
 """PGV/PGA [s] near which the table of the boundary has its columns."""
 
-HOW = {
-    DecidedBy.SIMULATION: "simulated until at rest, or until time ran out",
-    DecidedBy.NO_UPLIFT_BOUND: "proved, never run: too weak to lift or slide the rock",
-    DecidedBy.ENERGY_BOUND: "stopped early: too little energy left to change sides",
-    DecidedBy.NO_RETURN: "stopped early: falling past every support",
-}
-"""What decided a run, in words."""
-
 EARLY = (DecidedBy.ENERGY_BOUND, DecidedBy.NO_RETURN)
 
 
@@ -41,7 +33,7 @@ def about_rock(rock: xr.Dataset) -> Row:
     return {
         **{name: rock.attrs[name] for name in ("shape_source", "repaired", "mass_kg", "volume_m3")},
         "turned": float(rock.attrs["turned_to_rest_deg"]),
-        "surrogate": rock.attrs["shape_source"].startswith("surrogate"),
+        "surrogate": bool(rock.attrs["surrogate"]),
         "size": [float(length) for length in np.ptp(corners, axis=0)],
         "height": -float(rock["vertex"].values[:, 2].min()),
         "corners": len(base),
@@ -56,13 +48,14 @@ def left_out(responses: xr.Dataset, gains: dict[str, float]) -> list[Row]:
     Parameters
     ----------
     responses : Dataset
-    gains : dict, from the end of a reduction's name to CPU time without it over that with it
+    gains : dict, from a reduction's name to CPU time without it over that with it
     """
     rows = []
-    for line in responses.attrs["left_out"].splitlines():
+    attributes = responses.attrs
+    lines, names = attributes["left_out"].splitlines(), attributes["left_out_names"].split()
+    for line, name in zip(lines, names, strict=True):
         what, _, why = line.partition(": ")
-        gain = next((gain for name, gain in gains.items() if what.endswith(name)), None)
-        rows.append({"what": what, "why": why, "gain": gain})
+        rows.append({"what": what, "why": why, "gain": gains.get(name)})
     return rows
 
 
@@ -130,7 +123,7 @@ def counts(responses: xr.Dataset) -> Row:
     kinds = [code for code in Outcome if (outcome == code).any()]
     table = [
         {
-            "how": HOW.get(code, code.name.lower().replace("_", " ")),
+            "how": code.how,
             "runs": [int(((outcome == kind) & (rule == code)).sum()) for kind in kinds],
         }
         for code in DecidedBy

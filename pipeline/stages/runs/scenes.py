@@ -24,7 +24,7 @@ from vsr_core.run import displacement
 from vsr_core.run.bounds import Barrier
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
 from vsr_core.run.input_checks import COARSEST_SHARE, check, check_unshaken, longest_step
-from vsr_core.run.reductions import TABLE_FRAME_REDUCTIONS, TERRAIN_REDUCTIONS, Reduction
+from vsr_core.run.reductions import PROOFS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.scene import Scene
 from vsr_core.table.servo import Servo
 from vsr_core.verification.time_step import step_unit
@@ -213,7 +213,17 @@ def _ground_identity(ground: Ground) -> str:
     return keys.digest_bytes(*(array.tobytes() for array in arrays))
 
 
-def left_out(config: Config, case: Case) -> tuple[Reduction, ...]:
+class LeftOut(NamedTuple):
+    """Something that the runs of a configuration leave out of the scene, in words."""
+
+    reduction: Reduction
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.reduction.why}"
+
+
+def left_out(config: Config, case: Case) -> list[LeftOut]:
     """List what the runs of a configuration leave out of the scene.
 
     Parameters
@@ -223,13 +233,17 @@ def left_out(config: Config, case: Case) -> tuple[Reduction, ...]:
 
     Returns
     -------
-    tuple of Reduction
+    list of LeftOut
     """
-    if config.motion.kind == "table":  # proofs are for motions along x
-        return tuple(r for r in case.reductions if r not in TABLE_FRAME_REDUCTIONS[1:])
-    if not config.on_terrain:
-        return case.reductions
-    return TERRAIN_REDUCTIONS if config.simulation.reduce else ()
+    reductions = case.reductions
+    if config.motion.kind == "table":
+        reductions = tuple(r for r in reductions if r not in PROOFS)
+    elif config.on_terrain:
+        reductions = TERRAIN_REDUCTIONS if config.simulation.reduce else ()
+    every = len(case.full.rock.vertices)
+    gone = every - len(case.scene.rock.vertices)
+    counted = {Reduction.HULL_VERTICES: f"{gone} of {every} {Reduction.HULL_VERTICES.what}"}
+    return [LeftOut(reduction, counted.get(reduction, reduction.what)) for reduction in reductions]
 
 
 def check_scenes(site: Site, scenes: Scenes) -> None:

@@ -593,7 +593,7 @@ def text(runs: xr.Dataset, ground: xr.Dataset) -> str:
         Slot("In three dimensions", link="displacement_3d.html"),
     ]
     found = Found((7.0, 0.0), 0.8)
-    return page(HOSTILE, runs, ground, SOURCE, found, slots, ["One rock only."])
+    return page(HOSTILE, runs, ground, SOURCE, found, slots, ["One rock only."], surrogate=True)
 
 
 def test_page_holds_all_it_shows(text: str) -> None:
@@ -653,8 +653,8 @@ def test_page_has_the_numbers(text: str, runs: xr.Dataset) -> None:
 def test_page_says_what_the_terrain_is(runs: xr.Dataset, ground: xr.Dataset) -> None:
     warning = "This is a surrogate terrain, not a scan."
     few = chosen(runs, runs["pga"].values > 0.9)
-    assert warning in page("rock", few, ground, "Surrogate of Double Rock's terrain")
-    scanned = page("rock", few, ground, "scan of a slope")
+    assert warning in page("rock", few, ground, "Terrain of Double Rock", surrogate=True)
+    scanned = page("rock", few, ground, "scan of a slope", surrogate=False)
     assert warning not in scanned
     assert "surrogate" not in scanned.lower()
     assert "No place of a found rock was given." in scanned
@@ -662,7 +662,7 @@ def test_page_says_what_the_terrain_is(runs: xr.Dataset, ground: xr.Dataset) -> 
 
 def test_page_of_directions_that_topple_nothing(ground: xr.Dataset) -> None:
     both = joined(falls(4, 5, least=99.0), falls(4, 5, least=99.0, yaw=90.0))
-    made = Page(page("rock", both, ground, SOURCE, Found((7.0, 0.0), 0.8)))
+    made = Page(page("rock", both, ground, SOURCE, Found((7.0, 0.0), 0.8), surrogate=True))
     assert "None of 32 runs topples the rock" in made.text
     assert "yaw 90 deg: 0 of 16 runs topple" in made.text
     assert "No line: no run overturned." in made.text
@@ -673,7 +673,7 @@ def test_page_of_directions_that_topple_nothing(ground: xr.Dataset) -> None:
 def test_page_refuses_what_is_no_picture(runs: xr.Dataset, ground: xr.Dataset) -> None:
     few = chosen(runs, runs["pga"].values > 0.9)
     with pytest.raises(ValueError, match="PNG, GIF"):
-        page("rock", few, ground, SOURCE, slots=[Slot("film", image=b"%PDF-1.7")])
+        page("rock", few, ground, SOURCE, slots=[Slot("film", image=b"%PDF-1.7")], surrogate=True)
 
 
 # names and units

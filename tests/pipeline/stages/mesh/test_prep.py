@@ -675,14 +675,14 @@ def test_page_of_a_proposal(shown: Shown) -> None:
 
 def test_page_of_an_accepted_and_of_a_given_cut(quick: None) -> None:
     found = prepared()
-    page = scan_page.page("hill", "Surrogate of a hill", found, accepted=True)
+    page = scan_page.page("hill", "made from figures", found, accepted=True, surrogate=True)
     assert 'id="accept"' not in page
     assert "configuration accepts it" in page
     assert "This is a surrogate, not a scan." in page
     up = tapered().up
     cut = Plane(tuple(0.02 * up), tuple(up))
     given = prepare_scan(survey(), cut, closing="hull", density=DENSITY, clearance=0.001)
-    page = scan_page.page("<hill>", "scan of <mine>", given, accepted=True)
+    page = scan_page.page("<hill>", "scan of <mine>", given, accepted=True, surrogate=False)
     assert "The cut is the one that the site" in page
     assert "confidence" not in page
     assert "<hill>" not in page
@@ -721,7 +721,7 @@ def test_a_rock_that_falls_is_said_to(quick: None) -> None:
     found = prepared()
     fallen = replace(found.steps[-1].after, tipping=np.full(len(DIRECTIONS), np.nan))
     found = replace(found, steps=(*found.steps[:-1], replace(found.steps[-1], after=fallen)))
-    page = scan_page.page("hill", "scan", found, accepted=False)
+    page = scan_page.page("hill", "scan", found, accepted=False, surrogate=False)
     assert "does not stand on level ground" in page
     assert "topples at a slope of" not in page
     figure = scan_figures.tippings(found, "scan")
