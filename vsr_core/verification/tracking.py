@@ -32,7 +32,7 @@ LONGER, PERIODS, SYNTHETIC_STEP = 1.3, 18.0, 0.005
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class TableHistory:
     """A driven table, with its rock, at the end of each control period.
 
     Attributes
@@ -95,7 +95,7 @@ class Disturbance:
     recovery: float
 
 
-def track(scene: Scene, motion: GroundMotion, time_step: float, after: float) -> Track:
+def track(scene: Scene, motion: GroundMotion, time_step: float, after: float) -> TableHistory:
     """Drive a table through a motion and for ``after`` [s] more.
 
     Parameters
@@ -115,10 +115,10 @@ def track(scene: Scene, motion: GroundMotion, time_step: float, after: float) ->
     read = np.array(list(_read(world, commands)))
     time = plan.interval * np.arange(1, number + 1, dtype=np.float64)
     speed, force, tilt = read.T
-    return Track(time, motion.velocity(time), commands, speed, force, tilt, motion.duration)
+    return TableHistory(time, motion.velocity(time), commands, speed, force, tilt, motion.duration)
 
 
-def errors(followed: Track) -> Errors:
+def errors(followed: TableHistory) -> Errors:
     """Errors while the motion lasts."""
     during = followed.time <= followed.duration * (1.0 + 1e-9)
     error = followed.error[during]
@@ -131,14 +131,37 @@ def errors(followed: Track) -> Errors:
     )
 
 
-def push(followed: Track, scene: Scene) -> Array:
-    """What the rock's moving does to the table's velocity [m/s], shape (n,).
+def standing_loop(followed: TableHistory, scene: Scene) -> Array:
+    """Velocity of the sampled loop with the rock at rest on the table.
 
-    It is the velocity measured less that of the sampled loop with the rock at rest on the table.
+    Parameters
+    ----------
+    followed : TableHistory
+    scene : Scene, with a drive
+
+    Returns
+    -------
+    ndarray, shape (n,) [m/s]
     """
     assert scene.drive is not None
     standing = replace(scene.drive, mass=scene.drive.mass + scene.rock.mass)
-    return followed.measured - loop(standing, followed.command)
+    return loop(standing, followed.command)
+
+
+def push(followed: TableHistory, scene: Scene) -> Array:
+    """What the rock's moving does to the table's velocity.
+
+    Parameters
+    ----------
+    followed : TableHistory
+    scene : Scene, with a drive
+
+    Returns
+    -------
+    ndarray, shape (n,) [m/s]
+        The velocity measured less that of the ``standing_loop``.
+    """
+    return followed.measured - standing_loop(followed, scene)
 
 
 def disturbance(time: Array, pushed: Array) -> Disturbance:

@@ -11,15 +11,14 @@ form, Housner's block, a sliding mass, a sampled loop, or the same scene compute
 
 from __future__ import annotations
 
-import importlib
 import math
-import pkgutil
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from enum import Enum
-from types import ModuleType
+from functools import partial
 
 from vsr_core.errors import InvalidInput
+from vsr_core.verification.families import modules
 
 
 class Verdict(Enum):
@@ -59,32 +58,37 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Case:
+class ExtremeCase:
     """A stiff or extreme case.
 
     Attributes
     ----------
     name : str, unique
-    family : str, name of its module
     parameter : str, what is varied in the family
     value : float, of that, in ``unit``
     unit : str
     reference : str, what is measured, its reference, and what the error is relative to
     tolerance : float, largest error that is right
     measure : callable, raises ``InvalidInput`` where the program refuses or gives no outcome
+    family : str, name of its module, put there by ``cases``
     """
 
     name: str
-    family: str
     parameter: str
     value: float
     unit: str
     reference: str
     tolerance: float
     measure: Callable[[], Measured]
+    family: str = ""
 
     def run(self) -> Finding:
-        """Measure and judge."""
+        """Measure and judge.
+
+        Returns
+        -------
+        Finding
+        """
         try:
             found = self.measure()
         except InvalidInput as refusal:
@@ -94,21 +98,69 @@ class Case:
         return Finding(verdict, found.measured, found.expected, found.error, found.note)
 
 
+Varied = tuple[str, str, str, float]
+"""What cases have in common: parameter, its unit, reference and tolerance."""
+
+
+def sweep(
+    name: str,
+    varied: Varied,
+    values: Iterable[float],
+    measure: Callable[..., Measured],
+    engines: Iterable[str] = ("bullet",),
+) -> tuple[ExtremeCase, ...]:
+    """Cases that differ in one value, engine by engine.
+
+    Parameters
+    ----------
+    name : str, in which {x} stands for the value, {m} for a thousand times it, {engine} for that
+    varied : parameter, its unit, reference and tolerance
+    values : iterable of float
+    measure : callable (value, engine), as of ``ExtremeCase``
+    engines : iterable of str
+
+    Returns
+    -------
+    tuple of ExtremeCase
+    """
+    parameter, unit, reference, tolerance = varied
+    return tuple(
+        ExtremeCase(
+            name.format(x=value, m=1e3 * value, engine=engine),
+            parameter,
+            value,
+            unit,
+            reference,
+            tolerance,
+            partial(measure, value, engine),
+        )
+        for engine in engines
+        for value in values
+    )
+
+
 def families() -> dict[str, str]:
-    """What each family of cases is about, by name: the first line of its module's docstring."""
+    """What the families of cases are about.
+
+    Returns
+    -------
+    dict of str, the first line of each module's docstring, by the module's name
+    """
     return {
-        module.CASES[0].family: (module.__doc__ or "").partition("\n")[0].rstrip(".")
-        for module in _modules()
+        name: (module.__doc__ or "").partition("\n")[0].rstrip(".")
+        for name, module in modules(__name__).items()
     }
 
 
-def cases() -> dict[str, Case]:
-    """All cases by name, family by family."""
-    return {case.name: case for module in _modules() for case in module.CASES}
+def cases() -> dict[str, ExtremeCase]:
+    """All cases, family by family.
 
-
-def _modules() -> list[ModuleType]:
-    """A module a family, in the order of their families' names."""
-    names = (module.name for module in pkgutil.iter_modules(__path__))
-    found = (importlib.import_module(f"{__name__}.{n}") for n in names if not n.startswith("_"))
-    return sorted(found, key=lambda module: str(module.CASES[0].family))
+    Returns
+    -------
+    dict of ExtremeCase by name
+    """
+    return {
+        case.name: replace(case, family=name)
+        for name, module in modules(__name__).items()
+        for case in module.CASES
+    }

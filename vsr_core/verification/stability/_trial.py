@@ -1,4 +1,4 @@
-"""Shared by the families: rocks, runs as the program does them, and how they are compared."""
+"""Shared by the families: runs as the program does them, and how they are compared."""
 
 from __future__ import annotations
 
@@ -6,14 +6,12 @@ import math
 from collections.abc import Callable
 from functools import cache
 
-import numpy as np
-from trimesh.convex import convex_hull
-
-from vsr_core import GRAVITY
+from vsr_core import GRAVITY, engines
+from vsr_core.arrays import Array
+from vsr_core.engines.interface import World
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.outcome import Outcome, Response
-from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.run.bounds import Barrier, barrier
 from vsr_core.run.cases import Case, Settings, prepare
@@ -22,13 +20,11 @@ from vsr_core.run.overturning import simulate
 from vsr_core.scene import Scene, State
 from vsr_core.verification import rocking_block
 from vsr_core.verification.rocking_block import Block
+from vsr_core.verification.rocks import unit, upright
 from vsr_core.verification.stability import Measured
+from vsr_core.verification.tracking import TableHistory, standing_loop, track
 
-DENSITY = 2110.0
-"""Density of the rocks [kg/m^3], that of chert in the paper."""
-
-GRIPPING = 10.0
-"""Coefficient of friction with which nothing slides."""
+BOTH = ("bullet", "mujoco")
 
 STEP_SHARE = 0.002
 """Time step in units of sqrt(radius / g) where it is not what is varied."""
@@ -40,24 +36,6 @@ WEAK = CosinePulse.from_g(0.001, 0.3)
 """A pulse that moves nothing."""
 
 
-@cache
-def box(width: float, depth: float, height: float) -> Rock:
-    """Box of the given sides along x, y and z [m]."""
-    return solid.box((width, depth, height), DENSITY).rock
-
-
-@cache
-def frustum(base: tuple[float, float], top: tuple[float, float], height: float) -> Rock:
-    """Hull with a rectangular base and top of the given sides along x and y [m]."""
-    corners = [
-        (0.5 * sides[0] * x, 0.5 * sides[1] * y, level)
-        for sides, level in ((base, 0.0), (top, height))
-        for x in (-1.0, 1.0)
-        for y in (-1.0, 1.0)
-    ]
-    return solid.from_mesh(convex_hull(np.array(corners)), DENSITY).rock
-
-
 def block_of(rock: Rock) -> Block:
     """Housner's block that a symmetric rock is when it rocks across x."""
     low = rock.vertices[rock.vertices[:, 2] < -rock.height + 1e-9 * rock.radius]
@@ -67,14 +45,15 @@ def block_of(rock: Rock) -> Block:
     return Block(half, height, inertia_ratio=(turning + lever) / lever)
 
 
-def unit(rock: Rock) -> float:
-    """Time scale of a rock, sqrt(radius / g) [s]."""
-    return math.sqrt(rock.radius / GRAVITY)
-
-
 def step_of(rock: Rock) -> float:
     """Time step [s] where it is not what is varied."""
     return STEP_SHARE * unit(rock)
+
+
+@cache
+def prepared(scene: Scene, *, reduce: bool = True) -> Case:
+    """The case of a scene."""
+    return prepare(scene, _barrier(scene.rock), reduce=reduce)
 
 
 def respond(
@@ -93,7 +72,7 @@ def respond(
         If the program refuses the run, or ends it without an outcome.
     """
     settings = Settings(time_step, reduce, engine)
-    case = _prepared(scene, reduce)
+    case = prepared(scene, reduce=reduce)
     check(case, settings, motion)
     _check_unshaken(scene, settings)
     return decided(simulate(case, motion, settings))
@@ -114,6 +93,20 @@ def decided(response: Response) -> Response:
             "count it for neither side",
         )
     return response
+
+
+def checked_world(scene: Scene, time_step: float, engine: str = "bullet") -> World:
+    """World of a scene that the program does not refuse, to be stepped by hand."""
+    check(prepared(scene), Settings(time_step, engine=engine), WEAK)
+    return engines.load(engine).build(scene, time_step, 1)
+
+
+def followed(scene: Scene, motion: GroundMotion) -> tuple[TableHistory, Array]:
+    """A driven table under a motion, and the velocity [m/s] of its loop with the rock at rest."""
+    assert scene.drive is not None
+    check(prepared(scene), Settings(scene.drive.period), motion)
+    history = track(scene, motion, scene.drive.period, after=0.0)
+    return history, standing_loop(history, scene)
 
 
 def boundary(
@@ -162,29 +155,14 @@ def tilt(state: State) -> float:
     return math.acos(max(-1.0, min(1.0, float(state.rotation[2, 2]))))
 
 
-def leaning(rock: Rock, lean: float) -> State:
-    """State at rest of a box tilted by ``lean`` [rad] about its lower edge towards +x."""
-    half = float(np.abs(rock.vertices[:, 0]).max())
-    cos, sin = math.cos(lean), math.sin(lean)
-    turn = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
-    place = np.array([half, 0.0, 0.0]) - turn @ np.array([half, 0.0, -rock.height])
-    return State(place, turn, np.zeros(3), np.zeros(3))
-
-
 def lifted(rock: Rock, height: float, speed: float = 0.0) -> State:
     """State upright, ``height`` [m] above the rest pose, moving down at ``speed`` [m/s]."""
-    place = np.array([0.0, 0.0, rock.height + height])
-    return State(place, np.eye(3), np.array([0.0, 0.0, -speed]), np.zeros(3))
-
-
-@cache
-def _prepared(scene: Scene, reduce: bool) -> Case:
-    return prepare(scene, _barrier(scene.rock), reduce=reduce)
+    return upright((0.0, 0.0, rock.height + height), (0.0, 0.0, -speed))
 
 
 @cache
 def _check_unshaken(scene: Scene, settings: Settings) -> None:
-    check_unshaken(_prepared(scene, settings.reduce), settings, WEAK)
+    check_unshaken(prepared(scene, reduce=settings.reduce), settings, WEAK)
 
 
 @cache

@@ -5,23 +5,17 @@ from __future__ import annotations
 import math
 from functools import partial
 
-from vsr_core import engines
 from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.run.cases import Settings, prepare
-from vsr_core.run.input_checks import check
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification import rocking_block
-from vsr_core.verification.stability import Case, Measured
+from vsr_core.verification.rocks import GRIPPING, box, leaning, unit
+from vsr_core.verification.stability import Measured, sweep
 from vsr_core.verification.stability._trial import (
-    GRIPPING,
-    WEAK,
-    _barrier,
+    BOTH,
     block_of,
-    box,
-    leaning,
+    checked_world,
     respond,
     same,
-    unit,
 )
 
 SWING = "first swing to the other side [rad]; Housner's impact; relative"
@@ -30,8 +24,10 @@ COARSE_MOTION = "largest tilt [rad] under a pulse far shorter than the step; the
 RELEASED = (0.3, 0.5, 0.7)
 """Tilts at which the block is let go, in units of alpha; the worst counts."""
 
+SHARES = (0.1, 0.03, 0.012, 0.006, 0.004, 0.002, 0.001, 0.0003, 0.0001)
 
-def _swing(share: float, height: float, engine: str) -> Measured:
+
+def _swing(height: float, share: float, engine: str) -> Measured:
     """At a step of ``share`` of sqrt(radius / g)."""
     rock = box(1.0, 1.0, height)
     block, step = block_of(rock), share * unit(rock)
@@ -39,12 +35,11 @@ def _swing(share: float, height: float, engine: str) -> Measured:
     for released in RELEASED:
         lean = released * block.alpha
         scene = Scene(rock, Contact(GRIPPING), start=leaning(rock, lean))
-        check(prepare(scene, _barrier(rock), reduce=True), Settings(step, engine=engine), WEAK)
+        world = checked_world(scene, step, engine)
         expected = rocking_block.free_amplitude(block, lean, 1)
         time = 0.25 * rocking_block.free_period(block, lean) + 0.5 * rocking_block.free_period(
             block, expected
         )
-        world = engines.load(engine).build(scene, step, 1)
         swing = 0.0
         for _ in range(math.ceil(time / step)):
             world.advance([0.0])
@@ -54,26 +49,31 @@ def _swing(share: float, height: float, engine: str) -> Measured:
     return max(found, key=lambda one: one.error)
 
 
-def _short_pulse(share: float) -> Measured:
+def _short_pulse(share: float, engine: str) -> Measured:
     """A step of ``share`` of PGV/PGA is refined for the motion, whatever was asked for."""
     rock, ratio = box(1.0, 1.0, 2.0), 0.02
     step = min(share * ratio, 0.006 * unit(rock))
     scene, pulse = Scene(rock, Contact(GRIPPING)), CosinePulse.from_g(3.0, ratio)
-    found, finer = (respond(scene, pulse, h).peak_tilt for h in (step, 0.002 * ratio))
+    found, finer = (respond(scene, pulse, h, engine).peak_tilt for h in (step, 0.002 * ratio))
     return same(found, finer, block_of(rock).alpha)
 
 
-SHARES = (0.1, 0.03, 0.012, 0.006, 0.004, 0.002, 0.001, 0.0003, 0.0001)
-
 CASES = (
     *(
-        Case(f"swing of 1:{s:g} at {x:g} in {engine}", "step", "step / sqrt(R/g)", x, "1", SWING,
-             0.03, partial(_swing, x, s, engine))
-        for engine in ("bullet", "mujoco") for s in (2.0, 10.0) for x in SHARES
+        case
+        for slenderness in (2.0, 10.0)
+        for case in sweep(
+            f"swing of 1:{slenderness:g} at {{x:g}} in {{engine}}",
+            ("step / sqrt(R/g)", "1", SWING, 0.03),
+            SHARES,
+            partial(_swing, slenderness),
+            BOTH,
+        )
     ),
-    *(
-        Case(f"step {x:g} of PGV/PGA", "step", "step / (PGV/PGA)", x, "1", COARSE_MOTION, 0.03,
-             partial(_short_pulse, x))
-        for x in (0.01, 0.1, 1.0)
+    *sweep(
+        "step {x:g} of PGV/PGA",
+        ("step / (PGV/PGA)", "1", COARSE_MOTION, 0.03),
+        (0.01, 0.1, 1.0),
+        _short_pulse,
     ),
-)  # fmt: skip
+)

@@ -10,8 +10,9 @@ from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification import rocking_block
-from vsr_core.verification.stability import Case, Measured
-from vsr_core.verification.stability._trial import GRIPPING, block_of, box, respond, step_of
+from vsr_core.verification.rocks import GRIPPING, box
+from vsr_core.verification.stability import ExtremeCase, Measured, sweep
+from vsr_core.verification.stability._trial import block_of, respond, step_of
 
 REFERENCE = (
     "largest tilt [rad], pi / 2 if it overturned; Housner's equation, integrated; relative to "
@@ -19,7 +20,7 @@ REFERENCE = (
 )
 
 
-def _peak(pga_g: float, ratio: float, engine: str = "bullet") -> Measured:
+def _peak(ratio: float, pga_g: float, engine: str) -> Measured:
     rock = box(1.0, 1.0, 2.0)
     block = block_of(rock)
     expected = rocking_block.rocking_response(block, pga_g * GRAVITY, ratio)
@@ -34,20 +35,29 @@ def _peak(pga_g: float, ratio: float, engine: str = "bullet") -> Measured:
     return Measured(response.peak_tilt, expected.peak_angle, error)
 
 
+def _pulse(ratio: float, pga_g: float, engine: str = "bullet") -> ExtremeCase:
+    name = f"PGV/PGA {ratio:g} s at {pga_g:g} g" + (f" in {engine}" if engine != "bullet" else "")
+    measure = partial(_peak, ratio, pga_g, engine)
+    return ExtremeCase(name, "PGV/PGA", ratio, "s", REFERENCE, 0.03, measure)
+
+
 CASES = (
-    *(
-        Case(f"PGA {a:g} g", "motion", "PGA", a, "g", REFERENCE, 0.03, partial(_peak, a, 0.2))
-        for a in (0.001, 0.1, 0.45, 0.52, 0.56, 0.64, 0.68, 0.8, 1.0, 2.0, 3.0)
+    *sweep(
+        "PGA {x:g} g",
+        ("PGA", "g", REFERENCE, 0.03),
+        (0.001, 0.1, 0.45, 0.52, 0.56, 0.64, 0.68, 0.8, 1.0, 2.0, 3.0),
+        partial(_peak, 0.2),
     ),
-    *(
-        Case(f"PGV/PGA {r:g} s at {a:g} g", "motion", "PGV/PGA", r, "s", REFERENCE, 0.03,
-             partial(_peak, a, r))
-        for r, a in ((0.005, 3.0), (0.01, 3.0), (0.02, 3.0), (0.05, 2.0), (0.1, 1.2), (0.5, 1.0),
-                     (1.0, 1.0), (2.0, 0.52), (2.0, 1.0))
-    ),
-    *(
-        Case(f"PGV/PGA {r:g} s at {a:g} g in mujoco", "motion", "PGV/PGA", r, "s", REFERENCE, 0.03,
-             partial(_peak, a, r, "mujoco"))
-        for r, a in ((0.005, 3.0), (0.05, 2.0), (2.0, 1.0))
-    ),
-)  # fmt: skip
+    _pulse(0.005, 3.0),
+    _pulse(0.01, 3.0),
+    _pulse(0.02, 3.0),
+    _pulse(0.05, 2.0),
+    _pulse(0.1, 1.2),
+    _pulse(0.5, 1.0),
+    _pulse(1.0, 1.0),
+    _pulse(2.0, 0.52),
+    _pulse(2.0, 1.0),
+    _pulse(0.005, 3.0, "mujoco"),
+    _pulse(0.05, 2.0, "mujoco"),
+    _pulse(2.0, 1.0, "mujoco"),
+)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.stability import Case, Measured
+from vsr_core.verification.rocks import box
+from vsr_core.verification.stability import Measured, sweep
 from vsr_core.verification.stability._slide import slip
-from vsr_core.verification.stability._trial import boundary, box, respond, same, step_of
+from vsr_core.verification.stability._trial import BOTH, boundary, respond, same, step_of
 
 PULSE = CosinePulse.from_g(0.5, 0.3)
 
@@ -21,7 +20,7 @@ TILT = "largest tilt [rad] of a block that slides instead; none; in rad"
 BOUNDARY = "first overturning PGA [g]; Housner's; relative"
 
 
-def _slips(friction: float, engine: str = "bullet") -> Measured:
+def _slips(friction: float, engine: str) -> Measured:
     rock = box(2.0, 2.0, 0.5)
     scene = Scene(rock, Contact(friction))
     response = respond(scene, PULSE, step_of(rock), engine, reduce=False)
@@ -29,7 +28,7 @@ def _slips(friction: float, engine: str = "bullet") -> Measured:
     return same(response.slip, slip(PULSE, friction), reach)
 
 
-def _slides(friction: float, engine: str = "bullet") -> Measured:
+def _slides(friction: float, engine: str) -> Measured:
     """Friction below b/h = 0.5: the block slides before it can lift."""
     rock = box(1.0, 1.0, 2.0)
     pulse = CosinePulse(0.9 * GRAVITY, 0.3)
@@ -37,25 +36,25 @@ def _slides(friction: float, engine: str = "bullet") -> Measured:
     return same(response.peak_tilt, 0.0, 1.0)
 
 
-def _rocks(friction: float) -> Measured:
+def _rocks(friction: float, engine: str) -> Measured:
     rock = box(1.0, 1.0, 2.0)
-    return boundary(Scene(rock, Contact(friction)), 0.2, step_of(rock), 0.03)
+    return boundary(Scene(rock, Contact(friction)), 0.2, step_of(rock), 0.03, engine)
 
 
 CASES = (
-    *(
-        Case(f"sliding at {mu:g} in {engine}", "friction", "friction", mu, "1", SLIP, 0.01,
-             partial(_slips, mu, engine))
-        for engine in ("bullet", "mujoco") for mu in (0.0, 0.001, 0.1, 0.3, 0.49, 0.51, 10.0)
+    *sweep(
+        "sliding at {x:g} in {engine}",
+        ("friction", "1", SLIP, 0.01),
+        (0.0, 0.001, 0.1, 0.3, 0.49, 0.51, 10.0),
+        _slips,
+        BOTH,
     ),
-    *(
-        Case(f"sliding before rocking at {mu:g} in {engine}", "friction", "friction", mu, "1", TILT,
-             0.02, partial(_slides, mu, engine))
-        for engine in ("bullet", "mujoco") for mu in (0.1, 0.4, 0.48)
+    *sweep(
+        "sliding before rocking at {x:g} in {engine}",
+        ("friction", "1", TILT, 0.02),
+        (0.1, 0.4, 0.48),
+        _slides,
+        BOTH,
     ),
-    *(
-        Case(f"rocking at {mu:g}", "friction", "friction", mu, "1", BOUNDARY, 0.03,
-             partial(_rocks, mu))
-        for mu in (0.75, 2.0, 100.0)
-    ),
-)  # fmt: skip
+    *sweep("rocking at {x:g}", ("friction", "1", BOUNDARY, 0.03), (0.75, 2.0, 100.0), _rocks),
+)

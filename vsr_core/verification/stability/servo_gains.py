@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from functools import partial
-from typing import cast
 
 import numpy as np
 
-from vsr_core import engines
 from vsr_core.arrays import Array
-from vsr_core.engines.interface import DrivenWorld
 from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.run.cases import Settings, prepare
-from vsr_core.run.input_checks import check
-from vsr_core.run.sampling import samples
 from vsr_core.scene import Contact, Scene
-from vsr_core.table.servo import PUBLISHED, Servo, loop
-from vsr_core.verification.stability import Case, Measured
-from vsr_core.verification.stability._trial import GRIPPING, _barrier, boundary, box, step_of
-
-FRICTION = 0.6
+from vsr_core.table.servo import PUBLISHED, Servo
+from vsr_core.verification.rocks import GRIPPING, box
+from vsr_core.verification.stability import ExtremeCase, Measured, sweep
+from vsr_core.verification.stability._trial import boundary, followed, step_of
 
 PULSE = CosinePulse.from_g(0.2, 0.8)
 """The paper's Fig. 7a: the block stands, and table and rock move as one."""
@@ -34,20 +26,9 @@ BOUNDARY = "first overturning PGA [g] on the driven table; Housner's; relative"
 
 
 def _tracks(servo: Servo) -> Measured:
-    rock = box(1.0, 1.0, 2.0)
-    scene = Scene(rock, Contact(FRICTION), drive=servo)
-    check(prepare(scene, _barrier(rock), reduce=True), Settings(servo.period), PULSE)
-    number = math.ceil(PULSE.duration / servo.period)
-    wanted = samples(PULSE, servo, servo.period, number)
-    world = cast(DrivenWorld, engines.load("bullet").build(scene, servo.period, 1))
-    speeds = []
-    for speed in wanted.tolist():
-        world.advance([speed])
-        speeds.append(world.table()[1])
-    expected = loop(replace(servo, mass=servo.mass + rock.mass), wanted)
-    pgv = PULSE.pga * PULSE.pgv_pga
-    measured = np.array(speeds)
-    error = float(np.abs(measured - expected).max()) / pgv
+    history, expected = followed(Scene(box(1.0, 1.0, 2.0), Contact(0.6), drive=servo), PULSE)
+    measured, wanted = history.measured, history.command
+    error = float(np.abs(measured - expected).max()) / (PULSE.pga * PULSE.pgv_pga)
     return Measured(_rms(measured - wanted), _rms(expected - wanted), error)
 
 
@@ -55,16 +36,17 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _boundary(share: float, ratio: float = 0.2) -> Measured:
+def _boundary(share: float, engine: str) -> Measured:
     """On a table so heavy that the rock does not move it, at a period of ``share`` of PGV/PGA."""
+    ratio = 0.2
     rock, mass, period = box(1.0, 1.0, 2.0), 1e6, share * ratio
     servo = Servo(mass, mass / period, 0.0, 0.0, period)
     scene = Scene(rock, Contact(GRIPPING), drive=servo)
-    return boundary(scene, ratio, step_of(rock), 0.03)
+    return boundary(scene, ratio, step_of(rock), 0.03, engine)
 
 
-def _case(name: str, parameter: str, value: float, unit: str, servo: Servo) -> Case:
-    return Case(name, "servo", parameter, value, unit, LOOP, 0.001, partial(_tracks, servo))
+def _case(name: str, parameter: str, value: float, unit: str, servo: Servo) -> ExtremeCase:
+    return ExtremeCase(name, parameter, value, unit, LOOP, 0.001, partial(_tracks, servo))
 
 
 def _gains(share: float) -> Servo:
@@ -95,9 +77,10 @@ CASES = (
         _case(f"force limit {f:g} N", "force limit", f, "N", replace(PUBLISHED, force_limit=f))
         for f in (1e3, 5e4)
     ),
-    *(
-        Case(f"period {x:g} of PGV/PGA", "servo", "hold period / PGV/PGA", x, "1", BOUNDARY, 0.03,
-             partial(_boundary, x))
-        for x in (0.05, 0.4, 0.5, 2.0)
+    *sweep(
+        "period {x:g} of PGV/PGA",
+        ("hold period / PGV/PGA", "1", BOUNDARY, 0.03),
+        (0.05, 0.4, 0.5, 2.0),
+        _boundary,
     ),
-)  # fmt: skip
+)

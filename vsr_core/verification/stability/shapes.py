@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
-from vsr_core import engines
-from vsr_core.rock.body import Rock
 from vsr_core.run.input_checks import longest_step
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.stability import Case, Measured
-from vsr_core.verification.stability._trial import GRIPPING, boundary, box, frustum, step_of, unit
+from vsr_core.verification.rocks import GRIPPING, box, frustum, unit
+from vsr_core.verification.stability import Measured, sweep
+from vsr_core.verification.stability._trial import BOTH, boundary, step_of
 
 REFERENCE = "first overturning PGA [g]; Housner's block with the same base and inertia; relative"
 
@@ -23,15 +22,23 @@ SHORT_RATIO = 0.3
 """The same for bases so narrow that a longer pulse rocks them many times."""
 
 
-def _box(width: float, depth: float, height: float, engine: str = "bullet") -> Measured:
+def _box(width: float, depth: float, height: float, engine: str) -> Measured:
     rock = box(width, depth, height)
     ratio = RATIOS[height / width] * unit(rock)
     return boundary(Scene(rock, Contact(GRIPPING)), ratio, step_of(rock), 0.03, engine)
 
 
-def _narrow(base: tuple[float, float], step_share: float | None, engine: str) -> Measured:
+def _sized(width: float, engine: str) -> Measured:
+    return _box(width, width, 2.0 * width, engine)
+
+
+def _deep(depth: float, engine: str) -> Measured:
+    return _box(1.0, depth, 2.0, engine)
+
+
+def _narrow(base: tuple[float, float], engine: str, step_share: float | None = None) -> Measured:
     """Hull on a narrow base, at a step of its own or the longest that the program takes."""
-    rock = _hull(base)
+    rock = frustum(base, (0.6, max(0.6, base[1])), 2.0)
     scene = Scene(rock, Contact(GRIPPING))
     step = (
         step_share * unit(rock) if step_share else min(step_of(rock), longest_step(scene, engine))
@@ -39,38 +46,42 @@ def _narrow(base: tuple[float, float], step_share: float | None, engine: str) ->
     return boundary(scene, SHORT_RATIO * unit(rock), step, 0.03, engine)
 
 
-def _hull(base: tuple[float, float]) -> Rock:
-    return frustum(base, (0.6, max(0.6, base[1])), 2.0)
+def _needle(width: float, engine: str) -> Measured:
+    return _narrow((width, width), engine)
 
 
-ENGINES = tuple(engines.names())
+def _knife_edge(width: float, engine: str) -> Measured:
+    return _narrow((width, 1.0), engine)
+
+
+def _stepped(share: float, engine: str) -> Measured:
+    return _narrow((0.02, 1.0), engine, share)
+
+
+def _varied(parameter: str, unit: str) -> tuple[str, str, str, float]:
+    return parameter, unit, REFERENCE, 0.03
+
 
 CASES = (
-    *(
-        Case(f"1:{s:g} in {engine}", "shape", "height / width", s, "1", REFERENCE, 0.03,
-             partial(_box, 1.0, 1.0, s, engine))
-        for engine in ENGINES for s in RATIOS
+    *sweep(
+        "1:{x:g} in {engine}", _varied("height / width", "1"), RATIOS, partial(_box, 1.0, 1.0), BOTH
     ),
-    *(
-        Case(f"box of {s:g} m", "shape", "width", s, "m", REFERENCE, 0.03,
-             partial(_box, s, s, 2.0 * s))
-        for s in (0.005, 0.01, 0.1, 10.0)
+    *sweep("box of {x:g} m", _varied("width", "m"), (0.005, 0.01, 0.1, 10.0), _sized),
+    *sweep("box three times as deep", _varied("depth / width", "1"), (3.0,), _deep),
+    *sweep(
+        "needle on {m:g} mm in {engine}",
+        _varied("base", "m"),
+        (0.2, 0.1, 0.04, 0.02, 0.01),
+        _needle,
+        BOTH,
     ),
-    Case("box three times as deep", "shape", "depth / width", 3.0, "1", REFERENCE, 0.03,
-         partial(_box, 1.0, 3.0, 2.0)),
-    *(
-        Case(f"needle on {1e3 * w:g} mm in {engine}", "shape", "base", w, "m", REFERENCE, 0.03,
-             partial(_narrow, (w, w), None, engine))
-        for engine in ENGINES for w in (0.2, 0.1, 0.04, 0.02, 0.01)
+    *sweep(
+        "knife edge of {m:g} mm in {engine}", _varied("base", "m"), (0.1, 0.02), _knife_edge, BOTH
     ),
-    *(
-        Case(f"knife edge of {1e3 * w:g} mm in {engine}", "shape", "base", w, "m", REFERENCE, 0.03,
-             partial(_narrow, (w, 1.0), None, engine))
-        for engine in ENGINES for w in (0.1, 0.02)
+    *sweep(
+        "knife edge at a step of {x:g}",
+        _varied("step / sqrt(R/g)", "1"),
+        (0.0005, 0.002, 0.006),
+        _stepped,
     ),
-    *(
-        Case(f"knife edge at a step of {x:g}", "shape", "step / sqrt(R/g)", x, "1", REFERENCE, 0.03,
-             partial(_narrow, (0.02, 1.0), x, "bullet"))
-        for x in (0.0005, 0.002, 0.006)
-    ),
-)  # fmt: skip
+)

@@ -12,8 +12,9 @@ from vsr_core.outcome import Outcome
 from vsr_core.run.input_checks import longest_step, longest_step_on_springs, softest
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification import rocking_block
-from vsr_core.verification.stability import Case, Measured
-from vsr_core.verification.stability._trial import GRIPPING, block_of, box, respond
+from vsr_core.verification.rocks import GRIPPING, box
+from vsr_core.verification.stability import ExtremeCase, Measured
+from vsr_core.verification.stability._trial import block_of, respond
 from vsr_core.verification.stability.soft_contact import sink, springs
 
 TIME_STEPS = (1.0 / 30.0, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
@@ -82,6 +83,6 @@ POINTS = {
 """Time step [s] and stiffness [N/m] of each case."""
 
 CASES = tuple(
-    Case(name, "map", "time step", h, "s", REFERENCE, TOLERANCE, partial(_point, h, k))
+    ExtremeCase(name, "time step", h, "s", REFERENCE, TOLERANCE, partial(_point, h, k))
     for name, (h, k) in POINTS.items()
 )

@@ -24,7 +24,7 @@ from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.table.servo import check
 from vsr_core.verification.boundary_search import Bracket
-from vsr_core.verification.tracking import Track
+from vsr_core.verification.tracking import TableHistory
 
 FILE, TABLE, PAGE = "drive.nc", "drive.csv", "drive.html"
 
@@ -36,7 +36,7 @@ _SAMPLED = {
     "servo_force": "force",
     "tilt": "tilt",
 }
-"""Variables of the samples, and what they are in a ``Track``."""
+"""Variables of the samples, and what they are in a ``TableHistory``."""
 
 _ENDS = {"last_balanced_pga": "stands", "first_overturning_pga": "topples"}
 """Ends of the boundary's interval, and what they are in a ``Bracket``."""
@@ -88,7 +88,7 @@ def make(job: Job) -> Product:
     return Product(files, f"rms errors up to {worst:.2g} m/s; boundary {_shift(dataset)}")
 
 
-def _dataset(tracks: dict[Followed, Track], rows: dict[tuple[str, float], Bracket]) -> xr.Dataset:
+def _dataset(tracks: dict[Followed, TableHistory], rows: dict[tuple[str, float], Bracket]) -> xr.Dataset:
     names, ratios = (list(dict.fromkeys(part)) for part in zip(*rows, strict=True))
     samples = {
         name: ("sample", np.concatenate([getattr(track, part) for track in tracks.values()]))

@@ -23,7 +23,7 @@ from vsr_core.scene import Scene
 from vsr_core.table.servo import PUBLISHED, Servo, spectral_radius
 from vsr_core.verification.boundary_search import Bracket, first_boundary, verdict
 from vsr_core.verification.time_step import step_unit
-from vsr_core.verification.tracking import Track, disturbance, errors, push, synthetic, track
+from vsr_core.verification.tracking import TableHistory, disturbance, errors, push, synthetic, track
 
 A_PULSE, ROUGH = "pulse", "rough motion"
 """The motions that are followed."""
@@ -120,7 +120,7 @@ def drives(own: Servo) -> list[Drive]:
     return drives
 
 
-def tracks(scenes: Scenes, drives: list[Drive]) -> tuple[dict[Followed, Track], list[Record]]:
+def tracks(scenes: Scenes, drives: list[Drive]) -> tuple[dict[Followed, TableHistory], list[Record]]:
     """Follow the table through the pulse with each servo, and through the rough motion.
 
     Parameters
@@ -130,11 +130,11 @@ def tracks(scenes: Scenes, drives: list[Drive]) -> tuple[dict[Followed, Track], 
 
     Returns
     -------
-    tracks : dict of Track by motion and drive
+    tracks : dict of TableHistory by motion and drive
     records : list of dict, lines of the table
     """
     step, place = STEP_SHARE * step_unit(scenes.level_rock), groups(scenes.config)[0]
-    found: dict[Followed, Track] = {}
+    found: dict[Followed, TableHistory] = {}
     records = []
     pulse = CosinePulse.from_g(*PULSE)
     for drive in drives[1:]:
@@ -162,7 +162,7 @@ def tracks(scenes: Scenes, drives: list[Drive]) -> tuple[dict[Followed, Track], 
     return found, [*records, refused, _record(name, scene, pga, rough, motion)]
 
 
-def _toppling(scene: Scene, limits: Barrier, step: float) -> tuple[float, GroundMotion, Track]:
+def _toppling(scene: Scene, limits: Barrier, step: float) -> tuple[float, GroundMotion, TableHistory]:
     """The made motion at the first PGA that topples the rock, or the largest."""
     pga, ratio = SYNTHETIC
     trace = synthetic(ratio)
@@ -175,7 +175,7 @@ def _toppling(scene: Scene, limits: Barrier, step: float) -> tuple[float, Ground
 
 
 def _record(
-    name: Followed, scene: Scene, pga: float, followed: Track, motion: GroundMotion
+    name: Followed, scene: Scene, pga: float, followed: TableHistory, motion: GroundMotion
 ) -> Record:
     servo = scene.drive
     assert servo is not None

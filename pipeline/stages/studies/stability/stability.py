@@ -12,7 +12,7 @@ from pipeline.workflow import pages, writers
 from pipeline.workflow.cluster import Batch
 from pipeline.workflow.stage import Job, Product
 from vsr_core.verification import stability
-from vsr_core.verification.stability import Case, Finding, Verdict
+from vsr_core.verification.stability import ExtremeCase, Finding, Verdict
 from vsr_core.verification.stability.stiffness_map import POINTS, limits
 
 TABLE, PAGE, PICTURE = "stability.csv", "stability.html", "stability_map"
@@ -20,7 +20,7 @@ TABLE, PAGE, PICTURE = "stability.csv", "stability.html", "stability_map"
 _BATCH = 2
 """Cases handed to a worker at once."""
 
-_HEAVY = ("rest", "map")
+_HEAVY = ("long_rest", "stiffness_map")
 """Families that take longest, and so come first."""
 
 _DIED = Finding(
@@ -74,7 +74,7 @@ def run_cases(shared: None, names: tuple[str, ...]) -> list[Finding]:
     return [cases[name].run() for name in names]
 
 
-def _findings(job: Job, cases: dict[str, Case]) -> dict[str, Finding]:
+def _findings(job: Job, cases: dict[str, ExtremeCase]) -> dict[str, Finding]:
     order = sorted(cases, key=lambda name: cases[name].family not in _HEAVY)
 
     starts = range(0, len(order), _BATCH)
@@ -83,7 +83,7 @@ def _findings(job: Job, cases: dict[str, Case]) -> dict[str, Finding]:
     return {name: finding or _DIED for _, name, finding in done}
 
 
-def _table(cases: dict[str, Case], findings: dict[str, Finding]) -> pd.DataFrame:
+def _table(cases: dict[str, ExtremeCase], findings: dict[str, Finding]) -> pd.DataFrame:
     """A row a case: the columns of the CSV, and what it is measured against."""
     return pd.DataFrame(
         {

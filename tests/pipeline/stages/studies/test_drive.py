@@ -22,7 +22,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.run.bounds import barrier
 from vsr_core.scene import Contact, Scene
 from vsr_core.table.servo import PUBLISHED, Servo, loop, spectral_radius
-from vsr_core.verification.tracking import Track, disturbance, errors, push, synthetic, track
+from vsr_core.verification.tracking import TableHistory, disturbance, errors, push, synthetic, track
 
 PULSE = CosinePulse.from_g(0.2, 0.8)
 HELD = replace(PUBLISHED, hold=5)
@@ -33,7 +33,7 @@ def box(size: tuple[float, float, float] = (1.0, 1.0, 2.0)) -> Rock:
     return solid.box(size, 2110.0).rock
 
 
-def followed(servo: Servo, rock: Rock, after: float = 0.5) -> tuple[Scene, Track]:
+def followed(servo: Servo, rock: Rock, after: float = 0.5) -> tuple[Scene, TableHistory]:
     scene = Scene(rock, Contact(0.6), drive=servo)
     return scene, track(scene, PULSE, 1e-3, after)
 
@@ -60,7 +60,7 @@ def test_errors_of_a_known_course() -> None:
     wanted = 3.0 * time
     measured = wanted + np.where(time <= 1.0, 0.1, 9.0) * np.where(np.arange(200) % 2, 1.0, -1.0)
     zero = np.zeros(200)
-    found = errors(Track(time, wanted, wanted, measured, zero, zero, 1.0))
+    found = errors(TableHistory(time, wanted, wanted, measured, zero, zero, 1.0))
     assert found.rms == pytest.approx(0.1)
     assert found.largest == pytest.approx(0.1)
     assert found.first == pytest.approx(-0.1)

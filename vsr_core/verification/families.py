@@ -1,0 +1,28 @@
+"""Families of cases: one module of a package each, named by it."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from types import ModuleType
+
+
+def modules(package: str) -> dict[str, ModuleType]:
+    """Modules of a package by name; those with an underscore are shared parts and no family.
+
+    Parameters
+    ----------
+    package : str
+
+    Returns
+    -------
+    dict of module, in the order of the alphabet
+
+    Examples
+    --------
+    >>> "rolling" in modules("vsr_core.verification.reference")
+    True
+    """
+    inside = pkgutil.iter_modules(importlib.import_module(package).__path__)
+    names = sorted(module.name for module in inside if not module.name.startswith("_"))
+    return {name: importlib.import_module(f"{package}.{name}") for name in names}
