@@ -16,7 +16,7 @@ from vsr_core.scene import Contact
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import impact, rimless_wheel, runout
 from vsr_core.verification.reference._ground import axes, slope
-from vsr_core.verification.reference._run import box
+from vsr_core.verification.rocks import box
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from vsr_core.surrogates.ground_shapes import ramp, rough
 from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference._ground import sheet
-from vsr_core.verification.reference._run import DENSITY
+from vsr_core.verification.rocks import DENSITY
 from vsr_core.verification.time_step import COARSE_SHARE, step_unit
 
 Array = NDArray[np.float64]

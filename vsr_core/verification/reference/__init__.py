@@ -8,13 +8,17 @@ in the time step measured.
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from vsr_core.verification.families import modules
 
 BOTH = ("bullet", "mujoco")
 """Engines that can hold a case without restitution and without a drive."""
+
+BULLET = ("bullet",)
 
 
 @dataclass(frozen=True)
@@ -24,35 +28,58 @@ class Reference:
     Attributes
     ----------
     name : str, unique
-    family : str, name of its module
     answer : str, what it is compared with and the source; where an engine is known to be off, why
     quantity : str, what the error is of, and what it is relative to
     tolerance : float, relative error kept at ``step`` by every one of ``engines``
+    measure : callable (engine, time step [s]) -> relative error, at least 0; nan if it diverged
+        Steps are shortened a little where a whole number of them has to fill a motion.
     step : float [s], time step at which the tolerance is promised
     order : float, order of convergence in the time step; None where the error is not smooth in it
     engines : tuple of str, the engines that can hold it
-    measure : callable (engine, time step [s]) -> relative error, at least 0; nan if it diverged
-        Steps are shortened a little where a whole number of them has to fill a motion.
     """
 
     name: str
-    family: str
     answer: str
     quantity: str
     tolerance: float
+    measure: Callable[[str, float], float]
     step: float
     order: float | None
     engines: tuple[str, ...]
-    measure: Callable[[str, float], float]
 
 
-def families() -> list[str]:
-    """Names of the families there are."""
-    modules = (module.name for module in pkgutil.iter_modules(__path__))
-    return sorted(name for name in modules if not name.startswith("_"))
+def case(
+    name: str,
+    answer: str,
+    tolerance: float,
+    error: Callable[..., float],
+    *given: Any,
+    step: float = 1e-3,
+    order: float | None = None,
+    engines: tuple[str, ...] = BOTH,
+) -> Reference:
+    """A case whose quantity is described by the first line of a function's docstring.
+
+    Parameters
+    ----------
+    name, answer, tolerance, step, order, engines : as of ``Reference``
+    error : callable (*given, engine, time step [s]) -> relative error
+    given : what it is to be called with
+
+    Returns
+    -------
+    Reference
+    """
+    quantity = (error.__doc__ or "").partition("\n")[0]
+    measure = partial(error, *given)
+    return Reference(name, answer, quantity, tolerance, measure, step, order, engines)
 
 
 def cases() -> tuple[Reference, ...]:
-    """All cases, family by family."""
-    modules = (importlib.import_module(f"{__name__}.{name}") for name in families())
-    return tuple(case for module in modules for case in module.CASES)
+    """All cases, family by family.
+
+    Returns
+    -------
+    tuple of Reference
+    """
+    return tuple(case for module in modules(__name__).values() for case in module.CASES)

@@ -1,24 +1,15 @@
-"""Shared by the families: scenes, a run in an engine, and what was read on the way."""
+"""Shared by the families: a run in an engine, and what was read on the way."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from vsr_core import engines
 from vsr_core.arrays import Array
-from vsr_core.rock import solid
-from vsr_core.rock.body import Rock
-from vsr_core.scene import Scene, State
-
-DENSITY = 2110.0
-"""Density of the rocks [kg/m^3], that of chert in the paper; no answer here depends on it."""
-
-GRIPPING = 10.0
-"""Coefficient of friction with which nothing slides."""
+from vsr_core.scene import Scene
 
 LOOKS = 2400
 """Readings of the state in a run, at most."""
@@ -34,7 +25,7 @@ class Path:
     position : ndarray, shape (n, 3) [m]
     rotation : ndarray, shape (n, 3, 3)
     velocity : ndarray, shape (n, 3) [m/s]
-    spin : ndarray, shape (n, 3) [rad/s], in the table's axes
+    angular_velocity : ndarray, shape (n, 3) [rad/s], in the table's axes
     """
 
     time: Array
@@ -47,20 +38,6 @@ class Path:
     def lean(self) -> Array:
         """Tilt about +y [rad], shape (n,): positive for a block that leans towards +x."""
         return np.arctan2(self.rotation[:, 0, 2], self.rotation[:, 2, 2])
-
-
-@cache
-def box(width: float, depth: float, height: float) -> Rock:
-    """Box of the given sides along x, y and z [m]."""
-    return solid.box((width, depth, height), DENSITY).rock
-
-
-@cache
-def sphere(radius: float) -> Rock:
-    """Uniform sphere of a radius [m]."""
-    mass = DENSITY * 4.0 / 3.0 * math.pi * radius**3
-    poles = radius * np.vstack([np.eye(3), -np.eye(3)])
-    return Rock("sphere", poles, mass, np.full(3, 0.4 * mass * radius**2), np.eye(3))
 
 
 def whole(duration: float, time_step: float) -> tuple[int, float]:
@@ -104,20 +81,6 @@ def run(engine: str, scene: Scene, time_step: float, acceleration: Array) -> Pat
         np.array([state.velocity for state in states]),
         np.array([state.angular_velocity for state in states]),
     )
-
-
-def leaning(half_width: float, half_height: float, lean: float) -> State:
-    """State at rest of a block tilted about its lower edge towards +x, at x = half_width.
-
-    Parameters
-    ----------
-    half_width, half_height : float [m]
-    lean : float [rad], above 0
-    """
-    cos, sin = math.cos(lean), math.sin(lean)
-    turn = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
-    corner = np.array([half_width, 0.0, -half_height])
-    return State(np.array([half_width, 0.0, 0.0]) - turn @ corner, turn, np.zeros(3), np.zeros(3))
 
 
 def largest(values: Array) -> float:

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.rock.body import Rock
-from vsr_core.scene import Contact, Scene, State
-from vsr_core.verification.reference import BOTH, Reference
-from vsr_core.verification.reference._run import box, run, sphere, whole
+from vsr_core.scene import Contact, Scene
+from vsr_core.verification.reference import BOTH, BULLET, Reference, case
+from vsr_core.verification.reference._run import run, whole
+from vsr_core.verification.rocks import box, sphere, upright
 
 HEIGHT = 1.0
 """Of the fall [m]."""
 
 
-def rebound(make: Callable[[], Rock], restitution: float, engine: str, time_step: float) -> float:
+def rebound(rock: Rock, restitution: float, engine: str, time_step: float) -> float:
     """Error of the height of the first rebound, relative to the height of the fall."""
-    rock = make()
-    start = State(np.array([0.0, 0.0, rock.height + HEIGHT]), np.eye(3), np.zeros(3), np.zeros(3))
+    start = upright((0.0, 0.0, rock.height + HEIGHT))
     scene = Scene(rock, Contact(0.6, restitution), start=start)
     down = math.sqrt(2.0 * HEIGHT / GRAVITY)
     # Up to the top of an exact rebound and a little on, but not to the next impact.
@@ -31,31 +29,17 @@ def rebound(make: Callable[[], Rock], restitution: float, engine: str, time_step
     return abs(float(height.max()) / HEIGHT - restitution**2)
 
 
-def _case(
-    name: str,
-    make: Callable[[], Rock],
-    restitution: float,
-    tolerance: float,
-    engines: tuple[str, ...],
+def _bounce(
+    name: str, rock: Rock, e: float, tolerance: float, engines: tuple[str, ...] = BULLET
 ) -> Reference:
-    return Reference(
-        name=f"bounce of a {name}, e = {restitution:g}",
-        family="bounce",
-        answer="e^2 of the height of the fall.",
-        quantity=str(rebound.__doc__),
-        tolerance=tolerance,
-        step=1e-3,
-        order=None,
-        engines=engines,
-        measure=partial(rebound, make, restitution),
-    )
+    answer = "e^2 of the height of the fall."
+    return case(f"bounce of a {name}, e = {e:g}", answer, tolerance, rebound, rock, e,
+                engines=engines)  # fmt: skip
 
-
-_SPHERE = partial(sphere, 0.1)
 
 CASES = (
-    _case("sphere", _SPHERE, 0.0, 0.02, BOTH),
-    _case("sphere", _SPHERE, 0.5, 1e-3, ("bullet",)),
-    _case("sphere", _SPHERE, 1.0, 0.01, ("bullet",)),
-    _case("box on its face", partial(box, 1.0, 1.0, 0.5), 0.5, 2e-3, ("bullet",)),
+    _bounce("sphere", sphere(0.1), 0.0, 0.02, BOTH),
+    _bounce("sphere", sphere(0.1), 0.5, 1e-3),
+    _bounce("sphere", sphere(0.1), 1.0, 0.01),
+    _bounce("box on its face", box(1.0, 1.0, 0.5), 0.5, 2e-3),
 )

@@ -9,17 +9,17 @@ in an impact, so that the rate is multiplied by 1 - 1.5 sin(alpha)^2 for a unifo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core.arrays import Array
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.reference import BOTH, Reference
-from vsr_core.verification.reference._run import GRIPPING, Path, box, leaning, run, whole
+from vsr_core.verification.reference import case
+from vsr_core.verification.reference._run import Path, run, whole
 from vsr_core.verification.rocking_block import Block, free_amplitude, free_period
+from vsr_core.verification.rocks import GRIPPING, box, leaning
 
 SLENDER, STOCKY = Block(0.2, 1.0), Block(0.7, 1.0)
 """Blocks that keep 0.94 and 0.51 of their rate in an impact."""
@@ -33,9 +33,9 @@ IMPACTS = 2
 
 @cache
 def _scene(block: Block) -> Scene:
-    start = leaning(block.half_width, block.half_height, LEAN * block.alpha)
     width = 2.0 * block.half_width
-    return Scene(box(width, width, 2.0 * block.half_height), Contact(GRIPPING), start=start)
+    rock = box(width, width, 2.0 * block.half_height)
+    return Scene(rock, Contact(GRIPPING), start=leaning(rock, LEAN * block.alpha))
 
 
 def _released(block: Block, engine: str, time_step: float) -> Path:
@@ -87,25 +87,11 @@ def _impacts(lean: Array) -> NDArray[np.int64]:
     return np.nonzero(lean[1:] * lean[:-1] < 0.0)[0] + 1
 
 
-def _case(
-    name: str, block: Block, quantity: Callable[[Block, str, float], float], tolerance: float
-) -> Reference:
-    return Reference(
-        name=f"free rocking, {name}, {quantity.__name__}",
-        family="decay",
-        answer="Housner (1963): angular momentum about the new edge, energy between impacts",
-        quantity=str(quantity.__doc__).partition("\n")[0],
-        tolerance=tolerance,
-        step=1e-3,
-        order=None,
-        engines=BOTH,
-        measure=partial(quantity, block),
-    )
-
+HOUSNER = "Housner (1963): angular momentum about the new edge, energy between impacts"
 
 CASES = (
-    _case("slender", SLENDER, ratio, 5e-3),
-    _case("slender", SLENDER, timing, 4e-3),
-    _case("stocky", STOCKY, ratio, 0.01),
-    _case("stocky", STOCKY, timing, 4e-3),
+    case("free rocking, slender, ratio", HOUSNER, 5e-3, ratio, SLENDER),
+    case("free rocking, slender, timing", HOUSNER, 4e-3, timing, SLENDER),
+    case("free rocking, stocky, ratio", HOUSNER, 0.01, ratio, STOCKY),
+    case("free rocking, stocky, timing", HOUSNER, 4e-3, timing, STOCKY),
 )

@@ -12,22 +12,21 @@ Kane & Levinson (1985), Dynamics: Theory and Applications, 4.12; Stronge (2000),
 from __future__ import annotations
 
 import math
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
-import trimesh
 from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
-from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.ground_shapes import rough
 from vsr_core.terrain.surface import Terrain
-from vsr_core.verification.reference import Reference
+from vsr_core.verification.reference import BULLET, case
 from vsr_core.verification.reference._ground import in_parts, sheet
-from vsr_core.verification.reference._run import DENSITY, Path, run, whole
+from vsr_core.verification.reference._run import Path, run, whole
+from vsr_core.verification.rocks import hull
 
 CORNERS, SIZE = 14, (0.6, 0.45, 0.35)
 """Random corners of a hull, on an ellipsoid of these half axes [m]."""
@@ -64,11 +63,11 @@ def ground(number: int, cut: bool) -> Terrain:
 
 
 @cache
-def hull(number: int) -> Rock:
+def tumbler(number: int) -> Rock:
     """Hull of random corners on an ellipsoid."""
     corners = np.random.default_rng(number).normal(size=(CORNERS, 3))
     corners *= np.array(SIZE) / np.linalg.norm(corners, axis=1, keepdims=True)
-    return solid.from_mesh(trimesh.convex.convex_hull(corners), DENSITY, as_scanned=True).rock
+    return hull(corners, as_scanned=True)
 
 
 @cache
@@ -81,7 +80,7 @@ def _scene(number: int, contact: Contact, cut: bool) -> Scene:
         np.array([rng.uniform(0.0, 3.0), rng.uniform(-0.5, 0.5), 0.0]),
         3.0 * rng.normal(size=3),
     )
-    return Scene(hull(number), contact, pedestal="terrain", start=start, terrain=terrain)
+    return Scene(tumbler(number), contact, pedestal="terrain", start=start, terrain=terrain)
 
 
 def energy(rock: Rock, path: Path) -> Array:
@@ -95,8 +94,9 @@ def rise(number: int, contact: Contact, cut: bool, engine: str, time_step: float
     """Largest rise of the energy of one hull above what it had before, over g times its radius."""
     steps, step = whole(DURATION, time_step)
     path = run(engine, _scene(number, contact, cut), step, np.zeros(steps))
-    held = energy(hull(number), path)
-    return float((held - np.minimum.accumulate(held)).max()) / (GRAVITY * hull(number).radius)
+    rock = tumbler(number)
+    held = energy(rock, path)
+    return float((held - np.minimum.accumulate(held)).max()) / (GRAVITY * rock.radius)
 
 
 def worst(hulls: int, contact: Contact, cut: bool, engine: str, time_step: float) -> float:
@@ -104,18 +104,8 @@ def worst(hulls: int, contact: Contact, cut: bool, engine: str, time_step: float
     return max(rise(number, contact, cut, engine, time_step) for number in range(hulls))
 
 
-def _case(restitution: float, cut: bool) -> Reference:
-    return Reference(
-        name=f"energy on rough {'parts' if cut else 'triangles'}, e = {restitution:g}",
-        family="dissipation",
-        answer="it never grows",
-        quantity=str(worst.__doc__),
-        tolerance=0.02,
-        step=1e-3,
-        order=None,
-        engines=("bullet",),
-        measure=partial(worst, 6, Contact(0.6, restitution), cut),
-    )
-
-
-CASES = (_case(0.0, True), _case(0.38, False))
+CASES = tuple(
+    case(f"energy on rough {'parts' if cut else 'triangles'}, e = {e:g}", "it never grows", 0.02,
+         worst, 6, Contact(0.6, e), cut, engines=BULLET)
+    for e, cut in ((0.0, True), (0.38, False))
+)  # fmt: skip

@@ -13,16 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
-from vsr_core.scene import Contact, Scene, State
-from vsr_core.verification.reference import BOTH, Reference
-from vsr_core.verification.reference._run import Path, box, largest, run, whole
+from vsr_core.scene import Contact, Scene
+from vsr_core.verification.reference import case
+from vsr_core.verification.reference._run import Path, largest, run, whole
+from vsr_core.verification.rocks import STILL, Triple, box, upright
 
 SIZE = (0.1, 0.4, 0.9)
 """Sides of the benchmark's box [m]."""
@@ -32,42 +33,40 @@ DURATION = 10.0
 
 
 @dataclass(frozen=True)
-class Throw:
+class BenchmarkThrow:
     """Input of the benchmark.
 
     Attributes
     ----------
     gravity : float [m/s^2]
     velocity : tuple of float [m/s], of the centre of mass at the start
-    spin : tuple of float [rad/s], at the start
+    angular_velocity : tuple of float [rad/s], at the start
     """
 
     gravity: float
-    velocity: tuple[float, float, float]
-    angular_velocity: tuple[float, float, float]
+    velocity: Triple
+    angular_velocity: Triple
 
 
-SIMPLE = Throw(0.0, (-0.9, 0.4, 0.1), (0.5, 0.0, 0.0))
+SIMPLE = BenchmarkThrow(0.0, (-0.9, 0.4, 0.1), (0.5, 0.0, 0.0))
 """Without weight, spinning about the axis of largest inertia."""
 
-COMPLEX = Throw(9.8, (-2.0, 2.0, 8.0), (0.1, 5.0, 0.1))
+COMPLEX = BenchmarkThrow(9.8, (-2.0, 2.0, 8.0), (0.1, 5.0, 0.1))
 """Thrown upwards, spinning about the unstable axis, that of middle inertia."""
 
 
 @cache
-def _scene(throw: Throw) -> Scene:
-    start = State(
-        np.zeros(3), np.eye(3), np.array(throw.velocity), np.array(throw.angular_velocity)
-    )
+def _scene(throw: BenchmarkThrow) -> Scene:
+    start = upright(STILL, throw.velocity, throw.angular_velocity)
     return Scene(box(*SIZE), Contact(0.0), pedestal="none", start=start, gravity=throw.gravity)
 
 
-def _thrown(throw: Throw, engine: str, time_step: float) -> Path:
+def _thrown(throw: BenchmarkThrow, engine: str, time_step: float) -> Path:
     number, step = whole(DURATION, time_step)
     return run(engine, _scene(throw), step, np.zeros(number))
 
 
-def _spins(throw: Throw, path: Path) -> Array:
+def _spins(throw: BenchmarkThrow, path: Path) -> Array:
     """Angular momentum of the box about its centre, over its mass, shape (n, 3) [m^2/s]."""
     rock = box(*SIZE)
     turn = path.rotation
@@ -76,7 +75,7 @@ def _spins(throw: Throw, path: Path) -> Array:
     )
 
 
-def position(throw: Throw, engine: str, time_step: float) -> float:
+def position(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
     """Error of the position, relative to the longest way from the start."""
     path = _thrown(throw, engine, time_step)
     t = path.time[:, None]
@@ -84,14 +83,14 @@ def position(throw: Throw, engine: str, time_step: float) -> float:
     return largest(path.position - exact) / largest(exact)
 
 
-def velocity(throw: Throw, engine: str, time_step: float) -> float:
+def velocity(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
     """Error of the velocity, relative to the largest speed."""
     path = _thrown(throw, engine, time_step)
     exact = np.array(throw.velocity) - [0.0, 0.0, throw.gravity] * path.time[:, None]
     return largest(path.velocity - exact) / largest(exact)
 
 
-def momentum(throw: Throw, engine: str, time_step: float) -> float:
+def momentum(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
     """Error of the angular momentum about the centre of mass, relative to its length."""
     spins = _spins(throw, _thrown(throw, engine, time_step))
     rock = box(*SIZE)
@@ -99,7 +98,7 @@ def momentum(throw: Throw, engine: str, time_step: float) -> float:
     return largest(spins - exact) / float(np.linalg.norm(exact))
 
 
-def energy(throw: Throw, engine: str, time_step: float) -> float:
+def energy(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
     """Error of the energy, relative to the kinetic energy at the start."""
     path = _thrown(throw, engine, time_step)
     rock = box(*SIZE)
@@ -111,7 +110,7 @@ def energy(throw: Throw, engine: str, time_step: float) -> float:
     return largest(total - exact) / exact
 
 
-def orientation(throw: Throw, engine: str, time_step: float) -> float:
+def orientation(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
     """Largest angle between the box and the one of Euler's equations, relative to one radian."""
     path = _thrown(throw, engine, time_step)
     exact = _euler(throw)(path.time)
@@ -125,7 +124,7 @@ def orientation(throw: Throw, engine: str, time_step: float) -> float:
 
 
 @cache
-def _euler(throw: Throw) -> Callable[[Array], Array]:
+def _euler(throw: BenchmarkThrow) -> Callable[[Array], Array]:
     """Orientation at times, shape (n,), as matrices, shape (n, 3, 3)."""
     rock = box(*SIZE)
     inertia = rock.inertia / rock.mass
@@ -133,13 +132,8 @@ def _euler(throw: Throw) -> Callable[[Array], Array]:
     def motion(_: float, y: Array) -> Array:
         angular_velocity, turn = y[:3], y[3:].reshape(3, 3)
         rate = np.cross(inertia * angular_velocity, angular_velocity) / inertia
-        cross = np.array(
-            [
-                [0.0, -angular_velocity[2], angular_velocity[1]],
-                [angular_velocity[2], 0.0, -angular_velocity[0]],
-                [-angular_velocity[1], angular_velocity[0], 0.0],
-            ]
-        )
+        x, y, z = angular_velocity
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         return np.concatenate([rate, (turn @ cross).ravel()])
 
     start = np.concatenate([throw.angular_velocity, np.eye(3).ravel()])
@@ -151,56 +145,25 @@ def _euler(throw: Throw) -> Callable[[Array], Array]:
 
 def fall(engine: str, time_step: float) -> float:
     """Error of the height after a second of free fall, relative to g t^2 / 2."""
-    rest = State(np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3))
-    scene = Scene(box(1.0, 1.0, 2.0), Contact(0.6), pedestal="none", start=rest)
+    scene = Scene(box(1.0, 1.0, 2.0), Contact(0.6), pedestal="none", start=upright(STILL))
     number, step = whole(1.0, time_step)
     path = run(engine, scene, step, np.zeros(number))
     return abs(float(path.position[-1, 2]) / (0.5 * GRAVITY) + 1.0)
 
 
-def _benchmark(
-    name: str,
-    throw: Throw,
-    quantity: Callable[[Throw, str, float], float],
-    tolerance: float,
-    step: float,
-    order: float | None,
-) -> Reference:
-    return Reference(
-        name=f"box {name}, {quantity.__name__}",
-        family="flight",
-        answer=(
-            'Euler\'s equations of a free body, inputs of github.com/scpeters/benchmark "boxes" '
-            f"{name}"
-        ),
-        quantity=str(quantity.__doc__),
-        tolerance=tolerance,
-        step=step,
-        order=order,
-        engines=BOTH,
-        measure=partial(quantity, throw),
-    )
-
+FREE_FALL = "g t^2 / 2; an engine that updates the velocity first falls g t dt / 2 too far"
+EULER = 'Euler\'s equations of a free body, inputs of github.com/scpeters/benchmark "boxes" '
 
 CASES = (
-    Reference(
-        name="free fall",
-        family="flight",
-        answer="g t^2 / 2; an engine that updates the velocity first falls g t dt / 2 too far",
-        quantity=str(fall.__doc__),
-        tolerance=1.1e-3,
-        step=1e-3,
-        order=1.0,
-        engines=BOTH,
-        measure=fall,
-    ),
-    _benchmark("SIMPLE", SIMPLE, position, 1e-9, 1e-3, None),
-    _benchmark("SIMPLE", SIMPLE, velocity, 1e-9, 1e-3, None),
-    _benchmark("SIMPLE", SIMPLE, momentum, 1e-9, 1e-3, None),
-    _benchmark("SIMPLE", SIMPLE, energy, 1e-9, 1e-3, None),
-    _benchmark("COMPLEX", COMPLEX, position, 1.5e-4, 1e-3, 1.0),
-    _benchmark("COMPLEX", COMPLEX, velocity, 1e-9, 1e-3, None),
-    _benchmark("COMPLEX", COMPLEX, momentum, 0.02, 1e-3, 1.0),
-    _benchmark("COMPLEX", COMPLEX, energy, 0.02, 1e-3, 1.0),
-    _benchmark("COMPLEX", COMPLEX, orientation, 0.1, 2.5e-4, 1.0),
-)
+    case("free fall", FREE_FALL, 1.1e-3, fall, order=1.0),
+    case("box SIMPLE, position", f"{EULER}SIMPLE", 1e-9, position, SIMPLE),
+    case("box SIMPLE, velocity", f"{EULER}SIMPLE", 1e-9, velocity, SIMPLE),
+    case("box SIMPLE, momentum", f"{EULER}SIMPLE", 1e-9, momentum, SIMPLE),
+    case("box SIMPLE, energy", f"{EULER}SIMPLE", 1e-9, energy, SIMPLE),
+    case("box COMPLEX, position", f"{EULER}COMPLEX", 1.5e-4, position, COMPLEX, order=1.0),
+    case("box COMPLEX, velocity", f"{EULER}COMPLEX", 1e-9, velocity, COMPLEX),
+    case("box COMPLEX, momentum", f"{EULER}COMPLEX", 0.02, momentum, COMPLEX, order=1.0),
+    case("box COMPLEX, energy", f"{EULER}COMPLEX", 0.02, energy, COMPLEX, order=1.0),
+    case("box COMPLEX, orientation", f"{EULER}COMPLEX", 0.1, orientation, COMPLEX,
+         step=2.5e-4, order=1.0),
+)  # fmt: skip

@@ -20,9 +20,10 @@ from scipy.integrate import solve_ivp
 from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.reference import BOTH, Reference
-from vsr_core.verification.reference._run import GRIPPING, box, largest, middles, run, whole
+from vsr_core.verification.reference import case
+from vsr_core.verification.reference._run import largest, middles, run, whole
 from vsr_core.verification.rocking_block import Block
+from vsr_core.verification.rocks import GRIPPING, box
 
 SIZE = (1.0, 1.0, 2.0)
 """Sides of the block whose motion is followed [m]."""
@@ -113,24 +114,10 @@ def _lies(side: float, alpha: float) -> Callable[[float, Array], float]:
     return event
 
 
-def _case(
-    name: str, pga_g: float, pgv_pga: float, tolerance: float, order: float | None
-) -> Reference:
-    return Reference(
-        name=f"tilt of a block that {name}",
-        family="housner",
-        answer="Housner's equation (1963), integrated from impact to impact.",
-        quantity=str(motion.__doc__),
-        tolerance=tolerance,
-        step=1e-3,
-        order=order,
-        engines=BOTH,
-        measure=partial(motion, pga_g, pgv_pga),
-    )
-
+ANSWER = "Housner's equation (1963), integrated from impact to impact."
 
 CASES = (
-    _case("rocks and stands", 0.8, 0.15, 0.02, None),
-    _case("overturns after an impact", 1.2, 0.15, 0.01, None),
-    _case("overturns at once", 1.5, 0.3, 4e-3, 1.0),
+    case("tilt of a block that rocks and stands", ANSWER, 0.02, motion, 0.8, 0.15),
+    case("tilt of a block that overturns after an impact", ANSWER, 0.01, motion, 1.2, 0.15),
+    case("tilt of a block that overturns at once", ANSWER, 4e-3, motion, 1.5, 0.3, order=1.0),
 )

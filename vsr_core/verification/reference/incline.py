@@ -11,16 +11,16 @@ Goldstein, Poole & Safko (2002), Classical Mechanics, 3rd ed., 1.6 and 5: I / (m
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 
 from vsr_core import GRAVITY
-from vsr_core.scene import Contact, State
+from vsr_core.scene import Contact
 from vsr_core.terrain.surface import Terrain
-from vsr_core.verification.reference import Reference
+from vsr_core.verification.reference import BULLET, Reference, case
 from vsr_core.verification.reference._ground import scene, seen, slope
-from vsr_core.verification.reference._run import run, sphere, whole
+from vsr_core.verification.reference._run import run, whole
+from vsr_core.verification.rocks import sphere, upright
 
 RADIUS = 0.5
 """Of the sphere [m]."""
@@ -54,13 +54,10 @@ def descend(
     """Mean acceleration [m/s^2] over ``LENGTH`` from rest, and that of the turning times r."""
     exact, _ = acceleration(angle, contact.friction)
     number, step = whole(math.sqrt(2.0 * LENGTH / exact), time_step)
-    start = State(np.array([0.0, 0.0, RADIUS]), np.eye(3), np.zeros(3), np.zeros(3))
-    world = scene(sphere(RADIUS), contact, terrain, angle, start)
+    world = scene(sphere(RADIUS), contact, terrain, angle, upright((0.0, 0.0, RADIUS)))
     path = seen(run(engine, world, step, np.zeros(number)), angle)
-    time = number * step
-    return 2.0 * float(path.position[-1, 0]) / time**2, RADIUS * float(
-        path.angular_velocity[-1, 1]
-    ) / time
+    time, way, turning = number * step, path.position[-1, 0], path.angular_velocity[-1, 1]
+    return 2.0 * float(way) / time**2, RADIUS * float(turning) / time
 
 
 def rolling(
@@ -73,27 +70,18 @@ def rolling(
     return max(abs(a / b - 1.0) for a, b in zip(found, exact, strict=True))
 
 
-def _case(name: str, angle: float, friction: float, cut: bool, tolerance: float) -> Reference:
-    cell = 1.0 if cut else 0.5
-    kind = "parts of 1 m" if cut else "triangles of 0.5 m"
-    return Reference(
-        name=f"{name} sphere on a slope of {kind}",
-        family="incline",
-        answer=(
-            f"{angle:g} deg, friction {friction:g}: (5/7) g sin(b) from a friction of (2/7) tan(b) "
-            "on, g (sin(b) - mu cos(b)) below"
-        ),
-        quantity=str(rolling.__doc__),
-        tolerance=tolerance,
-        step=1e-3,
-        order=None,
-        engines=("bullet",),
-        measure=partial(rolling, math.radians(angle), friction, cell, cut),
+def _incline(name: str, angle: float, friction: float, cut: bool, tolerance: float) -> Reference:
+    cell, kind = (1.0, "parts of 1 m") if cut else (0.5, "triangles of 0.5 m")
+    answer = (
+        f"{angle:g} deg, friction {friction:g}: (5/7) g sin(b) from a friction of (2/7) tan(b) "
+        "on, g (sin(b) - mu cos(b)) below"
     )
+    return case(f"{name} sphere on a slope of {kind}", answer, tolerance,
+                rolling, math.radians(angle), friction, cell, cut, engines=BULLET)  # fmt: skip
 
 
 CASES = (
-    _case("rolling", 20.0, 0.6, False, 0.02),
-    _case("rolling", 20.0, 0.6, True, 2e-3),
-    _case("slipping", 40.0, 0.15, True, 0.02),
+    _incline("rolling", 20.0, 0.6, False, 0.02),
+    _incline("rolling", 20.0, 0.6, True, 2e-3),
+    _incline("slipping", 40.0, 0.15, True, 0.02),
 )

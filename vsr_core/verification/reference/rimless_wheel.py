@@ -16,19 +16,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
-import trimesh
 from scipy.integrate import quad
 
 from vsr_core import GRAVITY
-from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.scene import Contact, State
-from vsr_core.verification.reference import Reference
+from vsr_core.scene import Contact
+from vsr_core.verification.reference import BULLET, Reference, case
 from vsr_core.verification.reference._ground import scene, seen, slope
-from vsr_core.verification.reference._run import DENSITY, GRIPPING, Path, run, whole
+from vsr_core.verification.reference._run import Path, run, whole
+from vsr_core.verification.rocks import GRIPPING, hull, upright
 
 RADIUS, WIDTH = 0.5, 0.6
 """Distance of the edges from the axis, and their length [m]."""
@@ -96,8 +95,7 @@ def prism(sides: int) -> Rock:
     turns = 2.0 * math.pi * (np.arange(sides) + 0.5) / sides
     x, z = RADIUS * np.sin(turns), RADIUS * np.cos(turns)
     ends = [np.column_stack([x, np.full(sides, y), z]) for y in (-0.5 * WIDTH, 0.5 * WIDTH)]
-    mesh = trimesh.convex.convex_hull(np.vstack(ends))
-    return solid.from_mesh(mesh, DENSITY, as_scanned=True).rock
+    return hull(np.vstack(ends), as_scanned=True)
 
 
 def rolled(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> Path:
@@ -105,8 +103,8 @@ def rolled(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) 
     rate = wheel.kept * wheel.terminal
     apothem = RADIUS * math.cos(wheel.half)
     # It turns about the edge ahead of its lowest facet.
-    velocity = rate * np.array([apothem, 0.0, 0.5 * wheel.facet])
-    start = State(np.array([0.0, 0.0, apothem]), np.eye(3), velocity, np.array([0.0, rate, 0.0]))
+    velocity = (rate * apothem, 0.0, rate * (0.5 * wheel.facet))
+    start = upright((0.0, 0.0, apothem), velocity, (0.0, rate, 0.0))
     number, step = whole(STEPS * wheel.period, time_step)
     ground = slope(wheel.angle, (-1.0, 7.0), 1.5, cell, cut)
     placed = scene(prism(wheel.sides), Contact(GRIPPING), ground, wheel.angle, start)
@@ -129,31 +127,22 @@ WHEELS = (Wheel(8, math.radians(15.0)), Wheel(12, math.radians(10.0)))
 """Wheels that neither stop nor leave the ground."""
 
 
-def _case(
-    wheel: Wheel,
-    quantity: Callable[[Wheel, float, bool, str, float], float],
-    cut: bool,
-    tolerance: float,
+MCGEER = (
+    "McGeer (1990): angular momentum about the new edge, energy between impacts. Bullet "
+    "finds one end of a landing edge before the other, and the wheel veers"
+)
+
+
+def _wheel(
+    wheel: Wheel, error: Callable[[Wheel, float, bool, str, float], float], cut: bool, most: float
 ) -> Reference:
     cell, kind = (1.0, "parts") if cut else (0.5, "triangles")
-    return Reference(
-        name=f"rimless wheel of {wheel.sides} sides on {kind}, {quantity.__name__}",
-        family="rimless_wheel",
-        answer=(
-            "McGeer (1990): angular momentum about the new edge, energy between impacts. Bullet "
-            "finds one end of a landing edge before the other, and the wheel veers"
-        ),
-        quantity=str(quantity.__doc__),
-        tolerance=tolerance,
-        step=1e-3,
-        order=None,
-        engines=("bullet",),
-        measure=partial(quantity, wheel, cell, cut),
-    )
+    name = f"rimless wheel of {wheel.sides} sides on {kind}, {error.__name__}"
+    return case(name, MCGEER, most, error, wheel, cell, cut, engines=BULLET)
 
 
 CASES = (
-    _case(WHEELS[0], way, False, 0.2),
-    _case(WHEELS[1], way, True, 0.1),
-    _case(WHEELS[1], straightness, True, 0.1),
+    _wheel(WHEELS[0], way, False, 0.2),
+    _wheel(WHEELS[1], way, True, 0.1),
+    _wheel(WHEELS[1], straightness, True, 0.1),
 )

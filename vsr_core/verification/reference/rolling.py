@@ -7,8 +7,9 @@ from functools import cache
 import numpy as np
 
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.reference import BOTH, Reference
-from vsr_core.verification.reference._run import run, sphere, whole
+from vsr_core.verification.reference import case
+from vsr_core.verification.reference._run import run, whole
+from vsr_core.verification.rocks import sphere
 
 PUSH = 2.0
 """Acceleration of the table [m/s^2], a slope of 11.5 deg. Rolling needs a friction of 2/7 PUSH/g,
@@ -30,16 +31,6 @@ def rolling(engine: str, time_step: float) -> float:
     return abs(float(path.position[-1, 0]) / (5.0 / 14.0 * PUSH * DURATION**2) + 1.0)
 
 
-CASES = (
-    Reference(
-        name="rolling sphere",
-        family="rolling",
-        answer="(5/7) a for a uniform sphere that rolls: I / (m r^2) = 2/5",
-        quantity=str(rolling.__doc__),
-        tolerance=6e-4,
-        step=1e-3,
-        order=1.0,
-        engines=BOTH,
-        measure=rolling,
-    ),
-)
+ANSWER = "(5/7) a for a uniform sphere that rolls: I / (m r^2) = 2/5"
+
+CASES = (case("rolling sphere", ANSWER, 6e-4, rolling, order=1.0),)

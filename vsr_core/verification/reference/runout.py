@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import trimesh
@@ -26,9 +26,10 @@ from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, State
 from vsr_core.terrain.surface import Terrain
-from vsr_core.verification.reference import Reference
+from vsr_core.verification.reference import BULLET, case
 from vsr_core.verification.reference._ground import axes, in_parts, scene, sheet, slope
-from vsr_core.verification.reference._run import DENSITY, run, whole
+from vsr_core.verification.reference._run import run, whole
+from vsr_core.verification.rocks import DENSITY, upright
 
 SIZE = (0.4, 0.4, 0.1)
 """Sides of the block [m]; a friction of 4 would tip it."""
@@ -70,8 +71,7 @@ def energy_line(
     time_step : float [s]
     """
     slowing = GRAVITY * (contact.friction * math.cos(angle) - math.sin(angle))
-    height, velocity = 0.5 * SIZE[2] + ABOVE, np.array([SPEED, 0.0, 0.0])
-    flat = State(np.array([0.0, 0.0, height]), np.eye(3), velocity, np.zeros(3))
+    flat = upright((0.0, 0.0, 0.5 * SIZE[2] + ABOVE), (SPEED, 0.0, 0.0))
     number, step = whole(LATER * SPEED / slowing, time_step)
     path = run(engine, scene(rock, contact, ground, angle, flat), step, np.zeros(number))
     moved = path.position[-1] - path.position[0]
@@ -153,21 +153,13 @@ def bending(
     return float(path.position[-1, 0])
 
 
-def _case(restitution: float, tolerance: float) -> Reference:
-    return Reference(
-        name=f"slide to rest on a slope, e = {restitution:g}",
-        family="runout",
-        answer=(
-            "25 deg, friction 0.6: the energy line falls by the friction, Coulomb. On one convex "
-            "part: at borders inside the ground Bullet's hulls catch, and stop"
-        ),
-        quantity=str(sliding.__doc__),
-        tolerance=tolerance,
-        step=1e-3,
-        order=None,
-        engines=("bullet",),
-        measure=partial(sliding, math.radians(25.0), Contact(0.6, restitution), 12.0, True),
-    )
+ENERGY_LINE = (
+    "25 deg, friction 0.6: the energy line falls by the friction, Coulomb. On one convex part: at "
+    "borders inside the ground Bullet's hulls catch, and stop"
+)
 
-
-CASES = (_case(0.0, 0.05), _case(0.38, 0.02))
+CASES = tuple(
+    case(f"slide to rest on a slope, e = {e:g}", ENERGY_LINE, tolerance,
+         sliding, math.radians(25.0), Contact(0.6, e), 12.0, True, engines=BULLET)
+    for e, tolerance in ((0.0, 0.05), (0.38, 0.02))
+)  # fmt: skip

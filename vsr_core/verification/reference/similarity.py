@@ -17,8 +17,8 @@ from vsr_core.run.bounds import barrier
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.reference import BOTH, Reference
-from vsr_core.verification.reference._run import box
+from vsr_core.verification.reference import case
+from vsr_core.verification.rocks import box
 
 FRICTION = 0.6
 """That of the paper."""
@@ -53,16 +53,6 @@ def similarity(engine: str, time_step: float) -> float:
     return max(apart)
 
 
-CASES = (
-    Reference(
-        name="similar blocks",
-        family="similarity",
-        answer="1x1x2 m at PGV/PGA = x moves as 0.5x0.5x1 m at x / sqrt(2): dimensional analysis",
-        quantity=str(similarity.__doc__).partition("\n")[0],
-        tolerance=1e-6,
-        step=1e-3,
-        order=None,
-        engines=BOTH,
-        measure=similarity,
-    ),
-)
+ANSWER = "1x1x2 m at PGV/PGA = x moves as 0.5x0.5x1 m at x / sqrt(2): dimensional analysis"
+
+CASES = (case("similar blocks", ANSWER, 1e-6, similarity),)

@@ -16,9 +16,10 @@ from scipy.optimize import brentq
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.scene import Contact, Scene, State
-from vsr_core.verification.reference import BOTH, Reference
-from vsr_core.verification.reference._run import box, largest, middles, run, whole
+from vsr_core.scene import Contact, Scene
+from vsr_core.verification.reference import case
+from vsr_core.verification.reference._run import largest, middles, run, whole
+from vsr_core.verification.rocks import box, upright
 
 SIZE = (1.0, 1.0, 0.5)
 """Sides of the block [m]; it could tip only at a friction of 2."""
@@ -37,9 +38,7 @@ SCAN = 500
 
 @cache
 def _scene(speed: float) -> Scene:
-    start = State(
-        np.array([0.0, 0.0, 0.5 * SIZE[2]]), np.eye(3), np.array([speed, 0.0, 0.0]), np.zeros(3)
-    )
+    start = upright((0.0, 0.0, 0.5 * SIZE[2]), (speed, 0.0, 0.0))
     return Scene(box(*SIZE), Contact(FRICTION), start=start)
 
 
@@ -135,33 +134,16 @@ def _slips(pulse: CosinePulse, resisting: float, t: float) -> float:
     return math.inf
 
 
+BRAKING = (
+    "v^2 / (2 mu g), Coulomb. MuJoCo's contacts lift what slides fast: the block hops 4 mm at the "
+    "start at any step."
+)
+SHAKEN = (
+    "rigid-plastic sliding (Newmark 1965), in closed form between stops. In MuJoCo 0.1 to 0.3 % "
+    "remain at any step, because its contacts lift what slides fast."
+)
+
 CASES = (
-    Reference(
-        name="slide to rest",
-        family="sliding",
-        answer=(
-            "v^2 / (2 mu g), Coulomb. MuJoCo's contacts lift what slides fast: the block hops 4 mm "
-            "at the start at any step."
-        ),
-        quantity=str(braking.__doc__),
-        tolerance=2e-3,
-        step=1e-3,
-        order=1.0,
-        engines=BOTH,
-        measure=braking,
-    ),
-    Reference(
-        name="sliding under a cosine pulse",
-        family="sliding",
-        answer=(
-            "rigid-plastic sliding (Newmark 1965), in closed form between stops. In MuJoCo 0.1 to "
-            "0.3 % remain at any step, because its contacts lift what slides fast."
-        ),
-        quantity=str(shaken.__doc__),
-        tolerance=0.01,
-        step=1e-3,
-        order=None,
-        engines=BOTH,
-        measure=shaken,
-    ),
+    case("slide to rest", BRAKING, 2e-3, braking, order=1.0),
+    case("sliding under a cosine pulse", SHAKEN, 0.01, shaken),
 )

@@ -7,19 +7,17 @@ edge when the resultant leaves the base, a = g b/h, whatever its mass.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
-import trimesh
 
 from vsr_core import GRAVITY, engines
-from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.boundary_search import halved
-from vsr_core.verification.reference import BOTH, Reference
-from vsr_core.verification.reference._run import DENSITY, GRIPPING, box, whole
+from vsr_core.verification.reference import BULLET, case
+from vsr_core.verification.reference._run import whole
+from vsr_core.verification.rocks import GRIPPING, box, hull, unit
 
 HALVINGS = 11
 """Halvings of a bracket of +-WINDOW: down to 5e-5 of the answer."""
@@ -44,9 +42,8 @@ SIDES = 8
 """Of the prism's base: more corners than any engine keeps contact points."""
 
 
-def static(make: Callable[[], Rock], slenderness: float, engine: str, time_step: float) -> float:
+def static(rock: Rock, slenderness: float, engine: str, time_step: float) -> float:
     """Error of the steady acceleration that tips a rock, relative to g b/h."""
-    rock = make()
     scene = Scene(rock, Contact(GRIPPING), pedestal="box" if rock.shape == "box" else "plane")
     answer = GRAVITY / slenderness
 
@@ -71,8 +68,7 @@ def switch(width: float, height: float, engine: str, time_step: float) -> float:
 
 def _tips(engine: str, scene: Scene, time_step: float, push: float, beyond: float) -> bool | None:
     """Whether a steady push tilts the rock beyond a tilt [rad] in time; None if it diverges."""
-    duration = PATIENCE * math.sqrt(scene.rock.radius / GRAVITY)
-    number, step = whole(duration, time_step)
+    number, step = whole(PATIENCE * unit(scene.rock), time_step)
     world = engines.load(engine).build(scene, step, 1)
     for first in range(0, number, LOOK_EVERY):
         world.advance([push] * min(LOOK_EVERY, number - first))
@@ -94,45 +90,19 @@ def prism() -> Rock:
     outer = 0.5 / math.cos(math.pi / SIDES)
     ring = outer * np.column_stack([np.cos(angles), np.sin(angles)])
     corners = np.vstack([np.column_stack([ring, np.full(SIDES, z)]) for z in (0.0, 2.0)])
-    mesh = trimesh.convex.convex_hull(corners)
-    return solid.from_mesh(mesh, DENSITY).rock
+    return hull(corners)
 
 
-def _static(name: str, make: Callable[[], Rock], slenderness: float, tolerance: float) -> Reference:
-    return Reference(
-        name=f"static tipping, {name}",
-        family="tipping",
-        answer="g b/h, from the moments about the edge",
-        quantity=str(static.__doc__),
-        tolerance=tolerance,
-        step=1e-3,
-        order=None,
-        engines=BOTH,
-        measure=partial(static, make, slenderness),
-    )
-
-
-def _switch(width: float, height: float) -> Reference:
-    return Reference(
-        name=f"sliding or tipping, b/h = {width / height:g}",
-        family="tipping",
-        answer=(
-            "tan(alpha) = b/h: a block that slides is tipped by its friction alone. Not in MuJoCo, "
-            "whose contacts lift what slides fast until the block trips, at any friction and step."
-        ),
-        quantity=str(switch.__doc__),
-        tolerance=5e-3,
-        step=1e-3,
-        order=None,
-        engines=("bullet",),
-        measure=partial(switch, width, height),
-    )
-
+STATIC = "g b/h, from the moments about the edge"
+SWITCH = (
+    "tan(alpha) = b/h: a block that slides is tipped by its friction alone. Not in MuJoCo, whose "
+    "contacts lift what slides fast until the block trips, at any friction and step."
+)
 
 CASES = (
-    _static("box of 1 x 1 x 2 m", partial(box, 1.0, 1.0, 2.0), 2.0, 3e-3),
-    _static("box of 1 x 1 x 5 m", partial(box, 1.0, 1.0, 5.0), 5.0, 4e-3),
-    _static("octagonal hull", prism, 2.0, 4e-3),
-    _switch(1.0, 2.0),
-    _switch(1.5, 2.0),
+    case("static tipping, box of 1 x 1 x 2 m", STATIC, 3e-3, static, box(1.0, 1.0, 2.0), 2.0),
+    case("static tipping, box of 1 x 1 x 5 m", STATIC, 4e-3, static, box(1.0, 1.0, 5.0), 5.0),
+    case("static tipping, octagonal hull", STATIC, 4e-3, static, prism(), 2.0),
+    case("sliding or tipping, b/h = 0.5", SWITCH, 5e-3, switch, 1.0, 2.0, engines=BULLET),
+    case("sliding or tipping, b/h = 0.75", SWITCH, 5e-3, switch, 1.5, 2.0, engines=BULLET),
 )

@@ -62,18 +62,10 @@ CASES = (
     *(
         case
         for slenderness in (2.0, 10.0)
-        for case in sweep(
-            f"swing of 1:{slenderness:g} at {{x:g}} in {{engine}}",
-            ("step / sqrt(R/g)", "1", SWING, 0.03),
-            SHARES,
-            partial(_swing, slenderness),
-            BOTH,
-        )
+        for case in sweep(f"swing of 1:{slenderness:g} at {{x:g}} in {{engine}}",
+                          ("step / sqrt(R/g)", "1", SWING, 0.03), SHARES,
+                          partial(_swing, slenderness), BOTH)
     ),
-    *sweep(
-        "step {x:g} of PGV/PGA",
-        ("step / (PGV/PGA)", "1", COARSE_MOTION, 0.03),
-        (0.01, 0.1, 1.0),
-        _short_pulse,
-    ),
-)
+    *sweep("step {x:g} of PGV/PGA", ("step / (PGV/PGA)", "1", COARSE_MOTION, 0.03),
+           (0.01, 0.1, 1.0), _short_pulse),
+)  # fmt: skip

@@ -42,12 +42,8 @@ def _pulse(ratio: float, pga_g: float, engine: str = "bullet") -> ExtremeCase:
 
 
 CASES = (
-    *sweep(
-        "PGA {x:g} g",
-        ("PGA", "g", REFERENCE, 0.03),
-        (0.001, 0.1, 0.45, 0.52, 0.56, 0.64, 0.68, 0.8, 1.0, 2.0, 3.0),
-        partial(_peak, 0.2),
-    ),
+    *sweep("PGA {x:g} g", ("PGA", "g", REFERENCE, 0.03),
+           (0.001, 0.1, 0.45, 0.52, 0.56, 0.64, 0.68, 0.8, 1.0, 2.0, 3.0), partial(_peak, 0.2)),
     _pulse(0.005, 3.0),
     _pulse(0.01, 3.0),
     _pulse(0.02, 3.0),
@@ -60,4 +56,4 @@ CASES = (
     _pulse(0.005, 3.0, "mujoco"),
     _pulse(0.05, 2.0, "mujoco"),
     _pulse(2.0, 1.0, "mujoco"),
-)
+)  # fmt: skip

@@ -44,18 +44,8 @@ def _tumbles(rate: float, engine: str) -> Measured:
 
 
 CASES = (
-    *sweep(
-        "fall at {x:g} in {engine}",
-        ("step / sqrt(R/g)", "1", FALL, 0.01),
-        (0.08, 0.008, 0.0005),
-        _falls,
-        BOTH,
-    ),
-    *sweep(
-        "tumbling at {x:g} in {engine}",
-        ("angular velocity", "rad/sqrt(R/g)", ENERGY, 0.03),
-        (1.0, 5.0, 10.0),
-        _tumbles,
-        BOTH,
-    ),
-)
+    *sweep("fall at {x:g} in {engine}", ("step / sqrt(R/g)", "1", FALL, 0.01),
+           (0.08, 0.008, 0.0005), _falls, BOTH),
+    *sweep("tumbling at {x:g} in {engine}", ("angular velocity", "rad/sqrt(R/g)", ENERGY, 0.03),
+           (1.0, 5.0, 10.0), _tumbles, BOTH),
+)  # fmt: skip

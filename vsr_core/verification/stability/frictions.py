@@ -42,19 +42,9 @@ def _rocks(friction: float, engine: str) -> Measured:
 
 
 CASES = (
-    *sweep(
-        "sliding at {x:g} in {engine}",
-        ("friction", "1", SLIP, 0.01),
-        (0.0, 0.001, 0.1, 0.3, 0.49, 0.51, 10.0),
-        _slips,
-        BOTH,
-    ),
-    *sweep(
-        "sliding before rocking at {x:g} in {engine}",
-        ("friction", "1", TILT, 0.02),
-        (0.1, 0.4, 0.48),
-        _slides,
-        BOTH,
-    ),
+    *sweep("sliding at {x:g} in {engine}", ("friction", "1", SLIP, 0.01),
+           (0.0, 0.001, 0.1, 0.3, 0.49, 0.51, 10.0), _slips, BOTH),
+    *sweep("sliding before rocking at {x:g} in {engine}", ("friction", "1", TILT, 0.02),
+           (0.1, 0.4, 0.48), _slides, BOTH),
     *sweep("rocking at {x:g}", ("friction", "1", BOUNDARY, 0.03), (0.75, 2.0, 100.0), _rocks),
-)
+)  # fmt: skip

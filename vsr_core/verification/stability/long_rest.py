@@ -71,31 +71,17 @@ CASES = (
     _rests("a million steps, block in bullet", MILLION, BLOCK),
     _rests("a million steps, block in mujoco", MILLION, BLOCK, "mujoco"),
     _rests("a million steps, hull in bullet", MILLION, SQUARE),
-    *sweep(
-        "rest at a step of {x:g}",
-        ("step / sqrt(R/g)", "1", DRIFT, 0.01),
-        (3e-5, 3e-4, 6e-3, 0.1),
-        partial(_drift, BLOCK, Contact(0.6), 100_000),
-    ),
-    *sweep(
-        "knife edge at rest at a step of {x:g}",
-        ("step / sqrt(R/g)", "1", DRIFT, 0.01),
-        (3e-4, 1e-3, 6e-3),
-        partial(_drift, KNIFE, Contact(0.6), 100_000),
-    ),
+    *sweep("rest at a step of {x:g}", ("step / sqrt(R/g)", "1", DRIFT, 0.01),
+           (3e-5, 3e-4, 6e-3, 0.1), partial(_drift, BLOCK, Contact(0.6), 100_000)),
+    *sweep("knife edge at rest at a step of {x:g}", ("step / sqrt(R/g)", "1", DRIFT, 0.01),
+           (3e-4, 1e-3, 6e-3), partial(_drift, KNIFE, Contact(0.6), 100_000)),
     _rests("needle at rest", 100_000, NEEDLE),
-    *sweep(
-        "block at rest on {x:g} N/m", ("stiffness", "N/m", DRIFT, 0.01), (1e8, 1e10), _on_springs
-    ),
+    *sweep("block at rest on {x:g} N/m", ("stiffness", "N/m", DRIFT, 0.01), (1e8, 1e10),
+           _on_springs),
     *(
         case
         for name, rock in (("block", BLOCK), ("hull", SQUARE), ("needle", NEEDLE))
-        for case in sweep(
-            f"proved to stand, {name} in {{engine}}",
-            ("PGA / uplift", "1", PROVED, 0.01),
-            (0.9,),
-            partial(_proved, rock),
-            BOTH,
-        )
+        for case in sweep(f"proved to stand, {name} in {{engine}}",
+                          ("PGA / uplift", "1", PROVED, 0.01), (0.9,), partial(_proved, rock), BOTH)
     ),
-)
+)  # fmt: skip

@@ -40,16 +40,8 @@ def _rides(share: float, gained: str, ratio: float, engine: str) -> Measured:
 VARIED = ("rock / table", "1", REFERENCE, 0.001)
 
 CASES = (
-    *sweep(
-        "rock / table {x:g}",
-        VARIED,
-        (1e-6, 1e-4, 1e-2, 1.0, 10.0, 100.0),
-        partial(_rides, 0.5, "table"),
-    ),
-    *sweep(
-        "rock / table {x:g}, gain for both",
-        VARIED,
-        (1e-2, 0.5, 100.0),
-        partial(_rides, 1.0, "both"),
-    ),
-)
+    *sweep("rock / table {x:g}", VARIED, (1e-6, 1e-4, 1e-2, 1.0, 10.0, 100.0),
+           partial(_rides, 0.5, "table")),
+    *sweep("rock / table {x:g}, gain for both", VARIED, (1e-2, 0.5, 100.0),
+           partial(_rides, 1.0, "both")),
+)  # fmt: skip

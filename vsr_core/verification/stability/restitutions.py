@@ -81,28 +81,14 @@ def _varied(reference: str, tolerance: float) -> tuple[str, str, str, float]:
 
 
 CASES = (
-    *sweep(
-        "rebound at {x:g}",
-        _varied(REBOUND, 0.02),
-        (0.0, 0.05, 0.2, 0.38, 0.6, 0.9, 1.0),
-        partial(_rebound, 1.0),
-    ),
-    *sweep(
-        "rebound at {x:g}, a quarter of the step",
-        _varied(REBOUND, 0.02),
-        (1.0,),
-        partial(_rebound, 0.25),
-    ),
+    *sweep("rebound at {x:g}", _varied(REBOUND, 0.02), (0.0, 0.05, 0.2, 0.38, 0.6, 0.9, 1.0),
+           partial(_rebound, 1.0)),
+    *sweep("rebound at {x:g}, a quarter of the step", _varied(REBOUND, 0.02), (1.0,),
+           partial(_rebound, 0.25)),
     *sweep("ten rebounds at {x:g}", _varied(ENERGY, 0.05), (0.9, 1.0), _rebounds),
-    *sweep(
-        "rebounds that add energy", _varied("an outcome; there must be none", 0.0), (1.2,), _gains
-    ),
+    *sweep("rebounds that add energy", _varied("an outcome; there must be none", 0.0), (1.2,),
+           _gains),
     *sweep("rocking at {x:g}", _varied(FINER, 0.0), (0.2, 0.5, 1.0), _finer),
-    *sweep(
-        "restitution in {engine}",
-        _varied(REBOUND, 0.02),
-        (0.5,),
-        partial(_rebound, 1.0),
-        ["mujoco"],
-    ),
-)
+    *sweep("restitution in {engine}", _varied(REBOUND, 0.02), (0.5,), partial(_rebound, 1.0),
+           ["mujoco"]),
+)  # fmt: skip

@@ -77,10 +77,6 @@ CASES = (
         _case(f"force limit {f:g} N", "force limit", f, "N", replace(PUBLISHED, force_limit=f))
         for f in (1e3, 5e4)
     ),
-    *sweep(
-        "period {x:g} of PGV/PGA",
-        ("hold period / PGV/PGA", "1", BOUNDARY, 0.03),
-        (0.05, 0.4, 0.5, 2.0),
-        _boundary,
-    ),
-)
+    *sweep("period {x:g} of PGV/PGA", ("hold period / PGV/PGA", "1", BOUNDARY, 0.03),
+           (0.05, 0.4, 0.5, 2.0), _boundary),
+)  # fmt: skip

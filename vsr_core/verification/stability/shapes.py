@@ -63,25 +63,14 @@ def _varied(parameter: str, unit: str) -> tuple[str, str, str, float]:
 
 
 CASES = (
-    *sweep(
-        "1:{x:g} in {engine}", _varied("height / width", "1"), RATIOS, partial(_box, 1.0, 1.0), BOTH
-    ),
+    *sweep("1:{x:g} in {engine}", _varied("height / width", "1"), RATIOS, partial(_box, 1.0, 1.0),
+           BOTH),
     *sweep("box of {x:g} m", _varied("width", "m"), (0.005, 0.01, 0.1, 10.0), _sized),
     *sweep("box three times as deep", _varied("depth / width", "1"), (3.0,), _deep),
-    *sweep(
-        "needle on {m:g} mm in {engine}",
-        _varied("base", "m"),
-        (0.2, 0.1, 0.04, 0.02, 0.01),
-        _needle,
-        BOTH,
-    ),
-    *sweep(
-        "knife edge of {m:g} mm in {engine}", _varied("base", "m"), (0.1, 0.02), _knife_edge, BOTH
-    ),
-    *sweep(
-        "knife edge at a step of {x:g}",
-        _varied("step / sqrt(R/g)", "1"),
-        (0.0005, 0.002, 0.006),
-        _stepped,
-    ),
-)
+    *sweep("needle on {m:g} mm in {engine}", _varied("base", "m"), (0.2, 0.1, 0.04, 0.02, 0.01),
+           _needle, BOTH),
+    *sweep("knife edge of {m:g} mm in {engine}", _varied("base", "m"), (0.1, 0.02), _knife_edge,
+           BOTH),
+    *sweep("knife edge at a step of {x:g}", _varied("step / sqrt(R/g)", "1"),
+           (0.0005, 0.002, 0.006), _stepped),
+)  # fmt: skip

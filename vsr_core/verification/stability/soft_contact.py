@@ -94,18 +94,13 @@ HULL = frustum((1.0, 1.0), (0.6, 0.6), 2.0)
 CASES = (
     *sweep("sinking at {x:g} N/m", SINKING, 10.0 ** np.arange(3.0, 11.0), partial(_sink, BLOCK)),
     *(_landing(k, z) for k in (1e8, 1e10) for z in (0.0, 0.1, 1.0, 3.0)),
-    *sweep(
-        "landing at {x:g} of the longest step",
-        ("step / longest", "1", REBOUND, 0.03),
-        (0.1, 1.0, 2.0, 20.0),
-        partial(_rebound, 0.1, 1e8),
-    ),
-    *sweep(
-        "boundary at {x:g} N/m", ("stiffness", "N/m", BOUNDARY, 0.03), (3e7, 1e8, 1e9), _boundary
-    ),
+    *sweep("landing at {x:g} of the longest step", ("step / longest", "1", REBOUND, 0.03),
+           (0.1, 1.0, 2.0, 20.0), partial(_rebound, 0.1, 1e8)),
+    *sweep("boundary at {x:g} N/m", ("stiffness", "N/m", BOUNDARY, 0.03), (3e7, 1e8, 1e9),
+           _boundary),
     *sweep("350 kg on 1e6 N/m", SINKING, (1e6,), _small_and_soft),
     *sweep("springs and a restitution", SINKING, (1e8,), partial(_sink, BLOCK, restitution=0.5)),
     *sweep("springs under a hull", SINKING, (1e8,), partial(_sink, HULL)),
     *sweep("springs in {engine}", SINKING, (1e8,), partial(_sink, BLOCK), ["mujoco"]),
     *sweep("damping below 0", SINKING, (1e8,), _negative),
-)
+)  # fmt: skip

@@ -53,28 +53,12 @@ def _moves(speed: float, engine: str) -> Measured:
 
 
 CASES = (
-    *sweep(
-        "dropped by {x:g} radii in {engine}",
-        ("height", "radius", STANDS, 0.02),
-        (1e-4, 1e-2, 0.1, 1.0, 10.0),
-        _dropped,
-        BOTH,
-    ),
-    *sweep(
-        "{x:g} radii inside the pedestal in {engine}",
-        ("depth", "radius", STANDS, 0.02),
-        (1e-4, 1e-3, 9e-3, 1.1e-2, 0.05, 0.5),
-        _inside,
-        BOTH,
-    ),
-    *sweep(
-        "released at {x:g} alpha in {engine}",
-        ("tilt", "alpha", FALLS, 0.0),
-        (0.5, 0.98, 1.02),
-        _falls,
-        BOTH,
-    ),
-    *sweep(
-        "thrown along x", ("speed", "m/s", ANY, 0.0), (math.sqrt(GRAVITY * ROCK.radius),), _moves
-    ),
-)
+    *sweep("dropped by {x:g} radii in {engine}", ("height", "radius", STANDS, 0.02),
+           (1e-4, 1e-2, 0.1, 1.0, 10.0), _dropped, BOTH),
+    *sweep("{x:g} radii inside the pedestal in {engine}", ("depth", "radius", STANDS, 0.02),
+           (1e-4, 1e-3, 9e-3, 1.1e-2, 0.05, 0.5), _inside, BOTH),
+    *sweep("released at {x:g} alpha in {engine}", ("tilt", "alpha", FALLS, 0.0), (0.5, 0.98, 1.02),
+           _falls, BOTH),
+    *sweep("thrown along x", ("speed", "m/s", ANY, 0.0), (math.sqrt(GRAVITY * ROCK.radius),),
+           _moves),
+)  # fmt: skip

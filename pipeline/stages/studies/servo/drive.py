@@ -88,7 +88,9 @@ def make(job: Job) -> Product:
     return Product(files, f"rms errors up to {worst:.2g} m/s; boundary {_shift(dataset)}")
 
 
-def _dataset(tracks: dict[Followed, TableHistory], rows: dict[tuple[str, float], Bracket]) -> xr.Dataset:
+def _dataset(
+    tracks: dict[Followed, TableHistory], rows: dict[tuple[str, float], Bracket]
+) -> xr.Dataset:
     names, ratios = (list(dict.fromkeys(part)) for part in zip(*rows, strict=True))
     samples = {
         name: ("sample", np.concatenate([getattr(track, part) for track in tracks.values()]))

@@ -120,7 +120,9 @@ def drives(own: Servo) -> list[Drive]:
     return drives
 
 
-def tracks(scenes: Scenes, drives: list[Drive]) -> tuple[dict[Followed, TableHistory], list[Record]]:
+def tracks(
+    scenes: Scenes, drives: list[Drive]
+) -> tuple[dict[Followed, TableHistory], list[Record]]:
     """Follow the table through the pulse with each servo, and through the rough motion.
 
     Parameters
@@ -162,7 +164,9 @@ def tracks(scenes: Scenes, drives: list[Drive]) -> tuple[dict[Followed, TableHis
     return found, [*records, refused, _record(name, scene, pga, rough, motion)]
 
 
-def _toppling(scene: Scene, limits: Barrier, step: float) -> tuple[float, GroundMotion, TableHistory]:
+def _toppling(
+    scene: Scene, limits: Barrier, step: float
+) -> tuple[float, GroundMotion, TableHistory]:
     """The made motion at the first PGA that topples the rock, or the largest."""
     pga, ratio = SYNTHETIC
     trace = synthetic(ratio)
