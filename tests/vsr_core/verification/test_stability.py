@@ -25,7 +25,7 @@ from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
-from vsr_core.engines.bullet import BulletWorld
+from vsr_core.engines.bullet import BulletWorld, collision_shapes
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome, Response
@@ -39,7 +39,8 @@ from vsr_core.scene import Contact, Scene, State
 from vsr_core.table.servo import PUBLISHED
 from vsr_core.verification import stability
 from vsr_core.verification.families import modules
-from vsr_core.verification.rocks import box, frustum, leaning, unit
+from vsr_core.verification.reference._ground import slope
+from vsr_core.verification.rocks import box, frustum, leaning, unit, upright
 from vsr_core.verification.stability import ExtremeCase, Measured, Verdict
 
 ALL = stability.cases()
@@ -190,7 +191,10 @@ def test_products(make_stage: Callable[..., Path]) -> None:
     with (folder / stage.TABLE).open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(chosen) >= 60
-    assert tuple(rows[0]) == stage.COLUMNS
+    assert list(rows[0]) == [
+        "case", "family", "parameter", "value", "unit", "verdict", "measured", "expected", "error",
+        "tolerance", "note",
+    ]  # fmt: skip
     assert {row["verdict"] for row in rows} == {"right", "flagged"}
     assert all(row["note"].count("; ") >= 2 for row in rows if row["verdict"] == "flagged")
     for row in rows:
@@ -284,6 +288,23 @@ def test_a_needle_stands_whichever_corner_bullet_cuts_a_digit_off(lifted: int) -
     case = prepare(scene, _limits(needle), reduce=True)
     step = input_checks.longest_step(scene, "bullet")
     input_checks.check_unshaken(case, Settings(step), PULSE)
+
+
+def test_a_narrow_base_gets_feet_on_level_ground_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    needle, given = frustum((0.01, 0.01), (0.6, 0.6), 2.0), []
+    feet = collision_shapes._hull_on_feet
+    monkeypatch.setattr(
+        collision_shapes, "_hull_on_feet", lambda *args: given.append(len(args[1])) or feet(*args)
+    )
+    ground = slope(0.0, (-2.0, 2.0), 2.0, 1.0, True)
+    start = upright((0.0, 0.0, needle.height))
+    bullet = engines.load("bullet")
+    bullet.build(
+        Scene(needle, Contact(0.6), pedestal="terrain", start=start, terrain=ground), 1e-4, 1
+    )
+    assert given == []
+    bullet.build(Scene(needle, Contact(0.6)), 1e-4, 1)
+    assert given == [4]
 
 
 def test_a_rock_that_falls_unshaken_is_refused() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import tempfile
 from typing import Literal
 
@@ -38,14 +39,14 @@ MESH_CELLS = 80
 """Squares along a triangulated pedestal: half a radius each."""
 
 
-def rock_shape(rock: Rock, scale: float, margin: float, client: int) -> int:
+def rock_shape(rock: Rock, scale: float, margin: float, client: int, *, on_level: bool) -> int:
     """Bullet's number of the rock's shape, in its principal axes, lengths times ``scale``.
 
     A hull on a flat base of more than four corners gets feet, balls as small as its ``margin``
     (in Bullet's length unit) in the corners of the base. Bullet keeps four contact points between
     two shapes, so that without feet the rock would stand on four of its corners and topple before
-    its base says so. A narrow base gets them too (see ``NARROW_SHARE``), but none on a terrain
-    (``margin`` 0), where the rock need not stand on it.
+    its base says so. So does a narrow base on level ground (see ``NARROW_SHARE``); on a terrain the
+    rock need not stand on it.
     """
     if rock.shape == "box":
         half = np.abs(rock.vertices).max(axis=0) * scale
@@ -57,7 +58,7 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int) -> int:
             pybullet.GEOM_SPHERE, radius=rock.radius * scale, physicsClientId=client
         )
     elif len(feet := bearing_corners(rock)) > CONTACTS or (
-        margin > 0.0 and _width(feet) < NARROW_SHARE * rock.radius
+        on_level and _width(feet) < NARROW_SHARE * rock.radius
     ):
         shape = _hull_on_feet(rock, feet @ rock.axes * scale, scale, margin, client)
     else:
@@ -93,7 +94,9 @@ def bearing_corners(rock: Rock) -> Array:
 
 
 def _width(corners: Array) -> float:
-    """Least width of a convex outline, shape (n, 3) [m], seen from above."""
+    """Least width [m] of a convex outline, shape (n, 3), seen from above; inf if it is none."""
+    if len(corners) < 3:
+        return math.inf
     edges = np.roll(corners, -1, axis=0)[:, :2] - corners[:, :2]
     across = np.column_stack([-edges[:, 1], edges[:, 0]])
     across /= np.linalg.norm(across, axis=1, keepdims=True)

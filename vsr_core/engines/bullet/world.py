@@ -279,7 +279,9 @@ class BulletWorld:
         rock, contact = scene.rock, scene.contact
         body = pybullet.createMultiBody(
             MASS,
-            rock_shape(rock, self._scale, HULL_MARGIN, self._client),
+            rock_shape(
+                rock, self._scale, HULL_MARGIN, self._client, on_level=scene.terrain is None
+            ),
             -1,
             useMaximalCoordinates=self._maximal,
             physicsClientId=self._client,
