@@ -135,7 +135,7 @@ install_project() {
 
 install_dev() {
   say "adding what tests and checks need to .venv"
-  add --require-hashes --no-build-isolation -r requirements.lock -r requirements-dev.lock
+  add --no-deps --require-hashes -r requirements-dev.lock
 }
 
 # Steps -------------------------------------------------------------------------------------------
