@@ -20,10 +20,10 @@ import yaml
 from pydantic import BaseModel
 
 from pipeline import ROOT
+from pipeline.config.hardware_schema import TableConfig
 from pipeline.config.layers import BASE
 from pipeline.config.schema import Config
-from pipeline.stages.studies.capacity import table_limits
-from pipeline.stages.studies.validation import recorded_tests
+from pipeline.config.shake_table_schema import ShakeTableConfig
 
 Node = dict[str, Any]
 
@@ -87,8 +87,8 @@ def main() -> int:
 def files() -> dict[str, str]:
     """Contents of every generated file, by its path below the root."""
     base = yaml.safe_load(BASE.read_text(encoding="utf-8"))
-    site, hardware = schema(Config, base), schema(table_limits.TableConfig)
-    recorded = schema(recorded_tests.TableConfig)
+    site, hardware = schema(Config, base), schema(TableConfig)
+    recorded = schema(ShakeTableConfig)
     parts = [INTRODUCTION, *sections(site), HARDWARE, *sections(hardware)]
     parts += [RECORDED, *sections(recorded)]
     return {

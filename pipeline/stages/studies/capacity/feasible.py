@@ -9,14 +9,14 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pipeline.config import hardware_schema
+from pipeline.config.hardware_schema import TableConfig
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import pictures
 from pipeline.stages.datasets.responses import FILE as RESPONSES
 from pipeline.stages.mesh.products import load_rock
-from pipeline.stages.studies.capacity import table_limits
 from pipeline.stages.studies.capacity.feasible_figure import feasible_grid
-from pipeline.stages.studies.capacity.table_limits import TableConfig
 from pipeline.workflow import graph, keys, writers
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job
@@ -61,7 +61,7 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
     InputError
         For a table that is not known or wrong, and for motions that are no pulses.
     """
-    config, file = table_limits.load(name)
+    config, file = hardware_schema.load(name)
     motion = job.config.motion
     if not isinstance(motion, PulseConfig):
         rule, remedy = "the grid is one of cosine pulses", "use a site or study of cosine pulses"

@@ -27,7 +27,7 @@ class TableConfig(Section):
     command_rate: float = Field(gt=0, le=10_000, description="rate of velocity commands [Hz]")
 
     def table(self) -> Table:
-        """The table in the terms of the physics."""
+        """The table in the terms of the physics, null as no limit."""
         return Table(
             acceleration=in_si.acceleration(_limit(self.acceleration)),
             velocity=_limit(self.velocity),
