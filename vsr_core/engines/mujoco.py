@@ -66,7 +66,7 @@ class MujocoWorld:
         self._turn = _quaternion(start.rotation @ self._axes)
         self._velocity = start.velocity * pace
         turned = start.rotation @ self._axes
-        self._spin = turned.T @ start.angular_velocity / pace
+        self._angular_velocity = turned.T @ start.angular_velocity / pace
         self._model = _model(scene, self._scale)
         self._data = mujoco.MjData(self._model)
         self._substeps = 1
@@ -80,7 +80,7 @@ class MujocoWorld:
         self._substeps = substeps
         mujoco.mj_resetData(self._model, self._data)
         self._data.qpos[:3], self._data.qpos[3:] = self._place, self._turn
-        self._data.qvel[:3], self._data.qvel[3:] = self._velocity, self._spin
+        self._data.qvel[:3], self._data.qvel[3:] = self._velocity, self._angular_velocity
 
     def advance(self, acceleration: Iterable[float]) -> None:
         """Step through samples of the table's acceleration along +x [m/s^2]."""

@@ -62,8 +62,9 @@ class Barrier:
     tilt : ndarray, shape (n,) [rad], 0 to pi
     height : ndarray, shape (n,) [m]
     toppled_tilt : float [rad]
-        Beyond it the rock counts as overturned: 1 rad as in the seed, or three quarters of the
-        tilt of its first lying pose if that is less, but not before a squat rock's barrier.
+        Beyond it the rock counts as overturned: 1 rad as in the published set-up, or three
+        quarters of the tilt of its first lying pose if that is less, but not before a squat rock's
+        barrier.
     edge_tilt : float [rad]
         Where the barrier is highest on the way to ``toppled_tilt``.
     edge_height : float [m]

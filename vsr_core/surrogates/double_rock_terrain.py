@@ -20,7 +20,7 @@ from scipy.spatial import ConvexHull
 from vsr_core.arrays import Array
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.surrogates.ground_shapes import ramp, rise, rough, scattered, stepped, waves
-from vsr_core.surrogates.ground_sheet import Block, Field, resampled, rounded, sheet
+from vsr_core.surrogates.ground_sheet import Field, StandingBlock, resampled, rounded, sheet
 from vsr_core.surrogates.ring_stack import polygon_radius
 from vsr_core.surrogates.surrogate_site import SurrogateSite, over_origin, rim_around
 
@@ -156,7 +156,7 @@ def _spacing(places: Array) -> Array:
     return np.minimum(finest, _COARSE)
 
 
-def _supports(rock: Array) -> list[Block]:
+def _supports(rock: Array) -> list[StandingBlock]:
     """Blocks around the seat, their inner walls along the rock's flanks."""
     blocks = []
     for parts, top, thickness in (
@@ -168,7 +168,7 @@ def _supports(rock: Array) -> list[Block]:
             outline = _sector(rock, (start, end), height, thickness * deep)
             middle = math.radians(0.5 * (start + end))
             tilt = (-_DIP * math.cos(middle), -_DIP * math.sin(middle))
-            blocks.append(Block(outline, _top(outline, height, tilt), _BATTER, _BEVEL))
+            blocks.append(StandingBlock(outline, _top(outline, height, tilt), _BATTER, _BEVEL))
     return blocks
 
 
@@ -210,11 +210,11 @@ def _top(outline: Array, height: float, tilt: tuple[float, float]) -> Field:
     return top
 
 
-def _strewn() -> list[Block]:
+def _strewn() -> list[StandingBlock]:
     """Blocks of the jointed slope, large ones first, clear of the seat, the niche and others."""
     low, high = np.array(_EXTENT[::2]) + 1.3, np.array(_EXTENT[1::2]) - 1.3
     places = low + (high - low) * scattered(BLOCKS)
-    blocks: list[Block] = []
+    blocks: list[StandingBlock] = []
     taken = [(NICHE_X, NICHE_Y, 0.62 * NICHE_WIDTH), (0.0, 0.0, 1.7)]
     for k, (x, y) in enumerate(places):
         radius = 0.3 + 0.85 * (1.0 - k / BLOCKS) ** 2
@@ -225,7 +225,7 @@ def _strewn() -> list[Block]:
     return blocks
 
 
-def _strewn_block(middle: Array, radius: float, number: int) -> Block:
+def _strewn_block(middle: Array, radius: float, number: int) -> StandingBlock:
     corners = 5 + number % 3
     turn = 2.0 * math.pi * (np.arange(corners) + 0.25 * np.cos(5.0 * np.arange(corners) + number))
     angles = turn / corners + 2.4 * number
@@ -235,4 +235,6 @@ def _strewn_block(middle: Array, radius: float, number: int) -> Block:
     tilt = 0.45 * np.array([around[0] - around[1], around[2] - around[3]]) / (1.6 * radius)
     height = around.mean() + radius * (0.3 + 0.2 * math.sin(1.9 * number))
     outline = resampled(rounded(outline), 0.9 * float(_spacing(middle[None])[0]))
-    return Block(outline, _top(outline, height, (tilt[0], tilt[1])), 0.12 * radius, 0.08 * radius)
+    return StandingBlock(
+        outline, _top(outline, height, (tilt[0], tilt[1])), 0.12 * radius, 0.08 * radius
+    )

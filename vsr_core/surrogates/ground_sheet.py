@@ -26,7 +26,7 @@ _NEAREST = 0.7  # of a lattice's spacing, within which its points give way to fi
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class StandingBlock:
     """A block that stands out of the ground; where the ground is higher, the ground is seen.
 
     Attributes
@@ -54,7 +54,7 @@ class Block:
 
 
 def sheet(
-    extent: Extent, spacing: Field, ground: Field, blocks: list[Block], rim: Array
+    extent: Extent, spacing: Field, ground: Field, blocks: list[StandingBlock], rim: Array
 ) -> tuple[Array, Indices, Indices]:
     """Triangulate the ground with its blocks.
 
@@ -63,7 +63,7 @@ def sheet(
     extent : Extent
     spacing : Field, length of edges [m]
     ground : Field, height [m]
-    blocks : list of Block, whose feet do not cross
+    blocks : list of StandingBlock, whose feet do not cross
     rim : ndarray, shape (k, 2) [m], a loop whose sides are edges of the sheet
 
     Returns

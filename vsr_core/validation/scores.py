@@ -16,7 +16,7 @@ rock that is set up by hand cannot be known better."""
 
 
 @dataclass(frozen=True)
-class Scores:
+class PredictionScores:
     """Scores of one predictor on some tests; NaN where there is nothing to score.
 
     Attributes
@@ -35,7 +35,7 @@ class Scores:
     log_loss: float
 
 
-def scored(observed: Mask, predicted: Mask, probability: Array | None = None) -> Scores:
+def scored(observed: Mask, predicted: Mask, probability: Array | None = None) -> PredictionScores:
     """Scores of predictions, and of probabilities where there are some.
 
     Parameters
@@ -46,12 +46,12 @@ def scored(observed: Mask, predicted: Mask, probability: Array | None = None) ->
 
     Returns
     -------
-    Scores
+    PredictionScores
     """
     from sklearn import metrics
 
     if not len(observed):
-        return Scores(0, *[np.nan] * 6)
+        return PredictionScores(0, *[np.nan] * 6)
     brier = loss = np.nan
     if probability is not None:
         clipped = np.clip(probability, SMALLEST_PROBABILITY, 1.0 - SMALLEST_PROBABILITY)
@@ -59,7 +59,7 @@ def scored(observed: Mask, predicted: Mask, probability: Array | None = None) ->
         loss = float(metrics.log_loss(observed, clipped, labels=[False, True]))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of one outcome only: the mean of one recall
-        return Scores(
+        return PredictionScores(
             len(observed),
             float(metrics.accuracy_score(observed, predicted)),
             float(metrics.balanced_accuracy_score(observed, predicted)),

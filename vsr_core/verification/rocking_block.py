@@ -268,12 +268,22 @@ def _comes_to_rest(block: Block, amplitude: float, rate: float, time: float, v: 
 
 
 def free_peak(block: Block, theta: float, theta_dot: float) -> float:
-    """Largest |theta| [rad] of free rocking from a state; pi/2 if the block overturns.
+    """Largest tilt of free rocking from a state.
 
     By energy: theta'^2 / 2 + p^2 cos(alpha - |theta|) is constant between impacts, and its excess
     over p^2 cos(alpha) is multiplied by rho^2 in each. Moving outwards the block overturns when
     theta'^2 / 2 > p^2 (1 - cos(alpha - |theta|)); beyond alpha always, unless it moves inwards
     fast enough to stand up again. Standing up, it may still overturn on the other side.
+
+    Parameters
+    ----------
+    block : Block
+    theta, theta_dot : float [rad, rad/s]
+
+    Returns
+    -------
+    float [rad]
+        |theta|; pi/2 if the block overturns.
     """
     alpha, tilt = block.alpha, abs(theta)
     outwards = theta_dot * (theta or theta_dot) >= 0.0
@@ -292,11 +302,20 @@ def _turning(block: Block, level: float) -> float:
 
 
 def free_period(block: Block, theta0: float) -> float:
-    """Period [s] of free rocking with amplitude ``theta0``, 0 < theta0 < alpha, without loss.
+    """Period of free rocking without loss.
 
     Four times the fall from ``theta0`` at rest to the impact, as an inverted pendulum:
     (4/p) [K(m) - F(asin(cos(alpha/2) / sqrt(m)) | m)], m = cos^2((alpha - theta0)/2). For slender
     blocks this is Housner's (4/p) acosh(1 / (1 - theta0/alpha)).
+
+    Parameters
+    ----------
+    block : Block
+    theta0 : float [rad], amplitude, between 0 and alpha
+
+    Returns
+    -------
+    float [s]
 
     Examples
     --------
@@ -314,10 +333,26 @@ def free_period(block: Block, theta0: float) -> float:
 
 
 def free_amplitude(block: Block, theta0: float, impacts: int) -> float:
-    """Amplitude [rad] of free rocking from rest at ``theta0``, 0 < theta0 < alpha.
+    """Amplitude of free rocking from rest after some impacts.
 
     cos(alpha - theta_n) - cos(alpha) = rho^(2n) [cos(alpha - theta_0) - cos(alpha)], which for
     slender blocks is Housner's phi_n = 1 - sqrt(1 - rho^(2n) [1 - (1 - phi_0)^2]).
+
+    Parameters
+    ----------
+    block : Block
+    theta0 : float [rad], at the start, between 0 and alpha
+    impacts : int
+
+    Returns
+    -------
+    float [rad]
+
+    Examples
+    --------
+    >>> block = Block(0.5, 1.0)
+    >>> free_amplitude(block, 0.2, 2) < free_amplitude(block, 0.2, 1) < 0.2
+    True
     """
     _check_amplitude(block, theta0)
     floor = math.cos(block.alpha)
@@ -335,10 +370,19 @@ def _check_amplitude(block: Block, theta0: float) -> None:
 
 
 def slender_pga_without_impact(block: Block, pgv_pga: float) -> float:
-    """PGA [m/s^2] above which a slender block overturns at once, without an impact.
+    """PGA above which a slender block overturns at once, without an impact.
 
     g alpha [1 + (w/p)^2] / [1 - exp(-2 pi p/w)], w = 1 / pgv_pga: the growing exponential of the
     linearised equation is positive at the pulse's end.
+
+    Parameters
+    ----------
+    block : Block
+    pgv_pga : float [s]
+
+    Returns
+    -------
+    float [m/s^2]
     """
     ratio = 1.0 / (block.p * pgv_pga)
     grown = -math.expm1(-2.0 * math.pi / ratio)
@@ -350,6 +394,16 @@ def slender_overturns(block: Block, pga: float, pgv_pga: float) -> bool:
 
     Closed form of the linearised equation, for pga > 0; exact as alpha goes to 0. It knows no
     second impact, so it can miss an overturning after one.
+
+    Parameters
+    ----------
+    block : Block
+    pga : float [m/s^2]
+    pgv_pga : float [s]
+
+    Returns
+    -------
+    bool
 
     Notes
     -----
@@ -385,7 +439,7 @@ def slender_overturns(block: Block, pga: float, pgv_pga: float) -> bool:
 def first_overturning_pga(
     block: Block, pgv_pga: float, pga_max: float, step: float, tolerance: float = 1e-4
 ) -> float:
-    """Lowest PGA [m/s^2] found to overturn the block; inf if there is none up to ``pga_max``.
+    """Lowest PGA found to overturn the block.
 
     The overturning PGAs of one ``pgv_pga`` need not be one interval, so the PGAs from g tan(alpha)
     on are tried every ``step`` and only the first change of outcome is bisected. An overturned
@@ -399,6 +453,11 @@ def first_overturning_pga(
     pga_max, step : float [m/s^2]
     tolerance : float
         Relative width of the bracket; its upper end, which did overturn, is returned.
+
+    Returns
+    -------
+    float [m/s^2]
+        Infinite if there is none up to ``pga_max``.
     """
     return next(_switches(block, pgv_pga, pga_max, step, tolerance), math.inf)
 
@@ -406,11 +465,18 @@ def first_overturning_pga(
 def overturning_intervals(
     block: Block, pgv_pga: float, pga_max: float, step: float, tolerance: float = 1e-4
 ) -> list[tuple[float, float]]:
-    """All intervals of PGA [m/s^2] found to overturn the block, lowest first.
+    """All intervals of PGA found to overturn the block.
 
     Each runs from its first overturning PGA to the first safe one behind it, or to ``pga_max``;
-    between two of them lies a safe island. Resolution and parameters as in
-    `first_overturning_pga`.
+    between two of them lies a safe island.
+
+    Parameters
+    ----------
+    block, pgv_pga, pga_max, step, tolerance : as of ``first_overturning_pga``
+
+    Returns
+    -------
+    list of tuple of float [m/s^2], lowest first
     """
     edges = [*_switches(block, pgv_pga, pga_max, step, tolerance)]
     if len(edges) % 2:

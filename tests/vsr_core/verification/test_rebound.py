@@ -148,7 +148,7 @@ def test_terminal_rate_of_a_wheel_by_marching(wheel: Wheel) -> None:
 @pytest.mark.parametrize("friction", [0.1, 0.3, 0.45])
 def test_run_out_through_a_bend_is_that_of_many_chords(friction: float) -> None:
     bend, chords = runout.Bend(), 4000
-    speed = 2.0 * GRAVITY * bend.way * (math.sin(bend.angle) - friction * math.cos(bend.angle))
+    speed = 2.0 * GRAVITY * bend.length * (math.sin(bend.angle) - friction * math.cos(bend.angle))
     turn = bend.angle / chords
     for k in range(chords):
         # Turned by a chord it loses what its impulse on the ground and the friction of that take.
@@ -307,7 +307,7 @@ def test_a_block_slides_through_a_bend() -> None:
 
 @pytest.mark.xfail(reason="one end of a landing edge is found before the other")
 def test_a_wheel_has_its_terminal_speed() -> None:
-    assert rimless_wheel.way(WHEELS[0], 1.0, True, ENGINE, STEP) < 0.02
+    assert rimless_wheel.distance(WHEELS[0], 1.0, True, ENGINE, STEP) < 0.02
 
 
 @pytest.mark.xfail(reason="without restitution the friction of an impulse is a pyramid")

@@ -52,5 +52,5 @@ RIGID = Springs(1e18, 0.0)
 
 
 def exact_springs(client: int) -> None:
-    """Have springs push by the whole depth; split, Bullet would mend a deep one by position."""
+    """Have springs push by the whole depth; split, Bullet would correct a deep one by position."""
     pybullet.setPhysicsEngineParameter(useSplitImpulse=0, contactSlop=0.0, physicsClientId=client)

@@ -91,7 +91,7 @@ def _moment(inertia: Sequence[float], omega: Vector, rate: Vector, spin: Vector)
 def _carried_on(
     now: tuple[Vector, Vector], before: tuple[Vector, Vector] | None
 ) -> tuple[Vector, Vector]:
-    """Velocity and spin half a step on."""
+    """Velocity and angular velocity half a step on."""
     if before is None:
         return now
     (v, s), (v0, s0) = now, before

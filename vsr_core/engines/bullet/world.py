@@ -24,8 +24,8 @@ SCALED_RADIUS = 10.0
 """Radius of every rock inside the engine, in Bullet's length unit."""
 
 ERP = 0.02
-"""Share of a penetration that Bullet mends in a step. It mends it by speed: with the default of 0.2
-an impact is followed by a kick that no finer step makes smaller."""
+"""Share of a penetration that Bullet corrects in a step. It does so by speed: with the default of
+0.2 an impact is followed by a kick that no finer step makes smaller."""
 
 MASS = 0.001
 """Mass of every rock inside the engine. Beside a pedestal that is at rest it changes nothing, but
@@ -49,7 +49,7 @@ FASTEST = 1e9
 
 
 BOUNCING_ERP = 1e-4
-"""Share of a penetration that Bullet mends in a step where contacts bounce. It mends it by speed,
+"""Share of a penetration that Bullet corrects in a step where contacts bounce. It does so by speed,
 so that 0.2 makes a drop of e = 0.38 rebound by up to 14 % too high."""
 
 GAP, SMALL_GAP = 0.02, 1e-4
@@ -230,9 +230,9 @@ class BulletWorld:
     def _set_down(self, substeps: int, interval: float) -> None:
         """Lower the rock by ``START_GAP`` on the pedestal, leave it alone for a while, hold it.
 
-        A hull's contacts overlap by 1e-4 in its exact rest pose. Bullet mends that by a speed, the
-        greater the smaller the step, and would start the rock with a kick. On springs, which are
-        damped for that, it sinks in.
+        A hull's contacts overlap by 1e-4 in its exact rest pose. Bullet corrects that by a speed,
+        the greater the smaller the step, and would start the rock with a kick. On springs, which
+        are damped for that, it sinks in.
         """
         above = np.array([0.0, 0.0, START_GAP / self._scale])
         self.put(replace(self._start, position=self._start.position + above))

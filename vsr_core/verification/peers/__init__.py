@@ -29,7 +29,7 @@ Setting = dict[str, float]
 Test = Callable[[CosinePulse], float]
 
 AFTER = 4.0
-"""Time simulated after the pulse [s], as in the seed's public scripts."""
+"""Time simulated after the pulse [s], as in the scripts of the published set-up."""
 
 LYING = 1.3
 """Tilt at which a run may end [rad]: beyond it a rock lies."""
@@ -37,8 +37,8 @@ LYING = 1.3
 SLAB = (40.0, 40.0, 2.0)
 """Size of the pedestal where it is a slab [m]; no rock gets to its edges."""
 
-LOOK_EVERY = 10
-"""Time steps between two readings of the tilt."""
+MONITOR_EVERY = 10
+"""Monitoring interval of the tilt, in time steps."""
 
 
 class Method(Protocol):
@@ -58,6 +58,11 @@ class Method(Protocol):
     def build(self, scene: Scene, setting: Setting) -> Test:
         """Prepare a box or hull on a level pedestal for shaking tests.
 
+        Parameters
+        ----------
+        scene : Scene
+        setting : dict of float, one of ``SWEEP``
+
         Returns
         -------
         Test
@@ -66,24 +71,56 @@ class Method(Protocol):
 
 
 def names() -> list[str]:
-    """Names of the methods there are, installed or not."""
+    """Names of the methods there are, installed or not.
+
+    Returns
+    -------
+    list of str
+    """
     return sorted(module.name for module in pkgutil.iter_modules(__path__))
 
 
 def load(name: str) -> Method:
-    """Method by name; does not import its libraries."""
+    """Method by name; does not import its libraries.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    Method
+    """
     return cast(Method, importlib.import_module(f"{__name__}.{name}"))
 
 
 def missing(name: str) -> tuple[str, ...]:
-    """Import names that a method needs and that are not installed."""
+    """What a method needs and is not installed.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    tuple of str, import names
+    """
     return tuple(need for need in load(name).NEEDS if importlib.util.find_spec(need) is None)
 
 
 def accelerations(pulse: CosinePulse, time_step: float) -> Array:
-    """Mean acceleration of the table [m/s^2] in each step of a run, shape (steps,).
+    """Mean acceleration of the table in each step of a run.
 
     Means give the table its exact velocity after every step, whether or not steps fill the pulse.
+
+    Parameters
+    ----------
+    pulse : CosinePulse
+    time_step : float [s]
+
+    Returns
+    -------
+    ndarray, shape (steps,) [m/s^2]
     """
     steps = math.ceil((pulse.duration + AFTER) / time_step)
     times: Array = time_step * np.arange(steps + 1, dtype=np.float64)
@@ -96,7 +133,7 @@ def largest_tilt(
     drive: Array,
     until: float = LYING,
 ) -> float:
-    """Run to the end of ``drive``, or to the tilt ``until``; largest tilt read [rad].
+    """Run to the end of ``drive``, or to the tilt ``until``.
 
     Parameters
     ----------
@@ -104,10 +141,15 @@ def largest_tilt(
     tilt : reads the present tilt [rad], nan if the method diverged
     drive : ndarray, shape (steps,), what the method drives its table by, one value a step
     until : float [rad]
+
+    Returns
+    -------
+    float [rad]
+        The largest tilt read; nan if the method diverged.
     """
     values, largest = drive.tolist(), 0.0
-    for first in range(0, len(values), LOOK_EVERY):
-        advance(values[first : first + LOOK_EVERY])
+    for first in range(0, len(values), MONITOR_EVERY):
+        advance(values[first : first + MONITOR_EVERY])
         now = tilt()
         if math.isnan(now):
             return now
@@ -118,10 +160,28 @@ def largest_tilt(
 
 
 def inertia(rock: Rock) -> Array:
-    """Inertia tensor in the axes of the rest pose, shape (3, 3) [kg m^2]."""
+    """Inertia tensor in the axes of the rest pose.
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    ndarray, shape (3, 3) [kg m^2]
+    """
     return rock.axes * rock.inertia @ rock.axes.T
 
 
 def touching_corners(rock: Rock) -> Array:
-    """Corners that can touch a level pedestal up to ``LYING``, shape (n, 3) [m]."""
+    """Corners that can touch a level pedestal up to a tilt of ``LYING``.
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    ndarray, shape (n, 3) [m]
+    """
     return rock.hull.vertices[touching(rock.hull, LYING)]

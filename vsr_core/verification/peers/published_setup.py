@@ -1,4 +1,4 @@
-"""The seed's set-up rebuilt: PyBullet, and a heavy table that a PID drives along a joint.
+"""The published set-up rebuilt: PyBullet, and a heavy table that a PID drives along a joint.
 
 A prismatic joint carries a triangulated pedestal, whose velocity is controlled in every step; the
 rock is the convex hull of all its vertices. Nothing ends a run early. Steps above 2 ms are no use:
@@ -27,7 +27,7 @@ from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.scene import Scene, resting
 from vsr_core.verification.peers import AFTER, Setting, Test, largest_tilt
 
-LABEL = "seed's set-up (PyBullet, servo)"
+LABEL = "published set-up (PyBullet, servo)"
 NEEDS = ("pybullet",)
 SWEEP = ({"time_step": 1e-3}, {"time_step": 5e-4}, {"time_step": 2.5e-4}, {"time_step": 1.25e-4})
 

@@ -1,4 +1,4 @@
-"""Shared by the families: a run in an engine, and what was read on the way."""
+"""Shared by the families: a run in an engine, and what was read meanwhile."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.scene import Scene
 
-LOOKS = 2400
+READINGS = 2400
 """Readings of the state in a run, at most."""
 
 
 @dataclass(frozen=True)
 class Path:
-    """States of a rock in its table's frame, read on the way.
+    """States of a rock in its table's frame, read during a run.
 
     Attributes
     ----------
@@ -64,11 +64,11 @@ def run(engine: str, scene: Scene, time_step: float, acceleration: Array) -> Pat
     Returns
     -------
     Path
-        Start and end included, evenly read between them as ``LOOKS`` allows.
+        Start and end included, evenly read between them as ``READINGS`` allows.
     """
     world = engines.load(engine).build(scene, time_step, 1)
     values = acceleration.tolist()
-    every = math.ceil(len(values) / LOOKS)
+    every = math.ceil(len(values) / READINGS)
     states, ends = [world.state()], [0]
     for first in range(0, len(values), every):
         world.advance(values[first : first + every])

@@ -17,7 +17,7 @@ HEIGHT = 1.0
 """Of the fall [m]."""
 
 
-def rebound(rock: Rock, restitution: float, engine: str, time_step: float) -> float:
+def _rebound(rock: Rock, restitution: float, engine: str, time_step: float) -> float:
     """Error of the height of the first rebound, relative to the height of the fall."""
     start = upright((0.0, 0.0, rock.height + HEIGHT))
     scene = Scene(rock, Contact(0.6, restitution), start=start)
@@ -33,7 +33,7 @@ def _bounce(
     name: str, rock: Rock, e: float, tolerance: float, engines: tuple[str, ...] = BULLET
 ) -> Reference:
     answer = "e^2 of the height of the fall."
-    return case(f"bounce of a {name}, e = {e:g}", answer, tolerance, rebound, rock, e,
+    return case(f"bounce of a {name}, e = {e:g}", answer, tolerance, _rebound, rock, e,
                 engines=engines)  # fmt: skip
 
 

@@ -52,7 +52,7 @@ def _amplitudes(block: Block) -> list[float]:
     return [start, *(free_amplitude(block, start, n) for n in range(1, IMPACTS + 1))]
 
 
-def ratio(block: Block, engine: str, time_step: float) -> float:
+def _ratio(block: Block, engine: str, time_step: float) -> float:
     """Largest error of the rate kept in an impact, relative to 1 - 1.5 sin(alpha)^2.
 
     Rates before and after are those that the largest tilts on both sides have the energy for.
@@ -67,7 +67,7 @@ def ratio(block: Block, engine: str, time_step: float) -> float:
     return float(np.abs(kept / block.impact_ratio - 1.0).max())
 
 
-def timing(block: Block, engine: str, time_step: float) -> float:
+def _timing(block: Block, engine: str, time_step: float) -> float:
     """Error of the time of the last impact, relative to it."""
     path = _released(block, engine, time_step)
     at = _impacts(path.lean)
@@ -90,8 +90,8 @@ def _impacts(lean: Array) -> NDArray[np.int64]:
 HOUSNER = "Housner (1963): angular momentum about the new edge, energy between impacts"
 
 CASES = (
-    case("free rocking, slender, ratio", HOUSNER, 5e-3, ratio, SLENDER),
-    case("free rocking, slender, timing", HOUSNER, 4e-3, timing, SLENDER),
-    case("free rocking, stocky, ratio", HOUSNER, 0.01, ratio, STOCKY),
-    case("free rocking, stocky, timing", HOUSNER, 4e-3, timing, STOCKY),
+    case("free rocking, slender, ratio", HOUSNER, 5e-3, _ratio, SLENDER),
+    case("free rocking, slender, timing", HOUSNER, 4e-3, _timing, SLENDER),
+    case("free rocking, stocky, ratio", HOUSNER, 0.01, _ratio, STOCKY),
+    case("free rocking, stocky, timing", HOUSNER, 4e-3, _timing, STOCKY),
 )

@@ -51,7 +51,7 @@ GROUNDS = 2
 
 
 @cache
-def ground(number: int, cut: bool) -> Terrain:
+def _ground(number: int, cut: bool) -> Terrain:
     """Rough slope down +x, as triangles of half a metre or as their convex parts."""
     along, across = np.linspace(-3.5, 3.0, 14), np.linspace(-2.0, 2.0, 9)
     vertices, faces = sheet(along, -math.tan(ANGLE) * along, across)
@@ -63,7 +63,7 @@ def ground(number: int, cut: bool) -> Terrain:
 
 
 @cache
-def tumbler(number: int) -> Rock:
+def _tumbler(number: int) -> Rock:
     """Hull of random corners on an ellipsoid."""
     corners = np.random.default_rng(number).normal(size=(CORNERS, 3))
     corners *= np.array(SIZE) / np.linalg.norm(corners, axis=1, keepdims=True)
@@ -72,7 +72,7 @@ def tumbler(number: int) -> Rock:
 
 @cache
 def _scene(number: int, contact: Contact, cut: bool) -> Scene:
-    terrain, rng = ground(number % GROUNDS, cut), np.random.default_rng(number)
+    terrain, rng = _ground(number % GROUNDS, cut), np.random.default_rng(number)
     height = float(terrain.surfaces(START, 0.0)[0][-1]) + DROP
     start = State(
         np.array([START, 0.0, height]),
@@ -80,27 +80,60 @@ def _scene(number: int, contact: Contact, cut: bool) -> Scene:
         np.array([rng.uniform(0.0, 3.0), rng.uniform(-0.5, 0.5), 0.0]),
         3.0 * rng.normal(size=3),
     )
-    return Scene(tumbler(number), contact, pedestal="terrain", start=start, terrain=terrain)
+    return Scene(_tumbler(number), contact, pedestal="terrain", start=start, terrain=terrain)
 
 
 def energy(rock: Rock, path: Path) -> Array:
-    """Energy per unit mass [m^2/s^2], shape (n,)."""
+    """Kinetic and potential energy per unit mass.
+
+    Parameters
+    ----------
+    rock : Rock
+    path : Path
+
+    Returns
+    -------
+    ndarray, shape (n,) [m^2/s^2]
+    """
     angular_velocity = np.einsum("nij,ni->nj", path.rotation @ rock.axes, path.angular_velocity)
     turning = (angular_velocity**2 * (rock.inertia / rock.mass)).sum(axis=1)
     return 0.5 * ((path.velocity**2).sum(axis=1) + turning) + GRAVITY * path.position[:, 2]
 
 
 def rise(number: int, contact: Contact, cut: bool, engine: str, time_step: float) -> float:
-    """Largest rise of the energy of one hull above what it had before, over g times its radius."""
+    """Largest rise of the energy of one hull above what it had before, over g times its radius.
+
+    Parameters
+    ----------
+    number : int, of the hull
+    contact : Contact
+    cut : bool, whether the ground is convex parts, else triangles
+    engine : str
+    time_step : float [s]
+
+    Returns
+    -------
+    float
+    """
     steps, step = whole(DURATION, time_step)
     path = run(engine, _scene(number, contact, cut), step, np.zeros(steps))
-    rock = tumbler(number)
+    rock = _tumbler(number)
     held = energy(rock, path)
     return float((held - np.minimum.accumulate(held)).max()) / (GRAVITY * rock.radius)
 
 
 def worst(hulls: int, contact: Contact, cut: bool, engine: str, time_step: float) -> float:
-    """Largest rise of the energy of any of some hulls, over g times its radius."""
+    """Largest rise of the energy of any of some hulls, over g times its radius.
+
+    Parameters
+    ----------
+    hulls : int, number of them
+    contact, cut, engine, time_step : as of ``rise``
+
+    Returns
+    -------
+    float
+    """
     return max(rise(number, contact, cut, engine, time_step) for number in range(hulls))
 
 

@@ -75,22 +75,22 @@ def _spins(throw: BenchmarkThrow, path: Path) -> Array:
     )
 
 
-def position(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
-    """Error of the position, relative to the longest way from the start."""
+def _position(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
+    """Error of the position, relative to the largest displacement."""
     path = _thrown(throw, engine, time_step)
     t = path.time[:, None]
     exact = np.array(throw.velocity) * t - [0.0, 0.0, 0.5 * throw.gravity] * t**2
     return largest(path.position - exact) / largest(exact)
 
 
-def velocity(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
+def _velocity(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
     """Error of the velocity, relative to the largest speed."""
     path = _thrown(throw, engine, time_step)
     exact = np.array(throw.velocity) - [0.0, 0.0, throw.gravity] * path.time[:, None]
     return largest(path.velocity - exact) / largest(exact)
 
 
-def momentum(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
+def _momentum(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
     """Error of the angular momentum about the centre of mass, relative to its length."""
     spins = _spins(throw, _thrown(throw, engine, time_step))
     rock = box(*SIZE)
@@ -98,7 +98,7 @@ def momentum(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
     return largest(spins - exact) / float(np.linalg.norm(exact))
 
 
-def energy(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
+def _energy(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
     """Error of the energy, relative to the kinetic energy at the start."""
     path = _thrown(throw, engine, time_step)
     rock = box(*SIZE)
@@ -110,7 +110,7 @@ def energy(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
     return largest(total - exact) / exact
 
 
-def orientation(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
+def _orientation(throw: BenchmarkThrow, engine: str, time_step: float) -> float:
     """Largest angle between the box and the one of Euler's equations, relative to one radian."""
     path = _thrown(throw, engine, time_step)
     exact = _euler(throw)(path.time)
@@ -143,7 +143,7 @@ def _euler(throw: BenchmarkThrow) -> Callable[[Array], Array]:
     return lambda times: solved.sol(np.clip(times, 0.0, DURATION))[3:].T.reshape(-1, 3, 3)
 
 
-def fall(engine: str, time_step: float) -> float:
+def _fall(engine: str, time_step: float) -> float:
     """Error of the height after a second of free fall, relative to g t^2 / 2."""
     scene = Scene(box(1.0, 1.0, 2.0), Contact(0.6), pedestal="none", start=upright(STILL))
     number, step = whole(1.0, time_step)
@@ -155,15 +155,15 @@ FREE_FALL = "g t^2 / 2; an engine that updates the velocity first falls g t dt /
 EULER = 'Euler\'s equations of a free body, inputs of github.com/scpeters/benchmark "boxes" '
 
 CASES = (
-    case("free fall", FREE_FALL, 1.1e-3, fall, order=1.0),
-    case("box SIMPLE, position", f"{EULER}SIMPLE", 1e-9, position, SIMPLE),
-    case("box SIMPLE, velocity", f"{EULER}SIMPLE", 1e-9, velocity, SIMPLE),
-    case("box SIMPLE, momentum", f"{EULER}SIMPLE", 1e-9, momentum, SIMPLE),
-    case("box SIMPLE, energy", f"{EULER}SIMPLE", 1e-9, energy, SIMPLE),
-    case("box COMPLEX, position", f"{EULER}COMPLEX", 1.5e-4, position, COMPLEX, order=1.0),
-    case("box COMPLEX, velocity", f"{EULER}COMPLEX", 1e-9, velocity, COMPLEX),
-    case("box COMPLEX, momentum", f"{EULER}COMPLEX", 0.02, momentum, COMPLEX, order=1.0),
-    case("box COMPLEX, energy", f"{EULER}COMPLEX", 0.02, energy, COMPLEX, order=1.0),
-    case("box COMPLEX, orientation", f"{EULER}COMPLEX", 0.1, orientation, COMPLEX,
+    case("free fall", FREE_FALL, 1.1e-3, _fall, order=1.0),
+    case("box SIMPLE, position", f"{EULER}SIMPLE", 1e-9, _position, SIMPLE),
+    case("box SIMPLE, velocity", f"{EULER}SIMPLE", 1e-9, _velocity, SIMPLE),
+    case("box SIMPLE, momentum", f"{EULER}SIMPLE", 1e-9, _momentum, SIMPLE),
+    case("box SIMPLE, energy", f"{EULER}SIMPLE", 1e-9, _energy, SIMPLE),
+    case("box COMPLEX, position", f"{EULER}COMPLEX", 1.5e-4, _position, COMPLEX, order=1.0),
+    case("box COMPLEX, velocity", f"{EULER}COMPLEX", 1e-9, _velocity, COMPLEX),
+    case("box COMPLEX, momentum", f"{EULER}COMPLEX", 0.02, _momentum, COMPLEX, order=1.0),
+    case("box COMPLEX, energy", f"{EULER}COMPLEX", 0.02, _energy, COMPLEX, order=1.0),
+    case("box COMPLEX, orientation", f"{EULER}COMPLEX", 0.1, _orientation, COMPLEX,
          step=2.5e-4, order=1.0),
 )  # fmt: skip

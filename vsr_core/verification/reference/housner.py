@@ -37,7 +37,7 @@ def _scene() -> Scene:
     return Scene(box(*SIZE), Contact(GRIPPING))
 
 
-def motion(pga_g: float, pgv_pga: float, engine: str, time_step: float) -> float:
+def _motion(pga_g: float, pgv_pga: float, engine: str, time_step: float) -> float:
     """Largest error of the tilt before it exceeds alpha, relative to alpha."""
     pulse, block = CosinePulse.from_g(pga_g, pgv_pga), Block(0.5 * SIZE[0], 0.5 * SIZE[2])
     in_pulse, step = whole(pulse.duration, time_step)
@@ -117,7 +117,7 @@ def _lies(side: float, alpha: float) -> Callable[[float, Array], float]:
 ANSWER = "Housner's equation (1963), integrated from impact to impact."
 
 CASES = (
-    case("tilt of a block that rocks and stands", ANSWER, 0.02, motion, 0.8, 0.15),
-    case("tilt of a block that overturns after an impact", ANSWER, 0.01, motion, 1.2, 0.15),
-    case("tilt of a block that overturns at once", ANSWER, 4e-3, motion, 1.5, 0.3, order=1.0),
+    case("tilt of a block that rocks and stands", ANSWER, 0.02, _motion, 0.8, 0.15),
+    case("tilt of a block that overturns after an impact", ANSWER, 0.01, _motion, 1.2, 0.15),
+    case("tilt of a block that overturns at once", ANSWER, 4e-3, _motion, 1.5, 0.3, order=1.0),
 )

@@ -48,7 +48,7 @@ takes the approach of an open contact in one step and the rest of it in the next
 RIGID = 1e9
 """Times the inertia of what cannot turn."""
 
-WAYS = 180
+DIRECTIONS = 180
 """Directions between which those of slip are looked for; none is straight ahead or back."""
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -74,7 +74,7 @@ class SlopeThrow:
 
 @dataclass(frozen=True)
 class Motion:
-    """Velocity [m/s] and spin [rad/s] of a rock at one time, shape (3,) each."""
+    """Velocity [m/s] and angular velocity [rad/s] of a rock at one time, shape (3,) each."""
 
     velocity: Array
     angular_velocity: Array
@@ -99,6 +99,10 @@ def rebound(before: Motion, arm: Array, inertia: Array, restitution: float, mu: 
     arm : ndarray, shape (3,) [m], from the centre of mass to the point
     inertia : ndarray, shape (3, 3) [m^2], about the centre of mass over mass
     restitution, mu : float
+
+    Returns
+    -------
+    Motion
     """
     point = before.at(arm)
     yields = compliance(arm, inertia)
@@ -113,7 +117,17 @@ def rebound(before: Motion, arm: Array, inertia: Array, restitution: float, mu: 
 
 
 def compliance(arm: Array, inertia: Array) -> Array:
-    """Change of the point's velocity per impulse over mass, shape (3, 3)."""
+    """Change of a point's velocity per impulse over mass.
+
+    Parameters
+    ----------
+    arm : ndarray, shape (3,) [m], from the centre of mass to the point
+    inertia : ndarray, shape (3, 3) [m^2], about the centre of mass over mass
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+    """
     x, y, z = arm
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) - cross @ np.linalg.solve(inertia, cross)
@@ -125,35 +139,47 @@ def _sliding(point: Array, yields: Array, wanted: float, mu: float) -> Array:
     Of several directions of slip that go with their impulse, the one nearest to that before.
     """
 
-    def way(angle: float) -> Array:
+    def direction(angle: float) -> Array:
         return np.array([math.cos(angle), math.sin(angle), 0.0])
 
     def impulse(angle: float) -> Array:
-        ray = UP - mu * way(angle)
+        ray = UP - mu * direction(angle)
         return wanted / float(UP @ yields @ ray) * ray
 
     def slip(angle: float) -> Array:
         return point + yields @ impulse(angle)
 
     def aside(angle: float) -> float:
-        return float(np.cross(way(angle), slip(angle))[2])
+        return float(np.cross(direction(angle), slip(angle))[2])
 
-    tried = math.atan2(point[1], point[0]) + np.linspace(-3.0, 2.0 * math.pi - 3.0, WAYS)
+    tried = math.atan2(point[1], point[0]) + np.linspace(-3.0, 2.0 * math.pi - 3.0, DIRECTIONS)
     off = np.array([aside(angle) for angle in tried])
     ends = [
         float(brentq(aside, tried[k], tried[k + 1]))
         for k in np.flatnonzero(off[1:] * off[:-1] <= 0)
     ]
-    fit = [end for end in ends if way(end) @ slip(end) >= 0.0 and impulse(end)[2] > 0.0]
-    return impulse(max(fit, key=lambda end: float(way(end) @ point)))
+    fit = [end for end in ends if direction(end) @ slip(end) >= 0.0 and impulse(end)[2] > 0.0]
+    return impulse(max(fit, key=lambda end: float(direction(end) @ point)))
 
 
 def thrown(
     throw: SlopeThrow, contact: Contact, ground: Terrain, engine: str, time_step: float
 ) -> tuple[Motion, Motion, Motion, Array]:
-    """Motion before and after in the engine, and after in theory; inertia over mass [m^2].
+    """An impact in an engine and in theory.
 
-    All in the slope's axes. ``ground`` is a slope of ``ANGLE`` through the origin.
+    Parameters
+    ----------
+    throw : SlopeThrow
+    contact : Contact
+    ground : Terrain, a slope of ``ANGLE`` through the origin
+    engine : str
+    time_step : float [s]
+
+    Returns
+    -------
+    tuple of Motion, Motion, Motion and ndarray, shape (3, 3) [m^2]
+        Before and after in the engine, after in theory, and inertia over mass, all in the slope's
+        axes.
     """
     rock = throw.rock()
     corners = rock.vertices @ throw.rotation.T
@@ -179,7 +205,22 @@ def thrown(
 def error(
     throw: SlopeThrow, contact: Contact, cell: float, cut: bool, engine: str, time_step: float
 ) -> float:
-    """Error of velocity, or of spin times radius, the larger; relative to the speed before."""
+    """Error of velocity, or of angular velocity times radius; relative to the speed before.
+
+    Parameters
+    ----------
+    throw : SlopeThrow
+    contact : Contact
+    cell : float [m], of the ground's squares
+    cut : bool, whether these are convex parts, else triangles
+    engine : str
+    time_step : float [s]
+
+    Returns
+    -------
+    float
+        The larger of the two.
+    """
     ground = slope(ANGLE, (-3.0, 3.0), 3.0, cell, cut)
     before, after, theory, _ = thrown(throw, contact, ground, engine, time_step)
     scale = float(np.linalg.norm(before.velocity))

@@ -26,15 +26,21 @@ RADIUS = 0.5
 """Of the sphere [m]."""
 
 LENGTH = 6.0
-"""Way on the slope [m]."""
+"""Distance rolled on the slope [m]."""
 
 
 def acceleration(angle: float, friction: float) -> tuple[float, float]:
-    """Acceleration [m/s^2] of a uniform sphere on a slope [rad], and that of its turning times r.
+    """Acceleration of a uniform sphere on a slope.
+
+    Parameters
+    ----------
+    angle : float [rad]
+    friction : float
 
     Returns
     -------
-    tuple of float
+    tuple of float [m/s^2]
+        Downhill, and that of its turning times the radius.
     """
     if friction >= 2.0 / 7.0 * math.tan(angle):
         rolls = 5.0 / 7.0 * GRAVITY * math.sin(angle)
@@ -44,26 +50,65 @@ def acceleration(angle: float, friction: float) -> tuple[float, float]:
 
 
 def ground(angle: float, cell: float, cut: bool) -> Terrain:
-    """Slope long enough for the way."""
+    """Slope long enough to roll down.
+
+    Parameters
+    ----------
+    angle : float [rad]
+    cell : float [m], of its squares
+    cut : bool, whether these are convex parts, else triangles
+
+    Returns
+    -------
+    Terrain
+    """
     return slope(angle, (-1.0, LENGTH + 1.0), 1.0, cell, cut)
 
 
 def descend(
     terrain: Terrain, angle: float, contact: Contact, engine: str, time_step: float
 ) -> tuple[float, float]:
-    """Mean acceleration [m/s^2] over ``LENGTH`` from rest, and that of the turning times r."""
+    """Mean acceleration over ``LENGTH`` from rest.
+
+    Parameters
+    ----------
+    terrain : Terrain, from ``ground``
+    angle : float [rad]
+    contact : Contact
+    engine : str
+    time_step : float [s]
+
+    Returns
+    -------
+    tuple of float [m/s^2]
+        Downhill, and that of the turning times the radius.
+    """
     exact, _ = acceleration(angle, contact.friction)
     number, step = whole(math.sqrt(2.0 * LENGTH / exact), time_step)
     world = scene(sphere(RADIUS), contact, terrain, angle, upright((0.0, 0.0, RADIUS)))
     path = seen(run(engine, world, step, np.zeros(number)), angle)
-    time, way, turning = number * step, path.position[-1, 0], path.angular_velocity[-1, 1]
-    return 2.0 * float(way) / time**2, RADIUS * float(turning) / time
+    time, moved, turning = number * step, path.position[-1, 0], path.angular_velocity[-1, 1]
+    return 2.0 * float(moved) / time**2, RADIUS * float(turning) / time
 
 
 def rolling(
     angle: float, friction: float, cell: float, cut: bool, engine: str, time_step: float
 ) -> float:
-    """Error of the way and of the spin, the larger, each relative to itself."""
+    """Error of the distance and of the angular velocity, the larger, each relative to itself.
+
+    Parameters
+    ----------
+    angle : float [rad]
+    friction : float
+    cell : float [m], of the ground's squares
+    cut : bool, whether these are convex parts, else triangles
+    engine : str
+    time_step : float [s]
+
+    Returns
+    -------
+    float
+    """
     contact = Contact(friction)
     found = descend(ground(angle, cell, cut), angle, contact, engine, time_step)
     exact = acceleration(angle, friction)

@@ -113,12 +113,12 @@ def boundaries(
     return np.array(errors)
 
 
-def median(engine: str, time_step: float) -> float:
+def _median(engine: str, time_step: float) -> float:
     """Median relative error of the 64 boundaries. Errors end at 0.05."""
     return float(np.median(boundaries(BLOCKS, PERIODS, engine, time_step)))
 
 
-def worst(engine: str, time_step: float) -> float:
+def _worst(engine: str, time_step: float) -> float:
     """Largest relative error of the 64 boundaries. Errors end at 0.05."""
     return float(boundaries(BLOCKS, PERIODS, engine, time_step).max())
 
@@ -141,14 +141,14 @@ def _unit(block: Block) -> float:
     return math.sqrt(block.radius / GRAVITY)
 
 
-def at_once(engine: str, time_step: float) -> float:
+def _at_once(engine: str, time_step: float) -> float:
     """Relative error of the PGA that overturns a slender block at once. Errors end at 0.05."""
     block = Block(0.5 * SLENDER[0], 0.5 * SLENDER[1])
     pgv_pga = PERIOD * _unit(block)
     return _error(block, pgv_pga, slender_pga_without_impact(block, pgv_pga), engine, time_step)
 
 
-def after_impact(engine: str, time_step: float) -> float:
+def _after_impact(engine: str, time_step: float) -> float:
     """Relative error of the PGA that overturns it after one impact. Errors end at 0.05."""
     block = Block(0.5 * SLENDER[0], 0.5 * SLENDER[1])
     pgv_pga = PERIOD * _unit(block)
@@ -164,8 +164,8 @@ GRID = "Housner's equation, eight blocks of 5 cm to 5 m and slenderness 2 to 8, 
 CLOSED = "closed form of the linearised equation (Zhang & Makris 2001), alpha = 0.05."
 
 CASES = (
-    case("first-overturning PGA, median of 64", GRID, 4e-3, median),
-    case("first-overturning PGA, worst of 64", GRID, 0.01, worst),
-    case("slender block, overturned at once", CLOSED, 2e-3, at_once),
-    case("slender block, overturned after an impact", CLOSED, 6e-3, after_impact, step=2.5e-4),
+    case("first-overturning PGA, median of 64", GRID, 4e-3, _median),
+    case("first-overturning PGA, worst of 64", GRID, 0.01, _worst),
+    case("slender block, overturned at once", CLOSED, 2e-3, _at_once),
+    case("slender block, overturned after an impact", CLOSED, 6e-3, _after_impact, step=2.5e-4),
 )

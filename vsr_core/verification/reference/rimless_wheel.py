@@ -56,7 +56,7 @@ class Wheel:
 
     @property
     def facet(self) -> float:
-        """Width of a facet [m], the way of a step."""
+        """Width of a facet [m], rolled in a step."""
         return 2.0 * RADIUS * math.sin(self.half)
 
     @property
@@ -91,7 +91,16 @@ class Wheel:
 
 @cache
 def prism(sides: int) -> Rock:
-    """The wheel as a hull, standing on a facet, its axis across."""
+    """The wheel as a hull, standing on a facet, its axis across.
+
+    Parameters
+    ----------
+    sides : int
+
+    Returns
+    -------
+    Rock
+    """
     turns = 2.0 * math.pi * (np.arange(sides) + 0.5) / sides
     x, z = RADIUS * np.sin(turns), RADIUS * np.cos(turns)
     ends = [np.column_stack([x, np.full(sides, y), z]) for y in (-0.5 * WIDTH, 0.5 * WIDTH)]
@@ -99,7 +108,21 @@ def prism(sides: int) -> Rock:
 
 
 def rolled(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> Path:
-    """Path of ``STEPS`` steps in the slope's axes, from just after an impact at terminal speed."""
+    """Roll over ``STEPS`` facets, from just after an impact at terminal speed.
+
+    Parameters
+    ----------
+    wheel : Wheel
+    cell : float [m], of the ground's squares
+    cut : bool, whether these are convex parts, else triangles
+    engine : str
+    time_step : float [s]
+
+    Returns
+    -------
+    Path
+        In the slope's axes.
+    """
     rate = wheel.kept * wheel.terminal
     apothem = RADIUS * math.cos(wheel.half)
     # It turns about the edge ahead of its lowest facet.
@@ -111,14 +134,32 @@ def rolled(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) 
     return seen(run(engine, placed, step, np.zeros(number)), wheel.angle)
 
 
-def way(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> float:
-    """Error of the way of twelve steps at terminal speed, relative to twelve facets."""
+def distance(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> float:
+    """Error of the distance of twelve steps at terminal speed, relative to twelve facets.
+
+    Parameters
+    ----------
+    wheel, cell, cut, engine, time_step : as of ``rolled``
+
+    Returns
+    -------
+    float
+    """
     path = rolled(wheel, cell, cut, engine, time_step)
     return abs(float(path.position[-1, 0]) / (STEPS * wheel.facet) - 1.0)
 
 
 def straightness(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> float:
-    """How far it leaves its line in twelve steps, relative to twelve facets."""
+    """How far it leaves its line in twelve steps, relative to twelve facets.
+
+    Parameters
+    ----------
+    wheel, cell, cut, engine, time_step : as of ``rolled``
+
+    Returns
+    -------
+    float
+    """
     path = rolled(wheel, cell, cut, engine, time_step)
     return float(np.abs(path.position[:, 1]).max()) / (STEPS * wheel.facet)
 
@@ -142,7 +183,7 @@ def _wheel(
 
 
 CASES = (
-    _wheel(WHEELS[0], way, False, 0.2),
-    _wheel(WHEELS[1], way, True, 0.1),
+    _wheel(WHEELS[0], distance, False, 0.2),
+    _wheel(WHEELS[1], distance, True, 0.1),
     _wheel(WHEELS[1], straightness, True, 0.1),
 )

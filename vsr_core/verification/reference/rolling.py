@@ -24,8 +24,8 @@ def _scene() -> Scene:
     return Scene(sphere(0.5), Contact(0.6), pedestal="plane")
 
 
-def rolling(engine: str, time_step: float) -> float:
-    """Error of the way relative to the table, relative to (5/7) PUSH t^2 / 2."""
+def _rolling(engine: str, time_step: float) -> float:
+    """Error of the distance on the table, relative to (5/7) PUSH t^2 / 2."""
     number, step = whole(DURATION, time_step)
     path = run(engine, _scene(), step, np.full(number, PUSH))
     return abs(float(path.position[-1, 0]) / (5.0 / 14.0 * PUSH * DURATION**2) + 1.0)
@@ -33,4 +33,4 @@ def rolling(engine: str, time_step: float) -> float:
 
 ANSWER = "(5/7) a for a uniform sphere that rolls: I / (m r^2) = 2/5"
 
-CASES = (case("rolling sphere", ANSWER, 6e-4, rolling, order=1.0),)
+CASES = (case("rolling sphere", ANSWER, 6e-4, _rolling, order=1.0),)

@@ -1,10 +1,10 @@
-"""How far a flat block slides: Coulomb's energy line, and what a bend in the way takes off it.
+"""How far a flat block slides: Coulomb's energy line, and what a bend of the slope takes off it.
 
-On an even slope the friction of a block that neither tips nor leaves the ground takes mu m g a
-metre of level way, whatever its mass and the slope: from its energy head to where it stops the
-line falls by mu. In a bend of radius R the ground also turns the block, which presses it on by
-v^2 / R more: the energy line falls short, and by a share exp(-2 mu b) of a fast block's energy in a
-bend by b.
+On an even slope the friction of a block that neither tips nor leaves the ground takes mu m g for
+each metre of horizontal distance, whatever its mass and the slope: from its energy head to where it
+stops the line falls by mu. In a bend of radius R the ground also turns the block, which presses it
+on by v^2 / R more: the energy line falls short, and by a share exp(-2 mu b) of a fast block's
+energy in a bend by b.
 
 References
 ----------
@@ -52,14 +52,23 @@ LEVEL = 30.0
 
 @cache
 def block(density: float = DENSITY) -> Rock:
-    """The block as a hull."""
+    """The block as a hull.
+
+    Parameters
+    ----------
+    density : float [kg/m^3]
+
+    Returns
+    -------
+    Rock
+    """
     return solid.from_mesh(trimesh.creation.box(SIZE), density, as_scanned=True).rock
 
 
 def energy_line(
     rock: Rock, angle: float, contact: Contact, ground: Terrain, engine: str, time_step: float
 ) -> float:
-    """Fall of the energy line of a block that slides down a slope to rest: loss over level way.
+    """Fall of the energy line of a block that slides to rest: loss over horizontal distance.
 
     Parameters
     ----------
@@ -69,6 +78,10 @@ def energy_line(
     ground : Terrain, a slope through the origin
     engine : str
     time_step : float [s]
+
+    Returns
+    -------
+    float
     """
     slowing = GRAVITY * (contact.friction * math.cos(angle) - math.sin(angle))
     flat = upright((0.0, 0.0, 0.5 * SIZE[2] + ABOVE), (SPEED, 0.0, 0.0))
@@ -81,7 +94,21 @@ def energy_line(
 def sliding(
     angle: float, contact: Contact, cell: float, cut: bool, engine: str, time_step: float
 ) -> float:
-    """Error of the energy line of a slide to rest, relative to friction."""
+    """Error of the energy line of a slide to rest, relative to friction.
+
+    Parameters
+    ----------
+    angle : float [rad], of the slope
+    contact : Contact
+    cell : float [m], of the ground's squares
+    cut : bool, whether these are convex parts, else triangles
+    engine : str
+    time_step : float [s]
+
+    Returns
+    -------
+    float
+    """
     ground = slope(angle, (-1.0, 11.0), 3.0, cell, cut)
     found = energy_line(block(), angle, contact, ground, engine, time_step)
     return abs(found / contact.friction - 1.0)
@@ -95,12 +122,12 @@ class Bend:
     ----------
     angle : float [rad], of the slope
     radius : float [m], of the bend
-    way : float [m], on the slope before the bend
+    length : float [m], of the slope above the bend
     """
 
     angle: float = math.radians(35.0)
     radius: float = 8.0
-    way: float = 6.0
+    length: float = 6.0
 
     @property
     def foot(self) -> Array:
@@ -110,16 +137,16 @@ class Bend:
     @property
     def top(self) -> Array:
         """Where the block starts, x and z [m]."""
-        return self.foot + self.way * np.array([-math.cos(self.angle), math.sin(self.angle)])
+        return self.foot + self.length * np.array([-math.cos(self.angle), math.sin(self.angle)])
 
     def run_out(self, friction: float) -> float:
-        """Way [m] of a point mass on the level, from rest; 0 if it does not get there.
+        """Run-out [m] of a point mass on the level, from rest; 0 if it does not get there.
 
         With E = v^2 / 2 and the ground's lean t, dE/dt = -R g (sin t - mu cos t) + 2 mu E: linear,
         so that E = A exp(2 mu t) + B cos t + C sin t.
         """
         g, mu, end = GRAVITY, friction, self.angle
-        start = g * self.way * (math.sin(end) - mu * math.cos(end))
+        start = g * self.length * (math.sin(end) - mu * math.cos(end))
         scale = self.radius * g / (1.0 + 4.0 * mu**2)
         b, c = scale * (1.0 - 2.0 * mu**2), 3.0 * mu * scale
         grown = (start - b * math.cos(end) - c * math.sin(end)) * math.exp(-2.0 * mu * end)
@@ -127,11 +154,11 @@ class Bend:
 
 
 @cache
-def bent(bend: Bend, facets: int, cut: bool) -> Terrain:
+def _bent(bend: Bend, facets: int, cut: bool) -> Terrain:
     """Ground of a bend whose arc is ``facets`` chords."""
     leans = np.linspace(bend.angle, 0.0, facets + 1)
     arc = bend.radius * np.column_stack([-np.sin(leans), 1.0 - np.cos(leans)])
-    behind = bend.top + (bend.top - bend.foot) / bend.way
+    behind = bend.top + (bend.top - bend.foot) / bend.length
     profile = np.vstack([behind, arc, [LEVEL, 0.0]])
     whole_sheet = Terrain(*sheet(profile[:, 0], profile[:, 1], np.array([-3.0, 3.0])))
     if not cut:
@@ -142,13 +169,27 @@ def bent(bend: Bend, facets: int, cut: bool) -> Terrain:
 def bending(
     bend: Bend, contact: Contact, facets: int, cut: bool, engine: str, time_step: float
 ) -> float:
-    """Run-out on the level [m] of the block from rest."""
+    """Run-out of the block on the level, from rest.
+
+    Parameters
+    ----------
+    bend : Bend
+    contact : Contact
+    facets : int, chords of its arc
+    cut : bool, whether the ground is convex parts, else triangles
+    engine : str
+    time_step : float [s]
+
+    Returns
+    -------
+    float [m]
+    """
     turn = axes(bend.angle)
     place = turn.T @ np.array([bend.top[0], 0.0, bend.top[1]])
     place[2] += 0.5 * SIZE[2] + ABOVE
     start = State(place, np.eye(3), np.zeros(3), np.zeros(3))
     number, step = whole(LONGEST, time_step)
-    placed = scene(block(), contact, bent(bend, facets, cut), bend.angle, start)
+    placed = scene(block(), contact, _bent(bend, facets, cut), bend.angle, start)
     path = run(engine, placed, step, np.zeros(number))
     return float(path.position[-1, 0])
 

@@ -27,7 +27,7 @@ def _scene() -> Scene:
     return Scene(box(1.0, 1.0, 2.0), Contact(0.6), drive=PUBLISHED)
 
 
-def tracking(engine: str, time_step: float) -> float:
+def _tracking(engine: str, time_step: float) -> float:
     """Root mean square error of the table's velocity, relative to PGV."""
     assert engine == "bullet"  # the one that has a driven table
     followed = track(_scene(), PULSE, min(time_step, PUBLISHED.period), after=0.0)
@@ -40,4 +40,4 @@ LOOP = (
     "changes the velocity by F h / M. Published servo at 1 kHz, whatever the step"
 )
 
-CASES = (case("servo tracking", LOOP, 1e-5, tracking, engines=BULLET),)
+CASES = (case("servo tracking", LOOP, 1e-5, _tracking, engines=BULLET),)

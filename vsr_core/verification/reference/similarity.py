@@ -37,7 +37,7 @@ def _shaken(width: float, pulse: CosinePulse, engine: str, time_step: float) -> 
     return simulate(_case(width), pulse, Settings(time_step, engine=engine))
 
 
-def similarity(engine: str, time_step: float) -> float:
+def _similarity(engine: str, time_step: float) -> float:
     """Largest difference of the peak tilts of two blocks, relative to alpha; 1 if outcomes differ.
 
     The step is that of the larger block.
@@ -55,4 +55,4 @@ def similarity(engine: str, time_step: float) -> float:
 
 ANSWER = "1x1x2 m at PGV/PGA = x moves as 0.5x0.5x1 m at x / sqrt(2): dimensional analysis"
 
-CASES = (case("similar blocks", ANSWER, 1e-6, similarity),)
+CASES = (case("similar blocks", ANSWER, 1e-6, _similarity),)

@@ -42,14 +42,14 @@ def _scene(speed: float) -> Scene:
     return Scene(box(*SIZE), Contact(FRICTION), start=start)
 
 
-def braking(engine: str, time_step: float) -> float:
+def _braking(engine: str, time_step: float) -> float:
     """Error of the sliding distance, relative to v^2 / (2 mu g)."""
     number, step = whole(1.5 * SPEED / (FRICTION * GRAVITY), time_step)
     path = run(engine, _scene(SPEED), step, np.zeros(number))
     return abs(float(path.position[-1, 0]) * 2.0 * FRICTION * GRAVITY / SPEED**2 - 1.0)
 
 
-def shaken(engine: str, time_step: float) -> float:
+def _shaken(engine: str, time_step: float) -> float:
     """Largest error of the displacement at any time, relative to the largest displacement."""
     in_pulse, step = whole(PULSE.duration, time_step)
     times = middles(in_pulse + math.ceil(0.5 / step), step)
@@ -144,6 +144,6 @@ SHAKEN = (
 )
 
 CASES = (
-    case("slide to rest", BRAKING, 2e-3, braking, order=1.0),
-    case("sliding under a cosine pulse", SHAKEN, 0.01, shaken),
+    case("slide to rest", BRAKING, 2e-3, _braking, order=1.0),
+    case("sliding under a cosine pulse", SHAKEN, 0.01, _shaken),
 )

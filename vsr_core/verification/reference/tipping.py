@@ -31,8 +31,8 @@ WINDOW = 0.1
 TIPPED = 0.2
 """Tilt at which a block has begun to tip, as a share of alpha."""
 
-LOOK_EVERY = 20
-"""Time steps between two looks at the rock."""
+MONITOR_EVERY = 20
+"""Monitoring interval, in time steps."""
 
 PATIENCE = 8.0
 """Time in which it has to, in units of sqrt(radius / g). Tilts grow by e in each unit or so: what
@@ -42,7 +42,7 @@ SIDES = 8
 """Of the prism's base: more corners than any engine keeps contact points."""
 
 
-def static(rock: Rock, slenderness: float, engine: str, time_step: float) -> float:
+def _static(rock: Rock, slenderness: float, engine: str, time_step: float) -> float:
     """Error of the steady acceleration that tips a rock, relative to g b/h."""
     scene = Scene(rock, Contact(GRIPPING), pedestal="box" if rock.shape == "box" else "plane")
     answer = GRAVITY / slenderness
@@ -54,7 +54,7 @@ def static(rock: Rock, slenderness: float, engine: str, time_step: float) -> flo
     return abs(found.middle / answer - 1.0) if found.decided else WINDOW
 
 
-def switch(width: float, height: float, engine: str, time_step: float) -> float:
+def _switch(width: float, height: float, engine: str, time_step: float) -> float:
     """Error of the friction from which on a strong steady push tips a block, relative to b/h."""
     answer = width / height
 
@@ -70,8 +70,8 @@ def _tips(engine: str, scene: Scene, time_step: float, push: float, beyond: floa
     """Whether a steady push tilts the rock beyond a tilt [rad] in time; None if it diverges."""
     number, step = whole(PATIENCE * unit(scene.rock), time_step)
     world = engines.load(engine).build(scene, step, 1)
-    for first in range(0, number, LOOK_EVERY):
-        world.advance([push] * min(LOOK_EVERY, number - first))
+    for first in range(0, number, MONITOR_EVERY):
+        world.advance([push] * min(MONITOR_EVERY, number - first))
         upright = float(world.state().rotation[2, 2])
         if math.isnan(upright):
             return None
@@ -81,7 +81,7 @@ def _tips(engine: str, scene: Scene, time_step: float, push: float, beyond: floa
 
 
 @cache
-def prism() -> Rock:
+def _prism() -> Rock:
     """Upright octagonal prism as a hull, a face across x: its inner radius is 0.5, its height 2 m.
 
     Built as scans are, from a mesh.
@@ -100,9 +100,9 @@ SWITCH = (
 )
 
 CASES = (
-    case("static tipping, box of 1 x 1 x 2 m", STATIC, 3e-3, static, box(1.0, 1.0, 2.0), 2.0),
-    case("static tipping, box of 1 x 1 x 5 m", STATIC, 4e-3, static, box(1.0, 1.0, 5.0), 5.0),
-    case("static tipping, octagonal hull", STATIC, 4e-3, static, prism(), 2.0),
-    case("sliding or tipping, b/h = 0.5", SWITCH, 5e-3, switch, 1.0, 2.0, engines=BULLET),
-    case("sliding or tipping, b/h = 0.75", SWITCH, 5e-3, switch, 1.5, 2.0, engines=BULLET),
+    case("static tipping, box of 1 x 1 x 2 m", STATIC, 3e-3, _static, box(1.0, 1.0, 2.0), 2.0),
+    case("static tipping, box of 1 x 1 x 5 m", STATIC, 4e-3, _static, box(1.0, 1.0, 5.0), 5.0),
+    case("static tipping, octagonal hull", STATIC, 4e-3, _static, _prism(), 2.0),
+    case("sliding or tipping, b/h = 0.5", SWITCH, 5e-3, _switch, 1.0, 2.0, engines=BULLET),
+    case("sliding or tipping, b/h = 0.75", SWITCH, 5e-3, _switch, 1.5, 2.0, engines=BULLET),
 )
