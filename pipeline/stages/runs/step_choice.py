@@ -80,7 +80,9 @@ def make(job: Job) -> Product:
     check_scenes(job.site, scenes)
     frictions = job.config.contact.friction
     if simulation.time_step != "auto":
-        dataset = _dataset(frictions, simulation.time_step)
+        known = {name: ("friction", np.full(len(frictions), math.nan)) for name in _CHOSEN}
+        known["time_step"] = ("friction", np.full(len(frictions), simulation.time_step))
+        dataset = xr.Dataset(known, {"friction": list(frictions)})
         note = f"time step {1e3 * simulation.time_step:.4g} ms as given; its error was not measured"
         return Product({FILE: netcdf(described(dataset, job, "Time step"))}, note)
     dataset = _measured(job, scenes)
@@ -89,13 +91,18 @@ def make(job: Job) -> Product:
     choices = [
         _choice(dataset.isel(friction=at), simulation.tolerance) for at in range(len(frictions))
     ]
-    for name in ("time_step", "error", "worst", "within"):
-        chosen = [float(getattr(choice, name)) for choice in choices]
-        dataset[_NAMES.get(name, name)] = ("friction", chosen)
+    for name, field in _CHOSEN.items():
+        dataset[name] = ("friction", [float(getattr(choice, field)) for choice in choices])
     return Product({FILE: netcdf(described(dataset, job, "Time step"))}, _summary(choices))
 
 
-_NAMES = {"error": "boundary_error", "worst": "boundary_error_worst", "within": "within_tolerance"}
+_CHOSEN = {
+    "time_step": "time_step",
+    "boundary_error": "error",
+    "boundary_error_worst": "worst",
+    "within_tolerance": "within",
+}
+"""Variables of what is chosen, and what they are in a ``Choice``."""
 
 
 def rows_of(rock: Rock) -> tuple[Place, ...]:
@@ -134,28 +141,30 @@ def _measured(job: Job, scenes: Scenes) -> xr.Dataset:
     places, names, before = rows_of(scenes.level_rock), _names(scenes), _measured_before(job.store)
     frictions = job.config.contact.friction
     new = _measure(job, scenes, [f for f in frictions if names[f] not in before], places)
-    shape = (len(frictions), len(places), len(ladder.SHARES))
-    error, steps = np.full(shape, np.nan), np.full(shape, np.nan)
-    reference = np.full(shape[:2], np.nan)
-    for at, friction in enumerate(frictions):
-        old = before.get(names[friction])
-        if old is not None:
-            error[at], steps[at] = old["row_error"].values, old["row_steps"].values
-            reference[at] = old["row_reference"].values
-            continue
-        for number, (yaw, pgv_pga) in enumerate(places):
-            row = new[Group(yaw, friction), pgv_pga]
-            if row is not None:
-                error[at, number], steps[at, number] = row.error, row.steps
-                reference[at, number] = in_si.in_g(row.reference)
-    dataset = _dataset(frictions, math.nan)
-    dataset["measurement"] = ("friction", [names[friction] for friction in frictions])
-    dataset["row_yaw"] = ("row", [yaw for yaw, _ in places])
-    dataset["row_pgv_pga"] = ("row", [pgv_pga for _, pgv_pga in places])
-    dataset["row_reference"] = (("friction", "row"), reference)
-    dataset["row_error"] = (("friction", "row", "step_share"), error)
-    dataset["row_steps"] = (("friction", "row", "step_share"), steps)
-    return dataset.assign_coords(step_share=list(ladder.SHARES))
+    parts = [
+        before[names[friction]]
+        if names[friction] in before
+        else _rows(names[friction], [new[Group(yaw, friction), ratio] for yaw, ratio in places])
+        for friction in frictions
+    ]
+    yaws, ratios = zip(*places, strict=True)
+    dataset = xr.concat(parts, "friction", combine_attrs="drop").drop_encoding()
+    dataset = dataset.assign(row_yaw=("row", list(yaws)), row_pgv_pga=("row", list(ratios)))
+    return dataset.assign_coords(friction=list(frictions), step_share=list(ladder.SHARES))
+
+
+def _rows(name: str, rows: Sequence[Row | None]) -> xr.Dataset:
+    """Rows of one friction; nothing is known of one that killed its worker."""
+    unknown = np.full(len(ladder.SHARES), math.nan)
+    known = [row or Row(math.nan, math.nan, False, unknown, unknown) for row in rows]
+    return xr.Dataset(
+        {
+            "measurement": name,
+            "row_reference": ("row", [in_si.in_g(row.reference) for row in known]),
+            "row_error": (("row", "step_share"), [row.error for row in known]),
+            "row_steps": (("row", "step_share"), [row.steps for row in known]),
+        }
+    )
 
 
 def _measure(
@@ -192,22 +201,9 @@ def _measured_before(store: Store) -> dict[str, xr.Dataset]:
     old = read(store.folder / FILE)
     if "measurement" not in old:
         return {}
-    return {
-        str(old["measurement"].values[i]): old.isel(friction=i) for i in range(old.friction.size)
-    }
-
-
-def _dataset(frictions: Sequence[float], step: float) -> xr.Dataset:
-    unknown = np.full(len(frictions), np.nan)
-    return xr.Dataset(
-        {
-            "time_step": ("friction", np.full(len(frictions), step)),
-            "boundary_error": ("friction", unknown),
-            "boundary_error_worst": ("friction", unknown.copy()),
-            "within_tolerance": ("friction", unknown.copy()),
-        },
-        {"friction": list(frictions)},
-    )
+    rows = old[["measurement", "row_reference", "row_error", "row_steps"]].drop_vars("step_share")
+    names = old["measurement"].values.tolist()
+    return {name: rows.isel(friction=at, drop=True) for at, name in enumerate(names)}
 
 
 def _choice(dataset: xr.Dataset, tolerance: float) -> Choice:
