@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.speed import WORKERS
 from benchmarks.table import Row, say
 from pipeline.config.layers import load_site
-from pipeline.stages.runs.scenes import on_terrain
+from pipeline.stages.runs.scenes import Group, load_scenes, terrain_case
 from pipeline.workflow.store import Store
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.run.cases import Settings, TerrainCase
@@ -53,17 +53,9 @@ def grid(folder: Path) -> Iterator[Row]:
 
 def reductions(folder: Path) -> Iterator[Row]:
     """CPU on a terrain four times as large, and without one reduction each; ``grid`` goes first."""
-    config = load_site(SITE).config
-    store = Store(folder / SITE)
-    site = on_terrain(config, store, 0.0, config.contact.friction[0])
-    rock = on_terrain(
-        config.model_copy(
-            update={"simulation": config.simulation.model_copy(update={"reduce": False})}
-        ),
-        store,
-        0.0,
-        config.contact.friction[0],
-    ).seat.rock
+    scenes = load_scenes(load_site(SITE).config, Store(folder / SITE))
+    group = Group(0.0, scenes.config.contact.friction[0])
+    site, rock = terrain_case(scenes, group), scenes.rock
     say("a step on the terrain as it is")
     usual = _cost(site)
     others = (

@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.table import Row, say
 from pipeline.config.layers import load_site
-from pipeline.stages.runs.scenes import prepared
+from pipeline.stages.runs.scenes import Group, flat_case, load_scenes
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
@@ -119,7 +119,7 @@ def _case(site: Path, folder: Path) -> tuple[Case, Settings]:
 
         store.open()
         graph.make("rock", Job(given, store, Cluster(0), "", lambda line: None))
-    case = prepared(given.config, store, 0.0, 0.6)
+    case = flat_case(load_scenes(given.config, store, level=True), Group(0.0, 0.6))
     return case, Settings(STEP_SHARE * step_unit(case.full.rock))
 
 

@@ -13,7 +13,7 @@ RUN_CODE = (
 TERRAIN_CODE = (
     *RUN_CODE,
     "vsr_core.run.displacement:displace",
-    "pipeline.stages.runs.scenes:terrain_site",
+    "pipeline.stages.runs.scenes:terrain_case",
 )
 """The same on a terrain."""
 

@@ -7,7 +7,7 @@ from typing import Any
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.motions.shaking import Cell, Shaking
 from pipeline.stages.runs.runner import Kind
-from pipeline.stages.runs.scenes import terrain_site
+from pipeline.stages.runs.scenes import terrain_case
 from pipeline.stages.runs.study import run_study
 from pipeline.stages.runs.trajectory_packing import pack
 from pipeline.workflow.stage import Job, Product
@@ -65,7 +65,7 @@ def make(job: Job) -> Product:
                 "set pedestal.shape: mesh, with the terrain in the rock's scan",
             )
         )
-    return run_study(job, KIND, terrain_site)
+    return run_study(job, KIND, terrain_case)
 
 
 KIND = Kind("displacement_runs", "displacement runs", DisplacementRow, follow_batch, batch=4)

@@ -6,7 +6,7 @@ from typing import Any
 
 from pipeline.stages.motions.shaking import Cell, Shaking
 from pipeline.stages.runs.runner import Kind
-from pipeline.stages.runs.scenes import flat_case, terrain_site
+from pipeline.stages.runs.scenes import flat_case, terrain_case
 from pipeline.stages.runs.study import run_study
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import RunRow
@@ -67,7 +67,7 @@ def make(job: Job) -> Product:
     -------
     Product
     """
-    return run_study(job, KIND, terrain_site if job.config.on_terrain else flat_case)
+    return run_study(job, KIND, terrain_case if job.config.on_terrain else flat_case)
 
 
 KIND = Kind("runs", "runs", RunRow, simulate_batch, batch=40)

@@ -132,7 +132,7 @@ def flat_case(scenes: Scenes, group: Group) -> Case:
     return prepare(scene, scenes.barrier, reduce=config.simulation.reduce)
 
 
-def terrain_site(scenes: Scenes, group: Group) -> TerrainCase:
+def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
     """Set the rock on its terrain for the shaking of a group.
 
     Parameters
