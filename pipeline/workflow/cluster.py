@@ -74,7 +74,12 @@ class Cluster:
         return not (self.scheduler or self.scheduler_file or self.slurm)
 
     def in_process(self) -> Cluster:
-        """The same without worker processes, for work too small to start them."""
+        """The same without worker processes, for work too small to start them.
+
+        Returns
+        -------
+        Cluster
+        """
         return replace(self, workers=0) if self.local else self
 
     def run(

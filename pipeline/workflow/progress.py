@@ -42,7 +42,12 @@ class Progress:
             sys.stderr.write("\r\x1b[K")
 
     def add(self, outcomes: list[int]) -> None:
-        """Count finished runs by outcome code."""
+        """Count finished runs by outcome code.
+
+        Parameters
+        ----------
+        outcomes : list of int
+        """
         self.outcomes.update(outcomes)
         now = time.monotonic()
         if self._terminal and now - self._shown >= _SCREEN_SECONDS:
@@ -55,7 +60,16 @@ class Progress:
         self._shown = now
 
     def line(self, now: float) -> str:
-        """The line, at time ``now`` of the monotonic clock [s]."""
+        """The line, at time ``now`` of the monotonic clock [s].
+
+        Parameters
+        ----------
+        now : float [s]
+
+        Returns
+        -------
+        str
+        """
         done = self.outcomes.total()
         rate = done / max(now - self._start, 1e-9)
         left = (self.total - done) / rate if rate else 0.0

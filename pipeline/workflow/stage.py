@@ -63,7 +63,16 @@ class Job:
         return self.site.config
 
     def path(self, name: str) -> Path:
-        """Path of an upstream product."""
+        """Path of an upstream product.
+
+        Parameters
+        ----------
+        name : str, of a file
+
+        Returns
+        -------
+        Path
+        """
         return self.store.folder / name
 
 
@@ -100,30 +109,80 @@ class Stage:
     check: str = ""
 
     def roots(self) -> tuple[str, ...]:
-        """Roots of its code."""
+        """Roots of its code.
+
+        Returns
+        -------
+        tuple of str, as ``keys.code`` takes them
+        """
         return self.code if self.made_elsewhere else (self.make, *self.code)
 
     def is_for(self, settings: BaseModel) -> bool:
-        """Whether a site with these settings has any use for it."""
+        """Whether a site with these settings has any use for it.
+
+        Parameters
+        ----------
+        settings : configuration of a site, or what is assumed of a series of tests
+
+        Returns
+        -------
+        bool
+        """
         return not self.applies or bool(getattr(settings, self.applies))
 
     def settings(self, settings: BaseModel) -> dict[str, Any]:
-        """The part of the settings that it reads, by dotted key."""
+        """The part of the settings that it reads, by dotted key.
+
+        Parameters
+        ----------
+        settings : as for ``is_for``
+
+        Returns
+        -------
+        dict
+        """
         whole = settings.model_dump(mode="json")
         return {key: _at(whole, key) for key in self.reads}
 
     def product(self, job: Job) -> Product:
-        """Make it."""
+        """Make it.
+
+        Parameters
+        ----------
+        job : Job
+
+        Returns
+        -------
+        Product
+        """
         made: Product = named(self.make)(job)
         return made
 
     def input_digests(self, site: Site) -> dict[str, str]:
-        """Digests of what decides its product besides configuration and code, by name."""
+        """Digests of what decides its product besides configuration and code, by name.
+
+        Parameters
+        ----------
+        site : Site
+
+        Returns
+        -------
+        dict of str by name
+        """
         given = named(self.inputs)(site) if self.inputs else {}
         return given | {name: pages.digest(name) for name in self.files}
 
     def fault(self, store: Store) -> str:
-        """What is wrong with its products beyond their checksums, or an empty string."""
+        """What is wrong with its products beyond their checksums, or an empty string.
+
+        Parameters
+        ----------
+        store : Store
+
+        Returns
+        -------
+        str
+        """
         return str(named(self.check)(store)) if self.check else ""
 
 

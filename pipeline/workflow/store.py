@@ -84,14 +84,32 @@ class Store:
                 left.unlink()
 
     def manifest(self, stage: str) -> dict[str, Any] | None:
-        """Manifest of a stage; None if there is none or it cannot be read."""
+        """Manifest of a stage; None if there is none or it cannot be read.
+
+        Parameters
+        ----------
+        stage : str
+
+        Returns
+        -------
+        dict or None
+        """
         try:
             return dict(json.loads((self._manifests / f"{stage}.json").read_text()))
         except (OSError, ValueError):
             return None
 
     def damage(self, stage: str) -> str:
-        """What is wrong with a stage's products on disk, or an empty string."""
+        """What is wrong with a stage's products on disk, or an empty string.
+
+        Parameters
+        ----------
+        stage : str
+
+        Returns
+        -------
+        str
+        """
         for name, checksum in (self.manifest(stage) or {"files": {}})["files"].items():
             path = self.folder / name
             if not path.is_file():
@@ -101,25 +119,52 @@ class Store:
         return ""
 
     def publish(self, stage: str, facts: dict[str, Any], writers: dict[str, Writer]) -> None:
-        """Write products beside their names, rename them, then write the manifest."""
+        """Write products beside their names, rename them, then write the manifest.
+
+        Parameters
+        ----------
+        stage : str
+        facts : dict, of the manifest
+        writers : dict of Writer by file name
+        """
         with writing(self.folder):
             files = {name: self._put(self.folder / name, write) for name, write in writers.items()}
             manifest = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
             self._put(self._manifests / f"{stage}.json", text(manifest))
 
     def forget(self, stage: str) -> None:
-        """Drop a stage's manifest, so that it is made again."""
+        """Drop a stage's manifest, so that it is made again.
+
+        Parameters
+        ----------
+        stage : str
+        """
         with writing(self.folder):
             (self._manifests / f"{stage}.json").unlink(missing_ok=True)
 
     def note(self, stage: str, **facts: Any) -> None:
-        """Append facts that no product may hold, such as times, to the log."""
+        """Append facts that no product may hold, such as times, to the log.
+
+        Parameters
+        ----------
+        stage : str
+        facts : plain data
+        """
         line = json.dumps({"time": time.strftime("%Y-%m-%dT%H:%M:%S"), "stage": stage, **facts})
         with writing(self.folder), (self.folder / LOG).open("a", encoding="utf-8") as file:
             file.write(line + "\n")
 
     def notes(self, stage: str) -> list[dict[str, Any]]:
-        """Facts noted about a stage, oldest first."""
+        """Facts noted about a stage, oldest first.
+
+        Parameters
+        ----------
+        stage : str
+
+        Returns
+        -------
+        list of dict
+        """
         path = self.folder / LOG
         lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
         return [fact for fact in map(json.loads, lines) if fact["stage"] == stage]
@@ -163,7 +208,12 @@ class RunStore(Generic[Row]):
         self._database.close()
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Keep rows, all or none."""
+        """Keep rows, all or none.
+
+        Parameters
+        ----------
+        rows : iterable of rows
+        """
         places = ", ".join("?" * len(self._row._fields))
         with writing(self._folder):
             self._database.execute("BEGIN IMMEDIATE")
@@ -178,12 +228,30 @@ class RunStore(Generic[Row]):
             self._database.execute("COMMIT")
 
     def get(self, keys: Iterable[bytes]) -> dict[bytes, Row]:
-        """Stored rows among ``keys``."""
+        """Stored rows among ``keys``.
+
+        Parameters
+        ----------
+        keys : iterable of bytes
+
+        Returns
+        -------
+        dict of rows by key
+        """
         found = self._select(f"{self._table}.*", keys)
         return {row[0]: self._row(*row) for row in found}
 
     def outcomes(self, keys: Iterable[bytes]) -> dict[bytes, int]:
-        """Outcomes of those of ``keys`` that are stored."""
+        """Outcomes of those of ``keys`` that are stored.
+
+        Parameters
+        ----------
+        keys : iterable of bytes
+
+        Returns
+        -------
+        dict of int by key
+        """
         return dict(self._select("key, outcome", keys))
 
     def _select(self, what: str, keys: Iterable[bytes]) -> list[Any]:

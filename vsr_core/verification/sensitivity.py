@@ -36,7 +36,12 @@ class Variation:
 
 
 def variations() -> tuple[Variation, ...]:
-    """All of them; the first changes nothing."""
+    """All of them; the first changes nothing.
+
+    Returns
+    -------
+    tuple of Variation
+    """
     return (
         Variation("as chosen", "", lambda case, settings: (case, settings)),
         *(

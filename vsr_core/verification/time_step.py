@@ -100,7 +100,16 @@ class Choice:
 
 
 def directions(rock: Rock) -> tuple[float, ...]:
-    """Yaws of the rows of a rock [rad]: the faces of a box, four quarters of any other."""
+    """Yaws of the rows of a rock [rad]: the faces of a box, four quarters of any other.
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    tuple of float [rad]
+    """
     if rock.shape != "box":
         return (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
     half_x, half_y, _ = np.abs(rock.vertices).max(axis=0)
@@ -108,13 +117,31 @@ def directions(rock: Rock) -> tuple[float, ...]:
 
 
 def periods(rock: Rock) -> tuple[float, ...]:
-    """PGV/PGA of the rows of a rock [s]."""
+    """PGV/PGA of the rows of a rock [s].
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    tuple of float [s]
+    """
     unit = step_unit(rock)
     return tuple(unit * x for x in (BOX_PERIODS if rock.shape == "box" else HULL_PERIODS))
 
 
 def step_unit(rock: Rock) -> float:
-    """Unit of the time steps, sqrt(radius / g) [s]."""
+    """Unit of the time steps, sqrt(radius / g) [s].
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    float [s]
+    """
     return math.sqrt(rock.radius / GRAVITY)
 
 
@@ -126,6 +153,10 @@ def measure(case: Case, pgv_pga: float, settings: Settings) -> Row:
     case : Case, of the direction to be measured
     pgv_pga : float [s]
     settings : Settings
+
+    Returns
+    -------
+    Row
     """
     fine, second, coarse = (
         _Trial(case, pgv_pga, settings, share)
@@ -165,6 +196,10 @@ def front(error: Array, steps: Array) -> Front:
     Parameters
     ----------
     error, steps : ndarray, shape (rows, len(SHARES)), as in ``Row``; nan where nothing topples it
+
+    Returns
+    -------
+    Front
     """
     toppled = np.isfinite(error).all(axis=1)
     shares = np.array(SHARES)
@@ -181,6 +216,16 @@ def longest(rock: Rock, engine: str, tolerance: float) -> float:
 
     ``precheck.longest_step`` holds for a tolerance of 1 %, and the error of a swing grows with the
     step: a boundary may be right by luck where many impacts would not be.
+
+    Parameters
+    ----------
+    rock : Rock
+    engine : str
+    tolerance : float, of the boundary
+
+    Returns
+    -------
+    float [s]
     """
     ways = (Scene(rock, Contact(1.0), yaw) for yaw in directions(rock))
     return min(longest_step(way, engine) for way in ways) * tolerance / 0.01
@@ -191,6 +236,16 @@ def choose(measured: Front, tolerance: float, unit: float, most: float) -> Choic
 
     If there is none it is the finest, and the choice says so. ``unit`` is ``step_unit`` and
     ``most`` the ``longest`` step [s].
+
+    Parameters
+    ----------
+    measured : Front
+    tolerance : float
+    unit, most : float [s]
+
+    Returns
+    -------
+    Choice
     """
     steps = measured.shares * unit
     short = np.nonzero(steps <= most * (1.0 + 1e-9))[0]

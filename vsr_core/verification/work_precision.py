@@ -65,7 +65,18 @@ class Score:
 
 
 def target(case: Case, pgv_pga: float, engines: tuple[str, ...]) -> Target:
-    """Reference of a row; ``engines`` are those that give it where no equation does."""
+    """Reference of a row; ``engines`` are those that give it where no equation does.
+
+    Parameters
+    ----------
+    case : Case
+    pgv_pga : float [s]
+    engines : tuple of str
+
+    Returns
+    -------
+    Target
+    """
     unit = step_unit(case.full.rock)
 
     def run(settings: Settings) -> Topples:
@@ -81,7 +92,17 @@ def target(case: Case, pgv_pga: float, engines: tuple[str, ...]) -> Target:
 
 
 def score(test: Test, wanted: Target) -> Score:
-    """Error and cost of one way of running on one row."""
+    """Error and cost of one way of running on one row.
+
+    Parameters
+    ----------
+    test : Test
+    wanted : Target
+
+    Returns
+    -------
+    Score
+    """
     lost = 0
 
     def outcome(pga: float) -> bool | None:
@@ -99,12 +120,32 @@ def score(test: Test, wanted: Target) -> Score:
 
 
 def project(case: Case, settings: Settings) -> Test:
-    """The own way of running a test, outcomes proved where they can be."""
+    """The own way of running a test, outcomes proved where they can be.
+
+    Parameters
+    ----------
+    case : Case
+    settings : Settings
+
+    Returns
+    -------
+    Test
+    """
     return lambda pulse: verdict(simulate(case, pulse, settings).outcome)
 
 
 def by_tilt(largest_tilt: Callable[[CosinePulse], float], toppled: float) -> Test:
-    """A test that reads the largest tilt [rad], nan where it diverged."""
+    """A test that reads the largest tilt [rad], nan where it diverged.
+
+    Parameters
+    ----------
+    largest_tilt : callable, from a pulse to a tilt [rad]
+    toppled : float [rad], tilt beyond which the rock has toppled
+
+    Returns
+    -------
+    Test
+    """
 
     def test(pulse: CosinePulse) -> bool | None:
         tilt = largest_tilt(pulse)

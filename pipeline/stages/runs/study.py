@@ -42,7 +42,16 @@ class Study:
     _identity: dict[str, Any]
 
     def wanted(self, group: Group) -> list[Run]:
-        """The runs of a group, each for one of the cells."""
+        """The runs of a group, each for one of the cells.
+
+        Parameters
+        ----------
+        group : Group
+
+        Returns
+        -------
+        list of Run
+        """
         step = self.time_steps[group.friction]
         scene = {**self._identity, **group._asdict(), "time_step": repr(step)}
         name = keys.digest(scene).encode()
@@ -52,7 +61,16 @@ class Study:
         ]
 
     def settings(self, friction: float) -> Settings:
-        """How the runs of a friction are computed."""
+        """How the runs of a friction are computed.
+
+        Parameters
+        ----------
+        friction : float
+
+        Returns
+        -------
+        Settings
+        """
         simulation, step = self.scenes.config.simulation, self.time_steps[friction]
         assert not math.isnan(step)
         return Settings(step, simulation.reduce, simulation.engine)

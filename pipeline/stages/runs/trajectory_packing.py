@@ -22,7 +22,16 @@ SAMPLE = np.dtype(
 
 
 def pack(trajectory: Trajectory) -> bytes:
-    """Compressed samples of a trajectory."""
+    """Compressed samples of a trajectory.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+
+    Returns
+    -------
+    bytes
+    """
     samples = np.empty(len(trajectory.time), SAMPLE)
     samples["time"], samples["position"] = trajectory.time, trajectory.position
     samples["quaternion"], samples["velocity"] = trajectory.quaternion, trajectory.velocity
@@ -34,5 +43,14 @@ def pack(trajectory: Trajectory) -> bytes:
 
 
 def unpack(packed: bytes) -> np.ndarray:
-    """Samples of a trajectory, shape (n,) of ``SAMPLE``."""
+    """Samples of a trajectory, shape (n,) of ``SAMPLE``.
+
+    Parameters
+    ----------
+    packed : bytes, from ``pack``
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
     return np.frombuffer(zlib.decompress(packed), SAMPLE)

@@ -58,6 +58,14 @@ class Tests:
 def site_of(folder: Path) -> Site:
     """A site for the tests in a folder, so that its products have their place.
 
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    Site
+
     Raises
     ------
     InputError
@@ -100,7 +108,16 @@ def priors(config: ShakeTableConfig) -> Priors:
 
 
 def scans_in(folder: Path) -> dict[int, Path]:
-    """Scans by the number of their specimen."""
+    """Scans by the number of their specimen.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    dict of Path, in the order of the numbers
+    """
     found = {m: path for path in folder.glob("sp*.ply") if (m := SCAN.fullmatch(path.name))}
     return {
         int(match[1]): path for match, path in sorted(found.items(), key=lambda p: int(p[0][1]))
@@ -108,7 +125,16 @@ def scans_in(folder: Path) -> dict[int, Path]:
 
 
 def assumptions(folder: Path) -> ShakeTableConfig:
-    """What is assumed of the tests in a folder; the defaults where it says nothing."""
+    """What is assumed of the tests in a folder; the defaults where it says nothing.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    ShakeTableConfig
+    """
     path = folder / ASSUMED
     if not path.is_file():
         return ShakeTableConfig()
@@ -117,6 +143,14 @@ def assumptions(folder: Path) -> ShakeTableConfig:
 
 def scan(path: Path) -> trimesh.Trimesh:
     """A closed scan of a specimen in metres.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Trimesh
 
     Raises
     ------
@@ -131,6 +165,14 @@ def scan(path: Path) -> trimesh.Trimesh:
 
 def tests_in(folder: Path) -> Tests:
     """The tests of a folder that have both a record and a row of outcomes.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    Tests
 
     Raises
     ------
@@ -184,6 +226,10 @@ def accelerations(folder: Path, variable: str | None) -> dict[int, Any]:
     folder : Path
     variable : str or None
         Its name in the records; by default the merged one, else that of the accelerometer.
+
+    Returns
+    -------
+    dict of ndarray
 
     Raises
     ------
