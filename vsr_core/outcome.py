@@ -40,10 +40,10 @@ class DecidedBy(IntEnum):
     how : str, in words
     """
 
-    SIMULATION = 0, "simulated until at rest, or until time ran out"
-    NO_UPLIFT_BOUND = 1, "proved, never run: too weak to lift or slide the rock"
-    ENERGY_BOUND = 2, "stopped early: too little energy left to change sides"
-    NO_RETURN = 3, "stopped early: falling past every support"
+    SIMULATION = 0, "simulated until at rest, or until the time simulated ran out"
+    NO_UPLIFT_BOUND = 1, "not run: provably too weak to lift or slide the rock"
+    ENERGY_BOUND = 2, "stopped early: too little energy left to change the outcome"
+    NO_RETURN = 3, "stopped early: falling, past any support"
 
     how: str
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from pipeline.stages.fragility.summary import (
@@ -20,14 +21,24 @@ from vsr_core.outcome import DecidedBy, Outcome
 
 Row = dict[str, Any]
 
-RATIOS = (0.1, 0.2, 0.3, 0.5, 0.8)
+_RATIOS = (0.1, 0.2, 0.3, 0.5, 0.8)
 """PGV/PGA [s] near which the table of the boundary has its columns."""
 
-EARLY = (DecidedBy.ENERGY_BOUND, DecidedBy.NO_RETURN)
+_EARLY = (DecidedBy.ENERGY_BOUND, DecidedBy.NO_RETURN)
 
 
 def about_rock(rock: xr.Dataset) -> Row:
-    """Size, weight, base and weak directions."""
+    """Size, weight, base and weak directions.
+
+    Parameters
+    ----------
+    rock : Dataset
+        As in ``rock.nc``.
+
+    Returns
+    -------
+    dict
+    """
     corners, base = rock["surface_vertex"].values, rock["base_polygon"].values
     x, y = base.T
     return {
@@ -48,7 +59,12 @@ def left_out(responses: xr.Dataset, gains: dict[str, float]) -> list[Row]:
     Parameters
     ----------
     responses : Dataset
+        As in ``responses.nc``.
     gains : dict, from a reduction's name to CPU time without it over that with it
+
+    Returns
+    -------
+    list of dict
     """
     rows = []
     attributes = responses.attrs
@@ -60,17 +76,48 @@ def left_out(responses: xr.Dataset, gains: dict[str, float]) -> list[Row]:
 
 
 def time_steps(responses: xr.Dataset) -> list[Row]:
-    """Time step of each friction and the measured error of the boundary, with a sentence."""
-    names = ("friction", "time_step", "boundary_error", "boundary_error_worst")
-    columns = [responses[name].values.tolist() for name in names]
-    return [
-        {"friction": friction, "time_step": step, "error": error, "worst": worst}
-        for friction, step, error, worst in zip(*columns, strict=True)
-    ]
+    """Time step of each friction and the measured error of the boundary.
+
+    Parameters
+    ----------
+    responses : Dataset
+        As in ``responses.nc``.
+
+    Returns
+    -------
+    list of dict
+    """
+    names = ["time_step", "boundary_error", "boundary_error_worst"]
+    return _rows(responses[names].to_dataframe())
+
+
+def records(motions: xr.Dataset) -> list[Row]:
+    """Each record with its measures before scaling, and what was repaired.
+
+    Parameters
+    ----------
+    motions : Dataset
+        As in ``motions.nc``, of records.
+
+    Returns
+    -------
+    list of dict
+    """
+    return _rows(motions.drop_dims([dim for dim in motions.dims if dim != "record"]).to_dataframe())
 
 
 def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
-    """Toppled share, typical first-overturning PGA and model of each yaw and friction."""
+    """Toppled share, typical first-overturning PGA and model of each yaw and friction.
+
+    Parameters
+    ----------
+    responses, fragility : Dataset
+        As in ``responses.nc`` and ``fragility.nc``.
+
+    Returns
+    -------
+    list of dict
+    """
     lower, upper = typical_pga(fragility)
     lost = undecided(responses).sum(axis=(2, 3))
     return [
@@ -82,14 +129,23 @@ def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
             "first": between(lower[place], upper[place], fragility["pga"].values),
             "undecided": int(lost[place]),
             "model": str(fragility["recommended"].values[place]) or "none",
-            "reason": str(fragility["reason"].values[place]) or "No run was decided.",
         }
         for place, name in groups(fragility)
     ]
 
 
 def answer(rows: list[Row], frictions: Array) -> list[Row]:
-    """Most and least fragile yaws of each friction, by toppled share; ties together."""
+    """Most and least fragile yaws of each friction, by toppled share; ties together.
+
+    Parameters
+    ----------
+    rows : list of dict, as from ``by_yaw``
+    frictions : ndarray
+
+    Returns
+    -------
+    list of dict, one a friction with decided runs
+    """
     found = []
     for k, friction in enumerate(frictions):
         own = [row for row in rows if row["friction"] == k and np.isfinite(row["share"])]
@@ -118,88 +174,94 @@ def _end(rows: list[Row]) -> Row:
 
 
 def counts(responses: xr.Dataset) -> Row:
-    """Count runs by outcome and by what decided them."""
-    outcome, rule = responses["outcome"].values, responses["decided_by"].values
-    kinds = [code for code in Outcome if (outcome == code).any()]
-    table = [
-        {
-            "how": code.how,
-            "runs": [int(((outcome == kind) & (rule == code)).sum()) for kind in kinds],
-        }
-        for code in DecidedBy
-        if (rule == code).any()
-    ]
-    decided = ~undecided(responses)
+    """Count runs by outcome and by what decided them.
+
+    Parameters
+    ----------
+    responses : Dataset
+        As in ``responses.nc``.
+
+    Returns
+    -------
+    dict
+    """
+    outcome, rule = responses["outcome"].values.ravel(), responses["decided_by"].values.ravel()
+    kinds = [kind for kind in Outcome if (outcome == kind).any()]
+    rules = [code for code in DecidedBy if (rule == code).any()]
+    table = pd.crosstab(rule, outcome).reindex(index=rules, columns=kinds).to_numpy().tolist()
+    decided = ~undecided(responses).ravel()
     return {
         "kinds": [kind.name.lower() for kind in kinds],
-        "table": table,
+        "table": [{"how": code.how, "runs": runs} for code, runs in zip(rules, table, strict=True)],
         "total": outcome.size,
         "toppled": float((outcome == Outcome.OVERTURNED).sum() / max(decided.sum(), 1)),
         "proved": int((decided & (rule == DecidedBy.NO_UPLIFT_BOUND)).sum()),
-        "early": int((decided & np.isin(rule, EARLY)).sum()),
+        "early": int((decided & np.isin(rule, _EARLY)).sum()),
         "simulated": int((decided & (rule == DecidedBy.SIMULATION)).sum()),
     }
 
 
 def unresolved(responses: xr.Dataset, most: int) -> Row:
-    """How many runs are without a verdict, and the first ``most`` of them."""
-    places = np.argwhere(undecided(responses))
+    """How many runs are without a verdict, and the first ``most`` of them.
+
+    Parameters
+    ----------
+    responses : Dataset
+        As in ``responses.nc``.
+    most : int
+
+    Returns
+    -------
+    dict
+    """
+    dims, lost = list(responses["outcome"].dims), undecided(responses)
+    runs = responses[["outcome", "peak_tilt"]].to_dataframe(dim_order=dims)[lost.ravel()]
+    listed = runs.head(most).reset_index()
     names = {outcome.value: outcome.name.lower() for outcome in Outcome}
-    dims = responses["outcome"].dims
-    listed = []
-    for place in map(tuple, places[:most]):
-        at = dict(zip(map(str, dims), place, strict=True))
-        row: Row = {name: float(responses[name][at[name]]) for name in ("yaw", "friction", "pga")}
-        row["motion"] = heads(responses)[at[rows_of(responses)]]
-        row["outcome"] = names.get(int(responses["outcome"].values[place]), "missing")
-        row["tilt"] = float(np.degrees(responses["peak_tilt"].values[place]))
-        listed.append(row)
-    return {"total": len(places), "listed": listed}
+    listed["outcome"] = listed["outcome"].map(names).fillna("missing")
+    listed["tilt"] = np.degrees(listed["peak_tilt"])
+    places = np.argwhere(lost)[:most, 2]
+    listed["motion"] = [_heads(responses)[place] for place in places]
+    return {"total": len(runs), "listed": listed.to_dict("records")}
 
 
-def heads(data: xr.Dataset) -> list[str]:
+def _heads(data: xr.Dataset) -> list[str]:
     """Names of the rows of motions: their PGV/PGA, or the records."""
     if rows_of(data) == "record":
         return [str(name) for name in data["record"].values]
     return [f"{ratio:.6g} s" for ratio in data["pgv_pga"].values]
 
 
-def records(motions: xr.Dataset) -> list[Row]:
-    """Each record with its measures before scaling, and what was repaired."""
-    words = ("record", "station", "channel", "record_source", "record_unit", "repairs")
-    numbers = ("pgv_pga", "record_pga", "record_pgv", "record_pgd", "sa_1hz", "sa_2hz", "arias")
-    return [
-        {name: str(motions[name].values[i]) for name in words}
-        | {
-            name: float(motions[name].values[i])
-            for name in (*numbers, "cav", "significant_duration")
-        }
-        for i in range(motions.sizes["record"])
-    ]
-
-
 def boundary(fragility: xr.Dataset) -> Row:
-    """First overturning, and the recommended model's median, near a few PGV/PGA or per record."""
+    """First overturning, and the recommended model's median, near a few PGV/PGA or per record.
+
+    Parameters
+    ----------
+    fragility : Dataset
+        As in ``fragility.nc``.
+
+    Returns
+    -------
+    dict
+    """
     grid, ratios = fragility["pga"].values, fragility["pgv_pga"].values
     columns = list(range(len(ratios)))
     if rows_of(fragility) == "pgv_pga":
-        columns = sorted({int(np.argmin(abs(ratios - ratio))) for ratio in RATIOS})
+        columns = sorted({int(np.argmin(abs(ratios - ratio))) for ratio in _RATIOS})
     rows = []
-    for place, name in groups(fragility):
-        upper = fragility["first_overturning_pga"].values[place][columns]
-        lower = np.nan_to_num(fragility["last_balanced_pga"].values[place][columns], nan=0.0)
-        cells = [
-            {"grid": between(*ends, grid), "model": ""} for ends in zip(lower, upper, strict=True)
-        ]
-        model = str(fragility["recommended"].values[place])
-        if model in fragility["model"].values:
-            fit = fragility.sel(model=model)
-            medians = fit["median_pga"].values[place][columns]
-            ends = fit["median_pga_interval"].values[place][columns]
-            for cell, median, interval in zip(cells, medians, ends, strict=True):
+    for (i, k), name in groups(fragility):
+        fit = fragility.isel({"yaw": i, "friction": k, rows_of(fragility): columns})
+        lower = np.nan_to_num(fit["last_balanced_pga"].values, nan=0.0)
+        ends = zip(lower, fit["first_overturning_pga"].values, strict=True)
+        cells = [{"grid": between(*pair, grid), "model": ""} for pair in ends]
+        model = str(fit["recommended"].values)
+        if model in fit["model"].values:
+            own = fit.sel(model=model)
+            medians = zip(own["median_pga"].values, own["median_pga_interval"].values, strict=True)
+            for cell, (median, interval) in zip(cells, medians, strict=True):
                 cell["model"] = _with_interval(median, interval, grid)
         rows.append({"name": name, "model": model or "none", "cells": cells})
-    return {"heads": [heads(fragility)[c] for c in columns], "rows": rows}
+    return {"heads": [_heads(fragility)[c] for c in columns], "rows": rows}
 
 
 def _with_interval(median: float, interval: Array, grid: Array) -> str:
@@ -218,21 +280,29 @@ def _in(value: float, grid: Array) -> str:
 
 
 def models(fragility: xr.Dataset) -> list[Row]:
-    """Scores of every model of each yaw and friction."""
-    scores = ("log_loss", "log_loss_error", "brier", "accuracy")
-    rows = []
-    for place, name in groups(fragility):
-        recommended = str(fragility["recommended"].values[place])
-        fits = [
-            {
-                "name": str(model),
-                **{score: float(fragility[score].values[(*place, m)]) for score in scores},
-                "separated": bool(fragility["separated"].values[(*place, m)] == 1),
-                "method": str(fragility["method"].values[(*place, m)]),
-                "recommended": str(model) == recommended,
-            }
-            for m, model in enumerate(fragility["model"].values)
-        ]
-        reason = str(fragility["reason"].values[place]) or "No run was decided."
-        rows.append({"name": name, "reason": reason, "model": recommended or "none", "fits": fits})
-    return rows
+    """Scores of every model of each yaw and friction.
+
+    Parameters
+    ----------
+    fragility : Dataset
+        As in ``fragility.nc``.
+
+    Returns
+    -------
+    list of dict
+    """
+    scores = ["log_loss", "log_loss_error", "brier", "accuracy", "separated", "method"]
+    return [
+        {
+            "name": name,
+            "recommended": str(one["recommended"].values) or "none",
+            "reason": str(one["reason"].values) or "No run was decided.",
+            "fits": _rows(one[scores].to_dataframe()),
+        }
+        for (i, k), name in groups(fragility)
+        for one in [fragility.isel(yaw=i, friction=k)]
+    ]
+
+
+def _rows(table: pd.DataFrame) -> list[Any]:
+    return table.reset_index().to_dict("records")

@@ -18,7 +18,7 @@ from pipeline.stages.runs.study import load_study
 from pipeline.stages.studies.accuracy import comparing
 from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, work_precision
 from pipeline.stages.studies.accuracy.accuracy_page import facts
-from pipeline.stages.studies.accuracy.comparing import Place, Record, SampledCell
+from pipeline.stages.studies.accuracy.comparing import Place, SampledCell
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
@@ -70,15 +70,16 @@ def make(job: Job) -> Product:
     records += comparing.compare_cells(cells)
     records += comparing.run_suite(job)
     records += comparing.absent_peers()
-    diagram = work_precision(records, job.config.simulation.tolerance, job.site.name)
-    shown = facts(job.site.name, job.config, records, targets, read(job.path(TIME_STEP)), diagram)
+    table = pd.DataFrame(records)
+    diagram = work_precision(table, job.config.simulation.tolerance, job.site.name)
+    shown = facts(job.site.name, job.config, table, targets, read(job.path(TIME_STEP)), diagram)
     files = {
         FILE: netcdf(described(_dataset(targets, cells), job, "Accuracy")),
-        TABLE: writers.table(pd.DataFrame(records, columns=comparing.COLUMNS)),
+        TABLE: writers.table(table[list(comparing.COLUMNS)]),
         PAGE: writers.text(pages.filled(PAGE, shown)),
         **pictures(PICTURE, diagram),
     }
-    return Product(files, _summary(records))
+    return Product(files, _summary(table))
 
 
 def _dataset(targets: dict[Place, Target], cells: list[SampledCell]) -> xr.Dataset:
@@ -97,7 +98,7 @@ def _dataset(targets: dict[Place, Target], cells: list[SampledCell]) -> xr.Datas
     return dataset
 
 
-def _summary(records: list[Record]) -> str:
-    ways = cheapest(records, 0.01)
+def _summary(table: pd.DataFrame) -> str:
+    ways = cheapest(table, 0.01).to_dict("records")
     texts = [f"{way['method']} {1e3 * way['cpu_s']:.3g} ms" for way in ways]
-    return "a run at 1 % error of the boundary: " + (", ".join(texts) or "no way gets there")
+    return "a run at 1 % error of the boundary: " + (", ".join(texts) or "no method gets there")

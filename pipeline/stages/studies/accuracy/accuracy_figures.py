@@ -2,51 +2,74 @@
 
 from __future__ import annotations
 
-import math
-from collections import defaultdict
-from typing import Any
-
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pipeline.drawing.style import FAINT, INK, MARKERS, SERIES, styled
+from vsr_core.arrays import Array
 from vsr_core.verification.agreement import WORST
 
-Record = dict[str, Any]
+
+def measured(table: pd.DataFrame) -> pd.DataFrame:
+    """Settings of methods that were measured, the project's first, each method coarse to fine.
+
+    Parameters
+    ----------
+    table : DataFrame
+        With the records of the accuracy stage as rows.
+
+    Returns
+    -------
+    DataFrame
+    """
+    found = table[(table["part"] == "method") & (table["cpu_s"] != "")]
+    found = found.astype({"own": bool, "error": float, "cpu_s": float, "step": float})
+    return found.sort_values(["own", "method", "step"], ascending=[False, True, False])
 
 
-def lines(records: list[Record], part: str) -> dict[str, list[Record]]:
-    """Measured settings of each method, coarse to fine."""
-    found: dict[str, list[Record]] = defaultdict(list)
-    for record in records:
-        if record["part"] == part and record["cpu_s"] != "":
-            found[record["method"]].append(record)
-    ranked = sorted(found.items(), key=lambda pair: (not pair[1][0]["own"], pair[0]))
-    return {
-        method: sorted(points, key=lambda point: float(point["step"]), reverse=True)
-        for method, points in ranked
-    }
+def cheapest(table: pd.DataFrame, tolerance: float) -> pd.DataFrame:
+    """The cheapest setting of each method within a tolerance, the cheapest method first.
 
+    Parameters
+    ----------
+    table : DataFrame
+        With the records of the accuracy stage as rows.
+    tolerance : float
 
-def cheapest(records: list[Record], tolerance: float) -> list[Record]:
-    """The cheapest setting of each method within a tolerance, the cheapest method first."""
-    best = []
-    for points in lines(records, "method").values():
-        good = [point for point in points if point["error"] <= tolerance]
-        best += sorted(good, key=lambda point: float(point["cpu_s"]))[:1]
-    return sorted(best, key=lambda point: float(point["cpu_s"]))
+    Returns
+    -------
+    DataFrame
+    """
+    found = measured(table)
+    good = found[found["error"] <= tolerance].sort_values("cpu_s", kind="stable")
+    return good.groupby("method", sort=False).head(1)
 
 
 @styled
-def work_precision(records: list[Record], tolerance: float, title: str) -> Figure:
-    """Error of the boundary against CPU time of a run, one line a method."""
+def work_precision(table: pd.DataFrame, tolerance: float, title: str) -> Figure:
+    """Error of the boundary against CPU time of a run, one line a method.
+
+    Parameters
+    ----------
+    table : DataFrame
+        With the records of the accuracy stage as rows.
+    tolerance : float
+    title : str
+
+    Returns
+    -------
+    Figure
+    """
     figure = Figure(figsize=(6.6, 4.3), layout="constrained")
     axes = figure.add_subplot()
-    for at, (method, points) in enumerate(lines(records, "method").items()):
-        own = points[0]["own"]
+    for at, (method, points) in enumerate(measured(table).groupby("method", sort=False)):
+        own = points["own"].all()
         axes.plot(
-            [1e3 * point["cpu_s"] for point in points],
-            [100.0 * min(point["error"], WORST) for point in points],
+            1e3 * points["cpu_s"],
+            100.0 * points["error"].clip(upper=WORST),
             color=INK if own and at == 0 else SERIES[at % len(SERIES)],
             marker=MARKERS[at % len(MARKERS)],
             markersize=6 if own else 5,
@@ -75,27 +98,34 @@ def work_precision(records: list[Record], tolerance: float, title: str) -> Figur
 
 
 @styled
-def boundary_convergence(rows: list[Record], chosen: float, tolerance: float) -> Figure:
+def boundary_convergence(
+    steps: Array, errors: list[tuple[str, Array]], chosen: float, tolerance: float
+) -> Figure:
     """Error of each row's boundary against the time step, and what most rows keep.
 
     Parameters
     ----------
-    rows : list of dict with ``label``, ``steps`` [ms], ``error``; the last is what most keep
+    steps : ndarray [ms]
+    errors : list of the name of a row and its errors; the last is what most rows keep
     chosen : float [ms]
     tolerance : float
+
+    Returns
+    -------
+    Figure
     """
     figure = Figure(figsize=(6.6, 3.9), layout="constrained")
     axes = figure.add_subplot()
-    for at, row in enumerate(rows):
-        last = at == len(rows) - 1
+    for at, (name, error) in enumerate(errors):
+        last = at == len(errors) - 1
         axes.plot(
-            row["steps"],
-            [100.0 * error for error in row["error"]],
+            steps,
+            100.0 * error,
             color=INK if last else SERIES[at % len(SERIES)],
             linewidth=2.2 if last else 0.9,
             marker=MARKERS[at % len(MARKERS)] if not last else None,
             markersize=4,
-            label=row["label"],
+            label=name,
         )
     axes.axvline(chosen, color=FAINT, linewidth=0.8)
     axes.axhline(100.0 * tolerance, color=FAINT, linewidth=0.8, linestyle=":")
@@ -110,8 +140,8 @@ def boundary_convergence(rows: list[Record], chosen: float, tolerance: float) ->
     )
     _percent_axis(axes)
     axes.set_xscale("log")
-    axes.set_xticks(rows[-1]["steps"], [f"{step:.2g}" for step in rows[-1]["steps"]])
-    axes.xaxis.set_minor_formatter(FuncFormatter(lambda value, _: ""))
+    axes.set_xticks(steps, [f"{step:.2g}" for step in steps])
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("time step [ms]")
     axes.set_ylabel("error of the boundary [%]")
     figure.legend(loc="outside lower center", ncols=2)
@@ -119,23 +149,27 @@ def boundary_convergence(rows: list[Record], chosen: float, tolerance: float) ->
 
 
 @styled
-def suite_convergence(records: list[Record]) -> Figure:
-    """Error of each case of the reference suite against the time step, one panel an engine."""
-    engines = sorted({record["engine"] for record in records if record["part"] == "reference"})
+def suite_convergence(suite: pd.DataFrame) -> Figure:
+    """Error of each case of the reference suite against the time step, one panel an engine.
+
+    Parameters
+    ----------
+    suite : DataFrame
+        With the records of the suite as rows.
+
+    Returns
+    -------
+    Figure
+    """
+    engines = suite.groupby("engine")
     figure = Figure(figsize=(9.0, 4.6), layout="constrained")
-    panels = figure.subplots(1, max(len(engines), 1), sharey=True, squeeze=False)[0]
-    names = sorted({r["case"] for r in records if r["part"] == "reference"})
-    for panel, engine in zip(panels, engines, strict=False):
-        for at, name in enumerate(names):
-            points = [
-                (1e3 * r["step"], float(r["error"]))
-                for r in records
-                if r["part"] == "reference" and r["engine"] == engine and r["case"] == name
-            ]
-            points = sorted(p for p in points if math.isfinite(p[1]))
+    panels = figure.subplots(1, engines.ngroups, sharey=True, squeeze=False)[0]
+    for panel, (engine, own) in zip(panels, engines, strict=True):
+        for at, name in enumerate(sorted(suite["case"].unique())):
+            points = own[(own["case"] == name) & np.isfinite(own["error"])].sort_values("step")
             panel.plot(
-                [step for step, _ in points],
-                [max(error, 1e-10) for _, error in points],
+                1e3 * points["step"],
+                points["error"].clip(lower=1e-10),
                 color=SERIES[at % len(SERIES)],
                 marker=MARKERS[at // len(SERIES) % len(MARKERS)],
                 markersize=3.5,
@@ -153,10 +187,10 @@ def suite_convergence(records: list[Record]) -> Figure:
     return figure
 
 
-def _percent_axis(axes: Any) -> None:
+def _percent_axis(axes: Axes) -> None:
     axes.set_yscale("log")
     axes.set_ylim(0.09, 100.0 * WORST * 1.25)
     axes.set_yticks([0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0])
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: ""))
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(visible=True)

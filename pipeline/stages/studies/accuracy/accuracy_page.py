@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
@@ -14,7 +16,7 @@ from pipeline.drawing.style import png_uri, svg_uri
 from pipeline.stages.studies.accuracy.accuracy_figures import (
     boundary_convergence,
     cheapest,
-    lines,
+    measured,
     suite_convergence,
 )
 from pipeline.stages.studies.accuracy.comparing import Place, Record
@@ -27,7 +29,7 @@ _CHOICE = ("time_step", "boundary_error", "boundary_error_worst")
 def facts(
     site: str,
     config: Config,
-    records: list[Record],
+    table: pd.DataFrame,
     targets: dict[Place, Target],
     chosen: xr.Dataset,
     diagram: Figure,
@@ -38,29 +40,44 @@ def facts(
     ----------
     site : str
     config : Config
-    records : list of Record
+    table : DataFrame
+        With the records as rows.
     targets : dict of the rows
     chosen : Dataset, what the stage of the time step measured and chose
     diagram : Figure, error against CPU time
+
+    Returns
+    -------
+    dict
     """
     tolerance = config.simulation.tolerance
-    suite = [record for record in records if record["part"] == "reference"]
+    part = {name: table[table["part"] == name] for name in ("method", "sweep", "cells")}
+    suite = table[table["part"] == "reference"].astype({"error": float, "step": float})
+    found, best = measured(table), cheapest(table, 0.01)
+    own = best["cpu_s"][best["own"]]
     return {
         "site": site,
         "tolerance": tolerance,
         "choice": {name: float(chosen[name].values[0]) for name in _CHOICE},
         "friction": config.contact.friction[0],
         "rows": _rows(targets),
-        "lines": lines(records, "method"),
-        "absent": [r for r in records if r["part"] == "method" and r["cpu_s"] == ""],
-        "cheapest": _with_ratio(cheapest(records, 0.01)),
-        "better": _better(records),
-        "sweep": [record for record in records if record["part"] == "sweep"],
-        "cells": [record for record in records if record["part"] == "cells"],
-        "suite": _suite(suite),
+        "lines": {
+            method: list(points.itertuples())
+            for method, points in found.groupby("method", sort=False)
+        },
+        "absent": list(part["method"][part["method"]["cpu_s"] == ""].itertuples()),
+        "cheapest": list(best.itertuples()),
+        "own_cpu_s": own.iloc[0] if len(own) else math.nan,
+        "better": _better(found),
+        "sweep": list(part["sweep"].itertuples()),
+        "cells": list(part["cells"].itertuples()),
+        "suite": [
+            {"name": name, "note": own["note"].iloc[0], "errors": own.set_index("setting")["error"]}
+            for name, own in suite.groupby("method")
+        ],
         "work_precision": svg_uri(diagram),
         "front": svg_uri(_front(chosen, tolerance)) if "row_error" in chosen else "",
-        "convergence": png_uri(suite_convergence(suite)) if suite else "",
+        "convergence": png_uri(suite_convergence(suite)) if len(suite) else "",
     }
 
 
@@ -77,54 +94,25 @@ def _rows(targets: dict[Place, Target]) -> list[Record]:
     ]
 
 
-def _with_ratio(ways: list[Record]) -> list[Record]:
-    own = [way["cpu_s"] for way in ways if way["own"]]
-    return [{**way, "ratio": way["cpu_s"] / own[0] if own else math.nan} for way in ways]
-
-
-def _better(records: list[Record]) -> list[str]:
+def _better(found: pd.DataFrame) -> list[str]:
     """Settings of others with less error at less cost than every setting of the project."""
-    ways = lines(records, "method")
-    own = [p for points in ways.values() for p in points if p["own"]]
-    found = []
-    for method, points in ways.items():
-        for point in points:
-            if point["own"]:
-                continue
-            rivals = [p for p in own if p["cpu_s"] <= point["cpu_s"]]
-            if all(p["error"] > point["error"] for p in rivals):
-                found.append(
-                    f"{method} at {point['setting']}: {100 * point['error']:.3g} % in "
-                    f"{1e3 * point['cpu_s']:.3g} ms"
-                )
-    return found
-
-
-def _suite(records: list[Record]) -> list[Record]:
-    """One row a case and engine: error at a millisecond and at the finest step."""
-    found: dict[str, Record] = {}
-    for record in records:
-        entry = found.setdefault(
-            record["method"], {"name": record["method"], "note": record["note"], "errors": {}}
-        )
-        entry["errors"][record["setting"]] = float(record["error"])
-    return [found[name] for name in sorted(found)]
+    own = found[found["own"]]
+    return [
+        f"{point['method']} at {point['setting']}: {100 * point['error']:.3g} % in "
+        f"{1e3 * point['cpu_s']:.3g} ms"
+        for point in found[~found["own"]].to_dict("records")
+        if (own["error"][own["cpu_s"] <= point["cpu_s"]] > point["error"]).all()
+    ]
 
 
 def _front(chosen: xr.Dataset, tolerance: float) -> Figure:
     first = chosen.isel(friction=0)
-    shares = first["step_share"].values
-    unit = 1e3 * float(chosen.attrs["step_unit_s"])
-    rows = [
-        {
-            "label": f"yaw {float(first['row_yaw'][at]):g} deg, "
-            f"PGV/PGA {float(first['row_pgv_pga'][at]):.2g} s",
-            "steps": shares * unit,
-            "error": first["row_error"].values[at],
-        }
-        for at in range(first.sizes["row"])
-        if bool((first["row_error"].values[at] == first["row_error"].values[at]).all())
+    errors = [
+        (f"yaw {row['row_yaw'].item():g} deg, PGV/PGA {row['row_pgv_pga'].item():.2g} s", error)
+        for row in (first.isel(row=at) for at in range(first.sizes["row"]))
+        if not np.isnan(error := row["row_error"].values).any()
     ]
     most = time_step.front(first["row_error"].values, first["row_steps"].values)
-    rows.append({"label": "kept by four in five", "steps": shares * unit, "error": most.error})
-    return boundary_convergence(rows, 1e3 * float(first["time_step"]), tolerance)
+    errors.append(("not exceeded in four of five rows", most.error))
+    steps = first["step_share"].values * (1e3 * float(chosen.attrs["step_unit_s"]))
+    return boundary_convergence(steps, errors, 1e3 * float(first["time_step"]), tolerance)

@@ -6,12 +6,13 @@ import csv
 from collections.abc import Callable
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from pipeline import cli
 from pipeline.drawing.style import png
 from pipeline.stages.studies.accuracy import comparing, measuring
-from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, lines, work_precision
+from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, measured, work_precision
 from pipeline.stages.studies.accuracy.accuracy_page import _better
 from pipeline.workflow.datasets import read
 from vsr_core.verification import agreement, peers, reference, sensitivity, time_step
@@ -97,30 +98,33 @@ def record(method: str, step: float, error: float, seconds: float) -> dict[str, 
     }
 
 
-MEASURED = [
-    record("project, bullet", 0.01, 0.03, 1e-3),
-    record("project, bullet", 0.005, 0.008, 2e-3),
-    record("project, bullet", 0.002, 0.002, 5e-3),
-    record("peer", 4.0, 0.01, 3e-3),
-    record("peer", 2.0, 0.001, 6e-3),
-    record("late", 4.0, 0.02, 9e-3),
-]
+MEASURED = pd.DataFrame(
+    [
+        record("project, bullet", 0.01, 0.03, 1e-3),
+        record("project, bullet", 0.005, 0.008, 2e-3),
+        record("project, bullet", 0.002, 0.002, 5e-3),
+        record("peer", 4.0, 0.01, 3e-3),
+        record("peer", 2.0, 0.001, 6e-3),
+        record("late", 4.0, 0.02, 9e-3),
+    ]
+)
 
 
 def test_cheapest_setting_within_a_tolerance() -> None:
-    found = [(point["method"], point["cpu_s"]) for point in cheapest(MEASURED, 0.01)]
-    assert found == [("project, bullet", 2e-3), ("peer", 3e-3)]
+    found = cheapest(MEASURED, 0.01)[["method", "cpu_s"]].to_numpy().tolist()
+    assert found == [["project, bullet", 2e-3], ["peer", 3e-3]]
 
 
 def test_a_peer_that_does_better_is_named() -> None:
     """Less error than every setting of the project that costs no more; nothing else is better."""
-    assert len(_better(MEASURED)) == 1
-    assert _better(MEASURED)[0].startswith("peer at 2: 0.1 %")
-    assert _better([point for point in MEASURED if point["cpu_s"] != 6e-3]) == []
+    found = measured(MEASURED)
+    assert len(_better(found)) == 1
+    assert _better(found)[0].startswith("peer at 2: 0.1 %")
+    assert _better(found[found["cpu_s"] != 6e-3]) == []
 
 
-def test_lines_go_from_coarse_to_fine_and_the_project_comes_first() -> None:
-    found = lines(MEASURED[::-1], "method")
-    assert list(found) == ["project, bullet", "late", "peer"]
-    assert [p["cpu_s"] for p in found["project, bullet"]] == [1e-3, 2e-3, 5e-3]
+def test_settings_go_from_coarse_to_fine_and_the_project_comes_first() -> None:
+    found = measured(MEASURED[::-1])
+    assert found["method"].unique().tolist() == ["project, bullet", "late", "peer"]
+    assert found["cpu_s"].tolist()[:3] == [1e-3, 2e-3, 5e-3]
     assert png(work_precision(MEASURED, 0.01, "x")).startswith(b"\x89PNG")
