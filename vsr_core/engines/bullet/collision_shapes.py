@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from vsr_core.arrays import Array, Indices
+from vsr_core.arrays import Array
 from vsr_core.engines.bullet.library import pybullet
 from vsr_core.rock.body import Rock
 
@@ -141,11 +141,32 @@ def pedestal_shape(
         )
         centre = [0.0, 0.0, -radius]
     else:
-        shape = _sheet(*_level_mesh(half), client)
+        shape = level_sheet(half, MESH_CELLS, client)
     return int(shape), centre
 
 
-def _sheet(corners: Array, triangles: Indices, client: int) -> int:
+def level_sheet(half: float, cells: int, client: int) -> int:
+    """Level square of triangles.
+
+    Parameters
+    ----------
+    half : float, of its width, in Bullet's length unit
+    cells : int, squares along a side, of two triangles each
+    client : int
+
+    Returns
+    -------
+    int
+        Bullet's number of the shape.
+    """
+    along = np.linspace(-half, half, cells + 1)
+    x, y = np.meshgrid(along, along)
+    corners = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    row = cells + 1
+    a = (row * np.arange(cells)[:, None] + np.arange(cells)).ravel()
+    triangles = np.concatenate(
+        [np.column_stack([a, a + 1, a + row + 1]), np.column_stack([a, a + row + 1, a + row])]
+    )
     shape = pybullet.createCollisionShape(
         pybullet.GEOM_MESH,
         vertices=corners.tolist(),
@@ -156,14 +177,22 @@ def _sheet(corners: Array, triangles: Indices, client: int) -> int:
     return int(shape)
 
 
-def _level_mesh(half: float) -> tuple[Array, Indices]:
-    """Corners and triangles of a level square, ``half`` its width to each side."""
-    along = np.linspace(-half, half, MESH_CELLS + 1)
-    x, y = np.meshgrid(along, along)
-    corners = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    row = MESH_CELLS + 1
-    a = (row * np.arange(MESH_CELLS)[:, None] + np.arange(MESH_CELLS)).ravel()
-    triangles = np.concatenate(
-        [np.column_stack([a, a + 1, a + row + 1]), np.column_stack([a, a + row + 1, a + row])]
+def leave_to_the_rock(body: int, link: int, client: int) -> None:
+    """Have the rock's coefficients be those of the pair.
+
+    Bullet multiplies friction and restitution of two bodies, and combines rolling friction as
+    r1 mu2 + r2 mu1.
+
+    Parameters
+    ----------
+    body, link, client : Bullet's numbers, of what the rock touches
+    """
+    pybullet.changeDynamics(
+        body,
+        link,
+        lateralFriction=1.0,
+        restitution=1.0,
+        rollingFriction=0.0,
+        spinningFriction=0.0,
+        physicsClientId=client,
     )
-    return corners, triangles

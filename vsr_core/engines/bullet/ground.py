@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from vsr_core.arrays import Array, Indices
+from vsr_core.engines.bullet.collision_shapes import leave_to_the_rock
 from vsr_core.engines.bullet.library import pybullet
 from vsr_core.rock.hull import convex_hull
 from vsr_core.scene import State
@@ -130,15 +131,7 @@ class GroundBlocks:
             useMaximalCoordinates=self._maximal,
             physicsClientId=self._client,
         )
-        pybullet.changeDynamics(
-            body,
-            -1,
-            lateralFriction=1.0,
-            restitution=1.0,
-            rollingFriction=0.0,
-            spinningFriction=0.0,
-            physicsClientId=self._client,
-        )
+        leave_to_the_rock(body, -1, self._client)
         return int(body)
 
     def _shape(self, number: int) -> int:

@@ -12,7 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
-from vsr_core.engines.bullet.collision_shapes import pedestal_shape, rock_shape, surroundings
+from vsr_core.engines.bullet.collision_shapes import (
+    leave_to_the_rock,
+    pedestal_shape,
+    rock_shape,
+    surroundings,
+)
 from vsr_core.engines.bullet.ground import GroundBlocks
 from vsr_core.engines.bullet.library import pybullet
 from vsr_core.engines.bullet.springs import RIGID, Springs, exact_springs
@@ -249,17 +254,7 @@ class BulletWorld:
     def _add_pedestal(self, scene: Scene, kind: Literal["plane", "box", "mesh"]) -> None:
         shape, centre = pedestal_shape(kind, SCALED_RADIUS, self._client)
         body, link = self._pedestal_body(scene, shape, centre)
-        # Bullet multiplies friction and restitution of two bodies, and combines rolling friction
-        # as r1 mu2 + r2 mu1: with these values the rock's are the pair's.
-        pybullet.changeDynamics(
-            body,
-            link,
-            lateralFriction=1.0,
-            restitution=1.0,
-            rollingFriction=0.0,
-            spinningFriction=0.0,
-            physicsClientId=self._client,
-        )
+        leave_to_the_rock(body, link, self._client)
         if self._springs:
             RIGID.under(body, link, self._client)
 

@@ -14,7 +14,7 @@ import importlib
 import importlib.util
 import math
 import pkgutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol, cast
 
 import numpy as np
@@ -157,6 +157,21 @@ def largest_tilt(
         if largest > until:
             break
     return largest
+
+
+def tilt_of(quaternion: Sequence[float]) -> float:
+    """Tilt of a rock from the vertical.
+
+    Parameters
+    ----------
+    quaternion : four numbers, the real part first
+
+    Returns
+    -------
+    float [rad]
+    """
+    _, x, y, _ = quaternion
+    return math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
 
 
 def inertia(rock: Rock) -> Array:

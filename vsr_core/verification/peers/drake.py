@@ -26,6 +26,7 @@ from vsr_core.verification.peers import (
     accelerations,
     inertia,
     largest_tilt,
+    tilt_of,
     touching_corners,
 )
 
@@ -61,8 +62,7 @@ def build(scene: Scene, setting: Setting) -> Test:
         simulator.AdvanceTo(steps * time_step)
 
     def tilt() -> float:
-        _, x, y, _ = plant.GetPositions(rock)[:4].tolist()
-        return math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
+        return tilt_of(plant.GetPositions(rock)[:4].tolist())
 
     def test(pulse: CosinePulse) -> float:
         drive = accelerations(pulse, time_step)

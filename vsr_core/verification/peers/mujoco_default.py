@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.scene import Scene, resting
-from vsr_core.verification.peers import Setting, Test, accelerations, inertia, largest_tilt
+from vsr_core.verification.peers import Setting, Test, accelerations, inertia, largest_tilt, tilt_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -42,8 +41,7 @@ def with_contact(scene: Scene, time_step: float, time_constant: float) -> Test:
             step(model, data)
 
     def tilt() -> float:
-        _, x, y, _ = quaternion.tolist()
-        return math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
+        return tilt_of(quaternion.tolist())
 
     def test(pulse: CosinePulse) -> float:
         mujoco.mj_resetData(model, data)

@@ -21,7 +21,8 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vsr_core.arrays import Array, Indices
+from vsr_core.arrays import Array
+from vsr_core.engines.bullet.collision_shapes import level_sheet
 from vsr_core.engines.bullet.library import pybullet
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.scene import Scene, resting
@@ -78,7 +79,7 @@ class _World:
     """A rock at rest on a table that can be driven."""
 
     def __init__(self, scene: Scene, time_step: float) -> None:
-        self._bullet, self._client = pybullet, int(pybullet.connect(pybullet.DIRECT))
+        self._client = int(pybullet.connect(pybullet.DIRECT))
         self._time_step = time_step
         self._up = scene.rock.axes[2]
         self._integral = 0.0
@@ -92,40 +93,33 @@ class _World:
 
     def advance(self, desired: Iterable[float]) -> None:
         """Step through desired velocities of the table [m/s]."""
-        bullet, client, table = self._bullet, self._client, self._table
+        client, table = self._client, self._table
         for velocity in desired:
-            error = velocity - bullet.getJointState(table, 0, client)[1]
+            error = velocity - pybullet.getJointState(table, 0, client)[1]
             self._integral += error * self._time_step
-            bullet.setJointMotorControl2(
+            pybullet.setJointMotorControl2(
                 table,
                 0,
-                bullet.TORQUE_CONTROL,
+                pybullet.TORQUE_CONTROL,
                 force=GAIN_P * error + GAIN_I * self._integral,
                 physicsClientId=client,
             )
-            bullet.stepSimulation(client)
+            pybullet.stepSimulation(client)
 
     def tilt(self) -> float:
         """Present tilt of the rock [rad]."""
-        quaternion = self._bullet.getBasePositionAndOrientation(self._rock, self._client)[1]
-        upright = float(self._up @ self._bullet.getMatrixFromQuaternion(quaternion)[6:])
+        quaternion = pybullet.getBasePositionAndOrientation(self._rock, self._client)[1]
+        upright = float(self._up @ pybullet.getMatrixFromQuaternion(quaternion)[6:])
         return math.acos(max(-1.0, min(1.0, upright))) if math.isfinite(upright) else math.nan
 
     def close(self) -> None:
         """End the connection."""
-        self._bullet.disconnect(self._client)
+        pybullet.disconnect(self._client)
 
     def _add_table(self) -> int:
-        bullet, client = self._bullet, self._client
-        corners, triangles = _level_mesh()
-        shape = bullet.createCollisionShape(
-            bullet.GEOM_MESH,
-            vertices=corners.tolist(),
-            indices=triangles.ravel().tolist(),
-            flags=bullet.GEOM_FORCE_CONCAVE_TRIMESH,
-            physicsClientId=client,
-        )
-        table = bullet.createMultiBody(
+        client = self._client
+        shape = level_sheet(HALF_WIDTH, CELLS, client)
+        table = pybullet.createMultiBody(
             linkMasses=[TABLE_MASS],
             linkCollisionShapeIndices=[shape],
             linkVisualShapeIndices=[-1],
@@ -134,16 +128,16 @@ class _World:
             linkInertialFramePositions=[[0.0] * 3],
             linkInertialFrameOrientations=[[0.0, 0.0, 0.0, 1.0]],
             linkParentIndices=[0],
-            linkJointTypes=[bullet.JOINT_PRISMATIC],
+            linkJointTypes=[pybullet.JOINT_PRISMATIC],
             linkJointAxis=[[1.0, 0.0, 0.0]],
             physicsClientId=client,
         )
         # A new joint has a motor that holds it.
-        bullet.setJointMotorControl2(
-            table, 0, bullet.VELOCITY_CONTROL, force=0.0, physicsClientId=client
+        pybullet.setJointMotorControl2(
+            table, 0, pybullet.VELOCITY_CONTROL, force=0.0, physicsClientId=client
         )
         # Bullet multiplies the coefficients of two bodies: the rock's are the pair's.
-        bullet.changeDynamics(
+        pybullet.changeDynamics(
             table,
             0,
             lateralFriction=1.0,
@@ -156,20 +150,20 @@ class _World:
         return int(table)
 
     def _add_rock(self, scene: Scene) -> int:
-        bullet, client, rock, start = self._bullet, self._client, scene.rock, resting(scene)
-        shape = bullet.createCollisionShape(
-            bullet.GEOM_MESH,
+        client, rock, start = self._client, scene.rock, resting(scene)
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_MESH,
             vertices=(rock.vertices @ rock.axes).tolist(),
             physicsClientId=client,
         )
-        body = bullet.createMultiBody(
+        body = pybullet.createMultiBody(
             rock.mass,
             shape,
             basePosition=[0.0, 0.0, rock.height + 2.0 * MARGIN],
             baseOrientation=Rotation.from_matrix(start.rotation @ rock.axes).as_quat(),
             physicsClientId=client,
         )
-        bullet.changeDynamics(
+        pybullet.changeDynamics(
             body,
             -1,
             lateralFriction=scene.contact.friction,
@@ -180,14 +174,3 @@ class _World:
             physicsClientId=client,
         )
         return int(body)
-
-
-def _level_mesh() -> tuple[Array, Indices]:
-    """Corners, shape (n, 3) [m], and triangles, shape (m, 3), of a level square."""
-    along = np.linspace(-HALF_WIDTH, HALF_WIDTH, CELLS + 1)
-    x, y = np.meshgrid(along, along)
-    corners = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    corner = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]
-    triangles = np.concatenate([np.stack([a, b, d], axis=-1), np.stack([a, d, c], axis=-1)])
-    return corners, triangles.reshape(-1, 3)
