@@ -1,10 +1,11 @@
-"""One fall in one picture, as several poses of the rock, and as a short animation."""
+"""One toppled run in one picture, as several poses of the rock, and as a short animation."""
 
 from __future__ import annotations
 
 import io
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,10 +14,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 from PIL import Image, ImageDraw, ImageFont
 
-from pipeline.drawing import style
+from pipeline.drawing import marks, style
 from pipeline.drawing.painting import Backdrop, backdrop, painted, smaller
 from pipeline.drawing.rendering import (
     View,
@@ -29,6 +29,7 @@ from pipeline.drawing.rendering import (
     round_number,
     thinned,
 )
+from pipeline.stages.datasets.displaced_runs import STOPS
 from pipeline.stages.displacement.track import SPEEDS, Track, pose_times, track
 from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import StopReason
@@ -44,20 +45,12 @@ SMOOTH = 2
 
 FRAMES_A_SECOND = 25
 LONGEST = 6.0
-"""Length of an animation [s]; a longer fall is shown faster, and its time stamp says so."""
+"""Length of an animation [s]; a longer run is shown faster, and its time stamp says so."""
 
 MOST_FACES = 20_000
 """A finer rock is thinned: more is not seen."""
 
-_ARROW = {"arrowstyle": "<|-|>", "color": style.OVERTURNED, "lw": 1.8, "shrinkA": 0, "shrinkB": 0}
-_HALO = [withStroke(linewidth=2.6, foreground="white")]
 _SOFT = "#595959"
-_STOPS = {
-    StopReason.REST: "Came to rest after",
-    StopReason.LEFT_TERRAIN: "Left the terrain after",
-    StopReason.TIME: "Still moving when the run ended after",
-    StopReason.UNDONE: "No verdict: given up after",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +78,9 @@ class _Scene:
 def timelapse(
     displacement: xr.Dataset, terrain: xr.Dataset, rock: xr.Dataset, run: int, source: str
 ) -> Figure:
-    """Draw poses of the rock on its way over the terrain, coloured by speed.
+    """Draw poses of the rock along its trajectory over the terrain, coloured by speed.
 
-    The eye looks across the way, from where most of it is seen. The line is the path of the
+    The eye looks across the trajectory, from where most of it is seen. The line is that of the
     centre of mass: it is drawn over the rocks, and dotted where the ground hides it.
 
     Parameters
@@ -98,6 +91,10 @@ def timelapse(
         Place of the run along ``run``.
     source : str
         Where rock and terrain come from.
+
+    Returns
+    -------
+    Figure
     """
     scene = _scene(displacement, terrain, rock, run, (WIDTH, HEIGHT))
     motion, view = scene.motion, scene.behind.view
@@ -125,12 +122,16 @@ def timelapse(
 
 
 def animation(displacement: xr.Dataset, terrain: xr.Dataset, rock: xr.Dataset, run: int) -> bytes:
-    """Show the fall as it goes, as an animated WebP.
+    """Show the run in real time if it is short enough.
 
     Parameters
     ----------
     displacement, terrain, rock, run
         As for ``timelapse``.
+
+    Returns
+    -------
+    bytes, of an animated WebP
     """
     scene = _scene(displacement, terrain, rock, run, FILM)
     time = scene.motion.time
@@ -148,48 +149,33 @@ def animation(displacement: xr.Dataset, terrain: xr.Dataset, rock: xr.Dataset, r
             (14, 10), stamp, fill=style.INK, font=font, stroke_width=3, stroke_fill="white"
         )
         frames.append(frame)
+    lasting = [1000 // FRAMES_A_SECOND] * (len(frames) - 1) + [1000]
+    film: Any = {"save_all": True, "append_images": frames[1:], "duration": lasting, "loop": 0}
     with io.BytesIO() as file:
-        frames[0].save(
-            file,
-            format="WebP",
-            save_all=True,
-            append_images=frames[1:],
-            duration=[1000 // FRAMES_A_SECOND] * (len(frames) - 1) + [1000],
-            loop=0,
-            quality=80,
-        )
+        frames[0].save(file, format="WebP", quality=80, **film)
         return file.getvalue()
 
 
 def _scene(
-    displacement: xr.Dataset,
-    terrain: xr.Dataset,
-    rock: xr.Dataset,
-    run: int,
-    size: tuple[int, int],
+    displacement: xr.Dataset, terrain: xr.Dataset, rock: xr.Dataset, run: int, size: tuple[int, int]
 ) -> _Scene:
-    """See the ground across the way of the rock, under a sun at the left."""
+    """See the ground across the trajectory of the rock, under a sun at the left."""
     motion = track(displacement, run)
     ground = (terrain["terrain_vertex"].values, terrain["terrain_face"].values.astype(np.int64))
     radius = float(np.linalg.norm(rock["vertex"].values, axis=1).max())
-    way = (motion.position[-1] - motion.position[0])[:2]
-    if np.linalg.norm(way) < 0.3 * radius:
+    along = (motion.position[-1] - motion.position[0])[:2]
+    if np.linalg.norm(along) < 0.3 * radius:
         yaw = math.radians(float(displacement["yaw"][run]))
-        way = np.array([math.cos(yaw), -math.sin(yaw)])
+        along = np.array([math.cos(yaw), -math.sin(yaw)])
     path = motion.places(np.linspace(motion.time[0], motion.time[-1], 120))
-    azimuth, elevation = clearest(ground, path, radius, way)
+    azimuth, elevation = clearest(ground, path, radius, along)
     points = reach(path, radius)
     view = fitted(axes_of(azimuth, elevation), points, (SMOOTH * size[1], SMOOTH * size[0]), 0.1)
     sun = axes_of(azimuth - math.radians(55.0), math.radians(48.0))
     contour = contour_step(points)
+    behind = backdrop(view, sun, ground, points, contour)
     surface = rock["surface_vertex"].values.astype(float), rock["surface_face"].values
-    return _Scene(
-        motion,
-        *thinned(*surface, MOST_FACES),
-        radius,
-        backdrop(view, sun, ground, points, contour),
-        contour,
-    )
+    return _Scene(motion, *thinned(*surface, MOST_FACES), radius, behind, contour)
 
 
 def _paint(speed: Array, scale: Normalize) -> Array:
@@ -203,19 +189,12 @@ def _path(axes: Axes, scene: _Scene, scale: Normalize) -> None:
     colours = _paint(0.5 * (motion.speed[:-1] + motion.speed[1:]), scale)
     visible = in_sight(view, scene.behind.seen, motion.position)
     visible = visible[:-1] & visible[1:]
-    for part, name, width in ((visible, "path", 2.0), (~visible, "hidden path", 1.2)):
-        dashes = "solid" if name == "path" else (0, (1, 1.5))
-        for colour, more in (("white", 2.0), (colours[part], 0.0)):
-            axes.add_collection(
-                LineCollection(
-                    list(lines[part]),
-                    colors=colour,
-                    linewidths=width + more,
-                    linestyles=[dashes if not more else "solid"],
-                    capstyle="round",
-                    gid=name if not more else None,
-                )
-            )
+    for keep, width in ((visible, 4.0), (~visible, 3.2)):  # under the line, to set it off
+        axes.add_collection(
+            LineCollection(list(lines[keep]), colors="white", linewidths=width, capstyle="round")
+        )
+    look: Any = {"colors": colours, "linewidths": 2.0, "capstyle": "round"}
+    marks.line_on_surface(axes, lines, visible, "path", **look)
 
 
 def _times(axes: Axes, poses: Array, times: Array) -> None:
@@ -229,15 +208,9 @@ def _times(axes: Axes, poses: Array, times: Array) -> None:
             continue
         taken.append((x, y))
         name = {0: "start, ", last: "end, "}.get(number, "")
+        above: Any = {"ha": "center", "va": "bottom", "weight": "bold" if name else "normal"}
         axes.text(
-            x,
-            y,
-            f"{name}{times[number]:.2f} s",
-            ha="center",
-            va="bottom",
-            path_effects=_HALO,
-            weight="bold" if name else "normal",
-            gid="time",
+            x, y, f"{name}{times[number]:.2f} s", path_effects=style.HALO, gid="time", **above
         )
 
 
@@ -246,16 +219,17 @@ def _words(axes: Axes, run: xr.Dataset, scene: _Scene, source: str) -> None:
         f"PGA {float(run['pga']):.3g} g,  PGV/PGA {float(run['pgv_pga']):.3g} s,  "
         f"yaw {float(run['yaw']):.4g}°,  friction {float(run['friction']):.3g}"
     )
-    fall = (
+    path = (
         f"Path {float(run['trajectory_length']):.2f} m long, "
         f"{float(run['terminal_distance']):.2f} m from start to end, "
         f"up to {float(run['largest_speed']):.2f} m/s"
     )
-    stop = f"{_STOPS[StopReason(int(run['stop_reason']))]} {scene.motion.time[-1]:.2f} s"
+    stop = STOPS[StopReason(int(run["stop_reason"]))].capitalize()
+    stop = f"{stop} after {scene.motion.time[-1]:.2f} s"
     about = f"Line: centre of mass, dotted behind the ground. Contours every {scene.contour:g} m."
     axes.text(30, 140, shaking, weight="bold", size=10.5, va="center")
-    for line, text in enumerate((fall, stop, about, source)):
-        colour = style.INK if text in (fall, stop) else _SOFT
+    for line, text in enumerate((path, stop, about, source)):
+        colour = style.INK if line < 2 else _SOFT
         axes.text(30, 106 - 28 * line, text, color=colour, va="center")
 
 
@@ -265,15 +239,10 @@ def _compass(axes: Axes, view: View, yaw: float) -> None:
     turn = np.linspace(0.0, 2.0 * math.pi, 73)
     level = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=-1)
     axes.fill(*(middle + size * level @ view.axes[:2].T).T, fc="#f0eeea", ec=style.FAINT, lw=0.6)
-    for name, seen in zip("xyz", view.axes[:2].T, strict=True):
-        axes.plot(*np.stack([middle, middle + size * seen]).T, color=style.FAINT, lw=0.8)
-        if np.linalg.norm(seen) > 0.45:  # else it points at the eye, and its name is in the way
-            tip = middle + (size + 14.0 / np.linalg.norm(seen)) * seen
-            axes.text(
-                float(tip[0]), float(tip[1]), name, color=_SOFT, size=7.5, ha="center", va="center"
-            )
+    marks.directions(axes, view.axes[:2].T, middle, size, 14.0, _SOFT)
     along = size * view.axes[:2] @ np.array([math.cos(yaw), -math.sin(yaw), 0.0])
-    axes.annotate("", middle + along, middle - along, arrowprops=_ARROW, gid="shaking")
+    arrow = {**style.BOTH_WAYS, "color": style.OVERTURNED, "lw": 1.8}
+    axes.annotate("", middle + along, middle - along, arrowprops=arrow, gid="shaking")
     axes.text(1106, 76, "shaking", color=style.OVERTURNED, va="center")
 
 
