@@ -128,7 +128,7 @@ def png_uri(figure: Figure) -> str:
     -------
     str
     """
-    return f"data:image/png;base64,{base64.b64encode(png(figure)).decode()}"
+    return data_uri(png(figure), "png")
 
 
 def svg_uri(figure: Figure) -> str:
@@ -142,7 +142,27 @@ def svg_uri(figure: Figure) -> str:
     -------
     str
     """
-    return f"data:image/svg+xml;base64,{base64.b64encode(_rendered(figure, 'svg')).decode()}"
+    return data_uri(_rendered(figure, "svg"), "svg+xml")
+
+
+def data_uri(image: bytes, kind: str) -> str:
+    """Address that holds an image.
+
+    Parameters
+    ----------
+    image : bytes
+    kind : str, of the image, such as "png"
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> data_uri(b"RIFF", "webp")
+    'data:image/webp;base64,UklGRg=='
+    """
+    return f"data:image/{kind};base64,{base64.b64encode(image).decode()}"
 
 
 def _rendered(figure: Figure, kind: str) -> bytes:

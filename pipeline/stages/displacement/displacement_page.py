@@ -1,18 +1,19 @@
-"""The page of large displacement: sentences, tables and pictures from its datasets."""
+"""The page of large displacement: its sentences, tables and pictures from the datasets."""
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from pipeline.drawing.style import png_uri
 from pipeline.stages.datasets.displaced_runs import (
+    STOPS,
     ends,
     forward,
     groups,
@@ -48,15 +49,6 @@ TABLE_1 = {
 }
 """R2 and p of the ensembles' means, as Chen et al. (2024) give them in Table 1."""
 
-_KINDS = {b"\x89PNG": "png", b"GIF8": "gif", b"RIFF": "webp", b"\xff\xd8\xff": "jpeg"}
-
-_STOPS = {
-    StopReason.REST: "came to rest",
-    StopReason.LEFT_TERRAIN: "left the terrain",
-    StopReason.TIME: "still moving when time ran out",
-    StopReason.UNDONE: "no verdict",
-}
-
 
 @dataclass(frozen=True)
 class Slot:
@@ -65,13 +57,13 @@ class Slot:
     Attributes
     ----------
     title, caption : str
-    image : bytes, of a PNG, GIF, WebP or JPEG, animated or not; shown in the page
+    image : str, address that holds a picture, animated or not; shown in the page
     link : str, address relative to the page, e.g. of a page in three dimensions
     """
 
     title: str
     caption: str = ""
-    image: bytes = b""
+    image: str = ""
     link: str = ""
 
 
@@ -82,7 +74,6 @@ def page(
     source: str,
     found: Found | None = None,
     slots: Sequence[Slot] = (),
-    limits: Sequence[str] = (),
     *,
     surrogate: bool,
 ) -> str:
@@ -96,18 +87,17 @@ def page(
     source : str
         What the terrain is.
     found : Found, optional
-        A rock found on the terrain, in the site's frame.
+        A fallen rock observed on the terrain, in the site's frame.
     slots : sequence of Slot
         Time-lapse, animation, page in three dimensions.
-    limits : sequence of str
-        Sentences on what else the results do not hold for.
     surrogate : bool
         Whether the terrain is no scan, but made from published figures.
+
+    Returns
+    -------
+    str
+        HTML that holds all it needs.
     """
-    shown = [
-        {"title": slot.title, "caption": slot.caption, "link": slot.link, "image": _uri(slot.image)}
-        for slot in slots
-    ]
     facts = {
         "site": site,
         "source": source,
@@ -117,8 +107,7 @@ def page(
         "groups": [_group(name, runs, terrain, source) for name, runs in groups(displacement)],
         "ends": png_uri(end_positions(displacement, terrain, source)),
         "origin": _origin(displacement, terrain, source, found) if found else None,
-        "slots": shown,
-        "limits": limits,
+        "slots": slots,
     }
     return filled(TEMPLATE, facts)
 
@@ -138,21 +127,14 @@ def _answer(displacement: xr.Dataset) -> Row:
 
 
 def _counts(displacement: xr.Dataset) -> Row:
-    """Runs by outcome and by what ended them."""
-    outcome, stop = displacement["outcome"].values, displacement["stop_reason"].values
-    kinds = [kind for kind in Outcome if (outcome == kind).any()]
-    rows = [
-        {
-            "stop": words,
-            "runs": [int(((stop == reason) & (outcome == kind)).sum()) for kind in kinds],
-        }
-        for reason, words in _STOPS.items()
-    ]
+    """Runs by outcome and by how they ended."""
+    table = pd.crosstab(displacement["stop_reason"].values, displacement["outcome"].values)
     return {
-        "kinds": [kind.name.lower() for kind in kinds],
-        "rows": [row for row in rows if any(row["runs"])],
-        "total": [int((outcome == kind).sum()) for kind in kinds],
-    }
+        "kinds": [Outcome(kind).name.lower() for kind in table.columns.to_numpy()],
+        "rows": [{"stop": STOPS[StopReason(reason)], "runs": list(runs)}
+                 for reason, *runs in table.itertuples()],
+        "total": table.sum().tolist(),
+    }  # fmt: skip
 
 
 def _group(name: str, runs: xr.Dataset, terrain: xr.Dataset, source: str) -> Row:
@@ -172,29 +154,25 @@ def _group(name: str, runs: xr.Dataset, terrain: xr.Dataset, source: str) -> Row
 def _line(found: Correlation) -> Row:
     r2, p = TABLE_1[found.statistic, found.regressor]
     return {
+        "found": found,
         "statistic": "mean " + NAMES[found.statistic],
         "regressor": NAMES[found.regressor],
-        "line": found.line,
         "p": power(found.line.p),
         "paper_r2": r2,
         "paper_p": power(p),
-        "spearman": found.spearman,
-        "between": found.between,
-        "reason": found.reason,
     }
 
 
 def _origin(displacement: xr.Dataset, terrain: xr.Dataset, source: str, found: Found) -> Row:
-    """The inverse: what the place says of the shaking, and what shaking it takes at least."""
+    """The inverse: the shaking that explains the place, and the least that carries a rock there."""
     runs = forward([displacement], np.zeros((1, 2)))
     origin = trace(runs, found)
     region = origin.region(SHARE)
+    axes = (("PGA", "g", origin.pga, region.any(axis=0)),
+            ("PGV/PGA", "s", origin.pgv_pga, region.any(axis=1)))  # fmt: skip
     spans = [
-        {"name": NAMES[name], "ends": [float(values[inside][end]) for end in (0, -1)]}
-        for name, values, inside in (
-            ("pga", origin.pga, region.any(axis=0)),
-            ("pgv_pga", origin.pgv_pga, region.any(axis=1)),
-        )
+        {"name": name, "unit": unit, "ends": values[inside][[0, -1]].tolist()}
+        for name, unit, values, inside in axes
         if inside.any()
     ]
     mask = toppled(displacement)
@@ -221,19 +199,3 @@ def _interval(low: float, high: float) -> str:
     if math.isnan(low):
         return "not known"
     return f"{low:.3g} to {high:.3g}" if math.isfinite(low) else "unbounded"
-
-
-def _uri(image: bytes) -> str:
-    """An address that holds the image; empty for none.
-
-    Raises
-    ------
-    ValueError
-        If the bytes are of no kind of picture that a browser shows.
-    """
-    if not image:
-        return ""
-    kind = next((kind for magic, kind in _KINDS.items() if image.startswith(magic)), None)
-    if kind is None:
-        raise ValueError("an image is a PNG, GIF, WebP or JPEG")
-    return f"data:image/{kind};base64,{base64.b64encode(image).decode()}"

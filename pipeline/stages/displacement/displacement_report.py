@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.drawing import style
+from pipeline.stages.datasets.displaced_runs import toppled
 from pipeline.stages.datasets.trajectories import FILE as DISPLACEMENT
 from pipeline.stages.displacement import (
     correlation_figures,
@@ -18,47 +19,56 @@ from pipeline.stages.displacement import (
     trajectory_maps,
 )
 from pipeline.stages.displacement.displacement_page import Slot
-from pipeline.stages.mesh.products import ROCK as ROCK
-from pipeline.stages.mesh.products import TERRAIN as TERRAIN
+from pipeline.stages.mesh.products import ROCK, TERRAIN
 from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.writers import Writer, binary, text
 from vsr_core.displacement.origin import Found
-from vsr_core.outcome import Outcome, StopReason
+from vsr_core.outcome import StopReason
 
 PAGE, SPACE = "displacement.html", "trajectories.html"
 STILL, FILM = "figures/timelapse.png", "figures/animation.webp"
 
-LIMITS = (
-    "Ground and rock are rigid, and one friction and one restitution hold everywhere: no soil, no "
-    "plants, no breaking of rock. docs/rebound.md shows how rebound and rolling compare with "
-    "answers that are known, and how far rocks run with other coefficients.",
-    "A tumbling rock is chaotic: a single path says little, the ensemble more. Another time step "
-    "or another computer architecture gives other paths with the same statistics.",
-)
-
 
 def make(job: Job) -> Product:
-    """Draw the figures and fill in the pages."""
+    """Draw the figures and fill in the pages.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+    """
     displacement, terrain, rock = (read(job.path(name)) for name in (DISPLACEMENT, TERRAIN, ROCK))
     source = rock.attrs["shape_source"]
+    files = _figures(displacement, terrain, source)
+    words = "Rotate, zoom and play any run; one file that works offline."
+    slots = [Slot("All trajectories in three dimensions", words, link=SPACE)]
     run = _typical(displacement)
-    motion = {} if run is None else _motion(displacement, terrain, rock, run, source)
-    slots = [] if run is None else _slots(displacement, run, motion)
-    found = _found(job, terrain)
+    if run is not None:
+        still = style.png(timelapse.timelapse(displacement, terrain, rock, run, source))
+        film = timelapse.animation(displacement, terrain, rock, run)
+        files |= {STILL: binary(still), FILM: binary(film)}
+        pga, ratio = (float(displacement[name][run]) for name in ("pga", "pgv_pga"))
+        caption = (f"PGA {pga:.3g} g, PGV/PGA {ratio:.3g} s: the trajectory of median length "
+                   "among those that end at rest.")  # fmt: skip
+        slots += [
+            Slot("One run, pose by pose", caption, style.data_uri(still, "png")),
+            Slot("The same run in motion", image=style.data_uri(film, "webp")),
+        ]
     page = displacement_page.page(
         job.site.name,
         displacement,
         terrain,
         source,
-        found,
+        _found(job, terrain),
         slots,
-        LIMITS,
         surrogate=bool(rock.attrs["surrogate"]),
     )
     space = scene3d.page(displacement, terrain, rock, job.site.name, source)
-    files = _figures(displacement, terrain, source) | {PAGE: text(page), SPACE: text(space)}
-    files |= {name: binary(content) for name, content in motion.items()}
+    files |= {PAGE: text(page), SPACE: text(space)}
     sizes = f"{len(page) / 1e6:.1f} MB, and {len(space) / 1e6:.1f} MB in three dimensions"
     return Product(files, sizes)
 
@@ -78,40 +88,9 @@ def _figures(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> dict
     return files
 
 
-def _motion(
-    displacement: xr.Dataset, terrain: xr.Dataset, rock: xr.Dataset, run: int, source: str
-) -> dict[str, bytes]:
-    """Pictures of one run, by file name."""
-    return {
-        STILL: style.png(timelapse.timelapse(displacement, terrain, rock, run, source)),
-        FILM: timelapse.animation(displacement, terrain, rock, run),
-    }
-
-
-def _slots(displacement: xr.Dataset, run: int, motion: dict[str, bytes]) -> list[Slot]:
-    pulse = (
-        f"{float(displacement.pga[run]):.3g} g, PGV/PGA {float(displacement.pgv_pga[run]):.3g} s"
-    )
-    return [
-        Slot(
-            "Every way in three dimensions",
-            "Turn, enlarge and play any run; one file that works offline.",
-            link=SPACE,
-        ),
-        Slot(
-            "One run, pose by pose",
-            f"PGA {pulse}: the way of middle length among those that end at rest.",
-            image=motion[STILL],
-        ),
-        Slot("The same run as it goes", "", image=motion[FILM]),
-    ]
-
-
 def _typical(displacement: xr.Dataset) -> int | None:
-    """Place of the run of middle length among those that toppled and came to rest."""
-    rested = (displacement["outcome"].values == Outcome.OVERTURNED) & (
-        displacement["stop_reason"].values == StopReason.REST
-    )
+    """Place of the run of median length among those that toppled and came to rest."""
+    rested = toppled(displacement) & (displacement["stop_reason"].values == StopReason.REST)
     runs = np.flatnonzero(rested)
     if not len(runs):
         return None
@@ -120,7 +99,7 @@ def _typical(displacement: xr.Dataset) -> int | None:
 
 
 def _found(job: Job, terrain: xr.Dataset) -> Found | None:
-    """The rock that was found, in the site's frame."""
+    """The observed fallen rock, in the site's frame."""
     given = job.config.found
     if given is None:
         return None

@@ -1,4 +1,4 @@
-"""Terrain, rock and every fall as one page that works offline: turned, enlarged and played."""
+"""Terrain, rock and all toppled runs in three dimensions, as one page that works offline."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import xarray as xr
 from markupsafe import Markup
 
 from pipeline.drawing.rendering import clearest, contour_step, reach, thinned
-from pipeline.stages.datasets.displaced_runs import chosen, ends, toppled
+from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, toppled
 from pipeline.stages.displacement.track import SPEEDS
 from pipeline.workflow.pages import filled
 from pipeline.workflow.pages import source as text_of
@@ -23,7 +23,7 @@ SCRIPTS = tuple(f"{part}.js" for part in ("geometry", "drawing", "page"))
 """Templates, the scripts in the order in which they build on each other."""
 
 MOST_SAMPLES = 200_000
-"""Of all runs, for a page below 8 MB; the others are those that their neighbours foretell best."""
+"""Of all runs, for a page below 8 MB; left out are those that their neighbours predict best."""
 
 MOST_TERRAIN_FACES = 80_000
 MOST_ROCK_FACES = 20_000
@@ -36,7 +36,7 @@ _VIEW_POINTS = 500  # of all paths, to choose where to look from
 def page(
     displacement: xr.Dataset, terrain: xr.Dataset, rock: xr.Dataset, title: str, source: str
 ) -> str:
-    """Page with the paths of all runs that toppled, one of which is played.
+    """Page with the paths of all toppled runs, one of which is played.
 
     Positions are kept to a 65,535th of the extent of their run.
 
@@ -63,8 +63,8 @@ def page(
     samples, error = _samples(runs, radius)
     path = np.concatenate([start, _places(runs)])
     path = path[:: -(-len(path) // _VIEW_POINTS)]
-    way = ends(runs).mean(axis=0) if runs.sizes["run"] else np.array([1.0, 0.0])
-    azimuth, elevation = clearest(ground, path, radius, way)
+    along = ends(runs).mean(axis=0) if runs.sizes["run"] else np.array([1.0, 0.0])
+    azimuth, elevation = clearest(ground, path, radius, along)
     contour = contour_step(reach(path, radius))
     data = {
         "terrain": _mesh(*thinned(*ground, MOST_TERRAIN_FACES)),
@@ -101,9 +101,7 @@ def _table(runs: xr.Dataset) -> list[dict[str, Any]]:
     """What tells the runs apart, one entry a run."""
     names = ("pga", "pgv_pga", "yaw", "friction", "trajectory_length")
     columns = {name: runs[name].values.astype(float).round(6).tolist() for name in names}
-    columns["stop"] = [
-        StopReason(int(reason)).name.lower().replace("_", " ") for reason in runs["stop_reason"]
-    ]
+    columns["stop"] = [STOPS[StopReason(int(reason))] for reason in runs["stop_reason"]]
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
@@ -139,7 +137,7 @@ def _samples(runs: xr.Dataset, radius: float) -> tuple[dict[str, Any], float]:
 def fewer(
     time: Array, place: Array, turn: Array, run: Indices, radius: float, most: int
 ) -> Indices:
-    """Choose samples to keep: those go that their neighbours foretell best.
+    """Choose samples to keep: those that their neighbours predict best are left out.
 
     Parameters
     ----------
@@ -159,16 +157,16 @@ def fewer(
         inside = run[kept[:-2]] == run[kept[2:]]
         if len(kept) <= most or not inside.any():
             break
-        # Neighbours never go together, and few at once: each foretells the other.
+        # Neighbours never go together, and few at once: each predicts the other.
         free = np.flatnonzero(inside & (np.arange(len(inside)) % 2 == number % 2)) + 1
         before, here, after = kept[free - 1], kept[free], kept[free + 1]
         share = ((time[here] - time[before]) / (time[after] - time[before]))[:, None]
-        foretold = (1.0 - share) * place[before] + share * place[after]
+        predicted = (1.0 - share) * place[before] + share * place[after]
         same = np.sign(np.einsum("ij,ij->i", turn[before], turn[after]))[:, None]
         turned = (1.0 - share) * turn[before] + share * same * turn[after]
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)
         off = np.minimum(*(np.linalg.norm(turn[here] - s * turned, axis=1) for s in (1, -1)))
-        cost = np.linalg.norm(place[here] - foretold, axis=1) + 2.0 * radius * off
+        cost = np.linalg.norm(place[here] - predicted, axis=1) + 2.0 * radius * off
         count = min(len(kept) - most, len(kept) // 8 + 1)
         kept = np.delete(kept, free[np.argsort(cost, kind="stable")[:count]])
     return kept

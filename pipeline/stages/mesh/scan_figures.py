@@ -90,7 +90,7 @@ def closed_rock(prepared: Prepared, source: str) -> Figure:
     rock = Painted(np.array(prepared.rock.vertices), np.array(prepared.rock.faces), colours)
     eyes = {
         "along +y": axes_of(math.radians(-90.0), math.radians(12.0)),
-        "along −x": axes_of(0.0, math.radians(12.0)),
+        "along -x": axes_of(0.0, math.radians(12.0)),
         "from below, oblique": axes_of(math.radians(-60.0), math.radians(-40.0)),
         "from below": BELOW,
     }

@@ -1,4 +1,4 @@
-"""The page of a scan's preparation: what a user looks at before accepting a cut."""
+"""The page of a scan's preparation, which a user checks before accepting a cut."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.workflow.pages import filled
 from vsr_core.arrays import Array
 from vsr_core.scan.alternatives import Alternative
 from vsr_core.scan.cuts import Cut
-from vsr_core.scan.preparation import Prepared, Trial
+from vsr_core.scan.preparation import Prepared
 from vsr_core.scan.weighing import DIRECTIONS, Measure, Step
 
 Row = dict[str, Any]
@@ -41,6 +41,11 @@ def page(site: str, source: str, prepared: Prepared, *, accepted: bool, surrogat
         Whether the site's configuration accepts the cut.
     surrogate : bool
         Whether the scan is none, but made from published figures.
+
+    Returns
+    -------
+    str
+        HTML that holds all it needs.
     """
     solid, found = prepared.steps[-1].after, prepared.separation
     size = np.ptp(prepared.rock.vertices, axis=0)
@@ -62,7 +67,11 @@ def page(site: str, source: str, prepared: Prepared, *, accepted: bool, surrogat
         "top": _place(_top(prepared)),
         "others": [_alternative(other, float(size.max())) for other in prepared.alternatives],
         "steps": [_step(step, prepared) for step in prepared.steps],
-        "closings": [_chosen(prepared), *(_trial(trial) for trial in prepared.trials)],
+        "closings": [
+            _closing(prepared.closing, solid, 0.0, 0.0) | {"chosen": True},
+            *(_closing(t.closing, t.measure, t.moved, t.tipping_change, t.reason)
+              for t in prepared.trials),
+        ],
         "spread": _spread(prepared),
         "notes": _notes(prepared),
         "pictures": {
@@ -78,11 +87,11 @@ def page(site: str, source: str, prepared: Prepared, *, accepted: bool, surrogat
 def _sure(confidence: float) -> str:
     if confidence >= SURE:
         return "clear"
-    return "to be looked at closely" if confidence >= DOUBTFUL else "doubtful"
+    return "to be checked closely" if confidence >= DOUBTFUL else "doubtful"
 
 
 def _least(solid: Measure) -> Row | None:
-    """Least static tipping angle and its direction [degree]; None for a rock that falls."""
+    """Least static tipping angle and its direction [degree]; None for a rock that falls over."""
     if np.isnan(solid.tipping).any():
         return None
     weakest = int(np.argmin(solid.tipping))
@@ -93,7 +102,7 @@ def _least(solid: Measure) -> Row | None:
 
 
 def _top(prepared: Prepared) -> Array:
-    """Highest point of the rock, in the scan's coordinates."""
+    """Highest point of the rock, in the coordinates of the scan."""
     points = np.array(prepared.rock.vertices)
     return points[np.argmax(points[:, 2])] + prepared.origin
 
@@ -145,22 +154,17 @@ def _step(step: Step, prepared: Prepared) -> Row:
     }
 
 
-def _chosen(prepared: Prepared) -> Row:
-    solid = prepared.steps[-1].after
-    return {"name": prepared.closing, "chosen": True, "volume": solid.volume,
-            "moved": 0.0, "tipping": 0.0, "least": _least(solid), "reason": ""}  # fmt: skip
-
-
-def _trial(trial: Trial) -> Row:
-    solid = trial.measure
+def _closing(
+    name: str, solid: Measure | None, moved: float, tipping: float, reason: str = ""
+) -> Row:
     return {
-        "name": trial.closing,
+        "name": name,
         "chosen": False,
         "volume": solid.volume if solid else np.nan,
-        "moved": 1e3 * trial.moved,
-        "tipping": float(np.degrees(trial.tipping_change)),
+        "moved": 1e3 * moved,
+        "tipping": float(np.degrees(tipping)),
         "least": _least(solid) if solid else None,
-        "reason": trial.reason,
+        "reason": reason,
     }
 
 
@@ -172,7 +176,7 @@ def _spread(prepared: Prepared) -> float:
 
 
 def _notes(prepared: Prepared) -> list[Row]:
-    """What each step had to say; what none of them said is of the ground."""
+    """Notes of each step; those of none of them are about the ground."""
     rows = [{"step": step.name, "notes": list(step.notes)} for step in prepared.steps]
     told = {note for row in rows for note in row["notes"]}
     rows.append({"step": "ground", "notes": [n for n in prepared.notes if n not in told]})

@@ -13,7 +13,9 @@ const state = { run: runs.length ? 0 : null, time: 0, playing: false, view: null
 let draw = null;
 
 function decoded(text, Kind) {
-  return new Kind(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+  const letters = atob(text), bytes = new Uint8Array(letters.length);
+  for (let i = 0; i < bytes.length; i++) bytes[i] = letters.charCodeAt(i);
+  return new Kind(bytes.buffer);
 }
 
 function unpacked(packed) {
@@ -156,7 +158,7 @@ function trouble(text) {
   byId("trouble").hidden = false;
 }
 
-// ---- Turning, moving, coming closer
+// ---- Rotating, panning, zooming
 
 function turn(across, down) {
   state.view.azimuth -= across;
@@ -170,7 +172,7 @@ function move(across, down) {
   request();
 }
 
-// Comes closer to what is some pixels off the middle, which stays there.
+// Zooms about a point some pixels off the middle, which stays where it is.
 function zoom(factor, across = 0, down = 0) {
   const before = pixel();
   state.view.distance = Math.min(Math.max(state.view.distance * factor, 0.5 * data.radius), 2000);
@@ -276,7 +278,7 @@ function listen() {
     event.preventDefault();
     KEYS[event.key]();
   });
-  on(canvas, "webglcontextlost", () => trouble("The graphics card was taken away. Load the page again."));
+  on(canvas, "webglcontextlost", () => trouble("The browser lost access to the graphics card. Please reload the page."));
   on(byId("play"), "click", () => play(!state.playing));
   on(byId("time"), "input", (event) => {
     state.playing = false;
@@ -338,6 +340,6 @@ if (gl) {
   draw = drawingOf(gl, data);
   begin();
 } else {
-  trouble("This browser has no WebGL 2, with which this page draws. Try another browser, or allow "
-    + "this one to use the graphics card.");
+  trouble("This page draws with WebGL 2, which this browser does not provide. Try another browser, "
+    + "or allow this one to use the graphics card.");
 }

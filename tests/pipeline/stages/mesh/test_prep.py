@@ -723,7 +723,7 @@ def test_a_rock_that_falls_is_said_to(quick: None) -> None:
     found = replace(found, steps=(*found.steps[:-1], replace(found.steps[-1], after=fallen)))
     page = scan_page.page("hill", "scan", found, accepted=False, surrogate=False)
     assert "does not stand on level ground" in page
-    assert "topples at a slope of" not in page
+    assert "smallest static tipping angle" not in page
     figure = scan_figures.tippings(found, "scan")
     labels = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]
     assert labels[0] == "caps (chosen): does not stand"
