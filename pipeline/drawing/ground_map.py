@@ -9,7 +9,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from pipeline.drawing.rendering import View, depths_of, drawn, seen
+from pipeline.drawing.rendering import depths_of, drawn, seen
+from pipeline.drawing.view import View
 from vsr_core.arrays import Array
 
 CELLS = 420

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from trimesh import triangles
 from trimesh.util import unitize
 
-from pipeline.drawing.rendering import LATER, View, depths_of, drawn, faces_of, fitted, seen
+from pipeline.drawing.rendering import LATER, depths_of, drawn, faces_of, seen
+from pipeline.drawing.view import View, fitted
 from vsr_core.arrays import Array, Indices, Mask
 
 Floats = NDArray[np.floating[Any]]

@@ -1,19 +1,18 @@
-"""What is seen of triangle meshes: a view without perspective and its depth buffer.
+"""What is seen of triangle meshes: a depth buffer without a graphics card.
 
-Plain arrays, so that a picture needs no graphics card and is the same everywhere. The view has no
-perspective: a metre is as long in front as behind, and one scale bar holds for all of the picture.
+Plain arrays, so that a picture is the same everywhere.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 
 import fast_simplification
 import numpy as np
 
+from pipeline.drawing.view import View, axes_of, fitted, reach
 from vsr_core.arrays import Array, Indices, Mask
 
 LATER = 1 << 31
@@ -26,81 +25,6 @@ _FRAGMENTS = 2_000_000
 """Pixels of triangles that are drawn at once; more only need more memory."""
 
 _EMPTY = np.iinfo(np.int64).min
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """Where the eye is and what its picture covers.
-
-    Attributes
-    ----------
-    axes : ndarray, shape (3, 3), unit vectors to the right, up and towards the eye, as rows
-    middle : ndarray, shape (3,) [m], point in the middle of the picture
-    pixel : float [m], side of a pixel
-    shape : (int, int), rows and columns
-    """
-
-    axes: Array
-    middle: Array
-    pixel: float
-    shape: tuple[int, int]
-
-    def project(self, points: Array) -> Array:
-        """Column, row [pixel] from the upper left corner and depth [m] to the eye, (..., 3)."""
-        # Not ``@``: on a busy machine its threads wait for each other, many times as long.
-        placed = np.einsum("...j,ij->...i", points - self.middle, self.axes)
-        right, up, depth = np.moveaxis(placed, -1, 0)
-        rows, columns = self.shape
-        return np.stack(
-            [0.5 * columns + right / self.pixel, 0.5 * rows - up / self.pixel, depth], axis=-1
-        )
-
-    def points(self, pixels: Indices, depths: Array) -> Array:
-        """Points, shape (n, 3) [m], in the middle of pixels (numbered row by row) at depths."""
-        rows, columns = self.shape
-        right = (pixels % columns + 0.5 - 0.5 * columns) * self.pixel
-        up = (0.5 * rows - 0.5 - pixels // columns) * self.pixel
-        placed = np.stack([right, up, depths], axis=-1)
-        return np.einsum("ni,ij->nj", placed, self.axes) + self.middle
-
-
-def axes_of(azimuth: float, elevation: float) -> Array:
-    """Axes of a view from where the eye stands.
-
-    Parameters
-    ----------
-    azimuth : float [rad], of the eye seen from the scene, counter-clockwise from +x
-    elevation : float [rad], of the eye above the horizon, less than a right angle
-
-    Returns
-    -------
-    ndarray, shape (3, 3), as ``View.axes``; the vertical is upright in the picture
-    """
-    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    eye = np.cos(elevation) * level + np.array([0.0, 0.0, np.sin(elevation)])
-    right = np.array([-level[1], level[0], 0.0])
-    return np.stack([right, np.cross(eye, right), eye])
-
-
-def fitted(axes: Array, points: Array, shape: tuple[int, int], margin: float = 0.0) -> View:
-    """View along ``axes`` in which all points lie within the picture less a margin.
-
-    Parameters
-    ----------
-    axes : ndarray, shape (3, 3), see ``axes_of``
-    points : ndarray, shape (n, 3) [m]
-    shape : (int, int), rows and columns
-    margin : float, share of the picture's lesser side that stays free on every side
-
-    Returns
-    -------
-    View
-    """
-    placed = points @ axes.T
-    low, high = placed.min(axis=0), placed.max(axis=0)
-    free = 2.0 * margin * min(shape)
-    pixel = max((high[0] - low[0]) / (shape[1] - free), (high[1] - low[1]) / (shape[0] - free))
-    return View(axes, 0.5 * (low + high) @ axes, float(pixel), shape)
 
 
 def drawn(view: View, vertices: Array, faces: Indices, onto: Indices | None = None) -> Indices:
@@ -134,17 +58,44 @@ def drawn(view: View, vertices: Array, faces: Indices, onto: Indices | None = No
 
 
 def seen(buffer: Indices) -> Indices:
-    """Pixels of a buffer that show a face, shape (n,)."""
+    """Pixels that show a face.
+
+    Parameters
+    ----------
+    buffer : ndarray of int64, as ``drawn`` gives it
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+    """
     return np.flatnonzero(buffer != _EMPTY)
 
 
 def faces_of(buffer: Indices) -> Indices:
-    """Faces that pixels of a buffer show, of its shape."""
+    """Faces that pixels show.
+
+    Parameters
+    ----------
+    buffer : ndarray of int64, as ``drawn`` gives it, or some of its pixels
+
+    Returns
+    -------
+    ndarray of int, of its shape
+    """
     return buffer & 0xFFFFFFFF
 
 
 def depths_of(buffer: Indices) -> Array:
-    """Depths [m] towards the eye, of the shape of the buffer; far behind where there is nothing."""
+    """Depths that pixels show, towards the eye.
+
+    Parameters
+    ----------
+    buffer : ndarray of int64, as ``drawn`` gives it, or some of its pixels
+
+    Returns
+    -------
+    ndarray [m], of its shape; far behind where there is nothing
+    """
     return (buffer >> 32).astype(np.float64) * _TICK
 
 
@@ -191,6 +142,27 @@ def _expanded(start: Indices, end: Indices) -> tuple[Indices, Indices]:
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count - start, count)
 
 
+def in_sight(view: View, buffer: Indices, points: Array) -> Mask:
+    """Find the points that a mesh does not hide.
+
+    Parameters
+    ----------
+    view : View
+    buffer : ndarray, shape (pixels,), of the mesh, as ``drawn`` in the view
+    points : ndarray, shape (n, 3) [m]
+
+    Returns
+    -------
+    ndarray of bool, shape (n,), False for what lies beside the picture
+    """
+    column, row, depth = np.moveaxis(view.project(points), -1, 0)
+    rows, columns = view.shape
+    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    pixel = np.where(inside, row.astype(np.int64) * columns + column.astype(np.int64), 0)
+    visible: Mask = inside & (depth >= depths_of(buffer[pixel]))
+    return visible
+
+
 def thinned(vertices: Array, faces: Indices, most: int) -> tuple[Array, Indices]:
     """Surface of about ``most`` faces at the most, as near to the given one as so few can be.
 
@@ -208,11 +180,6 @@ def thinned(vertices: Array, faces: Indices, most: int) -> tuple[Array, Indices]
         return vertices, faces
     vertices, faces = fast_simplification.simplify(vertices, faces, target_count=most)
     return vertices.astype(np.float64), faces.astype(np.int64)
-
-
-def reach(path: Array, radius: float) -> Array:
-    """Points, shape (6 n, 3) [m], that span a rock of a radius [m] along its path, (n, 3) [m]."""
-    return np.concatenate([path + radius * side for side in (*np.eye(3), *-np.eye(3))])
 
 
 def clearest(
@@ -243,41 +210,3 @@ def clearest(
         if worth > best:
             best, found = worth, place
     return found
-
-
-def in_sight(view: View, buffer: Indices, points: Array) -> Mask:
-    """Find the points that a mesh does not hide.
-
-    Parameters
-    ----------
-    view : View
-    buffer : ndarray, shape (pixels,), of the mesh, as ``drawn`` in the view
-    points : ndarray, shape (n, 3) [m]
-
-    Returns
-    -------
-    ndarray of bool, shape (n,), False for what lies beside the picture
-    """
-    column, row, depth = np.moveaxis(view.project(points), -1, 0)
-    rows, columns = view.shape
-    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    pixel = np.where(inside, row.astype(np.int64) * columns + column.astype(np.int64), 0)
-    visible: Mask = inside & (depth >= depths_of(buffer[pixel]))
-    return visible
-
-
-def round_number(value: float) -> float:
-    """Largest of 1, 2 and 5 times a power of ten that is not above ``value``.
-
-    Examples
-    --------
-    >>> round_number(73.0), round_number(0.021)
-    (50.0, 0.02)
-    """
-    power = 10.0 ** math.floor(math.log10(value))
-    return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value * (1.0 + 1e-9))
-
-
-def contour_step(points: Array) -> float:
-    """Height between two contours [m] for a picture of points, shape (n, 3) [m]."""
-    return round_number(0.06 * float(np.ptp(points, axis=0).max()))

@@ -63,11 +63,29 @@ class Line:
         return float(stats.t.ppf(0.5 + 0.5 * LEVEL, self.n_groups - 2))
 
     def mean(self, at: Array) -> Array:
-        """Value of the line at ``at``, any shape."""
+        """Value of the line.
+
+        Parameters
+        ----------
+        at : ndarray, any shape
+
+        Returns
+        -------
+        ndarray, of its shape
+        """
         return self.intercept + self.slope * at
 
     def band(self, at: Array) -> tuple[Array, Array]:
-        """95 % confidence band of the mean line at ``at``, each end of the shape of ``at``."""
+        """95 % confidence band of the line.
+
+        Parameters
+        ----------
+        at : ndarray, any shape
+
+        Returns
+        -------
+        low, high : ndarray, of its shape
+        """
         leverage = 1.0 / self.n_groups + (at - self.centre) ** 2 / self.spread
         half = self.t * self.residual * np.sqrt(leverage)
         return self.mean(at) - half, self.mean(at) + half

@@ -1,14 +1,14 @@
-"""Where a rock that was found came from, and under which shaking.
+"""Where an observed fallen rock came from, and under which shaking.
 
-The forward model is many runs: from a start, under a motion, to an end. A place where the rock was
-found turns them round by Bayes' rule,
+The forward model is many runs: from a start, under a motion, to an end. The place where a fallen
+rock was observed inverts them by Bayes' rule,
 
     P(cell | place)  ~  P(cell) * mean over the runs of the cell of N(end - place; sigma),
 
-where a cell is a start, a PGA and a PGV/PGA. The kernel is cut at ``REACH`` sigma, so that a place
-that no run explains gets no answer instead of the least bad one. ``sigma`` is the uncertainty of
-the place and of the forward model together: a run says where the rock comes to rest to within the
-scatter of its bounces, not to the millimetre.
+where a cell is a start, a PGA and a PGV/PGA. The kernel is cut off at ``REACH`` sigma, so that a
+place that no run explains gets no answer instead of the least bad one. ``sigma`` is the uncertainty
+of the place and of the forward model together: a run predicts where the rock comes to rest only to
+within the scatter of its bounces.
 """
 
 from __future__ import annotations
@@ -61,13 +61,13 @@ class Forward:
             )
         if len(self.start) == 0:
             raise InvalidInput(
-                "no forward run", "the inverse turns forward runs round", "run a grid first"
+                "no forward run", "the inverse needs forward runs", "run a grid first"
             )
 
 
 @dataclass(frozen=True)
 class Found:
-    """A rock found somewhere.
+    """A fallen rock that was observed.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Found:
             raise InvalidInput(
                 f"a place {self.place} known to {self.sigma} m",
                 "a place is finite and its uncertainty above 0",
-                "give sigma in metres; the accuracy of the survey at least",
+                "give sigma in metres, at least the accuracy of the survey",
             )
         if not 0.0 < self.identity <= 1.0 or not self.area > 0.0:
             raise InvalidInput(
@@ -103,7 +103,7 @@ class Found:
         if self.identity < 1.0 and math.isinf(self.area):
             raise InvalidInput(
                 f"identity {self.identity} without an area",
-                "another rock lies somewhere on an area",
+                "another rock may lie anywhere on an area",
                 "give the plan area of the terrain [m2]",
             )
 
@@ -120,9 +120,9 @@ class Origin:
     probability : ndarray, shape (s, r, p), sums to 1; 0 in cells without a run; all NaN if there
         is no answer
     weight : ndarray, shape (n,), share of each run in the answer; 0 where there is none
-    evidence : float [1/m^2], density of the rock's ends at the place, before it was found
-    identity : float, probability, now, that the found rock is the one of the runs; NaN if it is
-        certain to be and yet no run explains it
+    evidence : float [1/m^2], density of the rock's ends at the place, before the observation
+    identity : float, posterior probability that the observed rock is the one of the runs; NaN if
+        that was certain and yet no run explains it
     near : int, runs that end within ``REACH`` sigma of the place
     nearest : float [m], from the place to the nearest end; inf without any
     effective : float, effective sample size: the number of equal weights that scatter as much
@@ -159,22 +159,30 @@ class Origin:
         return total
 
     def region(self, share: float) -> Mask:
-        """Mark the most probable motions that hold ``share`` of it, shape (r, p).
+        """Mark the most probable motions, which together hold a share of the probability.
 
         Motions as probable as the last one needed are all in it.
+
+        Parameters
+        ----------
+        share : float, 0 to 1
+
+        Returns
+        -------
+        ndarray of bool, shape (r, p)
         """
         motion = self.of_motion
         if not self.answered:
             return np.zeros(motion.shape, dtype=bool)
-        falling = np.sort(motion, axis=None)[::-1]
-        last = int(np.searchsorted(np.cumsum(falling), share * (1.0 - _ROUNDING)))
-        least = falling[min(last, falling.size - 1)]
+        ranked = np.sort(motion, axis=None)[::-1]
+        last = int(np.searchsorted(np.cumsum(ranked), share * (1.0 - _ROUNDING)))
+        least = ranked[min(last, ranked.size - 1)]
         inside: Mask = (motion >= least * (1.0 - _ROUNDING)) & (motion > 0.0)
         return inside
 
 
 def trace(forward: Forward, found: Found, prior: Array | None = None) -> Origin:
-    """Probability of each start and motion, given where the rock was found.
+    """Probability of each start and motion, given where the fallen rock was observed.
 
     Parameters
     ----------
@@ -185,10 +193,22 @@ def trace(forward: Forward, found: Found, prior: Array | None = None) -> Origin:
         all cells that hold a run if not given. Cells without a run get nothing: what happens
         there is not known.
 
+    Returns
+    -------
+    Origin
+
     Raises
     ------
     InvalidInput
-        If the prior is of another shape, negative, or nothing where there are runs.
+        If the prior is of another shape, negative, or zero wherever there are runs.
+
+    Examples
+    --------
+    >>> pga, zeros = np.array([0.4, 0.8]), np.zeros(2)
+    >>> ends = np.array([[2.0, 0.0], [8.0, 0.0]])
+    >>> runs = Forward(np.zeros(2, dtype=int), pga, zeros + 0.3, ends)
+    >>> trace(runs, Found((7.5, 0.0), 1.0)).of_motion
+    array([[0., 1.]])
     """
     start, at_start = np.unique(forward.start, return_inverse=True)
     ratio, at_ratio = np.unique(forward.pgv_pga, return_inverse=True)
@@ -232,7 +252,7 @@ def _prior(runs: Array, prior: Array | None) -> Array:
     total = float(prior[covered].sum())
     if not 0.0 < total < math.inf:
         raise InvalidInput(
-            "a prior that is nothing in every cell with a run",
+            "a prior of zero in every cell with a run",
             "what is impossible beforehand stays impossible",
             "run the motions that the prior allows",
         )
@@ -256,7 +276,6 @@ def _statement(found: Found, near: int, nearest: float, effective: float) -> str
         return f"No answer: no forward run ends within {reach} of the place; {where}."
     if effective == 0.0:
         return f"No answer: the {near} runs that end within {reach} have no prior probability."
-    text = f"{near} forward runs end within {reach} of the place, worth {effective:.1f} equal ones"
-    return (
-        f"{text}: few, so that more runs may change the answer." if effective < FEW else f"{text}."
-    )
+    text = f"{near} forward runs end within {reach} of the place"
+    text += f", as good as {effective:.1f} of equal weight"
+    return f"{text}: few, so more runs may change the answer." if effective < FEW else f"{text}."

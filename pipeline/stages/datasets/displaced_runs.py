@@ -23,19 +23,50 @@ STOPS = {
 
 
 def toppled(displacement: xr.Dataset) -> Mask:
-    """Find the runs whose rock overturned, shape (run,)."""
+    """Find the runs whose rock overturned.
+
+    Parameters
+    ----------
+    displacement : Dataset
+        As in ``displacement.nc``.
+
+    Returns
+    -------
+    ndarray of bool, shape (run,)
+    """
     overturned: Mask = displacement["outcome"].values == Outcome.OVERTURNED
     return overturned
 
 
 def chosen(displacement: xr.Dataset, runs: Mask) -> xr.Dataset:
-    """The dataset with some of its runs, and their samples, only."""
+    """The dataset with some of its runs, and their samples, only.
+
+    Parameters
+    ----------
+    displacement : Dataset
+        As in ``displacement.nc``.
+    runs : ndarray of bool, shape (run,)
+
+    Returns
+    -------
+    Dataset
+    """
     samples = np.repeat(runs, displacement["row_size"].values)
     return displacement.isel(run=runs, sample=samples)
 
 
 def groups(displacement: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
-    """Name and runs of each yaw and friction."""
+    """Name and runs of each yaw and friction.
+
+    Parameters
+    ----------
+    displacement : Dataset
+        As in ``displacement.nc``.
+
+    Returns
+    -------
+    iterator of (str, Dataset)
+    """
     yaw, friction = displacement["yaw"].values, displacement["friction"].values
     several = len(np.unique(friction)) > 1
     for turn, grip in sorted(set(zip(yaw.tolist(), friction.tolist(), strict=True))):
@@ -44,16 +75,36 @@ def groups(displacement: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
 
 
 def overturned_runs(displacement: xr.Dataset) -> pd.DataFrame:
-    """The overturned runs, as the correlations take them."""
+    """The overturned runs, as the correlations take them.
+
+    Parameters
+    ----------
+    displacement : Dataset
+        As in ``displacement.nc``.
+
+    Returns
+    -------
+    DataFrame
+        See ``vsr_core.displacement.correlation``.
+    """
     names = [*correlation.REGRESSORS, *correlation.STATISTICS]
     table = displacement[names].isel(run=toppled(displacement)).to_dataframe()
     return table[names].astype(float)
 
 
 def ends(displacement: xr.Dataset) -> Array:
-    """Where each run's centre of mass ended, shape (run, 2) [m]: x and y in the site's frame.
+    """Where the centre of mass of each run ended.
 
     A run without samples never left its start, the origin of the frame.
+
+    Parameters
+    ----------
+    displacement : Dataset
+        As in ``displacement.nc``.
+
+    Returns
+    -------
+    ndarray, shape (run, 2) [m], x and y in the site's frame
     """
     size = displacement["row_size"].values
     last = np.cumsum(size) - 1
@@ -74,7 +125,11 @@ def forward(displacements: Sequence[xr.Dataset], starts: Array) -> Forward:
     displacements : sequence of Dataset
         One a start, as in ``displacement.nc``, with terrains that do not differ in direction.
     starts : ndarray, shape (s, 2) [m]
-        Origin of each dataset's frame in the frame of the found place.
+        Origin of each dataset's frame in the frame of the observed place.
+
+    Returns
+    -------
+    Forward
     """
     parts = []
     for displacement, start in zip(displacements, starts, strict=True):

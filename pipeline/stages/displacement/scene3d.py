@@ -10,7 +10,8 @@ import numpy as np
 import xarray as xr
 from markupsafe import Markup
 
-from pipeline.drawing.rendering import clearest, contour_step, reach, thinned
+from pipeline.drawing.rendering import clearest, thinned
+from pipeline.drawing.view import contour_step, reach
 from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, toppled
 from pipeline.stages.displacement.track import SPEEDS
 from pipeline.workflow.pages import filled

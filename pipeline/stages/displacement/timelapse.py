@@ -18,17 +18,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from pipeline.drawing import marks, style
 from pipeline.drawing.painting import Backdrop, backdrop, painted, smaller
-from pipeline.drawing.rendering import (
-    View,
-    axes_of,
-    clearest,
-    contour_step,
-    fitted,
-    in_sight,
-    reach,
-    round_number,
-    thinned,
-)
+from pipeline.drawing.rendering import clearest, in_sight, thinned
+from pipeline.drawing.view import View, axes_of, contour_step, fitted, reach, round_number
 from pipeline.stages.datasets.displaced_runs import STOPS
 from pipeline.stages.displacement.track import SPEEDS, Track, pose_times, track
 from vsr_core.arrays import Array, Indices

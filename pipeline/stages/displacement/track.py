@@ -36,17 +36,47 @@ class Track:
     speed: Array
 
     def places(self, times: Array) -> Array:
-        """Centre of mass, shape (times, 3) [m]."""
+        """Centre of mass at times.
+
+        Parameters
+        ----------
+        times : ndarray, shape (k,) [s]
+
+        Returns
+        -------
+        ndarray, shape (k, 3) [m]
+        """
         return np.stack([np.interp(times, self.time, part) for part in self.position.T], axis=-1)
 
     def poses(self, times: Array, vertices: Array) -> Array:
-        """Vertices of the rock, shape (times, n, 3) [m], from those at rest, shape (n, 3)."""
+        """Vertices of the rock at times.
+
+        Parameters
+        ----------
+        times : ndarray, shape (k,) [s]
+        vertices : ndarray, shape (n, 3) [m], at rest, from the centre of mass
+
+        Returns
+        -------
+        ndarray, shape (k, n, 3) [m]
+        """
         matrices = Slerp(self.time, self.turn)(times).as_matrix()
         return vertices @ np.swapaxes(matrices, 1, 2) + self.places(times)[:, None]
 
 
 def track(displacement: xr.Dataset, run: int) -> Track:
-    """Motion of the run at place ``run`` of ``displacement.nc``."""
+    """Motion of one run.
+
+    Parameters
+    ----------
+    displacement : Dataset
+        As in ``displacement.nc``.
+    run : int, its place along ``run``
+
+    Returns
+    -------
+    Track
+    """
     own = chosen(displacement, np.arange(displacement.sizes["run"]) == run)
     return Track(
         own["time"].values,
@@ -57,7 +87,17 @@ def track(displacement: xr.Dataset, run: int) -> Track:
 
 
 def pose_times(motion: Track, radius: float) -> Array:
-    """Times [s] of poses that stand apart by about the rock's size: start, on the way, end."""
+    """Times of poses that are about the size of the rock apart.
+
+    Parameters
+    ----------
+    motion : Track
+    radius : float [m], of the rock
+
+    Returns
+    -------
+    ndarray, shape (n,) [s], start and end among them
+    """
     length = float(np.linalg.norm(np.diff(motion.position, axis=0), axis=1).sum())
     apart = max(length / 11.0, min(1.6 * radius, length / 3.0))
     chosen = [0]

@@ -15,7 +15,7 @@ from trimesh.intersections import mesh_plane
 
 from pipeline.drawing import style
 from pipeline.drawing.painting import GROUND
-from pipeline.drawing.rendering import View, axes_of, fitted
+from pipeline.drawing.view import View, axes_of, fitted
 from pipeline.stages.mesh.scan_views import (
     ABOVE,
     BELOW,

@@ -13,16 +13,8 @@ from matplotlib.colors import to_rgb
 
 from pipeline.drawing import marks, style
 from pipeline.drawing.painting import Floats, normals, smaller
-from pipeline.drawing.rendering import (
-    View,
-    axes_of,
-    drawn,
-    faces_of,
-    fitted,
-    in_sight,
-    round_number,
-    seen,
-)
+from pipeline.drawing.rendering import drawn, faces_of, in_sight, seen
+from pipeline.drawing.view import View, axes_of, fitted, round_number
 from vsr_core.arrays import Array, Indices, Mask
 
 SEAM = style.OVERTURNED
@@ -56,7 +48,16 @@ class Painted:
     colours: Array
 
     def around(self, rock: Array) -> Painted:
-        """The part of it around a rock, by the middles of its faces."""
+        """The part of it around a rock, by the middles of its faces.
+
+        Parameters
+        ----------
+        rock : ndarray, shape (n, 3) [m]
+
+        Returns
+        -------
+        Painted
+        """
         low, high = rock.min(axis=0), rock.max(axis=0)
         reach = _AROUND * float((high - low).max())
         middle = self.vertices[self.faces].mean(axis=1)

@@ -127,7 +127,7 @@ def test_a_page_of_700_runs_stays_small() -> None:
     text = scene3d.page(many, tumbling.terrain(200), tumbling.rock(), "Many", "surrogate")
     assert len(text) < 8_000_000
     assert sum(packed(text)["samples"]["count"]) == scene3d.MOST_SAMPLES
-    said = re.search(r"paths within ([\d.e-]+) mm", text)
+    said = re.search(r"to within ([\d.e-]+) mm", text)
     assert said
     assert 0.0 < float(said[1]) < 5.0
 
