@@ -277,5 +277,5 @@ def _statement(found: Found, near: int, nearest: float, effective: float) -> str
     if effective == 0.0:
         return f"No answer: the {near} runs that end within {reach} have no prior probability."
     text = f"{near} forward runs end within {reach} of the place"
-    text += f", as good as {effective:.1f} of equal weight"
+    text += f", equivalent to {effective:.1f} of equal weight"
     return f"{text}: few, so more runs may change the answer." if effective < FEW else f"{text}."
