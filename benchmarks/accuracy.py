@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.table import Row, say
 from vsr_core.rock import solid
-from vsr_core.run import bounds
+from vsr_core.run import proofs
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification import peers, time_step, work_precision
@@ -52,7 +52,7 @@ def blocks() -> Iterator[Row]:
 
 def _case(size: tuple[float, float, float]) -> Case:
     rock = solid.box(size, 2110.0).rock
-    return prepare(Scene(rock, Contact(0.6)), bounds.barrier(rock), reduce=True)
+    return prepare(Scene(rock, Contact(0.6)), proofs.barrier(rock), reduce=True)
 
 
 def _targets(case: Case) -> list[Target]:

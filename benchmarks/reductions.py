@@ -31,7 +31,7 @@ from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.outcome import Outcome
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.run import bounds, overturning, sampling
+from vsr_core.run import overturning, proofs, sampling
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
 from vsr_core.run.reductions import Reduction
@@ -54,7 +54,7 @@ REST, NEXT_TO_NOTHING = 0.5, 1e-12  # s, m/s^2
 NEARBY = (-0.04, -0.02, -0.01, -0.005, -0.002, 0.002, 0.005, 0.01, 0.02, 0.04)
 """Changes of PGA, as shares, tried on a cell that ends otherwise: is it beside the boundary?"""
 
-PROOF = "`vsr_core/run/bounds.py`"
+PROOF = "`vsr_core/run/proofs.py`"
 
 
 @dataclass(frozen=True)
@@ -375,7 +375,7 @@ def rocks() -> dict[str, Rock]:
 def cells(rock: Rock, number: int) -> list[Run]:
     """Runs as the program does them: random PGA, PGV/PGA and yaw, one yaw after another."""
     rng = np.random.default_rng(1)
-    limits = bounds.barrier(rock)
+    limits = proofs.barrier(rock)
     settings = Settings(STEP_SHARE[rock.shape] * step_unit(rock))
     case = {
         yaw: prepare(

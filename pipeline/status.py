@@ -13,8 +13,8 @@ from typing import Any
 from pipeline.config import in_si
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.config.schema import Config
-from pipeline.stages.motions import shaking
-from pipeline.stages.motions.shaking import Cell, Shaking
+from pipeline.stages.motions import motion_grid
+from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs import displacement_runs, overturning_runs
 from pipeline.stages.runs.runner import Kind, Run
 from pipeline.stages.runs.scenes import Scenes, flat_case, groups, left_out, load_scenes
@@ -118,8 +118,8 @@ def _kind(product: str) -> Kind[Any]:
 
 def _planned_runs(job: Job, scenes: Scenes, kind: Kind[Any], *, measured: bool) -> list[str]:
     """Runs to do and their cost; which are stored is known once the time step is ``measured``."""
-    config, motions = job.config, shaking.of_site(job.site)
-    cells = shaking.cells(motions)
+    config, motions = job.config, motion_grid.of_site(job.site)
+    cells = motion_grid.cells(motions)
     study = load_study(config, job.store) if measured else None
     proves = config.simulation.reduce and not config.on_terrain and config.motion.kind != "table"
     total = proved = new = 0

@@ -17,13 +17,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import yaml
+from pipeline.config.hardware_schema import TableConfig
+from pipeline.config.shake_table_schema import ShakeTableConfig
 from pydantic import BaseModel
 
 from pipeline import ROOT
-from pipeline.config.hardware_schema import TableConfig
 from pipeline.config.layers import BASE
 from pipeline.config.schema import Config
-from pipeline.config.shake_table_schema import ShakeTableConfig
 
 Node = dict[str, Any]
 

@@ -13,8 +13,8 @@ from pydantic import BaseModel, ValidationError
 
 from pipeline import ROOT
 from pipeline.config.problems import InputError, Problem
+from pipeline.config.recorded_tests_schema import ShakeTableConfig
 from pipeline.config.schema import Config
-from pipeline.config.shake_table_schema import ShakeTableConfig
 
 SITES = ROOT / "configs" / "sites"
 STUDIES = ROOT / "configs" / "studies"

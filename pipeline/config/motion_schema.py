@@ -227,4 +227,4 @@ class TableMotionConfig(Section):
 MotionConfig = Annotated[
     PulseConfig | RecordConfig | TableMotionConfig, Field(discriminator="kind")
 ]
-"""The ground motions of a study; a kind is a class here and one in `stages/motions/shaking.py`."""
+"""The motions of a study; a kind is a class here and one in `stages/motions/motion_grid.py`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from vsr_core.engines.interface import Solver
-from vsr_core.run import bounds
+from vsr_core.run import proofs
 from vsr_core.run.reductions import Reduction
 from vsr_core.run.reductions import reduce as reduce_scene
 from vsr_core.scene import Scene
@@ -49,7 +49,7 @@ class Case:
     full: Scene
     scene: Scene
     reductions: tuple[Reduction, ...]
-    limits: bounds.Barrier
+    limits: proofs.Barrier
     static_limits: tuple[float, float]
 
 
@@ -72,7 +72,7 @@ class TerrainCase:
     static_limits: tuple[float, float] = (0.0, 0.0)
 
 
-def prepare(described: Scene, limits: bounds.Barrier, *, reduce: bool) -> Case:
+def prepare(described: Scene, limits: proofs.Barrier, *, reduce: bool) -> Case:
     """Reduce a scene, or take it as it is.
 
     Parameters
@@ -94,7 +94,7 @@ def prepare(described: Scene, limits: bounds.Barrier, *, reduce: bool) -> Case:
     if described.drive is not None:
         servo.check(described.drive)
     elif described.contact.stiffness is None and described.start is None:
-        static_limits = bounds.static_limits(described.rock, described.contact, described.yaw)
+        static_limits = proofs.static_limits(described.rock, described.contact, described.yaw)
     reduced, reductions = reduce_scene(described) if reduce else (described, ())
     full = replace(reduced, rock=described.rock, kept_tilt=described.kept_tilt)
     return Case(full, reduced, reductions, limits, static_limits)

@@ -14,7 +14,7 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.rock.body import Rock
-from vsr_core.run import bounds
+from vsr_core.run import proofs
 from vsr_core.scene import State
 
 HALVINGS = 5
@@ -118,7 +118,7 @@ def gained_too_much(
     bool, also true for an energy that is not a number
     """
     start = GRAVITY * start_height - GRAVITY * floor
-    most = bounds.reachable_energy(start, impulse) + ENERGY_SLACK * GRAVITY * radius
+    most = proofs.reachable_energy(start, impulse) + ENERGY_SLACK * GRAVITY * radius
     return not energy - GRAVITY * floor <= most
 
 

@@ -12,7 +12,7 @@ from vsr_core.engines.interface import DrivenWorld, TurningWorld
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
-from vsr_core.run import bounds, loop
+from vsr_core.run import loop, proofs
 from vsr_core.run.cases import Case, Settings, never_starts
 from vsr_core.run.guards import ENERGY_SLACK, Rest, at_halved_steps, gained_too_much
 from vsr_core.run.loop import LEAD, Run, first_push
@@ -220,15 +220,15 @@ class OverturningRules:
 
     def _proved(self, run: Run) -> bool:
         impulse = run.motion.remaining_impulse(run.time)
-        return bounds.cannot_topple(
+        return proofs.cannot_topple(
             self.limits, run.tilt, self.energy, impulse
-        ) or bounds.cannot_return(self.limits, run.tilt, self.energy, impulse)
+        ) or proofs.cannot_return(self.limits, run.tilt, self.energy, impulse)
 
     def _falls_on(self, run: Run) -> bool:
         turn = run.state.rotation
         lever = -(turn @ run.rock.vertices[int(np.argmin(self.heights))])
         inertia = turn @ run.inertia @ turn.T
-        return bounds.cannot_be_stopped(lever, run.state.angular_velocity, inertia, self.contact)
+        return proofs.cannot_be_stopped(lever, run.state.angular_velocity, inertia, self.contact)
 
     def _slip_is_known(self, run: Run) -> bool:
         """Whether the rest of the energy can no longer slide an upright rock past the limit.

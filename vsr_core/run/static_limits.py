@@ -1,6 +1,6 @@
 """How strong shaking must be to move a rock at rest, wherever it has come to rest.
 
-For the pose in which a rock is set on a flat pedestal see ``bounds.static_limits``.
+For the pose in which a rock is set on a flat pedestal see ``proofs.static_limits``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull
 from vsr_core.rock.tipping import settle
-from vsr_core.run import bounds
+from vsr_core.run import proofs
 from vsr_core.scene import Contact
 
 CONE_EDGES = 8
@@ -43,7 +43,7 @@ def on_points(
     a linear program has a solution (here with pyramids inside the cones, so for less). They form a
     convex set, so that the accelerations with a solution are an interval. Laws of rigid bodies with
     friction may have other motions besides rest from there on (Pang & Trinkle 2000), which is why
-    runs are compared with and without this; see also ``bounds.static_limits`` for level pedestals.
+    runs are compared with and without this; see also ``proofs.static_limits`` for level pedestals.
 
     Parameters
     ----------
@@ -116,11 +116,11 @@ def _upright(up: Array) -> Array:
 def _standing(
     rock: Rock, contact: Contact, up: tuple[float, float, float], degrees: int
 ) -> tuple[float, float]:
-    """``bounds.static_limits`` of a rock standing with ``up`` upward, turned by whole degrees."""
+    """``proofs.static_limits`` of a rock standing with ``up`` upward, turned by whole degrees."""
     hull = convex_hull(rock.vertices @ _upright(np.array(up)).T)
     try:
         settled, _ = settle(hull, STANDING_TURN)
     except InvalidInput:
         return 0.0, 0.0
     standing = replace(rock, vertices=hull.turned(settled).vertices)
-    return bounds.static_limits(standing, contact, math.radians(degrees))
+    return proofs.static_limits(standing, contact, math.radians(degrees))

@@ -13,7 +13,7 @@ from vsr_core.outcome import Response
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import touching
 from vsr_core.rock.reduction import lightened, on_bounding_box
-from vsr_core.run import bounds
+from vsr_core.run import proofs
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
@@ -48,7 +48,7 @@ def standing_case(rock: Rock, member: Member) -> Case:
     Case
     """
     contact = Contact(member.friction, member.restitution)
-    limits = bounds.barrier(rock)
+    limits = proofs.barrier(rock)
     case = prepare(Scene(rock, contact, -member.azimuth), limits, reduce=True)
     kept = min(limits.toppled_tilt + PAST_TOPPLING, math.pi)
     hull = rock.hull

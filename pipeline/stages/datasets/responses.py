@@ -10,9 +10,9 @@ import xarray as xr
 import yaml
 
 from pipeline.stages.datasets.stored_runs import stored, tally
+from pipeline.stages.motions.motion_grid import FILE as MOTIONS
+from pipeline.stages.motions.motion_grid import Shaking
 from pipeline.stages.motions.motions import MEASURES
-from pipeline.stages.motions.shaking import FILE as MOTIONS
-from pipeline.stages.motions.shaking import Shaking
 from pipeline.stages.runs.overturning_runs import KIND
 from pipeline.stages.runs.scenes import flat_case, left_out
 from pipeline.stages.runs.step_choice import FILE as TIME_STEP

@@ -9,7 +9,7 @@ import xarray as xr
 
 from pipeline.drawing import style
 from pipeline.stages.datasets.displaced_runs import toppled
-from pipeline.stages.datasets.trajectories import FILE as DISPLACEMENT
+from pipeline.stages.datasets.displacement_dataset import FILE as DISPLACEMENT
 from pipeline.stages.displacement import (
     correlation_figures,
     displacement_page,

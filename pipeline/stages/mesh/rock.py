@@ -17,7 +17,7 @@ from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import Solid
 from vsr_core.rock.tipping import base_polygon, tipping
-from vsr_core.run.bounds import barrier
+from vsr_core.run.proofs import barrier
 
 BASE_TOLERANCE = 0.003
 """Share of the height of the centre of mass that the drawn base polygon may stand off."""

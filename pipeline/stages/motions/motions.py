@@ -13,8 +13,8 @@ from pipeline.config import in_si
 from pipeline.config.layers import Site
 from pipeline.config.motion_schema import PulseConfig, RecordConfig, TableMotionConfig
 from pipeline.stages.motions import record_inputs, table_motions
+from pipeline.stages.motions.motion_grid import FILE
 from pipeline.stages.motions.record_inputs import Ready
-from pipeline.stages.motions.shaking import FILE
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
 from vsr_core.motions.records.measures import spectrum

@@ -23,8 +23,8 @@ from pipeline.stages.fragility.rock_views import rock_views
 from pipeline.stages.fragility.summary import groups, long_rows_in_words
 from pipeline.stages.fragility.yaw_polar import fragility_by_yaw
 from pipeline.stages.mesh.products import ROCK as ROCK
+from pipeline.stages.motions.motion_grid import FILE as MOTIONS
 from pipeline.stages.motions.record_figure import record_figure
-from pipeline.stages.motions.shaking import FILE as MOTIONS
 from pipeline.stages.reports import report_tables
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import read
@@ -32,7 +32,7 @@ from pipeline.workflow.stage import Job, Product
 
 FILE = "report.html"
 
-GAINS = Path(__file__).with_name("gains.yaml")
+GAINS = Path(__file__).with_name("reduction_gains.yaml")
 """CPU time without a reduction over that with it, on the surrogate of Double Rock, by the
 reduction's name; `python -m benchmarks.reductions` measures it."""
 

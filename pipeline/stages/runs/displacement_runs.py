@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.motions.shaking import Cell, Shaking
+from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.runner import Kind
 from pipeline.stages.runs.scenes import terrain_case
 from pipeline.stages.runs.study import run_study

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline.stages.motions.shaking import Cell, Shaking
+from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.runner import Kind
 from pipeline.stages.runs.scenes import flat_case, terrain_case
 from pipeline.stages.runs.study import run_study

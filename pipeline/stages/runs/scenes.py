@@ -11,7 +11,7 @@ from pipeline.config.layers import Site
 from pipeline.config.problems import InputError
 from pipeline.config.schema import Config
 from pipeline.stages.mesh.products import Ground, load_rock, load_terrain
-from pipeline.stages.motions import shaking
+from pipeline.stages.motions import motion_grid
 from pipeline.workflow import keys
 from pipeline.workflow.code_roots import RUN_CODE, TERRAIN_CODE
 from pipeline.workflow.store import Store
@@ -21,9 +21,9 @@ from vsr_core.rock import reduction
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import standing
 from vsr_core.run import displacement
-from vsr_core.run.bounds import Barrier
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
 from vsr_core.run.input_checks import COARSEST_SHARE, check, check_unshaken, longest_step
+from vsr_core.run.proofs import Barrier
 from vsr_core.run.reductions import PROOFS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.scene import Scene
 from vsr_core.table.servo import Servo
@@ -261,7 +261,7 @@ def check_scenes(site: Site, scenes: Scenes) -> None:
     """
     simulation = scenes.config.simulation
     cases = [flat_case(scenes, group) for group in groups(scenes.config)]
-    strongest = shaking.strongest(shaking.of_site(site))
+    strongest = motion_grid.strongest(motion_grid.of_site(site))
     key = "simulation.engine"
     try:
         engines.load(simulation.engine).build(cases[0].scene, 1e-3, 1)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipeline.config.schema import Config
-from pipeline.stages.motions import shaking
-from pipeline.stages.motions.shaking import Cell, Shaking
+from pipeline.stages.motions import motion_grid
+from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.runner import Kind, Run, run_missing
 from pipeline.stages.runs.scenes import Group, Scenes, groups, identity, load_scenes
 from pipeline.stages.runs.step_choice import time_steps
@@ -88,8 +88,8 @@ def load_study(config: Config, store: Store) -> Study:
     -------
     Study
     """
-    scenes, motions = load_scenes(config, store), shaking.of_store(config, store)
-    cells = shaking.cells(motions)
+    scenes, motions = load_scenes(config, store), motion_grid.of_store(config, store)
+    cells = motion_grid.cells(motions)
     return Study(
         scenes,
         motions,

@@ -513,7 +513,7 @@ def test_edit_of_what_is_not_used_is_not(tree: Path, file: str, old: str, new: s
 @pytest.mark.parametrize(
     ("module", "function", "decides"),
     [
-        ("vsr_core/run/bounds.py", "barrier", {"rock", "runs"}),
+        ("vsr_core/run/proofs.py", "barrier", {"rock", "runs"}),
         ("vsr_core/rock/tipping.py", "rest_tilts", {"rock", "runs"}),
         ("vsr_core/rock/triangles.py", "self_intersections", {"rock"}),
         ("pipeline/stages/runs/overturning_runs.py", "simulate_batch", {"runs"}),
@@ -550,7 +550,7 @@ def test_every_function_that_a_run_enters_is_in_its_key() -> None:
     from vsr_core import GRAVITY
     from vsr_core.motions.cosine_pulse import CosinePulse
     from vsr_core.rock import solid
-    from vsr_core.run import bounds
+    from vsr_core.run import proofs
     from vsr_core.run.cases import Settings, prepare
     from vsr_core.run.overturning import simulate
     from vsr_core.scene import Contact, Scene
@@ -561,7 +561,7 @@ def test_every_function_that_a_run_enters_is_in_its_key() -> None:
     step = 0.01 * step_unit(rock)
     with following() as entered:
         for reduce in (True, False):
-            case = prepare(Scene(rock, Contact(0.6), 0.3), bounds.barrier(rock), reduce=reduce)
+            case = prepare(Scene(rock, Contact(0.6), 0.3), proofs.barrier(rock), reduce=reduce)
             settings = Settings(step, reduce)
             for ratio, pga in cells:
                 simulate(case, CosinePulse(pga * GRAVITY, ratio), settings)

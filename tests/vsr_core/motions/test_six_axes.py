@@ -32,10 +32,10 @@ from vsr_core.motions.six_axes import (
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.run.bounds import Barrier, barrier
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.input_checks import check
 from vsr_core.run.overturning import simulate
+from vsr_core.run.proofs import Barrier, barrier
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.table.servo import PUBLISHED
 

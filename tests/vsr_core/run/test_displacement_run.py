@@ -31,12 +31,12 @@ from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, StopReason
 from vsr_core.rock import reduction, solid
 from vsr_core.rock.body import Rock
-from vsr_core.run import bounds, displacement, trajectory
-from vsr_core.run.bounds import Barrier, barrier
+from vsr_core.run import displacement, proofs, trajectory
 from vsr_core.run.cases import Settings, TerrainCase, prepare
 from vsr_core.run.displacement import DisplacementRun
 from vsr_core.run.guards import HALVINGS
 from vsr_core.run.overturning import simulate
+from vsr_core.run.proofs import Barrier, barrier
 from vsr_core.run.sampling import MOST_SUBSTEPS, sampling
 from vsr_core.run.static_limits import SAFE_SHARE
 from vsr_core.run.trajectory import Trajectory
@@ -1033,7 +1033,7 @@ def test_range_of_rest_on_level_ground_is_within_that_of_statics(yaw: float) -> 
     """By how much depends on which of its corners the engine has it stand on."""
     for name in ("box", "double rock"):
         site = staying(name, "level parts", yaw)
-        lowest, highest = bounds.static_limits(site.seat.rock, Contact(0.6), yaw)
+        lowest, highest = proofs.static_limits(site.seat.rock, Contact(0.6), yaw)
         assert SAFE_SHARE * lowest * 1.02 <= site.static_limits[0] <= 0.0
         assert SAFE_SHARE * highest * 1.02 >= site.static_limits[1] >= 0.0
 

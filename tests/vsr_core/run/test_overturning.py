@@ -20,10 +20,10 @@ from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.run.bounds import Barrier, barrier
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.guards import HALVINGS
 from vsr_core.run.overturning import simulate
+from vsr_core.run.proofs import Barrier, barrier
 from vsr_core.scene import Contact, Scene, State, resting
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.verification import rocking_block

@@ -28,9 +28,9 @@ from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.run import reductions
-from vsr_core.run.bounds import Barrier, barrier, reachable_energy
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.overturning import simulate
+from vsr_core.run.proofs import Barrier, barrier, reachable_energy
 from vsr_core.run.sampling import samples, sampling
 from vsr_core.scene import Contact, Scene, State, resting
 from vsr_core.table.servo import PUBLISHED, Servo, check, largest_stable_period, spectral_radius

@@ -31,10 +31,10 @@ from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock.body import Rock
 from vsr_core.run import input_checks
-from vsr_core.run.bounds import Barrier, barrier
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.guards import HALVINGS
 from vsr_core.run.overturning import simulate
+from vsr_core.run.proofs import Barrier, barrier
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.table.servo import PUBLISHED
 from vsr_core.verification import stability

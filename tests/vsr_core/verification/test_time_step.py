@@ -12,7 +12,7 @@ from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
-from vsr_core.run import bounds
+from vsr_core.run import proofs
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.scene import Contact, Scene
 from vsr_core.table import servo
@@ -25,7 +25,7 @@ from vsr_core.verification.work_precision import Score, Target
 
 def box(size: tuple[float, float, float], contact: Contact, yaw: float = 0.0) -> Case:
     rock = solid.box(size, 2110.0).rock
-    return prepare(Scene(rock, contact, yaw), bounds.barrier(rock), reduce=True)
+    return prepare(Scene(rock, contact, yaw), proofs.barrier(rock), reduce=True)
 
 
 SLENDER = box((1.0, 1.0, 3.0), Contact(0.6))

@@ -21,7 +21,7 @@ from vsr_core.engines.bullet.collision_shapes import (
 from vsr_core.engines.bullet.ground import GroundBlocks
 from vsr_core.engines.bullet.library import pybullet
 from vsr_core.engines.bullet.springs import RIGID, Springs, exact_springs
-from vsr_core.engines.bullet.turning import turn
+from vsr_core.engines.bullet.turning_table import turn
 from vsr_core.engines.interface import Solver
 from vsr_core.scene import Scene, State, resting
 

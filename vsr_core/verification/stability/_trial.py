@@ -13,10 +13,10 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock.body import Rock
-from vsr_core.run.bounds import Barrier, barrier
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.input_checks import check, check_unshaken
 from vsr_core.run.overturning import simulate
+from vsr_core.run.proofs import Barrier, barrier
 from vsr_core.scene import Scene, State
 from vsr_core.verification import rocking_block
 from vsr_core.verification.rocking_block import Block

@@ -15,10 +15,10 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import pictures
 from pipeline.stages.runs.step_choice import FILE as TIME_STEP
 from pipeline.stages.runs.study import load_study
-from pipeline.stages.studies.accuracy import comparing
+from pipeline.stages.studies.accuracy import comparison
 from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, work_precision
 from pipeline.stages.studies.accuracy.accuracy_page import facts
-from pipeline.stages.studies.accuracy.comparing import Place, SampledCell
+from pipeline.stages.studies.accuracy.comparison import Place, SampledCell
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
@@ -64,18 +64,18 @@ def make(job: Job) -> Product:
             )
         )
     study = load_study(job.config, job.store)
-    targets = comparing.find_targets(job, study)
-    records = comparing.score_ways(job, study, targets)
-    cells = comparing.sample_cells(job, study)
-    records += comparing.compare_cells(cells)
-    records += comparing.run_suite(job)
-    records += comparing.absent_peers()
+    targets = comparison.find_targets(job, study)
+    records = comparison.score_ways(job, study, targets)
+    cells = comparison.sample_cells(job, study)
+    records += comparison.compare_cells(cells)
+    records += comparison.run_suite(job)
+    records += comparison.absent_peers()
     table = pd.DataFrame(records)
     diagram = work_precision(table, job.config.simulation.tolerance, job.site.name)
     shown = facts(job.site.name, job.config, table, targets, read(job.path(TIME_STEP)), diagram)
     files = {
         FILE: netcdf(described(_dataset(targets, cells), job, "Accuracy")),
-        TABLE: writers.table(table[list(comparing.COLUMNS)]),
+        TABLE: writers.table(table[list(comparison.COLUMNS)]),
         PAGE: writers.text(pages.filled(PAGE, shown)),
         **pictures(PICTURE, diagram),
     }

@@ -19,7 +19,7 @@ from pipeline.stages.studies.accuracy.accuracy_figures import (
     measured,
     suite_convergence,
 )
-from pipeline.stages.studies.accuracy.comparing import Place, Record
+from pipeline.stages.studies.accuracy.comparison import Place, Record
 from vsr_core.verification import time_step
 from vsr_core.verification.work_precision import Target
 

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pipeline.config import hardware_schema
-from pipeline.config.hardware_schema import TableConfig
+from pipeline.config import table_limits_schema
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.config.problems import InputError, Problem
+from pipeline.config.table_limits_schema import TableConfig
 from pipeline.drawing.style import pictures
 from pipeline.stages.datasets.responses import FILE as RESPONSES
 from pipeline.stages.mesh.products import load_rock
@@ -61,7 +61,7 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
     InputError
         For a table that is not known or wrong, and for motions that are no pulses.
     """
-    config, file = hardware_schema.load(name)
+    config, file = table_limits_schema.load(name)
     motion = job.config.motion
     if not isinstance(motion, PulseConfig):
         rule, remedy = "the grid is one of cosine pulses", "use a site or study of cosine pulses"

@@ -15,8 +15,8 @@ from pipeline.config.problems import InputError
 from pipeline.drawing.style import pictures, svg_uri
 from pipeline.stages.runs.scenes import load_scenes
 from pipeline.stages.studies.servo import drive_figures as figures
-from pipeline.stages.studies.servo import driving
-from pipeline.stages.studies.servo.driving import Followed
+from pipeline.stages.studies.servo import drive_runs
+from pipeline.stages.studies.servo.drive_runs import Followed
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
@@ -55,9 +55,9 @@ def make(job: Job) -> Product:
         Dataset, table, page and figures of the driven table.
     """
     scenes = load_scenes(job.config, job.store, level=True)
-    drives = driving.drives(in_si.servo(job.config.servo))
-    tracks, records = driving.tracks(scenes, drives)
-    rows = driving.rows(job, scenes, drives)
+    drives = drive_runs.drives(in_si.servo(job.config.servo))
+    tracks, records = drive_runs.tracks(scenes, drives)
+    rows = drive_runs.rows(job, scenes, drives)
     dataset = described(_dataset(tracks, rows), job, "Driven table")
     drawn = {
         "drive_tracking": figures.tracking(dataset),
@@ -69,7 +69,7 @@ def make(job: Job) -> Product:
         "records": records,
         "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
         "pga": records[-1]["pga_g"],
-        "wanted_pga": driving.SYNTHETIC[0],
+        "wanted_pga": drive_runs.SYNTHETIC[0],
         "tried": job.config.motion.pga[-1],
         "mass": scenes.rock.mass,
         "table_mass": drives[-1].servo.mass if drives[-1].servo else math.nan,
@@ -79,7 +79,7 @@ def make(job: Job) -> Product:
     }
     files = {
         FILE: netcdf(dataset),
-        TABLE: writers.table(pd.DataFrame(records, columns=driving.COLUMNS)),
+        TABLE: writers.table(pd.DataFrame(records, columns=drive_runs.COLUMNS)),
         PAGE: writers.text(pages.filled(PAGE, page)),
     }
     for name, figure in drawn.items():

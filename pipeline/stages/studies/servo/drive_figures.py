@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from pipeline.drawing import style
-from pipeline.stages.studies.servo.driving import A_PULSE
+from pipeline.stages.studies.servo.drive_runs import A_PULSE
 from pipeline.workflow.datasets import label, split
 from vsr_core.arrays import Array
 

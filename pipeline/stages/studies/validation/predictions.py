@@ -17,7 +17,7 @@ from pipeline.stages.studies.validation.recorded_tests import Tests, priors
 from pipeline.workflow.store import RunRow
 from vsr_core.arrays import Array, Mask
 from vsr_core.outcome import Outcome
-from vsr_core.run import bounds
+from vsr_core.run import proofs
 from vsr_core.validation import scores
 from vsr_core.validation.calibration import Calibration, calibrate
 from vsr_core.validation.predictors import first_half, logistic
@@ -95,7 +95,7 @@ def undecided(tests: Tests, specimen: int, of: Form, found: Outcomes) -> tuple[i
     tuple of int, numbers of the tests
     """
     guess = drawn(of, best_guess(priors(tests.config)), tests.config.density)
-    limit = _NEAR * bounds.barrier(guess).edge_tilt
+    limit = _NEAR * proofs.barrier(guess).edge_tilt
     rows = [
         row for draw, row in found.items() if draw.specimen == specimen and draw.role is Role.MEMBER
     ]

@@ -16,7 +16,7 @@ import xarray as xr
 from pipeline.config import in_si
 from pipeline.config.layers import Site, load_file, shown
 from pipeline.config.problems import InputError, Problem
-from pipeline.config.shake_table_schema import ShakeTableConfig
+from pipeline.config.recorded_tests_schema import ShakeTableConfig
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.solid import checked
 from vsr_core.validation.priors import Priors

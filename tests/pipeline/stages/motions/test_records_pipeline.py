@@ -16,7 +16,7 @@ from support.following import following
 from pipeline import ROOT, cli
 from pipeline.config.layers import known, load_site
 from pipeline.stages.fragility.response_diagram import overturning_diagram
-from pipeline.stages.motions import shaking
+from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.record_figure import record_figure
 from pipeline.stages.motions.record_inputs import find
 from pipeline.stages.runs import scenes
@@ -174,21 +174,21 @@ def test_runs_are_known_by_samples_not_by_names(folder: Path, tmp_path: Path, ca
 
 def test_every_function_that_a_recorded_motion_enters_is_in_its_key(folder: Path) -> None:
     from vsr_core.rock import solid
-    from vsr_core.run import bounds
+    from vsr_core.run import proofs
     from vsr_core.run.cases import Settings, prepare
     from vsr_core.run.overturning import simulate
     from vsr_core.scene import Contact, Scene
 
     rock = solid.box((0.5, 0.5, 1.0), 2000.0).rock
-    case = prepare(Scene(rock, Contact(0.6)), bounds.barrier(rock), reduce=True)
+    case = prepare(Scene(rock, Contact(0.6)), proofs.barrier(rock), reduce=True)
     config = load_site(str(folder / "rock.yaml")).config
-    motions = shaking.of_store(config, Store(folder / "derived" / "rock"))
+    motions = motion_grid.of_store(config, Store(folder / "derived" / "rock"))
     with following() as entered:
-        for cell in shaking.cells(motions):
+        for cell in motion_grid.cells(motions):
             simulate(case, motions.motion(cell), Settings(0.0014))
     recorded = {name for name in entered if name.startswith("vsr_core.motions.records")}
     assert len(recorded) >= 3
-    in_key = keys.code((*scenes.code("bullet", terrain=False), *shaking.RECORD_CODE))
+    in_key = keys.code((*scenes.code("bullet", terrain=False), *motion_grid.RECORD_CODE))
     assert entered - set(in_key) == set()
 
 
@@ -206,7 +206,7 @@ def test_study_of_the_samples_goes_with_every_flat_site() -> None:
             continue
         found = load_site(name, "records")
         assert [path.stem for path in find(found, found.config.motion.files)] == names
-    motions = shaking.of_site(found)
+    motions = motion_grid.of_site(found)
     assert sorted(motions.rows) == names
     assert list(motions.pgv_pga) == sorted(motions.pgv_pga)
 
@@ -229,7 +229,7 @@ def test_a_study_elsewhere_finds_its_own_files(folder: Path, tmp_path: Path) -> 
     study = tmp_path / "study.yaml"
     study.write_text(f"motion: {{kind: record, files: mine, {NONE}, pga: 0.3}}\n")
     found = load_site("cuboid_1x1x2", str(study))
-    assert shaking.of_site(found).rows == ("one",)
+    assert motion_grid.of_site(found).rows == ("one",)
 
 
 def test_repairs_are_told(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from pipeline.stages.runs.scenes import Scenes
 from pipeline.workflow.datasets import read
 from pipeline.workflow.store import Store
 from vsr_core.rock import solid
-from vsr_core.run.bounds import barrier
+from vsr_core.run.proofs import barrier
 
 GRID = "motion: {pga: [0.01, 0.02], pgv_pga: 0.3}\ncontact: {friction: [0.6]}\n"
 
@@ -47,5 +47,5 @@ def test_code_of_terrains_decides_no_time_step(
     before = step_choice._names(scenes)
     edit_function("vsr_core/run/displacement.py", "displace", "str(1)")
     assert step_choice._names(scenes) == before
-    edit_function("vsr_core/run/bounds.py", "cannot_topple", "str(1)")
+    edit_function("vsr_core/run/proofs.py", "cannot_topple", "str(1)")
     assert step_choice._names(scenes) != before

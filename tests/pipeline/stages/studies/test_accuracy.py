@@ -11,7 +11,7 @@ import pytest
 
 from pipeline import cli
 from pipeline.drawing.style import png
-from pipeline.stages.studies.accuracy import comparing, measuring
+from pipeline.stages.studies.accuracy import comparison, worker_tasks
 from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, measured, work_precision
 from pipeline.stages.studies.accuracy.accuracy_page import _better
 from pipeline.workflow.datasets import read
@@ -33,9 +33,9 @@ def small(monkeypatch: pytest.MonkeyPatch, quick_time_step: None) -> None:
     monkeypatch.setattr(peers, "missing", lambda n: ("dartpy",) if n == "dart" else missing(n))
     monkeypatch.setattr(time_step, "SHARES", (0.012, 0.006, 0.003))
     monkeypatch.setattr(time_step, "BOX_PERIODS", (0.45, 0.6))
-    monkeypatch.setattr(measuring, "BUDGET", 0.5)
-    monkeypatch.setattr(comparing, "CELLS", 6)
-    monkeypatch.setattr(comparing, "STEPS", (1 / 500, 1 / 1000))
+    monkeypatch.setattr(worker_tasks, "BUDGET", 0.5)
+    monkeypatch.setattr(comparison, "CELLS", 6)
+    monkeypatch.setattr(comparison, "STEPS", (1 / 500, 1 / 1000))
     every = sensitivity.variations()
     few = tuple(
         v for v in every if v.what in ("as chosen", "pedestal") and v.value != "triangle mesh"

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from pipeline.stages.studies.servo import driving
+from pipeline.stages.studies.servo import drive_runs
 from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.run.bounds import barrier
+from vsr_core.run.proofs import barrier
 from vsr_core.scene import Contact, Scene
 from vsr_core.table.servo import PUBLISHED, Servo, loop, spectral_radius
 from vsr_core.verification.tracking import TableHistory, disturbance, errors, push, synthetic, track
@@ -124,9 +124,9 @@ motion: {pga: [0.1, 1.0], pgv_pga: [0.2, 0.5]}
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(driving, "ROWS", 2)
-    monkeypatch.setattr(driving, "LEVELS", 6)
-    monkeypatch.setattr(driving, "HALVINGS", 2)
+    monkeypatch.setattr(drive_runs, "ROWS", 2)
+    monkeypatch.setattr(drive_runs, "LEVELS", 6)
+    monkeypatch.setattr(drive_runs, "HALVINGS", 2)
 
 
 def test_products(
@@ -173,6 +173,6 @@ def test_an_unstable_servo_is_refused_though_it_is_idle(
 
 
 def test_a_servo_of_the_site_is_one_case_more() -> None:
-    assert len(driving.drives(HELD)) == len(driving.drives(PUBLISHED)) == 3
+    assert len(drive_runs.drives(HELD)) == len(drive_runs.drives(PUBLISHED)) == 3
     own = replace(PUBLISHED, kp=3e7)
-    assert driving.drives(own)[-1].servo == own
+    assert drive_runs.drives(own)[-1].servo == own

@@ -13,7 +13,7 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.config import hardware_schema
+from pipeline.config import table_limits_schema
 from pipeline.config.layers import TABLES, known
 from pipeline.stages.studies.capacity.feasible_figure import feasible_grid
 from vsr_core import GRAVITY
@@ -90,7 +90,7 @@ def test_without_steps_a_turn_there_are_no_motor_steps() -> None:
 
 
 def test_the_mini_shake_robot_is_as_published_and_says_what_is_not() -> None:
-    config, _ = hardware_schema.load("mini_shake_robot")
+    config, _ = table_limits_schema.load("mini_shake_robot")
     table = config.table()
     assert table.acceleration == pytest.approx(1.2 * GRAVITY)
     assert (table.velocity, table.payload, table.pulley) == (0.5, 2.0, 0.05398)
@@ -101,7 +101,7 @@ def test_the_mini_shake_robot_is_as_published_and_says_what_is_not() -> None:
 def test_every_table_can_be_loaded() -> None:
     assert "mini_shake_robot" in known(TABLES)
     for name in known(TABLES):
-        hardware_schema.load(name)
+        table_limits_schema.load(name)
 
 
 # The command

@@ -13,7 +13,7 @@ from pipeline.stages.reports import report_tables
 from pipeline.stages.reports.report import GAINS
 from pipeline.stages.runs import scenes
 from vsr_core.rock.body import Rock
-from vsr_core.run import bounds
+from vsr_core.run import proofs
 from vsr_core.run.cases import prepare
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
@@ -28,7 +28,7 @@ def rock() -> Rock:
 
 def left_out(rock: Rock) -> list[scenes.LeftOut]:
     """What a run of the rock leaves out, as a report is told."""
-    case = prepare(Scene(rock, Contact(0.6)), bounds.barrier(rock), reduce=True)
+    case = prepare(Scene(rock, Contact(0.6)), proofs.barrier(rock), reduce=True)
     return scenes.left_out(load_site("double_rock").config, case)
 
 

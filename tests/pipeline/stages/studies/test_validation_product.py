@@ -14,7 +14,7 @@ import trimesh
 import xarray as xr
 
 from pipeline import ROOT, cli
-from pipeline.config.shake_table_schema import ShakeTableConfig
+from pipeline.config.recorded_tests_schema import ShakeTableConfig
 from pipeline.stages.studies.validation import predictions, recorded_tests
 from pipeline.stages.studies.validation.recorded_runs import Draw, Role
 from pipeline.workflow.store import RunRow

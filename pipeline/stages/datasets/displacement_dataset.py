@@ -8,7 +8,7 @@ import xarray as xr
 
 from pipeline.stages.datasets.displaced_runs import overturned_runs
 from pipeline.stages.datasets.stored_runs import stored, tally
-from pipeline.stages.motions.shaking import Shaking
+from pipeline.stages.motions.motion_grid import Shaking
 from pipeline.stages.runs.displacement_runs import KIND
 from pipeline.stages.runs.study import load_study
 from pipeline.stages.runs.trajectory_packing import SAMPLE, unpack

@@ -13,7 +13,7 @@ Every theorem here assumes
   where an impact meets friction (Stronge 1990);
 
 and what its docstring adds. An engine obeys them up to its errors only: see ``simulate`` for the
-guards, and ``tests/test_bounds_hunt.py`` for the hunt after counterexamples. ``static_limits`` and
+guards, and ``tests/test_proofs_hunt.py`` for the hunt after counterexamples. ``static_limits`` and
 all that take an ``impulse`` need a(t) in advance. A servo adds to it what the rock's push and its
 own error make, also after the motion has ended, so that they must not be used there.
 

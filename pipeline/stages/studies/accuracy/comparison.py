@@ -17,8 +17,8 @@ from pipeline.config.motion_schema import PulseConfig
 from pipeline.stages.runs.scenes import Group, flat_case
 from pipeline.stages.runs.step_choice import rows_of
 from pipeline.stages.runs.study import Study
-from pipeline.stages.studies.accuracy import measuring
-from pipeline.stages.studies.accuracy.measuring import Way
+from pipeline.stages.studies.accuracy import worker_tasks
+from pipeline.stages.studies.accuracy.worker_tasks import Way
 from pipeline.workflow.cluster import Batch
 from pipeline.workflow.stage import Job
 from vsr_core import engines
@@ -110,7 +110,7 @@ def find_targets(job: Job, study: Study) -> dict[Place, Target]:
     names = installed()
     batches = (Batch(yaw, ((ratio, names),)) for yaw, ratio in _places(study.scenes.rock))
     job.log("accuracy: references of the boundaries")
-    done = job.cluster.each(measuring.find_target, batches, partial(_case, study))
+    done = job.cluster.each(worker_tasks.find_target, batches, partial(_case, study))
     found = {(yaw, ratio): target for yaw, (ratio, _), target in done if target is not None}
     return {place: target for place, target in sorted(found.items()) if target.passing}
 
@@ -144,7 +144,7 @@ def score_ways(job: Job, study: Study, targets: dict[Place, Target]) -> list[Rec
     job.log(f"accuracy: {len(ways)} ways of running on {len(targets)} boundaries")
     batches = (Batch(place, (way,)) for way in ways for place in targets)
     scored: dict[Way, list[Score]] = defaultdict(list)
-    for _, _, results in job.cluster.each(measuring.score, batches, shared):
+    for _, _, results in job.cluster.each(worker_tasks.score, batches, shared):
         for way, found in results or ():
             scored[way].append(found)
     return [
@@ -206,7 +206,7 @@ def sample_cells(job: Job, study: Study) -> list[SampledCell]:
     found = [
         SampledCell(yaw, pgv_pga, in_si.in_g(pga), dict(zip(every, outcomes, strict=True)))
         for yaw, (pgv_pga, pga), outcomes in job.cluster.each(
-            measuring.run_cells, batches(), shared
+            worker_tasks.run_cells, batches(), shared
         )
         if outcomes is not None
     ]
@@ -258,7 +258,7 @@ def run_suite(job: Job) -> list[Record]:
     ]
     job.log(f"accuracy: reference suite, {len(items)} cases")
     batches = (Batch(STEPS, (item,)) for item in items)
-    done = job.cluster.each(measuring.run_reference, batches, lambda steps: steps)
+    done = job.cluster.each(worker_tasks.run_reference, batches, lambda steps: steps)
     found = [result for _, _, results in done for result in results or ()]
     return [
         record(

@@ -15,10 +15,10 @@ from pipeline.workflow.cluster import Batch
 from pipeline.workflow.stage import Job
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.motions.records.recorded_motion import RecordedMotion
-from vsr_core.run.bounds import Barrier
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.input_checks import PERIOD_SHARE
 from vsr_core.run.overturning import simulate
+from vsr_core.run.proofs import Barrier
 from vsr_core.scene import Scene
 from vsr_core.table.servo import PUBLISHED, Servo, spectral_radius
 from vsr_core.verification.boundary_search import Bracket, first_boundary, verdict

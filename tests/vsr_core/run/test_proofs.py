@@ -21,10 +21,10 @@ from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.rock.tipping import tipping
-from vsr_core.run import bounds, loop, overturning
-from vsr_core.run.bounds import Barrier, barrier, reachable_energy, static_limits
+from vsr_core.run import loop, overturning, proofs
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.loop import Run
+from vsr_core.run.proofs import Barrier, barrier, reachable_energy, static_limits
 from vsr_core.scene import Contact, Scene
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.verification.time_step import step_unit
@@ -300,7 +300,7 @@ class Watched(overturning.OverturningRules):
         impulse = run.motion.remaining_impulse(run.time)
         arguments = (self.limits, run.tilt, self.energy, impulse)
         falls = run.tilt > self.limits.toppled_tilt and self._falls_on(run)
-        claim = bounds.cannot_topple(*arguments), bounds.cannot_return(*arguments), falls
+        claim = proofs.cannot_topple(*arguments), proofs.cannot_return(*arguments), falls
         self.claims.append((run.tilt, *claim))
         return super()._decided(run)
 

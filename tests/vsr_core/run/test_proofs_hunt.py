@@ -1,4 +1,4 @@
-"""Hunts for counterexamples to the theorems of ``vsr_core.run.bounds``, without a physics engine.
+"""Hunts for counterexamples to the theorems of ``vsr_core.run.proofs``, without a physics engine.
 
 A rock at rest is asked for contact forces, rocks in motion are followed by ``step`` below: pushed,
 sliding, spinning and bouncing. Each property comes twice: quick, and slow with 100,000 cases or
@@ -24,7 +24,7 @@ from scipy.spatial import ConvexHull
 
 from vsr_core import GRAVITY
 from vsr_core.rock.body import Rock
-from vsr_core.run.bounds import (
+from vsr_core.run.proofs import (
     Barrier,
     barrier,
     cannot_be_stopped,
