@@ -14,13 +14,13 @@ from matplotlib.patheffects import withStroke
 from pipeline.drawing import style
 from pipeline.stages.fragility.summary import undecided
 from pipeline.workflow.datasets import label, rows_of
-from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import DecidedBy, Outcome
 
 PROVED, UPRIGHT, OVERTURNED, UNDECIDED = range(4)
 """What a cell of the diagram shows."""
 
-MOST_NAMED, LONGEST = 16, 14
+_MOST_NAMED, _LONGEST = 16, 14
 """Records named at the side of a diagram, and letters of a name."""
 
 _KINDS = (
@@ -45,6 +45,10 @@ def overturning_diagram(
         Positions of the yaw and of the friction.
     name : str
         Title.
+
+    Returns
+    -------
+    Figure
     """
     figure = Figure(figsize=(4.3, 4.4))
     axes = figure.add_axes((0.125, 0.3, 0.85, 0.63))
@@ -60,7 +64,7 @@ def overturning_diagram(
     return figure
 
 
-def shown(runs: xr.Dataset) -> Indices:
+def _shown(runs: xr.Dataset) -> Indices:
     """Classify each cell of a diagram, shape (rows, pga), as one of the kinds above."""
     kinds = np.where(runs["overturned"].values == 1, OVERTURNED, UPRIGHT)
     proved = runs["decided_by"].values == DecidedBy.NO_UPLIFT_BOUND
@@ -69,7 +73,7 @@ def shown(runs: xr.Dataset) -> Indices:
     return kinds
 
 
-def heights(data: xr.Dataset) -> Array:
+def _heights(data: xr.Dataset) -> Array:
     """Where the rows of a diagram lie: at their PGV/PGA [s], records one above the other."""
     if rows_of(data) == "record":
         return np.arange(data.sizes["record"], dtype=np.float64)
@@ -81,10 +85,10 @@ def _rows(axes: Axes, runs: xr.Dataset) -> None:
     if rows_of(runs) == "pgv_pga":
         axes.set_ylabel("PGV/PGA [s]")
         return
-    shown_every = -(-runs.sizes["record"] // MOST_NAMED)
-    places = heights(runs)[::shown_every]
+    shown_every = -(-runs.sizes["record"] // _MOST_NAMED)
+    places = _heights(runs)[::shown_every]
     names = [
-        f"{name[:LONGEST]}\n{ratio:.3g} s"
+        f"{name[:_LONGEST]}\n{ratio:.3g} s"
         for name, ratio in zip(runs["record"].values, runs["pgv_pga"].values, strict=True)
     ]
     axes.set_yticks(places, names[::shown_every], fontsize=7)
@@ -93,8 +97,8 @@ def _rows(axes: Axes, runs: xr.Dataset) -> None:
 
 
 def _cells(axes: Axes, runs: xr.Dataset) -> None:
-    pga, ratio = runs["pga"].values, heights(runs)
-    kinds = shown(runs)
+    pga, ratio = runs["pga"].values, _heights(runs)
+    kinds = _shown(runs)
     colours = {kind: colour for kind, colour, _ in _KINDS}
     axes.pcolormesh(
         style.cell_edges(pga),
@@ -111,40 +115,26 @@ def _cells(axes: Axes, runs: xr.Dataset) -> None:
         if text and (kinds == kind).any():
             axes.plot([], [], "s", ms=7, color=colour, label=text)
     size = 220.0 / max(pga.size, ratio.size)  # of a cell, in points
-    _marks(axes, runs, runs["outcome"].values == Outcome.DISPLACED, "displaced", size)
-    _marks(axes, runs, kinds == UNDECIDED, "undecided", size)
-
-
-def _marks(axes: Axes, runs: xr.Dataset, cells: Mask, gid: str, size: float) -> None:
-    if not cells.any():
-        return
-    row, column = np.nonzero(cells)
-    x, y = runs["pga"].values[column], heights(runs)[row]
-    if gid == "displaced":
-        axes.plot(
-            x,
-            y,
-            ".",
-            color="white",
-            ms=float(np.clip(0.6 * size, 1.8, 6.0)),
-            mew=0,
-            gid=gid,
-        )
+    row, column = np.nonzero(runs["outcome"].values == Outcome.DISPLACED)
+    if row.size:
+        dot: Any = {"ls": "", "marker": ".", "color": "white", "mew": 0, "gid": "displaced"}
+        axes.plot(pga[column], ratio[row], ms=float(np.clip(0.6 * size, 1.8, 6.0)), **dot)
         key: Any = {"ms": 5, "mfc": "white", "mec": style.UPRIGHT, "mew": 2.5}
         axes.plot([], [], "s", label="upright, but slid", **key)
-        return
-    axes.plot(
-        x,
-        y,
-        "x",
-        color="black",
-        ms=float(np.clip(0.8 * size, 5.0, 10.0)),  # one in 2,500 must be seen
-        mew=1.6,
-        zorder=6,
-        path_effects=[withStroke(linewidth=3.2, foreground="white")],
-        label=f"UNDECIDED ({len(x)})",
-        gid=gid,
-    )
+    row, column = np.nonzero(kinds == UNDECIDED)
+    if row.size:
+        axes.plot(
+            pga[column],
+            ratio[row],
+            "x",
+            color="black",
+            ms=float(np.clip(0.8 * size, 5.0, 10.0)),  # one in 2,500 must be seen
+            mew=1.6,
+            zorder=6,
+            path_effects=[withStroke(linewidth=3.2, foreground="white")],
+            label=f"UNDECIDED ({row.size})",
+            gid="undecided",
+        )
 
 
 def _boundary(axes: Axes, fit: xr.Dataset) -> None:
@@ -152,16 +142,9 @@ def _boundary(axes: Axes, fit: xr.Dataset) -> None:
     lower, upper = fit["last_balanced_pga"].values, fit["first_overturning_pga"].values
     both = np.isfinite(lower) & np.isfinite(upper)
     if both.any():
-        axes.hlines(
-            heights(fit)[both],
-            lower[both],
-            upper[both],
-            color="black",
-            lw=1.0,
-            label="interval of the first overturning",
-            gid="boundary",
-            zorder=3,
-        )
+        look: Any = {"color": "black", "lw": 1.0, "zorder": 3, "gid": "boundary"}
+        name = "interval of the first overturning"
+        axes.hlines(_heights(fit)[both], lower[both], upper[both], label=name, **look)
 
 
 def _model(axes: Axes, fit: xr.Dataset) -> None:
@@ -170,60 +153,20 @@ def _model(axes: Axes, fit: xr.Dataset) -> None:
     if name not in fit["model"].values:
         return
     model = fit.sel(model=name)
-    ratio, pga = heights(fit), fit["pga"].values
+    ratio, pga = _heights(fit), fit["pga"].values
     median = model["median_pga"].values
-    inside = (median >= pga[0]) & (median <= pga[-1])
+    inside = np.where((median >= pga[0]) & (median <= pga[-1]), median, np.nan)
     lower, upper = model["median_pga_interval"].values.T
     known = ~np.isnan(lower) & ~np.isnan(upper) & (upper >= pga[0]) & (lower <= pga[-1])
-    if rows_of(fit) == "record":
-        ends = np.clip([lower, upper], pga[0], pga[-1])[:, known]
-        _model_of_records(axes, name, np.where(inside, median, np.nan), ratio[known], ends)
+    ends = np.clip(np.where(known, [lower, upper], pga[0]), pga[0], pga[-1])
+    line: Any = {"label": f"{name} model, median", "gid": "median", "zorder": 5}
+    band: Any = {"label": "95 % interval of that median", "gid": "interval", "zorder": 4}
+    if rows_of(fit) == "record":  # each record for itself: nothing lies between two of them
+        axes.plot(inside, ratio, "D", ms=6, mfc=style.MODEL, mec="black", **line)
+        rows = ratio[known], *ends[:, known]
+        axes.hlines(*rows, lw=3.0, color=style.MODEL, alpha=0.75, **band)
         return
-    axes.plot(
-        np.where(inside, median, np.nan),
-        ratio,
-        color=style.MODEL,
-        lw=1.6,
-        path_effects=[withStroke(linewidth=2.8, foreground="black")],
-        label=f"{name} model, median",
-        gid="median",
-        zorder=5,
-    )
-    axes.fill_betweenx(
-        ratio,
-        np.clip(np.where(known, lower, pga[0]), pga[0], pga[-1]),
-        np.clip(np.where(known, upper, pga[0]), pga[0], pga[-1]),
-        where=known,
-        facecolor=style.MODEL,
-        alpha=0.55,
-        lw=0,
-        label="95 % interval of that median",
-        gid="interval",
-        zorder=4,
-    )
-
-
-def _model_of_records(axes: Axes, name: str, median: Array, rows: Array, ends: Array) -> None:
-    """Median and interval of a model, each record for itself: nothing lies between two of them."""
-    axes.plot(
-        median,
-        np.arange(len(median)),
-        "D",
-        ms=6,
-        mfc=style.MODEL,
-        mec="black",
-        label=f"{name} model, median",
-        gid="median",
-        zorder=5,
-    )
-    axes.hlines(
-        rows,
-        ends[0],
-        ends[1],
-        lw=3.0,
-        color=style.MODEL,
-        alpha=0.75,
-        label="95 % interval of that median",
-        gid="interval",
-        zorder=4,
-    )
+    rim = [withStroke(linewidth=2.8, foreground="black")]
+    axes.plot(inside, ratio, color=style.MODEL, lw=1.6, path_effects=rim, **line)
+    filled: Any = {"facecolor": style.MODEL, "alpha": 0.55, "lw": 0}
+    axes.fill_betweenx(ratio, ends[0], ends[1], where=known, **filled, **band)

@@ -15,7 +15,7 @@ from pipeline.drawing import style
 from pipeline.stages.fragility.summary import weak_directions
 from vsr_core.arrays import Array
 
-MOST_FACES = 60_000
+_MOST_FACES = 60_000
 """A finer surface is thinned: more is not seen, and costs seconds."""
 
 _VIEWS = (
@@ -36,6 +36,10 @@ def rock_views(rock: xr.Dataset) -> Figure:
     ----------
     rock : Dataset
         As in ``rock.nc``.
+
+    Returns
+    -------
+    Figure
     """
     vertices = rock["surface_vertex"].values.astype(float)
     vertices, faces = _thinned(vertices, rock["surface_face"].values)
@@ -149,7 +153,7 @@ def _span(low: float, high: float, tips: Array, room: float) -> tuple[float, flo
 
 def _thinned(vertices: Array, faces: Any) -> tuple[Array, Any]:
     """Thin a surface: the vertices of one cell of a fine lattice become one."""
-    if len(faces) <= MOST_FACES:
+    if len(faces) <= _MOST_FACES:
         return vertices, faces
     cell = np.ptp(vertices, axis=0).max() / 120.0
     _, first, merged = np.unique(

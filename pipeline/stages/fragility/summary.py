@@ -17,7 +17,7 @@ LONG_PULSE = 0.2
 """PGV/PGA [s] from which rows count towards the typical first-overturning PGA: below it the
 boundary climbs steeply and says more about the grid's shortest pulse than about the rock."""
 
-WINDOW = 15
+_WINDOW = 15
 """Half-width [degree] over which a weak direction is the weakest."""
 
 
@@ -43,9 +43,20 @@ class Weak:
 
 
 def weak_directions(rock: xr.Dataset, most: int = 5) -> list[Weak]:
-    """Local minima of the tipping PGA over the circle, weakest first, ``most`` at the most."""
+    """Local minima of the tipping PGA over the circle.
+
+    Parameters
+    ----------
+    rock : Dataset
+        As in ``rock.nc``.
+    most : int
+
+    Returns
+    -------
+    list of Weak, weakest first, ``most`` at the most
+    """
     pga = np.round(rock["tipping_pga"].values, 6)  # symmetric directions differ in the last digits
-    lowest = np.min([np.roll(pga, turn) for turn in range(-WINDOW, WINDOW + 1)], axis=0)
+    lowest = np.min([np.roll(pga, turn) for turn in range(-_WINDOW, _WINDOW + 1)], axis=0)
     least = pga == lowest
     starts = [int(i) for i in np.flatnonzero(least & ~np.roll(least, 1))] or [int(np.argmin(pga))]
     middles = [(i + _run(np.roll(least, -i)) // 2) % pga.size for i in starts]
@@ -57,31 +68,70 @@ def weak_directions(rock: xr.Dataset, most: int = 5) -> list[Weak]:
 
 
 def static_pga(rock: xr.Dataset, yaw: Array) -> Array:
-    """Steady acceleration [g] that topples the rock one way or the other along the shaking.
+    """Steady acceleration that topples the rock in either direction along the shaking.
 
-    The pulse pushes both ways with the same peak, so the weaker way counts.
+    The pulse pushes both ways with the same peak, so the weaker direction counts.
+
+    Parameters
+    ----------
+    rock : Dataset
+        As in ``rock.nc``.
+    yaw : ndarray [degree]
+
+    Returns
+    -------
+    ndarray [g]
     """
     circle = np.append(rock["tipping_pga"].values, rock["tipping_pga"].values[0])
     degrees = np.arange(circle.size, dtype=float)
-    ways = [np.interp((turn - yaw) % 360.0, degrees, circle) for turn in (180.0, 0.0)]
-    weaker: Array = np.minimum(*ways)
+    directions = [np.interp((turn - yaw) % 360.0, degrees, circle) for turn in (180.0, 0.0)]
+    weaker: Array = np.minimum(*directions)
     return weaker
 
 
 def long_rows(ratios: Array) -> Mask:
-    """Rows with PGV/PGA of at least ``LONG_PULSE``; all of them if there is none."""
+    """Rows with PGV/PGA of at least ``LONG_PULSE``; all of them if there is none.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (rows,) [s]
+
+    Returns
+    -------
+    ndarray of bool, shape (rows,)
+
+    >>> long_rows(np.array([0.1, 0.2, 0.4])).tolist()
+    [False, True, True]
+    """
     rows = ratios >= LONG_PULSE - 1e-9
     return rows if rows.any() else np.ones_like(rows)
 
 
 def long_rows_in_words(ratios: Array) -> str:
-    """Name the rows that ``long_rows`` takes."""
+    """Name the rows that ``long_rows`` takes.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (rows,) [s]
+
+    Returns
+    -------
+    str
+
+    >>> long_rows_in_words(np.array([0.01, 0.1]))
+    'all PGV/PGA'
+    """
     least = ratios[long_rows(ratios)].min()
     return "all PGV/PGA" if least < LONG_PULSE - 1e-9 else f"PGV/PGA ≥ {LONG_PULSE:g} s"
 
 
 def typical_pga(fragility: xr.Dataset) -> tuple[Array, Array]:
     """Median over the long rows of the last balanced and of the first overturning PGA.
+
+    Parameters
+    ----------
+    fragility : Dataset
+        As in ``fragility.nc``.
 
     Returns
     -------
@@ -102,7 +152,17 @@ def typical_pga(fragility: xr.Dataset) -> tuple[Array, Array]:
 
 
 def groups(data: xr.Dataset) -> Iterator[tuple[tuple[int, int], str]]:
-    """Place and name of each (yaw, friction)."""
+    """Each yaw and friction.
+
+    Parameters
+    ----------
+    data : Dataset
+
+    Yields
+    ------
+    place : tuple of int, positions of the yaw and of the friction
+    name : str
+    """
     several = data.sizes["friction"] > 1
     for i, k in np.ndindex(data.sizes["yaw"], data.sizes["friction"]):
         friction = f", friction {float(data['friction'][k]):g}" if several else ""
@@ -110,14 +170,37 @@ def groups(data: xr.Dataset) -> Iterator[tuple[tuple[int, int], str]]:
 
 
 def undecided(responses: xr.Dataset) -> Mask:
-    """Find the runs without a verdict."""
+    """Find the runs without a verdict.
+
+    Parameters
+    ----------
+    responses : Dataset
+        As in ``responses.nc``, or a part of it.
+
+    Returns
+    -------
+    ndarray of bool, of the shape of the responses
+    """
     codes = [outcome.value for outcome in Outcome if outcome.overturned == -1]
     outcome = responses["outcome"].values
     return np.isin(outcome, codes) | (responses["overturned"].values < 0)
 
 
 def between(lower: float, upper: float, grid: Any) -> str:
-    """Say an interval of PGA in words, against the ends of the tested PGA."""
+    """Say an interval of PGA in words, against the ends of the tested PGA.
+
+    Parameters
+    ----------
+    lower, upper : float [g]
+    grid : array_like, tested PGA [g]
+
+    Returns
+    -------
+    str
+
+    >>> between(0.1, 0.2, [0.1, 0.9]), between(0.9, math.inf, [0.1, 0.9])
+    ('0.100 to 0.200 g', 'above 0.900 g')
+    """
     least, most = float(np.min(grid)), float(np.max(grid))
     if math.isnan(upper):
         return "not known"

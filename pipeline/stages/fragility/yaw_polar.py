@@ -12,7 +12,7 @@ from pipeline.drawing import style
 from pipeline.stages.fragility.summary import long_rows_in_words, static_pga, typical_pga
 from vsr_core.arrays import Array
 
-WIDEST_GAP = 60.0
+_WIDEST_GAP = 60.0
 """Yaws [degree] further apart than this are not joined by a line."""
 
 
@@ -24,6 +24,10 @@ def fragility_by_yaw(fragility: xr.Dataset, rock: xr.Dataset) -> Figure:
     ----------
     fragility, rock : Dataset
         As in ``fragility.nc`` and ``rock.nc``.
+
+    Returns
+    -------
+    Figure
     """
     figure = Figure(figsize=(8.6, 4.5))
     share, first = panels = [_circle(figure, left) for left in (0.05, 0.55)]
@@ -109,7 +113,7 @@ def _ring(axes: PolarAxes, yaw: Array, radius: Array, number: int, name: str, gi
     turn, radius = (yaw % 360.0)[order], radius[order]
     gaps = np.diff(np.append(turn, turn[0] + 360.0))
     colour = style.SERIES[number % len(style.SERIES)]
-    if gaps.max() <= WIDEST_GAP:
+    if gaps.max() <= _WIDEST_GAP:
         around, closed = np.radians(np.append(turn, turn[0])), np.append(radius, radius[0])
         axes.plot(around, closed, color=colour, lw=1.4)
         axes.fill(around, closed, color=colour, alpha=0.08)

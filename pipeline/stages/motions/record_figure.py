@@ -12,10 +12,10 @@ from pipeline.workflow.datasets import label, split
 from vsr_core import GRAVITY
 from vsr_core.motions.records.trace import Trace
 
-BESIDE = 0.25
+_BESIDE = 0.25
 """What is shown of the zeros at each end, at most, as a share of the record's length."""
 
-ROOM = 1.15
+_ROOM = 1.15
 """Half-height of a panel, in units of the processed motion's peak."""
 
 
@@ -62,7 +62,7 @@ def _histories(panels: list[Axes], one: xr.Dataset, before: xr.Dataset) -> None:
         axes.plot(times, values, color=style.SERIES[0], lw=0.9, label="processed", gid=name)
         peak = int(np.abs(values).argmax())
         axes.plot(times[peak], values[peak], "o", ms=4, color=style.OVERTURNED, label="peak")
-        axes.set_ylim(-ROOM * abs(values[peak]), ROOM * abs(values[peak]))
+        axes.set_ylim(-_ROOM * abs(values[peak]), _ROOM * abs(values[peak]))
         for span in ((-start, 0.0), (raw.duration, raw.duration + start)):
             axes.axvspan(*span, color="#f1f1ee", lw=0, zorder=0)
         axes.axhline(0.0, color=style.INK, lw=0.4)
@@ -73,7 +73,7 @@ def _histories(panels: list[Axes], one: xr.Dataset, before: xr.Dataset) -> None:
     panels[2].set_xlabel(
         "time since the first sample as recorded [s]; shaded: zeros for the filter"
     )
-    beside = min(start, BESIDE * raw.duration)
+    beside = min(start, _BESIDE * raw.duration)
     panels[0].set_xlim(-beside, raw.duration + beside)
 
 

@@ -50,6 +50,15 @@ class Ready:
 def find(site: Site, files: tuple[str, ...]) -> list[Path]:
     """The files named as ``motion.files``, those of folders by name.
 
+    Parameters
+    ----------
+    site : Site
+    files : tuple of str
+
+    Returns
+    -------
+    list of Path
+
     Raises
     ------
     InputError
@@ -112,9 +121,17 @@ def each(file: str, paths: list[Path], load: Callable[[Path], Loaded]) -> list[L
 
 
 def digests(site: Site) -> dict[str, str]:
-    """Digests of the files, by name, for the key of what is made of them.
+    """Digests of the files of records, for the key of what is made of them.
 
     All are read first: what cannot be used is refused before any work starts.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    dict from file name to digest
     """
     motion = site.config.motion
     if not isinstance(motion, RecordConfig):
@@ -127,7 +144,16 @@ def digests(site: Site) -> dict[str, str]:
 
 
 def load(site: Site, motion: RecordConfig) -> tuple[Ready, ...]:
-    """The records, processed, by ascending PGV/PGA.
+    """The records of a site, processed.
+
+    Parameters
+    ----------
+    site : Site
+    motion : RecordConfig
+
+    Returns
+    -------
+    tuple of Ready, by ascending PGV/PGA
 
     Raises
     ------

@@ -22,7 +22,18 @@ Loaded = tuple[tuple[str, ...], tuple["SampledMotion", ...], tuple[float, ...]]
 
 
 def digests(site: Site) -> dict[str, str]:
-    """Digests of the files, by name, for the key of what is made of them; all are read first."""
+    """Digests of the files of table motions, for the key of what is made of them.
+
+    All are read first.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    dict from file name to digest
+    """
     motion = site.config.motion
     if not isinstance(motion, TableMotionConfig) or motion.files is None:
         return {}
@@ -32,6 +43,15 @@ def digests(site: Site) -> dict[str, str]:
 
 def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
     """The motions in the files of a site.
+
+    Parameters
+    ----------
+    site : Site
+    motion : TableMotionConfig
+
+    Returns
+    -------
+    Loaded
 
     Raises
     ------
@@ -48,7 +68,18 @@ def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
 
 
 def dataset(job: Job, motion: TableMotionConfig) -> tuple[xr.Dataset, str]:
-    """The motions as they are in the files, their peaks, and a line about them."""
+    """The motions as they are in the files, and their peaks.
+
+    Parameters
+    ----------
+    job : Job
+    motion : TableMotionConfig
+
+    Returns
+    -------
+    data : Dataset
+    summary : str
+    """
     names, motions, ratios = of_site(job.site, motion)
     samples = np.concatenate([one.samples for one in motions])
     data = xr.Dataset(
@@ -73,7 +104,17 @@ def dataset(job: Job, motion: TableMotionConfig) -> tuple[xr.Dataset, str]:
 
 
 def of_dataset(data: Any) -> Loaded:
-    """The motions from the product."""
+    """The motions from the product.
+
+    Parameters
+    ----------
+    data : Dataset
+        As in ``motions.nc``.
+
+    Returns
+    -------
+    Loaded
+    """
     motions = tuple(
         SampledMotion(
             one["table_time"].values,
@@ -86,7 +127,16 @@ def of_dataset(data: Any) -> Loaded:
 
 
 def named(pulses: tuple[AxisPulseConfig, ...]) -> str:
-    """Pulses on axes in words, e.g. "x, 0.5 z of 0.2 s"."""
+    """Pulses on axes in words.
+
+    Parameters
+    ----------
+    pulses : tuple of AxisPulseConfig
+
+    Returns
+    -------
+    str, e.g. "x, 0.5 z of 0.2 s"
+    """
     words = []
     for pulse in pulses:
         share = "" if pulse.share == 1.0 else f"{pulse.share:g} "

@@ -36,16 +36,16 @@ GAINS = Path(__file__).with_name("reduction_gains.yaml")
 """CPU time without a reduction over that with it, on the surrogate of Double Rock, by the
 reduction's name; `python -m benchmarks.reductions` measures it."""
 
-MOST_LISTED = 500
+_MOST_LISTED = 500
 """Runs without a verdict that are listed one by one."""
 
-MOST_DRAWN = 12
+_MOST_DRAWN = 12
 """Records that are drawn; the others are in the table."""
 
-MANY = 4
+_MANY = 4
 """Evenly spaced values beyond this number are shown as a range."""
 
-PAPER = (
+_PAPER = (
     "Chen, Z., Arrowsmith, R., Das, J., Wittich, C., Madugo, C. & Kottke, A. (2024). Virtual Shake "
     "Robot: Simulating Dynamics of Precariously Balanced Rocks for Overturning and "
     "Large-displacement Processes. Seismica 3(1). doi:10.26443/seismica.v3i1.692"
@@ -53,7 +53,17 @@ PAPER = (
 
 
 def make(job: Job) -> Product:
-    """Draw the figures and fill in the page."""
+    """Draw the figures and fill in the page.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+        ``report.html``.
+    """
     rock, responses, fragility = (read(job.path(name)) for name in (ROCK, RESPONSES, FRAGILITY))
     facts = _facts(job, rock, responses, fragility)
     text = pages.filled(FILE, facts)
@@ -76,7 +86,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         "long_rows": long_rows_in_words(fragility["pgv_pga"].values),
         "grid": {name: [float(responses[name][i]) for i in (0, -1)] for name in ("pga", "pgv_pga")},
         "counts": report_tables.counts(responses),
-        "unresolved": report_tables.unresolved(responses, MOST_LISTED),
+        "unresolved": report_tables.unresolved(responses, _MOST_LISTED),
         "boundary": report_tables.boundary(fragility),
         "models": report_tables.models(fragility),
         **_pictures(rock, responses, fragility),
@@ -88,7 +98,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         ),
         "time_steps": report_tables.time_steps(responses),
         "simulation": job.config.simulation,
-        "settings": settings(job.config),
+        "settings": _settings(job.config),
         "command": command(job.site),
         "versions": json.loads(responses.attrs["vsr_versions_json"]),
         "keys": {
@@ -96,7 +106,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
             for name, data in ((ROCK, rock), (RESPONSES, responses), (FRAGILITY, fragility))
         },
         "timings": _timings(job.store.notes("runs")),
-        "paper": PAPER,
+        "paper": _PAPER,
         "files": {"responses": RESPONSES, "fragility": FRAGILITY, "table": TABLE},
     }
 
@@ -121,7 +131,7 @@ def _records(job: Job) -> dict[str, Any]:
         return {"records": [], "processing": None}
     motions = read(job.path(MOTIONS))
     rows = report_tables.records(motions)
-    for number, row in enumerate(rows[:MOST_DRAWN]):
+    for number, row in enumerate(rows[:_MOST_DRAWN]):
         row["image"] = png_uri(record_figure(motions, number))
     return {"records": rows, "processing": job.config.motion.processing}
 
@@ -134,14 +144,23 @@ def _tables(job: Job, responses: Any) -> list[str]:
     return [str(name) for name in responses["record"].values]
 
 
-def settings(config: Config) -> str:
+def _settings(config: Config) -> str:
     """Write the resolved configuration as YAML, evenly spaced values as a range again."""
     tree = _shorter(config.model_dump(mode="json"))
     return str(yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, width=90))
 
 
 def command(site: Site) -> list[str]:
-    """Arguments, as a shell takes them: the site, and what was set beyond its file."""
+    """Arguments that make the report again, as a shell takes them.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    list of str, the site, and what was set beyond its file
+    """
     name = site.name if site.file == f"configs/sites/{site.name}.yaml" else site.file
     shared = name in known(SITES)
     try:
@@ -173,7 +192,7 @@ def _shorter(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _shorter(inner) for key, inner in value.items()}
     numbers = isinstance(value, (list, tuple)) and all(isinstance(v, (int, float)) for v in value)
-    if numbers and len(value) > MANY:
+    if numbers and len(value) > _MANY:
         evenly = Range(start=value[0], stop=value[-1], num=len(value))
         if evenly.values() == tuple(value):
             return evenly.model_dump()

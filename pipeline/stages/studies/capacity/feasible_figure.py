@@ -15,7 +15,7 @@ from pipeline.drawing import style
 from pipeline.workflow.datasets import label
 from vsr_core.fragility.boundary import locate
 
-LINES = (
+_LINES = (
     ("acceleration_pga", "acceleration", "solid"),
     ("velocity_pga", "velocity", (0, (5, 2))),
     ("stroke_pga", "stroke", (0, (1, 1.5))),
@@ -35,6 +35,10 @@ def feasible_grid(feasible: xr.Dataset, responses: xr.Dataset | None) -> Figure:
         As in ``feasible.nc``.
     responses : Dataset or None
         As in ``responses.nc``; its first friction is drawn.
+
+    Returns
+    -------
+    Figure
     """
     figure = Figure(figsize=(5.6, 5.2))
     axes = figure.add_axes((0.11, 0.24, 0.86, 0.69))
@@ -82,7 +86,7 @@ def _cells(axes: Axes, feasible: xr.Dataset) -> None:
 def _limits(axes: Axes, feasible: xr.Dataset) -> None:
     pga, ratio = feasible["pga"].values, feasible["pgv_pga"].values
     dense = np.linspace(ratio[0], ratio[-1], 400)
-    for name, text, dashes in LINES:
+    for name, text, dashes in _LINES:
         values = feasible[name].values
         # 1 / PGA goes as a power of the ratio, so it is drawn between the rows as on them
         end = np.exp(np.interp(np.log(dense), np.log(ratio), np.log(values)))

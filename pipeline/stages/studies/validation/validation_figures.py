@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -24,12 +27,31 @@ def _panels(tests: Tests) -> tuple[Figure, list[Axes]]:
     return figure, axes
 
 
+def _square(axes: Axes, specimen: int, margin: float, names: Sequence[str]) -> None:
+    """Shares against shares, with the diagonal."""
+    axes.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
+    ends = (-margin, 1.0 + margin)
+    axes.set(xlim=ends, ylim=ends, xlabel=names[0], ylabel=names[1], aspect="equal")
+    axes.set_title(f"specimen {specimen}")
+
+
 @styled
 def reliability(tests: Tests, made: Predictions) -> Figure:
-    """Share of tests that overturned against predicted probability, in classes."""
+    """Share of tests that overturned against predicted probability, in classes.
+
+    Parameters
+    ----------
+    tests : Tests
+    made : Predictions
+
+    Returns
+    -------
+    Figure
+    """
     figure, panels = _panels(tests)
     for axes, (row, specimen, observed) in zip(panels, predictions.compared(tests), strict=False):
-        axes.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
+        names = ("predicted probability of overturning", "share of tests that overturned")
+        _square(axes, specimen, 0.03, names)
         kinds = (
             ("priors only, all tests", made.share[row], np.ones(len(observed), dtype=bool)),
             ("calibrated, other half", made.calibrated[row], ~made.half),
@@ -52,62 +74,64 @@ def reliability(tests: Tests, made: Predictions) -> Figure:
                     str(n), (x + shift, y), xytext=(4, -9 + 14 * k), fontsize=6.5,
                     textcoords="offset points", color=SERIES[k],
                 )  # fmt: skip
-        axes.set(
-            title=f"specimen {specimen}",
-            xlabel="predicted probability of overturning",
-            ylabel="share of tests that overturned",
-            xlim=(-0.03, 1.03),
-            ylim=(-0.03, 1.03),
-            aspect="equal",
-        )
         axes.legend(loc="upper left")
     return figure
 
 
 @styled
 def roc(tests: Tests, made: Predictions) -> Figure:
-    """Tests rightly against wrongly predicted to overturn, over all limits of probability."""
+    """Tests correctly against wrongly predicted to overturn, over all limits of probability.
+
+    Parameters
+    ----------
+    tests : Tests
+    made : Predictions
+
+    Returns
+    -------
+    Figure
+    """
     from sklearn.metrics import roc_auc_score, roc_curve
 
     figure, panels = _panels(tests)
     for axes, (row, specimen, observed) in zip(panels, predictions.compared(tests), strict=False):
-        axes.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
+        names = ("balanced tests", "overturned tests")
+        _square(axes, specimen, 0.02, [f"share of {one} predicted to overturn" for one in names])
         points = 0
         for k, (name, known) in enumerate(predictions.predictors(tests, made, row).items()):
             sides, probability = known.sides, known.probability
             if probability is not None:
                 false, right, _ = roc_curve(observed, probability)
                 area = roc_auc_score(observed, probability)
-                axes.plot(
-                    false, right, color=SERIES[k % 6], lw=1.2, label=f"{name}, area {area:.3f}"
-                )
+                text = f"{name}, area {area:.3f}"
+                axes.plot(false, right, color=SERIES[k % 6], lw=1.2, label=text)
             elif known.origin is not Origin.CONSTANT:
-                marker = MARKERS[points % 6]
+                place = sides[~observed].mean(), sides[observed].mean()
+                look: Any = {"mfc": "none", "color": INK, "lw": 0, "label": name}
+                axes.plot(*place, MARKERS[points % 6], ms=5, **look)
                 points += 1
-                right_share, false_share = sides[observed].mean(), sides[~observed].mean()
-                axes.plot(
-                    false_share, right_share, marker, ms=5, mfc="none", color=INK, lw=0, label=name
-                )
-        axes.set(
-            title=f"specimen {specimen}",
-            xlabel="share of balanced tests predicted to overturn",
-            ylabel="share of overturned tests predicted so",
-            xlim=(-0.02, 1.02),
-            ylim=(-0.02, 1.02),
-            aspect="equal",
-        )
         axes.legend(loc="lower right", fontsize=6.5)
     return figure
 
 
 @styled
 def fragility(tests: Tests, made: Predictions) -> Figure:
-    """Fragility curves of the experiment and of the ensemble, over PGA and PGV."""
+    """Fragility curves of the experiment and of the ensemble, over PGA and PGV.
+
+    Parameters
+    ----------
+    tests : Tests
+    made : Predictions
+
+    Returns
+    -------
+    Figure
+    """
     known = list(predictions.compared(tests))
     figure = Figure(figsize=(9.2, 3.4 * max(len(known), 1)), layout="constrained")
     motions = np.array(tests.motion)
     pga, ratio = np.array(tests.pga), np.array(tests.pgv_pga)
-    measures = (("peak ground acceleration [g]", pga), ("PGA x PGV/PGA = PGV [g s]", pga * ratio))
+    measures = (("peak ground acceleration [g]", pga), ("peak ground velocity [g s]", pga * ratio))
     for at, (row, specimen, observed) in enumerate(known):
         for column, (label, values) in enumerate(measures):
             axes = figure.add_subplot(len(known), 2, 2 * at + column + 1)
@@ -129,7 +153,17 @@ def fragility(tests: Tests, made: Predictions) -> Figure:
 
 @styled
 def map_of_tests(tests: Tests, made: Predictions) -> Figure:
-    """Every test over PGV/PGA and PGA: what was observed, and the probability it had."""
+    """Every test over PGV/PGA and PGA: what was observed, and the probability it had.
+
+    Parameters
+    ----------
+    tests : Tests
+    made : Predictions
+
+    Returns
+    -------
+    Figure
+    """
     figure = Figure(figsize=(5.0 * len(tests.specimens), 4.2), layout="constrained")
     drawn = None
     for row, specimen in enumerate(tests.specimens):
