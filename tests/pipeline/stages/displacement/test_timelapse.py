@@ -22,7 +22,7 @@ from support import tumbling
 from pipeline.drawing import rendering, style
 from pipeline.drawing.painting import backdrop, painted, smaller
 from pipeline.drawing.rendering import clearest, depths_of, drawn, faces_of
-from pipeline.drawing.view import View, axes_of, fitted
+from pipeline.drawing.view import View, axes_of, fitted, round_number
 from pipeline.stages.displacement import timelapse
 from pipeline.stages.displacement.track import SPEEDS, Track, pose_times, track
 
@@ -208,7 +208,7 @@ def test_thinning_keeps_the_shape() -> None:
 
 @pytest.mark.parametrize(("value", "expected"), [(1.0, 1.0), (1.99, 1.0), (0.021, 0.02), (73, 50)])
 def test_round_numbers(value: float, expected: float) -> None:
-    assert view.round_number(value) == pytest.approx(expected)
+    assert round_number(value) == pytest.approx(expected)
 
 
 def test_the_eye_goes_to_the_side_from_which_the_path_is_seen() -> None:
