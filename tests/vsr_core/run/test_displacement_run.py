@@ -1163,7 +1163,7 @@ def test_all_ground_that_a_rock_touches_is_there(ground: str) -> None:
 
 def blocks_at(world: object, points: Array) -> NDArray[np.bool_]:
     """Whether points [m] of the ground are in blocks that Bullet has."""
-    ground: bullet_ground.Ground = world._ground  # type: ignore[attr-defined]
+    ground: bullet_ground.GroundBlocks = world._ground  # type: ignore[attr-defined]
     scaled = points * ground._scale
     found = np.zeros(len(points), dtype=bool)
     for block in ground._bodies if len(points) else ():

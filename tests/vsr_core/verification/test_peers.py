@@ -114,5 +114,5 @@ def test_the_table_gets_its_exact_velocity() -> None:
 
 def test_a_method_that_diverges_gives_nan() -> None:
     tilts = iter([0.1, math.nan, 0.2])
-    drive = np.zeros(3 * peers.LOOK_EVERY)
+    drive = np.zeros(3 * peers.MONITOR_EVERY)
     assert math.isnan(peers.largest_tilt(lambda values: None, lambda: next(tilts), drive))
