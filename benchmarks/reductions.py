@@ -26,7 +26,7 @@ from pipeline import ROOT
 from pipeline.stages.reports.report import GAINS
 from vsr_core import GRAVITY, engines
 from vsr_core.engines import bullet
-from vsr_core.engines.interface import Solver
+from vsr_core.engines.interface import Solver, World
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.outcome import Outcome
 from vsr_core.rock import solid
@@ -301,7 +301,7 @@ class Recording:
 
     VERSION, SOLVER = bullet.VERSION, bullet.SOLVER
 
-    def __init__(self, world: bullet.BulletWorld) -> None:
+    def __init__(self, world: World) -> None:
         self._world = world
         self._kept: list[State] = []
 

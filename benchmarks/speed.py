@@ -131,7 +131,7 @@ def _cells(number: int) -> list[tuple[float, float]]:
 def _bare_steps(case: Case, motion: CosinePulse, settings: Settings, steps: int) -> None:
     """The same number of steps of the same length, one engine call each, and nothing else."""
     world = engines.load(settings.engine).build(case.scene, settings.time_step, 1)
-    times = (np.arange(steps) + 0.5) * settings.time_step
+    times = (np.arange(steps, dtype=np.float64) + 0.5) * settings.time_step
     world.advance(motion.acceleration(times).tolist())
 
 
@@ -143,7 +143,7 @@ def _plain_loop(case: Case) -> float:
         motion = CosinePulse(pga * GRAVITY, pgv_pga)
         steps = math.ceil((0.5 + motion.duration + 4.0) / 1e-3)
         world = engines.load("bullet").build(case.full, 1e-3, 1)
-        times = (np.arange(steps) + 0.5) * 1e-3 - 0.5
+        times = (np.arange(steps, dtype=np.float64) + 0.5) * 1e-3 - 0.5
         world.advance(motion.acceleration(times).tolist())
     return (time.process_time() - start) / len(cells)
 

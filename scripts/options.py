@@ -250,8 +250,8 @@ def _kind(node: Node) -> str:
     if "items" in node:
         item = _kind(node["items"]) if "$ref" not in node["items"] else "section"
         return f"list of {PLURAL.get(item, item)}"
-    names = {"integer": "whole number", "string": "text", "boolean": "true, false"}
-    return names.get(node["type"], node["type"])
+    kind: str = node["type"]
+    return {"integer": "whole number", "string": "text", "boolean": "true, false"}.get(kind, kind)
 
 
 def _limits(node: Node) -> str:
