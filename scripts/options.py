@@ -17,13 +17,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import yaml
-from pipeline.config.hardware_schema import TableConfig
-from pipeline.config.shake_table_schema import ShakeTableConfig
 from pydantic import BaseModel
 
 from pipeline import ROOT
 from pipeline.config.layers import BASE
+from pipeline.config.recorded_tests_schema import ShakeTableConfig
 from pipeline.config.schema import Config
+from pipeline.config.table_limits_schema import TableConfig
 
 Node = dict[str, Any]
 
