@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -12,8 +13,11 @@ import pytest
 
 from pipeline import ROOT, cli
 from pipeline.workflow import keys
-from vsr_core.verification import time_step
 
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+"""Before NumPy is loaded: threads that share the small matrices of these tests only spin."""
+
+STEP = "simulation: {time_step: 0.001}\n"
 BOX = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
 
 
@@ -28,11 +32,13 @@ class Ran:
 
 @pytest.fixture
 def write_site(tmp_path: Path) -> Callable[..., str]:
-    """Write a site's YAML; a box unless the text names a rock. Returns its path."""
+    """Write a site's YAML, of a box at a step of 1 ms unless the text says more. Returns its path."""
 
     def write(text: str = "", name: str = "rock") -> str:
         path = tmp_path / f"{name}.yaml"
-        path.write_text(text if text.lstrip().startswith("rock:") else BOX + text, encoding="utf-8")
+        text = text if text.lstrip().startswith("rock:") else BOX + text
+        text = text if "simulation:" in text else STEP + text
+        path.write_text(text, encoding="utf-8")
         return str(path)
 
     return write
@@ -44,12 +50,15 @@ def derived(tmp_path: Path) -> Path:
     return tmp_path / "derived"
 
 
-@pytest.fixture
-def quick_time_step(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module")
+def quick_time_step() -> Iterator[None]:
     """Measure the time step on one row a direction at two steps: enough where it is no subject."""
-    monkeypatch.setattr(time_step, "SHARES", (0.006, 0.003))
-    monkeypatch.setattr(time_step, "BOX_PERIODS", (0.6,))
-    monkeypatch.setattr(time_step, "HULL_PERIODS", (0.45,))
+    module = "vsr_core.verification.time_step"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(f"{module}.SHARES", (0.006, 0.003))
+        patch.setattr(f"{module}.BOX_PERIODS", (0.6,))
+        patch.setattr(f"{module}.HULL_PERIODS", (0.45,))
+        yield
 
 
 @pytest.fixture

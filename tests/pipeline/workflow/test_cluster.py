@@ -53,12 +53,21 @@ def responses(
     return make
 
 
+@pytest.mark.parametrize(
+    "ways",
+    [
+        ((0, 7), (2, 2)),
+        pytest.param(((0, 1), (1, 4), (2, 1), (2, 1000)), marks=pytest.mark.slow),
+    ],
+)
 def test_same_bytes_for_any_workers_and_batches(
-    responses: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+    responses: Callable[..., Path],
+    monkeypatch: pytest.MonkeyPatch,
+    ways: tuple[tuple[int, int], ...],
 ) -> None:
     one = responses("alone", 0).read_bytes()
     assert set(np.unique(read(responses("alone", 0))["overturned"])) == {0, 1}
-    for workers, batch in ((0, 1), (0, 7), (1, 4), (2, 1), (2, 1000)):
+    for workers, batch in ways:
         monkeypatch.setattr(overturning_runs, "KIND", replace(overturning_runs.KIND, batch=batch))
         assert responses(f"{workers}-{batch}", workers).read_bytes() == one
 

@@ -137,8 +137,8 @@ def like_the_plane(rock: str, ground: str, chosen: Array, shift: float = 0.03) -
 @pytest.mark.parametrize(
     ("rock", "ground", "count"),
     [
-        ("box", "level", 12),
-        ("box", "level parts", 12),
+        ("box", "level", 5),
+        ("box", "level parts", 5),
         ("double rock", "level parts", 6),
     ],
 )
@@ -383,7 +383,7 @@ def test_a_world_is_as_new_at_every_step() -> None:
     """Steps that do not fill a sample in binary numbers too."""
     site = site_of("box", "level parts")
     rng = np.random.default_rng(0)
-    for share in rng.uniform(0.002, 0.006, 30):
+    for share in rng.uniform(0.002, 0.006, 10):
         scene = replace(site.seat)
         new = TerrainCase(scene, scene, site.toppled_tilt)
         motion = CosinePulse.from_g(1.0, float(rng.uniform(0.05, 0.1)))
@@ -454,7 +454,7 @@ def in_the_niche(count: int) -> None:
 
 
 def test_a_reduced_scene_does_as_the_complete_one() -> None:
-    in_the_niche(5)
+    in_the_niche(3)
 
 
 @pytest.mark.slow
@@ -1133,7 +1133,7 @@ def test_all_ground_that_a_rock_touches_is_there(ground: str) -> None:
     scene = grounds.site(rock, terrain).seat
     triangles = terrain.vertices[terrain.faces]
     checked = 0
-    for _ in range(4):
+    for _ in range(3):
         world = engines.load("bullet").build(scene, 5e-4, 1)
         start = State(
             np.array([*rng.uniform(-1.0, 1.0, 2), 1.5]),

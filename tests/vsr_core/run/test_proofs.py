@@ -319,7 +319,7 @@ def cells(seed: int, count: int, low: float, high: float) -> list[tuple[float, f
 )  # fmt: skip
 def test_no_claim_is_contradicted_later_in_the_run(name: str, low: float, high: float) -> None:
     claimed = np.zeros(3, dtype=int)
-    for pga, ratio, yaw in cells(5, 36, low, high):
+    for pga, ratio, yaw in cells(5, 15, low, high):
         case = case_of(name, Contact(0.6), yaw)
         step = 0.003 * step_unit(case.full.rock)
         motion, settings = CosinePulse.from_g(pga, ratio), Settings(step, reduce=False)
@@ -336,7 +336,7 @@ def test_no_claim_is_contradicted_later_in_the_run(name: str, low: float, high: 
             assert tilts[np.argmax(lies) :].min() >= case.limits.toppled_tilt
         if falls.any():
             assert outcome is Outcome.OVERTURNED
-    assert (claimed >= 5).all(), claimed
+    assert (claimed >= 2).all(), claimed
 
 
 def compare(
@@ -366,7 +366,7 @@ def compare(
 def test_reduced_runs_end_as_complete_ones(
     name: str, low: float, high: float, contact: Contact
 ) -> None:
-    assert compare(name, 60, low, high, 1, contact) == []
+    assert compare(name, 20, low, high, 1, contact) == []
 
 
 @pytest.mark.slow

@@ -15,7 +15,9 @@ from vsr_core.surrogates import SITES
 from vsr_core.surrogates.raw_scan import RawScan, scan
 
 CLEARANCE = 0.001
-BOTH = pytest.mark.parametrize("name", ["double_rock_terrain", "granite_dells"])
+BOTH = pytest.mark.parametrize(
+    "name", ["double_rock_terrain", pytest.param("granite_dells", marks=pytest.mark.slow)]
+)
 
 
 @cache

@@ -195,7 +195,7 @@ def standing_out(terrain: Terrain, made: tuple[Array, ...], number: int) -> Arra
 
 
 @given(st.integers(0, 10**6), st.sampled_from([0.005, 0.02, 0.06]))
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=4, deadline=None, derandomize=True)
 def test_parts_cover_the_ground_and_hardly_stand_out(seed: int, tolerance: float) -> None:
     terrain = grounds.bumpy(seed, 0.3, 1.0, half=2.0, cells=10)
     made = convex_parts(terrain, same_everywhere(tolerance), 0.05)
@@ -236,7 +236,7 @@ EVEN: dict[str, tuple[Terrain, int]] = {
 }
 
 
-@pytest.mark.parametrize("quarters", [0, 1, 2, 3])
+@pytest.mark.parametrize("quarters", [0, 3])
 @pytest.mark.parametrize("name", EVEN)
 def test_number_of_pieces_of_even_ground(name: str, quarters: int) -> None:
     """Convex ground is one part, and there is one more for each valley."""

@@ -82,7 +82,7 @@ def test_first_overturning_pga_on_the_published_grid(name: str, pgv_pga: float) 
 
 
 @pytest.mark.parametrize(
-    ("name", "pgv_pga"), [(name, r) for name, (_, row) in TABLE.items() for r in row]
+    ("name", "pgv_pga"), [(name, r) for name, (_, row) in TABLE.items() for r in row][::3]
 )
 def test_bisected_first_pga_lies_within_the_last_grid_interval(name: str, pgv_pga: float) -> None:
     grid, row = TABLE[name]
@@ -198,7 +198,7 @@ def test_thin_blocks_approach_the_closed_form() -> None:
     st.floats(0.01, 100.0),
     st.floats(1.0, 20.0),
 )
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 def test_similarity(
     slope: float, ratio: float, strength: float, scale: float, gravity: float
 ) -> None:
@@ -220,7 +220,7 @@ def test_half_the_size_overturns_at_the_pulse_shorter_by_root_two() -> None:
 
 
 @given(st.floats(0.1, 0.9), st.floats(0.5, 10.0), st.floats(1.0, 6.0))
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None, derandomize=True)
 def test_mirrored_pulse_gives_the_mirrored_motion(
     slope: float, ratio: float, strength: float
 ) -> None:

@@ -61,7 +61,7 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory: pytest.TempPathFactory, quick_time_step: None) -> Path:
     """Folder of products, by the command, of a site with a hostile name."""
     folder = tmp_path_factory.mktemp("site")
     site = folder / f"{HOSTILE}.yaml"

@@ -22,6 +22,7 @@ pytest.importorskip("mujoco")
 SITE = (
     "rock: {shape: box, size: [1, 1, 3], density: 2110}\n"
     "motion: {pga: [0.2, 0.4, 0.6], pgv_pga: [0.2, 0.4]}\n"
+    "simulation: {time_step: auto}\n"
 )
 
 
