@@ -32,7 +32,7 @@ class Ran:
 
 @pytest.fixture
 def write_site(tmp_path: Path) -> Callable[..., str]:
-    """Write a site's YAML, of a box at a step of 1 ms unless the text says more. Returns its path."""
+    """Write a site's YAML: of a box, at a step of 1 ms, unless the text says more."""
 
     def write(text: str = "", name: str = "rock") -> str:
         path = tmp_path / f"{name}.yaml"
