@@ -1,0 +1,214 @@
+"""`vsr run displacement` on a small scan: trajectories, correlations, and Table 1 on its page.
+
+Everything that the products say of the runs is computed again from the samples in
+``displacement.nc``, by other means.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from scipy.stats import rankdata
+from support.small_scan import FAR, survey, tapered, write_ply
+
+from pipeline import cli
+from pipeline.drawing import style
+from pipeline.stages.displacement import timelapse
+from pipeline.stages.mesh import scan_figures
+from pipeline.workflow.datasets import read
+from vsr_core.outcome import Outcome
+
+Array = NDArray[np.float64]
+
+SITE = """
+rock: {shape: mesh, mesh: scan.ply, density: 2000}
+pedestal: {shape: mesh, cut: {kind: plane, point: POINT, normal: NORMAL}}
+motion: {pga: [0.01, 0.7, 0.85, 1.0], pgv_pga: [0.2, 0.25, 0.35]}
+yaw: 40
+simulation: {time_step: 0.0015}
+"""
+EMPTY = Figure(figsize=(0.1, 0.1))
+"""In place of pictures that have tests of their own."""
+
+STATISTICS = ("trajectory_length", "largest_speed", "terminal_distance")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Products of twelve runs on a small site."""
+    place = tmp_path_factory.mktemp("hill")
+    write_ply(place / "scan.ply", survey(), FAR)
+    up = tapered().up
+    point, normal = str((FAR + 0.02 * up).tolist()), str(up.tolist())
+    site = SITE.replace("POINT", point).replace("NORMAL", normal)
+    (place / "hill.yaml").write_text(site)
+    line = ["run", "displacement", "--site", str(place / "hill.yaml"), "--workers", "0"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("vsr_core.scan.distance.SAMPLES", 100)
+        patch.setitem(style._SAVED["png"], "dpi", 40)
+        for name in ("separation", "closed_rock", "seat"):  # of the page of the scan
+            patch.setattr(scan_figures, name, lambda *given: EMPTY)
+        patch.setattr(timelapse, "timelapse", lambda *given: EMPTY)
+        patch.setattr(timelapse, "animation", lambda *given: style.png(EMPTY))
+        assert cli.main([*line, "--derived", str(place / "derived")]) == cli.DONE
+    return place / "derived" / "hill"
+
+
+@pytest.fixture(scope="module")
+def runs(folder: Path) -> xr.Dataset:
+    return read(folder / "displacement.nc")
+
+
+def tracks(runs: xr.Dataset) -> list[xr.Dataset]:
+    """Samples of each run."""
+    ends = np.cumsum(runs["row_size"].values)
+    assert ends[-1] == runs.sizes["sample"]
+    return [
+        runs.isel(sample=slice(end - size, end))
+        for end, size in zip(ends, runs["row_size"].values, strict=True)
+    ]
+
+
+def place(track: xr.Dataset) -> Array:
+    return np.column_stack([track[axis].values.astype(float) for axis in "xyz"])
+
+
+def toppled(runs: xr.Dataset) -> NDArray[np.bool_]:
+    found: NDArray[np.bool_] = runs["outcome"].values == Outcome.OVERTURNED
+    return found
+
+
+def test_every_cell_has_a_run_of_its_own(runs: xr.Dataset) -> None:
+    cells = list(zip(runs["pgv_pga"].values.tolist(), runs["pga"].values.tolist(), strict=True))
+    expected = [(r, a) for r in (0.2, 0.25, 0.35) for a in (0.01, 0.7, 0.85, 1.0)]
+    np.testing.assert_allclose(cells, expected)
+    assert (runs["yaw"] == 40.0).all()
+    assert runs["pga"].attrs["units"] == "g"
+    assert runs["pgv_pga"].attrs["units"] == "s"
+    weak = runs["pga"].values < 0.1
+    assert not toppled(runs)[weak].any()
+    assert toppled(runs)[~weak].sum() >= 7  # enough for lines
+    strongest = toppled(runs)[runs["pga"].values == 1.0]
+    assert strongest.all()
+
+
+def test_a_trajectory_begins_on_the_seat_and_goes_the_way_of_its_velocity(
+    runs: xr.Dataset,
+) -> None:
+    for track, fell in zip(tracks(runs), toppled(runs), strict=True):
+        time, path = track["time"].values, place(track)
+        turn = Rotation.from_quat(track["quaternion"].values)  # x y z w
+        assert time[0] == 0.0
+        assert (np.diff(time) > 0.0).all()
+        assert np.hypot(*path[0, :2]) < 0.05
+        assert turn[0].magnitude() < math.radians(5.0)
+        upward = turn.apply([0.0, 0.0, 1.0])[:, 2]
+        assert (upward.min() < math.cos(0.7)) == fell
+        speed = np.linalg.norm(track["velocity"].values, axis=1)
+        np.testing.assert_allclose(track["speed"].values, speed, rtol=1e-5, atol=1e-6)
+        if len(time) > 2:
+            mean = 0.5 * (track["velocity"].values[1:] + track["velocity"].values[:-1])
+            moved = path[0] + np.cumsum(mean * np.diff(time)[:, None], axis=0)
+            assert np.linalg.norm(moved - path[1:], axis=1).max() < 0.1
+
+
+def test_statistics_are_those_of_the_samples(runs: xr.Dataset) -> None:
+    for number, track in enumerate(tracks(runs)):
+        path = place(track)
+        steps = path[1:] - path[:-1]
+        run = runs.isel(run=number)
+        length = float(np.sqrt((steps**2).sum(axis=1)).sum())
+        assert float(run["trajectory_length"]) == pytest.approx(length, rel=1e-6, abs=1e-9)
+        fastest = float(track["speed"].max())
+        assert float(run["largest_speed"]) == pytest.approx(fastest, rel=1e-6)
+        apart = math.dist(path[0], path[-1])
+        assert float(run["terminal_distance"]) == pytest.approx(apart, rel=1e-6, abs=1e-9)
+
+
+def correlated(runs: xr.Dataset, statistic: str, regressor: str) -> dict[str, float]:
+    """A line through the means of the runs that have one value of the regressor."""
+    fell = toppled(runs)
+    x, y = (runs[name].values[fell].astype(float) for name in (regressor, statistic))
+    values = sorted(set(x.tolist()))
+    means = np.array([y[x == value].mean() for value in values])
+    slope, intercept = np.polyfit(values, means, 1)
+    between = sum((x == v).sum() * (m - y.mean()) ** 2 for v, m in zip(values, means, strict=True))
+    share = between / ((y - y.mean()) ** 2).sum()
+    return {
+        "n_groups": len(values),
+        "n_runs": fell.sum(),
+        "slope": slope,
+        "intercept": intercept,
+        "r2": np.corrcoef(values, means)[0, 1] ** 2,
+        "spearman": np.corrcoef(rankdata(values), rankdata(means))[0, 1],
+        "spearman_runs": np.corrcoef(rankdata(x), rankdata(y))[0, 1],
+        "variance_between": share,
+        "variance_within": 1.0 - share,
+    }
+
+
+def test_the_table_of_correlations_is_that_of_the_runs(folder: Path, runs: xr.Dataset) -> None:
+    with (folder / "correlation.csv").open(newline="") as file:
+        rows = {(row["statistic"], row["regressor"]): row for row in csv.DictReader(file)}
+    assert set(rows) == {(s, r) for s in STATISTICS for r in ("pga", "pgv_pga")}
+    for (statistic, regressor), row in rows.items():
+        for name, value in correlated(runs, statistic, regressor).items():
+            assert float(row[name]) == pytest.approx(value, rel=1e-4, abs=1e-6), (statistic, name)
+
+
+class Tables(HTMLParser):
+    """Cells of the tables of a page, row by row."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.rows: list[list[str]] = []
+        self.inside = False
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag == "tr":
+            self.rows.append([])
+        self.inside = tag in ("td", "th")
+        if self.inside:
+            self.rows[-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        self.inside &= tag not in ("td", "th")
+
+    def handle_data(self, data: str) -> None:
+        if self.inside:
+            self.rows[-1][-1] += data.strip()
+
+
+def test_table_1_of_the_page_is_that_of_the_runs(folder: Path, runs: xr.Dataset) -> None:
+    rows = Tables((folder / "displacement.html").read_text(encoding="utf-8")).rows
+    head = next(row for row in rows if row[:2] == ["statistic", "against"])
+    at = {name: head.index(name) for name in ("R²", "slope", "ensembles", "η²")}
+    shown = [row for row in rows if row and row[0].startswith("mean ")]
+    assert len(shown) == 6
+    for (statistic, regressor), row in zip(
+        ((s, r) for s in STATISTICS for r in ("pga", "pgv_pga")), shown, strict=True
+    ):
+        found = correlated(runs, statistic, regressor)
+        assert row[0].split()[1] == statistic.split("_")[0]
+        assert row[1].startswith("PGV/PGA [s]" if regressor == "pgv_pga" else "PGA [g]")
+        numbers = {name: float(row[k].replace("\N{MINUS SIGN}", "-")) for name, k in at.items()}
+        assert numbers["R²"] == pytest.approx(found["r2"], abs=0.006)
+        assert numbers["slope"] == pytest.approx(found["slope"], rel=0.006)
+        assert numbers["ensembles"] == found["n_groups"]
+        assert numbers["η²"] == pytest.approx(found["variance_between"], abs=0.006)
+
+
+def test_the_page_counts_the_runs_beside_the_scene(folder: Path, runs: xr.Dataset) -> None:
+    page = (folder / "displacement.html").read_text(encoding="utf-8")
+    assert f"{toppled(runs).sum()} of 12 runs topple" in page
+    assert (folder / "trajectories.html").stat().st_size > 10_000

@@ -1,0 +1,53 @@
+"""`vsr list`, `plan`, `status` and `why`, from nothing to a finished product."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from conftest import Ran
+
+from pipeline import ROOT
+from pipeline.workflow.products import DELIVERABLES
+from pipeline.workflow.registry import BY_NAME
+
+GRID = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2, 0.4, 0.5]}\nyaw: [0, 90]\n"
+
+
+def test_list_names_all_that_there_is(vsr: Callable[..., Ran]) -> None:
+    said = vsr("list").out
+    for kind in ("sites", "studies", "tables"):
+        for path in (ROOT / "configs" / kind).glob("*.yaml"):
+            assert path.stem in said
+    for product in DELIVERABLES:
+        assert product in said
+
+
+def test_every_deliverable_ends_with_a_stage_that_is_there() -> None:
+    for wanted in DELIVERABLES.values():
+        assert wanted.stage in BY_NAME
+
+
+def test_before_between_and_after(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+) -> None:
+    site = write_site(GRID)
+    planned = vsr("plan", "--site", site)
+    assert planned.code == 0
+    assert "12" in planned.out  # 2 yaws x 3 x 2 runs
+    assert not derived.exists()
+    assert "to do" in vsr("status", "--site", site).out
+    assert "rock: up to date" not in vsr("why", "--site", site).out
+
+    assert vsr("run", "rock", "--site", site, "--workers", "0").code == 0
+    said = vsr("why", "--site", site).out.splitlines()
+    assert "rock: up to date" in said
+    assert "motions: up to date" not in said
+
+    assert vsr("run", "responses", "--site", site, "--workers", "0").code == 0
+    assert "12 of 12 runs stored" in vsr("status", "responses", "--site", site).out
+    planned = vsr("plan", "responses", "--site", site).out
+    assert "runs: 12; 12 stored, 0 to do" in planned
+    assert "stages to make: none" in planned
+    wider = vsr("why", "responses", "--site", site, "--set", "yaw=[0, 45, 90]").out
+    assert "runs: 12 of 18 are stored and stay; 6 to do" in wider
