@@ -37,7 +37,7 @@ def write_site(tmp_path: Path) -> Callable[..., str]:
     def write(text: str = "", name: str = "rock") -> str:
         path = tmp_path / f"{name}.yaml"
         text = text if text.lstrip().startswith("rock:") else BOX + text
-        text = text if "simulation:" in text else STEP + text
+        text = text if "simulation:" in text else f"{text}\n{STEP}"
         path.write_text(text, encoding="utf-8")
         return str(path)
 

@@ -62,7 +62,7 @@ def test_from_a_site_to_curves_and_report(made: Ran, derived: Path) -> None:
     assert {float(row["yaw_deg"]) for row in rows} == {0.0, 90.0}
 
     report = (folder / "report.html").read_text(encoding="utf-8")
-    assert "most fragile at yaw 0 deg" in report
+    assert "most fragile at <strong>yaw 0 deg</strong>" in report
     error = float(responses["boundary_error"].values[0])
     assert 0.0 < error <= 0.01 or not math.isfinite(error)
     assert float(responses["time_step"].values[0]) > 0.0

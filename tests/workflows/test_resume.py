@@ -150,7 +150,7 @@ def test_edited_code(
     assert counted.take() == 6
     before = stamps(folder)
 
-    edit_function("pipeline/stages/mesh/rock_views.py", "rock_views", "str(1)")
+    edit_function("pipeline/stages/fragility/rock_views.py", "rock_views", "str(1)")
     said = vsr("why", "--site", write_site(GRID)).out
     assert "report: code pipeline.stages.fragility.rock_views:rock_views edited" in said
     assert "runs: up to date" in said

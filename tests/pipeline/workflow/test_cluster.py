@@ -72,7 +72,7 @@ def test_same_bytes_for_any_workers_and_batches(
         assert responses(f"{workers}-{batch}", workers).read_bytes() == one
 
 
-@pytest.mark.parametrize("way", ["exit", "kill"])
+@pytest.mark.parametrize("way", ["kill", pytest.param("exit", marks=pytest.mark.slow)])
 def test_item_that_kills_its_worker_comes_back_alone(way: str) -> None:
     def work(shared: int, items: tuple[int, ...]) -> list[int]:
         if 17 in items and way == "exit":

@@ -367,7 +367,8 @@ def various() -> list[tuple[TerrainCase, float, float]]:
     seat = site_of("lump", "perch parts").seat
     flight = replace(seat, rock=reduction.in_flight(lump))
     sites.append(TerrainCase(seat, flight, limits.toppled_tilt))
-    return [(site, pga, ratio) for site in sites for pga, ratio in ((0.7, 0.2), (-1.2, 0.12))]
+    motions = [(0.7, 0.2), (-1.2, 0.12)] * 2
+    return [(site, *motion) for site, motion in zip(sites, motions, strict=True)]
 
 
 FRESH = """

@@ -510,14 +510,15 @@ def every_figure(runs: xr.Dataset, ground: xr.Dataset) -> Iterator[Figure]:
 
 @pytest.mark.parametrize("least", [0.9, 9.5, 99.0], ids=["many", "one", "none"])
 def test_figures_say_whose_terrain_it_is_whatever_they_hold(
-    least: float, ground: xr.Dataset
+    least: float, ground: xr.Dataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setitem(style._SAVED["png"], "dpi", style.DPI / 4)
     runs = falls(5, samples=10, least=least)
     assert (least < 1.0) == (toppled(runs).sum() > 1)
     for figure in every_figure(runs, ground):
         assert [text.get_text() for text in figure.texts if text.get_gid() == "source"] == [SOURCE]
         picture = Image.open(io.BytesIO(style.png(figure)))
-        assert picture.size[0] > 1000
+        assert 4 * picture.size[0] > 1000
 
 
 def test_text_lies_inside_the_figures(runs: xr.Dataset, ground: xr.Dataset) -> None:

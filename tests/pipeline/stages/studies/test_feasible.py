@@ -22,7 +22,10 @@ from vsr_core.table.capacity import LIMITS, Table, binding, commands, largest_pg
 
 TABLE = Table(12.0, 0.5, 0.2, 2.0, 200.0, 0.05, 1600)
 SMALL = "rock: {shape: box, size: [0.05, 0.05, 0.2], density: 1500}\n"
-GRID = SMALL + "motion: {pga: [0.1, 0.3, 1.0, 1.3], pgv_pga: [0.05, 0.15, 0.4]}\n"
+GRID = (
+    SMALL + "motion: {pga: [0.1, 0.3, 1.0, 1.3], pgv_pga: [0.05, 0.15, 0.4]}\n"
+    "simulation: {time_step: 0.0006}\n"
+)
 
 PULSES = st.builds(CosinePulse, st.floats(0.01, 30.0), st.floats(0.005, 2.0))
 
