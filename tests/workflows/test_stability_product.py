@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from vsr_core.errors import InvalidInput
 from vsr_core.verification import stability
-from vsr_core.verification.stability import Case, Measured
+from vsr_core.verification.stability import ExtremeCase, Measured
 
 COMMAND = ("run", "stability", "--site", "cuboid_1x1x2", "--workers", "0")
 
@@ -26,7 +26,7 @@ def refuses() -> Measured:
 
 
 @pytest.fixture
-def cases(monkeypatch: pytest.MonkeyPatch) -> dict[str, Case]:
+def cases(monkeypatch: pytest.MonkeyPatch) -> dict[str, ExtremeCase]:
     """Real cases, and two made of the first of them: one that is refused, one that is wrong."""
     some = {name: case for name, case in stability.cases().items() if name in QUICK}
     assert set(some) == set(QUICK)
@@ -43,7 +43,7 @@ def cases(monkeypatch: pytest.MonkeyPatch) -> dict[str, Case]:
 
 
 def test_verdicts_table_page_and_exit_code(
-    cases: dict[str, Case], vsr: Callable[..., Ran], derived: Path
+    cases: dict[str, ExtremeCase], vsr: Callable[..., Ran], derived: Path
 ) -> None:
     ran = vsr(*COMMAND)
     assert ran.code == 1
