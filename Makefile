@@ -83,8 +83,11 @@ fetch: setup ## download the public original NAME into data/raw
 #: DERIVED=folder         where results go, in place of data/derived
 
 ## The project
-.PHONY: setup setup-dev test test-slow lint check format options bench lock clean
-test: setup-dev ## tests of some minutes at most, with coverage
+.PHONY: setup setup-dev test coverage test-slow lint check format options bench lock clean
+test: setup-dev ## tests of some minutes at most
+	@$(python) -m pytest -n auto --dist loadfile
+
+coverage: setup-dev ## the same tests, in half as much time again, and which lines none reaches
 	@$(python) -m pytest -n auto --dist loadfile --cov --cov-report=term:skip-covered
 
 test-slow: setup-dev ## tests that take many minutes
