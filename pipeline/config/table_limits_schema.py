@@ -47,6 +47,14 @@ class TableConfig(Section):
 def load(name: str) -> tuple[TableConfig, str]:
     """A table by its name in `configs/tables` or by the path of its YAML; and that file.
 
+    Parameters
+    ----------
+    name : str, in ``configs/tables``, or the path of its YAML
+
+    Returns
+    -------
+    (TableConfig, str), the limits, and the file as a reader would write it
+
     Raises
     ------
     InputError

@@ -275,6 +275,15 @@ def writing(folder: Path) -> Iterator[None]:
     Parameters
     ----------
     folder : Path, that is written to
+
+    Yields
+    ------
+    None
+
+    Raises
+    ------
+    InputError
+        If what is done meanwhile cannot be written.
     """
     try:
         yield

@@ -97,7 +97,16 @@ def hull(corners: Array, *, as_scanned: bool = False) -> Rock:
 
 
 def unit(rock: Rock) -> float:
-    """Time scale of a rock, sqrt(radius / g) [s]."""
+    """Time scale of a rock, sqrt(radius / g) [s].
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    float [s]
+    """
     return math.sqrt(rock.radius / GRAVITY)
 
 

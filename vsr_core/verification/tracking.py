@@ -104,6 +104,10 @@ def track(scene: Scene, motion: GroundMotion, time_step: float, after: float) ->
     motion : GroundMotion
     time_step : float [s], the largest allowed
     after : float [s]
+
+    Returns
+    -------
+    TableHistory
     """
     drive = scene.drive
     assert drive is not None
@@ -119,7 +123,16 @@ def track(scene: Scene, motion: GroundMotion, time_step: float, after: float) ->
 
 
 def errors(followed: TableHistory) -> Errors:
-    """Errors while the motion lasts."""
+    """Errors while the motion lasts.
+
+    Parameters
+    ----------
+    followed : TableHistory
+
+    Returns
+    -------
+    Errors
+    """
     during = followed.time <= followed.duration * (1.0 + 1e-9)
     error = followed.error[during]
     first = float(error[0])
@@ -165,7 +178,17 @@ def push(followed: TableHistory, scene: Scene) -> Array:
 
 
 def disturbance(time: Array, pushed: Array) -> Disturbance:
-    """The largest push; ``time`` [s] and ``pushed`` [m/s], from ``push``, have shape (n,)."""
+    """The largest push; ``time`` [s] and ``pushed`` [m/s], from ``push``, have shape (n,).
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,) [s]
+    pushed : ndarray, shape (n,) [m/s], change of the table's velocity by the rock
+
+    Returns
+    -------
+    Disturbance
+    """
     size = np.abs(pushed)
     at = int(np.argmax(size))
     again = at + int(np.argmax(np.append(size[at:], 0.0) <= RECOVERED * size[at]))
@@ -178,6 +201,14 @@ def synthetic(ratio: float) -> Trace:
 
     Velocities of both swell and fade as sin^2; the waves of ``WAVES`` have equal accelerations and
     phases by the golden section. Their share is what gives the ratio. Its size means nothing.
+
+    Parameters
+    ----------
+    ratio : float [s], its PGV/PGA
+
+    Returns
+    -------
+    Trace
     """
     time = np.arange(0.0, PERIODS * ratio, SYNTHETIC_STEP)
     swell = np.sin(np.pi * time / time[-1]) ** 2

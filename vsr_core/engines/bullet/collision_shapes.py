@@ -47,6 +47,18 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int, *, on_level
     two shapes, so that without feet the rock would stand on four of its corners and topple before
     its base says so. So does a narrow base on level ground (see ``NARROW_SHARE``); on a terrain the
     rock need not stand on it.
+
+    Parameters
+    ----------
+    rock : Rock
+    scale : float, Bullet's length units in a metre
+    margin : float, of a hull, in Bullet's length unit
+    client : int, Bullet's number of the connection
+    on_level : bool, whether the rock stands on level ground
+
+    Returns
+    -------
+    int, Bullet's number of the shape
     """
     if rock.shape == "box":
         half = np.abs(rock.vertices).max(axis=0) * scale
@@ -70,7 +82,16 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int, *, on_level
 
 
 def surroundings(rock: Rock) -> Array:
-    """Corners of a convex body that holds the rock, shape (n, 3) [m]: its hull, or a cube."""
+    """Corners of a convex body that holds the rock, shape (n, 3) [m]: its hull, or a cube.
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    ndarray, shape (n, 3) [m], in the rock's axes
+    """
     if rock.shape == "sphere":
         return rock.radius * np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
     return rock.vertices
@@ -130,7 +151,18 @@ def _hull_on_feet(rock: Rock, feet: Array, scale: float, margin: float, client: 
 def pedestal_shape(
     kind: Literal["plane", "box", "mesh"], radius: float, client: int
 ) -> tuple[int, list[float]]:
-    """Bullet's number of a pedestal's shape and its centre; ``radius`` is the rock's in Bullet."""
+    """Bullet's number of a pedestal's shape and its centre; ``radius`` is the rock's in Bullet.
+
+    Parameters
+    ----------
+    kind : "plane", "box" or "mesh"
+    radius : float, of the rock, in Bullet's length unit
+    client : int, Bullet's number of the connection
+
+    Returns
+    -------
+    (int, list of float), Bullet's number of the shape, and where its centre lies
+    """
     half = PEDESTAL_RADII * radius
     centre = [0.0, 0.0, 0.0]
     if kind == "plane":

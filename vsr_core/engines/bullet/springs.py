@@ -52,5 +52,10 @@ RIGID = Springs(1e18, 0.0)
 
 
 def exact_springs(client: int) -> None:
-    """Have springs push by the whole depth; split, Bullet would correct a deep one by position."""
+    """Have springs push by the whole depth; split, Bullet would correct a deep one by position.
+
+    Parameters
+    ----------
+    client : int, Bullet's number of the connection
+    """
     pybullet.setPhysicsEngineParameter(useSplitImpulse=0, contactSlop=0.0, physicsClientId=client)

@@ -42,7 +42,17 @@ BALL = 1e-3
 
 
 def build(scene: Scene, setting: Setting) -> Test:
-    """Test with gravity set in every step; a new world for every run, or one leaves traces."""
+    """Test with gravity set in every step; a new world for every run, or one leaves traces.
+
+    Parameters
+    ----------
+    scene : Scene
+    setting : dict of float, one of ``SWEEP``
+
+    Returns
+    -------
+    Test
+    """
     time_step, down = setting["time_step"], -scene.gravity
 
     def test(pulse: CosinePulse) -> float:

@@ -23,12 +23,33 @@ TIME_CONSTANT = 0.02
 
 
 def build(scene: Scene, setting: Setting) -> Test:
-    """Test with contacts that yield over ``TIME_CONSTANT``, whatever the step."""
+    """Test with contacts that yield over ``TIME_CONSTANT``, whatever the step.
+
+    Parameters
+    ----------
+    scene : Scene
+    setting : dict of float, one of ``SWEEP``
+
+    Returns
+    -------
+    Test
+    """
     return with_contact(scene, setting["time_step"], TIME_CONSTANT)
 
 
 def with_contact(scene: Scene, time_step: float, time_constant: float) -> Test:
-    """Test with critically damped contacts of a ``time_constant`` [s]."""
+    """Test with critically damped contacts of a ``time_constant`` [s].
+
+    Parameters
+    ----------
+    scene : Scene
+    time_step : float [s]
+    time_constant : float [s], of the contacts
+
+    Returns
+    -------
+    Test
+    """
     import mujoco
 
     model = _model(scene, time_step, time_constant)

@@ -59,7 +59,17 @@ MARGIN = 0.001
 
 
 def build(scene: Scene, setting: Setting) -> Test:
-    """Test with the table's velocity controlled in every step; a new world for every run."""
+    """Test with the table's velocity controlled in every step; a new world for every run.
+
+    Parameters
+    ----------
+    scene : Scene
+    setting : dict of float, one of ``SWEEP``
+
+    Returns
+    -------
+    Test
+    """
     time_step = setting["time_step"]
 
     def test(pulse: CosinePulse) -> float:

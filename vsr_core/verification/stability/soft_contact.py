@@ -29,18 +29,53 @@ BLOCK = box(1.0, 1.0, 2.0)
 def springs(
     rock: Rock, stiffness: float, damping: float = 1.0, restitution: float = 0.0
 ) -> Contact:
-    """Contact of a stiffness [N/m] and a share of the damping that is critical on four points."""
+    """Contact of a stiffness [N/m] and a share of the damping that is critical on four points.
+
+    Parameters
+    ----------
+    rock : Rock
+    stiffness : float [N/m], of a point of contact
+    damping : float, share of the critical one
+    restitution : float
+
+    Returns
+    -------
+    Contact
+    """
     dashpot = damping * math.sqrt(stiffness * rock.mass)
     return Contact(GRIPPING, restitution, stiffness=stiffness, damping=dashpot)
 
 
 def fine(rock: Rock, contact: Contact, share: float = 0.7) -> float:
-    """A ``share`` of the longest time step [s] that the program takes for those springs."""
+    """A ``share`` of the longest time step [s] that the program takes for those springs.
+
+    Parameters
+    ----------
+    rock : Rock
+    contact : Contact, with a stiffness
+    share : float, of the longest step
+
+    Returns
+    -------
+    float [s]
+    """
     return share * longest_step_on_springs(contact, rock.mass)
 
 
 def sink(rock: Rock, contact: Contact, step: float, engine: str = "bullet") -> Measured:
-    """Depth to which a rock sinks at rest."""
+    """Depth to which a rock sinks at rest.
+
+    Parameters
+    ----------
+    rock : Rock
+    contact : Contact, with a stiffness
+    step : float [s]
+    engine : str
+
+    Returns
+    -------
+    Measured
+    """
     world = checked_world(Scene(rock, contact), step, engine)
     world.advance([0.0] * 100)
     assert contact.stiffness is not None

@@ -50,7 +50,12 @@ class Limits:
 
 
 def limits() -> Limits:
-    """Limits on the map."""
+    """Limits on the map.
+
+    Returns
+    -------
+    Limits
+    """
     rock = box(*SIZE)
     finite = [k for k in STIFFNESSES if math.isfinite(k)]
     return Limits(
