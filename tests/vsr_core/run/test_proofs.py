@@ -281,6 +281,17 @@ def test_a_positive_acceleration_tips_toward_minus_x() -> None:
     assert back == pytest.approx((-high, -low))
 
 
+def test_a_yaw_turns_the_rock_counter_clockwise() -> None:
+    """Shaken at a yaw it holds as much as the same rock that was turned by it, shaken at none."""
+    mesh, yaw = random_mesh(3), 0.7
+    rock = solid.from_mesh(mesh, 2000.0).rock
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(yaw, [0.0, 0.0, 1.0]))
+    turned = solid.from_mesh(mesh, 2000.0).rock
+    expected = static_limits(turned, Contact(9.0), 0.0)
+    assert static_limits(rock, Contact(9.0), yaw) == pytest.approx(expected)
+    assert static_limits(rock, Contact(9.0), -yaw) != pytest.approx(expected, rel=0.02)
+
+
 def complete(case: Case, motion: CosinePulse, contact: Contact) -> Response:
     """The run with every vertex and no rule, to rest."""
     assert case.full.contact == contact
