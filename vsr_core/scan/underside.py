@@ -85,7 +85,7 @@ def planes(rim: Array, slope: Array) -> Planes:
     Examples
     --------
     >>> square = np.array([[0.0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
-    >>> planes(square, np.zeros((4, 2))).rows.round(6).tolist()
+    >>> (planes(square, np.zeros((4, 2))).rows.round(6) + 0.0).tolist()
     [[0.0, 0.0, 1.0]]
     """
     best = _envelope(rim, slope, np.zeros(len(rim), dtype=np.int64), 1, 1)

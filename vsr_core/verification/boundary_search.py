@@ -75,8 +75,12 @@ def halved(
 
     >>> halved(lambda level: level > 3.1, 0.0, 8.0, 3)
     Bracket(stands=3.0, topples=4.0, decided=True)
-    >>> halved(lambda level: None if 3.0 < level < 5.0 else level > 3.1, 0.0, 8.0, 3)
-    Bracket(stands=2.0, topples=6.0, decided=True)
+
+    No end is a level without a verdict:
+
+    >>> found = halved(lambda level: None if 3.0 < level < 5.0 else level > 3.1, 0.0, 8.0, 3)
+    >>> 0.0 < found.stands <= 3.0, 5.0 <= found.topples < 8.0
+    (True, True)
     >>> halved(lambda level: None, 0.0, 8.0, 3)
     Bracket(stands=0.0, topples=8.0, decided=False)
     """

@@ -15,7 +15,11 @@ from pipeline.workflow.store import Store
 from vsr_core.rock import solid
 from vsr_core.run.proofs import barrier
 
-GRID = "motion: {pga: [0.01, 0.02], pgv_pga: 0.3}\ncontact: {friction: [0.6]}\n"
+GRID = """
+motion: {pga: [0.01, 0.02], pgv_pga: 0.3}
+contact: {friction: [0.6]}
+simulation: {time_step: auto}
+"""
 
 
 def test_a_friction_more_keeps_what_was_measured(
