@@ -33,7 +33,14 @@ from vsr_core.run.overturning import simulate
 from vsr_core.run.proofs import Barrier, barrier, reachable_energy
 from vsr_core.run.sampling import samples, sampling
 from vsr_core.scene import Contact, Scene, State, resting
-from vsr_core.table.servo import PUBLISHED, Servo, check, largest_stable_period, spectral_radius
+from vsr_core.table.servo import (
+    PUBLISHED,
+    Servo,
+    check,
+    largest_stable_period,
+    loop,
+    spectral_radius,
+)
 from vsr_core.verification.time_step import step_unit
 
 Array = NDArray[np.float64]
@@ -102,6 +109,16 @@ def random_servos(count: int) -> list[Servo]:
         mass, h = 10.0 ** rng.uniform(-1.0, 5.0), 10.0 ** rng.uniform(-4.0, -1.0)
         found.append(Servo(mass, p * mass / h, i * mass / h**2, d * mass, h))
     return found
+
+
+def test_two_periods_of_the_loop_by_hand() -> None:
+    """Errors 1 and 0.58: the integral has the present one in it, the derivative looks back."""
+    servo = Servo(mass=2.0, kp=3.0, ki=4.0, kd=0.5, period=0.1)
+    first = (3.0 + 4.0 * 0.1 + 0.5 * 1.0 / 0.1) * 0.1 / 2.0
+    second = (3.0 * 0.58 + 4.0 * 0.158 + 0.5 * (0.58 - 1.0) / 0.1) * 0.1 / 2.0
+    assert loop(servo, np.ones(2)) == pytest.approx([first, first + second])
+    weak = replace(servo, force_limit=1.0)
+    assert loop(weak, np.array([1.0, -9.0])) == pytest.approx([0.05, 0.0])
 
 
 def test_spectral_radius_is_the_growth_of_the_loop() -> None:

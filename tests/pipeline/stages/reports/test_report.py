@@ -263,6 +263,7 @@ def test_polar_plot(products: dict[str, xr.Dataset]) -> None:
     np.testing.assert_allclose(share.get_ydata(), 100 * fragility["toppled_share"].values[:, 0])
     for axes in figure.axes:
         assert (axes.get_theta_offset(), axes.get_theta_direction()) == (0.0, 1)
+    assert "First-overturning PGA [g]" in figure.axes[1].get_title()
     _, upper = summary.typical_pga(fragility)
     np.testing.assert_allclose(artist(figure, "first", 1).get_ydata(), upper[:, 0])
     static = artist(figure, "static", 1)
