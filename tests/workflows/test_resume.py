@@ -256,12 +256,13 @@ def test_interrupt_keeps_whole_batches(
 
 
 SLOW = """
-import sys, time
+import signal, sys, time
 from dataclasses import replace
 
 from pipeline.cli import main
 from pipeline.stages.runs import overturning_runs
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 overturning_runs.KIND = replace(overturning_runs.KIND, batch=4)
 simulate, done = overturning_runs.simulate, []
 

@@ -207,6 +207,7 @@ from pipeline import cli
 from pipeline.stages.runs import overturning_runs, runner
 
 def run():
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
     runner.SMALL, overturning_runs.KIND = 0, replace(overturning_runs.KIND, batch=3)
     add = runner.RunStore.add
     def stop(store, rows):
