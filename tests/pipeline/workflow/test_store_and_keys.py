@@ -579,8 +579,9 @@ def test_every_function_that_a_displacement_run_enters_is_in_its_key() -> None:
     places = [grounds.site(rock, triangles), grounds.site(rock, grounds.cliff(1.0, 0.3))]
     places.append(grounds.site(rock, grounds.in_parts(triangles, 0.01, 0.04)))
     with following() as entered:
-        for place, pga in ((places[0], 0.01), *((place, 0.7) for place in places)):
-            displace(place, CosinePulse.from_g(pga, 0.15), Settings(0.004))
+        for place in places:
+            motion, follow = CosinePulse.from_g(0.7, 0.15), place is places[0]
+            displace(place, motion, Settings(0.004), follow=follow)
     assert len(entered) > 15
     roots = run_code("bullet", terrain=True)
     assert entered - set(keys.code(roots)) == set()

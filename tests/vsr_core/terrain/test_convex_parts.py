@@ -236,7 +236,7 @@ EVEN: dict[str, tuple[Terrain, int]] = {
 }
 
 
-@pytest.mark.parametrize("quarters", [0, 3])
+@pytest.mark.parametrize("quarters", [pytest.param(0, marks=pytest.mark.slow), 3])
 @pytest.mark.parametrize("name", EVEN)
 def test_number_of_pieces_of_even_ground(name: str, quarters: int) -> None:
     """Convex ground is one part, and there is one more for each valley."""

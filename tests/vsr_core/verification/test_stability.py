@@ -180,17 +180,16 @@ def make_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[...,
 
 
 def test_products(make_stage: Callable[..., Path]) -> None:
-    families = ("servo_gains", "mass_ratios", "starts")
-    chosen = {name: case for name, case in ALL.items() if case.family in families}
+    chosen = {name: ALL[name] for name in list(QUICK)[:8]}
     chosen |= {
         name: ALL[name]
         for name, (step, _) in _module("stiffness_map").POINTS.items()
-        if step >= 1e-3
+        if step > 5e-3
     }
     folder = make_stage(chosen)
     with (folder / stage.TABLE).open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == len(chosen) >= 60
+    assert len(rows) == len(chosen) >= 20
     assert list(rows[0]) == [
         "case", "family", "parameter", "value", "unit", "verdict", "measured", "expected", "error",
         "tolerance", "note",

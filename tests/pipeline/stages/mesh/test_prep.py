@@ -215,7 +215,13 @@ def cut_by(kind: str) -> str:
     return f"cut: {yaml.safe_dump({'kind': kind, **given}, default_flow_style=True, width=10**6)}"
 
 
-@pytest.mark.parametrize("kind", ["plane", "box", "polygon", "colour"])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["plane", pytest.param("box", marks=SLOW), pytest.param("polygon", marks=SLOW), "colour"],
+)
 def test_cuts_by_hand_give_the_same_rock(tmp_path: Path, quick: None, kind: str) -> None:
     write_ply(tmp_path / "scan.ply", survey(), FAR)
     where = site(tmp_path, cut_by(kind).strip())
