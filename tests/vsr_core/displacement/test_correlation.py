@@ -103,7 +103,7 @@ def test_line_against_normal_equations(seed: int) -> None:
 
 def test_band_covers_the_truth_19_times_in_20() -> None:
     rng = np.random.default_rng(1)
-    x, at, trials = np.linspace(0.1, 1.0, 9), np.array([0.1, 0.5, 1.4]), 1500
+    x, at, trials = np.linspace(0.1, 1.0, 9), np.array([0.1, 0.5, 1.4]), 400
     hits = np.zeros(3)
     for _ in range(trials):
         low, high = correlate(x, 1.0 + 3.0 * x + rng.normal(0.0, 0.7, 9)).line.band(at)

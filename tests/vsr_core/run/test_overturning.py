@@ -186,7 +186,7 @@ def test_similar_blocks_move_alike() -> None:
     assert len(ended) >= 2
 
 
-@pytest.mark.parametrize("ratio", [0.15, 0.25])
+@pytest.mark.parametrize("ratio", [0.15, pytest.param(0.25, marks=pytest.mark.slow)])
 def test_depth_does_not_matter(ratio: float) -> None:
     """1x1x3 m and 1x2x3 m overturn at the same PGA."""
     expected = housner((1.0, 1.0, 3.0), ratio)
@@ -207,11 +207,11 @@ def test_mirrored_motion_is_a_rock_turned_round(
         (-turned.static_limits[1], -turned.static_limits[0])
     )
     ended = []
-    for pga, ratio in grid(2, 40, low, high):
+    for pga, ratio in grid(2, 16, low, high):
         one, other = run(ahead, pga, ratio), run(turned, -pga, ratio)
         assert one.outcome is other.outcome, (pga, ratio, one, other)
         ended.append(one.outcome.overturned)
-    assert 3 <= sum(ended) <= 37
+    assert 2 <= sum(ended) <= 14
 
 
 def test_opposite_directions_of_an_asymmetric_rock_differ() -> None:

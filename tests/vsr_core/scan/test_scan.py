@@ -15,9 +15,10 @@ from vsr_core.surrogates import SITES
 from vsr_core.surrogates.raw_scan import RawScan, scan
 
 CLEARANCE = 0.001
-BOTH = pytest.mark.parametrize(
-    "name", ["double_rock_terrain", pytest.param("granite_dells", marks=pytest.mark.slow)]
-)
+BOTH = pytest.mark.parametrize("name", ["double_rock_terrain", "granite_dells"])
+
+pytestmark = pytest.mark.slow
+"""Of large scans; ``tests/pipeline/stages/mesh/test_prep.py`` asks the same of a small one."""
 
 
 @cache

@@ -37,14 +37,17 @@ def scanned(name: str, **changes: float) -> RawScan:
     return scan(made(name), **changes)  # type: ignore[arg-type]
 
 
-@pytest.fixture(params=SITES)
+@pytest.fixture(
+    params=["double_rock_terrain", pytest.param("granite_dells", marks=pytest.mark.slow)]
+)
 def name(request: pytest.FixtureRequest) -> str:
+    """Of a site that is scanned."""
     return str(request.param)
 
 
-@pytest.fixture
-def site(name: str) -> SurrogateSite:
-    return made(name)
+@pytest.fixture(params=SITES)
+def site(request: pytest.FixtureRequest) -> SurrogateSite:
+    return made(request.param)
 
 
 def edges(faces: Indices) -> tuple[Indices, Indices]:
@@ -266,6 +269,7 @@ def test_niche_is_a_bench_behind_a_lip() -> None:
     assert 3.5 < np.hypot(NICHE_X, down) < 6.0
 
 
+@pytest.mark.parametrize("name", SITES)
 def test_sites_are_repeatable(name: str) -> None:
     first, second = made(name), SITES[name]()
     for field in ("rock_vertices", "rock_faces", "terrain_vertices", "terrain_faces"):

@@ -46,8 +46,9 @@ Array = np.ndarray
 Refused = Callable[..., str]
 
 DENSITY = 2000.0
-MASS, PLACE = 0.03, 0.01
-"""What such a coarse, noisy scan gives of the rock: share of its mass, centre of mass [m]."""
+MASS, PLACE, INERTIA = 0.03, 0.01, 0.05
+"""What such a coarse, noisy scan gives of the rock: shares of its mass and its largest moment of
+inertia, centre of mass [m]."""
 
 
 @lru_cache(maxsize=1)
@@ -121,6 +122,8 @@ def see_that_it_is_the_rock(folder: Path, shift: Array = FAR) -> None:
     assert rock.volume == pytest.approx(true.volume, rel=MASS)
     place = np.array(rock.center_mass) + scan.attrs["origin_in_scan"] - shift
     np.testing.assert_allclose(place, true.center_mass, atol=PLACE)
+    inertia, known = (np.array(solid.moment_inertia) for solid in (rock, true))
+    assert np.abs(inertia - known).max() < INERTIA * np.abs(known).max()
 
 
 # Proposed, looked at, accepted
