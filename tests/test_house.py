@@ -36,7 +36,7 @@ MOST_LINES = 400
 STILL_LONG = {"vsr_core.verification.rocking_block"}
 """Modules that have yet to be parted; none may come to these."""
 
-UNDOCUMENTED = 640
+UNDOCUMENTED = 101
 """Public functions that do not yet say what they take and give; lower it as they learn to."""
 
 
@@ -208,6 +208,7 @@ def test_public_functions_say_what_they_take_and_give() -> None:
     without = [
         f"{module}.{function.name}"
         for module, tree in modules().items()
+        if "._" not in module
         for function, method in public(tree)
         if lacking(function, method)
     ]
