@@ -116,6 +116,31 @@ def touching(hull: Hull, tilt: float) -> Mask:
     return contact_tilts(hull)[0] <= tilt
 
 
+def corners(hull: Hull) -> Mask:
+    """Vertices at which three faces meet or more; the others lie within an edge or a flat face.
+
+    Whatever force acts on an edge or a face between corners, forces at its corners do the same.
+
+    Parameters
+    ----------
+    hull : Hull
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> cube = np.array(list(product((-1.0, 1.0), repeat=3)))
+    >>> int(corners(convex_hull(np.vstack([cube, [[1.0, 0.2, 1.0]]]))).sum())
+    8
+    """
+    vertex, facet = hull.facets.ravel(), np.repeat(hull.face, 3)
+    meeting = np.unique(np.column_stack([vertex, facet]), axis=0)[:, 0]
+    return np.bincount(meeting, minlength=len(hull.vertices)) >= 3
+
+
 def contact_tilts(hull: Hull) -> tuple[Array, Array]:
     """Least and greatest tilt at which each vertex can touch a plane.
 

@@ -1,0 +1,131 @@
+"""What the compiled engine knows of a rock, its contact, its state and its points of contact.
+
+All is told in SI units per unit mass of the rock, in the table's axes or, where it says so, in the
+rock's principal axes. Records keep what belongs together in one piece of memory, so that a step
+allocates nothing and functions are handed few things.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vsr_core.arrays import Array
+from vsr_core.rock.body import Rock
+from vsr_core.rock.hull import corners
+from vsr_core.scene import Contact
+
+
+class Body(NamedTuple):
+    """A rock and its contact.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n, 3) [m], corners of its hull in principal axes; none of a sphere
+    moments : ndarray, shape (3,) [m^2], principal moments of inertia
+    flexibility : ndarray, shape (3,) [m^-2], their inverses
+    radius : float [m], largest distance of a corner from the centre of mass
+    friction, restitution : float
+    """
+
+    points: Array
+    moments: Array
+    flexibility: Array
+    radius: float
+    friction: float
+    restitution: float
+
+
+MOTION = np.dtype(
+    [
+        ("place", float, 3),  # m, of the centre of mass, in the middle of the step to come
+        ("quaternion", float, 4),  # w x y z, takes principal axes to the table's, then too
+        ("rotation", float, (3, 3)),  # the same
+        ("velocity", float, 6),  # m/s and rad/s, of the centre of mass and angular, now
+        ("momentum", float, 3),  # m^2/s, angular momentum about the centre of mass, now
+        ("before", float, 6),  # velocity before the step
+        ("free", float, 6),  # velocity after it without the impulses to be found
+        ("middle", float, (3, 3)),  # rotation half-way along the path of the step
+        ("inertia", float, (3, 3)),  # m^2, half-way along it
+        ("flexibility", float, (3, 3)),  # m^-2, its inverse
+        ("system", float, (6, 6)),  # equations for the velocity, and
+        ("right", float, 6),  # their right side, then their solution
+        ("reserve", float),  # m, path that corners may take before the near ones are found anew
+        ("found", int),  # points given by the shape of the ground
+        ("near", int),  # corners that it may reach
+        ("active", int),  # points that bear the rock in this step
+        ("kept", int),  # and in the one before
+        ("hard", int),  # steps whose impulses were not found at once
+        ("unsolved", int),  # or not at all
+    ]
+)
+"""State of a rock between two steps, and room for what a step computes."""
+
+POINT = np.dtype(
+    [
+        ("key", int),  # by which the point is known in the next step
+        ("lever", float, 3),  # m, from the centre of mass
+        ("normal", float, 3),  # unit vector out of the ground
+        ("gap", float),  # m, before the step
+        ("bend", float, 3),  # m, path of the point by the curvature of a turn
+        ("rows", float, (3, 6)),  # its velocity, along normal and tangents, by that of the rock
+        ("turning", float, (3, 3)),  # 1/m, change of the angular velocity by an impulse
+        ("base", float, 3),  # m/s, velocity that a contact leads to, but for ``bend``
+        ("wanted", float, 3),  # m/s, velocity that it leads to
+        ("impulse", float, 3),  # m/s, along normal and tangents
+        ("given", float, 3),  # m/s, impulse of before a landing, which is no longer changed
+        ("trial", float, 3),  # room for the search for the impulse
+        ("rebound", float),  # m/s, speed at which the point is to leave in the next step
+        ("state", int),  # open, grips or slides
+        ("is_active", int),
+        ("active", int),  # at place n: the n-th active point; likewise
+        ("near", int),  # the n-th near corner
+        ("kept_key", int),  # and key, impulse and rebound of the n-th active one of the step before
+        ("kept_impulse", float, 3),
+        ("kept_rebound", float),
+    ]
+)
+"""A point at which a rock may touch in a step."""
+
+Motion = Any
+"""One record of ``MOTION``."""
+
+Points = Any
+"""Array of records of ``POINT``."""
+
+
+def body(rock: Rock, contact: Contact) -> Body:
+    """A rock and its contact as the engine takes them.
+
+    Parameters
+    ----------
+    rock : Rock
+    contact : Contact
+
+    Returns
+    -------
+    Body
+    """
+    moments = np.ascontiguousarray(rock.inertia / rock.mass)
+    points = np.empty((0, 3))
+    if rock.shape != "sphere":
+        points = rock.hull.vertices[corners(rock.hull)] @ rock.axes
+    return Body(
+        np.ascontiguousarray(points),
+        moments,
+        1.0 / moments,
+        rock.radius,
+        contact.friction,
+        contact.restitution,
+    )
+
+
+def motion() -> Motion:
+    """Room for a state."""
+    return np.zeros(1, MOTION)[0]
+
+
+def points(most: int) -> Points:
+    """Room for the points of contact of a step, at most ``most`` of them."""
+    return np.zeros(most, POINT)

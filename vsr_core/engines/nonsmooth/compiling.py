@@ -1,0 +1,51 @@
+"""Compilation of the engine, and where its machine code is kept.
+
+Machine code is kept beside the source, in a folder named by the digest of all that it was compiled
+from: Numba itself looks at the file of the function called only, and would go on using code whose
+other parts were edited.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from numba.core import config
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_CORE = Path(__file__).parents[2]
+
+
+def _digest() -> str:
+    whole = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
+    for path in sorted(_CORE.rglob("*.py")):
+        if b"compiled" in (text := path.read_bytes()):
+            whole.update(text)
+    return whole.hexdigest()
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    config.CACHE_DIR = str(_CORE / "__pycache__" / f"compiled-{_digest()}")
+
+
+def compiled(function: Function) -> Function:
+    """Compile a function when it is first called, without the interpreter's lock.
+
+    No option that lets a compiler reorder floating-point operations is set, so that the same
+    numbers come out whatever the processor.
+
+    Parameters
+    ----------
+    function : callable
+
+    Returns
+    -------
+    callable
+    """
+    options = {"cache": True, "nogil": True, "error_model": "numpy"}
+    return numba.njit(**options)(function)  # type: ignore[no-any-return]

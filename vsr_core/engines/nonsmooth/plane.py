@@ -1,0 +1,77 @@
+"""Points of a rock near a level pedestal: its corners, or the lowest point of a sphere."""
+
+from __future__ import annotations
+
+from vsr_core.engines.nonsmooth.body import Body, Motion, Points
+from vsr_core.engines.nonsmooth.compiling import compiled
+
+NEAR_SHARE = 0.03
+"""Height up to which corners are near, as a share of the radius: they are looked at in every step,
+the others once the rock has moved by as much."""
+
+
+@compiled
+def find(body: Body, rock: Motion, points: Points, time_step: float, speed: float) -> None:
+    """Find the points that may touch the pedestal, z = 0, at the end of the next step.
+
+    Parameters
+    ----------
+    body : Body
+    rock : record of ``MOTION``
+    points : array of ``POINT``, changed
+    time_step : float [s]
+    speed : float [m/s], that what pushes the rock adds in a step
+    """
+    if not len(body.points):
+        _lowest_of_sphere(body, rock, points[0])
+        return
+    v = rock.velocity
+    way = abs(v[0]) + abs(v[1]) + abs(v[2]) + speed
+    way += (abs(v[3]) + abs(v[4]) + abs(v[5])) * body.radius
+    way *= time_step
+    if rock.reserve < way:
+        near = NEAR_SHARE * body.radius + way
+        _gather(body, rock, points, near)
+        rock.reserve = near
+    rock.reserve -= way
+    rotation, corners, height = rock.rotation, body.points, rock.place[2]
+    for at in range(rock.near):
+        point = points[at]
+        lever, i = point.lever, point.near
+        x, y, z = corners[i, 0], corners[i, 1], corners[i, 2]
+        point.key = i
+        lever[0] = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z
+        lever[1] = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z
+        lever[2] = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z
+        point.gap = height + lever[2]
+    rock.found = rock.near
+
+
+@compiled
+def _gather(body: Body, rock: Motion, points: Points, near: float) -> None:
+    """Corners lower than ``near`` [m]."""
+    corners, number = body.points, 0
+    a, b, c = rock.rotation[2, 0], rock.rotation[2, 1], rock.rotation[2, 2]
+    height = rock.place[2]
+    for i in range(len(corners)):
+        if height + a * corners[i, 0] + b * corners[i, 1] + c * corners[i, 2] < near:
+            points[number].near = i
+            _level(points[number])
+            number += 1
+    rock.near = number
+
+
+@compiled
+def _lowest_of_sphere(body: Body, rock: Motion, point: Points) -> None:
+    point.key = 0
+    point.lever[0] = point.lever[1] = 0.0
+    point.lever[2] = -body.radius
+    point.gap = rock.place[2] - body.radius
+    _level(point)
+    rock.found = 1
+
+
+@compiled
+def _level(point: Points) -> None:
+    point.normal[0] = point.normal[1] = 0.0
+    point.normal[2] = 1.0

@@ -1,0 +1,363 @@
+"""One time step of a rock: free motion, points that would close, impulses, and the path taken.
+
+Places are known in the middle of a step, velocities at its ends (Verlet's positions). Contact is
+asked for by the gap at the end of the path, impulses act where the path begins: as the SHAKE
+method, this is of second order in the step and lets no gap drift. A point that closes within the
+path is given the velocity that takes it to the ground just then, and the rest of its impulse in the
+next step: both together lead to where an impact at the moment of touching would have led, so that
+no such moment has to be searched.
+
+References
+----------
+Ryckaert, Ciccotti & Berendsen (1977), J. Comput. Phys. 23, 327-341 (SHAKE).
+Moreau (1988), in: Nonsmooth Mechanics and Applications, CISM Courses 302, 1-82.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vsr_core.arrays import Array
+from vsr_core.engines.nonsmooth.body import Body, Motion, Points
+from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.engines.nonsmooth.impulses import solve
+from vsr_core.engines.nonsmooth.points import OPEN, add_impulse
+from vsr_core.engines.nonsmooth.vectors import cross, inertia_turned, matrix, turned
+
+ROUNDS = 6
+"""Rounds of a step, at most: points that the impulses of others close come in by and by."""
+
+CLOSED_SHARE = 1e-6
+"""Depth of a point at the end of a path that needs no further round, as a share of the radius. The
+next step makes up for it."""
+
+TOUCHING_SHARE = 1e-6
+"""Gap of a point that touches, as a share of the radius."""
+
+LIFTING_SHARE = 2e-3
+"""Speed at which a point that is in the ground is lifted at most, as a share of sqrt(g radius)."""
+
+BOUNCING_STEPS = 2.0
+"""Approach speed below which nothing rebounds, in units of what gravity adds in a step."""
+
+
+@compiled
+def step(
+    body: Body,
+    rock: Motion,
+    points: Points,
+    push: Array,
+    time_step: float,
+    gravity: float,
+    rounds: int,
+    residual: float,
+) -> None:
+    """Step a rock whose points near the ground are found.
+
+    Parameters
+    ----------
+    body : Body
+    rock : record of ``MOTION``, changed
+    points : array of ``POINT``, those found at the place of the rock
+    push : ndarray, shape (3,) [m/s^2], gravity less the acceleration of the table
+    time_step : float [s]
+    gravity : float [m/s^2], by which speeds and tolerances are measured
+    rounds : int, in the search for the impulses, at most
+    residual : float, error of a velocity by them, as a share of what gravity adds in a step
+    """
+    _free(body, rock, push, time_step)
+    limit = residual * gravity * time_step
+    closed = CLOSED_SHARE * body.radius
+    _bend(rock, points, time_step)
+    if _touch(body, rock, points, time_step, gravity):
+        solve(rock, points, body.friction, rounds, limit)
+    landed = False
+    for _ in range(ROUNDS):
+        _bend(rock, points, time_step)
+        late = time_step * _wanted_anew(rock, points, time_step) > closed
+        standing = rock.active
+        share = _land(body, rock, points, push, time_step, gravity, closed)
+        if share > 1.0 and not late:
+            break
+        if share <= 1.0 and not landed:
+            landed = True
+            _let_go(rock, points, standing, 0.5 + share)
+        solve(rock, points, body.friction, rounds, limit)
+    _carry_over(rock, points)
+    drift(rock, time_step)
+
+
+@compiled
+def drift(rock: Motion, time: float) -> None:
+    """Move and turn a rock by its velocity for a time [s]."""
+    place, velocity, quaternion = rock.place, rock.velocity, rock.quaternion
+    for k in range(3):
+        place[k] += time * velocity[k]
+    w, x, y, z = turned(
+        time * velocity[3],
+        time * velocity[4],
+        time * velocity[5],
+        quaternion[0],
+        quaternion[1],
+        quaternion[2],
+        quaternion[3],
+    )
+    quaternion[0], quaternion[1], quaternion[2], quaternion[3] = w, x, y, z
+    matrix(w, x, y, z, rock.rotation)
+
+
+@compiled
+def _free(body: Body, rock: Motion, push: Array, time_step: float) -> None:
+    """Velocity at the end of the step without contact, and the inertia in the middle of its path.
+
+    The angular momentum stays; the angular velocity follows from the pose half-way along the path,
+    which makes free rotation of second order.
+    """
+    velocity, quaternion = rock.velocity, rock.quaternion
+    rock.before[:] = velocity
+    half = 0.5 * time_step
+    w, x, y, z = turned(
+        half * velocity[3],
+        half * velocity[4],
+        half * velocity[5],
+        quaternion[0],
+        quaternion[1],
+        quaternion[2],
+        quaternion[3],
+    )
+    matrix(w, x, y, z, rock.middle)
+    inertia_turned(rock.middle, body.moments, rock.inertia)
+    inertia_turned(rock.middle, body.flexibility, rock.flexibility)
+    flexibility, momentum = rock.flexibility, rock.momentum
+    for k in range(3):
+        velocity[k] += time_step * push[k]
+        velocity[3 + k] = (
+            flexibility[k, 0] * momentum[0]
+            + flexibility[k, 1] * momentum[1]
+            + flexibility[k, 2] * momentum[2]
+        )
+    rock.free[:] = velocity
+
+
+@compiled
+def _bend(rock: Motion, points: Points, time_step: float) -> None:
+    """Path that points take besides h w x r, by its curvature: h^2/2 w x (w x r)."""
+    x, y, z = rock.velocity[3], rock.velocity[4], rock.velocity[5]
+    half = 0.5 * time_step * time_step
+    square = x * x + y * y + z * z
+    for i in range(rock.found):
+        lever, bend = points[i].lever, points[i].bend
+        along = x * lever[0] + y * lever[1] + z * lever[2]
+        bend[0] = half * (x * along - square * lever[0])
+        bend[1] = half * (y * along - square * lever[1])
+        bend[2] = half * (z * along - square * lever[2])
+
+
+@compiled
+def _wanted_anew(rock: Motion, points: Points, time_step: float) -> float:
+    """Have active points reckon with ``bend``; the largest change of what is wanted [m/s]."""
+    largest = 0.0
+    for at in range(rock.active):
+        largest = max(largest, _want(points[points[at].active], time_step))
+    return largest
+
+
+@compiled
+def _want(point: Points, time_step: float) -> float:
+    rows, bend, wanted = point.rows, point.bend, point.wanted
+    largest = 0.0
+    for k in range(3):
+        along = rows[k, 0] * bend[0] + rows[k, 1] * bend[1] + rows[k, 2] * bend[2]
+        value = point.base[k] - along / time_step
+        largest = max(largest, abs(value - wanted[k]))
+        wanted[k] = value
+    return largest
+
+
+@compiled
+def _velocity(point: Points, velocity: Array) -> tuple[float, float, float]:
+    """Velocity of a point of the rock [m/s]."""
+    lever = point.lever
+    x, y, z = cross(velocity[3], velocity[4], velocity[5], lever[0], lever[1], lever[2])
+    return velocity[0] + x, velocity[1] + y, velocity[2] + z
+
+
+@compiled
+def _end_gap(point: Points, x: float, y: float, z: float, time_step: float) -> float:
+    """Gap of a point at the end of the path if it moves by (x, y, z) [m/s]."""
+    normal, bend = point.normal, point.bend
+    return (
+        point.gap
+        + normal[0] * (time_step * x + bend[0])
+        + normal[1] * (time_step * y + bend[1])
+        + normal[2] * (time_step * z + bend[2])
+    )
+
+
+@compiled
+def _touch(
+    body: Body, rock: Motion, points: Points, time_step: float, gravity: float
+) -> bool:
+    """Make those points active that touch already and would close; whether there are any."""
+    rock.active = 0
+    touching = TOUCHING_SHARE * body.radius
+    slowest = LIFTING_SHARE * math.sqrt(gravity * body.radius)
+    for i in range(rock.found):
+        point = points[i]
+        point.is_active = 0
+        kept = _kept(rock, points, point.key)
+        if kept < 0 and point.gap > touching:
+            continue
+        leaves = kept >= 0 and points[kept].kept_rebound > 0.0
+        x, y, z = _velocity(point, rock.velocity)
+        if not leaves and _end_gap(point, x, y, z, time_step) >= 0.0:
+            continue
+        _enter(rock, points, i)
+        point.base[0] = points[kept].kept_rebound if leaves else min(-point.gap / time_step, slowest)
+        _want(point, time_step)
+        if kept >= 0 and not leaves:
+            point.impulse[:] = points[kept].kept_impulse
+    for at in range(rock.active):
+        add_impulse(points[points[at].active], 1.0, rock.velocity)
+    return rock.active > 0
+
+
+@compiled
+def _land(
+    body: Body,
+    rock: Motion,
+    points: Points,
+    push: Array,
+    time_step: float,
+    gravity: float,
+    closed: float,
+) -> float:
+    """Make those points active that would be deeper than ``closed`` [m] at the end of the path.
+
+    Returns the share of the path after which the first of them touches; more than 1 if none does.
+    """
+    first = 2.0
+    for i in range(rock.found):
+        point = points[i]
+        if point.is_active:
+            continue
+        x, y, z = _velocity(point, rock.velocity)
+        if _end_gap(point, x, y, z, time_step) >= -closed:
+            continue
+        _enter(rock, points, i)
+        share = _aim(body, rock, point, x, y, z, push, time_step, gravity)
+        _want(point, time_step)
+        first = min(first, share)
+    return first
+
+
+@compiled
+def _enter(rock: Motion, points: Points, i: int) -> None:
+    """Make a point active: its directions, and what an impulse there does."""
+    point = points[i]
+    points[rock.active].active = i
+    rock.active += 1
+    point.is_active = 1
+    point.state = OPEN
+    point.rebound = 0.0
+    rows, turning, lever, flexibility = point.rows, point.turning, point.lever, rock.flexibility
+    _tangents(point.normal, rows)
+    for k in range(3):
+        point.base[k] = point.impulse[k] = point.given[k] = 0.0
+        a, b, c = cross(lever[0], lever[1], lever[2], rows[k, 0], rows[k, 1], rows[k, 2])
+        rows[k, 3], rows[k, 4], rows[k, 5] = a, b, c
+        for j in range(3):
+            turning[k, j] = flexibility[j, 0] * a + flexibility[j, 1] * b + flexibility[j, 2] * c
+
+
+@compiled
+def _kept(rock: Motion, points: Points, key: int) -> int:
+    """Place of a point among those of the step before; -1 if it was not active then."""
+    for at in range(rock.kept):
+        if points[at].kept_key == key:
+            return at
+    return -1
+
+
+@compiled
+def _aim(
+    body: Body,
+    rock: Motion,
+    point: Points,
+    x: float,
+    y: float,
+    z: float,
+    push: Array,
+    time_step: float,
+    gravity: float,
+) -> float:
+    """Velocity that a landing point is to have, which moves by (x, y, z) [m/s] before it touches.
+
+    Returns the share of the path after which it touches.
+    """
+    rows, base, gap = point.rows, point.base, point.gap
+    approach = rows[0, 0] * x + rows[0, 1] * y + rows[0, 2] * z
+    share = min(1.0, max(0.0, gap / (-time_step * approach))) if approach < 0.0 else 1.0
+    base[0] = -gap / time_step
+    if gap < 0.0:
+        base[0] = min(base[0], LIFTING_SHARE * math.sqrt(gravity * body.radius))
+    for k in range(1, 3):
+        base[k] = share * (rows[k, 0] * x + rows[k, 1] * y + rows[k, 2] * z)
+    if body.restitution > 0.0:
+        earlier = 0.0
+        for k in range(6):
+            earlier += rows[0, k] * rock.before[k]
+        fall = earlier + (0.5 + share) * (approach - earlier)
+        if -fall > BOUNCING_STEPS * gravity * time_step:
+            pushed = rows[0, 0] * push[0] + rows[0, 1] * push[1] + rows[0, 2] * push[2]
+            leaving, after = -body.restitution * fall, 1.0 - share
+            point.rebound = leaving + (0.5 + after) * time_step * pushed
+            base[0] += after * (leaving + 0.5 * after * time_step * pushed)
+    return share
+
+
+@compiled
+def _let_go(rock: Motion, points: Points, standing: int, share: float) -> None:
+    """Have points that touched before bear the rock until it lands elsewhere, and no longer.
+
+    Their impulses are those of a step; ``share`` is the time from its begin to the landing, in
+    steps. They may bear it again, but what they gave is not taken back.
+    """
+    for at in range(standing):
+        point = points[points[at].active]
+        add_impulse(point, share, rock.free)
+        add_impulse(point, share - 1.0, rock.velocity)
+        for k in range(3):
+            point.given[k] = share * point.impulse[k]
+            point.impulse[k] = 0.0
+
+
+@compiled
+def _tangents(normal: Array, rows: Array) -> None:
+    """Write a normal and two tangents into ``rows``; level ground has x and y."""
+    x, y, z = normal[0], normal[1], normal[2]
+    rows[0, 0], rows[0, 1], rows[0, 2] = x, y, z
+    if abs(x) < 0.9:
+        size = math.sqrt(y * y + z * z)
+        a, b, c = size, -x * y / size, -x * z / size
+    else:
+        size = math.sqrt(x * x + z * z)
+        a, b, c = -x * y / size, size, -y * z / size
+    rows[1, 0], rows[1, 1], rows[1, 2] = a, b, c
+    rows[2, 0], rows[2, 1], rows[2, 2] = cross(x, y, z, a, b, c)
+
+
+@compiled
+def _carry_over(rock: Motion, points: Points) -> None:
+    """Give the impulses to the angular momentum, and keep them for the next step."""
+    momentum = rock.momentum
+    rock.kept = rock.active
+    for at in range(rock.active):
+        point, kept = points[points[at].active], points[at]
+        for k in range(3):
+            p = point.impulse[k]
+            for j in range(3):
+                momentum[j] += (p + point.given[k]) * point.rows[k, 3 + j]
+            kept.kept_impulse[k] = p
+        kept.kept_key = point.key
+        kept.kept_rebound = point.rebound
