@@ -116,14 +116,15 @@ def touching(hull: Hull, tilt: float) -> Mask:
     return contact_tilts(hull)[0] <= tilt
 
 
-def corners(hull: Hull) -> Mask:
-    """Vertices at which three faces meet or more; the others lie within an edge or a flat face.
+def corners(hull: Hull, tolerance: float) -> Mask:
+    """Vertices without which the hull would change; the others lie on lines between their like.
 
-    Whatever force acts on an edge or a face between corners, forces at its corners do the same.
+    Whatever force acts between two corners, forces at these do the same.
 
     Parameters
     ----------
     hull : Hull
+    tolerance : float [m], distance of a vertex from such a line
 
     Returns
     -------
@@ -133,12 +134,33 @@ def corners(hull: Hull) -> Mask:
     --------
     >>> from itertools import product
     >>> cube = np.array(list(product((-1.0, 1.0), repeat=3)))
-    >>> int(corners(convex_hull(np.vstack([cube, [[1.0, 0.2, 1.0]]]))).sum())
+    >>> int(corners(convex_hull(np.vstack([cube, [[1.0, 0.2, 1.0]]])), 1e-6).sum())
     8
     """
-    vertex, facet = hull.facets.ravel(), np.repeat(hull.face, 3)
-    meeting = np.unique(np.column_stack([vertex, facet]), axis=0)[:, 0]
-    return np.bincount(meeting, minlength=len(hull.vertices)) >= 3
+    rings: list[set[int]] = [set() for _ in hull.vertices]
+    for facet in hull.facets.tolist():
+        for corner in facet:
+            rings[corner].update(facet)
+    kept = np.ones(len(hull.vertices), dtype=bool)
+    for vertex, ring in enumerate(rings):
+        ring.discard(vertex)
+        others = np.array(sorted(ring))
+        to = hull.vertices[others] - hull.vertices[vertex]
+        length = np.linalg.norm(to, axis=1)
+        one, other = np.triu_indices(len(others), 1)
+        opposite = (to[one] * to[other]).sum(axis=1) < 0.0
+        off = np.linalg.norm(np.cross(to[one], to[other]), axis=1)
+        near = opposite & (off <= tolerance * np.linalg.norm(to[one] - to[other], axis=1))
+        if not near.any() or not length.all():
+            continue
+        at = int(np.argmax(near))
+        kept[vertex] = False
+        ends = int(others[one[at]]), int(others[other[at]])
+        for end, far in (ends, ends[::-1]):
+            rings[end].add(far)
+        for neighbour in ring:
+            rings[neighbour].discard(vertex)
+    return kept
 
 
 def contact_tilts(hull: Hull) -> tuple[Array, Array]:

@@ -228,7 +228,10 @@ class OverturningRules:
         turn = run.state.rotation
         lever = -(turn @ run.rock.vertices[int(np.argmin(self.heights))])
         inertia = turn @ run.inertia @ turn.T
-        return proofs.cannot_be_stopped(lever, run.state.angular_velocity, inertia, self.contact)
+        velocity, contact = run.state.angular_velocity, self.contact
+        return proofs.cannot_be_stopped(
+            lever, velocity, inertia, contact.friction, contact.rolling_friction
+        )
 
     def _slip_is_known(self, run: Run) -> bool:
         """Whether the rest of the energy can no longer slide an upright rock past the limit.

@@ -27,12 +27,13 @@ Coulomb friction. Z. Angew. Math. Mech. 80(10), 643-663.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import contact_tilts
 from vsr_core.rock.tipping import TOPPLED_TILT, rest_tilts, tipping
@@ -45,8 +46,7 @@ _TILT_STEP = math.radians(0.5)
 _AZIMUTHS = 1440
 
 
-@dataclass(frozen=True)
-class Barrier:
+class Barrier(NamedTuple):
     """Lower bounds of the height of the centre of mass over all poses that touch the pedestal.
 
     Theorem: a rock whose ``down`` direction is n has its centre at H(n) = max_v n.v over its
@@ -85,8 +85,27 @@ class Barrier:
 
     def to_return(self, tilt: float) -> float:
         """Height [m] that the centre must reach to come back from ``tilt`` to stand."""
-        between = (self.tilt >= self.toppled_tilt) & (self.tilt <= tilt)
-        return float(self.height[between].max(initial=-math.inf))
+        return height_to_return(self, tilt)
+
+
+@compiled
+def height_to_return(limits: Barrier, tilt: float) -> float:
+    """Height that the centre must reach to come back to stand.
+
+    Parameters
+    ----------
+    limits : Barrier
+    tilt : float [rad], from which to come back
+
+    Returns
+    -------
+    float [m]; minus infinity from a tilt at which it has not toppled
+    """
+    highest = -math.inf
+    for i in range(len(limits.tilt)):
+        if limits.toppled_tilt <= limits.tilt[i] <= tilt:
+            highest = max(highest, limits.height[i])
+    return highest
 
 
 def barrier(rock: Rock) -> Barrier:
@@ -174,6 +193,7 @@ def static_limits(rock: Rock, contact: Contact, yaw: float) -> tuple[float, floa
     )
 
 
+@compiled
 def reachable_energy(energy: float, impulse: float) -> float:
     """Most energy above the floor that a rock can have after more shaking.
 
@@ -209,6 +229,7 @@ def reachable_energy(energy: float, impulse: float) -> float:
     return 0.5 * (math.sqrt(2.0 * max(energy, 0.0)) + impulse) ** 2
 
 
+@compiled
 def cannot_topple(limits: Barrier, tilt: float, energy: float, impulse: float) -> bool:
     """Whether an upright rock at ``tilt`` [rad] can no longer pass ``edge_tilt``, so not topple.
 
@@ -237,6 +258,7 @@ def cannot_topple(limits: Barrier, tilt: float, energy: float, impulse: float) -
     return reachable_energy(energy - GRAVITY * limits.upright_floor, impulse) < gap
 
 
+@compiled
 def cannot_return(limits: Barrier, tilt: float, energy: float, impulse: float) -> bool:
     """Whether a rock lying at ``tilt`` [rad] can no longer come back below ``toppled_tilt``.
 
@@ -256,12 +278,17 @@ def cannot_return(limits: Barrier, tilt: float, energy: float, impulse: float) -
     """
     if tilt <= limits.toppled_tilt:
         return False
-    gap = GRAVITY * (limits.to_return(tilt) - limits.floor)
+    gap = GRAVITY * (height_to_return(limits, tilt) - limits.floor)
     return reachable_energy(energy - GRAVITY * limits.floor, impulse) < gap
 
 
+@compiled
 def cannot_be_stopped(
-    lever: Array, angular_velocity: Array, inertia: Array, contact: Contact
+    lever: Array,
+    angular_velocity: Array,
+    inertia: Array,
+    friction: float,
+    rolling_friction: float,
 ) -> bool:
     """Whether no shaking can stop the fall of a rock, because friction has no hold on it.
 
@@ -285,28 +312,22 @@ def cannot_be_stopped(
     Parameters
     ----------
     lever : ndarray, shape (3,) [m], from the lowest vertex to the centre of mass
-    spin : ndarray, shape (3,) [rad/s], angular velocity; f is along its horizontal part
+    angular_velocity : ndarray, shape (3,) [rad/s]; f is along its horizontal part
     inertia : ndarray, shape (3, 3) [m^2], about the centre of mass, per unit mass, same axes
-    contact : Contact
+    friction : float
+    rolling_friction : float [m]
 
     Returns
     -------
     bool
     """
-    behind, axis, turning = _fall(lever, angular_velocity)
-    reach = contact.friction * float(lever[2]) + contact.rolling_friction
-    return (
-        turning > 0.0
-        and behind >= max(reach, 0.0)
-        and float(axis @ inertia @ angular_velocity) > 0.0
-    )
-
-
-def _fall(lever: Array, angular_velocity: Array) -> tuple[float, Array, float]:
-    """Distance [m] of a point behind the centre, axis, shape (3,), and rate [rad/s] of a fall."""
-    x, y = float(angular_velocity[0]), float(angular_velocity[1])
-    turning = math.hypot(x, y)
+    x, y = angular_velocity[0], angular_velocity[1]
+    turning = math.sqrt(x * x + y * y)
     if turning == 0.0:
-        return 0.0, np.zeros(3), 0.0
-    axis = np.array([x, y, 0.0]) / turning
-    return float(lever[0] * axis[1] - lever[1] * axis[0]), axis, turning
+        return False
+    behind = (lever[0] * y - lever[1] * x) / turning
+    reach = friction * lever[2] + rolling_friction
+    about_axis = 0.0
+    for k in range(3):
+        about_axis += (x * inertia[0, k] + y * inertia[1, k]) * angular_velocity[k]
+    return behind >= max(reach, 0.0) and about_axis > 0.0

@@ -495,7 +495,7 @@ def nothing_stops_the_fall(seed: int, plane: bool) -> None:
     rocks.momentum = np.einsum("nij,nj->ni", world, angular_velocity)
     alive = np.array(
         [
-            cannot_be_stopped(lever[i], angular_velocity[i], world[i], Contact(mu, 0.0, length[i]))
+            cannot_be_stopped(lever[i], angular_velocity[i], world[i], mu, length[i])
             for i, mu in enumerate(rocks.friction.tolist())
         ]
     )

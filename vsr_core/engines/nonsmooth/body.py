@@ -7,6 +7,7 @@ allocates nothing and functions are handed few things.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -88,6 +89,10 @@ POINT = np.dtype(
 )
 """A point at which a rock may touch in a step."""
 
+STRAIGHT_SHARE = 1e-5
+"""Distance of a vertex from the line between two others at which it is left out, as a share of the
+radius."""
+
 Motion = Any
 """One record of ``MOTION``."""
 
@@ -110,7 +115,7 @@ def body(rock: Rock, contact: Contact) -> Body:
     moments = np.ascontiguousarray(rock.inertia / rock.mass)
     points = np.empty((0, 3))
     if rock.shape != "sphere":
-        points = rock.hull.vertices[corners(rock.hull)] @ rock.axes
+        points = _corners(rock) @ rock.axes
     return Body(
         np.ascontiguousarray(points),
         moments,
@@ -119,6 +124,13 @@ def body(rock: Rock, contact: Contact) -> Body:
         contact.friction,
         contact.restitution,
     )
+
+
+@lru_cache(maxsize=8)
+def _corners(rock: Rock) -> Array:
+    """Corners of a rock's hull, shape (n, 3) [m], in its own axes."""
+    hull = rock.hull
+    return hull.vertices[corners(hull, STRAIGHT_SHARE * rock.radius)]
 
 
 def motion() -> Motion:

@@ -9,6 +9,9 @@ NEAR_SHARE = 0.03
 """Height up to which corners are near, as a share of the radius: they are looked at in every step,
 the others once the rock has moved by as much."""
 
+FASTER = 3.0
+"""By how much an impact at one end of a rock may speed up the other."""
+
 
 @compiled
 def find(body: Body, rock: Motion, points: Points, time_step: float, speed: float) -> None:
@@ -26,14 +29,14 @@ def find(body: Body, rock: Motion, points: Points, time_step: float, speed: floa
         _lowest_of_sphere(body, rock, points[0])
         return
     v = rock.velocity
-    way = abs(v[0]) + abs(v[1]) + abs(v[2]) + speed
-    way += (abs(v[3]) + abs(v[4]) + abs(v[5])) * body.radius
-    way *= time_step
-    if rock.reserve < way:
-        near = NEAR_SHARE * body.radius + way
+    way = abs(v[0]) + abs(v[1]) + abs(v[2])
+    way = time_step * (way + (abs(v[3]) + abs(v[4]) + abs(v[5])) * body.radius)
+    rock.reserve -= way  # the path of the step before
+    ahead = FASTER * (way + time_step * speed)
+    if rock.reserve < ahead:
+        near = NEAR_SHARE * body.radius + ahead
         _gather(body, rock, points, near)
         rock.reserve = near
-    rock.reserve -= way
     rotation, corners, height = rock.rotation, body.points, rock.place[2]
     for at in range(rock.near):
         point = points[at]

@@ -1,0 +1,401 @@
+"""Many runs on a flat pedestal, each from first to last step in compiled code.
+
+What a run is, is told in ``overturning``; this is the same for the engine ``nonsmooth``, without
+the interpreter between two steps and without its lock.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsr_core import GRAVITY
+from vsr_core.arrays import Array, Indices
+from vsr_core.engines import nonsmooth
+from vsr_core.engines.nonsmooth import body as bodies
+from vsr_core.engines.nonsmooth import plane
+from vsr_core.engines.nonsmooth.body import Body, Motion, Points
+from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.engines.nonsmooth.stepping import step
+from vsr_core.engines.nonsmooth.vectors import inertia_turned, matrix, turned
+from vsr_core.engines.nonsmooth.world import begin, set_state
+from vsr_core.motions.cosine_pulse import GroundMotion
+from vsr_core.motions.six_axes import TableMotion
+from vsr_core.outcome import DecidedBy, Outcome, Response
+from vsr_core.run import guards, watching
+from vsr_core.run.cases import Case, Settings
+from vsr_core.run.overturning import (
+    CREEP_SHARE,
+    DRIFT_SHARE,
+    LEAST_WAIT,
+    PENETRATION_SHARE,
+    REST_OF_BARRIER,
+    REST_SHARE,
+    REST_TIME,
+    WAITING_TIMES,
+)
+from vsr_core.run.sampling import first_step, sampling, samples
+from vsr_core.run.watching import Rule, Watch
+from vsr_core.scene import resting
+
+MONITORED_STEPS = 8
+"""Time steps in a monitoring interval."""
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """Runs that are to be done at a time step: their places among all, and the step [s] of each."""
+
+    places: tuple[int, ...]
+    steps: tuple[float, ...]
+
+
+def simulate(
+    case: Case, motions: Sequence[GroundMotion], settings: Settings
+) -> list[Response]:
+    """Outcomes of runs on a flat pedestal.
+
+    Never raises for physics: a run that breaks its guards at every step tried is ``UNSTABLE``.
+
+    Parameters
+    ----------
+    case : Case
+    motions : sequence of GroundMotion, along one axis or three, that do not turn
+    settings : Settings
+
+    Returns
+    -------
+    list of Response
+    """
+    found: dict[int, Response] = {}
+    attempt = _Attempt(
+        tuple(range(len(motions))),
+        tuple(first_step(motion, None, settings.time_step) for motion in motions),
+    )
+    for _ in range(guards.HALVINGS + 1):
+        rows = _run_all(case, [motions[i] for i in attempt.places], attempt.steps, settings)
+        found.update(zip(attempt.places, rows, strict=True))
+        again = [
+            (i, 0.5 * time_step)
+            for i, time_step in zip(attempt.places, attempt.steps, strict=True)
+            if found[i].outcome is Outcome.UNSTABLE
+        ]
+        if not again:
+            break
+        places, steps = zip(*again, strict=True)
+        attempt = _Attempt(places, steps)
+    return [found[i] for i in range(len(motions))]
+
+
+def rule_of(case: Case, settings: Settings) -> Rule:
+    """What the runs of a case are judged by.
+
+    Parameters
+    ----------
+    case : Case
+    settings : Settings
+
+    Returns
+    -------
+    Rule
+    """
+    rock, limits, contact = case.full.rock, case.limits, case.full.contact
+    radius, climb = rock.radius, max(limits.edge_height - limits.upright_floor, 0.0)
+    return Rule(
+        limits,
+        contact.friction,
+        contact.rolling_friction,
+        radius,
+        rock.height,
+        GRAVITY * min(REST_SHARE * radius, REST_OF_BARRIER * climb),
+        REST_TIME * math.sqrt(radius / GRAVITY),
+        CREEP_SHARE * radius,
+        PENETRATION_SHARE * radius,
+        DRIFT_SHARE * radius,
+        settings.reduce,
+    )
+
+
+def _run_all(
+    case: Case, motions: Sequence[GroundMotion], steps: Sequence[float], settings: Settings
+) -> list[Response]:
+    """Responses of runs at given time steps [s], each the longest allowed."""
+    scene, solver = case.full, settings.solver or nonsmooth.SOLVER
+    wait = max(LEAST_WAIT, WAITING_TIMES * math.sqrt(scene.rock.radius / GRAVITY))
+    taken = [sampling(motion, None, most, 1) for motion, most in zip(motions, steps, strict=True)]
+    values = [_accelerations(m, s.interval, s.pulse_samples) for m, s in zip(motions, taken, strict=True)]
+    ends = np.cumsum([0, *(len(v) for v in values)])
+    intervals = np.array([s.interval for s in taken])
+    last = np.array([s.pulse_samples + math.ceil(wait / s.interval) for s in taken])
+    limits = _limits(case, motions, settings)
+    body = bodies.body(scene.rock, scene.contact)
+    start = bodies.motion()
+    set_state(start, scene.start or resting(scene), scene.rock.axes)
+    decided = np.zeros((len(motions), 3), dtype=np.int64)
+    measured = np.zeros((len(motions), 3))
+    run_all(
+        body,
+        rule_of(case, settings),
+        start,
+        np.ascontiguousarray(scene.rock.axes),
+        np.concatenate(values),
+        ends,
+        intervals,
+        last,
+        limits,
+        scene.start is not None,
+        scene.gravity,
+        scene.pedestal != "none",
+        solver.iterations,
+        solver.residual,
+        bodies.motion(),
+        bodies.points(max(1, len(body.points))),
+        watching.watch(),
+        decided,
+        measured,
+    )
+    return [
+        Response(Outcome(o), DecidedBy(d), float(peak), float(tilt), float(slip), int(n))
+        for (o, d, n), (peak, tilt, slip) in zip(decided.tolist(), measured.tolist(), strict=True)
+    ]
+
+
+def _accelerations(motion: GroundMotion, interval: float, number: int) -> Array:
+    """Samples of a motion, shape (number, 3) [m/s^2], along x, y and z."""
+    values = samples(motion, None, interval, number)
+    if values.ndim == 1:
+        whole = np.zeros((number, 3))
+        whole[:, 0] = values
+        return whole
+    return np.ascontiguousarray(values[:, :3])
+
+
+def _limits(case: Case, motions: Sequence[GroundMotion], settings: Settings) -> Array:
+    """Lowest and highest acceleration along x that move nothing, shape (n, 2) [m/s^2].
+
+    Zeros where nothing is known: of motions along several axes, and of a rock on the move.
+    """
+    known = case.static_limits if settings.reduce else (0.0, 0.0)
+    return np.array([(0.0, 0.0) if isinstance(m, TableMotion) else known for m in motions])
+
+
+@compiled
+def run_all(
+    body: Body,
+    rule: Rule,
+    start: Motion,
+    axes: Array,
+    values: Array,
+    ends: Indices,
+    intervals: Array,
+    last: Indices,
+    limits: Array,
+    moving: bool,
+    gravity: float,
+    on_ground: bool,
+    rounds: int,
+    residual: float,
+    rock: Motion,
+    points: Points,
+    watch: Watch,
+    decided: Indices,
+    measured: Array,
+) -> None:
+    """Do runs one after another, each from the same start.
+
+    Parameters
+    ----------
+    body : Body
+    rule : Rule
+    start : record of ``MOTION``
+    axes : ndarray, shape (3, 3), principal axes of the rock in its rest pose, as columns
+    values : ndarray, shape (samples, 3) [m/s^2], of all motions
+    ends : ndarray of int, shape (n + 1,), where the values of each motion begin, and the last end
+    intervals : ndarray, shape (n,) [s], time step of each run
+    last : ndarray of int, shape (n,), step at which it is out of time
+    limits : ndarray, shape (n, 2) [m/s^2], accelerations along x that move nothing
+    moving : bool, whether it starts on the move
+    gravity : float [m/s^2]
+    on_ground : bool, whether there is a pedestal
+    rounds, residual : of the search for impulses
+    rock, points, watch : room
+    decided : ndarray of int, shape (n, 3), written: outcome, rule and steps of each run
+    measured : ndarray, shape (n, 3), written: peak tilt, final tilt [rad] and slip [m]
+    """
+    for n in range(len(intervals)):
+        rock.place[:], rock.quaternion[:] = start.place, start.quaternion
+        rock.rotation[:], rock.velocity[:] = start.rotation, start.velocity
+        begin(body, rock, intervals[n])
+        outcome, by, steps = _run(
+            body,
+            rule,
+            axes,
+            values[ends[n] : ends[n + 1]],
+            intervals[n],
+            last[n],
+            limits[n],
+            moving,
+            gravity,
+            on_ground,
+            rounds,
+            residual,
+            rock,
+            points,
+            watch,
+        )
+        decided[n, 0], decided[n, 1], decided[n, 2] = outcome, by, steps
+        measured[n, 0], measured[n, 1] = watch.peak_tilt, watch.tilt
+        measured[n, 2] = watch.slip
+
+
+@compiled
+def _run(
+    body: Body,
+    rule: Rule,
+    axes: Array,
+    values: Array,
+    interval: float,
+    last: int,
+    limits: Array,
+    moving: bool,
+    gravity: float,
+    on_ground: bool,
+    rounds: int,
+    residual: float,
+    rock: Motion,
+    points: Points,
+    watch: Watch,
+) -> tuple[int, int, int]:
+    """Outcome, what decided it, and steps of one run."""
+    pulse = len(values)
+    remaining = 0.0
+    for n in range(pulse):
+        remaining += interval * _size(values[n])
+    first = -1 if moving else _first_push(values, limits)
+    now, impulse = max(0, min(first, pulse)), 0.0
+    for n in range(now):
+        impulse += interval * _size(values[n])
+    skipped = now
+    _begin(watch, body, rock, axes, rule, interval)
+    if not watching.sound(watch, rule, 0.0, 0.0, True):
+        return watching.UNSTABLE, watching.SIMULATED, 0
+    if not rule.proves:
+        now, impulse, skipped = 0, 0.0, 0
+    push = np.zeros(3)
+    while now < last:
+        until = min(now + MONITORED_STEPS, last)
+        if now < pulse:
+            until = min(until, pulse)
+        while now < until:
+            push[0] = push[1] = 0.0
+            push[2] = -gravity
+            if now < pulse:
+                for k in range(3):
+                    push[k] -= values[now, k]
+                impulse += interval * _size(values[now])
+            if on_ground:
+                speed = interval * (abs(push[0]) + abs(push[1]) + abs(push[2]))
+                plane.find(body, rock, points, interval, speed)
+            step(body, rock, points, push, interval, gravity, rounds, residual)
+            now += 1
+        _look(watch, body, rock, points, axes, interval)
+        time, left = now * interval, max(0.0, remaining - impulse)
+        if not watching.sound(watch, rule, time, impulse, now > first):
+            return watching.UNSTABLE, watching.SIMULATED, now - skipped
+        outcome, by = watching.decided(watch, rule, time, left, now < pulse)
+        if outcome != watching.GOES_ON:
+            return outcome, by, now - skipped
+    if watching.proved(watch, rule, 0.0):
+        return watching.side(watch, rule), watching.SIMULATED, now - skipped
+    return watching.UNSETTLED, watching.SIMULATED, now - skipped
+
+
+@compiled
+def _size(vector: Array) -> float:
+    return math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+
+
+@compiled
+def _first_push(values: Array, limits: Array) -> int:
+    """Number of the first sample outside the static limits; what is not a number is a push."""
+    for n in range(len(values)):
+        if not limits[0] <= values[n, 0] <= limits[1]:
+            return n
+        if values[n, 1] != 0.0 or values[n, 2] != 0.0:
+            return n
+    return len(values)
+
+
+@compiled
+def _begin(
+    watch: Watch, body: Body, rock: Motion, axes: Array, rule: Rule, interval: float
+) -> None:
+    """Begin to watch a run."""
+    rock.near = 0
+    watch.peak_tilt = watch.slip = 0.0
+    watch.rest_since = -1.0
+    _pose(watch, body, rock, axes, interval)
+    _find_lowest(watch, body, rock)
+    watch.start[:] = watch.place
+    for k in range(2):
+        watch.start_foot[k] = watch.place[k] - rule.foot * watch.rotation[k, 2]
+
+
+@compiled
+def _look(
+    watch: Watch, body: Body, rock: Motion, points: Points, axes: Array, interval: float
+) -> None:
+    """Write the state of now, half a step before the place that the engine knows."""
+    _pose(watch, body, rock, axes, interval)
+    if not rock.near:
+        _find_lowest(watch, body, rock)
+        return
+    watch.lowest[2] = math.inf
+    for at in range(rock.near):
+        _try_lowest(watch, body, rock, points[at].near)
+
+
+@compiled
+def _pose(watch: Watch, body: Body, rock: Motion, axes: Array, interval: float) -> None:
+    half = -0.5 * interval
+    v, q = rock.velocity, rock.quaternion
+    w, x, y, z = turned(half * v[3], half * v[4], half * v[5], q[0], q[1], q[2], q[3])
+    matrix(w, x, y, z, rock.middle)
+    inertia_turned(rock.middle, body.moments, watch.inertia)
+    for k in range(3):
+        watch.place[k] = rock.place[k] + half * v[k]
+        for j in range(3):
+            watch.rotation[k, j] = (
+                rock.middle[k, 0] * axes[j, 0]
+                + rock.middle[k, 1] * axes[j, 1]
+                + rock.middle[k, 2] * axes[j, 2]
+            )
+    watch.velocity[:] = v
+
+
+@compiled
+def _find_lowest(watch: Watch, body: Body, rock: Motion) -> None:
+    """Lowest corner of the rock, or of a sphere its lowest point."""
+    watch.lowest[0] = watch.lowest[1] = 0.0
+    watch.lowest[2] = math.inf if len(body.points) else -body.radius
+    for i in range(len(body.points)):
+        _try_lowest(watch, body, rock, i)
+
+
+@compiled
+def _try_lowest(watch: Watch, body: Body, rock: Motion, i: int) -> None:
+    """Take a corner for the lowest one if it is lower than that."""
+    rotation, corner = rock.middle, body.points[i]
+    height = (
+        rotation[2, 0] * corner[0] + rotation[2, 1] * corner[1] + rotation[2, 2] * corner[2]
+    )
+    if height < watch.lowest[2]:
+        for k in range(3):
+            watch.lowest[k] = (
+                rotation[k, 0] * corner[0]
+                + rotation[k, 1] * corner[1]
+                + rotation[k, 2] * corner[2]
+            )
