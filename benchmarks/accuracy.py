@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.table import Row, say
+from vsr_core.engines import load
 from vsr_core.rock import solid
 from vsr_core.run import proofs
 from vsr_core.run.cases import Case, Settings, prepare
@@ -15,6 +16,8 @@ from vsr_core.verification import peers, time_step, work_precision
 from vsr_core.verification.work_precision import Target
 
 SIZES = ((1.0, 1.0, 2.0), (0.5, 0.5, 1.0), (1.0, 1.0, 3.0), (0.11, 0.11, 0.55))
+
+ENGINE = "nonsmooth"
 
 TOLERANCES = (0.04, 0.02, 0.01, 0.005)
 
@@ -61,8 +64,10 @@ def _targets(case: Case) -> list[Target]:
 
 def _step(case: Case, tolerance: float) -> float:
     rock = case.full.rock
-    rows = [time_step.measure(case, r, Settings(1.0)) for r in time_step.periods(rock)]
+    settings = Settings(1.0, engine=ENGINE)
+    rows = [time_step.measure(case, r, settings) for r in time_step.periods(rock)]
+    shares = load(ENGINE).LADDER.shares
     error, steps = np.array([row.error for row in rows]), np.array([row.steps for row in rows])
-    measured, unit = time_step.front(error, steps), time_step.step_unit(rock)
-    most = time_step.longest(rock, "bullet", tolerance)
+    measured, unit = time_step.front(shares, error, steps), time_step.step_unit(rock)
+    most = time_step.longest(rock, ENGINE, tolerance)
     return time_step.choose(measured, tolerance, unit, most).time_step

@@ -24,7 +24,7 @@ from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference._ground import sheet
 from vsr_core.verification.rocks import DENSITY
-from vsr_core.verification.time_step import COARSE_SHARE, step_unit
+from vsr_core.verification.time_step import step_unit
 
 Array = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def tumble(contact: Contact, cut: bool, number: int) -> tuple[State, float, bool
     """End of one run, its largest speed [m/s], and whether it came to rest on the ground."""
     terrain, radius = ground(cut), rock().radius
     scene = Scene(rock(), contact, pedestal="terrain", start=push(number), terrain=terrain)
-    step = COARSE_SHARE * step_unit(rock())
+    step = engines.load("bullet").LADDER.coarse * step_unit(rock())
     steps = round(LOOK / step)
     world = engines.load("bullet").build(scene, step, 1)
     state, fastest, still = world.state(), 0.0, 0

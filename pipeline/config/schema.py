@@ -23,6 +23,9 @@ from vsr_core.table.servo import check
 Vector = tuple[float, float, float]
 Channel = Annotated[int, Field(ge=0, le=255)]
 
+COMPILED = "nonsmooth"
+"""The engine that ``auto`` takes where it can hold the scene."""
+
 # What the schema says of each value; the validators below say it in the field's words.
 _Angle = Annotated[float, Field(ge=-360, le=360)]
 
@@ -124,8 +127,10 @@ class PedestalConfig(Section):
 class SimulationConfig(Section):
     """How runs are computed."""
 
-    engine: Literal["bullet", "mujoco"] = Field(
-        "bullet", description="physics engine; mujoco is an extra of the installation"
+    engine: Literal["auto", "nonsmooth", "bullet", "mujoco"] = Field(
+        "auto",
+        description="physics engine; auto for the cheapest that can hold the scene; mujoco is an "
+        "extra of the installation",
     )
     time_step: Literal["auto"] | Annotated[float, Field(gt=0, le=0.02)] = Field(
         "auto", description="time step; auto for the coarsest that keeps to the tolerance [s]"
@@ -194,8 +199,13 @@ class Config(Section):
 
     @property
     def engine(self) -> str:
-        """Name of the physics engine."""
-        return self.simulation.engine
+        """Name of the physics engine: of ``auto`` the cheapest that can hold the scene."""
+        given = self.simulation.engine
+        if given != "auto":
+            return given
+        turns = isinstance(self.motion, TableMotionConfig)
+        rolls = self.contact.rolling_friction > 0.0
+        return "bullet" if self.drive == "servo" or turns or rolls or self.on_terrain else COMPILED
 
     @field_validator("pedestal")
     @classmethod
@@ -236,10 +246,11 @@ class Config(Section):
     @field_validator("simulation")
     @classmethod
     def _can_drive(cls, simulation: SimulationConfig, info: ValidationInfo) -> SimulationConfig:
-        if info.data.get("drive") == "servo" and simulation.engine != "bullet":
+        bullet = simulation.engine in ("auto", "bullet")
+        if info.data.get("drive") == "servo" and not bullet:
             raise ValueError("a servo needs Bullet; set engine: bullet, or drive: table_frame")
         pedestal = info.data.get("pedestal")
-        if simulation.engine != "bullet" and pedestal is not None and pedestal.shape == "mesh":
+        if simulation.engine == "mujoco" and pedestal is not None and pedestal.shape == "mesh":
             raise ValueError("MuJoCo takes the convex hull of any terrain; set engine: bullet")
         return simulation
 

@@ -17,7 +17,7 @@ TERRAIN_CODE = (
 )
 """The same on a terrain."""
 
-ENGINES = ("vsr_core.engines.bullet", "vsr_core.engines.mujoco")
+ENGINES = ("vsr_core.engines.bullet", "vsr_core.engines.mujoco", "vsr_core.engines.nonsmooth")
 """Modules of all engines, which are found by name only."""
 
 ENGINE_CODE = tuple(f"{engine}:build" for engine in ENGINES)

@@ -19,7 +19,7 @@ _CATALOGUE = Path(__file__).with_name("catalogue.yaml")
 
 _VERSIONS = ("vsr", "numpy", "scipy", "xarray")
 
-_ENGINES = {"bullet": "PyBullet", "mujoco": "MuJoCo"}
+_ENGINES = {"bullet": "PyBullet", "mujoco": "MuJoCo", "nonsmooth": "numba"}
 """Libraries of the engines."""
 
 

@@ -20,7 +20,7 @@ def names() -> list[str]:
     Examples
     --------
     >>> names()
-    ['bullet', 'mujoco']
+    ['bullet', 'mujoco', 'nonsmooth']
     """
     modules = (module.name for module in pkgutil.iter_modules(__path__))
     return sorted(name for name in modules if name != "interface")

@@ -24,6 +24,25 @@ class Solver:
     residual: float
 
 
+@dataclass(frozen=True)
+class Ladder:
+    """Time steps at which an engine is measured, in units of sqrt(radius / g).
+
+    Attributes
+    ----------
+    shares : tuple of float, those tried, coarsest first
+    coarse : float, at which most scenes are right to 1 %
+    reference, second : float, fine enough to be compared with; the second is no simple multiple
+    longest : float, at which a released block or hull still swings back as it should
+    """
+
+    shares: tuple[float, ...]
+    coarse: float
+    reference: float
+    second: float
+    longest: float
+
+
 class World(Protocol):
     """A scene under way, in the table's own frame.
 
@@ -147,6 +166,7 @@ class Engine(Protocol):
         The library's, part of the identity of a run.
     SOLVER : Solver
         The effort that it takes if none is stated.
+    LADDER : Ladder
     SLENDER_SHARE : float
         Longest time step of a slender rock, as a share of tan(alpha) sqrt(radius / g).
     SLIDING_SHARE : float
@@ -155,6 +175,7 @@ class Engine(Protocol):
 
     VERSION: str
     SOLVER: Solver
+    LADDER: Ladder
     SLENDER_SHARE: float
     SLIDING_SHARE: float
 

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from vsr_core.arrays import Array
-from vsr_core.engines.interface import Solver
+from vsr_core.engines.interface import Ladder, Solver
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Scene, State, resting
@@ -25,6 +25,15 @@ VERSION = version("mujoco")
 
 SOLVER = Solver(iterations=100, residual=1e-8)
 """MuJoCo's defaults."""
+
+LADDER = Ladder(
+    (0.048, 0.032, 0.024, 0.016, 0.012, 0.008, 0.006, 0.004, 0.003, 0.002),
+    coarse=0.006,
+    reference=0.000375,
+    second=0.00055,
+    longest=0.006,
+)
+"""As Bullet's, with which it is compared."""
 
 SLENDER_SHARE = 0.035
 """Longest step of a slender rock, as a share of tan(alpha) sqrt(radius / g): springs give way by an

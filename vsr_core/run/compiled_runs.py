@@ -1,7 +1,7 @@
 """Many runs on a flat pedestal, each from first to last step in compiled code.
 
-What a run is, is told in ``overturning``; this is the same for the engine ``nonsmooth``, without
-the interpreter between two steps and without its lock.
+What a run is, is told in ``overturning_rules``; this is the same for the engine ``nonsmooth``,
+without the interpreter between two steps and without its lock.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from vsr_core.motions.six_axes import TableMotion
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.run import guards, watching
 from vsr_core.run.cases import Case, Settings
-from vsr_core.run.overturning import (
+from vsr_core.run.overturning_rules import (
     CREEP_SHARE,
     DRIFT_SHARE,
     LEAST_WAIT,
@@ -37,9 +38,11 @@ from vsr_core.run.overturning import (
     REST_TIME,
     WAITING_TIMES,
 )
-from vsr_core.run.sampling import first_step, sampling, samples
+from vsr_core.run.sampling import first_step, samples, sampling
 from vsr_core.run.watching import Rule, Watch
 from vsr_core.scene import resting
+
+_RULES = tuple(DecidedBy)
 
 MONITORED_STEPS = 8
 """Time steps in a monitoring interval."""
@@ -53,9 +56,7 @@ class _Attempt:
     steps: tuple[float, ...]
 
 
-def simulate(
-    case: Case, motions: Sequence[GroundMotion], settings: Settings
-) -> list[Response]:
+def simulate(case: Case, motions: Sequence[GroundMotion], settings: Settings) -> list[Response]:
     """Outcomes of runs on a flat pedestal.
 
     Never raises for physics: a run that breaks its guards at every step tried is ``UNSTABLE``.
@@ -106,6 +107,7 @@ def rule_of(case: Case, settings: Settings) -> Rule:
     radius, climb = rock.radius, max(limits.edge_height - limits.upright_floor, 0.0)
     return Rule(
         limits,
+        np.ascontiguousarray(rock.axes),
         contact.friction,
         contact.rolling_friction,
         radius,
@@ -126,7 +128,9 @@ def _run_all(
     scene, solver = case.full, settings.solver or nonsmooth.SOLVER
     wait = max(LEAST_WAIT, WAITING_TIMES * math.sqrt(scene.rock.radius / GRAVITY))
     taken = [sampling(motion, None, most, 1) for motion, most in zip(motions, steps, strict=True)]
-    values = [_accelerations(m, s.interval, s.pulse_samples) for m, s in zip(motions, taken, strict=True)]
+    values = [
+        _accelerations(m, s.interval, s.pulse_samples) for m, s in zip(motions, taken, strict=True)
+    ]
     ends = np.cumsum([0, *(len(v) for v in values)])
     intervals = np.array([s.interval for s in taken])
     last = np.array([s.pulse_samples + math.ceil(wait / s.interval) for s in taken])
@@ -136,11 +140,7 @@ def _run_all(
     set_state(start, scene.start or resting(scene), scene.rock.axes)
     decided = np.zeros((len(motions), 3), dtype=np.int64)
     measured = np.zeros((len(motions), 3))
-    run_all(
-        body,
-        rule_of(case, settings),
-        start,
-        np.ascontiguousarray(scene.rock.axes),
+    table = Table(
         np.concatenate(values),
         ends,
         intervals,
@@ -151,14 +151,12 @@ def _run_all(
         scene.pedestal != "none",
         solver.iterations,
         solver.residual,
-        bodies.motion(),
-        bodies.points(max(1, len(body.points))),
-        watching.watch(),
-        decided,
-        measured,
     )
+    rock, points = bodies.motion(), bodies.points(max(1, len(body.points)))
+    rule, watch = rule_of(case, settings), watching.watch()
+    run_all(body, rule, table, start, rock, points, watch, decided, measured)
     return [
-        Response(Outcome(o), DecidedBy(d), float(peak), float(tilt), float(slip), int(n))
+        Response(Outcome(o), _RULES[d], peak, tilt, slip, n)
         for (o, d, n), (peak, tilt, slip) in zip(decided.tolist(), measured.tolist(), strict=True)
     ]
 
@@ -182,22 +180,40 @@ def _limits(case: Case, motions: Sequence[GroundMotion], settings: Settings) -> 
     return np.array([(0.0, 0.0) if isinstance(m, TableMotion) else known for m in motions])
 
 
+class Table(NamedTuple):
+    """How runs are shaken and stepped.
+
+    Attributes
+    ----------
+    values : ndarray, shape (samples, 3) [m/s^2], acceleration in each step of all motions
+    ends : ndarray of int, shape (n + 1,), where the values of each motion begin, and the last end
+    intervals : ndarray, shape (n,) [s], time step of each run
+    last : ndarray of int, shape (n,), step at which it is out of time
+    limits : ndarray, shape (n, 2) [m/s^2], accelerations along x that move nothing
+    moving : bool, whether runs start on the move
+    gravity : float [m/s^2]
+    on_ground : bool, whether there is a pedestal
+    rounds, residual : of the search for impulses
+    """
+
+    values: Array
+    ends: Indices
+    intervals: Array
+    last: Indices
+    limits: Array
+    moving: bool
+    gravity: float
+    on_ground: bool
+    rounds: int
+    residual: float
+
+
 @compiled
 def run_all(
     body: Body,
     rule: Rule,
+    table: Table,
     start: Motion,
-    axes: Array,
-    values: Array,
-    ends: Indices,
-    intervals: Array,
-    last: Indices,
-    limits: Array,
-    moving: bool,
-    gravity: float,
-    on_ground: bool,
-    rounds: int,
-    residual: float,
     rock: Motion,
     points: Points,
     watch: Watch,
@@ -210,42 +226,17 @@ def run_all(
     ----------
     body : Body
     rule : Rule
+    table : Table
     start : record of ``MOTION``
-    axes : ndarray, shape (3, 3), principal axes of the rock in its rest pose, as columns
-    values : ndarray, shape (samples, 3) [m/s^2], of all motions
-    ends : ndarray of int, shape (n + 1,), where the values of each motion begin, and the last end
-    intervals : ndarray, shape (n,) [s], time step of each run
-    last : ndarray of int, shape (n,), step at which it is out of time
-    limits : ndarray, shape (n, 2) [m/s^2], accelerations along x that move nothing
-    moving : bool, whether it starts on the move
-    gravity : float [m/s^2]
-    on_ground : bool, whether there is a pedestal
-    rounds, residual : of the search for impulses
     rock, points, watch : room
     decided : ndarray of int, shape (n, 3), written: outcome, rule and steps of each run
     measured : ndarray, shape (n, 3), written: peak tilt, final tilt [rad] and slip [m]
     """
-    for n in range(len(intervals)):
+    for n in range(len(table.intervals)):
         rock.place[:], rock.quaternion[:] = start.place, start.quaternion
         rock.rotation[:], rock.velocity[:] = start.rotation, start.velocity
-        begin(body, rock, intervals[n])
-        outcome, by, steps = _run(
-            body,
-            rule,
-            axes,
-            values[ends[n] : ends[n + 1]],
-            intervals[n],
-            last[n],
-            limits[n],
-            moving,
-            gravity,
-            on_ground,
-            rounds,
-            residual,
-            rock,
-            points,
-            watch,
-        )
+        begin(body, rock, table.intervals[n])
+        outcome, by, steps = _run(body, rule, table, n, rock, points, watch)
         decided[n, 0], decided[n, 1], decided[n, 2] = outcome, by, steps
         measured[n, 0], measured[n, 1] = watch.peak_tilt, watch.tilt
         measured[n, 2] = watch.slip
@@ -253,64 +244,69 @@ def run_all(
 
 @compiled
 def _run(
-    body: Body,
-    rule: Rule,
-    axes: Array,
-    values: Array,
-    interval: float,
-    last: int,
-    limits: Array,
-    moving: bool,
-    gravity: float,
-    on_ground: bool,
-    rounds: int,
-    residual: float,
-    rock: Motion,
-    points: Points,
-    watch: Watch,
+    body: Body, rule: Rule, table: Table, n: int, rock: Motion, points: Points, watch: Watch
 ) -> tuple[int, int, int]:
     """Outcome, what decided it, and steps of one run."""
-    pulse = len(values)
-    remaining = 0.0
-    for n in range(pulse):
-        remaining += interval * _size(values[n])
-    first = -1 if moving else _first_push(values, limits)
-    now, impulse = max(0, min(first, pulse)), 0.0
-    for n in range(now):
-        impulse += interval * _size(values[n])
-    skipped = now
-    _begin(watch, body, rock, axes, rule, interval)
+    interval, last = table.intervals[n], table.last[n]
+    values = table.values[table.ends[n] : table.ends[n + 1]]
+    pulse, whole = len(values), _impulse(values, interval)
+    first = -1 if table.moving else _first_push(values, table.limits[n])
+    _begin(watch, body, rock, rule, interval)
     if not watching.sound(watch, rule, 0.0, 0.0, True):
         return watching.UNSTABLE, watching.SIMULATED, 0
-    if not rule.proves:
-        now, impulse, skipped = 0, 0.0, 0
-    push = np.zeros(3)
+    skipped = max(0, min(first, pulse)) if rule.proves else 0
+    now, given = skipped, _impulse(values[:skipped], interval)
     while now < last:
         until = min(now + MONITORED_STEPS, last)
         if now < pulse:
             until = min(until, pulse)
-        while now < until:
-            push[0] = push[1] = 0.0
-            push[2] = -gravity
-            if now < pulse:
-                for k in range(3):
-                    push[k] -= values[now, k]
-                impulse += interval * _size(values[now])
-            if on_ground:
-                speed = interval * (abs(push[0]) + abs(push[1]) + abs(push[2]))
-                plane.find(body, rock, points, interval, speed)
-            step(body, rock, points, push, interval, gravity, rounds, residual)
-            now += 1
-        _look(watch, body, rock, points, axes, interval)
-        time, left = now * interval, max(0.0, remaining - impulse)
-        if not watching.sound(watch, rule, time, impulse, now > first):
+        _advance(body, table, values, now, until, interval, rock, points)
+        given += _impulse(values[now:until], interval)
+        now = until
+        _look(watch, body, rock, points, rule, interval)
+        time = now * interval
+        if not watching.sound(watch, rule, time, given, now > first):
             return watching.UNSTABLE, watching.SIMULATED, now - skipped
-        outcome, by = watching.decided(watch, rule, time, left, now < pulse)
+        outcome, by = watching.decided(watch, rule, time, max(0.0, whole - given), now < pulse)
         if outcome != watching.GOES_ON:
             return outcome, by, now - skipped
     if watching.proved(watch, rule, 0.0):
         return watching.side(watch, rule), watching.SIMULATED, now - skipped
     return watching.UNSETTLED, watching.SIMULATED, now - skipped
+
+
+@compiled
+def _advance(
+    body: Body,
+    table: Table,
+    values: Array,
+    now: int,
+    until: int,
+    interval: float,
+    rock: Motion,
+    points: Points,
+) -> None:
+    """Step from one sample to another; beyond the last the table rests."""
+    push = np.zeros(3)
+    for n in range(now, until):
+        push[0] = push[1] = 0.0
+        push[2] = -table.gravity
+        if n < len(values):
+            for k in range(3):
+                push[k] -= values[n, k]
+        if table.on_ground:
+            speed = interval * (abs(push[0]) + abs(push[1]) + abs(push[2]))
+            plane.find(body, rock, points, interval, speed)
+        step(body, rock, points, push, interval, table.gravity, table.rounds, table.residual)
+
+
+@compiled
+def _impulse(values: Array, interval: float) -> float:
+    """Integral of the absolute acceleration over samples [m/s]."""
+    total = 0.0
+    for n in range(len(values)):
+        total += _size(values[n])
+    return interval * total
 
 
 @compiled
@@ -330,14 +326,12 @@ def _first_push(values: Array, limits: Array) -> int:
 
 
 @compiled
-def _begin(
-    watch: Watch, body: Body, rock: Motion, axes: Array, rule: Rule, interval: float
-) -> None:
+def _begin(watch: Watch, body: Body, rock: Motion, rule: Rule, interval: float) -> None:
     """Begin to watch a run."""
     rock.near = 0
     watch.peak_tilt = watch.slip = 0.0
     watch.rest_since = -1.0
-    _pose(watch, body, rock, axes, interval)
+    _pose(watch, body, rock, rule, interval)
     _find_lowest(watch, body, rock)
     watch.start[:] = watch.place
     for k in range(2):
@@ -346,10 +340,10 @@ def _begin(
 
 @compiled
 def _look(
-    watch: Watch, body: Body, rock: Motion, points: Points, axes: Array, interval: float
+    watch: Watch, body: Body, rock: Motion, points: Points, rule: Rule, interval: float
 ) -> None:
     """Write the state of now, half a step before the place that the engine knows."""
-    _pose(watch, body, rock, axes, interval)
+    _pose(watch, body, rock, rule, interval)
     if not rock.near:
         _find_lowest(watch, body, rock)
         return
@@ -359,7 +353,7 @@ def _look(
 
 
 @compiled
-def _pose(watch: Watch, body: Body, rock: Motion, axes: Array, interval: float) -> None:
+def _pose(watch: Watch, body: Body, rock: Motion, rule: Rule, interval: float) -> None:
     half = -0.5 * interval
     v, q = rock.velocity, rock.quaternion
     w, x, y, z = turned(half * v[3], half * v[4], half * v[5], q[0], q[1], q[2], q[3])
@@ -369,9 +363,9 @@ def _pose(watch: Watch, body: Body, rock: Motion, axes: Array, interval: float) 
         watch.place[k] = rock.place[k] + half * v[k]
         for j in range(3):
             watch.rotation[k, j] = (
-                rock.middle[k, 0] * axes[j, 0]
-                + rock.middle[k, 1] * axes[j, 1]
-                + rock.middle[k, 2] * axes[j, 2]
+                rock.middle[k, 0] * rule.axes[j, 0]
+                + rock.middle[k, 1] * rule.axes[j, 1]
+                + rock.middle[k, 2] * rule.axes[j, 2]
             )
     watch.velocity[:] = v
 
@@ -389,13 +383,9 @@ def _find_lowest(watch: Watch, body: Body, rock: Motion) -> None:
 def _try_lowest(watch: Watch, body: Body, rock: Motion, i: int) -> None:
     """Take a corner for the lowest one if it is lower than that."""
     rotation, corner = rock.middle, body.points[i]
-    height = (
-        rotation[2, 0] * corner[0] + rotation[2, 1] * corner[1] + rotation[2, 2] * corner[2]
-    )
+    height = rotation[2, 0] * corner[0] + rotation[2, 1] * corner[1] + rotation[2, 2] * corner[2]
     if height < watch.lowest[2]:
         for k in range(3):
             watch.lowest[k] = (
-                rotation[k, 0] * corner[0]
-                + rotation[k, 1] * corner[1]
-                + rotation[k, 2] * corner[2]
+                rotation[k, 0] * corner[0] + rotation[k, 1] * corner[1] + rotation[k, 2] * corner[2]
             )

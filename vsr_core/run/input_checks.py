@@ -17,11 +17,6 @@ from vsr_core.run.sampling import first_step, samples, sampling
 from vsr_core.scene import Contact, Scene
 from vsr_core.table.servo import Servo
 
-COARSEST_SHARE = 0.006
-"""Longest step in units of sqrt(radius / g). At it a released block of 1:1.5 to 1:20 swings back to
-within 1.9 % of Housner's in Bullet and a hull to within 2.8 %, at 0.009 to within 3.4 %, at 0.012
-to within 5.3 %; boundaries move by as much."""
-
 PERIOD_SHARE = 0.4
 """Longest control period, as a share of the motion's shortest time. At it a servo that takes an
 error away in one period moves a block's boundary by 1.3 %, at 0.8 by 7 %."""
@@ -137,7 +132,8 @@ def longest_step(scene: Scene, engine: str) -> float:
     -------
     float [s]
     """
-    share = min(COARSEST_SHARE, engines.load(engine).SLENDER_SHARE * _slenderness(scene))
+    library = engines.load(engine)
+    share = min(library.LADDER.longest, library.SLENDER_SHARE * _slenderness(scene))
     return share * math.sqrt(scene.rock.radius / GRAVITY)
 
 

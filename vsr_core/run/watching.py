@@ -1,6 +1,6 @@
 """The rules of a run on a flat pedestal in compiled code: what is watched, and what ends it.
 
-They are those of ``overturning.OverturningRules``, for a table in pure translation and an engine
+They are those of ``OverturningRules``, for a table in pure translation and an engine
 that steps in compiled code too.
 """
 
@@ -38,6 +38,7 @@ class Rule(NamedTuple):
     Attributes
     ----------
     limits : Barrier
+    axes : ndarray, shape (3, 3), principal axes of the rock in its rest pose, as columns
     friction, rolling_friction : float, the latter in m
     radius : float [m]
     foot : float [m], height of the centre of mass above the base at rest
@@ -49,6 +50,7 @@ class Rule(NamedTuple):
     """
 
     limits: Barrier
+    axes: Array
     friction: float
     rolling_friction: float
     radius: float

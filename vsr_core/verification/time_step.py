@@ -1,14 +1,15 @@
 """Error of the overturning boundary against the time step, measured on the scene itself.
 
 A row is one direction and one PGV/PGA. The reference is Housner's equation where a box rocks on an
-edge, else the same scene at a step of ``REFERENCE_SHARE``; every step of a ladder is compared with
-it. A pulse on which the reference itself changes its mind with its step has no right answer, and
-either outcome passes.
+edge, else the same scene at the reference step of the engine's ladder. Every step of the ladder is
+compared with it. A pulse on which the reference itself changes its mind with its step has no right
+answer, and either outcome passes.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.engines import load
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.rock.body import Rock
 from vsr_core.run.cases import Case, Settings
@@ -24,15 +26,6 @@ from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.agreement import agrees_from, answer
 from vsr_core.verification.boundary_search import verdict
-
-SHARES = (0.048, 0.032, 0.024, 0.016, 0.012, 0.008, 0.006, 0.004, 0.003, 0.002)
-"""Time steps tried, in units of sqrt(radius / g), coarsest first."""
-
-COARSE_SHARE, REFERENCE_SHARE = 0.006, 0.000375
-"""Step at which most scenes are right to 1 %, and a sixteenth of it, the reference."""
-
-SECOND_SHARE = 0.00055
-"""Step of the second run of the reference, no simple multiple of the first."""
 
 BOX_PERIODS, HULL_PERIODS = (0.45, 0.6, 0.75), (0.45, 0.9)
 """PGV/PGA of the rows in units of sqrt(radius / g). Housner's block topples there after at most
@@ -52,8 +45,8 @@ class Row:
     pgv_pga : float [s]
     reference : float [m/s^2], the boundary at the reference; nan if nothing topples the rock
     exact : bool, whether the reference is Housner's equation
-    error : ndarray, shape (len(SHARES),), relative: no run further from the boundary differs
-    steps : ndarray, shape (len(SHARES),), mean time steps of a run
+    error : ndarray, shape (k,), relative: no run further from the boundary differs
+    steps : ndarray, shape (k,), mean time steps of a run
     """
 
     pgv_pga: float
@@ -158,17 +151,18 @@ def measure(case: Case, pgv_pga: float, settings: Settings) -> Row:
     -------
     Row
     """
+    ladder = load(settings.engine).LADDER
     fine, second, coarse = (
         _Trial(case, pgv_pga, settings, share)
-        for share in (REFERENCE_SHARE, SECOND_SHARE, COARSE_SHARE)
+        for share in (ladder.reference, ladder.second, ladder.coarse)
     )
     known = answer(case, pgv_pga, coarse, (fine,), (fine, second))
     if math.isnan(known.boundary):
-        nothing = np.full(len(SHARES), math.nan)
+        nothing = np.full(len(ladder.shares), math.nan)
         return Row(pgv_pga, math.nan, known.exact, nothing, nothing)
     passing = cache(known.passing)
     error, steps = [], []
-    for share in SHARES:
+    for share in ladder.shares:
         trial = _Trial(case, pgv_pga, settings, share)
         error.append(agrees_from(trial, passing, known.boundary))
         steps.append(trial.steps / trial.runs)
@@ -190,25 +184,26 @@ class _Trial:
         return verdict(response.outcome)
 
 
-def front(error: Array, steps: Array) -> Front:
+def front(shares: Sequence[float], error: Array, steps: Array) -> Front:
     """Error against time step over the rows that something topples.
 
     Parameters
     ----------
-    error, steps : ndarray, shape (rows, len(SHARES)), as in ``Row``; nan where nothing topples it
+    shares : sequence of float, time steps in units of sqrt(radius / g), falling
+    error, steps : ndarray, shape (rows, k), as in ``Row``; nan where nothing topples it
 
     Returns
     -------
     Front
     """
     toppled = np.isfinite(error).all(axis=1)
-    shares = np.array(SHARES)
+    tried = np.array(shares, dtype=np.float64)
     if not toppled.any():
-        nothing = np.full(len(SHARES), math.nan)
-        return Front(shares, nothing, nothing, nothing)
+        nothing = np.full(len(tried), math.nan)
+        return Front(tried, nothing, nothing, nothing)
     error, steps = error[toppled], steps[toppled]
     most = np.quantile(error, KEPT_BY, axis=0, method="inverted_cdf")
-    return Front(shares, most, error.max(axis=0), steps.mean(axis=0))
+    return Front(tried, most, error.max(axis=0), steps.mean(axis=0))
 
 
 def longest(rock: Rock, engine: str, tolerance: float) -> float:

@@ -13,12 +13,13 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from vsr_core.engines import load
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.overturning import simulate
 from vsr_core.verification.agreement import agrees_from, answer, levels
 from vsr_core.verification.boundary_search import Topples, verdict
-from vsr_core.verification.time_step import COARSE_SHARE, REFERENCE_SHARE, step_unit
+from vsr_core.verification.time_step import step_unit
 
 Test = Callable[[CosinePulse], bool | None]
 """Runs one pulse from rest: whether the rock toppled, None without a verdict."""
@@ -83,8 +84,11 @@ def target(case: Case, pgv_pga: float, engines: tuple[str, ...]) -> Target:
         test = project(case, settings)
         return lambda pga: test(CosinePulse(pga, pgv_pga))
 
-    references = [run(Settings(REFERENCE_SHARE * unit, engine=name)) for name in engines]
-    known = answer(case, pgv_pga, run(Settings(COARSE_SHARE * unit)), references, references)
+    references = [
+        run(Settings(load(name).LADDER.reference * unit, engine=name)) for name in engines
+    ]
+    coarse = run(Settings(load("bullet").LADDER.coarse * unit))
+    known = answer(case, pgv_pga, coarse, references, references)
     nothing = math.isnan(known.boundary)
     compared = () if nothing else (pga for pair in levels(known.boundary) for pga in pair)
     passing = {pga: known.passing(pga) for pga in compared}

@@ -14,10 +14,10 @@ from pipeline.stages.mesh.products import SCAN, TERRAIN, load_rock
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
 from vsr_core.arrays import Array
+from vsr_core.engines import load
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
 from vsr_core.run.displacement import settled
-from vsr_core.run.input_checks import COARSEST_SHARE
 from vsr_core.scene import Scene, State
 from vsr_core.terrain.coarsening import coarser
 from vsr_core.terrain.convex_parts import convex_parts
@@ -86,7 +86,7 @@ def _rest(terrain: Terrain, job: Job, friction: float) -> State:
         start=scanned,
         terrain=terrain,
     )
-    return settled(scene, COARSEST_SHARE * step_unit(rock))
+    return settled(scene, load("bullet").LADDER.longest * step_unit(rock))
 
 
 def _dataset(whole: Terrain, terrain: Terrain, starts: dict[float, State]) -> xr.Dataset:

@@ -13,7 +13,7 @@ from pipeline.workflow.store import RunRow
 from vsr_core.outcome import Response
 from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.run.displacement import respond
-from vsr_core.run.overturning import simulate
+from vsr_core.run.overturning import simulate_all
 
 
 def simulate_batch(
@@ -31,14 +31,10 @@ def simulate_batch(
     list of tuple, values of a ``RunRow`` after its key
     """
     place, settings, motions = shared
-    rows = []
-    for cell in cells:
-        motion = motions.motion(cell)
-        if isinstance(place, Case):
-            rows.append(values(simulate(place, motion, settings)))
-        else:
-            rows.append(values(respond(place, motion, settings)))
-    return rows
+    moved = [motions.motion(cell) for cell in cells]
+    if isinstance(place, Case):
+        return [values(response) for response in simulate_all(place, moved, settings)]
+    return [values(respond(place, motion, settings)) for motion in moved]
 
 
 def values(response: Response) -> tuple[Any, ...]:

@@ -22,7 +22,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import standing
 from vsr_core.run import displacement
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
-from vsr_core.run.input_checks import COARSEST_SHARE, check, check_unshaken, longest_step
+from vsr_core.run.input_checks import check, check_unshaken, longest_step
 from vsr_core.run.proofs import Barrier
 from vsr_core.run.reductions import PROOFS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.scene import Scene
@@ -158,7 +158,9 @@ def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
     if not reduce:
         return TerrainCase(seat, seat, toppled)
     flight = replace(seat, rock=reduction.in_flight(rock))
-    still = displacement.limits_on_seat(seat, COARSEST_SHARE * step_unit(rock))
+    still = displacement.limits_on_seat(
+        seat, engines.load("bullet").LADDER.longest * step_unit(rock)
+    )
     return TerrainCase(seat, flight, toppled, still)
 
 
@@ -190,7 +192,7 @@ def identity(scenes: Scenes) -> dict[str, Any]:
     """
     config, rock, ground = scenes.config, scenes.rock, scenes.ground
     parts = (rock.vertices, rock.inertia, rock.axes)
-    engine = config.simulation.engine
+    engine = config.engine
     return {
         "rock": [
             keys.digest_bytes(rock.shape.encode(), *(part.tobytes() for part in parts)),
@@ -259,17 +261,17 @@ def check_scenes(site: Site, scenes: Scenes) -> None:
     InputError
         If they do not.
     """
-    simulation = scenes.config.simulation
+    simulation, engine = scenes.config.simulation, scenes.config.engine
     cases = [flat_case(scenes, group) for group in groups(scenes.config)]
     strongest = motion_grid.strongest(motion_grid.of_site(site))
     key = "simulation.engine"
     try:
-        engines.load(simulation.engine).build(cases[0].scene, 1e-3, 1)
+        engines.load(engine).build(cases[0].scene, 1e-3, 1)
         given = simulation.time_step
         key = key if given == "auto" else "simulation.time_step"
         for case in cases:
-            step = longest_step(case.full, simulation.engine) if given == "auto" else given
-            settings = Settings(step, simulation.reduce, simulation.engine)
+            step = longest_step(case.full, engine) if given == "auto" else given
+            settings = Settings(step, simulation.reduce, engine)
             for motion in strongest:
                 check(case, settings, motion)
         check_unshaken(cases[0], settings, strongest[0])
@@ -293,7 +295,7 @@ def engine_version(site: Site) -> dict[str, str]:
     InputError
         If the engine is not installed.
     """
-    name = site.config.simulation.engine
+    name = site.config.engine
     try:
         return {f"engine {name}": engines.load(name).VERSION}
     except InvalidInput as error:

@@ -27,6 +27,7 @@ from pipeline.workflow.cluster import Batch
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import Store
+from vsr_core import engines
 from vsr_core.rock.body import Rock
 from vsr_core.run.cases import Case, Settings
 from vsr_core.verification import time_step as ladder
@@ -87,7 +88,7 @@ def make(job: Job) -> Product:
         return Product({FILE: netcdf(described(dataset, job, "Time step"))}, note)
     dataset = _measured(job, scenes)
     dataset.attrs["step_unit_s"] = step_unit(scenes.level_rock)
-    dataset.attrs["longest_step_s"] = longest(scenes.level_rock, simulation.engine, 0.01)
+    dataset.attrs["longest_step_s"] = longest(scenes.level_rock, job.config.engine, 0.01)
     choices = [
         _choice(dataset.isel(friction=at), simulation.tolerance) for at in range(len(frictions))
     ]
@@ -140,22 +141,27 @@ def _measured(job: Job, scenes: Scenes) -> xr.Dataset:
     """What was measured for each friction, now or before."""
     places, names, before = rows_of(scenes.level_rock), _names(scenes), _measured_before(job.store)
     frictions = job.config.contact.friction
+    shares = engines.load(job.config.engine).LADDER.shares
     new = _measure(job, scenes, [f for f in frictions if names[f] not in before], places)
     parts = [
         before[names[friction]]
         if names[friction] in before
-        else _rows(names[friction], [new[Group(yaw, friction), ratio] for yaw, ratio in places])
+        else _rows(
+            names[friction],
+            len(shares),
+            [new[Group(yaw, friction), ratio] for yaw, ratio in places],
+        )
         for friction in frictions
     ]
     yaws, ratios = zip(*places, strict=True)
     dataset = xr.concat(parts, "friction", combine_attrs="drop").drop_encoding()
     dataset = dataset.assign(row_yaw=("row", list(yaws)), row_pgv_pga=("row", list(ratios)))
-    return dataset.assign_coords(friction=list(frictions), step_share=list(ladder.SHARES))
+    return dataset.assign_coords(friction=list(frictions), step_share=list(shares))
 
 
-def _rows(name: str, rows: Sequence[Row | None]) -> xr.Dataset:
+def _rows(name: str, steps: int, rows: Sequence[Row | None]) -> xr.Dataset:
     """Rows of one friction; nothing is known of one that killed its worker."""
-    unknown = np.full(len(ladder.SHARES), math.nan)
+    unknown = np.full(steps, math.nan)
     known = [row or Row(math.nan, math.nan, False, unknown, unknown) for row in rows]
     return xr.Dataset(
         {
@@ -171,14 +177,15 @@ def _measure(
     job: Job, scenes: Scenes, frictions: Sequence[float], places: Sequence[Place]
 ) -> dict[tuple[Group, float], Row | None]:
     """Rows by group and PGV/PGA; None for one that killed its worker."""
-    simulation = job.config.simulation
 
     def shared(group: Group) -> tuple[Case, Settings]:
-        return flat_case(scenes, group), Settings(math.nan, simulation.reduce, simulation.engine)
+        return flat_case(scenes, group), Settings(
+            math.nan, job.config.simulation.reduce, job.config.engine
+        )
 
     if frictions:
-        tried = f"{len(places)} boundaries at {len(ladder.SHARES)} time steps"
-        job.log(f"time_step: measuring {tried}")
+        tried = len(engines.load(job.config.engine).LADDER.shares)
+        job.log(f"time_step: measuring {len(places)} boundaries at {tried} time steps")
     batches = [Batch(Group(yaw, f), (pgv_pga,)) for f in frictions for yaw, pgv_pga in places]
     cluster = job.cluster.in_process() if len(batches) <= FEW else job.cluster
     done = cluster.each(measure_rows, iter(batches), shared)
@@ -201,14 +208,15 @@ def _measured_before(store: Store) -> dict[str, xr.Dataset]:
     old = read(store.folder / FILE)
     if "measurement" not in old:
         return {}
-    rows = old[["measurement", "row_reference", "row_error", "row_steps"]].drop_vars("step_share")
+    rows = old[["measurement", "row_reference", "row_error", "row_steps"]]
     names = old["measurement"].values.tolist()
     return {name: rows.isel(friction=at, drop=True) for at, name in enumerate(names)}
 
 
 def _choice(dataset: xr.Dataset, tolerance: float) -> Choice:
     """Choice from what was measured for one friction."""
-    measured = ladder.front(dataset["row_error"].values, dataset["row_steps"].values)
+    rows = dataset["row_error"].values, dataset["row_steps"].values
+    measured = ladder.front(dataset["step_share"].values.tolist(), *rows)
     unit, most = (float(dataset.attrs[name]) for name in ("step_unit_s", "longest_step_s"))
     return ladder.choose(measured, tolerance, unit, most * tolerance / 0.01)
 

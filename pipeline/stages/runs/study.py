@@ -71,9 +71,9 @@ class Study:
         -------
         Settings
         """
-        simulation, step = self.scenes.config.simulation, self.time_steps[friction]
+        config, step = self.scenes.config, self.time_steps[friction]
         assert not math.isnan(step)
-        return Settings(step, simulation.reduce, simulation.engine)
+        return Settings(step, config.simulation.reduce, config.engine)
 
 
 def load_study(config: Config, store: Store) -> Study:

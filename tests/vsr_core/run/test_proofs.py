@@ -21,7 +21,7 @@ from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.rock.tipping import tipping
-from vsr_core.run import loop, overturning, proofs
+from vsr_core.run import loop, overturning, overturning_rules, proofs
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.loop import Run
 from vsr_core.run.proofs import Barrier, barrier, reachable_energy, static_limits
@@ -300,7 +300,7 @@ def complete(case: Case, motion: CosinePulse, contact: Contact) -> Response:
     return overturning.simulate(unreduced, motion, Settings(step, reduce=False))
 
 
-class Watched(overturning.OverturningRules):
+class Watched(overturning_rules.OverturningRules):
     """A complete run that notes, whenever it is monitored, what the proofs would have claimed."""
 
     def __init__(self, case: Case, run: Run) -> None:
@@ -334,7 +334,7 @@ def test_no_claim_is_contradicted_later_in_the_run(name: str, low: float, high: 
         case = case_of(name, Contact(0.6), yaw)
         step = 0.003 * step_unit(case.full.rock)
         motion, settings = CosinePulse.from_g(pga, ratio), Settings(step, reduce=False)
-        run = overturning.set_up(case.full, motion, settings, step)
+        run = overturning_rules.set_up(case.full, motion, settings, step)
         watched = Watched(case, run)
         outcome, _ = loop.complete(run, watched)
         assert outcome.overturned >= 0

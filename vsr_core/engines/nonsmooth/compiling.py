@@ -11,7 +11,7 @@ import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
@@ -30,7 +30,9 @@ def _digest() -> str:
 
 
 if "NUMBA_CACHE_DIR" not in os.environ:
-    config.CACHE_DIR = str(_CORE / "__pycache__" / f"compiled-{_digest()}")
+    config.CACHE_DIR = str(  # type: ignore[attr-defined]
+        _CORE / "__pycache__" / f"compiled-{_digest()}"
+    )
 
 
 def compiled(function: Function) -> Function:
@@ -47,5 +49,4 @@ def compiled(function: Function) -> Function:
     -------
     callable
     """
-    options = {"cache": True, "nogil": True, "error_model": "numpy"}
-    return numba.njit(**options)(function)  # type: ignore[no-any-return]
+    return cast(Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))

@@ -26,7 +26,7 @@ import math
 from vsr_core.arrays import Array
 from vsr_core.engines.nonsmooth.body import Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
-from vsr_core.engines.nonsmooth.points import OPEN, GRIPS, SLIDES, add_impulse, excess
+from vsr_core.engines.nonsmooth.points import GRIPS, OPEN, SLIDES, excess
 from vsr_core.engines.nonsmooth.sweeps import begin, sweep, sweep_together
 
 STIFFNESS = 1e4
@@ -181,21 +181,24 @@ def _equations(rock: Motion, points: Points, friction: float) -> None:
     slides = False
     for at in range(rock.active):
         point = points[points[at].active]
-        if point.state == OPEN:
-            continue
-        rows = point.rows
-        p, q, r = _held(point, friction, rock.velocity)
-        for a in range(6):
-            right[a] += rows[0, a] * p + rows[1, a] * q + rows[2, a] * r
-        if point.state == SLIDES:
-            slides = True
-            continue
-        for a in range(6):
-            x, y, z = STIFFNESS * rows[0, a], STIFFNESS * rows[1, a], STIFFNESS * rows[2, a]
-            for b in range(a + 1):
-                system[a, b] += x * rows[0, b] + y * rows[1, b] + z * rows[2, b]
+        if point.state != OPEN:
+            p, q, r = _held(point, friction, rock.velocity)
+            for a in range(6):
+                right[a] += point.rows[0, a] * p + point.rows[1, a] * q + point.rows[2, a] * r
+        if point.state == GRIPS:
+            _add_gripping(system, point.rows)
+        slides = slides or point.state == SLIDES
     if slides:
         _add_sliding(rock, points, friction)
+
+
+@compiled
+def _add_gripping(system: Array, rows: Array) -> None:
+    """Add what a gripping point does, to the lower triangle."""
+    for a in range(6):
+        x, y, z = STIFFNESS * rows[0, a], STIFFNESS * rows[1, a], STIFFNESS * rows[2, a]
+        for b in range(a + 1):
+            system[a, b] += x * rows[0, b] + y * rows[1, b] + z * rows[2, b]
 
 
 @compiled

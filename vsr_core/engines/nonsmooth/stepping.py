@@ -195,9 +195,7 @@ def _end_gap(point: Points, x: float, y: float, z: float, time_step: float) -> f
 
 
 @compiled
-def _touch(
-    body: Body, rock: Motion, points: Points, time_step: float, gravity: float
-) -> bool:
+def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: float) -> bool:
     """Make those points active that touch already and would close; whether there are any."""
     rock.active = 0
     touching = TOUCHING_SHARE * body.radius
@@ -213,7 +211,9 @@ def _touch(
         if not leaves and _end_gap(point, x, y, z, time_step) >= 0.0:
             continue
         _enter(rock, points, i)
-        point.base[0] = points[kept].kept_rebound if leaves else min(-point.gap / time_step, slowest)
+        point.base[0] = (
+            points[kept].kept_rebound if leaves else min(-point.gap / time_step, slowest)
+        )
         _want(point, time_step)
         if kept >= 0 and not leaves:
             point.impulse[:] = points[kept].kept_impulse

@@ -9,9 +9,7 @@ from vsr_core.engines.nonsmooth.compiling import compiled
 
 
 @compiled
-def cross(
-    a: float, b: float, c: float, x: float, y: float, z: float
-) -> tuple[float, float, float]:
+def cross(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Cross product of (a, b, c) and (x, y, z)."""
     return b * z - c * y, c * x - a * z, a * y - b * x
 

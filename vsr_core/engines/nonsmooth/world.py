@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -102,7 +101,7 @@ def advance(
 
 @compiled
 def begin(body: Body, rock: Motion, time_step: float) -> None:
-    """Bring a state, told at the start of a step, to the middle of its path; forget all contacts."""
+    """Bring a state from the start of a step to the middle of its path, without any contacts."""
     rock.found = rock.near = rock.active = rock.kept = 0
     rock.reserve = -1.0
     inertia_turned(rock.rotation, body.moments, rock.inertia)
@@ -144,6 +143,4 @@ def state_of(motion: Motion, time_step: float, axes: Array) -> State:
     """
     now = motion.copy()
     drift(now, -0.5 * time_step)
-    return State(
-        now["place"], now["rotation"] @ axes.T, now["velocity"][:3], now["velocity"][3:]
-    )
+    return State(now["place"], now["rotation"] @ axes.T, now["velocity"][:3], now["velocity"][3:])

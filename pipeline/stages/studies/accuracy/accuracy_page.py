@@ -112,7 +112,8 @@ def _front(chosen: xr.Dataset, tolerance: float) -> Figure:
         for row in (first.isel(row=at) for at in range(first.sizes["row"]))
         if not np.isnan(error := row["row_error"].values).any()
     ]
-    most = time_step.front(first["row_error"].values, first["row_steps"].values)
+    shares = first["step_share"].values
+    most = time_step.front(shares.tolist(), first["row_error"].values, first["row_steps"].values)
     errors.append(("not exceeded in four of five rows", most.error))
-    steps = first["step_share"].values * (1e3 * float(chosen.attrs["step_unit_s"]))
+    steps = shares * (1e3 * float(chosen.attrs["step_unit_s"]))
     return boundary_convergence(steps, errors, 1e3 * float(first["time_step"]), tolerance)

@@ -129,7 +129,7 @@ def score_ways(job: Job, study: Study, targets: dict[Place, Target]) -> list[Rec
     list of Record
     """
     case = _case(study, 0.0)
-    engine, friction = job.config.simulation.engine, job.config.contact.friction[0]
+    engine, friction = job.config.engine, job.config.contact.friction[0]
     ways = [("project", name) for name in installed()]
     ways += [("peer", name) for name in peers.names() if not peers.missing(name)]
     ways += [

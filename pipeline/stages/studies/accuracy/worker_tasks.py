@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any, NamedTuple
 
+from vsr_core import engines
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.overturning import simulate
@@ -96,7 +97,7 @@ def score(
 def _project(case: Case, wanted: Target, settings: Settings, engine: str) -> list[Scored]:
     unit = ladder.step_unit(case.full.rock)
     found = []
-    for share in ladder.SHARES:
+    for share in engines.load(engine).LADDER.shares:
         own = Settings(share * unit, settings.reduce, engine)
         result = work_precision.score(work_precision.project(case, own), wanted)
         way = Way("method", f"project, {engine}", f"{share:g}", own=True, step=share)
