@@ -32,7 +32,9 @@ def blocks() -> Iterator[Row]:
         say(f"the same at a tolerance of {tolerance:.1%}")
         steps = {id(case): _step(case, tolerance) for case in cases}
         scores = [
-            work_precision.score(work_precision.project(case, Settings(steps[id(case)])), wanted)
+            work_precision.score(
+                work_precision.project(case, Settings(steps[id(case)], engine=ENGINE)), wanted
+            )
             for case, wanted in targets
         ]
         cost = float(np.mean([score.seconds for score in scores]))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import signal
+from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -51,6 +53,8 @@ class Cluster:
     scheduler, scheduler_file : address or file of a running Dask scheduler
     slurm : whether to start SLURM jobs, as configured for dask-jobqueue
     log : function of one line, for the dashboard's address
+    threads : bool, whether the workers are threads of this process, for work that leaves the
+        interpreter alone
     """
 
     workers: int
@@ -58,6 +62,7 @@ class Cluster:
     scheduler_file: str | None = None
     slurm: bool = False
     log: Callable[[str], None] = print
+    threads: bool = False
     _open: ExitStack = field(default_factory=ExitStack, repr=False, compare=False)
     _clients: list[Any] = field(default_factory=list, repr=False, compare=False)
 
@@ -82,6 +87,15 @@ class Cluster:
         """
         return replace(self, workers=0) if self.local else self
 
+    def in_threads(self) -> Cluster:
+        """The same with threads in place of worker processes, which start at once.
+
+        Returns
+        -------
+        Cluster
+        """
+        return replace(self, threads=True) if self.local else self
+
     def run(
         self,
         function: Callable[[Any, tuple[Any, ...]], Any],
@@ -105,6 +119,9 @@ class Cluster:
         """
         if self.local and self.workers == 0:
             yield from _in_turn(function, batches, shared)
+            return
+        if self.threads:
+            yield from _in_threads(self.workers, function, batches, shared)
             return
         if not self._clients:
             self._clients.append(self._open.enter_context(self._client()))
@@ -170,6 +187,27 @@ def _in_turn(
         if last is None or batch.shared != last.shared:
             last, thing = batch, shared(batch.shared)
         yield Done(batch, function(thing, batch.items))
+
+
+def _in_threads(
+    workers: int,
+    function: Callable[[Any, tuple[Any, ...]], Any],
+    batches: Iterator[Batch],
+    shared: Callable[[Any], Any],
+) -> Iterator[Done]:
+    """Do batches in threads, a few at a time, and hand their results over in order."""
+    things: dict[Hashable, Any] = {}
+    with ThreadPoolExecutor(workers) as pool:
+        flying: deque[tuple[Batch, Future[Any]]] = deque()
+        for batch in batches:
+            if batch.shared not in things:
+                things = {batch.shared: shared(batch.shared)}
+            flying.append((batch, pool.submit(function, things[batch.shared], batch.items)))
+            if len(flying) > BATCHES_IN_FLIGHT * workers:
+                done, future = flying.popleft()
+                yield Done(done, future.result())
+        for done, future in flying:
+            yield Done(done, future.result())
 
 
 def _distributed(

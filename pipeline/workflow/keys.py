@@ -129,7 +129,7 @@ def _definition(name: str) -> tuple[str, tuple[str, ...]]:
     module, _, definition = name.partition(":")
     parsed = _parse(module)
     nodes = parsed.definitions[definition]
-    own = digest_bytes(*(_bare(node).encode() for node in nodes))
+    own = digest_bytes(*(ast.dump(node).encode() for node in nodes))
     return own, tuple(_mentions(parsed, nodes))
 
 
@@ -144,6 +144,7 @@ class _Module:
 def _parse(name: str) -> _Module:
     path = _path(name)
     tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = _WithoutText().visit(tree)
     definitions: dict[str, list[ast.stmt]] = {}
     for node in tree.body:
         for defined in _defined(node):
@@ -218,15 +219,11 @@ def _dotted(node: ast.expr) -> str:
     return ""
 
 
-def _bare(node: ast.stmt) -> str:
-    """The syntax tree as text, without docstrings and positions."""
-    copy = ast.parse(ast.unparse(node))
-    for inner in ast.walk(copy):
-        body = getattr(inner, "body", None)
-        if isinstance(body, list):
-            kept = [s for s in body if not _is_text(s)]
-            inner.body = kept or [ast.Pass()]  # type: ignore[attr-defined]
-    return ast.dump(copy)
+class _WithoutText(ast.NodeTransformer):
+    """Takes strings away that stand alone: they are docstrings."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
+        return None if _is_text(node) else node
 
 
 def _is_text(node: ast.stmt) -> bool:

@@ -18,7 +18,7 @@ from vsr_core.errors import InvalidInput
 _FLAT = 1e-6  # difference of unit normals below which neighbouring facets are of one face
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hull:
     """Convex hull about the centre of mass.
 

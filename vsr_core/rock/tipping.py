@@ -7,6 +7,7 @@ of the rock; while the rock rests on a facet, ``down`` is that facet's outward n
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -164,6 +165,7 @@ class _Outline(NamedTuple):
     neighbour: Indices
 
 
+@lru_cache(maxsize=4)
 def _outlines(hull: Hull) -> dict[int, _Outline]:
     """Outline of every flat face."""
     facet, corner = np.nonzero(hull.face[hull.neighbours] != hull.face[:, None])
@@ -173,13 +175,14 @@ def _outlines(hull: Hull) -> dict[int, _Outline]:
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     middle = 0.5 * (first + second)
     outlines = {}
-    for number in np.unique(hull.face):
-        own = hull.face[facet] == number
+    order = np.argsort(hull.face[facet], kind="stable")
+    numbers, begin = np.unique(hull.face[facet][order], return_index=True)
+    for number, own in zip(numbers.tolist(), np.split(order, begin[1:]), strict=True):
         away = np.einsum("ij,ij->i", outward[own], middle[own] - middle[own].mean(axis=0))
         normal = outward[own] * np.sign(away)[:, None]
         room = np.einsum("ij,ij->i", normal, first[own])
         beyond = hull.neighbours[facet[own], corner[own]]
-        outlines[int(number)] = _Outline(int(facet[own][0]), room, normal, beyond)
+        outlines[number] = _Outline(int(facet[own][0]), room, normal, beyond)
     return outlines
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.config.schema import Config
+from pipeline.config.schema import COMPILED, Config
 from pipeline.stages.runs.scenes import (
     Group,
     Scenes,
@@ -188,6 +188,8 @@ def _measure(
         job.log(f"time_step: measuring {len(places)} boundaries at {tried} time steps")
     batches = [Batch(Group(yaw, f), (pgv_pga,)) for f in frictions for yaw, pgv_pga in places]
     cluster = job.cluster.in_process() if len(batches) <= FEW else job.cluster
+    if job.config.engine == COMPILED:
+        cluster = cluster.in_threads()
     done = cluster.each(measure_rows, iter(batches), shared)
     return {(group, pgv_pga): row for group, pgv_pga, row in done}
 
