@@ -133,6 +133,10 @@ install_project() {
   fi
 }
 
+install_engine() { # the machine code of runs, which would else be made by the first of them
+  logged .venv/bin/python -m vsr_core.run || failed
+}
+
 install_dev() {
   say "adding what tests and checks need to .venv"
   add --no-deps --require-hashes -r requirements-dev.lock
@@ -144,6 +148,7 @@ state() { # what a step was done for; written when it is done
   case $1 in
     environment) printf '%s %s\n' "$(cksum <requirements.lock)" "$PWD" ;;
     project) cksum <pyproject.toml ;;
+    engine) cat vsr_core/engines/nonsmooth/*.py vsr_core/run/*.py requirements.lock | cksum ;;
     dev) cksum <requirements-dev.lock ;;
   esac
 }
@@ -194,7 +199,7 @@ lock() {
 # Packages of other installations (a sourced ROS, say) must not pass for those of the lock.
 unset PYTHONHOME PYTHONPATH PYTHONDONTWRITEBYTECODE PIP_USER PIP_TARGET PIP_PREFIX
 uv=unsought
-steps=(environment project)
+steps=(environment project engine)
 case ${1-} in
   lock) lock "${@:2}" && exit ;;
   dev) steps+=(dev) ;;

@@ -6,18 +6,19 @@ import ast
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
 
 from pipeline import ROOT, cli
 from pipeline.workflow import keys
+from vsr_core.engines import load
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 """Before NumPy is loaded: threads that share the small matrices of these tests only spin."""
 
-STEP = "simulation: {time_step: 0.001}\n"
+STEP = "simulation: {engine: bullet, time_step: 0.001}\n"
 BOX = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
 
 
@@ -55,7 +56,9 @@ def quick_time_step() -> Iterator[None]:
     """Measure the time step on one row a direction at two steps: enough where it is no subject."""
     module = "vsr_core.verification.time_step"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(f"{module}.SHARES", (0.006, 0.003))
+        for engine, shares in (("bullet", (0.006, 0.003)), ("nonsmooth", (0.02, 0.01))):
+            path = f"vsr_core.engines.{engine}.LADDER"
+            patch.setattr(path, replace(load(engine).LADDER, shares=shares))
         patch.setattr(f"{module}.BOX_PERIODS", (0.6,))
         patch.setattr(f"{module}.HULL_PERIODS", (0.45,))
         yield

@@ -207,6 +207,11 @@ class Config(Section):
         rolls = self.contact.rolling_friction > 0.0
         return "bullet" if self.drive == "servo" or turns or rolls or self.on_terrain else COMPILED
 
+    @property
+    def in_other_engine(self) -> bool:
+        """Whether runs are in another engine than Bullet, which then repeats a sample of them."""
+        return self.engine != "bullet"
+
     @field_validator("pedestal")
     @classmethod
     def _is_in_a_scan(cls, pedestal: PedestalConfig, info: ValidationInfo) -> PedestalConfig:

@@ -107,6 +107,15 @@ STAGES: tuple[Stage, ...] = (
         reads=("contact", "motion", "yaw", "drive", "servo", "simulation"),
     ),
     Stage(
+        "bullet_sample",
+        make="pipeline.stages.datasets.bullet_sample:make",
+        applies="in_other_engine",
+        needs=("rock", "terrain", "time_step", "motions", "responses"),
+        reads=("pedestal", "contact", "motion", "yaw", "drive", "simulation"),
+        code=(*TERRAIN_CODE, *MOTION_CODE, "vsr_core.engines.bullet:build"),
+        versions=("pybullet",),
+    ),
+    Stage(
         "fragility",
         make="pipeline.stages.fragility.fragility_fits:make",
         needs=("responses",),
@@ -115,7 +124,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "report",
         make="pipeline.stages.reports.report:make",
-        needs=("rock", "motions", "responses", "fragility"),
+        needs=("rock", "motions", "responses", "bullet_sample", "fragility"),
         reads=("rock", "pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
         files=("report.html", "reduction_gains.yaml", "catalogue.yaml"),
         versions=("matplotlib", "jinja2"),

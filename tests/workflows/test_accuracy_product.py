@@ -32,7 +32,6 @@ def small(monkeypatch: pytest.MonkeyPatch, quick_time_step: None) -> None:
     monkeypatch.setattr(peers, "names", lambda: ["dart", "mujoco_default", "published_setup"])
     missing = peers.missing
     monkeypatch.setattr(peers, "missing", lambda n: ("dartpy",) if n == "dart" else missing(n))
-    monkeypatch.setattr(time_step, "SHARES", (0.006, 0.003))
     monkeypatch.setattr(time_step, "BOX_PERIODS", (0.6,))
     monkeypatch.setattr(worker_tasks, "BUDGET", 0.2)
     monkeypatch.setattr(comparison, "CELLS", 6)

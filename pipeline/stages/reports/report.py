@@ -15,6 +15,7 @@ from pipeline.config.problems import InputError
 from pipeline.config.schema import Config
 from pipeline.config.sections import Range
 from pipeline.drawing.style import png_uri, svg_uri
+from pipeline.stages.datasets.bullet_sample import FILE as SAMPLE
 from pipeline.stages.datasets.responses import FILE as RESPONSES
 from pipeline.stages.fragility.fragility_fits import FILE as FRAGILITY
 from pipeline.stages.fragility.fragility_fits import TABLE
@@ -96,6 +97,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         "left_out": report_tables.left_out(
             responses, yaml.safe_load(GAINS.read_text(encoding="utf-8"))
         ),
+        "other_engine": _other_engine(job),
         "time_steps": report_tables.time_steps(responses),
         "simulation": job.config.simulation,
         "settings": _settings(job.config),
@@ -109,6 +111,13 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         "paper": _PAPER,
         "files": {"responses": RESPONSES, "fragility": FRAGILITY, "table": TABLE},
     }
+
+
+def _other_engine(job: Job) -> dict[str, Any] | None:
+    """How a sample ended in Bullet; None where Bullet is what the runs were done in."""
+    if not job.config.in_other_engine:
+        return None
+    return report_tables.other_engine(read(job.path(SAMPLE)))
 
 
 def _pictures(rock: Any, responses: Any, fragility: Any) -> dict[str, Any]:

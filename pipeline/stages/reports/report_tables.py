@@ -75,6 +75,51 @@ def left_out(responses: xr.Dataset, gains: dict[str, float]) -> list[Row]:
     return rows
 
 
+def other_engine(sample: xr.Dataset) -> Row:
+    """How a sample of the runs ended in Bullet.
+
+    Parameters
+    ----------
+    sample : Dataset
+        As in ``bullet_sample.nc``.
+
+    Returns
+    -------
+    dict
+        With ``odd``, whether more of them differ than the errors of both boundaries explain.
+    """
+    near = sample["next_to_boundary"].values == 1
+    differs = sample["overturned"].values != sample["overturned_in_bullet"].values
+    expected = float(sample["explained"].sum())
+    most = expected + 2.0 * expected**0.5 + 1.0  # two standard deviations of a count, and one
+    listed = [
+        {
+            "yaw": float(sample["yaw"][i]),
+            "friction": float(sample["friction"][i]),
+            "row": str(sample["row"].values[i]),
+            "pga": float(sample["pga"][i]),
+            "near": bool(near[i]),
+            "here": _SIDES[int(sample["overturned"][i])],
+            "bullet": _SIDES[int(sample["overturned_in_bullet"][i])],
+        }
+        for i in np.flatnonzero(differs)
+    ]
+    return {
+        "total": len(near),
+        "near": int(near.sum()),
+        "same": int((~differs).sum()),
+        "same_near": int((~differs & near).sum()),
+        "expected": expected,
+        "odd": bool(
+            (differs & ~near).any() or differs.sum() > expected + 2.0 * expected**0.5 + 1.0
+        ),
+        "differing": listed,
+    }
+
+
+_SIDES = {1: "toppled", 0: "upright", -1: "no verdict"}
+
+
 def time_steps(responses: xr.Dataset) -> list[Row]:
     """Time step of each friction and the measured error of the boundary.
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from vsr_core import GRAVITY
+from vsr_core.engines import load
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
@@ -19,7 +20,7 @@ from vsr_core.table import servo
 from vsr_core.verification import time_step, work_precision
 from vsr_core.verification.agreement import OFFSETS, WORST, rocking_block
 from vsr_core.verification.rocking_block import Block, rocking_response
-from vsr_core.verification.time_step import SHARES, Front, choose, front, measure
+from vsr_core.verification.time_step import Front, choose, front, measure
 from vsr_core.verification.work_precision import Score, Target
 
 
@@ -29,6 +30,9 @@ def box(size: tuple[float, float, float], contact: Contact, yaw: float = 0.0) ->
 
 
 SLENDER = box((1.0, 1.0, 3.0), Contact(0.6))
+
+LADDER = load("bullet").LADDER
+SHARES = LADDER.shares
 
 
 def hull(still: float) -> Case:
@@ -89,7 +93,7 @@ def test_where_the_reference_changes_its_mind_either_outcome_passes(
 
     def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
         share = settings.time_step / unit
-        second = math.isclose(share, time_step.SECOND_SHARE)
+        second = math.isclose(share, LADDER.second)
         limit = 10.5 if second else 10.2 if share > 0.01 else 10.0
         return ending(Outcome.OVERTURNED if motion.pga > limit else Outcome.BALANCED)
 
@@ -127,7 +131,7 @@ def test_housners_block_is_no_reference_for_a_servo() -> None:
 def test_front_keeps_what_four_rows_in_five_keep() -> None:
     error = np.outer([1.0, 2.0, 3.0, 4.0, 50.0, math.nan], np.linspace(2.0, 1.0, len(SHARES)))
     steps = np.outer([1.0, 1.0, 1.0, 3.0, 4.0, math.nan], np.arange(len(SHARES)) + 1.0)
-    found = front(error, steps)
+    found = front(SHARES, error, steps)
     assert found.error == pytest.approx(np.linspace(8.0, 4.0, len(SHARES)))
     assert found.worst == pytest.approx(np.linspace(100.0, 50.0, len(SHARES)))
     assert found.steps == pytest.approx(2.0 * (np.arange(len(SHARES)) + 1.0))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -29,10 +30,17 @@ def _digest() -> str:
     return whole.hexdigest()
 
 
+_FOLDER = _CORE / "__pycache__" / f"compiled-{_digest()}"
+
 if "NUMBA_CACHE_DIR" not in os.environ:
-    config.CACHE_DIR = str(  # type: ignore[attr-defined]
-        _CORE / "__pycache__" / f"compiled-{_digest()}"
-    )
+    config.CACHE_DIR = str(_FOLDER)  # type: ignore[attr-defined]
+
+
+def forget_others() -> None:
+    """Remove machine code of sources that are no more."""
+    for folder in _FOLDER.parent.glob("compiled-*"):
+        if folder != _FOLDER:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def compiled(function: Function) -> Function:

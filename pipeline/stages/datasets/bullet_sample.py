@@ -1,0 +1,170 @@
+"""A sample of a study repeated in Bullet, an engine that shares no code with the default one.
+
+Half of the sample stands next to the boundary, where the errors of both decide; the other half is
+spread over the grid, where they should not.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from pipeline.stages.datasets.responses import FILE as RESPONSES
+from pipeline.stages.motions.motion_grid import Cell, Shaking
+from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
+from pipeline.stages.runs.study import Study, load_study
+from pipeline.workflow.cluster import Batch
+from pipeline.workflow.datasets import described, netcdf, read
+from pipeline.workflow.stage import Job, Product
+from vsr_core.arrays import Array, Indices
+from vsr_core.run.cases import Case, Settings, TerrainCase
+from vsr_core.run.displacement import respond
+from vsr_core.run.input_checks import longest_step
+from vsr_core.run.overturning import simulate
+
+FILE = "bullet_sample.nc"
+
+ENGINE = "bullet"
+
+HALF = 50
+"""Runs next to the boundary, and as many elsewhere."""
+
+BULLET_ERROR = 0.01
+"""Relative error of a boundary by Bullet at its usual step, on most scenes."""
+
+
+class Sample(NamedTuple):
+    """Places of the runs in the study's grid, and whether each is next to the boundary."""
+
+    places: Indices
+    near: Array
+
+
+def make(job: Job) -> Product:
+    """Repeat the sample.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+    """
+    study, responses = load_study(job.config, job.store), read(job.path(RESPONSES))
+    own = responses["overturned"].values
+    sample = chosen(own)
+    at = [int(place) for place in sample.places]
+    number = len(study.cells)
+    places = [(study.groups[i // number], study.cells[i % number]) for i in at]
+    found = _repeated(job, study, places)
+    groups, cells = zip(*places, strict=True) if places else ((), ())
+    pga = np.array([cell.pga for cell in cells])
+    dataset = xr.Dataset(
+        {
+            "overturned": ("sample", own.ravel()[at].astype("i1")),
+            "overturned_in_bullet": ("sample", np.array(found, dtype="i1")),
+            "next_to_boundary": ("sample", sample.near.astype("i1")),
+            "explained": ("sample", _explained(study, responses, groups, pga, sample.near)),
+        },
+        {
+            "yaw": ("sample", [group.yaw for group in groups]),
+            "friction": ("sample", [group.friction for group in groups]),
+            "row": ("sample", [str(study.motions.rows[cell.row]) for cell in cells]),
+            "pga": ("sample", pga),
+        },
+    )
+    same = int((dataset["overturned"] == dataset["overturned_in_bullet"]).sum())
+    note = f"{same} of {len(at)} runs end in Bullet as here, {int(sample.near.sum())} of them next "
+    return Product(
+        {FILE: netcdf(described(dataset, job, "Sample in Bullet"))}, f"{note}to the boundary"
+    )
+
+
+def chosen(overturned: Array, half: int = HALF) -> Sample:
+    """Choose the runs of a sample, the same for the same outcomes.
+
+    Parameters
+    ----------
+    overturned : ndarray of int, shape (..., pga), -1 without a verdict
+    half : int, runs of either kind
+
+    Returns
+    -------
+    Sample
+
+    Examples
+    --------
+    >>> places, near = chosen(np.array([[0, 0, 1, 1, 1, 1]]), 2)
+    >>> places.tolist(), near.tolist()
+    ([1, 2, 0, 5], [True, True, False, False])
+    """
+    known = overturned >= 0
+    differs = (overturned[..., 1:] != overturned[..., :-1]) & known[..., 1:] & known[..., :-1]
+    near = np.zeros(overturned.shape, dtype=bool)
+    near[..., 1:] |= differs
+    near[..., :-1] |= differs
+    picked = [_spread(np.flatnonzero(mask), half) for mask in (near, known & ~near)]
+    flags = np.repeat([True, False], [len(part) for part in picked])
+    return Sample(np.concatenate(picked), flags)
+
+
+def _spread(places: Indices, number: int) -> Indices:
+    """Evenly spread choice, ends included."""
+    if len(places) <= number:
+        return places
+    return places[np.round(np.linspace(0, len(places) - 1, number)).astype(int)]
+
+
+def repeat(
+    shared: tuple[Case | TerrainCase, Settings, Shaking], cells: tuple[Cell, ...]
+) -> list[int]:
+    """Outcomes of some cells in Bullet, on a worker.
+
+    Parameters
+    ----------
+    shared : Case or TerrainCase, Settings, and the motions
+    cells : tuple of Cell
+
+    Returns
+    -------
+    list of int, 1 overturned, 0 not, -1 without a verdict
+    """
+    place, settings, motions = shared
+    run: Any = simulate if isinstance(place, Case) else respond
+    return [run(place, motions.motion(cell), settings).outcome.overturned for cell in cells]
+
+
+def _repeated(job: Job, study: Study, places: list[tuple[Group, Cell]]) -> list[int]:
+    config = job.config
+
+    def shared(group: Group) -> tuple[Case | TerrainCase, Settings, Shaking]:
+        flat = flat_case(study.scenes, group)
+        case = terrain_case(study.scenes, group) if config.on_terrain else flat
+        step = longest_step(flat.full, ENGINE)
+        return case, Settings(step, config.simulation.reduce, ENGINE), study.motions
+
+    batches = (Batch(group, (cell,)) for group, cell in places)
+    pulses = study.motions.dimension == "pgv_pga" and not config.on_terrain
+    cluster = job.cluster.in_process() if pulses else job.cluster
+    found = {(group, cell): result for group, cell, result in cluster.each(repeat, batches, shared)}
+    return [-1 if found[place] is None else found[place] for place in places]
+
+
+def _explained(
+    study: Study, responses: xr.Dataset, groups: tuple[Group, ...], pga: Array, near: Array
+) -> Array:
+    """Probability by which the errors of both boundaries make each run differ, shape (n,).
+
+    A boundary lies somewhere in its interval of the grid, so that a run at one of its ends differs
+    as often as the errors are a share of that interval.
+    """
+    errors = responses["boundary_error"].values
+    frictions = list(study.scenes.config.contact.friction)
+    own = np.array([errors[frictions.index(group.friction)] for group in groups])
+    levels = np.array(study.motions.pga)
+    spacing = np.diff(levels).min() if len(levels) > 1 else np.inf
+    share = (np.nan_to_num(own, nan=BULLET_ERROR) + BULLET_ERROR) * pga / spacing
+    return np.where(near, np.minimum(share, 1.0), 0.0)
