@@ -53,4 +53,4 @@ class ShakeTableConfig(Section):
     @property
     def engine(self) -> str:
         """Name of the physics engine in which the tests are simulated."""
-        return "bullet"
+        return "nonsmooth"

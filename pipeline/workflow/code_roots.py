@@ -38,6 +38,6 @@ VALIDATION_CODE = (
     "vsr_core.validation.recorded_test:standing_case",
     "vsr_core.validation.recorded_test:shaken",
     "vsr_core.validation.specimen:drawn",
-    "vsr_core.engines.bullet:build",
+    "vsr_core.engines.nonsmooth:build",
 )
 """What determines the runs of recorded shake-table tests."""

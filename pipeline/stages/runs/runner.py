@@ -102,7 +102,7 @@ def run_missing(
     start, cpu = time.monotonic(), 0.0
     with closing(RunStore(job.store.folder, kind.row)) as runs:
         total = sum(len(missing(wanted(group), runs)) for group in groups)
-        quick = job.config.engine == COMPILED and total <= QUICK
+        quick = job.site.settings.engine == COMPILED and total <= QUICK
         cluster = job.cluster.in_threads() if quick else job.cluster
         cluster = job.cluster.in_process() if total < SMALL else cluster
         batches = _batches(kind, groups, wanted, runs, QUICK_BATCH if quick else kind.batch)

@@ -73,10 +73,9 @@ def run_tests(shared: Shared, numbers: tuple[int, ...]) -> list[tuple[Any, ...]]
     list of tuple, values of a ``RunRow`` after its key
     """
     records = accelerations(shared.folder, shared.variable)
-    return [
-        values(shaken(shared.case, records[number], shared.interval, shared.amplitude))
-        for number in numbers
-    ]
+    chosen = [records[number] for number in numbers]
+    responses = shaken(shared.case, chosen, shared.interval, shared.amplitude)
+    return [values(response) for response in responses]
 
 
 KIND = Kind("validation", "tests", RunRow, run_tests, batch=8)
