@@ -31,7 +31,7 @@ from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.outcome import Outcome
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.run import overturning, proofs, sampling
+from vsr_core.run import overturning_rules, proofs, sampling
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
 from vsr_core.run.reductions import Reduction
@@ -337,7 +337,7 @@ def recorded() -> AbstractContextManager[None]:
 def singly() -> AbstractContextManager[None]:
     """A sample of the motion is held for one step only."""
     return patched(
-        overturning,
+        overturning_rules,
         "sampling",
         lambda motion, drive, time_step, most: sampling.sampling(motion, drive, time_step, 1),
     )

@@ -6,7 +6,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,9 @@ from pipeline.stages.runs import overturning_runs
 from pipeline.workflow.datasets import read
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.store import RUNS
+from vsr_core.motions.cosine_pulse import GroundMotion
+from vsr_core.outcome import Response
+from vsr_core.run.cases import Case, Settings
 
 GRID = "motion: {pga: [0.2, 0.4, 0.6], pgv_pga: [0.2, 0.4]}\n"
 
@@ -28,13 +31,18 @@ class Counter:
     def __init__(self) -> None:
         self.runs = 0
         self.stop_at: int | None = None
-        self._simulate = overturning_runs.simulate
+        self._simulate = overturning_runs.simulate_all
 
-    def __call__(self, *arguments: object) -> object:
+    def __call__(
+        self, case: Case, motions: Sequence[GroundMotion], settings: Settings
+    ) -> list[Response]:
+        return [self._one(case, motion, settings) for motion in motions]
+
+    def _one(self, case: Case, motion: GroundMotion, settings: Settings) -> Response:
         if self.runs == self.stop_at:
             raise KeyboardInterrupt
         self.runs += 1
-        return self._simulate(*arguments)
+        return self._simulate(case, [motion], settings)[0]
 
     def take(self) -> int:
         """Runs since the last call."""
@@ -45,7 +53,7 @@ class Counter:
 @pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> Counter:
     counter = Counter()
-    monkeypatch.setattr(overturning_runs, "simulate", counter)
+    monkeypatch.setattr(overturning_runs, "simulate_all", counter)
     return counter
 
 
@@ -264,16 +272,19 @@ from pipeline.stages.runs import overturning_runs
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 overturning_runs.KIND = replace(overturning_runs.KIND, batch=4)
-simulate, done = overturning_runs.simulate, []
+simulate_all, done = overturning_runs.simulate_all, []
 
-def slow(*arguments):
-    if len(done) == 9:
-        print("now", flush=True)
-        time.sleep(600)
-    done.append(1)
-    return simulate(*arguments)
+def slow(case, motions, settings):
+    found = []
+    for motion in motions:
+        if len(done) == 9:
+            print("now", flush=True)
+            time.sleep(600)
+        done.append(1)
+        found += simulate_all(case, [motion], settings)
+    return found
 
-overturning_runs.simulate = slow
+overturning_runs.simulate_all = slow
 sys.exit(main(sys.argv[1:]))
 """
 

@@ -24,6 +24,7 @@ STEP_SHARE = 0.01
 """Time step as a share of sqrt(radius / g), 2.4 ms for a rock of a metre. Half of it changes the
 outcome of single doubtful tests, as a grain of sand would, and hardly how many overturn."""
 
+
 def standing_case(rock: Rock, member: Member) -> Case:
     """A rock on a level table, turned so that its drive is along +x.
 

@@ -31,7 +31,7 @@ class Variation:
     what: str
     value: str
     change: Change
-    engines: tuple[str, ...] = ("bullet", "mujoco")
+    engines: tuple[str, ...] = ("bullet", "mujoco", "nonsmooth")
     shapes: tuple[str, ...] = ("box", "hull")
 
 

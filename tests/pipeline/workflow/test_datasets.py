@@ -50,6 +50,6 @@ def test_settings_are_those_of_what_was_made(tmp_path: Path) -> None:
     attributes = described(xr.Dataset({"pga": 0.1}), job, "Title").attrs
     assert json.loads(attributes["vsr_config_json"]) == assumed.model_dump(mode="json")
     assert attributes["history"] == "made by stage validation from tests"
-    assert "PyBullet" in attributes["source"]
+    assert "numba" in attributes["source"]
     with pytest.raises(AssertionError):
         _ = site.config
