@@ -205,7 +205,7 @@ class Config(Section):
             return given
         turns = isinstance(self.motion, TableMotionConfig)
         rolls = self.contact.rolling_friction > 0.0
-        return "bullet" if self.drive == "servo" or turns or rolls or self.on_terrain else COMPILED
+        return "bullet" if self.drive == "servo" or turns or rolls else COMPILED
 
     @property
     def in_other_engine(self) -> bool:

@@ -51,9 +51,9 @@ STAGES: tuple[Stage, ...] = (
         make="pipeline.stages.mesh.terrain:make",
         applies="on_terrain",
         needs=("scan", "rock"),
-        reads=("pedestal", "contact", "simulation.reduce"),
-        code=("vsr_core.engines.bullet:build",),
-        versions=("pybullet",),
+        reads=("pedestal", "contact", "simulation.engine", "simulation.reduce"),
+        code=ENGINE_CODE,
+        inputs="pipeline.stages.runs.scenes:engine_version",
     ),
     Stage(
         "motions",

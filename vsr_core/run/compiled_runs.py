@@ -251,7 +251,7 @@ def _run(
     values = table.values[table.ends[n] : table.ends[n + 1]]
     pulse, whole = len(values), _impulse(values, interval)
     first = -1 if table.moving else _first_push(values, table.limits[n])
-    _begin(watch, body, rock, rule, interval)
+    start_watch(watch, body, rock, rule, interval)
     if not watching.sound(watch, rule, 0.0, 0.0, True):
         return watching.UNSTABLE, watching.SIMULATED, 0
     skipped = max(0, min(first, pulse)) if rule.proves else 0
@@ -263,7 +263,7 @@ def _run(
         _advance(body, table, values, now, until, interval, rock, points)
         given += _impulse(values[now:until], interval)
         now = until
-        _look(watch, body, rock, points, rule, interval)
+        look(watch, body, rock, points, rule, interval)
         time = now * interval
         if not watching.sound(watch, rule, time, given, now > first):
             return watching.UNSTABLE, watching.SIMULATED, now - skipped
@@ -326,7 +326,7 @@ def _first_push(values: Array, limits: Array) -> int:
 
 
 @compiled
-def _begin(watch: Watch, body: Body, rock: Motion, rule: Rule, interval: float) -> None:
+def start_watch(watch: Watch, body: Body, rock: Motion, rule: Rule, interval: float) -> None:
     """Begin to watch a run."""
     rock.near = 0
     watch.peak_tilt = watch.slip = 0.0
@@ -339,7 +339,7 @@ def _begin(watch: Watch, body: Body, rock: Motion, rule: Rule, interval: float) 
 
 
 @compiled
-def _look(
+def look(
     watch: Watch, body: Body, rock: Motion, points: Points, rule: Rule, interval: float
 ) -> None:
     """Write the state of now, half a step before the place that the engine knows."""
@@ -357,6 +357,8 @@ def _pose(watch: Watch, body: Body, rock: Motion, rule: Rule, interval: float) -
     half = -0.5 * interval
     v, q = rock.velocity, rock.quaternion
     w, x, y, z = turned(half * v[3], half * v[4], half * v[5], q[0], q[1], q[2], q[3])
+    watch.quaternion[0], watch.quaternion[1] = w, x
+    watch.quaternion[2], watch.quaternion[3] = y, z
     matrix(w, x, y, z, rock.middle)
     inertia_turned(rock.middle, body.moments, watch.inertia)
     for k in range(3):

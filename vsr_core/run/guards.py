@@ -13,6 +13,7 @@ import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.rock.body import Rock
 from vsr_core.run import proofs
 from vsr_core.scene import State
@@ -100,6 +101,7 @@ def kinetic_energy(inertia: Array, state: State) -> float:
     return 0.5 * float(state.velocity @ state.velocity + turning @ inertia @ turning)
 
 
+@compiled
 def gained_too_much(
     energy: float, start_height: float, floor: float, impulse: float, radius: float
 ) -> bool:

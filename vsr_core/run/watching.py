@@ -16,7 +16,7 @@ from vsr_core.arrays import Array
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome
 from vsr_core.run import proofs
-from vsr_core.run.guards import ENERGY_SLACK
+from vsr_core.run.guards import gained_too_much
 from vsr_core.run.proofs import Barrier
 
 BALANCED, OVERTURNED = int(Outcome.BALANCED), int(Outcome.OVERTURNED)
@@ -67,6 +67,7 @@ WATCH = np.dtype(
     [
         ("place", float, 3),  # m, of the centre of mass, and
         ("rotation", float, (3, 3)),  # from the rest pose at yaw 0, when last looked at
+        ("quaternion", float, 4),  # w x y z, from principal axes, then
         ("velocity", float, 6),  # m/s and rad/s
         ("inertia", float, (3, 3)),  # m^2, in the table's axes, per unit mass
         ("lowest", float, 3),  # m, from the centre of mass to the lowest corner
@@ -104,12 +105,29 @@ def sound(watch: Watch, rule: Rule, time: float, impulse: float, moved: bool) ->
     -------
     bool
     """
-    place, velocity, inertia = watch.place, watch.velocity, watch.inertia
+    place, velocity = watch.place, watch.velocity
     total = 0.0
     for k in range(3):
         total += place[k] + velocity[k] + velocity[3 + k] + watch.rotation[2, k]
     if not math.isfinite(total):
         return False
+    note_energy(watch)
+    watch.tilt = math.acos(max(-1.0, min(1.0, watch.rotation[2, 2])))
+    watch.peak_tilt = max(watch.peak_tilt, watch.tilt)
+    note_slip(watch, rule)
+    note_rest(watch, rule, time)
+    if place[2] + watch.lowest[2] < -rule.penetration:
+        return False
+    if not moved and max(watch.slip, watch.tilt * rule.radius) > rule.drift:
+        return False
+    floor = rule.limits.floor
+    return not gained_too_much(watch.energy, watch.start[2], floor, impulse, rule.radius)
+
+
+@compiled
+def note_energy(watch: Watch) -> None:
+    """Kinetic energy, and that plus g z, per unit mass."""
+    velocity, inertia = watch.velocity, watch.inertia
     kinetic = 0.0
     for k in range(3):
         turning = 0.0
@@ -117,20 +135,15 @@ def sound(watch: Watch, rule: Rule, time: float, impulse: float, moved: bool) ->
             turning += inertia[k, j] * velocity[3 + j]
         kinetic += velocity[k] * velocity[k] + velocity[3 + k] * turning
     watch.kinetic = 0.5 * kinetic
-    watch.energy = watch.kinetic + GRAVITY * place[2]
-    watch.tilt = math.acos(max(-1.0, min(1.0, watch.rotation[2, 2])))
-    watch.peak_tilt = max(watch.peak_tilt, watch.tilt)
-    x = place[0] - rule.foot * watch.rotation[0, 2] - watch.start_foot[0]
-    y = place[1] - rule.foot * watch.rotation[1, 2] - watch.start_foot[1]
+    watch.energy = watch.kinetic + GRAVITY * watch.place[2]
+
+
+@compiled
+def note_slip(watch: Watch, rule: Rule) -> None:
+    """Largest horizontal displacement of the base's centre so far."""
+    x = watch.place[0] - rule.foot * watch.rotation[0, 2] - watch.start_foot[0]
+    y = watch.place[1] - rule.foot * watch.rotation[1, 2] - watch.start_foot[1]
     watch.slip = max(watch.slip, math.sqrt(x * x + y * y))
-    _note_rest(watch, rule, time)
-    if place[2] + watch.lowest[2] < -rule.penetration:
-        return False
-    if not moved and max(watch.slip, watch.tilt * rule.radius) > rule.drift:
-        return False
-    floor = GRAVITY * rule.limits.floor
-    most = proofs.reachable_energy(GRAVITY * watch.start[2] - floor, impulse)
-    return watch.energy - floor <= most + ENERGY_SLACK * GRAVITY * rule.radius
 
 
 @compiled
@@ -151,7 +164,7 @@ def decided(
     -------
     (int, int)
     """
-    if not shaken and _rests(watch, rule, time):
+    if not shaken and rests(watch, rule, time):
         return side(watch, rule), SIMULATED
     if not rule.proves:
         return GOES_ON, SIMULATED
@@ -198,7 +211,7 @@ def _slip_is_known(watch: Watch, rule: Rule, shaken: bool) -> bool:
 
 
 @compiled
-def _note_rest(watch: Watch, rule: Rule, time: float) -> None:
+def note_rest(watch: Watch, rule: Rule, time: float) -> None:
     """Since when the rock has hardly any energy, and where."""
     if not watch.kinetic < rule.rest_energy:
         watch.rest_since = -1.0
@@ -214,7 +227,7 @@ def _rest_from(watch: Watch, time: float) -> None:
 
 
 @compiled
-def _rests(watch: Watch, rule: Rule, time: float) -> bool:
+def rests(watch: Watch, rule: Rule, time: float) -> bool:
     """Whether it has stood still for a while; it is watched anew if it creeps."""
     if watch.rest_since < 0.0 or time - watch.rest_since < rule.rest_time:
         return False

@@ -71,7 +71,7 @@ class Terrain:
         -------
         ndarray of int, shape (k,)
         """
-        return self._lookup.at(x, y)
+        return self.lookup.at(x, y)
 
     def depth(self, point: Array) -> float | None:
         """How far a point is below the ground.
@@ -98,13 +98,14 @@ class Terrain:
         return float(self.vertices[:, 2].min())
 
     @cached_property
-    def _lookup(self) -> _Grid:
+    def lookup(self) -> Grid:
+        """Faces by the cells of a grid in the plane."""
         corners = self.vertices[self.faces][:, :, :2]
-        return _Grid.over(corners.min(axis=1), corners.max(axis=1))
+        return Grid.over(corners.min(axis=1), corners.max(axis=1))
 
 
 @dataclass(frozen=True)
-class _Grid:
+class Grid:
     """Which boxes in the plane reach into each cell of a regular grid."""
 
     origin: Array
@@ -114,7 +115,7 @@ class _Grid:
     box: Indices
 
     @classmethod
-    def over(cls, low: Array, high: Array) -> _Grid:
+    def over(cls, low: Array, high: Array) -> Grid:
         origin, extent = low.min(axis=0), high.max(axis=0) - low.min(axis=0)
         cell = float(np.sqrt(max(extent.prod(), 1e-12) / (_CELLS_A_FACE * len(low))))
         nx, ny = (int(n) for n in np.floor(extent / cell).astype(int) + 1)

@@ -27,7 +27,6 @@ from vsr_core.run.proofs import Barrier
 from vsr_core.run.reductions import PROOFS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.scene import Scene
 from vsr_core.table.servo import Servo
-from vsr_core.verification.time_step import step_unit
 
 
 class Group(NamedTuple):
@@ -158,9 +157,7 @@ def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
     if not reduce:
         return TerrainCase(seat, seat, toppled)
     flight = replace(seat, rock=reduction.in_flight(rock))
-    still = displacement.limits_on_seat(
-        seat, engines.load("bullet").LADDER.longest * step_unit(rock)
-    )
+    still = displacement.limits_on_seat(seat, scenes.config.engine)
     return TerrainCase(seat, flight, toppled, still)
 
 
