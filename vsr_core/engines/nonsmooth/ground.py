@@ -52,13 +52,12 @@ def find(
     """
     search, radius = ground.search[0], body.radius
     is_sphere = len(ground.corners) == 0
-    v = rock.velocity
-    way = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    way += math.sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5]) * radius
-    way *= time_step
+    way = time_step * _pace(rock.velocity, radius)
     search.way += way
     search.reserve -= way
-    ahead = 2.0 * (way + speed * time_step) + HOLLOW * radius
+    # What landed in the last step and rebounds in this may be as far away as that took it.
+    ahead = max(way, time_step * _pace(rock.before, radius)) + speed * time_step
+    ahead = 2.0 * ahead + HOLLOW * radius
     if not search.reserve >= ahead:
         near = NEAR_SHARE * radius + ahead
         if is_sphere:
@@ -87,6 +86,14 @@ def find(
             touches = _vertex(ground, rock, point, at, pair.other, time_step, ahead, radius)
         if touches:
             rock.found += 1
+
+
+@compiled
+def _pace(velocity: Array, radius: float) -> float:
+    """Bound of the speed of a rock's points [m/s]."""
+    v, w = velocity[:3], velocity[3:]
+    across = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    return across + radius * math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
 
 
 @compiled
