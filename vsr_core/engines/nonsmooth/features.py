@@ -7,7 +7,6 @@ it does not matter how even ground is cut into triangles.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +38,7 @@ SIDE = np.dtype(
         ("inward", float, 3),  # unit vector; at a convex edge normal to the bisector of the faces
         ("limit", float),  # m, its product with points of the edge
         ("hollow", float),  # 1 at a concave edge, beyond which a face goes on inside the ground
-        ("across", int),  # face beyond the edge
+        ("across", int),  # face of a rock beyond the edge
     ]
 )
 """Side of a face: what is in front of it, or a little behind it, and nearer to it than to others,
@@ -52,6 +51,7 @@ EDGE = np.dtype(
         ("length", float),  # m
         ("left", float, 3),  # unit vectors normal to the edge, in its two faces
         ("right", float, 3),
+        ("face", int),  # one of its two faces
         ("line", int),  # number of the straight edge that it is part of; likewise
         ("ends", int, 2),  # of the corners of a rock at its ends
     ]
@@ -61,6 +61,7 @@ EDGE = np.dtype(
 VERTEX = np.dtype(
     [
         ("place", float, 3),  # m
+        ("face", int),  # one of those that meet there
         ("first", int),  # of the edges that meet there, and
         ("count", int),  # their number
     ]
@@ -114,7 +115,7 @@ def of_rock(hull: Hull) -> Features:
     once = face < across
     edges = np.zeros(int(once.sum()), EDGE)
     edges["start"], edges["along"], edges["length"] = start[once], along[once], length[once]
-    edges["ends"] = ends[once]
+    edges["ends"], edges["face"] = ends[once], face[once]
     edges["line"] = np.arange(len(edges))
     for name, beside in (("left", facet[once]), ("right", other[once])):
         inside = hull.vertices[hull.facets[beside]].mean(axis=1) - edges["start"]
@@ -125,7 +126,6 @@ def of_rock(hull: Hull) -> Features:
     return Features(faces, sides[order], edges, np.empty(0, VERTEX), none, none[None][:0])
 
 
-@lru_cache(maxsize=4)
 def of_terrain(terrain: Terrain) -> Features:
     """Triangles, convex edges and convex vertices of a terrain.
 
@@ -156,7 +156,7 @@ def of_terrain(terrain: Terrain) -> Features:
     sides["inward"] = within
     sides["inward"][convex] = _unit(normals[own[convex]] - normals[other[convex]])
     sides["limit"] = (sides["inward"] * start).sum(axis=1)
-    sides["hollow"], sides["across"] = hollow, np.where(inner, other, -1)
+    sides["hollow"] = hollow
     faces = np.zeros(len(triangles), FACE)
     faces["normal"], faces["first"] = normals, 3 * np.arange(len(triangles))
     faces["offset"] = (normals * corners[triangles[:, 0]]).sum(axis=1)
@@ -165,6 +165,7 @@ def of_terrain(terrain: Terrain) -> Features:
     edges = np.zeros(int(once.sum()), EDGE)
     edges["start"], edges["along"], edges["length"] = start[once], along[once], length[once]
     edges["left"], edges["right"] = within[once], within[twin[once]]
+    edges["face"] = own[once]
     pairs = np.sort(np.column_stack([flat[own[once]], flat[other[once]]]), axis=1)
     edges["line"] = np.unique(pairs, axis=0, return_inverse=True)[1].ravel()
     upward = np.zeros_like(corners)
@@ -186,6 +187,7 @@ def _peaks(
     arms = np.ascontiguousarray(along[held][order])
     vertices = np.zeros(int(chosen.sum()), VERTEX)
     vertices["place"], vertices["count"] = corners[chosen], meeting[chosen]
+    vertices["face"] = np.flatnonzero(held)[order][np.cumsum(meeting[chosen]) - meeting[chosen]] // 3
     vertices["first"] = np.cumsum(vertices["count"]) - vertices["count"]
     stands_out = np.zeros(len(vertices), dtype=bool)
     ends = np.cumsum(vertices["count"])

@@ -7,7 +7,7 @@ import math
 from vsr_core.arrays import Array
 from vsr_core.engines.nonsmooth.body import Motion
 from vsr_core.engines.nonsmooth.compiling import compiled
-from vsr_core.engines.nonsmooth.grid import Ground
+from vsr_core.engines.nonsmooth.tree import Ground
 from vsr_core.engines.nonsmooth.vectors import cross
 
 CORNER, EDGES, VERTEX = 0, 1, 2
@@ -30,17 +30,15 @@ def gather(ground: Ground, rock: Motion, radius: float, near: float, deepest: fl
     deepest : float [m], depth of a feature in the ground beyond which it is behind it
     """
     search = ground.search[0]
-    reach = near if search.pairs > 0 else near + FLIGHT_SHARE * radius
     search.stamp += 1
     search.pairs = 0
     _place(ground, rock)
-    free = _mark(ground, rock, near, reach)
-    search.reserve = min(reach, free)
+    free = _mark(ground, rock, near)
     if search.high[0] < search.low[0]:
+        search.reserve = free
         return
     search.reserve = near
     angle = near / radius
-    _vertices(ground, rock, near, angle)
     for own in range(len(ground.spots)):
         _faces_at(ground, own, near, deepest)
     for own in range(ground.own_edge, len(ground.edges)):
@@ -86,48 +84,46 @@ def _place(ground: Ground, rock: Motion) -> None:
 
 
 @compiled
-def cells(ground: Ground, low: float, high: float, axis: int) -> tuple[int, int]:
-    """First and last cell along x or y that a range reaches into; none if the last is less."""
-    origin = ground.x if axis == 0 else ground.y
-    number = ground.columns if axis == 0 else ground.rows
-    first = math.floor((low - origin) / ground.width)
-    last = math.floor((high - origin) / ground.width)
-    return max(0, int(first)), min(number - 1, int(last))
-
-
-@compiled
-def _mark(ground: Ground, rock: Motion, near: float, reach: float) -> float:
-    """Mark the cells near the rock; lower bound of the distance of the others within ``reach``."""
-    search, spots, place, turn = ground.search[0], ground.spots, rock.place, rock.rotation
-    box = _box(spots, 0), _box(spots, 1), _box(spots, 2)
-    first_x, last_x = cells(ground, box[0][0] - reach, box[0][1] + reach, 0)
-    first_y, last_y = cells(ground, box[1][0] - reach, box[1][1] + reach, 1)
-    bottom, top = box[2][0] - reach, box[2][1] + reach
-    search.low[:], search.high[:] = len(ground.cells), -1
-    free, half = math.inf, 0.5 * ground.width
-    for i in range(first_x, last_x + 1):
-        for j in range(first_y, last_y + 1):
-            cell = ground.cells[i * ground.rows + j]
-            if cell.high < bottom or cell.low > top:
-                continue
-            gap = cell.due - search.way
+def _mark(ground: Ground, rock: Motion, near: float) -> float:
+    """Mark the boxes near the rock, pair vertices in them; lower bound of the others' distance."""
+    search, place, turn, nodes = ground.search[0], rock.place, rock.rotation, ground.nodes
+    spots = ground.spots
+    low_x, high_x = _range(spots, 0)
+    low_y, high_y = _range(spots, 1)
+    low_z, high_z = _range(spots, 2)
+    search.low[:], search.high[:] = math.inf, -math.inf
+    free, at = math.inf, 0
+    while at < len(nodes):
+        node = nodes[at]
+        gap = node.due - search.way
+        if gap <= near:
+            m, h = node.middle, node.half
+            gap = max(
+                max(m[0] - h[0] - high_x, low_x - m[0] - h[0]),
+                max(m[1] - h[1] - high_y, low_y - m[1] - h[1]),
+                max(m[2] - h[2] - high_z, low_z - m[2] - h[2]),
+            )
             if gap <= near:
-                x = ground.x + (i + 0.5) * ground.width - place[0]
-                y = ground.y + (j + 0.5) * ground.width - place[1]
-                z = 0.5 * (cell.low + cell.high) - place[2]
-                gap = _apart(ground, turn, cell, x, y, z, half, near)
-                cell.due = search.way + gap
-            if gap <= near:
-                cell.stamp = search.stamp
-                search.low[0], search.low[1] = min(search.low[0], i), min(search.low[1], j)
-                search.high[0], search.high[1] = max(search.high[0], i), max(search.high[1], j)
-            else:
-                free = min(free, gap)
+                x, y, z = m[0] - place[0], m[1] - place[1], m[2] - place[2]
+                gap = max(gap, _apart(ground, turn, node, x, y, z, near))
+            node.due = search.way + gap
+        if gap > near:
+            free = min(free, gap)
+            at = node.skip
+            continue
+        node.stamp = search.stamp
+        at += 1
+        if node.is_leaf:
+            for k in range(3):
+                search.low[k] = min(search.low[k], node.middle[k] - node.half[k])
+                search.high[k] = max(search.high[k], node.middle[k] + node.half[k])
+            for number in range(node.first[2], node.last[2]):
+                _vertex(ground, rock, number, node.hint, near)
     return free
 
 
 @compiled
-def _box(spots: Array, axis: int) -> tuple[float, float]:
+def _range(spots: Array, axis: int) -> tuple[float, float]:
     low, high = spots[0, axis], spots[0, axis]
     for i in range(1, len(spots)):
         low, high = min(low, spots[i, axis]), max(high, spots[i, axis])
@@ -136,109 +132,90 @@ def _box(spots: Array, axis: int) -> tuple[float, float]:
 
 @compiled
 def _apart(
-    ground: Ground,
-    turn: Array,
-    cell: Array,
-    x: float,
-    y: float,
-    z: float,
-    half: float,
-    near: float,
+    ground: Ground, turn: Array, node: Array, x: float, y: float, z: float, near: float
 ) -> float:
-    """Lower bound of the distance of a cell's ground, with its middle at (x, y, z), from the rock."""
-    tall = 0.5 * (cell.high - cell.low)
-    gap = _before(ground, cell.hint, x, y, z, half, tall)
+    """Lower bound of the distance of a box, with its middle at (x, y, z), from the rock."""
+    gap = _before(ground, node.hint, x, y, z, node.half)
     if gap > near:
         return gap
     p = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
     q = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
     r = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
-    cell.hint = climb(ground, cell.hint, p, q, r)
-    return _before(ground, cell.hint, x, y, z, half, tall)
+    node.hint = climb(ground, node.hint, p, q, r)
+    return _before(ground, node.hint, x, y, z, node.half)
 
 
 @compiled
-def _before(
-    ground: Ground, face: int, x: float, y: float, z: float, half: float, tall: float
-) -> float:
+def _before(ground: Ground, face: int, x: float, y: float, z: float, half: Array) -> float:
     """How far a box is in front of a face of the rock [m]."""
     n = ground.normals[face - ground.own_face]
-    reach = (abs(n[0]) + abs(n[1])) * half + abs(n[2]) * tall
+    reach = abs(n[0]) * half[0] + abs(n[1]) * half[1] + abs(n[2]) * half[2]
     return n[0] * x + n[1] * y + n[2] * z - ground.faces[face].offset - reach
 
 
 @compiled
-def add(ground: Ground, kind: int, own: int, other: int) -> None:
+def _vertex(ground: Ground, rock: Motion, number: int, face: int, near: float) -> None:
+    """Pair a vertex with the face of the rock that is nearest."""
+    turn, place, spot = rock.rotation, rock.place, ground.vertices[number].place
+    x, y, z = spot[0] - place[0], spot[1] - place[1], spot[2] - place[2]
+    n = ground.normals[face - ground.own_face]
+    if n[0] * x + n[1] * y + n[2] * z - ground.faces[face].offset > near:
+        return
+    p = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
+    q = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
+    r = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
+    face = climb(ground, face, p, q, r)
+    n = ground.faces[face].normal
+    gap = n[0] * p + n[1] * q + n[2] * r - ground.faces[face].offset
+    if gap <= near:
+        add(ground, VERTEX, face, number, gap)
+
+
+@compiled
+def add(ground: Ground, kind: int, own: int, other: int, gap: float) -> None:
+    """List a pair that cannot touch before the rock has moved by ``gap`` [m]."""
     search = ground.search[0]
     if search.pairs == len(ground.pairs):
         search.full = 1
         return
     pair = ground.pairs[search.pairs]
-    pair.kind, pair.own, pair.other = kind, own, other
+    pair.kind, pair.own, pair.other, pair.due = kind, own, other, search.way + gap
     search.pairs += 1
-
-
-@compiled
-def _vertices(ground: Ground, rock: Motion, near: float, angle: float) -> None:
-    """Pairs of vertices and the faces of the rock that are nearest."""
-    search, turn, place = ground.search[0], rock.rotation, rock.place
-    for i in range(search.low[0], search.high[0] + 1):
-        for j in range(search.low[1], search.high[1] + 1):
-            cell = ground.cells[i * ground.rows + j]
-            if cell.stamp != search.stamp:
-                continue
-            face = cell.hint
-            for at in range(cell.first[2], cell.last[2]):
-                vertex = ground.vertices[ground.members[at]]
-                x, y, z = vertex.place[0], vertex.place[1], vertex.place[2]
-                x, y, z = x - place[0], y - place[1], z - place[2]
-                if _before(ground, face, x, y, z, 0.0, 0.0) > near:
-                    continue
-                p = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
-                q = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
-                r = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
-                face = climb(ground, face, p, q, r)
-                if _before(ground, face, x, y, z, 0.0, 0.0) <= near:
-                    add(ground, VERTEX, face, ground.members[at])
 
 
 @compiled
 def _faces_at(ground: Ground, own: int, near: float, deepest: float) -> None:
     """Pairs of a corner and the faces of the terrain near it."""
-    search, spot = ground.search[0], ground.spots[own]
+    search, spot, nodes = ground.search[0], ground.spots[own], ground.nodes
     x, y, z = spot[0], spot[1], spot[2]
-    first_x, last_x = cells(ground, x - near, x + near, 0)
-    first_y, last_y = cells(ground, y - near, y + near, 1)
-    search.query += 1
-    for i in range(first_x, last_x + 1):
-        for j in range(first_y, last_y + 1):
-            cell = ground.cells[i * ground.rows + j]
-            if cell.stamp != search.stamp or cell.high < z - near:
-                continue
-            for at in range(cell.first[0], cell.last[0]):
-                number = ground.members[at]
-                if not is_new(ground, number):
-                    continue
-                face = ground.faces[number]
-                n = face.normal
-                gap = n[0] * x + n[1] * y + n[2] * z - face.offset
-                if gap > near or gap < -deepest - near:
-                    continue
-                if _beside(ground, number, x, y, z, 2.0 * near + deepest):
-                    add(ground, CORNER, own, number)
+    for k in range(3):
+        if spot[k] > search.high[k] + near or spot[k] < search.low[k] - near:
+            return
+    at = 0
+    while at < len(nodes):
+        node = nodes[at]
+        m, h = node.middle, node.half
+        is_off = node.stamp != search.stamp or (
+            abs(x - m[0]) > h[0] + near
+            or abs(y - m[1]) > h[1] + near
+            or abs(z - m[2]) > h[2] + near
+        )
+        if is_off:
+            at = node.skip
+            continue
+        at += 1
+        if not node.is_leaf:
+            continue
+        for number in range(node.first[0], node.last[0]):
+            face = ground.faces[number]
+            n = face.normal
+            gap = n[0] * x + n[1] * y + n[2] * z - face.offset
+            if -deepest - near <= gap <= near and beside(ground, number, x, y, z, 2.0 * near):
+                add(ground, CORNER, own, number, gap)
 
 
 @compiled
-def is_new(ground: Ground, feature: int) -> bool:
-    """Whether a feature, which may reach into several cells, is looked at first in this query."""
-    query = ground.search[0].query
-    is_new = ground.seen[feature] != query
-    ground.seen[feature] = query
-    return bool(is_new)
-
-
-@compiled
-def _beside(ground: Ground, number: int, x: float, y: float, z: float, margin: float) -> bool:
+def beside(ground: Ground, number: int, x: float, y: float, z: float, margin: float) -> bool:
     """Whether a point is on the inward side of all sides of a face, or near it."""
     face = ground.faces[number]
     for k in range(face.first, face.first + face.count):
@@ -254,31 +231,46 @@ def _edges_at(
     ground: Ground, rock: Motion, own: int, near: float, angle: float, deepest: float
 ) -> None:
     """Pairs of an edge of the rock and the edges of the terrain near it."""
-    search, mine = ground.search[0], ground.edges[own]
+    search, mine, nodes = ground.search[0], ground.edges[own], ground.nodes
     a, b = ground.spots[mine.ends[0]], ground.spots[mine.ends[1]]
-    low = min(a[2], b[2]) - near
-    first_x, last_x = cells(ground, min(a[0], b[0]) - near, max(a[0], b[0]) + near, 0)
-    first_y, last_y = cells(ground, min(a[1], b[1]) - near, max(a[1], b[1]) + near, 1)
-    first_x, last_x = max(first_x, search.low[0]), min(last_x, search.high[0])
-    first_y, last_y = max(first_y, search.low[1]), min(last_y, search.high[1])
-    if last_x < first_x or last_y < first_y:
-        return
-    search.query += 1
-    for i in range(first_x, last_x + 1):
-        for j in range(first_y, last_y + 1):
-            cell = ground.cells[i * ground.rows + j]
-            if cell.stamp != search.stamp or cell.high < low:
-                continue
-            for at in range(cell.first[1], cell.last[1]):
-                number = ground.members[at]
-                if not is_new(ground, ground.own_face + number):
-                    continue
-                if _crosses(ground, rock, own, number, near, angle, deepest):
-                    add(ground, EDGES, own, number)
+    for k in range(3):
+        if min(a[k], b[k]) > search.high[k] + near or max(a[k], b[k]) < search.low[k] - near:
+            return
+    x, y, z = 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
+    p, q, r = 0.5 * abs(b[0] - a[0]), 0.5 * abs(b[1] - a[1]), 0.5 * abs(b[2] - a[2])
+    e, f, g = (b[0] - a[0]) / mine.length, (b[1] - a[1]) / mine.length, (b[2] - a[2]) / mine.length
+    at = 0
+    while at < len(nodes):
+        node = nodes[at]
+        m, h = node.middle, node.half
+        i, j, k = m[0] - x, m[1] - y, m[2] - z
+        is_off = node.stamp != search.stamp or (
+            abs(i) > h[0] + p + near
+            or abs(j) > h[1] + q + near
+            or abs(k) > h[2] + r + near
+            or node.first[1] == node.last[1]
+        )
+        if not is_off:
+            # Axes across the edge and each axis of the box.
+            is_off = (
+                abs(j * g - k * f) > h[1] * abs(g) + h[2] * abs(f) + near
+                or abs(k * e - i * g) > h[2] * abs(e) + h[0] * abs(g) + near
+                or abs(i * f - j * e) > h[0] * abs(f) + h[1] * abs(e) + near
+            )
+        if is_off:
+            at = node.skip
+            continue
+        at += 1
+        if not node.is_leaf:
+            continue
+        for number in range(node.first[1], node.last[1]):
+            gap = _between_edges(ground, rock, own, number, near, angle, deepest)
+            if gap <= near:
+                add(ground, EDGES, own, number, gap)
 
 
 @compiled
-def _crosses(
+def _between_edges(
     ground: Ground,
     rock: Motion,
     own: int,
@@ -286,32 +278,74 @@ def _crosses(
     near: float,
     angle: float,
     deepest: float,
-) -> bool:
-    """Whether two edges may touch before the rock has moved by ``near`` and turned by ``angle``."""
+) -> float:
+    """Distance of two edges, infinite if they cannot touch before the rock turned by ``angle``."""
     mine, edge, turn = ground.edges[own], ground.edges[other], rock.rotation
     a, b = ground.spots[mine.ends[0]], ground.spots[mine.ends[1]]
     d, m = edge.along, mine.length
     e, f, g = (b[0] - a[0]) / m, (b[1] - a[1]) / m, (b[2] - a[2]) / m
     i, j, k = cross(e, f, g, d[0], d[1], d[2])
-    size = math.sqrt(i * i + j * j + k * k)
     left = edge.left[0] * i + edge.left[1] * j + edge.left[2] * k
     right = edge.right[0] * i + edge.right[1] * j + edge.right[2] * k
     if left + right > 0.0:
         i, j, k, left, right = -i, -j, -k, -left, -right
-    if size > angle:
+    # The rock's own faces turn too. Edges along each other may turn to any side.
+    is_along = i * i + j * j + k * k <= 4.0 * angle * angle
+    if not is_along:
         if left > angle or right > angle:
-            return False
-        # The rock's own faces turn too.
+            return math.inf
         if _facing(turn, mine.left, i, j, k) < -2.0 * angle:
-            return False
+            return math.inf
         if _facing(turn, mine.right, i, j, k) < -2.0 * angle:
-            return False
+            return math.inf
     x, y, z = edge.start[0] - a[0], edge.start[1] - a[1], edge.start[2] - a[2]
-    if size > 0.1:
-        gap = -(i * x + j * y + k * z) / size
-        slack = 2.0 * near + angle * (m + edge.length) / size
-        return -deepest - slack <= gap <= slack
-    return True
+    on_own, on_other = x * e + y * f + z * g, -(x * d[0] + y * d[1] + z * d[2])
+    cosine = e * d[0] + f * d[1] + g * d[2]
+    gap = math.sqrt(
+        _between(x, y, z, e, f, g, m, d, edge.length, on_own, on_other, cosine)
+    )
+    if is_along or i * x + j * y + k * z > 0.0:
+        gap = max(0.0, gap - deepest)
+    return gap
+
+
+@compiled
+def _between(
+    x: float,
+    y: float,
+    z: float,
+    e: float,
+    f: float,
+    g: float,
+    own: float,
+    along: Array,
+    other: float,
+    on_own: float,
+    on_other: float,
+    cosine: float,
+) -> float:
+    """Square of the distance of two segments.
+
+    They have the directions (e, f, g) and ``along`` and the lengths ``own`` and ``other``; the
+    second begins at (x, y, z) from the first. ``on_own`` and ``on_other`` are where each has the
+    other's beginning beside it, ``cosine`` is of the angle between them.
+
+    References
+    ----------
+    Ericson (2005), Real-Time Collision Detection, 5.1.9.
+    """
+    square = 1.0 - cosine * cosine
+    s = 0.5 * own
+    if square > 1e-9:
+        s = min(own, max(0.0, (on_own + cosine * on_other) / square))
+    t = on_other + cosine * s
+    if t < 0.0 or t > other:
+        t = min(other, max(0.0, t))
+        s = min(own, max(0.0, on_own + cosine * t))
+    p = x + t * along[0] - s * e
+    q = y + t * along[1] - s * f
+    r = z + t * along[2] - s * g
+    return p * p + q * q + r * r
 
 
 @compiled
