@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Indices
 from vsr_core.engines.nonsmooth.body import Motion
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.tree import Ground
@@ -12,9 +12,6 @@ from vsr_core.engines.nonsmooth.vectors import cross
 
 CORNER, EDGES, VERTEX = 0, 1, 2
 """Kinds of pairs: a corner of the rock and a face, two edges, a vertex of the terrain and a face."""
-
-FLIGHT_SHARE = 0.3
-"""Distance over which a rock in flight looks ahead, as a share of its radius."""
 
 
 @compiled
@@ -29,146 +26,208 @@ def gather(ground: Ground, rock: Motion, radius: float, near: float, deepest: fl
     near : float [m]
     deepest : float [m], depth of a feature in the ground beyond which it is behind it
     """
-    search = ground.search[0]
+    search, shape, tree = ground.search[0], ground.shape, ground.tree
     search.stamp += 1
     search.pairs = 0
     _place(ground, rock)
-    free = _mark(ground, rock, near)
-    if search.high[0] < search.low[0]:
-        search.reserve = free
-        return
-    search.reserve = near
-    angle = near / radius
-    for own in range(len(ground.spots)):
-        _faces_at(ground, own, near, deepest)
-    for own in range(ground.own_edge, len(ground.edges)):
-        _edges_at(ground, rock, own, near, angle, deepest)
+    links, due, lists, sizes = tree.links, tree.due, shape.lists, shape.sizes
+    corners, edges = len(shape.spots), len(shape.rods)
+    way, free, found, at = search.way, math.inf, False, 0
+    while at < len(links):
+        gap = due[at] - way
+        if gap <= near:
+            gap = _apart(
+                tree.boxes, tree.hints, shape.planes, shape.duals, shape.ring, rock, at, near
+            )
+            due[at] = way + gap
+        if gap > near:
+            free = min(free, gap)
+            at = links[at, 0]
+            continue
+        level = links[at, 1]
+        if level == 0:
+            for i in range(corners):
+                lists[0, i] = i
+            for i in range(edges):
+                lists[0, corners + i] = i
+            sizes[0, 0], sizes[0, 1] = corners, edges
+        else:
+            _reach(tree.boxes, shape.spots, shape.rods, lists, sizes, at, level, near)
+        if links[at, 2]:
+            found = True
+            _pair(ground, rock, at, level, near, near / radius, deepest)
+        at += 1
+    search.reserve = near if found else free
 
 
 @compiled
-def climb(ground: Ground, face: int, x: float, y: float, z: float) -> int:
+def _place(ground: Ground, rock: Motion) -> None:
+    """Corners, edges and faces of the rock in the site's frame."""
+    turn, place, shape = rock.rotation, rock.place, ground.shape
+    spots, planes, rods = shape.spots, shape.planes, shape.rods
+    for i in range(len(spots)):
+        x, y, z = ground.corners[i, 0], ground.corners[i, 1], ground.corners[i, 2]
+        for k in range(3):
+            spots[i, k] = place[k] + turn[k, 0] * x + turn[k, 1] * y + turn[k, 2] * z
+    for i in range(len(planes)):
+        normal = ground.faces[ground.own_face + i].normal
+        x, y, z = normal[0], normal[1], normal[2]
+        for k in range(3):
+            planes[i, k] = turn[k, 0] * x + turn[k, 1] * y + turn[k, 2] * z
+    for i in range(len(rods)):
+        edge = ground.edges[ground.own_edge + i]
+        a, b, size = edge.ends[0], edge.ends[1], 1.0 / edge.length
+        for k in range(3):
+            rods[i, k] = 0.5 * (spots[a, k] + spots[b, k])
+            rods[i, 3 + k] = 0.5 * abs(spots[b, k] - spots[a, k])
+            rods[i, 6 + k] = size * (spots[b, k] - spots[a, k])
+            rods[i, 9 + k] = spots[a, k]
+
+
+@compiled
+def climb(duals: Array, ring: Indices, face: int, x: float, y: float, z: float) -> int:
     """Face of the rock that a ray from its centre of mass through (x, y, z) meets.
 
     It is found from ``face`` on, by neighbours: the measure that grows has no local maximum.
     """
-    normal = ground.faces[face].normal
-    best = (normal[0] * x + normal[1] * y + normal[2] * z) / ground.faces[face].offset
+    best = duals[face, 0] * x + duals[face, 1] * y + duals[face, 2] * z
     going = True
     while going:
         going = False
-        first = ground.faces[face].first
-        for k in range(first, first + ground.faces[face].count):
-            other = ground.sides[k].across
-            normal = ground.faces[other].normal
-            value = normal[0] * x + normal[1] * y + normal[2] * z
-            value /= ground.faces[other].offset
+        here = face
+        for k in range(ring.shape[1]):
+            other = ring[here, k]
+            value = duals[other, 0] * x + duals[other, 1] * y + duals[other, 2] * z
             if value > best:
                 best, face, going = value, other, True
     return face
 
 
 @compiled
-def _place(ground: Ground, rock: Motion) -> None:
-    """Places of corners, and normals of faces, in the site's frame."""
-    turn, place = rock.rotation, rock.place
-    for i in range(len(ground.spots)):
-        corner, spot = ground.corners[i], ground.spots[i]
-        for k in range(3):
-            spot[k] = (
-                place[k] + turn[k, 0] * corner[0] + turn[k, 1] * corner[1] + turn[k, 2] * corner[2]
-            )
-    for i in range(len(ground.normals)):
-        normal, out = ground.faces[ground.own_face + i].normal, ground.normals[i]
-        for k in range(3):
-            out[k] = turn[k, 0] * normal[0] + turn[k, 1] * normal[1] + turn[k, 2] * normal[2]
-
-
-@compiled
-def _mark(ground: Ground, rock: Motion, near: float) -> float:
-    """Mark the boxes near the rock, pair vertices in them; lower bound of the others' distance."""
-    search, place, turn, nodes = ground.search[0], rock.place, rock.rotation, ground.nodes
-    spots = ground.spots
-    low_x, high_x = _range(spots, 0)
-    low_y, high_y = _range(spots, 1)
-    low_z, high_z = _range(spots, 2)
-    search.low[:], search.high[:] = math.inf, -math.inf
-    free, at = math.inf, 0
-    while at < len(nodes):
-        node = nodes[at]
-        gap = node.due - search.way
-        if gap <= near:
-            m, h = node.middle, node.half
-            gap = max(
-                max(m[0] - h[0] - high_x, low_x - m[0] - h[0]),
-                max(m[1] - h[1] - high_y, low_y - m[1] - h[1]),
-                max(m[2] - h[2] - high_z, low_z - m[2] - h[2]),
-            )
-            if gap <= near:
-                x, y, z = m[0] - place[0], m[1] - place[1], m[2] - place[2]
-                gap = max(gap, _apart(ground, turn, node, x, y, z, near))
-            node.due = search.way + gap
-        if gap > near:
-            free = min(free, gap)
-            at = node.skip
-            continue
-        node.stamp = search.stamp
-        at += 1
-        if node.is_leaf:
-            for k in range(3):
-                search.low[k] = min(search.low[k], node.middle[k] - node.half[k])
-                search.high[k] = max(search.high[k], node.middle[k] + node.half[k])
-            for number in range(node.first[2], node.last[2]):
-                _vertex(ground, rock, number, node.hint, near)
-    return free
-
-
-@compiled
-def _range(spots: Array, axis: int) -> tuple[float, float]:
-    low, high = spots[0, axis], spots[0, axis]
-    for i in range(1, len(spots)):
-        low, high = min(low, spots[i, axis]), max(high, spots[i, axis])
-    return low, high
-
-
-@compiled
 def _apart(
-    ground: Ground, turn: Array, node: Array, x: float, y: float, z: float, near: float
+    boxes: Array,
+    hints: Indices,
+    planes: Array,
+    duals: Array,
+    ring: Indices,
+    rock: Motion,
+    at: int,
+    near: float,
 ) -> float:
-    """Lower bound of the distance of a box, with its middle at (x, y, z), from the rock."""
-    gap = _before(ground, node.hint, x, y, z, node.half)
-    if gap > near:
-        return gap
-    p = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
-    q = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
-    r = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
-    node.hint = climb(ground, node.hint, p, q, r)
-    return _before(ground, node.hint, x, y, z, node.half)
+    """Lower bound of the distance of a box from the rock."""
+    place, turn = rock.place, rock.rotation
+    x, y, z = boxes[at, 0] - place[0], boxes[at, 1] - place[1], boxes[at, 2] - place[2]
+    face = hints[at]
+    for again in range(2):
+        n, m, o = planes[face, 0], planes[face, 1], planes[face, 2]
+        reach = abs(n) * boxes[at, 3] + abs(m) * boxes[at, 4] + abs(o) * boxes[at, 5]
+        gap = n * x + m * y + o * z - planes[face, 3] - reach
+        if gap > near or again == 1:
+            break
+        p = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
+        q = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
+        r = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
+        face = climb(duals, ring, face, p, q, r)
+        if face == hints[at]:
+            break
+        hints[at] = face
+    return gap
 
 
 @compiled
-def _before(ground: Ground, face: int, x: float, y: float, z: float, half: Array) -> float:
-    """How far a box is in front of a face of the rock [m]."""
-    n = ground.normals[face - ground.own_face]
-    reach = abs(n[0]) * half[0] + abs(n[1]) * half[1] + abs(n[2]) * half[2]
-    return n[0] * x + n[1] * y + n[2] * z - ground.faces[face].offset - reach
+def _reach(
+    boxes: Array,
+    spots: Array,
+    rods: Array,
+    lists: Indices,
+    sizes: Indices,
+    at: int,
+    level: int,
+    near: float,
+) -> None:
+    """List the corners and edges of the rock near a box, of those near the box that it is part of."""
+    x, y, z = boxes[at, 0], boxes[at, 1], boxes[at, 2]
+    a, b, c = boxes[at, 3], boxes[at, 4], boxes[at, 5]
+    number = 0
+    for k in range(sizes[level - 1, 0]):
+        i = lists[level - 1, k]
+        if (
+            abs(spots[i, 0] - x) <= a + near
+            and abs(spots[i, 1] - y) <= b + near
+            and abs(spots[i, 2] - z) <= c + near
+        ):
+            lists[level, number] = i
+            number += 1
+    sizes[level, 0] = number
+    corners, number = len(spots), 0
+    for k in range(sizes[level - 1, 1]):
+        i = lists[level - 1, corners + k]
+        p, q, r = x - rods[i, 0], y - rods[i, 1], z - rods[i, 2]
+        if (
+            abs(p) > a + near + rods[i, 3]
+            or abs(q) > b + near + rods[i, 4]
+            or abs(r) > c + near + rods[i, 5]
+        ):
+            continue
+        # Across the edge and each side of the box.
+        e, f, g = rods[i, 6], rods[i, 7], rods[i, 8]
+        if (
+            abs(q * g - r * f) > b * abs(g) + c * abs(f) + near
+            or abs(r * e - p * g) > c * abs(e) + a * abs(g) + near
+            or abs(p * f - q * e) > a * abs(f) + b * abs(e) + near
+        ):
+            continue
+        lists[level, corners + number] = i
+        number += 1
+    sizes[level, 1] = number
+
+
+@compiled
+def _pair(
+    ground: Ground,
+    rock: Motion,
+    at: int,
+    level: int,
+    near: float,
+    angle: float,
+    deepest: float,
+) -> None:
+    """Pair what is in a box with what of the rock is near it."""
+    shape, links, plates = ground.shape, ground.tree.links, ground.plates
+    lists, spots, corners = shape.lists, shape.spots, len(shape.spots)
+    for k in range(shape.sizes[level, 0]):
+        own = lists[level, k]
+        x, y, z = spots[own, 0], spots[own, 1], spots[own, 2]
+        for other in range(links[at, 3], links[at, 4]):
+            gap = plates[other, 0] * x + plates[other, 1] * y + plates[other, 2] * z
+            gap -= plates[other, 3]
+            if -deepest - near <= gap <= near and beside(plates, other, x, y, z, 2.0 * near):
+                add(ground, CORNER, own, other, gap)
+    for other in range(links[at, 5], links[at, 6]):
+        for k in range(shape.sizes[level, 1]):
+            own = lists[level, corners + k]
+            gap = _between_edges(ground, rock, own, other, near, angle, deepest)
+            if gap <= near:
+                add(ground, EDGES, ground.own_edge + own, other, gap)
+    for other in range(links[at, 7], links[at, 8]):
+        _vertex(ground, rock, other, ground.tree.hints[at], near)
 
 
 @compiled
 def _vertex(ground: Ground, rock: Motion, number: int, face: int, near: float) -> None:
     """Pair a vertex with the face of the rock that is nearest."""
     turn, place, spot = rock.rotation, rock.place, ground.vertices[number].place
+    planes = ground.shape.planes
     x, y, z = spot[0] - place[0], spot[1] - place[1], spot[2] - place[2]
-    n = ground.normals[face - ground.own_face]
-    if n[0] * x + n[1] * y + n[2] * z - ground.faces[face].offset > near:
+    if planes[face, 0] * x + planes[face, 1] * y + planes[face, 2] * z - planes[face, 3] > near:
         return
     p = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
     q = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
     r = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
-    face = climb(ground, face, p, q, r)
-    n = ground.faces[face].normal
-    gap = n[0] * p + n[1] * q + n[2] * r - ground.faces[face].offset
+    face = climb(ground.shape.duals, ground.shape.ring, face, p, q, r)
+    gap = planes[face, 0] * x + planes[face, 1] * y + planes[face, 2] * z - planes[face, 3]
     if gap <= near:
-        add(ground, VERTEX, face, number, gap)
+        add(ground, VERTEX, ground.own_face + face, number, gap)
 
 
 @compiled
@@ -184,89 +243,13 @@ def add(ground: Ground, kind: int, own: int, other: int, gap: float) -> None:
 
 
 @compiled
-def _faces_at(ground: Ground, own: int, near: float, deepest: float) -> None:
-    """Pairs of a corner and the faces of the terrain near it."""
-    search, spot, nodes = ground.search[0], ground.spots[own], ground.nodes
-    x, y, z = spot[0], spot[1], spot[2]
-    for k in range(3):
-        if spot[k] > search.high[k] + near or spot[k] < search.low[k] - near:
-            return
-    at = 0
-    while at < len(nodes):
-        node = nodes[at]
-        m, h = node.middle, node.half
-        is_off = node.stamp != search.stamp or (
-            abs(x - m[0]) > h[0] + near
-            or abs(y - m[1]) > h[1] + near
-            or abs(z - m[2]) > h[2] + near
-        )
-        if is_off:
-            at = node.skip
-            continue
-        at += 1
-        if not node.is_leaf:
-            continue
-        for number in range(node.first[0], node.last[0]):
-            face = ground.faces[number]
-            n = face.normal
-            gap = n[0] * x + n[1] * y + n[2] * z - face.offset
-            if -deepest - near <= gap <= near and beside(ground, number, x, y, z, 2.0 * near):
-                add(ground, CORNER, own, number, gap)
-
-
-@compiled
-def beside(ground: Ground, number: int, x: float, y: float, z: float, margin: float) -> bool:
-    """Whether a point is on the inward side of all sides of a face, or near it."""
-    face = ground.faces[number]
-    for k in range(face.first, face.first + face.count):
-        side = ground.sides[k]
-        inward = side.inward
-        if inward[0] * x + inward[1] * y + inward[2] * z - side.limit < -margin:
+def beside(plates: Array, number: int, x: float, y: float, z: float, margin: float) -> bool:
+    """Whether a point is on the inward side of all sides of a triangle, or within ``margin``."""
+    for k in range(4, 16, 4):
+        within = plates[number, k] * x + plates[number, k + 1] * y + plates[number, k + 2] * z
+        if within - plates[number, k + 3] < -margin:
             return False
     return True
-
-
-@compiled
-def _edges_at(
-    ground: Ground, rock: Motion, own: int, near: float, angle: float, deepest: float
-) -> None:
-    """Pairs of an edge of the rock and the edges of the terrain near it."""
-    search, mine, nodes = ground.search[0], ground.edges[own], ground.nodes
-    a, b = ground.spots[mine.ends[0]], ground.spots[mine.ends[1]]
-    for k in range(3):
-        if min(a[k], b[k]) > search.high[k] + near or max(a[k], b[k]) < search.low[k] - near:
-            return
-    x, y, z = 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
-    p, q, r = 0.5 * abs(b[0] - a[0]), 0.5 * abs(b[1] - a[1]), 0.5 * abs(b[2] - a[2])
-    e, f, g = (b[0] - a[0]) / mine.length, (b[1] - a[1]) / mine.length, (b[2] - a[2]) / mine.length
-    at = 0
-    while at < len(nodes):
-        node = nodes[at]
-        m, h = node.middle, node.half
-        i, j, k = m[0] - x, m[1] - y, m[2] - z
-        is_off = node.stamp != search.stamp or (
-            abs(i) > h[0] + p + near
-            or abs(j) > h[1] + q + near
-            or abs(k) > h[2] + r + near
-            or node.first[1] == node.last[1]
-        )
-        if not is_off:
-            # Axes across the edge and each axis of the box.
-            is_off = (
-                abs(j * g - k * f) > h[1] * abs(g) + h[2] * abs(f) + near
-                or abs(k * e - i * g) > h[2] * abs(e) + h[0] * abs(g) + near
-                or abs(i * f - j * e) > h[0] * abs(f) + h[1] * abs(e) + near
-            )
-        if is_off:
-            at = node.skip
-            continue
-        at += 1
-        if not node.is_leaf:
-            continue
-        for number in range(node.first[1], node.last[1]):
-            gap = _between_edges(ground, rock, own, number, near, angle, deepest)
-            if gap <= near:
-                add(ground, EDGES, own, number, gap)
 
 
 @compiled
@@ -280,30 +263,38 @@ def _between_edges(
     deepest: float,
 ) -> float:
     """Distance of two edges, infinite if they cannot touch before the rock turned by ``angle``."""
-    mine, edge, turn = ground.edges[own], ground.edges[other], rock.rotation
-    a, b = ground.spots[mine.ends[0]], ground.spots[mine.ends[1]]
-    d, m = edge.along, mine.length
-    e, f, g = (b[0] - a[0]) / m, (b[1] - a[1]) / m, (b[2] - a[2]) / m
+    rods, edge = ground.shape.rods, ground.edges[other]
+    d, start = edge.along, edge.start
+    mine, turn = ground.edges[ground.own_edge + own], rock.rotation
+    e, f, g = rods[own, 6], rods[own, 7], rods[own, 8]
+    x, y, z = start[0] - rods[own, 9], start[1] - rods[own, 10], start[2] - rods[own, 11]
+    on_own, on_other = x * e + y * f + z * g, -(x * d[0] + y * d[1] + z * d[2])
+    cosine = e * d[0] + f * d[1] + g * d[2]
+    size = mine.length, edge.length
+    gap = math.sqrt(_between(x, y, z, e, f, g, size[0], d, size[1], on_own, on_other, cosine))
+    if gap > near + deepest:
+        return math.inf
     i, j, k = cross(e, f, g, d[0], d[1], d[2])
-    left = edge.left[0] * i + edge.left[1] * j + edge.left[2] * k
-    right = edge.right[0] * i + edge.right[1] * j + edge.right[2] * k
-    if left + right > 0.0:
-        i, j, k, left, right = -i, -j, -k, -left, -right
+    left, right = edge.left, edge.right
+    on_left, on_right = (
+        left[0] * i + left[1] * j + left[2] * k,
+        right[0] * i + right[1] * j + right[2] * k,
+    )
+    if on_left + on_right > 0.0:
+        i, j, k, on_left, on_right = -i, -j, -k, -on_left, -on_right
     # The rock's own faces turn too. Edges along each other may turn to any side.
     is_along = i * i + j * j + k * k <= 4.0 * angle * angle
     if not is_along:
-        if left > angle or right > angle:
+        if on_left > angle or on_right > angle:
             return math.inf
-        if _facing(turn, mine.left, i, j, k) < -2.0 * angle:
+        p = turn[0, 0] * i + turn[1, 0] * j + turn[2, 0] * k
+        q = turn[0, 1] * i + turn[1, 1] * j + turn[2, 1] * k
+        r = turn[0, 2] * i + turn[1, 2] * j + turn[2, 2] * k
+        left, right = mine.left, mine.right
+        if left[0] * p + left[1] * q + left[2] * r < -2.0 * angle:
             return math.inf
-        if _facing(turn, mine.right, i, j, k) < -2.0 * angle:
+        if right[0] * p + right[1] * q + right[2] * r < -2.0 * angle:
             return math.inf
-    x, y, z = edge.start[0] - a[0], edge.start[1] - a[1], edge.start[2] - a[2]
-    on_own, on_other = x * e + y * f + z * g, -(x * d[0] + y * d[1] + z * d[2])
-    cosine = e * d[0] + f * d[1] + g * d[2]
-    gap = math.sqrt(
-        _between(x, y, z, e, f, g, m, d, edge.length, on_own, on_other, cosine)
-    )
     if is_along or i * x + j * y + k * z > 0.0:
         gap = max(0.0, gap - deepest)
     return gap
@@ -346,12 +337,3 @@ def _between(
     q = y + t * along[1] - s * f
     r = z + t * along[2] - s * g
     return p * p + q * q + r * r
-
-
-@compiled
-def _facing(turn: Array, vector: Array, i: float, j: float, k: float) -> float:
-    value = 0.0
-    value += i * (turn[0, 0] * vector[0] + turn[0, 1] * vector[1] + turn[0, 2] * vector[2])
-    value += j * (turn[1, 0] * vector[0] + turn[1, 1] * vector[1] + turn[1, 2] * vector[2])
-    value += k * (turn[2, 0] * vector[0] + turn[2, 1] * vector[1] + turn[2, 2] * vector[2])
-    return value

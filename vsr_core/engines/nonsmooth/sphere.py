@@ -31,21 +31,20 @@ def gather_sphere(ground: Ground, rock: Motion, radius: float, near: float) -> N
     """
     search, place, reach = ground.search[0], rock.place, radius + near
     search.pairs, search.reserve = 0, near
-    nodes, at = ground.nodes, 0
-    while at < len(nodes):
-        node = nodes[at]
+    boxes, links, at = ground.tree.boxes, ground.tree.links, 0
+    while at < len(boxes):
         square = 0.0
         for k in range(3):
-            off = max(0.0, abs(node.middle[k] - place[k]) - node.half[k])
+            off = max(0.0, abs(boxes[at, k] - place[k]) - boxes[at, 3 + k])
             square += off * off
         if square > reach * reach:
-            at = node.skip
+            at = links[at, 0]
             continue
-        at += 1
-        if node.is_leaf:
+        if links[at, 2]:
             for kind in range(3):
-                for number in range(node.first[kind], node.last[kind]):
+                for number in range(links[at, 3 + 2 * kind], links[at, 4 + 2 * kind]):
                     add(ground, kind, 0, number, 0.0)
+        at += 1
 
 
 @compiled
