@@ -208,6 +208,8 @@ def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: 
             continue
         leaves = kept >= 0 and points[kept].kept_rebound > 0.0
         x, y, z = _velocity(point, rock.velocity)
+        if kept < 0 and _bounces(body, rock, point, time_step, gravity):
+            continue
         if not leaves and _end_gap(point, x, y, z, time_step) >= 0.0:
             continue
         _enter(rock, points, i)
@@ -220,6 +222,17 @@ def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: 
     for at in range(rock.active):
         add_impulse(points[points[at].active], 1.0, rock.velocity)
     return rock.active > 0
+
+
+@compiled
+def _bounces(body: Body, rock: Motion, point: Points, time_step: float, gravity: float) -> bool:
+    """Whether a point comes fast enough to rebound."""
+    if body.restitution == 0.0:
+        return False
+    x, y, z = _velocity(point, rock.velocity)
+    normal = point.normal
+    approach = normal[0] * x + normal[1] * y + normal[2] * z
+    return approach < -BOUNCING_STEPS * gravity * time_step
 
 
 @compiled

@@ -69,3 +69,44 @@ def inertia_turned(rotation: Array, moments: Array, tensor: Array) -> None:
                 value += rotation[i, k] * moments[k] * rotation[j, k]
             tensor[i, j] = value
             tensor[j, i] = value
+
+
+@compiled
+def sharpest(arms: Array, x: float, y: float, z: float) -> float:
+    """Bound for how far ``arms``, shape (n, 3), all stay behind some direction.
+
+    Parameters
+    ----------
+    arms : ndarray, shape (n, 3), unit vectors
+    x, y, z : float, vector with which that direction makes an acute angle
+
+    Returns
+    -------
+    float
+        Largest product of an arm with one such unit vector, the mean of those normal to two arms
+        that no arm is in front of: negative if the arms stand in a convex cone.
+    """
+    a = b = c = 0.0
+    for i in range(len(arms)):
+        for j in range(len(arms)):
+            if i == j:
+                continue
+            p, q, r = cross(
+                arms[i, 0], arms[i, 1], arms[i, 2], arms[j, 0], arms[j, 1], arms[j, 2]
+            )
+            size = math.sqrt(p * p + q * q + r * r)
+            if size > 1e-9 and _largest(arms, p, q, r) <= 1e-9 * size:
+                a, b, c = a + p / size, b + q / size, c + r / size
+    size = math.sqrt(a * a + b * b + c * c)
+    if size < 1e-9 or a * x + b * y + c * z <= 0.0:
+        return 1.0
+    return _largest(arms, a, b, c) / size
+
+
+@compiled
+def _largest(arms: Array, x: float, y: float, z: float) -> float:
+    """Largest product of (x, y, z) with a row of ``arms``."""
+    largest = -math.inf
+    for i in range(len(arms)):
+        largest = max(largest, x * arms[i, 0] + y * arms[i, 1] + z * arms[i, 2])
+    return largest

@@ -10,21 +10,29 @@ from scipy.spatial.transform import Rotation
 from vsr_core.arrays import Array
 from vsr_core.engines.interface import Solver
 from vsr_core.engines.nonsmooth import body as bodies
+from vsr_core.engines.nonsmooth import ground as grounds
 from vsr_core.engines.nonsmooth import plane
 from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
 from vsr_core.engines.nonsmooth.stepping import drift, step
 from vsr_core.engines.nonsmooth.vectors import inertia_turned
 from vsr_core.scene import Scene, State, resting
 
 
 class NonsmoothWorld:
-    """One rock on a level pedestal."""
+    """One rock on a level pedestal or on a terrain."""
 
     def __init__(self, scene: Scene, time_step: float, substeps: int, solver: Solver) -> None:
         self._axes = scene.rock.axes
         self._body = bodies.body(scene.rock, scene.contact)
-        self._points = bodies.points(max(1, len(self._body.points)))
+        self._ground: Ground | None = None
+        self._along = 1.0, 0.0
+        most = max(1, len(self._body.points))
+        if scene.terrain is not None:
+            self._ground, most = ground(scene.rock, scene.terrain), MOST_POINTS
+            self._along = math.cos(scene.yaw), -math.sin(scene.yaw)
+        self._points = bodies.points(most)
         self._motion = bodies.motion()
         self._step, self._substeps, self._solver = time_step, substeps, solver
         self._gravity = scene.gravity
@@ -35,9 +43,11 @@ class NonsmoothWorld:
         """Have the rock go on from a state."""
         set_state(self._motion, state, self._axes)
         begin(self._body, self._motion, self._step)
+        if self._ground is not None:
+            forget(self._ground)
 
     def advance(self, acceleration: Iterable[float]) -> None:
-        """Step through samples of the table's acceleration along +x [m/s^2]."""
+        """Step through samples of the table's acceleration along the shaking [m/s^2]."""
         along = np.fromiter(acceleration, dtype=np.float64)
         pushes = np.zeros((len(along), 3))
         pushes[:, 0] = along
@@ -45,22 +55,39 @@ class NonsmoothWorld:
 
     def shake(self, acceleration: Sequence[Sequence[float]] | Array) -> None:
         """Step through samples of the table's acceleration along x, y and z [m/s^2]."""
-        advance(
-            self._body,
-            self._motion,
-            self._points,
-            np.ascontiguousarray(acceleration, dtype=np.float64).reshape(-1, 3),
-            self._substeps,
-            self._step,
-            self._gravity,
-            self._on_ground,
-            self._solver.iterations,
-            self._solver.residual,
-        )
+        along = np.ascontiguousarray(acceleration, dtype=np.float64).reshape(-1, 3)
+        held = self._substeps, self._step, self._gravity
+        effort = self._solver.iterations, self._solver.residual
+        body, rock, points = self._body, self._motion, self._points
+        if self._ground is None:
+            advance(body, rock, points, along, *held, self._on_ground, *effort)
+        else:
+            cos, sin = self._along
+            turned = along @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+            advance_on(body, self._ground, rock, points, turned, *held, *effort)
+            if self._ground.search[0]["full"]:
+                rock["place"][:] = math.nan  # a list of what touches was too short
 
     def state(self) -> State:
         """Present state in SI units."""
         return state_of(self._motion, self._step, self._axes)
+
+    def contacts(self) -> tuple[int, float]:
+        """Number of points that bore the rock in the last step; the deepest in the ground [m]."""
+        active = self._active()
+        bears = active["impulse"][:, 0] + active["given"][:, 0] > 0.0
+        return int(bears.sum()), max(0.0, -float(active["gap"].min(initial=0.0)))
+
+    def footing(self) -> tuple[Array, Array]:
+        """Points that bore the rock in the last step, and the way the ground pushed there."""
+        active = self._active()
+        active = active[active["impulse"][:, 0] + active["given"][:, 0] > 0.0]
+        before = self._motion["place"] - self._step * self._motion["velocity"][:3]
+        return before + active["lever"], active["normal"].copy()
+
+    def _active(self) -> Points:
+        """Points of contact of the last step."""
+        return self._points[self._points["active"][: self._motion["active"]]]
 
 
 @compiled
@@ -96,6 +123,37 @@ def advance(
         for _ in range(substeps):
             if on_ground:
                 plane.find(body, rock, points, time_step, speed)
+            step(body, rock, points, push, time_step, gravity, sweeps, residual)
+
+
+@compiled
+def advance_on(
+    body: Body,
+    ground: Ground,
+    rock: Motion,
+    points: Points,
+    acceleration: Array,
+    substeps: int,
+    time_step: float,
+    gravity: float,
+    sweeps: int,
+    residual: float,
+) -> None:
+    """Step a rock on a terrain through samples of its acceleration.
+
+    Parameters
+    ----------
+    body, ground, rock, points : of the rock and what is under it
+    acceleration : ndarray, shape (n, 3) [m/s^2], in the site's frame
+    substeps, time_step, gravity, sweeps, residual : as of ``advance``
+    """
+    push = np.empty(3)
+    for n in range(len(acceleration)):
+        push[0], push[1] = -acceleration[n, 0], -acceleration[n, 1]
+        push[2] = -gravity - acceleration[n, 2]
+        speed = (abs(push[0]) + abs(push[1]) + abs(push[2])) * time_step
+        for _ in range(substeps):
+            grounds.find(body, ground, rock, points, time_step, speed)
             step(body, rock, points, push, time_step, gravity, sweeps, residual)
 
 

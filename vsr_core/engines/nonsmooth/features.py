@@ -1,0 +1,221 @@
+"""What of a rock and of its terrain can touch: corners, edges and faces, computed once.
+
+An edge or a vertex of the terrain touches only where it stands out: on even ground and in hollows
+corners of the rock touch faces, and nothing else does. Triangles in one plane are one face, so that
+it does not matter how even ground is cut into triangles.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.engines.nonsmooth.vectors import sharpest
+from vsr_core.rock.hull import Hull
+from vsr_core.rock.triangles import areas, cross_products
+from vsr_core.terrain.surface import Terrain
+
+FLAT = 1e-6
+"""Sine of the angle between faces below which they are in one plane."""
+
+FACE = np.dtype(
+    [
+        ("normal", float, 3),  # outward unit vector
+        ("offset", float),  # m, its product with any point of the face
+        ("first", int),  # of its sides, and
+        ("count", int),  # their number
+        ("flat", int),  # number of the plane face that a triangle is part of
+    ]
+)
+"""A triangle of the terrain, or a flat face of a rock."""
+
+SIDE = np.dtype(
+    [
+        ("inward", float, 3),  # unit vector; at a convex edge normal to the bisector of the faces
+        ("limit", float),  # m, its product with points of the edge
+        ("hollow", float),  # 1 at a concave edge, beyond which a face goes on inside the ground
+        ("across", int),  # face of a rock beyond the edge
+    ]
+)
+"""Side of a face: what is in front of it, or a little behind it, and nearer to it than to others,
+is on the inward side of all."""
+
+EDGE = np.dtype(
+    [
+        ("start", float, 3),  # m
+        ("along", float, 3),  # unit vector
+        ("length", float),  # m
+        ("left", float, 3),  # unit vectors normal to the edge, in its two faces
+        ("right", float, 3),
+        ("face", int),  # one of its two faces
+        ("line", int),  # number of the straight edge that it is part of; likewise
+        ("ends", int, 2),  # of the corners of a rock at its ends
+    ]
+)
+"""A convex edge."""
+
+VERTEX = np.dtype(
+    [
+        ("place", float, 3),  # m
+        ("face", int),  # one of those that meet there
+        ("first", int),  # of the edges that meet there, and
+        ("count", int),  # their number
+    ]
+)
+"""A convex vertex of the terrain."""
+
+
+class Features(NamedTuple):
+    """Faces, sides, convex edges and vertices of a surface.
+
+    Attributes
+    ----------
+    faces, sides, edges, vertices : arrays of ``FACE``, ``SIDE``, ``EDGE``, ``VERTEX``
+    arms : ndarray, shape (n, 3), unit vectors from vertices along the edges that meet there
+    triangles : ndarray, shape (m, 3, 3) [m], corners of those faces that are triangles
+    """
+
+    faces: Array
+    sides: Array
+    edges: Array
+    vertices: Array
+    arms: Array
+    triangles: Array
+
+
+def of_rock(hull: Hull) -> Features:
+    """Flat faces and edges of a hull.
+
+    Parameters
+    ----------
+    hull : Hull
+
+    Returns
+    -------
+    Features
+    """
+    facet, corner = np.nonzero(hull.face[hull.neighbours] != hull.face[:, None])
+    ends = np.stack([hull.facets[facet, (corner + k) % 3] for k in (1, 2)], axis=1)
+    other = hull.neighbours[facet, corner]
+    start, along, length = _lines(hull.vertices[ends[:, 0]], hull.vertices[ends[:, 1]])
+    face, across = hull.face[facet], hull.face[other]
+    order = np.argsort(face, kind="stable")
+    sides = np.zeros(len(facet), SIDE)
+    sides["inward"] = _unit(hull.normals[facet] - hull.normals[other])
+    sides["limit"] = (sides["inward"] * start).sum(axis=1)
+    sides["across"] = across
+    faces = np.zeros(hull.face.max() + 1, FACE)
+    faces["count"] = np.bincount(face, minlength=len(faces))
+    faces["first"] = np.cumsum(faces["count"]) - faces["count"]
+    faces["normal"][hull.face], faces["offset"][hull.face] = hull.normals, hull.offsets
+    once = face < across
+    edges = np.zeros(int(once.sum()), EDGE)
+    edges["start"], edges["along"], edges["length"] = start[once], along[once], length[once]
+    edges["ends"], edges["face"] = ends[once], face[once]
+    edges["line"] = np.arange(len(edges))
+    for name, beside in (("left", facet[once]), ("right", other[once])):
+        inside = hull.vertices[hull.facets[beside]].mean(axis=1) - edges["start"]
+        within = np.cross(hull.normals[beside], edges["along"])
+        within *= np.sign((within * inside).sum(axis=1))[:, None]
+        edges[name] = within
+    none = np.empty((0, 3))
+    return Features(faces, sides[order], edges, np.empty(0, VERTEX), none, none[None][:0])
+
+
+def of_terrain(terrain: Terrain) -> Features:
+    """Triangles, convex edges and convex vertices of a terrain.
+
+    Parameters
+    ----------
+    terrain : Terrain
+
+    Returns
+    -------
+    Features
+    """
+    corners, triangles = terrain.vertices, terrain.faces
+    size = areas(corners, triangles)
+    triangles = triangles[size > 1e-9 * np.median(size)]
+    normals = _unit(cross_products(corners, triangles))
+    begin, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    start, along, length = _lines(corners[begin], corners[end])
+    own = np.repeat(np.arange(len(triangles)), 3)
+    within = np.cross(normals[own], along)
+    twin = _twins(begin, end, len(corners))
+    inner = twin >= 0
+    other = own[twin]
+    rise = np.where(inner, (within[twin] * normals[own]).sum(axis=1), 0.0)
+    convex, hollow = inner & (rise < -FLAT), inner & (rise > FLAT)
+    level = inner & ~convex & ~hollow
+    flat = _joined(own[level], other[level], len(triangles))
+    sides = np.zeros(len(begin), SIDE)
+    sides["inward"] = within
+    sides["inward"][convex] = _unit(normals[own[convex]] - normals[other[convex]])
+    sides["limit"] = (sides["inward"] * start).sum(axis=1)
+    sides["hollow"] = hollow
+    faces = np.zeros(len(triangles), FACE)
+    faces["normal"], faces["first"] = normals, 3 * np.arange(len(triangles))
+    faces["offset"] = (normals * corners[triangles[:, 0]]).sum(axis=1)
+    faces["count"], faces["flat"] = 3, flat
+    once = convex & (np.arange(len(begin)) < twin)
+    edges = np.zeros(int(once.sum()), EDGE)
+    edges["start"], edges["along"], edges["length"] = start[once], along[once], length[once]
+    edges["left"], edges["right"] = within[once], within[twin[once]]
+    edges["face"] = own[once]
+    pairs = np.sort(np.column_stack([flat[own[once]], flat[other[once]]]), axis=1)
+    edges["line"] = np.unique(pairs, axis=0, return_inverse=True)[1].ravel()
+    upward = np.zeros_like(corners)
+    np.add.at(upward, triangles, normals[:, None])
+    vertices, arms = _peaks(corners, upward, begin, along, inner, convex)
+    return Features(faces, sides, edges, vertices, arms, corners[triangles])
+
+
+def _peaks(
+    corners: Array, upward: Array, begin: Indices, along: Array, inner: Mask, convex: Mask
+) -> tuple[Array, Array]:
+    """Convex vertices within a sheet, and the unit vectors along their edges."""
+    meeting = np.bincount(begin, minlength=len(corners))
+    whole = np.bincount(begin, weights=inner, minlength=len(corners)) == meeting
+    ridges = np.bincount(begin, weights=convex, minlength=len(corners))
+    chosen = whole & (ridges >= 3)
+    held = chosen[begin]
+    order = np.argsort(begin[held], kind="stable")
+    arms = np.ascontiguousarray(along[held][order])
+    vertices = np.zeros(int(chosen.sum()), VERTEX)
+    vertices["place"], vertices["count"] = corners[chosen], meeting[chosen]
+    vertices["face"] = np.flatnonzero(held)[order][np.cumsum(meeting[chosen]) - meeting[chosen]] // 3
+    vertices["first"] = np.cumsum(vertices["count"]) - vertices["count"]
+    stands_out = np.zeros(len(vertices), dtype=bool)
+    ends = np.cumsum(vertices["count"])
+    for number, (vertex, (x, y, z)) in enumerate(zip(ends, upward[chosen].tolist(), strict=True)):
+        first = vertex - vertices["count"][number]
+        stands_out[number] = sharpest(arms[first:vertex], x, y, z) < -FLAT
+    return vertices[stands_out], arms
+
+
+def _twins(begin: Indices, end: Indices, size: int) -> Indices:
+    """Number of the same side as seen from the neighbouring triangle; -1 where there is not one."""
+    forth, back = begin * size + end, end * size + begin
+    names, first, count = np.unique(forth, return_index=True, return_counts=True)
+    at = np.minimum(np.searchsorted(names, back), len(names) - 1)
+    single = (names[at] == back) & (count[at] == 1)
+    single &= count[np.searchsorted(names, forth)] == 1
+    return np.where(single, first[at], -1)
+
+
+def _joined(one: Indices, other: Indices, size: int) -> Indices:
+    links = coo_array((np.ones(len(one)), (one, other)), shape=(size, size))
+    return np.asarray(connected_components(links, directed=False)[1])
+
+
+def _lines(start: Array, end: Array) -> tuple[Array, Array, Array]:
+    length = np.linalg.norm(end - start, axis=1)
+    return start, (end - start) / length[:, None], length
+
+
+def _unit(vectors: Array) -> Array:
+    return vectors / np.linalg.norm(vectors, axis=1)[:, None]

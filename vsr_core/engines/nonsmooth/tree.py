@@ -1,0 +1,248 @@
+"""The ground under a rock as the compiled search wants it: features in a tree of boxes."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from vsr_core.arrays import Array, Indices
+from vsr_core.engines.nonsmooth import features
+from vsr_core.engines.nonsmooth.features import Features
+from vsr_core.rock.body import Rock
+from vsr_core.rock.hull import convex_hull, corners
+from vsr_core.terrain.surface import Terrain
+
+LEAF = 12
+"""Triangles in a box that is not divided further, at most."""
+
+MOST_PAIRS = 1 << 14
+"""Pairs of features that may be near each other at once."""
+
+MOST_POINTS = 512
+"""Points that may touch in one step."""
+
+DEEPEST_LEVEL = 40
+"""Levels of a tree, at most."""
+
+PAIR = np.dtype([("kind", int), ("own", int), ("other", int), ("due", float)])
+"""A feature of the rock and one of the terrain that may touch soon, not before ``due`` [m]."""
+
+SEARCH = np.dtype(
+    [
+        ("reserve", float),  # m, path that the rock may take before the near pairs are found anew
+        ("way", float),  # m, path since the start
+        ("pairs", int),  # number of near pairs
+        ("stamp", int),  # number of the search
+        ("full", int),  # whether a list was too short
+    ]
+)
+"""State of the search."""
+
+
+class Tree(NamedTuple):
+    """Boxes around parts of a terrain, parents before their children.
+
+    Attributes
+    ----------
+    boxes : ndarray, shape (n, 6) [m], middle and half the sides of each
+    links : ndarray of int, shape (n, 9)
+        Next box if this one is not entered, level, whether it is a leaf, and where its triangles,
+        its edges and its vertices begin and end.
+    due : ndarray, shape (n,) [m], path of the rock before which a box is not near
+    hints : ndarray of int, shape (n,), face of the rock that it was last in front of
+    """
+
+    boxes: Array
+    links: Indices
+    due: Array
+    hints: Indices
+
+
+class Shape(NamedTuple):
+    """The rock in the plain arrays that a search runs through.
+
+    Attributes
+    ----------
+    duals : ndarray, shape (f, 3) [1/m], normals of its faces over their distances
+    ring : ndarray of int, shape (f, k), neighbours of each face, the last repeated
+    planes : ndarray, shape (f, 4), room for normals in the site's frame, and distances [m]
+    spots : ndarray, shape (c, 3) [m], room for places of corners
+    rods : ndarray, shape (e, 12), room for middles, half extents, directions and starts of edges
+    lists : ndarray of int, shape (levels, c + e), room for corners, then edges, that are near the
+        box of each level that was entered last
+    sizes : ndarray of int, shape (levels, 2), number of these corners and edges
+    """
+
+    duals: Array
+    ring: Indices
+    planes: Array
+    spots: Array
+    rods: Array
+    lists: Indices
+    sizes: Indices
+
+
+class Ground(NamedTuple):
+    """Features of a rock and of the terrain under it.
+
+    Attributes
+    ----------
+    faces, sides, edges : arrays of ``FACE``, ``SIDE``, ``EDGE``
+        Those of the terrain [m, site's frame], then those of the rock [m, principal axes].
+    vertices, arms : array of ``VERTEX``, and ndarray, shape (n, 3), of the terrain
+    corners : ndarray, shape (c, 3) [m], of the rock
+    plates : ndarray, shape (m, 16), normal and offset of each triangle and of its sides
+    tree : Tree
+    shape : Shape
+    pairs : array of ``PAIR``
+    search : array of one ``SEARCH``
+    own_face, own_edge : int, first face and edge of the rock
+    flats, lines : int, flat faces and straight edges of the terrain
+    """
+
+    faces: Array
+    sides: Array
+    edges: Array
+    vertices: Array
+    arms: Array
+    corners: Array
+    plates: Array
+    tree: Tree
+    shape: Shape
+    pairs: Array
+    search: Array
+    own_face: int
+    own_edge: int
+    flats: int
+    lines: int
+
+
+def ground(rock: Rock, terrain: Terrain) -> Ground:
+    """Features of a rock and of its terrain, and a tree over them.
+
+    Parameters
+    ----------
+    rock : Rock
+    terrain : Terrain
+
+    Returns
+    -------
+    Ground
+    """
+    under, boxes, links, plates = _sorted(terrain)
+    points, own = np.empty((0, 3)), None
+    if rock.shape != "sphere":
+        hull = convex_hull(rock.hull.vertices[corners(rock.hull)] @ rock.axes)
+        points, own = hull.vertices, features.of_rock(hull)
+    faces, sides, edges = under.faces, under.sides, under.edges
+    if own is not None:
+        own.faces["first"] += len(sides)
+        faces, sides = np.concatenate([faces, own.faces]), np.concatenate([sides, own.sides])
+        edges = np.concatenate([edges, own.edges])
+    made = Ground(
+        faces,
+        sides,
+        edges,
+        under.vertices,
+        under.arms,
+        np.ascontiguousarray(points),
+        plates,
+        Tree(boxes, links, np.empty(len(boxes)), np.empty(len(boxes), np.int64)),
+        _shape(faces[len(under.faces) :], sides, len(points), len(edges) - len(under.edges)),
+        np.zeros(MOST_PAIRS, PAIR),
+        np.zeros(1, SEARCH),
+        len(under.faces),
+        len(under.edges),
+        int(under.faces["flat"].max()) + 1,
+        int(under.edges["line"].max(initial=0)) + 1,
+    )
+    forget(made)
+    return made
+
+
+def forget(ground: Ground) -> None:
+    """Have the search begin anew, as at the first start."""
+    ground.search["reserve"], ground.search["way"] = -1.0, 0.0
+    ground.search["pairs"] = ground.search["stamp"] = ground.search["full"] = 0
+    ground.tree.due[:], ground.tree.hints[:] = -np.inf, 0
+
+
+def _shape(faces: Array, sides: Array, points: int, edges: int) -> Shape:
+    """Faces of a rock for the search, and room for its corners and edges."""
+    most = int(faces["count"].max(initial=1))
+    place = faces["first"][:, None] + np.minimum(np.arange(most), faces["count"][:, None] - 1)
+    planes = np.empty((len(faces), 4))
+    planes[:, 3] = faces["offset"]
+    return Shape(
+        faces["normal"] / faces["offset"][:, None],
+        np.ascontiguousarray(sides["across"][place]),
+        planes,
+        np.empty((points, 3)),
+        np.empty((edges, 12)),
+        np.empty((DEEPEST_LEVEL, points + edges), np.int64),
+        np.empty((DEEPEST_LEVEL, 2), np.int64),
+    )
+
+
+@lru_cache(maxsize=4)
+def _sorted(terrain: Terrain) -> tuple[Features, Array, Indices, Array]:
+    """Features of a terrain in the order of a tree, its boxes and links, and its triangles."""
+    found = features.of_terrain(terrain)
+    low, high = found.triangles.min(axis=1), found.triangles.max(axis=1)
+    levels = max(0, int(np.ceil(np.log2(len(low) / LEAF))))
+    order, bounds = _halved(0.5 * (low + high), levels)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    by_edge = np.argsort(rank[found.edges["face"]], kind="stable")
+    by_vertex = np.argsort(rank[found.vertices["face"]], kind="stable")
+    under = Features(
+        found.faces[order],
+        found.sides,
+        found.edges[by_edge],
+        found.vertices[by_vertex],
+        found.arms,
+        found.triangles[order],
+    )
+    owners = rank[under.edges["face"]], rank[under.vertices["face"]]
+    boxes, links = np.empty(((2 << levels) - 1, 6)), np.empty(((2 << levels) - 1, 9), np.int64)
+    place = np.zeros(1, dtype=np.int64)
+    for level in range(levels + 1):
+        size = (2 << (levels - level)) - 1
+        first, last = bounds[level][:-1], bounds[level][1:]
+        bottom = np.minimum.reduceat(low[order], first)
+        top = np.maximum.reduceat(high[order], first)
+        boxes[place, :3], boxes[place, 3:] = 0.5 * (top + bottom), 0.5 * (top - bottom)
+        links[place, 0], links[place, 1], links[place, 2] = place + size, level, level == levels
+        for kind, owner in enumerate((np.arange(len(order)), *owners)):
+            links[place, 3 + 2 * kind] = np.searchsorted(owner, first)
+            links[place, 4 + 2 * kind] = np.searchsorted(owner, last)
+        place = np.column_stack([place + 1, place + 1 + size // 2]).ravel()
+    sides = found.sides.reshape(-1, 3)[order]
+    plates = np.column_stack(
+        [
+            under.faces["normal"],
+            under.faces["offset"],
+            np.concatenate([sides["inward"], sides["limit"][..., None]], axis=2).reshape(-1, 12),
+        ]
+    )
+    return under, boxes, links, plates
+
+
+def _halved(points: Array, levels: int) -> tuple[Indices, list[Indices]]:
+    """Order of points in which halves of halves lie together, and where the parts of levels begin.
+
+    Each part is halved along its longest side.
+    """
+    order, bounds = np.arange(len(points)), [np.array([0, len(points)])]
+    for _ in range(levels):
+        first, counts = bounds[-1][:-1], np.diff(bounds[-1])
+        placed = points[order]
+        extent = np.maximum.reduceat(placed, first) - np.minimum.reduceat(placed, first)
+        part = np.repeat(np.arange(len(first)), counts)
+        along = placed[np.arange(len(placed)), extent.argmax(axis=1)[part]]
+        order = order[np.lexsort((along, part))]
+        halves = np.column_stack([first, first + (counts + 1) // 2]).ravel()
+        bounds.append(np.append(halves, len(points)))
+    return order, bounds
