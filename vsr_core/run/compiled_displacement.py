@@ -29,7 +29,6 @@ from vsr_core.run.compiled_runs import look, start_watch
 from vsr_core.run.displacement_rules import (
     BORDER_INTERVALS,
     DROPPED_SHARE,
-    LEAD,
     LONGEST_TIME,
     LONGEST_TIMES,
     MONITORING_TIME,
@@ -39,6 +38,9 @@ from vsr_core.run.displacement_rules import (
     REST_TIME,
 )
 from vsr_core.run.ground_lookup import Lookup
+from vsr_core.run.guards import gained_too_much
+from vsr_core.run.loop import LEAD
+from vsr_core.run.proofs import Barrier
 from vsr_core.run.sampling import samples, sampling
 from vsr_core.run.tracking import Track
 from vsr_core.run.trajectory import Trajectory
@@ -196,7 +198,7 @@ def _rule(case: TerrainCase) -> Rule:
     rock, radius = case.seat.rock, case.seat.rock.radius
     nothing = np.zeros(1)
     return Rule(
-        watching.Barrier(nothing, nothing, case.toppled_tilt, 0.0, 0.0, 0.0, 0.0),
+        Barrier(nothing, nothing, case.toppled_tilt, 0.0, 0.0, 0.0, 0.0),
         np.ascontiguousarray(rock.axes),
         case.seat.contact.friction,
         0.0,
@@ -362,9 +364,7 @@ def _sound(watch: Watch, rule: Rule, travel: Travel, impulse: float, toppled: bo
     if not toppled:
         watching.note_slip(watch, rule)
     watching.note_energy(watch)
-    return not watching.gained_too_much(
-        watch.energy, watch.start[2], travel.floor, impulse, rule.radius
-    )
+    return not gained_too_much(watch.energy, watch.start[2], travel.floor, impulse, rule.radius)
 
 
 @compiled

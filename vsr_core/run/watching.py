@@ -240,6 +240,6 @@ def rests(watch: Watch, rule: Rule, time: float) -> bool:
     return math.sqrt(path) + math.sqrt(0.5 * turn) * rule.radius <= rule.creep
 
 
-def watch() -> Array:
+def watch() -> Watch:
     """Room for what is watched of a run: a record of ``WATCH``."""
     return np.zeros(1, WATCH)[0]

@@ -115,7 +115,7 @@ def body(rock: Rock, contact: Contact) -> Body:
     moments = np.ascontiguousarray(rock.inertia / rock.mass)
     points = np.empty((0, 3))
     if rock.shape != "sphere":
-        points = _corners(rock) @ rock.axes
+        points = corners_of(rock) @ rock.axes
     return Body(
         np.ascontiguousarray(points),
         moments,
@@ -127,8 +127,17 @@ def body(rock: Rock, contact: Contact) -> Body:
 
 
 @lru_cache(maxsize=8)
-def _corners(rock: Rock) -> Array:
-    """Corners of a rock's hull, shape (n, 3) [m], in its own axes."""
+def corners_of(rock: Rock) -> Array:
+    """Corners of a rock's hull, without those that lie between others.
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    ndarray, shape (n, 3) [m], in its own axes
+    """
     hull = rock.hull
     return hull.vertices[corners(hull, STRAIGHT_SHARE * rock.radius)]
 

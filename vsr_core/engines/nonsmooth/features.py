@@ -187,7 +187,9 @@ def _peaks(
     arms = np.ascontiguousarray(along[held][order])
     vertices = np.zeros(int(chosen.sum()), VERTEX)
     vertices["place"], vertices["count"] = corners[chosen], meeting[chosen]
-    vertices["face"] = np.flatnonzero(held)[order][np.cumsum(meeting[chosen]) - meeting[chosen]] // 3
+    vertices["face"] = (
+        np.flatnonzero(held)[order][np.cumsum(meeting[chosen]) - meeting[chosen]] // 3
+    )
     vertices["first"] = np.cumsum(vertices["count"]) - vertices["count"]
     stands_out = np.zeros(len(vertices), dtype=bool)
     ends = np.cumsum(vertices["count"])

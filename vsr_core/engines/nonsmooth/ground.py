@@ -13,9 +13,9 @@ import math
 from vsr_core.arrays import Array
 from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
-from vsr_core.engines.nonsmooth.tree import Ground
 from vsr_core.engines.nonsmooth.near import CORNER, EDGES, beside, climb, gather
 from vsr_core.engines.nonsmooth.sphere import gather_sphere, touch_sphere
+from vsr_core.engines.nonsmooth.tree import Ground
 from vsr_core.engines.nonsmooth.vectors import cross
 
 HASTE = 1.3
@@ -87,7 +87,9 @@ def find(
             break
         point = points[rock.found]
         if is_sphere:
-            clear = touch_sphere(ground, rock, point, pair.kind, pair.other, time_step, ahead, radius)
+            clear = touch_sphere(
+                ground, rock, point, pair.kind, pair.other, time_step, ahead, radius
+            )
         elif pair.kind == CORNER:
             clear = _corner(
                 ground, rock, point, pair.own, pair.other, time_step, ahead, drop, radius

@@ -9,9 +9,10 @@ import numpy as np
 
 from vsr_core.arrays import Array, Indices
 from vsr_core.engines.nonsmooth import features
+from vsr_core.engines.nonsmooth.body import corners_of
 from vsr_core.engines.nonsmooth.features import Features
 from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull, corners
+from vsr_core.rock.hull import convex_hull
 from vsr_core.terrain.surface import Terrain
 
 LEAF = 12
@@ -134,7 +135,7 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
     under, boxes, links, plates = _sorted(terrain)
     points, own = np.empty((0, 3)), None
     if rock.shape != "sphere":
-        hull = convex_hull(rock.hull.vertices[corners(rock.hull)] @ rock.axes)
+        hull = convex_hull(corners_of(rock) @ rock.axes)
         points, own = hull.vertices, features.of_rock(hull)
     faces, sides, edges = under.faces, under.sides, under.edges
     if own is not None:
