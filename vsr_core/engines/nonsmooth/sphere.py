@@ -6,8 +6,8 @@ import math
 
 from vsr_core.engines.nonsmooth.body import Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
-from vsr_core.engines.nonsmooth.tree import Ground
 from vsr_core.engines.nonsmooth.near import add
+from vsr_core.engines.nonsmooth.tree import Ground
 
 FACE, EDGE, VERTEX = 0, 1, 2
 """Kinds of features of the terrain."""
@@ -96,7 +96,10 @@ def touch_sphere(
         spot = vertex.place
         x, y, z = place[0] - spot[0], place[1] - spot[1], place[2] - spot[2]
         for k in range(vertex.first, vertex.first + vertex.count):
-            if x * ground.arms[k, 0] + y * ground.arms[k, 1] + z * ground.arms[k, 2] > CONE * radius:
+            if (
+                x * ground.arms[k, 0] + y * ground.arms[k, 1] + z * ground.arms[k, 2]
+                > CONE * radius
+            ):
                 return TINY
         point.key = 3 * number + VERTEX
     size = math.sqrt(x * x + y * y + z * z)

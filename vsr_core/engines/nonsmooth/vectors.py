@@ -9,9 +9,7 @@ from vsr_core.engines.nonsmooth.compiling import compiled
 
 
 @compiled
-def cross(
-    a: float, b: float, c: float, x: float, y: float, z: float
-) -> tuple[float, float, float]:
+def cross(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Cross product of (a, b, c) and (x, y, z)."""
     return b * z - c * y, c * x - a * z, a * y - b * x
 
@@ -93,9 +91,7 @@ def sharpest(arms: Array, x: float, y: float, z: float) -> float:
         for j in range(len(arms)):
             if i == j:
                 continue
-            p, q, r = cross(
-                arms[i, 0], arms[i, 1], arms[i, 2], arms[j, 0], arms[j, 1], arms[j, 2]
-            )
+            p, q, r = cross(arms[i, 0], arms[i, 1], arms[i, 2], arms[j, 0], arms[j, 1], arms[j, 2])
             size = math.sqrt(p * p + q * q + r * r)
             if size > 1e-9 and _largest(arms, p, q, r) <= 1e-9 * size:
                 a, b, c = a + p / size, b + q / size, c + r / size

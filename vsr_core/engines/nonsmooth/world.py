@@ -15,8 +15,8 @@ from vsr_core.engines.nonsmooth import ground as grounds
 from vsr_core.engines.nonsmooth import plane
 from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
-from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
 from vsr_core.engines.nonsmooth.stepping import drift, step
+from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
 from vsr_core.engines.nonsmooth.vectors import inertia_turned
 from vsr_core.scene import Scene, State, resting
 
@@ -160,7 +160,7 @@ def advance_on(
 
 @compiled
 def begin(body: Body, rock: Motion, time_step: float) -> None:
-    """Bring a state, told at the start of a step, to the middle of its path; forget all contacts."""
+    """Bring a state told at the start of a step to the middle of its path; forget all contacts."""
     rock.found = rock.near = rock.active = rock.kept = 0
     rock.reserve = -1.0
     inertia_turned(rock.rotation, body.moments, rock.inertia)
@@ -202,6 +202,4 @@ def state_of(motion: Motion, time_step: float, axes: Array) -> State:
     """
     now = motion.copy()
     drift(now, -0.5 * time_step)
-    return State(
-        now["place"], now["rotation"] @ axes.T, now["velocity"][:3], now["velocity"][3:]
-    )
+    return State(now["place"], now["rotation"] @ axes.T, now["velocity"][:3], now["velocity"][3:])

@@ -145,7 +145,9 @@ def test_a_corner_does_not_fall_through_a_bend(bend: float) -> None:
     terrain = profile((-3.0, -3.0 * bend), (0.0, 0.0), (3.0, -3.0 * bend))
     rock = hull(tumbler(4), as_scanned=True)
     for x in np.linspace(-0.02, 0.02, 9).tolist():
-        start = State(np.array([x - 0.5, 0.0, 1.0]), np.eye(3), np.array([2.0, 0.0, -3.0]), np.ones(3))
+        start = State(
+            np.array([x - 0.5, 0.0, 1.0]), np.eye(3), np.array([2.0, 0.0, -3.0]), np.ones(3)
+        )
         world = build(on(terrain, rock, Contact(0.5, 0.3), start), 2.0 * STEP)
         for _ in range(20):
             world.advance([0.0] * 10)
