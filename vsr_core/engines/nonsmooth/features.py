@@ -7,7 +7,7 @@ it does not matter how even ground is cut into triangles.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -69,6 +69,10 @@ VERTEX = np.dtype(
 """A convex vertex of the terrain."""
 
 
+Records = Any
+"""Array of records of one of these kinds."""
+
+
 class Features(NamedTuple):
     """Faces, sides, convex edges and vertices of a surface.
 
@@ -79,10 +83,10 @@ class Features(NamedTuple):
     triangles : ndarray, shape (m, 3, 3) [m], corners of those faces that are triangles
     """
 
-    faces: Array
-    sides: Array
-    edges: Array
-    vertices: Array
+    faces: Records
+    sides: Records
+    edges: Records
+    vertices: Records
     arms: Array
     triangles: Array
 
@@ -176,7 +180,7 @@ def of_terrain(terrain: Terrain) -> Features:
 
 def _peaks(
     corners: Array, upward: Array, begin: Indices, along: Array, inner: Mask, convex: Mask
-) -> tuple[Array, Array]:
+) -> tuple[Records, Array]:
     """Convex vertices within a sheet, and the unit vectors along their edges."""
     meeting = np.bincount(begin, minlength=len(corners))
     whole = np.bincount(begin, weights=inner, minlength=len(corners)) == meeting

@@ -22,7 +22,7 @@ HASTE = 1.3
 """By how much faster an impact may make a rock, within a step."""
 
 NEAR_STEPS = 4.0
-"""Distance up to which features are near, in units of what may happen in a step, besides DEEPEST."""
+"""Distance up to which features are near, besides DEEPEST, in units of what may pass in a step."""
 
 DEEPEST = 0.01
 """Depth of a feature in the ground, as a share of the radius, beyond which it is not seen."""
@@ -60,7 +60,6 @@ def find(
     speed : float [m/s], that what pushes the rock adds in a step
     """
     search, radius = ground.search[0], body.radius
-    is_sphere = len(ground.corners) == 0
     way = time_step * _pace(rock.velocity, radius)
     search.way += way
     search.reserve -= way
@@ -69,13 +68,10 @@ def find(
     ahead = HASTE * ahead + HOLLOW * radius
     if not search.reserve >= ahead:
         near = DEEPEST * radius + NEAR_STEPS * ahead
-        if is_sphere:
-            gather_sphere(ground, rock, radius, near)
-        else:
-            gather(ground, rock, radius, near, DEEPEST * radius)
-            if search.full:
-                search.full = 0
-                gather(ground, rock, radius, ahead, DEEPEST * radius)
+        _gather(ground, rock, radius, near)
+        if search.full:
+            search.full = 0
+            _gather(ground, rock, radius, ahead)
     rock.found = 0
     drop = HOLLOW * radius + 4.0 * speed * time_step
     for at in range(search.pairs):
@@ -86,24 +82,44 @@ def find(
             search.full = 1
             break
         point = points[rock.found]
-        if is_sphere:
-            clear = touch_sphere(
-                ground, rock, point, pair.kind, pair.other, time_step, ahead, radius
-            )
-        elif pair.kind == CORNER:
-            clear = _corner(
-                ground, rock, point, pair.own, pair.other, time_step, ahead, drop, radius
-            )
-            if clear == 0.0 and point.gap < -DEEP * radius - 0.5 * ahead:
-                if not _is_inside(ground, rock, point, at, radius):
-                    continue
-        elif pair.kind == EDGES:
-            clear = _edges(ground, rock, point, pair.own, pair.other, time_step, ahead, radius)
-        else:
-            clear = _vertex(ground, rock, point, at, pair.other, time_step, ahead, radius)
+        clear = _meet(ground, rock, point, at, time_step, ahead, drop, radius)
         pair.due = search.way + clear
         if clear == 0.0 and not _known(points, rock.found, point.key):
             rock.found += 1
+
+
+@compiled
+def _gather(ground: Ground, rock: Motion, radius: float, near: float) -> None:
+    if len(ground.corners) == 0:
+        gather_sphere(ground, rock, radius, near)
+    else:
+        gather(ground, rock, radius, near, DEEPEST * radius)
+
+
+@compiled
+def _meet(
+    ground: Ground,
+    rock: Motion,
+    point: Points,
+    at: int,
+    time_step: float,
+    ahead: float,
+    drop: float,
+    radius: float,
+) -> float:
+    """Write the point of a pair that may touch in the next step; path until it may, 0 if so."""
+    kind, own, other = ground.pairs[at].kind, ground.pairs[at].own, ground.pairs[at].other
+    if len(ground.corners) == 0:
+        return touch_sphere(ground, rock, point, kind, other, time_step, ahead, radius)
+    if kind == EDGES:
+        return _edges(ground, rock, point, own, other, time_step, ahead, radius)
+    if kind != CORNER:
+        return _vertex(ground, rock, point, at, other, time_step, ahead, radius)
+    clear = _corner(ground, rock, point, own, other, time_step, ahead, drop, radius)
+    is_deep = clear == 0.0 and point.gap < -DEEP * radius - 0.5 * ahead
+    if is_deep and not _is_inside(ground, rock, point, at, radius):
+        return TINY
+    return clear
 
 
 @compiled
@@ -117,10 +133,10 @@ def _pace(velocity: Array, radius: float) -> float:
 @compiled
 def _known(points: Points, number: int, key: int) -> bool:
     """Whether a point is among the first ``number`` already."""
-    for i in range(number - 1, -1, -1):
-        if points[i].key == key:
-            return True
-    return False
+    known = False
+    for i in range(number):
+        known = known or points[i].key == key
+    return known
 
 
 @compiled

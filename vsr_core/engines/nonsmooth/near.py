@@ -11,7 +11,7 @@ from vsr_core.engines.nonsmooth.tree import Ground
 from vsr_core.engines.nonsmooth.vectors import cross
 
 CORNER, EDGES, VERTEX = 0, 1, 2
-"""Kinds of pairs: a corner of the rock and a face, two edges, a vertex of the terrain and a face."""
+"""Kinds of pairs: corner of the rock and face, two edges, vertex of the terrain and face."""
 
 
 @compiled
@@ -97,6 +97,8 @@ def climb(duals: Array, ring: Indices, face: int, x: float, y: float, z: float) 
         here = face
         for k in range(ring.shape[1]):
             other = ring[here, k]
+            if k > 0 and other == ring[here, k - 1]:
+                break
             value = duals[other, 0] * x + duals[other, 1] * y + duals[other, 2] * z
             if value > best:
                 best, face, going = value, other, True
@@ -145,7 +147,7 @@ def _reach(
     level: int,
     near: float,
 ) -> None:
-    """List the corners and edges of the rock near a box, of those near the box that it is part of."""
+    """List the corners and edges of the rock near a box, of those near its parent."""
     x, y, z = boxes[at, 0], boxes[at, 1], boxes[at, 2]
     a, b, c = boxes[at, 3], boxes[at, 4], boxes[at, 5]
     number = 0

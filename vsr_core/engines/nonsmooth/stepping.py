@@ -68,12 +68,15 @@ def step(
     _free(body, rock, push, time_step)
     limit = residual * gravity * time_step
     closed = CLOSED_SHARE * body.radius
-    _bend(rock, points, time_step)
+    has_corners = len(body.points) > 0  # where a sphere touches does not turn with it
+    if has_corners:
+        _bend(rock, points, time_step)
     if _touch(body, rock, points, time_step, gravity):
         solve(rock, points, body.friction, rounds, limit)
     landed = False
     for _ in range(ROUNDS):
-        _bend(rock, points, time_step)
+        if has_corners:
+            _bend(rock, points, time_step)
         late = time_step * _wanted_anew(rock, points, time_step) > closed
         standing = rock.active
         share = _land(body, rock, points, push, time_step, gravity, closed)

@@ -10,7 +10,7 @@ import numpy as np
 from vsr_core.arrays import Array, Indices
 from vsr_core.engines.nonsmooth import features
 from vsr_core.engines.nonsmooth.body import corners_of
-from vsr_core.engines.nonsmooth.features import Features
+from vsr_core.engines.nonsmooth.features import Features, Records
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull
 from vsr_core.terrain.surface import Terrain
@@ -103,17 +103,17 @@ class Ground(NamedTuple):
     flats, lines : int, flat faces and straight edges of the terrain
     """
 
-    faces: Array
-    sides: Array
-    edges: Array
-    vertices: Array
+    faces: Records
+    sides: Records
+    edges: Records
+    vertices: Records
     arms: Array
     corners: Array
     plates: Array
     tree: Tree
     shape: Shape
-    pairs: Array
-    search: Array
+    pairs: Records
+    search: Records
     own_face: int
     own_edge: int
     flats: int
@@ -170,7 +170,7 @@ def forget(ground: Ground) -> None:
     ground.tree.due[:], ground.tree.hints[:] = -np.inf, 0
 
 
-def _shape(faces: Array, sides: Array, points: int, edges: int) -> Shape:
+def _shape(faces: Records, sides: Records, points: int, edges: int) -> Shape:
     """Faces of a rock for the search, and room for its corners and edges."""
     most = int(faces["count"].max(initial=1))
     place = faces["first"][:, None] + np.minimum(np.arange(most), faces["count"][:, None] - 1)

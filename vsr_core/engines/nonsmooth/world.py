@@ -160,7 +160,7 @@ def advance_on(
 
 @compiled
 def begin(body: Body, rock: Motion, time_step: float) -> None:
-    """Bring a state from the start of a step to the middle of its path, without any contacts."""
+    """Bring a state told at the start of a step to the middle of its path; forget all contacts."""
     rock.found = rock.near = rock.active = rock.kept = 0
     rock.reserve = -1.0
     inertia_turned(rock.rotation, body.moments, rock.inertia)
