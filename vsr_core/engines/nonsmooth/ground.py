@@ -45,7 +45,7 @@ CONE = 1e-5
 
 
 @compiled
-def find(
+def find(  # noqa: C901 - split up, it takes twice as long
     body: Body, ground: Ground, rock: Motion, points: Points, time_step: float, speed: float
 ) -> None:
     """Find the points that may touch the terrain at the end of the next step.
@@ -68,10 +68,13 @@ def find(
     ahead = HASTE * ahead + HOLLOW * radius
     if not search.reserve >= ahead:
         near = DEEPEST * radius + NEAR_STEPS * ahead
-        _gather(ground, rock, radius, near)
-        if search.full:
-            search.full = 0
-            _gather(ground, rock, radius, ahead)
+        if len(ground.corners) == 0:
+            gather_sphere(ground, rock, radius, near)
+        else:
+            gather(ground, rock, radius, near, DEEPEST * radius)
+            if search.full:
+                search.full = 0
+                gather(ground, rock, radius, ahead, DEEPEST * radius)
     rock.found = 0
     drop = HOLLOW * radius + 4.0 * speed * time_step
     dues, way = ground.dues, search.way
@@ -82,44 +85,21 @@ def find(
             search.full = 1
             break
         point = points[rock.found]
-        clear = _meet(ground, rock, point, at, time_step, ahead, drop, radius)
+        kind, own, other = ground.pairs[at].kind, ground.pairs[at].own, ground.pairs[at].other
+        if len(ground.corners) == 0:
+            clear = touch_sphere(ground, rock, point, kind, other, time_step, ahead, radius)
+        elif kind == CORNER:
+            clear = _corner(ground, rock, point, own, other, time_step, ahead, drop, radius)
+            is_deep = clear == 0.0 and point.gap < -DEEP * radius - 0.5 * ahead
+            if is_deep and not _is_inside(ground, rock, point, at, radius):
+                clear = TINY
+        elif kind == EDGES:
+            clear = _edges(ground, rock, point, own, other, time_step, ahead, radius)
+        else:
+            clear = _vertex(ground, rock, point, at, other, time_step, ahead, radius)
         dues[at] = way + clear
         if clear == 0.0 and not _known(points, rock.found, point.key):
             rock.found += 1
-
-
-@compiled
-def _gather(ground: Ground, rock: Motion, radius: float, near: float) -> None:
-    if len(ground.corners) == 0:
-        gather_sphere(ground, rock, radius, near)
-    else:
-        gather(ground, rock, radius, near, DEEPEST * radius)
-
-
-@compiled
-def _meet(
-    ground: Ground,
-    rock: Motion,
-    point: Points,
-    at: int,
-    time_step: float,
-    ahead: float,
-    drop: float,
-    radius: float,
-) -> float:
-    """Write the point of a pair that may touch in the next step; path until it may, 0 if so."""
-    kind, own, other = ground.pairs[at].kind, ground.pairs[at].own, ground.pairs[at].other
-    if len(ground.corners) == 0:
-        return touch_sphere(ground, rock, point, kind, other, time_step, ahead, radius)
-    if kind == EDGES:
-        return _edges(ground, rock, point, own, other, time_step, ahead, radius)
-    if kind != CORNER:
-        return _vertex(ground, rock, point, at, other, time_step, ahead, radius)
-    clear = _corner(ground, rock, point, own, other, time_step, ahead, drop, radius)
-    is_deep = clear == 0.0 and point.gap < -DEEP * radius - 0.5 * ahead
-    if is_deep and not _is_inside(ground, rock, point, at, radius):
-        return TINY
-    return clear
 
 
 @compiled
