@@ -13,7 +13,7 @@ import math
 from vsr_core.arrays import Array
 from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
-from vsr_core.engines.nonsmooth.near import CORNER, EDGES, beside, climb, gather
+from vsr_core.engines.nonsmooth.near import CORNER, EDGES, beside, between, climb, gather
 from vsr_core.engines.nonsmooth.sphere import gather_sphere, touch_sphere
 from vsr_core.engines.nonsmooth.tree import Ground
 from vsr_core.engines.nonsmooth.vectors import cross
@@ -45,7 +45,7 @@ CONE = 1e-5
 
 
 @compiled
-def find(
+def find(  # noqa: C901 - split up, it takes twice as long
     body: Body, ground: Ground, rock: Motion, points: Points, time_step: float, speed: float
 ) -> None:
     """Find the points that may touch the terrain at the end of the next step.
@@ -68,58 +68,38 @@ def find(
     ahead = HASTE * ahead + HOLLOW * radius
     if not search.reserve >= ahead:
         near = DEEPEST * radius + NEAR_STEPS * ahead
-        _gather(ground, rock, radius, near)
-        if search.full:
-            search.full = 0
-            _gather(ground, rock, radius, ahead)
+        if len(ground.corners) == 0:
+            gather_sphere(ground, rock, radius, near)
+        else:
+            gather(ground, rock, radius, near, DEEPEST * radius)
+            if search.full:
+                search.full = 0
+                gather(ground, rock, radius, ahead, DEEPEST * radius)
     rock.found = 0
     drop = HOLLOW * radius + 4.0 * speed * time_step
+    dues, way = ground.dues, search.way
     for at in range(search.pairs):
-        pair = ground.pairs[at]
-        if pair.due - search.way > ahead:
+        if dues[at] - way > ahead:
             continue
         if rock.found == len(points):
             search.full = 1
             break
         point = points[rock.found]
-        clear = _meet(ground, rock, point, at, time_step, ahead, drop, radius)
-        pair.due = search.way + clear
+        kind, own, other = ground.pairs[at].kind, ground.pairs[at].own, ground.pairs[at].other
+        if len(ground.corners) == 0:
+            clear = touch_sphere(ground, rock, point, kind, other, time_step, ahead, radius)
+        elif kind == CORNER:
+            clear = _corner(ground, rock, point, own, other, time_step, ahead, drop, radius)
+            is_deep = clear == 0.0 and point.gap < -DEEP * radius - 0.5 * ahead
+            if is_deep and not _is_inside(ground, rock, point, at, radius):
+                clear = TINY
+        elif kind == EDGES:
+            clear = _edges(ground, rock, point, own, other, time_step, ahead, radius)
+        else:
+            clear = _vertex(ground, rock, point, at, other, time_step, ahead, radius)
+        dues[at] = way + clear
         if clear == 0.0 and not _known(points, rock.found, point.key):
             rock.found += 1
-
-
-@compiled
-def _gather(ground: Ground, rock: Motion, radius: float, near: float) -> None:
-    if len(ground.corners) == 0:
-        gather_sphere(ground, rock, radius, near)
-    else:
-        gather(ground, rock, radius, near, DEEPEST * radius)
-
-
-@compiled
-def _meet(
-    ground: Ground,
-    rock: Motion,
-    point: Points,
-    at: int,
-    time_step: float,
-    ahead: float,
-    drop: float,
-    radius: float,
-) -> float:
-    """Write the point of a pair that may touch in the next step; path until it may, 0 if so."""
-    kind, own, other = ground.pairs[at].kind, ground.pairs[at].own, ground.pairs[at].other
-    if len(ground.corners) == 0:
-        return touch_sphere(ground, rock, point, kind, other, time_step, ahead, radius)
-    if kind == EDGES:
-        return _edges(ground, rock, point, own, other, time_step, ahead, radius)
-    if kind != CORNER:
-        return _vertex(ground, rock, point, at, other, time_step, ahead, radius)
-    clear = _corner(ground, rock, point, own, other, time_step, ahead, drop, radius)
-    is_deep = clear == 0.0 and point.gap < -DEEP * radius - 0.5 * ahead
-    if is_deep and not _is_inside(ground, rock, point, at, radius):
-        return TINY
-    return clear
 
 
 @compiled
@@ -346,17 +326,22 @@ def _edges(
     a, b, c = _out(turn, mine.start)
     x, y, z = start[0] - place[0] - a, start[1] - place[1] - b, start[2] - place[2] - c
     gap = -(i * x + j * y + k * z) / size
+    most = max(ahead, DEEPEST * radius)
     if gap > ahead or gap < -DEEPEST * radius:
-        return TINY
+        return max(abs(gap) - most, TINY)
     s = sign * _volume(i, j, k, x, y, z, along[0], along[1], along[2])
     u, v, w = _moves(rock, a + s * e, b + s * f, c + s * g)
     time = _time_to(gap, (i * u + j * v + k * w) / size, time_step)
-    x, y, z = x - time * u, y - time * v, z - time * w
-    s = sign * _volume(i, j, k, x, y, z, along[0], along[1], along[2])
-    t = sign * _volume(i, j, k, x, y, z, e, f, g)
+    p, q, r = x - time * u, y - time * v, z - time * w
+    s = sign * _volume(i, j, k, p, q, r, along[0], along[1], along[2])
+    t = sign * _volume(i, j, k, p, q, r, e, f, g)
     border = BORDER * radius
     if s < -border or s > mine.length + border or t < -border or t > edge.length + border:
-        return TINY
+        on_own, on_other = x * e + y * f + z * g, -_dot(along, x, y, z)
+        cosine = _dot(along, e, f, g)
+        sizes = mine.length, edge.length
+        square = between(x, y, z, e, f, g, sizes[0], along, sizes[1], on_own, on_other, cosine)
+        return max(math.sqrt(square) - most, TINY)
     point.key = 3 * ((own - ground.own_edge) * ground.lines + edge.line) + 2
     point.lever[0], point.lever[1], point.lever[2] = a + s * e, b + s * f, c + s * g
     point.normal[0], point.normal[1], point.normal[2] = i / size, j / size, k / size

@@ -240,7 +240,8 @@ def add(ground: Ground, kind: int, own: int, other: int, gap: float) -> None:
         search.full = 1
         return
     pair = ground.pairs[search.pairs]
-    pair.kind, pair.own, pair.other, pair.due = kind, own, other, search.way + gap
+    pair.kind, pair.own, pair.other = kind, own, other
+    ground.dues[search.pairs] = search.way + gap
     search.pairs += 1
 
 
@@ -273,7 +274,7 @@ def _between_edges(
     on_own, on_other = x * e + y * f + z * g, -(x * d[0] + y * d[1] + z * d[2])
     cosine = e * d[0] + f * d[1] + g * d[2]
     size = mine.length, edge.length
-    gap = math.sqrt(_between(x, y, z, e, f, g, size[0], d, size[1], on_own, on_other, cosine))
+    gap = math.sqrt(between(x, y, z, e, f, g, size[0], d, size[1], on_own, on_other, cosine))
     if gap > near + deepest:
         return math.inf
     i, j, k = cross(e, f, g, d[0], d[1], d[2])
@@ -303,7 +304,7 @@ def _between_edges(
 
 
 @compiled
-def _between(
+def between(
     x: float,
     y: float,
     z: float,

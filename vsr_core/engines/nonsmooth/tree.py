@@ -27,8 +27,8 @@ MOST_POINTS = 512
 DEEPEST_LEVEL = 40
 """Levels of a tree, at most."""
 
-PAIR = np.dtype([("kind", int), ("own", int), ("other", int), ("due", float)])
-"""A feature of the rock and one of the terrain that may touch soon, not before ``due`` [m]."""
+PAIR = np.dtype([("kind", int), ("own", int), ("other", int)])
+"""A feature of the rock and one of the terrain that may touch soon."""
 
 SEARCH = np.dtype(
     [
@@ -98,6 +98,7 @@ class Ground(NamedTuple):
     tree : Tree
     shape : Shape
     pairs : array of ``PAIR``
+    dues : ndarray, path of the rock [m] before which a pair does not touch
     search : array of one ``SEARCH``
     own_face, own_edge : int, first face and edge of the rock
     flats, lines : int, flat faces and straight edges of the terrain
@@ -113,6 +114,7 @@ class Ground(NamedTuple):
     tree: Tree
     shape: Shape
     pairs: Records
+    dues: Array
     search: Records
     own_face: int
     own_edge: int
@@ -153,6 +155,7 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
         Tree(boxes, links, np.empty(len(boxes)), np.empty(len(boxes), np.int64)),
         _shape(faces[len(under.faces) :], sides, len(points), len(edges) - len(under.edges)),
         np.zeros(MOST_PAIRS, PAIR),
+        np.zeros(MOST_PAIRS),
         np.zeros(1, SEARCH),
         len(under.faces),
         len(under.edges),
