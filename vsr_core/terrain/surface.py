@@ -27,12 +27,16 @@ class Terrain:
     faces : ndarray of int, shape (m, 3)
         Corners of each triangle, counter-clockwise seen from outside: normals leave the ground.
     parts : tuple of ndarray, each of shape (k, 3) [m]
-        Corners of convex parts that stand for it in a simulation; none if its triangles do.
+        Corners of convex parts that stand for it in an engine that takes them; none if its
+        triangles do.
+    light : Terrain, fewer triangles that stand for it in an engine that takes triangles; None if
+        its own do
     """
 
     vertices: Array
     faces: Indices
     parts: tuple[Array, ...] = ()
+    light: Terrain | None = None
 
     def surfaces(self, x: float, y: float) -> tuple[Array, Mask]:
         """Heights at which a vertical meets the ground, ascending.

@@ -83,10 +83,12 @@ def _terrain(path: Path, changed: int) -> Ground:
     data = read(path)
     ends = np.cumsum(data["part_size"].values)[:-1]
     parts = np.split(data["part_corner"].values, ends) if data.sizes["part"] else []
+    light = Terrain(data["light_vertex"].values, data["light_face"].values.astype(np.int64))
     terrain = Terrain(
         data["terrain_vertex"].values,
         data["terrain_face"].values.astype(np.int64),
         tuple(parts),
+        light if len(light.faces) else None,
     )
     starts = {}
     for i, friction in enumerate(data["friction"].values):

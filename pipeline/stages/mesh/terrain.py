@@ -29,6 +29,8 @@ SEAT_SHARE, SLOPE_SHARE = 0.008, 0.04
 """How far convex parts may stand out of the ground, near the rock and beyond, as a share of the
 rock's radius."""
 
+_NO_FACES = np.empty((0, 3), dtype=np.int64)
+
 THICKNESS_SHARE = 0.05
 """Thickness of the parts, as a share of the rock's radius: more than a run may sink in."""
 
@@ -55,7 +57,8 @@ def make(job: Job) -> Product:
         raise InputError.from_invalid(job.site.file, "pedestal", error) from None
     dataset = _dataset(whole, terrain, starts)
     dataset.attrs["origin_in_scan"] = scan.attrs["origin_in_scan"]
-    note = f"{len(whole.faces)} faces, {len(terrain.parts)} convex parts"
+    fewer = f"{len(terrain.light.faces)} of which stand for it, " if terrain.light else ""
+    note = f"{len(whole.faces)} faces, {fewer}{len(terrain.parts)} convex parts"
     return Product({TERRAIN: netcdf(described(dataset, job, "Terrain"))}, note)
 
 
@@ -68,7 +71,7 @@ def _light(whole: Terrain, job: Job) -> Terrain:
 
     light = coarser(whole, tolerance)
     made = convex_parts(light, tolerance, THICKNESS_SHARE * radius)
-    return replace(whole, parts=made)
+    return replace(whole, parts=made, light=light)
 
 
 def _rest(terrain: Terrain, job: Job, friction: float) -> State:
@@ -88,12 +91,14 @@ def _rest(terrain: Terrain, job: Job, friction: float) -> State:
 
 
 def _dataset(whole: Terrain, terrain: Terrain, starts: dict[float, State]) -> xr.Dataset:
-    parts = terrain.parts
+    parts, light = terrain.parts, terrain.light or Terrain(np.empty((0, 3)), _NO_FACES)
     turns = np.array([state.rotation for state in starts.values()])
     return xr.Dataset(
         {
             "terrain_vertex": (("terrain_corner", "xyz"), whole.vertices),
             "terrain_face": (("terrain_triangle", "three"), whole.faces.astype(np.int32)),
+            "light_vertex": (("light_corner", "xyz"), light.vertices),
+            "light_face": (("light_triangle", "three"), light.faces.astype(np.int32)),
             "part_corner": (
                 ("corner", "xyz"),
                 np.concatenate(parts) if parts else np.empty((0, 3)),

@@ -152,7 +152,7 @@ def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
         in_si.angle(group.yaw),
         "terrain",
         start=ground.starts[group.friction],
-        terrain=ground.terrain if reduce else replace(ground.terrain, parts=()),
+        terrain=ground.terrain if reduce else replace(ground.terrain, parts=(), light=None),
     )
     if not reduce:
         return TerrainCase(seat, seat, toppled)
@@ -208,7 +208,9 @@ def _ground_identity(ground: Ground) -> str:
     starts = (
         array for start in ground.starts.values() for array in (start.position, start.rotation)
     )
-    arrays = (ground.terrain.vertices, ground.terrain.faces, *ground.terrain.parts, *starts)
+    terrain = ground.terrain
+    light = (terrain.light.vertices, terrain.light.faces) if terrain.light else ()
+    arrays = (terrain.vertices, terrain.faces, *light, *terrain.parts, *starts)
     return keys.digest_bytes(*(array.tobytes() for array in arrays))
 
 

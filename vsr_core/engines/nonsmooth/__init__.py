@@ -15,9 +15,9 @@ from vsr_core.scene import Scene
 
 VERSION = f"numba {numba.__version__}"
 
-SOLVER = Solver(iterations=1, residual=1e-5)
-"""Rounds in which Newton's method begins anew before simple sweeps take over, and the error of a
-velocity as a share of what gravity adds in a step."""
+SOLVER = Solver(iterations=8, residual=1e-5)
+"""Rounds of sweeps where Newton's method finds no end at once, and the error of a velocity, as a
+share of what gravity adds in a step."""
 
 LADDER = Ladder(
     (0.03, 0.02, 0.014, 0.01, 0.007, 0.005),

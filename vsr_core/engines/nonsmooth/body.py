@@ -76,7 +76,9 @@ POINT = np.dtype(
         ("wanted", float, 3),  # m/s, velocity that it leads to
         ("impulse", float, 3),  # m/s, along normal and tangents
         ("given", float, 3),  # m/s, impulse of before a landing, which is no longer changed
-        ("trial", float, 3),  # room for the search for the impulse
+        ("mass", float, 6),  # 1, change of the point's velocity by an impulse: upper triangle
+        ("trial", float, 3),  # room for the search for the impulse, and
+        ("saved", float, 3),  # m/s, impulse to go back to
         ("rebound", float),  # m/s, speed at which the point is to leave in the next step
         ("state", int),  # open, grips or slides
         ("is_active", int),

@@ -27,7 +27,7 @@ from vsr_core.arrays import Array
 from vsr_core.engines.nonsmooth.body import Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.points import GRIPS, OPEN, SLIDES, excess
-from vsr_core.engines.nonsmooth.sweeps import begin, sweep, sweep_together
+from vsr_core.engines.nonsmooth.sweeps import begin, go_back, save, sweep, sweep_together
 
 STIFFNESS = 1e4
 """By how much, per mass, a point that shall stick is held where it is: an error of its velocity
@@ -44,11 +44,11 @@ REACH = 0.3
 NEWTON, TURNING = 10, 1e-4
 """Newton's steps, at most, and the change of the direction of sliding below which they end."""
 
-TOGETHER = 20
-"""Sweeps over all points at once that find where Newton's method begins anew."""
+TOGETHER = 10
+"""Sweeps over all points at once with which the search begins anew."""
 
-SWEEPS, SWEPT = 400, 30.0
-"""Sweeps over one point after another where it still finds no end, at most, and the change of a
+SWEEPS, SWEPT = 25, 100.0
+"""Sweeps over one point after another before Newton's method is tried again, and the change of a
 velocity below which they end, in units of the tolerance."""
 
 
@@ -73,14 +73,14 @@ def solve(rock: Motion, points: Points, friction: float, rounds: int, tolerance:
         return True
     rock.hard += 1
     begin(rock, points)
+    for _ in range(TOGETHER):
+        sweep_together(rock, points, friction)
     for _ in range(rounds):
-        for _ in range(TOGETHER):
-            sweep_together(rock, points, friction)
-        if _newton(rock, points, friction, tolerance):
+        solved = sweep(rock, points, friction, SWEEPS, SWEPT * tolerance)
+        save(rock, points)
+        if solved or _newton(rock, points, friction, tolerance):
             return True
-        begin(rock, points)
-    if sweep(rock, points, friction, SWEEPS, SWEPT * tolerance):
-        return True
+        go_back(rock, points)
     rock.unsolved += 1
     return False
 

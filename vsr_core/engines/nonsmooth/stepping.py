@@ -284,6 +284,14 @@ def _enter(rock: Motion, points: Points, i: int) -> None:
         rows[k, 3], rows[k, 4], rows[k, 5] = a, b, c
         for j in range(3):
             turning[k, j] = flexibility[j, 0] * a + flexibility[j, 1] * b + flexibility[j, 2] * c
+    at = 0
+    for k in range(3):
+        for j in range(k, 3):
+            value = 1.0 if j == k else 0.0
+            for n in range(3):
+                value += rows[k, 3 + n] * turning[j, n]
+            point.mass[at] = value
+            at += 1
 
 
 @compiled

@@ -21,6 +21,24 @@ def begin(rock: Motion, points: Points) -> None:
 
 
 @compiled
+def save(rock: Motion, points: Points) -> None:
+    """Remember all impulses of active points."""
+    for at in range(rock.active):
+        point = points[points[at].active]
+        point.saved[:] = point.impulse
+
+
+@compiled
+def go_back(rock: Motion, points: Points) -> None:
+    """Go back to the impulses that were saved, and to the velocity that they lead to."""
+    rock.velocity[:] = rock.free
+    for at in range(rock.active):
+        point = points[points[at].active]
+        point.impulse[:] = point.saved
+        add_impulse(point, 1.0, rock.velocity)
+
+
+@compiled
 def sweep_together(rock: Motion, points: Points, friction: float) -> None:
     """Move all impulses toward those that each point alone would need, by equal shares."""
     number = rock.active
@@ -61,28 +79,20 @@ def sweep(rock: Motion, points: Points, friction: float, most: int, tolerance: f
 
 @compiled
 def _change(rock: Motion, point: Points, p: float, q: float, r: float) -> None:
-    before = point.impulse[0], point.impulse[1], point.impulse[2]
-    point.impulse[0], point.impulse[1], point.impulse[2] = p, q, r
-    add_impulse(point, 1.0, rock.velocity)
-    point.impulse[0], point.impulse[1] = before[0] + p, before[1] + q
-    point.impulse[2] = before[2] + r
-
-
-@compiled
-def _mass(point: Points, a: int, b: int) -> float:
-    """Change of the velocity of a point in direction a by an impulse in direction b."""
-    rows, turning = point.rows, point.turning
-    value = 1.0 if a == b else 0.0
-    for k in range(3):
-        value += rows[a, 3 + k] * turning[b, k]
-    return value
+    velocity, rows, turning, impulse = rock.velocity, point.rows, point.turning, point.impulse
+    for j in range(3):
+        velocity[j] += p * rows[0, j] + q * rows[1, j] + r * rows[2, j]
+        velocity[3 + j] += p * turning[0, j] + q * turning[1, j] + r * turning[2, j]
+    impulse[0] += p
+    impulse[1] += q
+    impulse[2] += r
 
 
 @compiled
 def _alone(rock: Motion, point: Points, friction: float) -> tuple[float, float, float]:
     """Change of a point's impulse that makes it obey all laws while the others stay."""
-    nn, ny, nz = _mass(point, 0, 0), _mass(point, 0, 1), _mass(point, 0, 2)
-    yy, yz, zz = _mass(point, 1, 1), _mass(point, 1, 2), _mass(point, 2, 2)
+    mass = point.mass
+    nn, ny, nz, yy, yz, zz = mass[0], mass[1], mass[2], mass[3], mass[4], mass[5]
     p, q, r = point.impulse[0], point.impulse[1], point.impulse[2]
     u = excess(point, 0, rock.velocity) - (nn * p + ny * q + nz * r)
     v = excess(point, 1, rock.velocity) - (ny * p + yy * q + yz * r)
