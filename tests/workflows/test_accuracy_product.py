@@ -62,7 +62,7 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     measured = [row for row in rows if row["part"] in ("method", "sweep") and row["cpu_s"]]
     methods = {row["method"] for row in measured if row["part"] == "method"}
     labels = {peers.load(name).LABEL for name in ("mujoco_default", "published_setup")}
-    assert methods == {"project, bullet", "project, mujoco"} | labels
+    assert methods == {"project, bullet", "project, mujoco", "project, nonsmooth"} | labels
     for row in measured:
         assert float(row["cpu_s"]) > 0.0
         assert agreement.OFFSETS[0] <= float(row["error"]) <= float(row["worst"])

@@ -14,7 +14,7 @@ from typing import cast
 
 import numpy as np
 
-from vsr_core import GRAVITY, engines
+from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.engines.interface import GroundWorld
 from vsr_core.errors import InvalidInput
@@ -144,30 +144,32 @@ def respond(case: TerrainCase, motion: GroundMotion, settings: Settings) -> Resp
     return displace(case, motion, settings, follow=False).response
 
 
-def limits_on_seat(scene: Scene, engine: str) -> tuple[float, float]:
+def limits_on_seat(scene: Scene, time_step: float, engine: str = "bullet") -> tuple[float, float]:
     """Range of table accelerations [m/s^2] in which a rock on its seat stays at rest.
 
     Parameters
     ----------
     scene : Scene, on a terrain, with the rock at rest as its start
+    time_step : float [s]
     engine : str
 
     Returns
     -------
     (float, float), lowest and highest; zeros where the rock does not rest by its points of contact
     """
-    world = cast(GroundWorld, engines.load(engine).build(scene, _step(scene, engine), 1))
+    world = cast(GroundWorld, engines.load(engine).build(scene, time_step, 1))
     world.advance([0.0] * QUIET_STEPS)
     centre = world.state().position
     return static_limits.on_points(*world.footing(), centre, scene.contact.friction, along(scene))
 
 
-def settled(scene: Scene, engine: str) -> State:
+def settled(scene: Scene, time_step: float, engine: str = "bullet") -> State:
     """Where a rock comes to rest that is set on its terrain as scanned, unshaken.
 
     Parameters
     ----------
     scene : Scene, on a terrain; the rock's ``start`` is its pose in the scan
+    time_step : float [s]
     engine : str
 
     Returns
@@ -181,7 +183,6 @@ def settled(scene: Scene, engine: str) -> State:
     """
     assert scene.start is not None
     radius = scene.rock.radius
-    time_step = _step(scene, engine)
     world = engines.load(engine).build(scene, time_step, 1)
     rest, inertia = rest_of(radius), inertia_of(scene.rock)
     for interval in range(math.ceil(LONGEST_TIME / MONITORING_TIME)):
@@ -214,11 +215,6 @@ def _stays(case: TerrainCase) -> DisplacementRun:
     stands = Response(Outcome.BALANCED, DecidedBy.NO_UPLIFT_BOUND, 0.0, 0.0, 0.0, 0)
     trajectory = joined([(0.0, case.seat.start, True)])
     return DisplacementRun(stands, StopReason.REST, trajectory)
-
-
-def _step(scene: Scene, engine: str) -> float:
-    """Longest time step [s] at which an engine rocks most rocks right."""
-    return engines.load(engine).LADDER.longest * math.sqrt(scene.rock.radius / GRAVITY)
 
 
 def _angle(rotation: Array) -> float:

@@ -27,6 +27,7 @@ from vsr_core.run.proofs import Barrier
 from vsr_core.run.reductions import PROOFS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.scene import Scene
 from vsr_core.table.servo import Servo
+from vsr_core.verification.time_step import step_unit
 
 
 class Group(NamedTuple):
@@ -157,7 +158,9 @@ def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
     if not reduce:
         return TerrainCase(seat, seat, toppled)
     flight = replace(seat, rock=reduction.in_flight(rock))
-    still = displacement.limits_on_seat(seat, scenes.config.engine)
+    engine = scenes.config.engine
+    step = engines.load(engine).LADDER.longest * step_unit(rock)
+    still = displacement.limits_on_seat(seat, step, engine)
     return TerrainCase(seat, flight, toppled, still)
 
 

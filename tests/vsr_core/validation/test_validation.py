@@ -284,7 +284,8 @@ def shake_block(pga: float, azimuth: float = 0.0, turn: float = 0.0) -> bool:
     member = plain(azimuth=azimuth, friction=2.0)
     rock = specimen.drawn(specimen.form(mesh, None), member, 2700.0)
     case = recorded_test.standing_case(rock, member)
-    return recorded_test.shaken(case, pulse(pga, 0.3), 0.005, 1.0).outcome.overturned == 1
+    (found,) = recorded_test.shaken(case, [pulse(pga, 0.3)], 0.005, 1.0)
+    return found.outcome.overturned == 1
 
 
 def test_a_block_topples_where_housner_says() -> None:
@@ -305,8 +306,8 @@ def test_amplitude_scales_the_motion() -> None:
     rock = specimen.drawn(specimen.form(block(), None), member, 2700.0)
     case = recorded_test.standing_case(rock, member)
     weak, strong = pulse(0.3, 0.1), 2.5 * pulse(0.3, 0.1)
-    one = recorded_test.shaken(case, weak, 0.005, 2.5)
-    other = recorded_test.shaken(case, strong, 0.005, 1.0)
+    (one,) = recorded_test.shaken(case, [weak], 0.005, 2.5)
+    (other,) = recorded_test.shaken(case, [strong], 0.005, 1.0)
     assert one.peak_tilt == pytest.approx(other.peak_tilt, rel=1e-6)
     assert one.peak_tilt > 0.0
 

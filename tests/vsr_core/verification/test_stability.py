@@ -271,7 +271,7 @@ def _check(
 def test_what_is_fine_is_not_refused() -> None:
     _check()
     _check(engine="mujoco")
-    _check(share=input_checks.COARSEST_SHARE)
+    _check(share=engines.load("bullet").LADDER.longest)
     _check(drive=PUBLISHED)
     _check(Contact(0.6, stiffness=1e9, damping=2e6), share=0.0003)
     _check(rock=frustum((1.0, 1.0), (0.6, 0.6), 2.0))

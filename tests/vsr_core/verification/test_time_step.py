@@ -168,7 +168,8 @@ def test_no_step_is_longer_than_the_longest() -> None:
 
 def test_doubled_tolerance_is_cheaper() -> None:
     rows = [measure(SLENDER, r, Settings(1.0)) for r in time_step.periods(SLENDER.full.rock)]
-    measured = front(np.array([r.error for r in rows]), np.array([r.steps for r in rows]))
+    error, steps = (np.array([getattr(r, what) for r in rows]) for what in ("error", "steps"))
+    measured = front(SHARES, error, steps)
     unit = time_step.step_unit(SLENDER.full.rock)
     rock = SLENDER.full.rock
     steps = [

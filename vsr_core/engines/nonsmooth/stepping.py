@@ -37,6 +37,9 @@ TOUCHING_SHARE = 1e-6
 LIFTING_SHARE = 2e-3
 """Speed at which a point that is in the ground is lifted at most, as a share of sqrt(g radius)."""
 
+SLOW_STEPS = 0.7
+"""Approach speed of what lands slowly, in units of what gravity adds in a step."""
+
 BOUNCING_STEPS = 2.0
 """Approach speed below which nothing rebounds, in units of what gravity adds in a step."""
 
@@ -79,8 +82,8 @@ def step(
             _bend(rock, points, time_step)
         late = time_step * _wanted_anew(rock, points, time_step) > closed
         standing = rock.active
-        share = _land(body, rock, points, push, time_step, gravity, closed)
-        if share > 1.0 and not late:
+        entered, share = _land(body, rock, points, push, time_step, gravity, closed)
+        if not entered and not late:
             break
         if share <= 1.0 and not landed:
             landed = True
@@ -247,12 +250,14 @@ def _land(
     time_step: float,
     gravity: float,
     closed: float,
-) -> float:
+) -> tuple[bool, float]:
     """Make those points active that would be deeper than ``closed`` [m] at the end of the path.
 
-    Returns the share of the path after which the first of them touches; more than 1 if none does.
+    Returns whether there are any, and the share of the path after which the first of them lands;
+    more than 1 if none lands fast. What comes slowly takes the weight over by and by: to tell when
+    would add energy to a rock that comes to rest.
     """
-    first = 2.0
+    first, entered, slow = 2.0, False, SLOW_STEPS * gravity * time_step
     for i in range(rock.found):
         point = points[i]
         if point.is_active:
@@ -263,8 +268,11 @@ def _land(
         _enter(rock, points, i)
         share = _aim(body, rock, point, x, y, z, push, time_step, gravity)
         _want(point, time_step)
-        first = min(first, share)
-    return first
+        entered = True
+        normal = point.normal
+        if x * normal[0] + y * normal[1] + z * normal[2] < -slow:
+            first = min(first, share)
+    return entered, first
 
 
 @compiled
