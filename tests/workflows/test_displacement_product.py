@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 SITE = """
 rock: {shape: mesh, mesh: scan.ply, density: 2000}
 pedestal: {shape: mesh, cut: {kind: plane, point: POINT, normal: NORMAL}}
-motion: {pga: [0.01, 0.7, 0.85, 1.0], pgv_pga: [0.2, 0.25, 0.35]}
+motion: {pga: [0.01, 0.7, 0.85, 1.0], pgv_pga: [0.2, 0.25, 0.3]}
 yaw: 40
 simulation: {time_step: 0.0015}
 """

@@ -141,14 +141,31 @@ class Rest:
         self._since: tuple[float, State] | None = None
 
     def note(self, time: float, state: State, kinetic: float) -> None:
-        """Take note of a state and its kinetic energy per unit mass [m^2/s^2]."""
+        """Take note of a state.
+
+        Parameters
+        ----------
+        time : float [s]
+        state : State
+        kinetic : float [m^2/s^2], its kinetic energy per unit mass
+        """
         if not kinetic < self._energy:
             self._since = None
         elif self._since is None:
             self._since = time, state
 
     def reached(self, time: float, state: State) -> bool:
-        """Whether the rock rests in the state noted last; begins to watch anew if it creeps."""
+        """Whether the rock rests in the state noted last; begins to watch anew if it creeps.
+
+        Parameters
+        ----------
+        time : float [s]
+        state : State
+
+        Returns
+        -------
+        bool
+        """
         if self._since is None or time - self._since[0] < self._duration:
             return False
         before, self._since = self._since[1], (time, state)

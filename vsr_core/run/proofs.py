@@ -84,7 +84,16 @@ class Barrier(NamedTuple):
     floor: float
 
     def to_return(self, tilt: float) -> float:
-        """Height [m] that the centre must reach to come back from ``tilt`` to stand."""
+        """Height that the centre must reach to come back to stand.
+
+        Parameters
+        ----------
+        tilt : float [rad]
+
+        Returns
+        -------
+        float [m]
+        """
         return height_to_return(self, tilt)
 
 

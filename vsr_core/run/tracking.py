@@ -82,7 +82,17 @@ def note(track: Track, kept: int, given: Array, duration: float, radius: float) 
 
 @compiled
 def end(track: Track, kept: int) -> int:
-    """Keep the state of now as the last one, unless it is kept; the number of states."""
+    """Keep the state of now as the last one, unless it is kept; the number of states.
+
+    Parameters
+    ----------
+    track : array of ``SAMPLE``
+    kept : int, states kept so far
+
+    Returns
+    -------
+    int, states kept
+    """
     now = track[len(track) - 1]
     if track[kept - 1].time < now.time:
         track[kept] = now

@@ -126,7 +126,12 @@ def sound(watch: Watch, rule: Rule, time: float, impulse: float, moved: bool) ->
 
 @compiled
 def note_energy(watch: Watch) -> None:
-    """Kinetic energy, and that plus g z, per unit mass."""
+    """Kinetic energy, and that plus g z, per unit mass.
+
+    Parameters
+    ----------
+    watch : record of ``WATCH``
+    """
     velocity, inertia = watch.velocity, watch.inertia
     kinetic = 0.0
     for k in range(3):
@@ -140,7 +145,13 @@ def note_energy(watch: Watch) -> None:
 
 @compiled
 def note_slip(watch: Watch, rule: Rule) -> None:
-    """Largest horizontal displacement of the base's centre so far."""
+    """Largest horizontal displacement of the base's centre so far.
+
+    Parameters
+    ----------
+    watch : record of ``WATCH``
+    rule : Rule
+    """
     x = watch.place[0] - rule.foot * watch.rotation[0, 2] - watch.start_foot[0]
     y = watch.place[1] - rule.foot * watch.rotation[1, 2] - watch.start_foot[1]
     watch.slip = max(watch.slip, math.sqrt(x * x + y * y))
@@ -180,7 +191,18 @@ def decided(
 
 @compiled
 def proved(watch: Watch, rule: Rule, remaining: float) -> bool:
-    """Whether the side on which the rock is can no longer change, by its energy."""
+    """Whether the side on which the rock is can no longer change, by its energy.
+
+    Parameters
+    ----------
+    watch : record of ``WATCH``
+    rule : Rule
+    remaining : float [m/s], integral of the table's absolute acceleration still to come
+
+    Returns
+    -------
+    bool
+    """
     return proofs.cannot_topple(
         rule.limits, watch.tilt, watch.energy, remaining
     ) or proofs.cannot_return(rule.limits, watch.tilt, watch.energy, remaining)
@@ -188,7 +210,17 @@ def proved(watch: Watch, rule: Rule, remaining: float) -> bool:
 
 @compiled
 def side(watch: Watch, rule: Rule) -> int:
-    """Outcome by where the rock is now."""
+    """Outcome by where the rock is now.
+
+    Parameters
+    ----------
+    watch : record of ``WATCH``
+    rule : Rule
+
+    Returns
+    -------
+    int, an outcome
+    """
     if watch.tilt > rule.limits.toppled_tilt:
         return OVERTURNED
     return DISPLACED if watch.slip > DISPLACED_SHARE * rule.radius else BALANCED
@@ -212,7 +244,14 @@ def _slip_is_known(watch: Watch, rule: Rule, shaken: bool) -> bool:
 
 @compiled
 def note_rest(watch: Watch, rule: Rule, time: float) -> None:
-    """Since when the rock has hardly any energy, and where."""
+    """Since when the rock has hardly any energy, and where.
+
+    Parameters
+    ----------
+    watch : record of ``WATCH``
+    rule : Rule
+    time : float [s]
+    """
     if not watch.kinetic < rule.rest_energy:
         watch.rest_since = -1.0
     elif watch.rest_since < 0.0:
@@ -228,7 +267,18 @@ def _rest_from(watch: Watch, time: float) -> None:
 
 @compiled
 def rests(watch: Watch, rule: Rule, time: float) -> bool:
-    """Whether it has stood still for a while; it is watched anew if it creeps."""
+    """Whether it has stood still for a while; it is watched anew if it creeps.
+
+    Parameters
+    ----------
+    watch : record of ``WATCH``
+    rule : Rule
+    time : float [s]
+
+    Returns
+    -------
+    bool
+    """
     if watch.rest_since < 0.0 or time - watch.rest_since < rule.rest_time:
         return False
     path = turn = 0.0
@@ -241,5 +291,10 @@ def rests(watch: Watch, rule: Rule, time: float) -> bool:
 
 
 def watch() -> Watch:
-    """Room for what is watched of a run: a record of ``WATCH``."""
+    """Room for what is watched of a run: a record of ``WATCH``.
+
+    Returns
+    -------
+    record of ``WATCH``
+    """
     return np.zeros(1, WATCH)[0]

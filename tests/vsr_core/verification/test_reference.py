@@ -80,7 +80,11 @@ def test_order_of_convergence(case: Reference, engine: str) -> None:
     steps = [1 / 500, 1 / 1000, 1 / 2000, 1 / 4000]
     errors = [case.measure(engine, step) for step in steps]
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
-    assert slope == pytest.approx(case.order, abs=0.35)
+    if engine == "nonsmooth":
+        # One order more, down to where the errors of its impulses show.
+        assert max(errors) < 1e-6 or slope > case.order + 0.65
+    else:
+        assert slope == pytest.approx(case.order, abs=0.35)
 
 
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])

@@ -145,10 +145,24 @@ def corners_of(rock: Rock) -> Array:
 
 
 def motion() -> Motion:
-    """Room for a state."""
+    """Room for a state.
+
+    Returns
+    -------
+    record of ``MOTION``
+    """
     return np.zeros(1, MOTION)[0]
 
 
 def points(most: int) -> Points:
-    """Room for the points of contact of a step, at most ``most`` of them."""
+    """Room for the points of contact of a step, at most ``most`` of them.
+
+    Parameters
+    ----------
+    most : int
+
+    Returns
+    -------
+    array of ``POINT``
+    """
     return np.zeros(most, POINT)

@@ -89,6 +89,17 @@ def climb(duals: Array, ring: Indices, face: int, x: float, y: float, z: float) 
     """Face of the rock that a ray from its centre of mass through (x, y, z) meets.
 
     It is found from ``face`` on, by neighbours: the measure that grows has no local maximum.
+
+    Parameters
+    ----------
+    duals : ndarray, shape (m, 3), normals over offsets of faces
+    ring : ndarray of int, neighbours of each face
+    face : int, with which to begin
+    x, y, z : float
+
+    Returns
+    -------
+    int, a face
     """
     best = duals[face, 0] * x + duals[face, 1] * y + duals[face, 2] * z
     going = True
@@ -234,7 +245,16 @@ def _vertex(ground: Ground, rock: Motion, number: int, face: int, near: float) -
 
 @compiled
 def add(ground: Ground, kind: int, own: int, other: int, gap: float) -> None:
-    """List a pair that cannot touch before the rock has moved by ``gap`` [m]."""
+    """List a pair that cannot touch before the rock has moved by ``gap`` [m].
+
+    Parameters
+    ----------
+    ground : Ground
+    kind : int, kind of pair
+    own : int, feature of the rock
+    other : int, feature of the terrain
+    gap : float [m]
+    """
     search = ground.search[0]
     if search.pairs == len(ground.pairs):
         search.full = 1
@@ -247,7 +267,19 @@ def add(ground: Ground, kind: int, own: int, other: int, gap: float) -> None:
 
 @compiled
 def beside(plates: Array, number: int, x: float, y: float, z: float, margin: float) -> bool:
-    """Whether a point is on the inward side of all sides of a triangle, or within ``margin``."""
+    """Whether a point is on the inward side of all sides of a triangle, or within ``margin``.
+
+    Parameters
+    ----------
+    plates : ndarray, shape (m, 16), planes of triangles and of their sides
+    number : int, of a triangle
+    x, y, z : float
+    margin : float [m]
+
+    Returns
+    -------
+    bool
+    """
     for k in range(4, 16, 4):
         within = plates[number, k] * x + plates[number, k + 1] * y + plates[number, k + 2] * z
         if within - plates[number, k + 3] < -margin:

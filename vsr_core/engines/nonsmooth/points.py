@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from vsr_core.arrays import Array
 from vsr_core.engines.nonsmooth.body import Points
 from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.engines.nonsmooth.vectors import cross
 
 OPEN, GRIPS, SLIDES = 0, 1, 2
 """States of a point."""
@@ -12,7 +15,18 @@ OPEN, GRIPS, SLIDES = 0, 1, 2
 
 @compiled
 def excess(point: Points, k: int, velocity: Array) -> float:
-    """Velocity of a point less the one wanted, along the normal or a tangent."""
+    """Velocity of a point less the one wanted, along the normal or a tangent.
+
+    Parameters
+    ----------
+    point : record of ``POINT``
+    k : int, 0 along the normal, 1 and 2 along the tangents
+    velocity : ndarray, shape (6,) [m/s] and [rad/s]
+
+    Returns
+    -------
+    float [m/s]
+    """
     rows = point.rows
     return (
         rows[k, 0] * velocity[0]
@@ -27,9 +41,37 @@ def excess(point: Points, k: int, velocity: Array) -> float:
 
 @compiled
 def add_impulse(point: Points, share: float, velocity: Array) -> None:
-    """Add to a velocity what a share of the impulse of a point does."""
+    """Add to a velocity what a share of the impulse of a point does.
+
+    Parameters
+    ----------
+    point : record of ``POINT``
+    share : float
+    velocity : ndarray, shape (6,) [m/s] and [rad/s]
+    """
     for k in range(3):
         p = share * point.impulse[k]
         for j in range(3):
             velocity[j] += p * point.rows[k, j]
             velocity[3 + j] += p * point.turning[k, j]
+
+
+@compiled
+def tangents(normal: Array, rows: Array) -> None:
+    """Write a normal and two tangents into ``rows``; level ground has x and y.
+
+    Parameters
+    ----------
+    normal : ndarray, shape (3,), unit vector
+    rows : ndarray, shape (3, 6)
+    """
+    x, y, z = normal[0], normal[1], normal[2]
+    rows[0, 0], rows[0, 1], rows[0, 2] = x, y, z
+    if abs(x) < 0.9:
+        size = math.sqrt(y * y + z * z)
+        a, b, c = size, -x * y / size, -x * z / size
+    else:
+        size = math.sqrt(x * x + z * z)
+        a, b, c = -x * y / size, size, -y * z / size
+    rows[1, 0], rows[1, 1], rows[1, 2] = a, b, c
+    rows[2, 0], rows[2, 1], rows[2, 2] = cross(x, y, z, a, b, c)

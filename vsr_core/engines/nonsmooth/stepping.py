@@ -21,7 +21,7 @@ from vsr_core.arrays import Array
 from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.impulses import solve
-from vsr_core.engines.nonsmooth.points import OPEN, add_impulse
+from vsr_core.engines.nonsmooth.points import OPEN, add_impulse, tangents
 from vsr_core.engines.nonsmooth.vectors import cross, inertia_turned, matrix, turned
 
 ROUNDS = 6
@@ -95,7 +95,13 @@ def step(
 
 @compiled
 def drift(rock: Motion, time: float) -> None:
-    """Move and turn a rock by its velocity for a time [s]."""
+    """Move and turn a rock by its velocity for a time [s].
+
+    Parameters
+    ----------
+    rock : record of ``MOTION``
+    time : float [s]
+    """
     place, velocity, quaternion = rock.place, rock.velocity, rock.quaternion
     for k in range(3):
         place[k] += time * velocity[k]
@@ -285,7 +291,7 @@ def _enter(rock: Motion, points: Points, i: int) -> None:
     point.state = OPEN
     point.rebound = 0.0
     rows, turning, lever, flexibility = point.rows, point.turning, point.lever, rock.flexibility
-    _tangents(point.normal, rows)
+    tangents(point.normal, rows)
     for k in range(3):
         point.base[k] = point.impulse[k] = point.given[k] = 0.0
         a, b, c = cross(lever[0], lever[1], lever[2], rows[k, 0], rows[k, 1], rows[k, 2])
@@ -362,21 +368,6 @@ def _let_go(rock: Motion, points: Points, standing: int, share: float) -> None:
         for k in range(3):
             point.given[k] = share * point.impulse[k]
             point.impulse[k] = 0.0
-
-
-@compiled
-def _tangents(normal: Array, rows: Array) -> None:
-    """Write a normal and two tangents into ``rows``; level ground has x and y."""
-    x, y, z = normal[0], normal[1], normal[2]
-    rows[0, 0], rows[0, 1], rows[0, 2] = x, y, z
-    if abs(x) < 0.9:
-        size = math.sqrt(y * y + z * z)
-        a, b, c = size, -x * y / size, -x * z / size
-    else:
-        size = math.sqrt(x * x + z * z)
-        a, b, c = -x * y / size, size, -y * z / size
-    rows[1, 0], rows[1, 1], rows[1, 2] = a, b, c
-    rows[2, 0], rows[2, 1], rows[2, 2] = cross(x, y, z, a, b, c)
 
 
 @compiled

@@ -14,7 +14,13 @@ SLIDING_SWEEPS = 6
 
 @compiled
 def begin(rock: Motion, points: Points) -> None:
-    """Take all impulses of active points away."""
+    """Take all impulses of active points away.
+
+    Parameters
+    ----------
+    rock : record of ``MOTION``
+    points : array of ``POINT``
+    """
     rock.velocity[:] = rock.free
     for at in range(rock.active):
         points[points[at].active].impulse[:] = 0.0
@@ -22,7 +28,13 @@ def begin(rock: Motion, points: Points) -> None:
 
 @compiled
 def save(rock: Motion, points: Points) -> None:
-    """Remember all impulses of active points."""
+    """Remember all impulses of active points.
+
+    Parameters
+    ----------
+    rock : record of ``MOTION``
+    points : array of ``POINT``
+    """
     for at in range(rock.active):
         point = points[points[at].active]
         point.saved[:] = point.impulse
@@ -30,7 +42,13 @@ def save(rock: Motion, points: Points) -> None:
 
 @compiled
 def go_back(rock: Motion, points: Points) -> None:
-    """Go back to the impulses that were saved, and to the velocity that they lead to."""
+    """Go back to the impulses that were saved, and to the velocity that they lead to.
+
+    Parameters
+    ----------
+    rock : record of ``MOTION``
+    points : array of ``POINT``
+    """
     rock.velocity[:] = rock.free
     for at in range(rock.active):
         point = points[points[at].active]
@@ -40,7 +58,14 @@ def go_back(rock: Motion, points: Points) -> None:
 
 @compiled
 def sweep_together(rock: Motion, points: Points, friction: float) -> None:
-    """Move all impulses toward those that each point alone would need, by equal shares."""
+    """Move all impulses toward those that each point alone would need, by equal shares.
+
+    Parameters
+    ----------
+    rock : record of ``MOTION``
+    points : array of ``POINT``
+    friction : float
+    """
     number = rock.active
     for at in range(number):
         point = points[points[at].active]
@@ -64,6 +89,10 @@ def sweep(rock: Motion, points: Points, friction: float, most: int, tolerance: f
     friction : float
     most : int, sweeps
     tolerance : float [m/s], change of a velocity at a point by its impulse
+
+    Returns
+    -------
+    bool
     """
     for _ in range(most):
         largest = 0.0

@@ -167,7 +167,12 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
 
 
 def forget(ground: Ground) -> None:
-    """Have the search begin anew, as at the first start."""
+    """Have the search begin anew, as at the first start.
+
+    Parameters
+    ----------
+    ground : Ground
+    """
     ground.search["reserve"], ground.search["way"] = -1.0, 0.0
     ground.search["pairs"] = ground.search["stamp"] = ground.search["full"] = 0
     ground.tree.due[:], ground.tree.hints[:] = -np.inf, 0

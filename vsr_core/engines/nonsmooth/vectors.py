@@ -10,7 +10,16 @@ from vsr_core.engines.nonsmooth.compiling import compiled
 
 @compiled
 def cross(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Cross product of (a, b, c) and (x, y, z)."""
+    """Cross product of (a, b, c) and (x, y, z).
+
+    Parameters
+    ----------
+    a, b, c, x, y, z : float
+
+    Returns
+    -------
+    tuple of three floats
+    """
     return b * z - c * y, c * x - a * z, a * y - b * x
 
 
@@ -22,6 +31,15 @@ def turned(
 
     Sine and cosine are their series, which give the same bits on every machine; at 1 rad they are
     right to 1e-10.
+
+    Parameters
+    ----------
+    turn_x, turn_y, turn_z : float [rad], rotation vector
+    w, x, y, z : float, quaternion
+
+    Returns
+    -------
+    tuple of four floats
     """
     square = 0.25 * (turn_x * turn_x + turn_y * turn_y + turn_z * turn_z)
     sine = 0.5 * _sinc(square)
@@ -47,7 +65,13 @@ def _sinc(square: float) -> float:
 
 @compiled
 def matrix(w: float, x: float, y: float, z: float, rotation: Array) -> None:
-    """Write the rotation matrix of a unit quaternion into ``rotation``, shape (3, 3)."""
+    """Write the rotation matrix of a unit quaternion into ``rotation``, shape (3, 3).
+
+    Parameters
+    ----------
+    w, x, y, z : float, quaternion
+    rotation : ndarray, shape (3, 3)
+    """
     rotation[0, 0] = 1.0 - 2.0 * (y * y + z * z)
     rotation[0, 1] = 2.0 * (x * y - z * w)
     rotation[0, 2] = 2.0 * (x * z + y * w)
@@ -61,7 +85,14 @@ def matrix(w: float, x: float, y: float, z: float, rotation: Array) -> None:
 
 @compiled
 def inertia_turned(rotation: Array, moments: Array, tensor: Array) -> None:
-    """Write R diag(moments) R^T into ``tensor``, shape (3, 3)."""
+    """Write R diag(moments) R^T into ``tensor``, shape (3, 3).
+
+    Parameters
+    ----------
+    rotation : ndarray, shape (3, 3)
+    moments : ndarray, shape (3,) [m^2]
+    tensor : ndarray, shape (3, 3), written
+    """
     for i in range(3):
         for j in range(i, 3):
             value = 0.0

@@ -41,21 +41,36 @@ class NonsmoothWorld:
         self.put(scene.start or resting(scene))
 
     def put(self, state: State) -> None:
-        """Have the rock go on from a state."""
+        """Have the rock go on from a state.
+
+        Parameters
+        ----------
+        state : State
+        """
         set_state(self._motion, state, self._axes)
         begin(self._body, self._motion, self._step)
         if self._ground is not None:
             forget(self._ground)
 
     def advance(self, acceleration: Iterable[float]) -> None:
-        """Step through samples of the table's acceleration along the shaking [m/s^2]."""
+        """Step through samples of the table's acceleration along the shaking [m/s^2].
+
+        Parameters
+        ----------
+        acceleration : array, shape (n,) along +x, or (n, 3) [m/s^2]
+        """
         along = np.fromiter(acceleration, dtype=np.float64)
         pushes = np.zeros((len(along), 3))
         pushes[:, 0] = along
         self.shake(pushes)
 
     def shake(self, acceleration: Sequence[Sequence[float]] | Array) -> None:
-        """Step through samples of the table's acceleration along x, y and z [m/s^2]."""
+        """Step through samples of the table's acceleration along x, y and z [m/s^2].
+
+        Parameters
+        ----------
+        acceleration : array, shape (n,) along +x, or (n, 3) [m/s^2]
+        """
         along = np.ascontiguousarray(acceleration, dtype=np.float64).reshape(-1, 3)
         held = self._substeps, self._step, self._gravity
         effort = self._solver.iterations, self._solver.residual
@@ -70,17 +85,32 @@ class NonsmoothWorld:
                 rock["place"][:] = math.nan  # a list of what touches was too short
 
     def state(self) -> State:
-        """Present state in SI units."""
+        """Present state in SI units.
+
+        Returns
+        -------
+        State
+        """
         return state_of(self._motion, self._step, self._axes)
 
     def contacts(self) -> tuple[int, float]:
-        """Number of points that bore the rock in the last step; the deepest in the ground [m]."""
+        """Number of points that bore the rock in the last step; the deepest in the ground [m].
+
+        Returns
+        -------
+        tuple of int and float [m]
+        """
         active = self._active()
         bears = active["impulse"][:, 0] + active["given"][:, 0] > 0.0
         return int(bears.sum()), max(0.0, -float(active["gap"].min(initial=0.0)))
 
     def footing(self) -> tuple[Array, Array]:
-        """Points that bore the rock in the last step, and the way the ground pushed there."""
+        """Points that bore the rock in the last step, and the way the ground pushed there.
+
+        Returns
+        -------
+        tuple of ndarray, shape (k, 3) [m], and ndarray, shape (k, 3)
+        """
         active = self._active()
         active = active[active["impulse"][:, 0] + active["given"][:, 0] > 0.0]
         before = self._motion["place"] - self._step * self._motion["velocity"][:3]
@@ -160,7 +190,14 @@ def advance_on(
 
 @compiled
 def begin(body: Body, rock: Motion, time_step: float) -> None:
-    """Bring a state told at the start of a step to the middle of its path; forget all contacts."""
+    """Bring a state told at the start of a step to the middle of its path; forget all contacts.
+
+    Parameters
+    ----------
+    body : Body
+    rock : record of ``MOTION``
+    time_step : float [s]
+    """
     rock.found = rock.near = rock.active = rock.kept = 0
     rock.reserve = -1.0
     inertia_turned(rock.rotation, body.moments, rock.inertia)

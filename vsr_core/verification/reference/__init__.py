@@ -15,8 +15,11 @@ from typing import Any
 
 from vsr_core.verification.families import modules
 
-BOTH = ("bullet", "mujoco")
+BOTH = ("bullet", "mujoco", "nonsmooth")
 """Engines that can hold a case without restitution and without a drive."""
+
+REBOUNDS = ("bullet", "nonsmooth")
+"""Engines that know a coefficient of restitution, and ground of triangles."""
 
 BULLET = ("bullet",)
 

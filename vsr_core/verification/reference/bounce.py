@@ -9,7 +9,7 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.reference import BOTH, BULLET, Reference, case
+from vsr_core.verification.reference import BOTH, REBOUNDS, Reference, case
 from vsr_core.verification.reference._run import run, whole
 from vsr_core.verification.rocks import box, sphere, upright
 
@@ -30,7 +30,7 @@ def _rebound(rock: Rock, restitution: float, engine: str, time_step: float) -> f
 
 
 def _bounce(
-    name: str, rock: Rock, e: float, tolerance: float, engines: tuple[str, ...] = BULLET
+    name: str, rock: Rock, e: float, tolerance: float, engines: tuple[str, ...] = REBOUNDS
 ) -> Reference:
     answer = "e^2 of the height of the fall."
     return case(f"bounce of a {name}, e = {e:g}", answer, tolerance, _rebound, rock, e,

@@ -23,7 +23,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.ground_shapes import rough
 from vsr_core.terrain.surface import Terrain
-from vsr_core.verification.reference import BULLET, case
+from vsr_core.verification.reference import BULLET, REBOUNDS, case
 from vsr_core.verification.reference._ground import in_parts, sheet
 from vsr_core.verification.reference._run import Path, run, whole
 from vsr_core.verification.rocks import hull
@@ -139,6 +139,6 @@ def worst(hulls: int, contact: Contact, cut: bool, engine: str, time_step: float
 
 CASES = tuple(
     case(f"energy on rough {'parts' if cut else 'triangles'}, e = {e:g}", "it never grows", 0.02,
-         worst, 6, Contact(0.6, e), cut, engines=BULLET)
-    for e, cut in ((0.0, True), (0.38, False))
+         worst, 6, Contact(0.6, e), cut, engines=engines)
+    for e, cut, engines in ((0.0, True, REBOUNDS), (0.38, False, BULLET))
 )  # fmt: skip

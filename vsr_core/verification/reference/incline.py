@@ -17,7 +17,7 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.scene import Contact
 from vsr_core.terrain.surface import Terrain
-from vsr_core.verification.reference import BULLET, Reference, case
+from vsr_core.verification.reference import REBOUNDS, Reference, case
 from vsr_core.verification.reference._ground import scene, seen, slope
 from vsr_core.verification.reference._run import run, whole
 from vsr_core.verification.rocks import sphere, upright
@@ -122,7 +122,7 @@ def _incline(name: str, angle: float, friction: float, cut: bool, tolerance: flo
         "on, g (sin(b) - mu cos(b)) below"
     )
     return case(f"{name} sphere on a slope of {kind}", answer, tolerance,
-                rolling, math.radians(angle), friction, cell, cut, engines=BULLET)  # fmt: skip
+                rolling, math.radians(angle), friction, cell, cut, engines=REBOUNDS)  # fmt: skip
 
 
 CASES = (

@@ -24,7 +24,7 @@ from scipy.integrate import quad
 from vsr_core import GRAVITY
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact
-from vsr_core.verification.reference import BULLET, Reference, case
+from vsr_core.verification.reference import REBOUNDS, Reference, case
 from vsr_core.verification.reference._ground import scene, seen, slope
 from vsr_core.verification.reference._run import Path, run, whole
 from vsr_core.verification.rocks import GRIPPING, hull, upright
@@ -179,7 +179,7 @@ def _wheel(
 ) -> Reference:
     cell, kind = (1.0, "parts") if cut else (0.5, "triangles")
     name = f"rimless wheel of {wheel.sides} sides on {kind}, {error.__name__}"
-    return case(name, MCGEER, most, error, wheel, cell, cut, engines=BULLET)
+    return case(name, MCGEER, most, error, wheel, cell, cut, engines=REBOUNDS)
 
 
 CASES = (

@@ -26,7 +26,7 @@ from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, State
 from vsr_core.terrain.surface import Terrain
-from vsr_core.verification.reference import BULLET, case
+from vsr_core.verification.reference import REBOUNDS, case
 from vsr_core.verification.reference._ground import axes, in_parts, scene, sheet, slope
 from vsr_core.verification.reference._run import run, whole
 from vsr_core.verification.rocks import DENSITY, upright
@@ -201,6 +201,6 @@ ENERGY_LINE = (
 
 CASES = tuple(
     case(f"slide to rest on a slope, e = {e:g}", ENERGY_LINE, tolerance,
-         sliding, math.radians(25.0), Contact(0.6, e), 12.0, True, engines=BULLET)
+         sliding, math.radians(25.0), Contact(0.6, e), 12.0, True, engines=REBOUNDS)
     for e, tolerance in ((0.0, 0.05), (0.38, 0.02))
 )  # fmt: skip

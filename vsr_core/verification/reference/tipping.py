@@ -15,7 +15,7 @@ from vsr_core import GRAVITY, engines
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.boundary_search import halved
-from vsr_core.verification.reference import BULLET, case
+from vsr_core.verification.reference import REBOUNDS, case
 from vsr_core.verification.reference._run import whole
 from vsr_core.verification.rocks import GRIPPING, box, hull, unit
 
@@ -103,6 +103,6 @@ CASES = (
     case("static tipping, box of 1 x 1 x 2 m", STATIC, 3e-3, _static, box(1.0, 1.0, 2.0), 2.0),
     case("static tipping, box of 1 x 1 x 5 m", STATIC, 4e-3, _static, box(1.0, 1.0, 5.0), 5.0),
     case("static tipping, octagonal hull", STATIC, 4e-3, _static, _prism(), 2.0),
-    case("sliding or tipping, b/h = 0.5", SWITCH, 5e-3, _switch, 1.0, 2.0, engines=BULLET),
-    case("sliding or tipping, b/h = 0.75", SWITCH, 5e-3, _switch, 1.5, 2.0, engines=BULLET),
+    case("sliding or tipping, b/h = 0.5", SWITCH, 5e-3, _switch, 1.0, 2.0, engines=REBOUNDS),
+    case("sliding or tipping, b/h = 0.75", SWITCH, 5e-3, _switch, 1.5, 2.0, engines=REBOUNDS),
 )
