@@ -14,7 +14,7 @@ import tempfile
 from itertools import chain
 from pathlib import Path
 
-from benchmarks import accuracy, displacement, speed
+from benchmarks import accuracy, displacement, engine, speed
 from benchmarks.table import show
 
 
@@ -28,7 +28,8 @@ def main() -> int:
         folder = Path(temporary)
         site = speed.site_file(folder, options.scan)
         show((f"Double Rock: {options.scan or 'surrogate'}; {speed.WORKERS} workers", "", ""))
-        parts = [speed.loop(site, folder), speed.one_yaw(site, folder)]
+        parts = [engine.against_bullet(site, folder), engine.command(site, folder)]
+        parts += [speed.loop(site, folder), speed.one_yaw(site, folder)]
         if not options.quick:
             parts += [speed.whole_site(site, folder), displacement.grid(folder)]
             parts += [displacement.reductions(folder)]

@@ -49,10 +49,10 @@ def site_file(folder: Path, scan: Path | None) -> Path:
 def loop(site: Path, folder: Path) -> Iterator[Row]:
     """The guarded loop against bare steps of the engine, same scene, motions and step counts."""
     say("the run loop against bare steps of the engine")
-    case, settings = _case(site, folder)
-    cells = _cells(150)
+    case, settings = case_of(site, folder)
+    chosen = cells(150)
     guarded = bare = 0.0
-    for pga, pgv_pga in cells:
+    for pga, pgv_pga in chosen:
         motion = CosinePulse(pga * GRAVITY, pgv_pga)
         start = time.process_time()
         response = simulate(case, motion, settings)
@@ -66,7 +66,7 @@ def loop(site: Path, folder: Path) -> Iterator[Row]:
 def one_yaw(site: Path, folder: Path) -> Iterator[Row]:
     """2,500 cold runs of one yaw, and a plain fixed 1 kHz loop."""
     say("2,500 runs of yaw 0")
-    seconds, notes = _run(site, folder / "one", "yaw=0")
+    seconds, notes = timed_command(site, folder / "one", "yaw=0")
     cpu, wall = notes["cpu_seconds"], notes["seconds"]
     waste = wall * WORKERS / cpu - 1.0
     yield "2,500 runs of yaw 0, cold: runs stage [s]", f"{wall:.1f}", "at most 10"
@@ -75,8 +75,8 @@ def one_yaw(site: Path, folder: Path) -> Iterator[Row]:
     beyond = "  workers, store and start-up beyond the runs' CPU [%]"
     yield beyond, f"{100 * waste:.0f}", "at most 10"
     say("a plain loop at 1 kHz")
-    case, _ = _case(site, folder)
-    plain = _plain_loop(case) * 2500
+    case, _ = case_of(site, folder)
+    plain = plain_loop(case) * 2500
     yield "  plain fixed 1 kHz loop / this, CPU", f"{plain / cpu:.1f}", ""
     yield "  real-time table / this, wall", f"{REAL_TIME_HOURS * 3600 / seconds:.0f}", "1,000"
 
@@ -84,13 +84,13 @@ def one_yaw(site: Path, folder: Path) -> Iterator[Row]:
 def whole_site(site: Path, folder: Path) -> Iterator[Row]:
     """Twelve yaws with fragility and report, then the same again; memory of the client."""
     say("30,000 runs of twelve yaws, fragility and report")
-    seconds, notes = _run(site, folder / "all")
+    seconds, notes = timed_command(site, folder / "all")
     waste = notes["seconds"] * WORKERS / notes["cpu_seconds"] - 1.0
     yield "12 yaws, 30,000 runs, fragility and report [s]", f"{seconds:.0f}", "at most 120"
     yield "  runs stage [s]", f"{notes['seconds']:.0f}", ""
     yield "  workers and store beyond the runs' CPU [%]", f"{100 * waste:.0f}", "at most 10"
     say("the same command again")
-    again, _ = _run(site, folder / "all")
+    again, _ = timed_command(site, folder / "all")
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     yield "  the second call [s]", f"{again:.2f}", "at most 3"
     yield "  largest process [MB]", f"{peak:.0f}", ""
@@ -99,7 +99,8 @@ def whole_site(site: Path, folder: Path) -> Iterator[Row]:
     yield "client's memory, 30,000 runs / 2,500 runs", f"{large / small:.2f}", "about 1"
 
 
-def _run(site: Path, derived: Path, *settings: str) -> tuple[float, dict[str, float]]:
+def timed_command(site: Path, derived: Path, *settings: str) -> tuple[float, dict[str, float]]:
+    """Wall-clock time of a fragility command [s], and its last note in the log."""
     command = [sys.executable, "-m", "pipeline", "run", "fragility", "--site", str(site)]
     command += ["--derived", str(derived), "--workers", str(WORKERS)]
     for setting in settings:
@@ -111,7 +112,8 @@ def _run(site: Path, derived: Path, *settings: str) -> tuple[float, dict[str, fl
     return seconds, json.loads(log[-1])
 
 
-def _case(site: Path, folder: Path) -> tuple[Case, Settings]:
+def case_of(site: Path, folder: Path) -> tuple[Case, Settings]:
+    """Rock of a site on a flat pedestal at yaw 0, and the step of the loop\'s comparison."""
     given = load_site(str(site))
     store = Store(folder / "rock" / given.name)
     if store.manifest("rock") is None:
@@ -123,7 +125,8 @@ def _case(site: Path, folder: Path) -> tuple[Case, Settings]:
     return case, Settings(STEP_SHARE * step_unit(case.full.rock))
 
 
-def _cells(number: int) -> list[tuple[float, float]]:
+def cells(number: int) -> list[tuple[float, float]]:
+    """Random PGA [g] and PGV/PGA [s] of runs, the same every time."""
     rng = random.Random(1)
     return [(rng.uniform(0.3, 1.0), rng.uniform(0.1, 1.0)) for _ in range(number)]
 
@@ -135,17 +138,17 @@ def _bare_steps(case: Case, motion: CosinePulse, settings: Settings, steps: int)
     world.advance(motion.acceleration(times).tolist())
 
 
-def _plain_loop(case: Case) -> float:
+def plain_loop(case: Case) -> float:
     """CPU time of a run [s]: 1 kHz, half a second of rest before and four seconds after."""
-    cells = _cells(12)
+    chosen = cells(12)
     start = time.process_time()
-    for pga, pgv_pga in cells:
+    for pga, pgv_pga in chosen:
         motion = CosinePulse(pga * GRAVITY, pgv_pga)
         steps = math.ceil((0.5 + motion.duration + 4.0) / 1e-3)
         world = engines.load("bullet").build(case.full, 1e-3, 1)
         times = (np.arange(steps, dtype=np.float64) + 0.5) * 1e-3 - 0.5
         world.advance(motion.acceleration(times).tolist())
-    return (time.process_time() - start) / len(cells)
+    return (time.process_time() - start) / len(chosen)
 
 
 _MEMORY = """

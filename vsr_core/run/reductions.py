@@ -56,7 +56,7 @@ class Reduction(Enum):
     )
     TRIANGLES = (
         "triangles of the terrain",
-        "convex parts that stand out of it by less than a stated tolerance take their place",
+        "fewer ones, or in Bullet convex parts, take their place within a stated tolerance",
     )
     FAR_GROUND = (
         "ground out of reach",

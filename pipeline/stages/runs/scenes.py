@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from pipeline.config import in_si
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError
-from pipeline.config.schema import Config
+from pipeline.config.schema import COMPILED, Config
 from pipeline.stages.mesh.products import Ground, load_rock, load_terrain
 from pipeline.stages.motions import motion_grid
 from pipeline.workflow import keys
@@ -240,6 +240,8 @@ def left_out(config: Config, case: Case) -> list[LeftOut]:
     list of LeftOut
     """
     reductions = case.reductions
+    if config.engine == COMPILED:  # which takes all corners
+        reductions = tuple(r for r in reductions if r is not Reduction.HULL_VERTICES)
     if config.motion.kind == "table":
         reductions = tuple(r for r in reductions if r not in PROOFS)
     elif config.on_terrain:
