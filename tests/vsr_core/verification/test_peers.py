@@ -18,8 +18,16 @@ from vsr_core.scene import Contact, Scene
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.verification import peers, rocking_block
 
-METHODS = ["dart", "drake", "mujoco_default", "mujoco_stiff", "published_setup"]
-PRECISE = ["dart", "drake", "mujoco_default", "mujoco_stiff"]
+METHODS = [
+    "dart",
+    "drake",
+    "mujoco_default",
+    "mujoco_stiff",
+    "physx",
+    "published_setup",
+    "rapier",
+]
+PRECISE = ["dart", "drake", "mujoco_default", "mujoco_stiff", "physx", "rapier"]
 
 
 def installed(name: str) -> peers.Method:
