@@ -18,8 +18,17 @@ from vsr_core.scene import Contact, Scene
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.verification import peers, rocking_block
 
-METHODS = ["dart", "drake", "mujoco_default", "mujoco_stiff", "published_setup"]
-PRECISE = ["dart", "drake", "mujoco_default", "mujoco_stiff"]
+METHODS = [
+    "dart",
+    "drake",
+    "mujoco_batch",
+    "mujoco_default",
+    "mujoco_stiff",
+    "physx",
+    "published_setup",
+    "rapier",
+]
+PRECISE = [name for name in METHODS if name != "published_setup"]
 
 
 def installed(name: str) -> peers.Method:
@@ -93,6 +102,12 @@ def test_the_surrogate_rock_topples_above_its_boundary(name: str) -> None:
 def test_the_surrogate_rock_rocks_below_its_boundary(name: str) -> None:
     test = coarsest(name, surrogate(), friction=0.6)
     assert 0.02 < test(CosinePulse.from_g(0.16, 0.15)) < 0.2
+
+
+def test_a_batch_gives_what_a_loop_gives() -> None:
+    loop, batch = (coarsest(name, surrogate(), 0.6) for name in ("mujoco_stiff", "mujoco_batch"))
+    pulse = CosinePulse.from_g(0.16, 0.15)
+    assert batch(pulse) == pytest.approx(loop(pulse), rel=1e-6)
 
 
 @pytest.mark.parametrize("name", METHODS)

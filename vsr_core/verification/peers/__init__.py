@@ -169,9 +169,16 @@ def tilt_of(quaternion: Sequence[float]) -> float:
     Returns
     -------
     float [rad]
+        nan if one of x and y is.
+
+    Examples
+    --------
+    >>> tilt_of((0.0, 1.0, 0.0, 0.0)) == math.pi, tilt_of((1.0, math.nan, 0.0, 0.0))
+    (True, nan)
     """
     _, x, y, _ = quaternion
-    return math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
+    # In this order: of nan and a number, max returns the first.
+    return math.acos(max(1.0 - 2.0 * (x * x + y * y), -1.0))
 
 
 def inertia(rock: Rock) -> Array:

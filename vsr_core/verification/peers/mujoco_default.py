@@ -52,7 +52,7 @@ def with_contact(scene: Scene, time_step: float, time_constant: float) -> Test:
     """
     import mujoco
 
-    model = _model(scene, time_step, time_constant)
+    model = model_of(scene, time_step, time_constant)
     data = mujoco.MjData(model)
     gravity, quaternion, step = model.opt.gravity, data.qpos[3:], mujoco.mj_step
 
@@ -71,7 +71,19 @@ def with_contact(scene: Scene, time_step: float, time_constant: float) -> Test:
     return test
 
 
-def _model(scene: Scene, time_step: float, time_constant: float) -> mujoco.MjModel:
+def model_of(scene: Scene, time_step: float, time_constant: float) -> mujoco.MjModel:
+    """Model of a rock at rest on a plane, with critically damped contacts.
+
+    Parameters
+    ----------
+    scene : Scene
+    time_step : float [s]
+    time_constant : float [s], of the contacts
+
+    Returns
+    -------
+    mujoco.MjModel
+    """
     import mujoco
 
     spec, rock, start = mujoco.MjSpec(), scene.rock, resting(scene)
