@@ -113,7 +113,7 @@ def timed_command(site: Path, derived: Path, *settings: str) -> tuple[float, dic
 
 
 def case_of(site: Path, folder: Path) -> tuple[Case, Settings]:
-    """Rock of a site on a flat pedestal at yaw 0, and the step of the loop\'s comparison."""
+    """Rock of a site on a flat pedestal at yaw 0, and the step of the loop's comparison."""
     given = load_site(str(site))
     store = Store(folder / "rock" / given.name)
     if store.manifest("rock") is None:

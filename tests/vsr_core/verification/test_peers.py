@@ -21,7 +21,6 @@ from vsr_core.verification import peers, rocking_block
 METHODS = [
     "dart",
     "drake",
-    "mujoco_batch",
     "mujoco_default",
     "mujoco_stiff",
     "physx",
@@ -102,12 +101,6 @@ def test_the_surrogate_rock_topples_above_its_boundary(name: str) -> None:
 def test_the_surrogate_rock_rocks_below_its_boundary(name: str) -> None:
     test = coarsest(name, surrogate(), friction=0.6)
     assert 0.02 < test(CosinePulse.from_g(0.16, 0.15)) < 0.2
-
-
-def test_a_batch_gives_what_a_loop_gives() -> None:
-    loop, batch = (coarsest(name, surrogate(), 0.6) for name in ("mujoco_stiff", "mujoco_batch"))
-    pulse = CosinePulse.from_g(0.16, 0.15)
-    assert batch(pulse) == pytest.approx(loop(pulse), rel=1e-6)
 
 
 @pytest.mark.parametrize("name", METHODS)
