@@ -28,7 +28,7 @@ LADDER = Ladder(
 )
 """Of second order: the reference is right to a sixtieth of what the coarse one is."""
 
-SLENDER_SHARE = 0.2
+SLENDER_SHARE = 0.35
 """Longest step of a slender rock, as a share of tan(alpha) sqrt(radius / g)."""
 
 SLIDING_SHARE = 1.0

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, signal
+import scipy
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
@@ -146,7 +146,7 @@ def _largest(trace: Trace, w: float, damping: float) -> float:
     system = np.zeros((4, 4))
     system[0, 1] = system[2, 3] = 1.0
     system[1, :3] = -(w**2), -2.0 * damping * w, -1.0
-    moved = linalg.expm(system * h)
+    moved = scipy.linalg.expm(system * h)
     step, held, rising = moved[:2, :2], moved[:2, 2], moved[:2, 3]
     tail = np.zeros(math.ceil(2.0 * math.pi / (w * h)))
     starts = np.concatenate([trace.acceleration[:-1], tail])
@@ -154,6 +154,6 @@ def _largest(trace: Trace, w: float, damping: float) -> float:
     push = np.outer(held, starts) + np.outer(rising, slopes)
     # x[k + 1] = step x[k] + push[k] from rest, as a filter of second order for the displacement
     below = [1.0, -float(np.trace(step)), float(np.linalg.det(step))]
-    relative = signal.lfilter([0.0, 1.0, -step[1, 1]], below, np.append(push[0], 0.0))
-    relative += signal.lfilter([0.0, 0.0, step[0, 1]], below, np.append(push[1], 0.0))
+    relative = scipy.signal.lfilter([0.0, 1.0, -step[1, 1]], below, np.append(push[0], 0.0))
+    relative += scipy.signal.lfilter([0.0, 0.0, step[0, 1]], below, np.append(push[1], 0.0))
     return w**2 * float(np.abs(relative).max())

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
@@ -94,7 +94,7 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
     if how.order == "none":
         return Trace(acceleration, interval)
     if how.order == "standard":
-        acceleration = signal.detrend(acceleration, type="linear")
+        acceleration = scipy.signal.detrend(acceleration, type="linear")
     if how.highpass is not None:
         acceleration = np.pad(acceleration, pad_length(how, interval))
     for kind, corner in (("lowpass", how.lowpass), ("highpass", how.highpass)):
@@ -141,9 +141,9 @@ def filtered(values: Array, interval: float, kind: str, corner: float, poles: in
     -------
     ndarray, shape (n,)
     """
-    sections = signal.butter(poles, corner, kind, fs=1.0 / interval, output="sos")
-    forward = signal.sosfilt(sections, values)
-    backward: Array = signal.sosfilt(sections, forward[::-1])[::-1]
+    sections = scipy.signal.butter(poles, corner, kind, fs=1.0 / interval, output="sos")
+    forward = scipy.signal.sosfilt(sections, values)
+    backward: Array = scipy.signal.sosfilt(sections, forward[::-1])[::-1]
     return np.ascontiguousarray(backward)
 
 
@@ -200,7 +200,9 @@ def resampled(values: Array, interval: float, rate: float) -> tuple[Array, float
             "the two have a ratio of whole numbers up to 1000",
             "choose such a motion.processing.resample",
         )
-    new: Array = signal.resample_poly(values, ratio.numerator, ratio.denominator, padtype="line")
+    new: Array = scipy.signal.resample_poly(
+        values, ratio.numerator, ratio.denominator, padtype="line"
+    )
     return new, interval / float(ratio)
 
 
