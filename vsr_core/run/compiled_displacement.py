@@ -71,7 +71,7 @@ def place(case: TerrainCase) -> Place:
     seat = case.seat
     assert seat.terrain is not None
     lookup = ground_lookup.lookup(seat.terrain)
-    body = bodies.body(seat.rock, seat.contact)
+    body = bodies.body(seat.rock, seat.contact, on_level=False)
     return Place(body, ground(seat.rock, seat.terrain), lookup, _rule(case))
 
 

@@ -135,7 +135,7 @@ def _run_all(
     intervals = np.array([s.interval for s in taken])
     last = np.array([s.pulse_samples + math.ceil(wait / s.interval) for s in taken])
     limits = _limits(case, motions, settings)
-    body = bodies.body(scene.rock, scene.contact)
+    body = bodies.body(scene.rock, scene.contact, on_level=True)
     start = bodies.motion()
     set_state(start, scene.start or resting(scene), scene.rock.axes)
     decided = np.zeros((len(motions), 3), dtype=np.int64)

@@ -28,6 +28,7 @@ class Body(NamedTuple):
     flexibility : ndarray, shape (3,) [m^-2], their inverses
     radius : float [m], largest distance of a corner from the centre of mass
     friction, restitution : float
+    slow : float, approach speed of what lands slowly, in units of what gravity adds in a step
     """
 
     points: Array
@@ -36,7 +37,12 @@ class Body(NamedTuple):
     radius: float
     friction: float
     restitution: float
+    slow: float
 
+
+SLOW_ON_LEVEL, SLOW_ON_TERRAIN = 0.1, 0.7
+"""``Body.slow``. A slender rock lands slowly, and its impacts are as exact as those of others down to
+there; a rock on rough ground, which rattles on a few points, comes to rest."""
 
 MOTION = np.dtype(
     [
@@ -102,13 +108,14 @@ Points = Any
 """Array of records of ``POINT``."""
 
 
-def body(rock: Rock, contact: Contact) -> Body:
+def body(rock: Rock, contact: Contact, *, on_level: bool) -> Body:
     """A rock and its contact as the engine takes them.
 
     Parameters
     ----------
     rock : Rock
     contact : Contact
+    on_level : bool, whether the ground is level, or a terrain
 
     Returns
     -------
@@ -125,6 +132,7 @@ def body(rock: Rock, contact: Contact) -> Body:
         rock.radius,
         contact.friction,
         contact.restitution,
+        SLOW_ON_LEVEL if on_level else SLOW_ON_TERRAIN,
     )
 
 

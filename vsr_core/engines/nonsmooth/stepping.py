@@ -37,9 +37,6 @@ TOUCHING_SHARE = 1e-6
 LIFTING_SHARE = 2e-3
 """Speed at which a point that is in the ground is lifted at most, as a share of sqrt(g radius)."""
 
-SLOW_STEPS = 0.7
-"""Approach speed of what lands slowly, in units of what gravity adds in a step."""
-
 BOUNCING_STEPS = 2.0
 """Approach speed below which nothing rebounds, in units of what gravity adds in a step."""
 
@@ -263,7 +260,7 @@ def _land(
     more than 1 if none lands fast. What comes slowly takes the weight over by and by: to tell when
     would add energy to a rock that comes to rest.
     """
-    first, entered, slow = 2.0, False, SLOW_STEPS * gravity * time_step
+    first, entered, slow = 2.0, False, body.slow * gravity * time_step
     for i in range(rock.found):
         point = points[i]
         if point.is_active:

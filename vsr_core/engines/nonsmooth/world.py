@@ -26,7 +26,7 @@ class NonsmoothWorld:
 
     def __init__(self, scene: Scene, time_step: float, substeps: int, solver: Solver) -> None:
         self._axes = scene.rock.axes
-        self._body = bodies.body(scene.rock, scene.contact)
+        self._body = bodies.body(scene.rock, scene.contact, on_level=scene.terrain is None)
         self._ground: Ground | None = None
         self._along = 1.0, 0.0
         most = max(1, len(self._body.points))

@@ -24,7 +24,7 @@ from vsr_core.verification.rocks import unit, upright
 from vsr_core.verification.stability import Measured
 from vsr_core.verification.tracking import TableHistory, standing_loop, track
 
-BOTH = ("bullet", "mujoco")
+BOTH = ("bullet", "mujoco", "nonsmooth")
 
 STEP_SHARE = 0.002
 """Time step in units of sqrt(radius / g) where it is not what is varied."""
