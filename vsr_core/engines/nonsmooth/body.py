@@ -28,7 +28,7 @@ class Body(NamedTuple):
     flexibility : ndarray, shape (3,) [m^-2], their inverses
     radius : float [m], largest distance of a corner from the centre of mass
     friction, restitution : float
-    slow : float, approach speed of what lands slowly, in units of what gravity adds in a step
+    slow : float, approach speed of what lands slowly, by what gravity adds in a step
     """
 
     points: Array
@@ -41,7 +41,7 @@ class Body(NamedTuple):
 
 
 SLOW_ON_LEVEL, SLOW_ON_TERRAIN = 0.1, 0.7
-"""``Body.slow``. A slender rock lands slowly, and its impacts are as exact as those of others down to
+"""``Body.slow``. A slender rock lands slowly, and its impacts are as exact as others down to
 there; a rock on rough ground, which rattles on a few points, comes to rest."""
 
 MOTION = np.dtype(
