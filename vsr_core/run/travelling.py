@@ -17,7 +17,7 @@ from vsr_core.engines.nonsmooth.tree import Ground
 from vsr_core.engines.nonsmooth.world import begin
 from vsr_core.outcome import DISPLACED_SHARE, StopReason
 from vsr_core.run import ground_lookup, tracking, watching
-from vsr_core.run.displacement_rules import BORDER_INTERVALS, DROPPED_SHARE
+from vsr_core.run.displacement_rules import BORDER_INTERVALS, DROPPED_SHARE, TREMBLES_SHARE
 from vsr_core.run.ground_lookup import Lookup
 from vsr_core.run.guards import gained_too_much
 from vsr_core.run.looking import look, start_watch
@@ -124,7 +124,9 @@ def run(
         if _at_rest(watch, rule, travel, now):
             side = watching.OVERTURNED if toppled else _side(watch, rule)
             return side, REST, now - travel.first, tracking.end(track, kept)
-    outcome = watching.OVERTURNED if toppled else watching.UNSETTLED
+    trembles = watch.kinetic < TREMBLES_SHARE * GRAVITY * rule.radius
+    outcome = _side(watch, rule) if trembles else watching.UNSETTLED
+    outcome = watching.OVERTURNED if toppled else outcome
     return outcome, TIME, now - travel.first, tracking.end(track, kept)
 
 
