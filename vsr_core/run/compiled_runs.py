@@ -38,6 +38,7 @@ from vsr_core.run.overturning_rules import (
     REST_TIME,
     WAITING_TIMES,
 )
+from vsr_core.run.proofs import Barrier
 from vsr_core.run.sampling import first_step, samples, sampling
 from vsr_core.run.watching import Rule, Watch
 from vsr_core.scene import resting
@@ -105,11 +106,14 @@ def rule_of(case: Case, settings: Settings) -> Rule:
     """
     rock, limits, contact = case.full.rock, case.limits, case.full.contact
     radius, climb = rock.radius, max(limits.edge_height - limits.upright_floor, 0.0)
+    # One kind of arrays and numbers, wherever they were read, so that nothing is compiled twice.
+    tilt, height, *numbers = limits
+    plain = Barrier(np.array(tilt), np.array(height), *map(float, numbers))
     return Rule(
-        limits,
+        plain,
         np.ascontiguousarray(rock.axes),
-        contact.friction,
-        contact.rolling_friction,
+        float(contact.friction),
+        float(contact.rolling_friction),
         radius,
         rock.height,
         GRAVITY * min(REST_SHARE * radius, REST_OF_BARRIER * climb),
