@@ -44,9 +44,10 @@ REST_SHARE, REST_TIME, REST_PATH = 2e-5, 1.5, 2e-3
 """A rock rests if for ``REST_TIME`` sqrt(radius / g) its kinetic energy stays below ``REST_SHARE``
 g radius and it moves by less than ``REST_PATH`` radius."""
 
-TREMBLES_SHARE = 2e-4
+TREMBLES_SHARE, STAYS_SHARE = 2e-4, 0.05
 """Kinetic energy, as a share of g radius, of a rock that only trembles when time is up: with it its
-centre could climb a five-thousandth of its radius, so that it stands or lies where it is."""
+centre could climb a five-thousandth of its radius. And the way, as a share of the radius, that it
+may have gone in the second half of the wait: it stands or lies where it is."""
 
 LONGEST_TIME, LONGEST_TIMES = 20.0, 80.0
 """Longest wait after the motion: seconds, and units of sqrt(radius / g), whichever is more."""
@@ -167,10 +168,8 @@ class DisplacementRules:
         return self._decided(run)
 
     def out_of_time(self, run: Run) -> Ending:
-        """Overturned or not, if the rock only trembles; else without a verdict."""
-        trembles = run.kinetic < TREMBLES_SHARE * GRAVITY * self.radius
-        known = self.toppled or trembles
-        return self._side(run) if known else Outcome.UNSETTLED, StopReason.TIME
+        """Overturned, or without a verdict."""
+        return Outcome.OVERTURNED if self.toppled else Outcome.UNSETTLED, StopReason.TIME
 
     def _decided(self, run: Run) -> Ending | None:
         """What ends a sound run: it toppled and is not followed, or it rests."""

@@ -17,7 +17,12 @@ from vsr_core.engines.nonsmooth.tree import Ground
 from vsr_core.engines.nonsmooth.world import begin
 from vsr_core.outcome import DISPLACED_SHARE, StopReason
 from vsr_core.run import ground_lookup, tracking, watching
-from vsr_core.run.displacement_rules import BORDER_INTERVALS, DROPPED_SHARE, TREMBLES_SHARE
+from vsr_core.run.displacement_rules import (
+    BORDER_INTERVALS,
+    DROPPED_SHARE,
+    STAYS_SHARE,
+    TREMBLES_SHARE,
+)
 from vsr_core.run.ground_lookup import Lookup
 from vsr_core.run.guards import gained_too_much
 from vsr_core.run.looking import look, start_watch
@@ -95,7 +100,7 @@ def run(
     for n in range(now):
         given += travel.interval * abs(travel.values[n])
     kept = _begin_track(track, watch, travel)
-    push, change = np.zeros(3), np.zeros(3)
+    push, change, middle = np.zeros(3), np.zeros(3), np.zeros(3)
     toppled, looks = False, 0
     while now < travel.last:
         until = _next(now, travel)
@@ -105,6 +110,8 @@ def run(
         if not _finite(watch) or ground.search[0].full:
             return watching.UNSTABLE, UNDONE, now - travel.first, kept
         kept = _note(track, kept, watch, change, duration, now, travel, rule)
+        if 2 * now < len(travel.values) + travel.last:
+            middle[:] = watch.place
         looks += 1
         sound = _sound(watch, rule, travel, given, toppled)
         topples = not toppled and _topples(watch, rule, travel)
@@ -124,8 +131,7 @@ def run(
         if _at_rest(watch, rule, travel, now):
             side = watching.OVERTURNED if toppled else _side(watch, rule)
             return side, REST, now - travel.first, tracking.end(track, kept)
-    trembles = watch.kinetic < TREMBLES_SHARE * GRAVITY * rule.radius
-    outcome = _side(watch, rule) if trembles else watching.UNSETTLED
+    outcome = _side(watch, rule) if _trembles(watch, rule, middle) else watching.UNSETTLED
     outcome = watching.OVERTURNED if toppled else outcome
     return outcome, TIME, now - travel.first, tracking.end(track, kept)
 
@@ -273,6 +279,16 @@ def _at_border(watch: Watch, lookup: Lookup, radius: float) -> bool:
             if ground_lookup.depth(lookup, at[0], at[1], z) < 0.0:
                 return True
     return False
+
+
+@compiled
+def _trembles(watch: Watch, rule: Rule, middle: Array) -> bool:
+    """Whether a rock that still moves stays where it was in the middle of the wait."""
+    way = 0.0
+    for k in range(3):
+        way += (watch.place[k] - middle[k]) ** 2
+    stays = math.sqrt(way) < STAYS_SHARE * rule.radius
+    return stays and watch.kinetic < TREMBLES_SHARE * GRAVITY * rule.radius
 
 
 @compiled

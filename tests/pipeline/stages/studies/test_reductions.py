@@ -29,7 +29,9 @@ def rock() -> Rock:
 def left_out(rock: Rock) -> list[scenes.LeftOut]:
     """What a run of the rock leaves out, as a report is told."""
     case = prepare(Scene(rock, Contact(0.6)), proofs.barrier(rock), reduce=True)
-    return scenes.left_out(load_site("double_rock").config, case)
+    return scenes.left_out(
+        load_site("double_rock", settings=("simulation.engine=bullet",)).config, case
+    )
 
 
 def test_reports_state_what_the_page_says() -> None:
