@@ -10,7 +10,7 @@ from typing import Any
 import xarray as xr
 import yaml
 
-from pipeline.workflow.keys import library_version
+from pipeline.workflow.keys import installed_version
 from pipeline.workflow.stage import Job
 from pipeline.workflow.writers import Writer
 from vsr_core import outcome
@@ -80,7 +80,7 @@ def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
             attributes["flag_meanings"] = " ".join(flag.name.lower() for flag in flags)
         dataset[name].attrs.update(attributes)
     engine = _ENGINES[job.site.settings.engine]
-    versions = {name: library_version(name) for name in (*_VERSIONS, engine.lower())}
+    versions = {name: installed_version(name) for name in (*_VERSIONS, engine.lower())}
     dataset.attrs |= {
         "Conventions": "CF-1.11",
         "title": f"{title}: {job.site.name}",

@@ -46,7 +46,9 @@ def identities(name: str, site: Site) -> dict[str, Identity]:
                 "config": stage.settings(site.settings),
                 "code": keys.code(stage.roots()),
                 "inputs": stage.input_digests(site),
-                "versions": {library: keys.library_version(library) for library in stage.versions},
+                "versions": {
+                    library: keys.installed_version(library) for library in stage.versions
+                },
                 "needs": {need: found[need].key for need in stage.needs if need in found},
             }
         )

@@ -82,7 +82,7 @@ def digest_file(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def library_version(name: str) -> str:
+def installed_version(name: str) -> str:
     """Version of a library, or that it is not installed: an engine may be an extra.
 
     Parameters

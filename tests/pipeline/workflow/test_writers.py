@@ -61,4 +61,4 @@ def test_a_dataset_names_the_engine_in_use(tmp_path: Path, engine: str, library:
 
 
 def test_a_library_that_is_absent_has_no_version() -> None:
-    assert keys.library_version("absent") == "not installed"
+    assert keys.installed_version("absent") == "not installed"

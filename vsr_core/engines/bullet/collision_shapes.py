@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from vsr_core.arrays import Array
-from vsr_core.engines.bullet.library import pybullet
+from vsr_core.engines.bullet.binding import pybullet
 from vsr_core.rock.body import Rock
 
 CONTACTS = 4

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
-from vsr_core.engines.bullet.library import pybullet
+from vsr_core.engines.bullet.binding import pybullet
 from vsr_core.engines.bullet.world import FASTEST, MASS, BulletWorld
 from vsr_core.engines.interface import Solver
 from vsr_core.errors import InvalidInput

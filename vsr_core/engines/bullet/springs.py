@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from vsr_core.engines.bullet.library import pybullet
+from vsr_core.engines.bullet.binding import pybullet
 
 SETTLING = 20.0
 """Time constants that a rock is given to settle on its springs."""

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from vsr_core.engines.bullet.library import pybullet
+from vsr_core.engines.bullet.binding import pybullet
 
 Vector = tuple[float, float, float]
 

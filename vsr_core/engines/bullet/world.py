@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.engines.bullet.binding import pybullet
 from vsr_core.engines.bullet.collision_shapes import (
     leave_to_the_rock,
     pedestal_shape,
@@ -19,7 +20,6 @@ from vsr_core.engines.bullet.collision_shapes import (
     surroundings,
 )
 from vsr_core.engines.bullet.ground import GroundBlocks
-from vsr_core.engines.bullet.library import pybullet
 from vsr_core.engines.bullet.springs import RIGID, Springs, exact_springs
 from vsr_core.engines.bullet.turning_table import turn
 from vsr_core.engines.interface import Solver
