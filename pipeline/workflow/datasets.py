@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import xarray as xr
 import yaml
+from xarray.backends import NetCDF4DataStore
 
 from pipeline.workflow.keys import installed_version
 from pipeline.workflow.stage import Job
@@ -16,6 +19,9 @@ from pipeline.workflow.writers import Writer
 from vsr_core import outcome
 
 _CATALOGUE = Path(__file__).with_name("catalogue.yaml")
+
+_LOCK = Lock()
+"""Of the NetCDF library, which does one thing at a time."""
 
 _VERSIONS = ("vsr", "numpy", "scipy", "xarray")
 
@@ -150,7 +156,9 @@ def netcdf(dataset: xr.Dataset) -> Writer:
                 given |= {"zlib": True, "complevel": 4}
             encoding[str(name)] = given
         try:
-            dataset.to_netcdf(path, engine="netcdf4", format="NETCDF4", encoding=encoding)
+            # As to_netcdf does it, which loads all of dask to see which lock it would want.
+            with closing(NetCDF4DataStore.open(str(path), mode="w", lock=_LOCK)) as file:
+                dataset.dump_to_store(file, encoding=encoding)
         except RuntimeError as error:  # how netCDF4 says that the disk is full
             raise OSError(str(error)) from error
 

@@ -8,7 +8,6 @@ A call through a variable cannot be followed; what is reached that way is named 
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import ROOT
+from pipeline.workflow import source_facts
 
 PACKAGES = ("vsr_core", "pipeline")
 _SIZE = 16
@@ -120,6 +120,7 @@ def code(roots: Iterable[str]) -> dict[str, str]:
             continue
         found[name], mentioned = _definition(name)
         waiting.extend(mentioned)
+    source_facts.keep()
     return dict(sorted(found.items()))
 
 
@@ -128,77 +129,48 @@ def _definition(name: str) -> tuple[str, tuple[str, ...]]:
     """Digest of one definition, and the first-party definitions it mentions."""
     module, _, definition = name.partition(":")
     parsed = _parse(module)
-    nodes = parsed.definitions[definition]
-    own = digest_bytes(*(ast.dump(node).encode() for node in nodes))
-    return own, tuple(_mentions(parsed, nodes))
+    own, mentioned = parsed.definitions[definition]
+    return own, tuple(found for text in mentioned for found in _meant(module, parsed, text))
 
 
 @dataclass(frozen=True)
 class _Module:
-    name: str
-    definitions: dict[str, list[ast.stmt]]
+    definitions: dict[str, tuple[str, list[str]]]
     imports: dict[str, str]  # local name -> "module" or "module:name"
 
 
 @cache
 def _parse(name: str) -> _Module:
-    path = _path(name)
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    tree = _WithoutText().visit(tree)
-    definitions: dict[str, list[ast.stmt]] = {}
-    for node in tree.body:
-        for defined in _defined(node):
-            definitions.setdefault(defined, []).append(node)
-    return _Module(name, definitions, dict(_imports(tree)))
+    files = _files(ROOT)
+    facts = source_facts.facts(name, files[name].read_bytes())
+    imports = {}
+    for local, module, inner in facts.imports:
+        if f"{module}.{inner}" in files:
+            imports[local] = f"{module}.{inner}"
+        elif module in files:
+            imports[local] = f"{module}:{inner}" if inner else module
+    return _Module(facts.definitions, imports)
 
 
-def _path(module: str) -> Path:
-    base = ROOT.joinpath(*module.split("."))
-    return base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
+@cache
+def _files(root: Path) -> dict[str, Path]:
+    """Files of all first-party modules, by the modules' names."""
+    found = (path for package in PACKAGES for path in (root / package).rglob("*.py"))
+    names = {path: path.relative_to(root).with_suffix("").parts for path in found}
+    return {".".join(n[:-1] if n[-1] == "__init__" else n): path for path, n in names.items()}
 
 
-def _is_module(name: str) -> bool:
-    return name.split(".")[0] in PACKAGES and _path(name).is_file()
-
-
-def _defined(node: ast.stmt) -> Iterator[str]:
-    if isinstance(node, (ast.FunctionDef, ast.ClassDef, ast.AsyncFunctionDef)):
-        yield node.name
-    elif isinstance(node, ast.Assign):
-        for target in node.targets:
-            yield from (n.id for n in ast.walk(target) if isinstance(n, ast.Name))
-    elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-        yield node.target.id
-
-
-def _imports(tree: ast.Module) -> Iterator[tuple[str, str]]:
-    """First-party imports, those inside functions too."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                if _is_module(alias.name):
-                    yield (alias.asname or alias.name, alias.name)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            for alias in node.names:
-                local, inner = alias.asname or alias.name, f"{node.module}.{alias.name}"
-                if _is_module(inner):
-                    yield local, inner
-                elif _is_module(node.module):
-                    yield local, f"{node.module}:{alias.name}"
-
-
-def _mentions(module: _Module, nodes: list[ast.stmt]) -> Iterator[str]:
-    for top in nodes:
-        for node in ast.walk(top):
-            if isinstance(node, ast.Name):
-                if node.id in module.definitions:
-                    yield f"{module.name}:{node.id}"
-                elif ":" in module.imports.get(node.id, ""):
-                    yield from _resolved(module.imports[node.id])
-            elif isinstance(node, ast.Attribute):
-                target = module.imports.get(_dotted(node.value), "")
-                if target and ":" not in target:
-                    yield from _resolved(f"{target}:{node.attr}")
+def _meant(name: str, module: _Module, mentioned: str) -> Iterator[str]:
+    """The definitions that a name in a module stands for."""
+    base, _, attribute = mentioned.rpartition(".")
+    target = module.imports.get(base or attribute, "")
+    if base:
+        if target and ":" not in target:
+            yield from _resolved(f"{target}:{attribute}")
+    elif attribute in module.definitions:
+        yield f"{name}:{attribute}"
+    elif ":" in target:
+        yield from _resolved(target)
 
 
 def _resolved(name: str) -> Iterator[str]:
@@ -209,26 +181,3 @@ def _resolved(name: str) -> Iterator[str]:
         yield name
     elif ":" in parsed.imports.get(definition, ""):
         yield from _resolved(parsed.imports[definition])
-
-
-def _dotted(node: ast.expr) -> str:
-    if isinstance(node, ast.Name):
-        return node.id
-    if isinstance(node, ast.Attribute):
-        return f"{_dotted(node.value)}.{node.attr}"
-    return ""
-
-
-class _WithoutText(ast.NodeTransformer):
-    """Takes strings away that stand alone: they are docstrings."""
-
-    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
-        return None if _is_text(node) else node
-
-
-def _is_text(node: ast.stmt) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
