@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
 
 import pytest
 
@@ -230,3 +231,16 @@ def test_the_help_waits_for_no_library() -> None:
 def test_a_worker_draws_nothing() -> None:
     slow = ("matplotlib", "sklearn", "obspy", "mujoco", "pybullet", "distributed", "open3d")
     assert imported("pipeline.stages.runs.overturning_runs", slow) == ""
+
+
+def test_a_command_of_seconds_loads_no_cluster(tmp_path: Path) -> None:
+    slow = ("dask.array", "distributed", "sklearn", "scipy.stats", "obspy")
+    grid = ("motion.pga={start: 0.2, stop: 1.0, num: 4}", "motion.pgv_pga=[0.1, 0.3]")
+    given = ["run", "fragility", "--site", "cuboid_1x1x2", "--derived", str(tmp_path)]
+    given += ["--set", "yaw=0", "--set", grid[0], "--set", grid[1]]
+    code = (
+        f"import sys; from pipeline.cli import main; assert main({given}) == 0;"
+        f"print(*[n for n in {slow} if n in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True)
+    assert done.stdout.decode().strip() == ""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import sys
 from contextlib import closing
 from functools import cache
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from types import ModuleType
+from typing import Any, cast
 
 import xarray as xr
 import yaml
@@ -17,6 +19,12 @@ from pipeline.workflow.keys import installed_version
 from pipeline.workflow.stage import Job
 from pipeline.workflow.writers import Writer
 from vsr_core import outcome
+
+if "dask" not in sys.modules:
+    # At its first array xarray loads dask's arrays, to know them; there are none here.
+    sys.modules["dask"] = cast(ModuleType, None)
+    xr.Variable((), 0)
+    del sys.modules["dask"]
 
 _CATALOGUE = Path(__file__).with_name("catalogue.yaml")
 

@@ -119,7 +119,7 @@ STAGES: tuple[Stage, ...] = (
         "fragility",
         make="pipeline.stages.fragility.fragility_fits:make",
         needs=("responses",),
-        versions=("scikit-learn", "scipy"),
+        versions=("scipy",),
     ),
     Stage(
         "report",

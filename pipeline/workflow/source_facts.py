@@ -77,7 +77,7 @@ def _kept() -> dict[str, Any]:
     """By a module's name: the digest of its text, and its facts."""
     try:
         return dict(json.loads(_FILE.read_text(encoding="utf-8")))
-    except (OSError, ValueError):
+    except (OSError, ValueError, TypeError):
         return {}
 
 

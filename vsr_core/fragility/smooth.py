@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import BSpline
 from scipy.special import expit, logit
 
 from vsr_core.arrays import Array, Indices
@@ -120,17 +121,17 @@ class SmoothFragility(FragilityModel):
 
 def _splines(values: Array) -> Array:
     """Cubic B-splines on quantiles of the values, there; of lower degree on fewer than 4."""
-    from sklearn.preprocessing import SplineTransformer
-
     degree = min(3, values.size - 1)
-    knots: str | Array = "quantile"
     if values.size == 1:  # a constant: one basis function around the only value
-        knots = np.array([[values[0] - 1.0], [values[0] + 1.0]])
-    n_knots = min(N_KNOTS, max(values.size - degree + 1, 2))
-    spline = SplineTransformer(n_knots, degree=degree, knots=knots)
-    # scikit-learn wants two samples; a repeated one changes nothing
-    spline.fit(np.resize(values, (max(values.size, 2), 1)))
-    return np.asarray(spline.transform(values[:, None]))
+        knots = np.array([values[0] - 1.0, values[0] + 1.0])
+    else:
+        n_knots = min(N_KNOTS, max(values.size - degree + 1, 2))
+        knots = np.percentile(values, 100.0 * np.linspace(0.0, 1.0, n_knots))
+    low, high = knots[1] - knots[0], knots[-1] - knots[-2]  # go on evenly beyond the ends
+    before = np.linspace(knots[0] - degree * low, knots[0] - low, degree)
+    after = np.linspace(knots[-1] + high, knots[-1] + degree * high, degree)
+    every = np.concatenate([before, knots, after])
+    return np.asarray(BSpline(every, np.eye(knots.size + degree - 1), degree)(values))
 
 
 def _pairs(basis: Array) -> Array:

@@ -14,6 +14,7 @@ from scipy.special import expit
 from scipy.stats import norm
 from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import accuracy_score, brier_score_loss, log_loss
+from sklearn.preprocessing import SplineTransformer
 
 from vsr_core.errors import InvalidInput
 from vsr_core.fragility import fit_all, lognormal, smooth
@@ -29,7 +30,7 @@ from vsr_core.fragility.cross_validation import (
 from vsr_core.fragility.logistic import LogisticFragility, is_separated
 from vsr_core.fragility.lognormal import LognormalFragility
 from vsr_core.fragility.newton import maximise
-from vsr_core.fragility.smooth import SmoothFragility
+from vsr_core.fragility.smooth import N_KNOTS, SmoothFragility, _splines
 
 AXIS = np.linspace(0.02, 1.0, 50)
 MODELS = (LogisticFragility, LognormalFragility, SmoothFragility)
@@ -497,7 +498,24 @@ def test_unusable_input_is_refused(pga, ratio, grid, says):
         fit_all(pga, ratio, grid)
 
 
-def test_importing_the_package_leaves_scikit_learn_out():
-    code = "import sys, vsr_core.fragility; print('sklearn' in sys.modules)"
+def test_fitting_leaves_scikit_learn_out():
+    code = (
+        "import sys; from vsr_core.fragility import fit_all;"
+        "fit_all([0.1, 0.2, 0.3], [0.1, 0.2, 0.3], [[0, 1, 1]] * 3);"
+        "print('sklearn' in sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False"]
+
+
+@pytest.mark.parametrize("size", [2, 3, 4, 7, 12, 50])
+def test_splines_are_those_of_scikit_learn(size):
+    values = np.sort(np.random.default_rng(size).normal(size=size))
+    degree = min(3, size - 1)
+    n_knots = min(N_KNOTS, max(size - degree + 1, 2))
+    theirs = SplineTransformer(n_knots, degree=degree, knots="quantile")
+    assert np.array_equal(_splines(values), theirs.fit_transform(values[:, None]))
+
+
+def test_spline_through_one_value_is_a_constant():
+    assert np.array_equal(_splines(np.array([0.3])), [[1.0]])
