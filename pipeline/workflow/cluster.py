@@ -78,6 +78,11 @@ class Cluster:
         """Whether the workers are this machine's."""
         return not (self.scheduler or self.scheduler_file or self.slurm)
 
+    @property
+    def free(self) -> bool:
+        """Whether nothing has started, so that another process may have workers of its own."""
+        return self.local and not self._clients
+
     def in_process(self) -> Cluster:
         """The same without worker processes, for work too small to start them.
 

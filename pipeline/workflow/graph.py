@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from pipeline.config.layers import Site
-from pipeline.workflow import keys
+from pipeline.workflow import aside, keys
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.stage import Job, Stage
 from pipeline.workflow.store import Store
@@ -116,15 +117,24 @@ def make(name: str, job: Job) -> int:
     """
     wanted = identities(name, job.site)
     _forget_crashed(name, job.store)
+    under_way: dict[str, Callable[[], None]] = {}
     for stage, identity in wanted.items():
-        _ensure(BY_NAME[stage], identity, job)
+        for need in under_way.keys() & BY_NAME[stage].needs:
+            under_way.pop(need)()
+        if not any(why(BY_NAME[stage], identity, job.store)):
+            continue
+        work = partial(_make, BY_NAME[stage], identity, job)
+        if BY_NAME[stage].aside and aside.POSSIBLE and job.cluster.free:
+            under_way[stage] = aside.begin(work)
+        else:
+            work()
+    for wait in under_way.values():
+        wait()
     manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
     return max(int(manifest["unresolved"]) for manifest in manifests)
 
 
-def _ensure(stage: Stage, identity: Identity, job: Job) -> None:
-    if not any(why(stage, identity, job.store)):
-        return
+def _make(stage: Stage, identity: Identity, job: Job) -> None:
     product = stage.product(replace(job, key=identity.key, stage=stage.name))
     facts = {
         "key": identity.key,

@@ -113,6 +113,7 @@ STAGES: tuple[Stage, ...] = (
         needs=("rock", "terrain", "time_step", "motions", "responses"),
         reads=("pedestal", "contact", "motion", "yaw", "drive", "simulation"),
         code=(*TERRAIN_CODE, *MOTION_CODE, "vsr_core.engines.bullet:build"),
+        aside=True,
         versions=("pybullet",),
     ),
     Stage(

@@ -88,6 +88,7 @@ class Stage:
     needs : stages whose products it reads
     reads : dotted keys of the configuration that decide its product
     code : roots of the code that decides it, besides ``make``
+    aside : whether it is made in a process of its own, beside the stages that do not need it
     made_elsewhere : whether ``make`` only arranges for ``code`` to run and is no root itself
     inputs : path of a function from Site to digests of files outside the configuration, by name
     files : names of the templates and tables in this package that its pages are made from
@@ -102,6 +103,7 @@ class Stage:
     needs: tuple[str, ...] = ()
     reads: tuple[str, ...] = ()
     code: tuple[str, ...] = ()
+    aside: bool = False
     made_elsewhere: bool = False
     inputs: str = ""
     files: tuple[str, ...] = ()

@@ -169,21 +169,22 @@ class _Outline(NamedTuple):
 def _outlines(hull: Hull) -> dict[int, _Outline]:
     """Outline of every flat face."""
     facet, corner = np.nonzero(hull.face[hull.neighbours] != hull.face[:, None])
+    order = np.argsort(hull.face[facet], kind="stable")  # edges of a face one after the other
+    facet, corner = facet[order], corner[order]
     first = hull.vertices[hull.facets[facet, (corner + 1) % 3]]
     second = hull.vertices[hull.facets[facet, (corner + 2) % 3]]
     outward = np.cross(second - first, hull.normals[facet])
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     middle = 0.5 * (first + second)
-    outlines = {}
-    order = np.argsort(hull.face[facet], kind="stable")
-    numbers, begin = np.unique(hull.face[facet][order], return_index=True)
-    for number, own in zip(numbers.tolist(), np.split(order, begin[1:]), strict=True):
-        away = np.einsum("ij,ij->i", outward[own], middle[own] - middle[own].mean(axis=0))
-        normal = outward[own] * np.sign(away)[:, None]
-        room = np.einsum("ij,ij->i", normal, first[own])
-        beyond = hull.neighbours[facet[own], corner[own]]
-        outlines[number] = _Outline(int(facet[own][0]), room, normal, beyond)
-    return outlines
+    numbers, begin, edges = np.unique(hull.face[facet], return_index=True, return_counts=True)
+    inside = np.repeat(np.add.reduceat(middle, begin) / edges[:, None], edges, axis=0)
+    outward *= np.sign(np.einsum("ij,ij->i", outward, middle - inside))[:, None]
+    room = np.einsum("ij,ij->i", outward, first)
+    beyond = hull.neighbours[facet, corner]
+    return {
+        number: _Outline(int(facet[one]), room[one:end], outward[one:end], beyond[one:end])
+        for number, one, end in zip(numbers.tolist(), begin, begin + edges, strict=True)
+    }
 
 
 def _tip(

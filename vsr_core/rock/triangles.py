@@ -138,14 +138,15 @@ def _sharing_a_cell(low: Array, high: Array) -> Indices:
     size = 2.0 * float(np.median((high - low).max(axis=1)))
     first, last = (np.floor(end / size).astype(np.int64) for end in (low, high))
     box, cell = cells_of_boxes(first, last)
-    _, number = np.unique(cell, axis=0, return_inverse=True)
-    order = np.argsort(number, kind="stable")
-    box, number = box[order], number[order]
-    pairs = [np.empty((0, 2), dtype=np.int64)]
+    order = np.lexsort(cell.T[::-1])  # boxes of one cell one after the other
+    box, cell = box[order], cell[order]
+    number = np.cumsum((np.diff(cell, axis=0, prepend=cell[:1]) != 0).any(axis=1))
+    pairs = [np.empty(0, dtype=np.int64)]
     for ahead in range(1, int(np.bincount(number).max())):
         same = number[ahead:] == number[:-ahead]
-        pairs.append(np.column_stack([box[:-ahead][same], box[ahead:][same]]))
-    return np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
+        one, other = box[:-ahead][same], box[ahead:][same]
+        pairs.append(np.minimum(one, other) * len(low) + np.maximum(one, other))
+    return np.column_stack(np.divmod(np.unique(np.concatenate(pairs)), len(low)))
 
 
 def _pierces(start: Array, end: Array, triangle: Array) -> Mask:
