@@ -7,23 +7,26 @@ import signal
 import sys
 from collections.abc import Callable
 from multiprocessing.connection import Connection
+from typing import TypeVar
+
+T = TypeVar("T")
 
 POSSIBLE = sys.platform == "linux"
 """Whether a copy of this process may go on with the libraries it has loaded. A process without
 them would take longer to load them than what is done aside takes."""
 
 
-def begin(work: Callable[[], None]) -> Callable[[], None]:
+def begin(work: Callable[[], T]) -> Callable[[], T]:
     """Begin work in a copy of this process.
 
     Parameters
     ----------
-    work : callable, which leaves its results on disk
+    work : callable, from nothing to what is to be handed over
 
     Returns
     -------
     callable
-        It waits for the end of the work, and raises its error.
+        It waits for the end of the work, returns its result or raises its error.
     """
     context = multiprocessing.get_context("fork")
     end, told = context.Pipe(duplex=False)
@@ -31,23 +34,22 @@ def begin(work: Callable[[], None]) -> Callable[[], None]:
     process.start()
     told.close()
 
-    def wait() -> None:
+    def wait() -> T:
         try:
-            error = end.recv()
+            result, error = end.recv()
         except EOFError:
             error = RuntimeError("a process that worked aside died")
         process.join()
         if error is not None:
             raise error
+        return result
 
     return wait
 
 
-def _do(work: Callable[[], None], told: Connection) -> None:
+def _do(work: Callable[[], object], told: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits
     try:
-        work()
+        told.send((work(), None))
     except Exception as error:  # noqa: BLE001 (raised again by who waits)
-        told.send(error)
-    else:
-        told.send(None)
+        told.send((None, error))

@@ -117,24 +117,25 @@ def make(name: str, job: Job) -> int:
     """
     wanted = identities(name, job.site)
     _forget_crashed(name, job.store)
-    under_way: dict[str, Callable[[], None]] = {}
+    under_way: dict[str, Callable[[], str]] = {}
     for stage, identity in wanted.items():
         for need in under_way.keys() & BY_NAME[stage].needs:
-            under_way.pop(need)()
+            job.log(under_way.pop(need)())
         if not any(why(BY_NAME[stage], identity, job.store)):
             continue
         work = partial(_make, BY_NAME[stage], identity, job)
         if BY_NAME[stage].aside and aside.POSSIBLE and job.cluster.free:
             under_way[stage] = aside.begin(work)
         else:
-            work()
+            job.log(work())
     for wait in under_way.values():
-        wait()
+        job.log(wait())
     manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
     return max(int(manifest["unresolved"]) for manifest in manifests)
 
 
-def _make(stage: Stage, identity: Identity, job: Job) -> None:
+def _make(stage: Stage, identity: Identity, job: Job) -> str:
+    """Make and keep a stage's products; returns a line that says so."""
     product = stage.product(replace(job, key=identity.key, stage=stage.name))
     facts = {
         "key": identity.key,
@@ -143,7 +144,7 @@ def _make(stage: Stage, identity: Identity, job: Job) -> None:
         "retry": product.retry,
     }
     job.store.publish(stage.name, facts, product.files)
-    job.log(f"{stage.name}: {product.summary}")
+    return f"{stage.name}: {product.summary}"
 
 
 def _forget_crashed(name: str, store: Store) -> None:

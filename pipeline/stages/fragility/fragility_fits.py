@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -37,7 +40,7 @@ def make(job: Job) -> Product:
         ``fragility.nc`` and ``fragility.csv``.
     """
     data = read(job.path(RESPONSES))
-    fits = _fit(data)
+    fits = _fit(data, job.cluster.workers)
     dataset = _dataset(data, fits)
     table = _table(dataset, fits)
     names = [fit.recommended for fit in fits.values()]
@@ -49,15 +52,14 @@ def make(job: Job) -> Product:
     return Product(files, f"{len(fits)} grids fitted; recommended: {best}")
 
 
-def _fit(data: xr.Dataset) -> _Fits:
+def _fit(data: xr.Dataset, workers: int) -> _Fits:
     """Fits by position of yaw and friction; none where no run has a verdict."""
-    fits: _Fits = {}
-    with threadpool_limits(1):
-        for i, k in np.ndindex(data.sizes["yaw"], data.sizes["friction"]):
-            grid = data["overturned"].values[i, k]
-            if (grid >= 0).any():
-                fits[i, k] = fit_all(data["pga"].values, data["pgv_pga"].values, grid)
-    return fits
+    overturned = data["overturned"].values
+    decided = [at for at in np.ndindex(overturned.shape[:2]) if (overturned[at] >= 0).any()]
+    fit = partial(fit_all, data["pga"].values, data["pgv_pga"].values)
+    # in threads, as all but a little of a fit is linear algebra
+    with threadpool_limits(1), ThreadPoolExecutor(max(workers, 1)) as pool:
+        return dict(zip(decided, pool.map(fit, (overturned[at] for at in decided)), strict=True))
 
 
 def _dataset(data: xr.Dataset, fits: _Fits) -> xr.Dataset:
