@@ -22,6 +22,8 @@ class Contact:
     ----------
     friction : float, Coulomb's coefficient
     restitution : float, normal coefficient of restitution
+    energetic : bool, whether an impact gives back no more than the square of that of the energy
+        that it takes
     rolling_friction : float [m], offset of the contact force that resists rolling
     stiffness, damping : float [N/m, N s/m]
         A spring and a dashpot at each point of contact, as discrete-element codes have them; no
@@ -33,6 +35,7 @@ class Contact:
     rolling_friction: float = 0.0
     stiffness: float | None = None
     damping: float = 0.0
+    energetic: bool = False
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ class Body(NamedTuple):
     flexibility : ndarray, shape (3,) [m^-2], their inverses
     radius : float [m], largest distance of a corner from the centre of mass
     friction, restitution : float
+    returned : float, share of the energy taken by an impact that it may give back
     slow : float, approach speed of what lands slowly, by what gravity adds in a step
     """
 
@@ -37,6 +38,7 @@ class Body(NamedTuple):
     radius: float
     friction: float
     restitution: float
+    returned: float
     slow: float
 
 
@@ -53,11 +55,16 @@ MOTION = np.dtype(
         ("momentum", float, 3),  # m^2/s, angular momentum about the centre of mass, now
         ("before", float, 6),  # velocity before the step
         ("free", float, 6),  # velocity after it without the impulses to be found
+        ("turning", float, 3),  # rad/s, the last three of it, before any impulse
+        ("approach", float, 6),  # velocity after it if nothing lands
+        ("lost", float, 6),  # velocity after an impact without rebound, and
+        ("set_aside", float, (2, 6)),  # ``free`` and ``velocity``, while it is looked for
         ("middle", float, (3, 3)),  # rotation half-way along the path of the step
         ("inertia", float, (3, 3)),  # m^2, half-way along it
         ("flexibility", float, (3, 3)),  # m^-2, its inverse
         ("system", float, (6, 6)),  # equations for the velocity, and
         ("right", float, 6),  # their right side, then their solution
+        ("taken", float),  # m^2/s^2, energy that rebounds of the next step may give back
         ("reserve", float),  # m, path that corners may take before the near ones are found anew
         ("found", int),  # points given by the shape of the ground
         ("near", int),  # corners that it may reach
@@ -85,6 +92,9 @@ POINT = np.dtype(
         ("mass", float, 6),  # 1, change of the point's velocity by an impulse: upper triangle
         ("trial", float, 3),  # room for the search for the impulse, and
         ("saved", float, 3),  # m/s, impulse to go back to
+        ("set_aside", float, 3),  # m/s, impulse, while a rebound is judged
+        ("leaving", float),  # m/s, speed at which an impact is to throw the point back
+        ("after", float),  # share of the step that is left after it
         ("rebound", float),  # m/s, speed at which the point is to leave in the next step
         ("state", int),  # open, grips or slides
         ("is_active", int),
@@ -132,6 +142,7 @@ def body(rock: Rock, contact: Contact, *, on_level: bool) -> Body:
         rock.radius,
         contact.friction,
         contact.restitution,
+        contact.restitution**2 if contact.energetic else 1.0,
         SLOW_ON_LEVEL if on_level else SLOW_ON_TERRAIN,
     )
 

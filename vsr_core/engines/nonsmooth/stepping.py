@@ -22,6 +22,7 @@ from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.impulses import solve
 from vsr_core.engines.nonsmooth.points import OPEN, add_impulse, tangents
+from vsr_core.engines.nonsmooth.rebounds import hold_back, repay
 from vsr_core.engines.nonsmooth.vectors import cross, inertia_turned, matrix, turned
 
 ROUNDS = 6
@@ -73,6 +74,7 @@ def step(
         _bend(rock, points, time_step)
     if _touch(body, rock, points, time_step, gravity):
         solve(rock, points, body.friction, rounds, limit)
+    rock.approach[:] = rock.velocity
     landed = False
     for _ in range(ROUNDS):
         if has_corners:
@@ -85,7 +87,12 @@ def step(
         if share <= 1.0 and not landed:
             landed = True
             _let_go(rock, points, standing, 0.5 + share)
+        if entered and body.restitution > 0.0:
+            hold_back(body, rock, points, rounds, limit)
+            _wanted_anew(rock, points, time_step)
         solve(rock, points, body.friction, rounds, limit)
+    if body.restitution > 0.0:
+        repay(body, rock, points, rounds, limit)
     _carry_over(rock, points)
     drift(rock, time_step)
 
@@ -146,6 +153,7 @@ def _free(body: Body, rock: Motion, push: Array, time_step: float) -> None:
             + flexibility[k, 2] * momentum[2]
         )
     rock.free[:] = velocity
+    rock.turning[:] = velocity[3:]
 
 
 @compiled
@@ -222,9 +230,10 @@ def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: 
         if not leaves and _end_gap(point, x, y, z, time_step) >= 0.0:
             continue
         _enter(rock, points, i)
-        point.base[0] = (
-            points[kept].kept_rebound if leaves else min(-point.gap / time_step, slowest)
-        )
+        if leaves:
+            point.base[0] = point.leaving = points[kept].kept_rebound
+        else:
+            point.base[0] = min(-point.gap / time_step, slowest)
         _want(point, time_step)
         if kept >= 0 and not leaves:
             point.impulse[:] = points[kept].kept_impulse
@@ -286,7 +295,8 @@ def _enter(rock: Motion, points: Points, i: int) -> None:
     rock.active += 1
     point.is_active = 1
     point.state = OPEN
-    point.rebound = 0.0
+    point.rebound = point.leaving = 0.0
+    point.after = 1.0
     rows, turning, lever, flexibility = point.rows, point.turning, point.lever, rock.flexibility
     tangents(point.normal, rows)
     for k in range(3):
@@ -346,6 +356,7 @@ def _aim(
         if -fall > BOUNCING_STEPS * gravity * time_step:
             pushed = rows[0, 0] * push[0] + rows[0, 1] * push[1] + rows[0, 2] * push[2]
             leaving, after = -body.restitution * fall, 1.0 - share
+            point.leaving, point.after = leaving, after
             point.rebound = leaving + (0.5 + after) * time_step * pushed
             base[0] += after * (leaving + 0.5 * after * time_step * pushed)
     return share

@@ -200,6 +200,7 @@ def begin(body: Body, rock: Motion, time_step: float) -> None:
     """
     rock.found = rock.near = rock.active = rock.kept = 0
     rock.reserve = -1.0
+    rock.taken = 0.0
     inertia_turned(rock.rotation, body.moments, rock.inertia)
     for k in range(3):
         rock.momentum[k] = 0.0

@@ -15,6 +15,7 @@ import math
 from functools import cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY
@@ -48,6 +49,10 @@ START = -2.5
 
 GROUNDS = 2
 """Different slopes."""
+
+IMPACT = 3
+"""Readings of which the highest counts: an engine may take the approach of an impact in one step
+and give the rebound in the next, and what is read between them is neither."""
 
 
 @cache
@@ -118,7 +123,7 @@ def rise(number: int, contact: Contact, cut: bool, engine: str, time_step: float
     steps, step = whole(DURATION, time_step)
     path = run(engine, _scene(number, contact, cut), step, np.zeros(steps))
     rock = _tumbler(number)
-    held = energy(rock, path)
+    held = sliding_window_view(energy(rock, path), IMPACT).max(axis=1)
     return float((held - np.minimum.accumulate(held)).max()) / (GRAVITY * rock.radius)
 
 
