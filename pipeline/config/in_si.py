@@ -95,7 +95,12 @@ def contact(config: ContactConfig, friction: float) -> Contact:
     -------
     Contact
     """
-    return Contact(friction, config.restitution, config.rolling_friction)
+    return Contact(
+        friction,
+        config.restitution,
+        config.rolling_friction,
+        energetic=config.restitution_law == "energetic",
+    )
 
 
 def servo(config: ServoConfig) -> Servo:

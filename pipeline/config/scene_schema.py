@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
@@ -22,6 +22,11 @@ class ContactConfig(Section):
     ] = Field(description="coefficient of Coulomb friction of the pair [1]")
     restitution: float = Field(
         0.0, ge=0, le=1, description="coefficient of normal restitution of the pair [1]"
+    )
+    restitution_law: Literal["newton", "energetic"] = Field(
+        "newton",
+        description="what the restitution is a ratio of: speeds normal to the ground, or, squared, "
+        "energies given back and taken; no impact gains energy with either",
     )
     rolling_friction: float = Field(0.0, ge=0, description="rolling friction, a length [m]")
 

@@ -259,6 +259,21 @@ class Config(Section):
             raise ValueError("MuJoCo takes the convex hull of any terrain; set engine: bullet")
         return simulation
 
+    @field_validator("simulation")
+    @classmethod
+    def _knows_the_law(cls, simulation: SimulationConfig, info: ValidationInfo) -> SimulationConfig:
+        contact = info.data.get("contact")
+        if contact is None or contact.restitution_law == "newton":
+            return simulation
+        turns = isinstance(info.data.get("motion"), TableMotionConfig)
+        elsewhere = info.data.get("drive") == "servo" or turns or contact.rolling_friction > 0.0
+        if elsewhere or simulation.engine not in ("auto", COMPILED):
+            raise ValueError(
+                f"contact.restitution_law: energetic is only in the engine {COMPILED}, which has "
+                f"no servo, no turning table and no rolling friction; set newton"
+            )
+        return simulation
+
     @field_serializer("servo", mode="wrap")
     def _empty_if_idle(
         self, servo: ServoConfig, dump: SerializerFunctionWrapHandler

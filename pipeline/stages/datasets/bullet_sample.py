@@ -1,11 +1,12 @@
 """A sample of a study repeated in Bullet, an engine that shares no code with the default one.
 
 Half of the sample stands next to the boundary, where the errors of both decide; the other half is
-spread over the grid, where they should not.
+spread over the grid, where they should not. Restitution is Newton's there, Bullet's only law.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -139,10 +140,12 @@ def repeat(
 
 def _repeated(job: Job, study: Study, places: list[tuple[Group, Cell]]) -> list[int]:
     config = job.config
+    contact = config.contact.model_copy(update={"restitution_law": "newton"})
+    scenes = replace(study.scenes, config=config.model_copy(update={"contact": contact}))
 
     def shared(group: Group) -> tuple[Case | TerrainCase, Settings, Shaking]:
-        flat = flat_case(study.scenes, group)
-        case = terrain_case(study.scenes, group) if config.on_terrain else flat
+        flat = flat_case(scenes, group)
+        case = terrain_case(scenes, group) if config.on_terrain else flat
         step = longest_step(flat.full, ENGINE)
         return case, Settings(step, config.simulation.reduce, ENGINE), study.motions
 

@@ -199,7 +199,11 @@ def identity(scenes: Scenes) -> dict[str, Any]:
             rock.mass,
         ],
         "pedestal": _ground_identity(ground) if ground else config.pedestal.shape,
-        "contact": [config.contact.restitution, config.contact.rolling_friction],
+        "contact": [
+            config.contact.restitution,
+            config.contact.restitution_law,
+            config.contact.rolling_friction,
+        ],
         "drive": config.servo.model_dump() if config.drive == "servo" else config.drive,
         "simulation": [engine, config.simulation.reduce],
         "engine": engines.load(engine).VERSION,

@@ -73,6 +73,7 @@ def build(
     InvalidInput
         For a drive whose pedestal no servo can move, or whose control period is not a sample; for
         springs under anything but a box or a sphere on a slab, where their number is not known.
+        For an energetic restitution.
     """
     if scene.contact.stiffness is not None and (
         scene.rock.shape == "hull" or scene.pedestal != "box"
@@ -82,7 +83,12 @@ def build(
             "it is a spring at each point of contact, and Bullet keeps any number of them there",
             "use a rigid contact, or a box on a slab",
         )
-
+    if scene.contact.energetic and scene.contact.restitution > 0.0:
+        raise InvalidInput(
+            "an energetic restitution in Bullet",
+            "its impacts have Newton's, a ratio of speeds",
+            "set contact.restitution_law: newton, or simulation.engine: nonsmooth",
+        )
     world = _worlds.pop(scene, None)
     if world is not None and not np.isfinite(world.state().position).all():
         world.close()

@@ -56,7 +56,7 @@ MOTION = np.dtype(
         ("before", float, 6),  # velocity before the step
         ("free", float, 6),  # velocity after it without the impulses to be found
         ("turning", float, 3),  # rad/s, the last three of it, before any impulse
-        ("approach", float, 6),  # velocity after it if nothing lands
+        ("approach", float, 6),  # velocity just before the first point lands
         ("lost", float, 6),  # velocity after an impact without rebound, and
         ("set_aside", float, (2, 6)),  # ``free`` and ``velocity``, while it is looked for
         ("middle", float, (3, 3)),  # rotation half-way along the path of the step

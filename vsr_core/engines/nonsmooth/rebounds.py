@@ -39,9 +39,6 @@ CAUTION = 1.0 - 1e-3
 """Share of the rebound taken that would give back just as much as it may, if no point changed
 between gripping and sliding on the way."""
 
-ROUNDING = 1e-9
-"""Gain that is none, as a share of the energy: a rebound without loss gives back all."""
-
 
 @compiled
 def hold_back(body: Body, rock: Motion, points: Points, rounds: int, tolerance: float) -> None:
@@ -63,13 +60,14 @@ def hold_back(body: Body, rock: Motion, points: Points, rounds: int, tolerance: 
     rock.free[:] = rock.approach
     begin(rock, points)
     before = _energy(rock, rock.approach)
+    slack = tolerance * math.sqrt(2.0 * before)
     least = _hit(body, rock, points, 0.0, rounds, tolerance)
     rock.lost[:] = rock.velocity
     given = max(0.0, body.returned * (before - least))
     share, tries = 1.0, 0
     while share > 0.0:
         after = _hit(body, rock, points, share, rounds, tolerance)
-        if after <= least + given + ROUNDING * before:
+        if after <= least + given + slack:
             break
         tries += 1
         share = CAUTION * share * _part(rock, after - least, given) if tries < TRIES else 0.0
@@ -90,7 +88,8 @@ def repay(body: Body, rock: Motion, points: Points, rounds: int, tolerance: floa
     body, rock, points, rounds, tolerance : as of ``hold_back``; velocity and impulses are changed
     """
     given = _work(rock, points)
-    if given > rock.taken + ROUNDING * _energy(rock, rock.velocity) and _any_leaves(rock, points):
+    slack = tolerance * math.sqrt(2.0 * _energy(rock, rock.velocity))
+    if given > rock.taken + slack and _any_leaves(rock, points):
         _set_aside(rock, points)
         for at in range(rock.active):
             point = points[points[at].active]
@@ -134,10 +133,10 @@ def _work(rock: Motion, points: Points) -> float:
 
 @compiled
 def _any_leaves(rock: Motion, points: Points) -> bool:
+    fastest = 0.0
     for at in range(rock.active):
-        if points[points[at].active].leaving > 0.0:
-            return True
-    return False
+        fastest = max(fastest, points[points[at].active].leaving)
+    return fastest > 0.0
 
 
 @compiled
@@ -191,7 +190,10 @@ def _part(rock: Motion, excess: float, given: float) -> float:
         rock.right[k] = rock.velocity[k] - rock.lost[k]
     square = _energy(rock, rock.right)
     linear = excess - square
-    return 2.0 * given / (linear + math.sqrt(linear * linear + 4.0 * square * given))
+    root = math.sqrt(linear * linear + 4.0 * square * given)
+    if linear < 0.0:
+        return min(1.0, (root - linear) / (2.0 * square))
+    return min(1.0, 2.0 * given / (linear + root)) if root > 0.0 else 0.0
 
 
 @compiled

@@ -74,7 +74,6 @@ def step(
         _bend(rock, points, time_step)
     if _touch(body, rock, points, time_step, gravity):
         solve(rock, points, body.friction, rounds, limit)
-    rock.approach[:] = rock.velocity
     landed = False
     for _ in range(ROUNDS):
         if has_corners:
@@ -86,8 +85,11 @@ def step(
             break
         if share <= 1.0 and not landed:
             landed = True
+            for k in range(6):
+                change = rock.velocity[k] - rock.before[k]
+                rock.approach[k] = rock.before[k] + (0.5 + share) * change
             _let_go(rock, points, standing, 0.5 + share)
-        if entered and body.restitution > 0.0:
+        if entered and landed and body.restitution > 0.0:
             hold_back(body, rock, points, rounds, limit)
             _wanted_anew(rock, points, time_step)
         solve(rock, points, body.friction, rounds, limit)
@@ -358,7 +360,7 @@ def _aim(
             leaving, after = -body.restitution * fall, 1.0 - share
             point.leaving, point.after = leaving, after
             point.rebound = leaving + (0.5 + after) * time_step * pushed
-            base[0] += after * (leaving + 0.5 * after * time_step * pushed)
+            base[0] = min(base[0], 0.0) + after * (leaving + 0.5 * after * time_step * pushed)
     return share
 
 
@@ -367,10 +369,13 @@ def _let_go(rock: Motion, points: Points, standing: int, share: float) -> None:
     """Have points that touched before bear the rock until it lands elsewhere, and no longer.
 
     Their impulses are those of a step; ``share`` is the time from its begin to the landing, in
-    steps. They may bear it again, but what they gave is not taken back.
+    steps. They may bear it again, but what they gave is not taken back. Points that rebound, from
+    an impact of the step before, do so in full.
     """
     for at in range(standing):
         point = points[points[at].active]
+        if point.leaving > 0.0:
+            continue
         add_impulse(point, share, rock.free)
         add_impulse(point, share - 1.0, rock.velocity)
         for k in range(3):

@@ -23,6 +23,8 @@ REBOUNDS = ("bullet", "nonsmooth")
 
 BULLET = ("bullet",)
 
+OWN = ("nonsmooth",)
+
 
 @dataclass(frozen=True)
 class Reference:
