@@ -26,7 +26,7 @@ STAGE = ["mesh", "motions", "runs", "datasets", "fragility", "displacement", "re
 FLOORS = {"vsr_core": CORE, "pipeline": PIPELINE, "pipeline.stages": STAGE}
 HEAVY = {
     "dart", "dartpy", "dask", "dask_jobqueue", "distributed", "mujoco", "obspy", "open3d", "pooch",
-    "pydrake", "rapier3d", "sapien", "sklearn",
+    "pydrake", "rapier3d", "sapien", "sklearn", "trimesh",
 }  # fmt: skip
 """Libraries that are optional or slow to import: only these are imported where they are used."""
 

@@ -118,18 +118,29 @@ def make(name: str, job: Job) -> int:
     wanted = identities(name, job.site)
     _forget_crashed(name, job.store)
     under_way: dict[str, Callable[[], str]] = {}
-    for stage, identity in wanted.items():
-        for need in under_way.keys() & BY_NAME[stage].needs:
-            job.log(under_way.pop(need)())
-        if not any(why(BY_NAME[stage], identity, job.store)):
+    ahead = list(wanted)
+
+    def awaited(name: str) -> None:
+        if name in under_way:
+            for coming in ahead:  # meanwhile, what will be needed next
+                BY_NAME[coming].load()
+            job.log(under_way.pop(name)())
+
+    for needed, identity in wanted.items():
+        stage = BY_NAME[needed]
+        ahead.remove(needed)
+        for need in stage.needs:
+            if need not in stage.late:
+                awaited(need)
+        if not any(why(stage, identity, job.store)):
             continue
-        work = partial(_make, BY_NAME[stage], identity, job)
-        if BY_NAME[stage].aside and aside.POSSIBLE and job.cluster.free:
-            under_way[stage] = aside.begin(work)
+        work = partial(_make, stage, identity, replace(job, awaited=awaited))
+        if stage.aside and aside.POSSIBLE and job.cluster.free:
+            under_way[needed] = aside.begin(work)
         else:
             job.log(work())
-    for wait in under_way.values():
-        job.log(wait())
+    for needed in tuple(under_way):
+        awaited(needed)
     manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
     return max(int(manifest["unresolved"]) for manifest in manifests)
 

@@ -40,6 +40,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "rock",
         make="pipeline.stages.mesh.rock:make",
+        aside=True,
         needs=("scan",),
         reads=("rock", "pedestal", "contact.rolling_friction"),
         code=("pipeline.stages.mesh.sources:load", "vsr_core.surrogates.double_rock:double_rock"),
@@ -126,6 +127,7 @@ STAGES: tuple[Stage, ...] = (
         "report",
         make="pipeline.stages.reports.report:make",
         needs=("rock", "motions", "responses", "bullet_sample", "fragility"),
+        late=("bullet_sample",),
         reads=("rock", "pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
         files=("report.html", "reduction_gains.yaml", "catalogue.yaml"),
         versions=("matplotlib", "jinja2"),

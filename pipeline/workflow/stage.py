@@ -48,6 +48,7 @@ class Job:
     key : str, identity of what is asked for, for provenance
     log : function of one line
     stage : str, name of the stage, for provenance
+    awaited : function of the name of a stage, which ends when that stage is made
     """
 
     site: Site
@@ -56,6 +57,7 @@ class Job:
     key: str
     log: Callable[[str], None]
     stage: str = ""
+    awaited: Callable[[str], None] = lambda name: None
 
     @property
     def config(self) -> Config:
@@ -86,6 +88,7 @@ class Stage:
     make : path of a function from Job to Product
     applies : name of a property of the configuration; where it is false the stage is passed over
     needs : stages whose products it reads
+    late : those of them that may be under way when it begins: it calls ``Job.awaited``
     reads : dotted keys of the configuration that decide its product
     code : roots of the code that decides it, besides ``make``
     aside : whether it is made in a process of its own, beside the stages that do not need it
@@ -101,6 +104,7 @@ class Stage:
     make: str
     applies: str = ""
     needs: tuple[str, ...] = ()
+    late: tuple[str, ...] = ()
     reads: tuple[str, ...] = ()
     code: tuple[str, ...] = ()
     aside: bool = False
@@ -157,8 +161,17 @@ class Stage:
         -------
         Product
         """
-        made: Product = named(self.make)(job)
+        made: Product = self.load()(job)
         return made
+
+    def load(self) -> Callable[..., Any]:
+        """Load its function.
+
+        Returns
+        -------
+        callable, from Job to Product
+        """
+        return named(self.make)
 
     def input_digests(self, site: Site) -> dict[str, str]:
         """Digests of what decides its product besides configuration and code, by name.

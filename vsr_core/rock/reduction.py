@@ -7,7 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.spatial import ConvexHull
-from trimesh.triangles import closest_point
 
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.rock.body import Rock
@@ -146,6 +145,8 @@ def _outside(points: Array, triangles: Array, planes: Array) -> Array:
     distance = np.zeros(len(points))
     point, facet = np.nonzero(above > 1e-12)
     if len(point):
+        from trimesh.triangles import closest_point
+
         nearest = closest_point(triangles[facet], points[point])
         distance[:] = np.inf
         np.minimum.at(distance, point, np.linalg.norm(points[point] - nearest, axis=1))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
@@ -13,6 +13,9 @@ from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull
 from vsr_core.rock.tipping import settle
 from vsr_core.rock.triangles import self_intersections
+
+if TYPE_CHECKING:  # runs take rocks, and need not wait for what reads meshes
+    import trimesh
 
 LARGEST_SIZE = 30.0
 """A rock with a longer side than this [m] was probably not given in metres."""
@@ -65,8 +68,10 @@ def box(size: tuple[float, float, float], density: float) -> Solid:
     >>> box((1.0, 1.0, 2.0), 2000.0).rock.mass
     4000.0
     """
+    from trimesh.creation import box as mesh_of_box
+
     x, y, z = size
-    mesh = trimesh.creation.box(extents=size)
+    mesh = mesh_of_box(extents=size)
     mass = density * x * y * z
     inertia = mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
     corners = np.array(mesh.vertices)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 import xarray as xr
+from threadpoolctl import threadpool_limits
 
 from pipeline.config import in_si
 from pipeline.config.problems import InputError, Problem
@@ -109,7 +110,8 @@ def _from_scan(job: Job) -> tuple[trimesh.Trimesh, Origin, str, str]:
 def _dataset(made: Solid, level: Rock) -> xr.Dataset:
     rock = made.rock
     tips = tipping(level.hull, np.radians(np.arange(360.0)))
-    limits = barrier(level)
+    with threadpool_limits(1):  # its products are so thin that threads only wait for each other
+        limits = barrier(level)
     attributes = {f"barrier_{name}": getattr(limits, name) for name in BARRIER_SCALARS}
     return xr.Dataset(
         {

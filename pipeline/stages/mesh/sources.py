@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from pipeline.config.layers import Site, shown
 from pipeline.config.problems import InputError, Problem
@@ -15,6 +15,9 @@ from pipeline.workflow.keys import digest_file
 from vsr_core.errors import reason
 from vsr_core.surrogates import GENERATORS, SITES
 from vsr_core.surrogates.raw_scan import scan
+
+if TYPE_CHECKING:
+    import trimesh
 
 SUFFIXES = (".ply", ".stl", ".obj", ".dae", ".glb")
 
@@ -127,6 +130,8 @@ def load(source: Source, site: Site) -> trimesh.Trimesh:
     InputError
         If the file cannot be read as a mesh.
     """
+    import trimesh
+
     if source.path is None:
         if not site.config.on_terrain:
             return trimesh.Trimesh(*GENERATORS[source.fallback](), process=False)

@@ -117,6 +117,7 @@ def _other_engine(job: Job) -> dict[str, Any] | None:
     """How a sample ended in Bullet; None where Bullet is what the runs were done in."""
     if not job.config.in_other_engine:
         return None
+    job.awaited("bullet_sample")
     return report_tables.other_engine(read(job.path(SAMPLE)))
 
 
