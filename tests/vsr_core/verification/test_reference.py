@@ -58,6 +58,12 @@ def test_within_tolerance(case: Reference, engine: str) -> None:
     assert 0.0 <= case.measure(engine, case.step) <= case.tolerance
 
 
+@pytest.mark.parametrize("case", [case for case in CASES.values() if "nonsmooth" in case.engines])
+def test_the_compiled_engine_at_the_step_that_it_chooses(case: Reference) -> None:
+    """0.02 sqrt(R / g) is 5 ms where the step of the tolerance is 1 ms."""
+    assert 0.0 <= case.measure("nonsmooth", 5.0 * case.step) <= 0.025
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
 @pytest.mark.parametrize("name", GRIDS)
