@@ -1,9 +1,10 @@
 """Run the benchmarks; each prints its rows as they are measured: what, measured, target.
 
-    python -m benchmarks [--scan FILE] [--quick]
+    python -m benchmarks [--scan FILE] [--tests FOLDER] [--quick]
 
-``--scan`` takes a scan of Double Rock in metres; without it the surrogate is measured. ``--quick``
-leaves out the whole site and the terrain, which take twenty minutes on two cores.
+``--scan`` takes a scan of Double Rock in metres; without it the surrogate is measured. ``--tests``
+takes recorded shake-table tests, without which the validation is not measured. ``--quick`` leaves
+out the whole site, the terrain and the validation, which take minutes.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="benchmarks")
     parser.add_argument("--scan", type=Path, help="scan of Double Rock in metres")
+    parser.add_argument("--tests", type=Path, help="folder of recorded shake-table tests")
     parser.add_argument("--quick", action="store_true", help="leave out what takes long")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
@@ -32,7 +34,8 @@ def main() -> int:
         parts += [speed.loop(site, folder), speed.one_yaw(site, folder)]
         if not options.quick:
             parts += [speed.whole_site(site, folder), displacement.grid(folder)]
-            parts += [displacement.reductions(folder)]
+            parts += [displacement.against_bullet(folder), displacement.reductions(folder)]
+            parts += [engine.validation(options.tests, folder)]
         for row in chain(*parts, accuracy.blocks()):
             show(row)
     return 0

@@ -6,25 +6,32 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.speed import WORKERS
+from benchmarks.speed import WORKERS, cells
 from benchmarks.table import Row, say
 from pipeline.config.layers import load_site
+from pipeline.config.schema import COMPILED
 from pipeline.stages.runs.scenes import Group, load_scenes, terrain_case
 from pipeline.workflow.store import Store
+from vsr_core.engines import load
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.outcome import Outcome
 from vsr_core.run.cases import Settings, TerrainCase
 from vsr_core.run.displacement import displace
+from vsr_core.verification.time_step import step_unit
 
 SITE = "double_rock_terrain"
 
 STEP = 0.0018
 """Time step [s] of the comparisons, about what this site measures for itself."""
+
+RUNS = 12
+"""Runs compared with Bullet, of which one takes a sixth of a second there."""
 
 CELLS = [(0.5, 0.3), (0.7, 0.5), (0.8, 0.7), (0.9, 0.4), (1.0, 0.6), (1.0, 0.9)]
 """PGA [g] and PGV/PGA [s] of the runs compared."""
@@ -42,13 +49,38 @@ def grid(folder: Path) -> Iterator[Row]:
         fact for fact in map(json.loads, reversed(log)) if fact["stage"] == "displacement_runs"
     )
     wall, cpu = note["seconds"], note["cpu_seconds"]
-    yield "2,500 runs with trajectories on the terrain [s]", f"{wall:.0f}", "at most 240"
+    yield "2,500 runs with trajectories on the terrain [s]", f"{wall:.0f}", "40"
     yield "  CPU of a run [ms]", f"{1e3 * cpu / note['runs']:.0f}", ""
     yield "  workers and store beyond that [%]", f"{100 * (wall * WORKERS / cpu - 1):.0f}", ""
     yield "  time step, statistics, figures and pages [s]", f"{whole - wall:.0f}", ""
     say("the same command again")
     again = _command(folder, "run", "displacement", "--workers", str(WORKERS))
     yield "  the second call [s]", f"{again:.1f}", "at most 3"
+
+
+def against_bullet(folder: Path) -> Iterator[Row]:
+    """CPU of a run with its trajectory in Bullet over that here; ``grid`` goes first."""
+    say("trajectories in Bullet and in the compiled engine")
+    scenes = load_scenes(load_site(SITE).config, Store(folder / SITE))
+    site = terrain_case(scenes, Group(0.0, scenes.config.contact.friction[0]))
+    pulses = [CosinePulse.from_g(pga, pgv_pga) for pga, pgv_pga in cells(RUNS)]
+    (own, found), (bullet, expected) = (_followed(site, pulses, e) for e in (COMPILED, "bullet"))
+    differ = sum(a is not b for a, b in zip(found, expected, strict=True))
+    what = "CPU of a run, Bullet / this, terrain with trajectory"
+    yield what, f"{bullet / own:.1f}", "10"
+    yield f"  outcomes of {RUNS} that differ", str(differ), ""
+
+
+def _followed(
+    site: TerrainCase, pulses: Sequence[CosinePulse], engine: str
+) -> tuple[float, list[Outcome]]:
+    """CPU time of runs [s] at the step of the engine's boundary error of 1 %, and outcomes."""
+    unit = step_unit(site.seat.rock)
+    settings = Settings(load(engine).LADDER.coarse * unit, engine=engine)
+    displace(site, pulses[0], settings)  # builds the worlds
+    start = time.process_time()
+    found = [displace(site, pulse, settings).response.outcome for pulse in pulses]
+    return time.process_time() - start, found
 
 
 def reductions(folder: Path) -> Iterator[Row]:

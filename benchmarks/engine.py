@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from benchmarks.speed import case_of, cells, plain_loop, timed_command
+from benchmarks.speed import case_of, cells, fragility_command, plain_loop, timed_command
 from benchmarks.table import Row, say
 from vsr_core import GRAVITY
 from vsr_core.engines import load
@@ -22,6 +22,9 @@ from vsr_core.scene import Contact, Scene
 from vsr_core.verification.time_step import step_unit
 
 RUNS = 200
+
+REPEATS = 3
+"""Times that one yaw is measured; the quickest counts, as the least disturbed."""
 
 
 def against_bullet(site: Path, folder: Path) -> Iterator[Row]:
@@ -45,14 +48,51 @@ def against_bullet(site: Path, folder: Path) -> Iterator[Row]:
 def command(site: Path, folder: Path) -> Iterator[Row]:
     """One yaw and twelve, as commands, against the bare start of two libraries."""
     say("one yaw and twelve")
-    start = time.monotonic()
-    subprocess.run([sys.executable, "-c", "import xarray, distributed"], check=True)
-    bare = time.monotonic() - start
-    one, _ = timed_command(site, folder / "one yaw", "yaw=0")
-    yield "fragility of one yaw, whole command [s]", f"{one:.1f}", ""
-    yield "  over `import xarray, distributed`", f"{one / bare:.1f}", "5"
+    bare, ones = [], []
+    for number in range(REPEATS):  # in turn, so that both find the machine as busy
+        start = time.monotonic()
+        subprocess.run([sys.executable, "-c", "import xarray, distributed"], check=True)
+        bare.append(time.monotonic() - start)
+        ones.append(_timeline(site, folder / f"one yaw {number}", "yaw=0"))
+    one = min(ones, key=lambda times: times["end"][0])
+    began, chosen = one["time_step"]
+    whole = one["end"][0]
+    yield "calibration: `import xarray, distributed` [s]", f"{min(bare):.2f}", ""
+    yield "fragility of one yaw, whole command [s]", f"{whole:.1f}", ""
+    yield "  over the calibration", f"{whole / min(bare):.1f}", "5"
+    yield "  choosing the step, share of it [%]", f"{100 * (chosen - began) / whole:.0f}", "10"
+    yield "  all outcomes after [s]", f"{one['runs'][0]:.1f}", "first ones within 5"
     twelve, _ = timed_command(site, folder / "twelve")
     yield "fragility of twelve yaws, 30,000 runs, whole command [s]", f"{twelve:.1f}", "25"
+
+
+def validation(tests: Path | None, folder: Path) -> Iterator[Row]:
+    """Predictions of recorded shake-table tests, as a command."""
+    what = "validation of recorded shake-table tests, whole command [s]"
+    if tests is None:
+        yield what, "not measured", "90; give their folder: --tests FOLDER"
+        return
+    say("the validation")
+    command = [sys.executable, "-m", "pipeline", "run", "validation", "--table", str(tests)]
+    start = time.monotonic()
+    subprocess.run([*command, "--derived", str(folder)], check=True, stderr=subprocess.DEVNULL)
+    yield what, f"{time.monotonic() - start:.0f}", "90"
+
+
+def _timeline(site: Path, derived: Path, *settings: str) -> dict[str, list[float]]:
+    """Times [s] since a fragility command at which it told of each stage, and of its end."""
+    times: dict[str, list[float]] = {}
+    start = time.monotonic()
+    with subprocess.Popen(
+        fragility_command(site, derived, *settings), stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            times.setdefault(line.partition(":")[0], []).append(time.monotonic() - start)
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, process.args)
+    times["end"] = [time.monotonic() - start]
+    return times
 
 
 def _timed(case: Case, pulses: Sequence[CosinePulse], engine: str) -> tuple[float, list[object]]:

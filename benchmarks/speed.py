@@ -101,15 +101,21 @@ def whole_site(site: Path, folder: Path) -> Iterator[Row]:
 
 def timed_command(site: Path, derived: Path, *settings: str) -> tuple[float, dict[str, float]]:
     """Wall-clock time of a fragility command [s], and its last note in the log."""
-    command = [sys.executable, "-m", "pipeline", "run", "fragility", "--site", str(site)]
-    command += ["--derived", str(derived), "--workers", str(WORKERS)]
-    for setting in settings:
-        command += ["--set", setting]
     start = time.monotonic()
+    command = fragility_command(site, derived, *settings)
     subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
     seconds = time.monotonic() - start
     log = (derived / "double_rock" / "log.jsonl").read_text().splitlines()
     return seconds, json.loads(log[-1])
+
+
+def fragility_command(site: Path, derived: Path, *settings: str) -> list[str]:
+    """Arguments of a fragility command with changed settings."""
+    command = [sys.executable, "-m", "pipeline", "run", "fragility", "--site", str(site)]
+    command += ["--derived", str(derived), "--workers", str(WORKERS)]
+    for setting in settings:
+        command += ["--set", setting]
+    return command
 
 
 def case_of(site: Path, folder: Path) -> tuple[Case, Settings]:

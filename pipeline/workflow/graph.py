@@ -123,7 +123,7 @@ def make(name: str, job: Job) -> int:
     def awaited(name: str) -> None:
         if name in under_way:
             for coming in ahead:  # meanwhile, what will be needed next
-                BY_NAME[coming].load()
+                BY_NAME[coming].get_ready(job.site)
             job.log(under_way.pop(name)())
 
     for needed, identity in wanted.items():

@@ -70,6 +70,7 @@ STAGES: tuple[Stage, ...] = (
         reads=("pedestal", "contact", "drive", "servo", "simulation"),
         code=(*RUN_CODE, "pipeline.stages.runs.step_choice:measure_rows", *ENGINE_CODE),
         inputs="pipeline.stages.runs.scenes:engine_version",
+        ready="pipeline.stages.runs.step_choice:load_engine",
     ),
     Stage(
         "runs",

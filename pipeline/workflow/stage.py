@@ -96,6 +96,7 @@ class Stage:
     inputs : path of a function from Site to digests of files outside the configuration, by name
     files : names of the templates and tables in this package that its pages are made from
     versions : libraries whose version decides the result
+    ready : path of a function of Site that loads what else its making loads
     check : path of a function from Store to what is wrong with its products beyond their
         checksums, or an empty string
     """
@@ -112,6 +113,7 @@ class Stage:
     inputs: str = ""
     files: tuple[str, ...] = ()
     versions: tuple[str, ...] = ()
+    ready: str = ""
     check: str = ""
 
     def roots(self) -> tuple[str, ...]:
@@ -161,17 +163,19 @@ class Stage:
         -------
         Product
         """
-        made: Product = self.load()(job)
+        made: Product = named(self.make)(job)
         return made
 
-    def load(self) -> Callable[..., Any]:
-        """Load its function.
+    def get_ready(self, site: Site) -> None:
+        """Load its code, while what it needs is still made.
 
-        Returns
-        -------
-        callable, from Job to Product
+        Parameters
+        ----------
+        site : Site
         """
-        return named(self.make)
+        named(self.make)
+        if self.ready:
+            named(self.ready)(site)
 
     def input_digests(self, site: Site) -> dict[str, str]:
         """Digests of what decides its product besides configuration and code, by name.

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 import xarray as xr
 
 from pipeline.config import in_si
+from pipeline.config.layers import Site
 from pipeline.config.schema import COMPILED, Config
 from pipeline.stages.runs.scenes import (
     Group,
@@ -30,6 +32,7 @@ from pipeline.workflow.store import Store
 from vsr_core import engines
 from vsr_core.rock.body import Rock
 from vsr_core.run.cases import Case, Settings
+from vsr_core.scene import Contact, Scene
 from vsr_core.verification import time_step as ladder
 from vsr_core.verification.time_step import Choice, Row, longest, step_unit
 
@@ -40,6 +43,18 @@ FEW = 4
 
 Place = tuple[float, float]
 """Yaw [degree] and PGV/PGA [s] of a row."""
+
+
+def load_engine(site: Site) -> None:
+    """Load the machine code of the engine that a site names, by the world of a block.
+
+    Parameters
+    ----------
+    site : Site
+    """
+    corners = np.array(list(product((-1.0, 1.0), repeat=3)))
+    block = Rock("hull", corners, 1.0, np.ones(3), np.eye(3))
+    engines.load(site.config.engine).build(Scene(block, Contact(1.0)), 1e-3, 1)
 
 
 def time_steps(config: Config, store: Store) -> dict[float, float]:

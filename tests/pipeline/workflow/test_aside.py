@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from pipeline.cli import main
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import aside
 
@@ -47,3 +50,29 @@ def test_a_refusal_comes_back_whole() -> None:
 def test_death_is_an_error() -> None:
     with pytest.raises(RuntimeError, match="died"):
         aside.begin(lambda: os._exit(9))()
+
+
+SMALL = """\
+rock: {shape: box, size: [1.0, 1.0, 2.0], density: 2700}
+motion: {pga: {start: 0.2, stop: 1.0, num: 4}, pgv_pga: [0.1, 0.3]}
+simulation: {time_step: 0.01}
+"""
+
+
+def test_products_are_the_same_as_in_turn(
+    write_site: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site, begun, made = write_site(SMALL), [], []
+    begin = aside.begin
+    monkeypatch.setattr(aside, "begin", lambda work: begun.append(work) or begin(work))
+    for possible in (True, False):
+        monkeypatch.setattr(aside, "POSSIBLE", possible)
+        derived = tmp_path / str(possible)
+        assert main(["run", "fragility", "--site", site, "--derived", str(derived)]) == 0
+        manifests = (derived / "rock" / ".stages").glob("*.json")
+        made.append({path.name: json.loads(path.read_text())["files"] for path in manifests})
+    assert len(begun) == 2
+    for files in made:
+        del files["report.json"]  # which tells how long the runs took
+    assert made[0] == made[1]
+    assert {"rock.json", "bullet_sample.json", "fragility.json"} <= made[0].keys()
