@@ -21,6 +21,7 @@ from vsr_core.engines.nonsmooth import plane
 from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.stepping import step
+from vsr_core.engines.nonsmooth.vectors import assign, assign_matrix
 from vsr_core.engines.nonsmooth.world import begin, set_state
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.motions.six_axes import TableMotion
@@ -237,8 +238,10 @@ def run_all(
     measured : ndarray, shape (n, 3), written: peak tilt, final tilt [rad] and slip [m]
     """
     for n in range(len(table.intervals)):
-        rock.place[:], rock.quaternion[:] = start.place, start.quaternion
-        rock.rotation[:], rock.velocity[:] = start.rotation, start.velocity
+        assign(rock.place, start.place)
+        assign(rock.quaternion, start.quaternion)
+        assign_matrix(rock.rotation, start.rotation)
+        assign(rock.velocity, start.velocity)
         begin(body, rock, table.intervals[n])
         outcome, by, steps = _run(body, rule, table, n, rock, points, watch)
         decided[n, 0], decided[n, 1], decided[n, 2] = outcome, by, steps
@@ -291,7 +294,7 @@ def _advance(
     points: Points,
 ) -> None:
     """Step from one sample to another; beyond the last the table rests."""
-    push = np.zeros(3)
+    push = rock.push
     for n in range(now, until):
         push[0] = push[1] = 0.0
         push[2] = -table.gravity

@@ -6,7 +6,7 @@ import math
 
 from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
-from vsr_core.engines.nonsmooth.vectors import inertia_turned, matrix, turned
+from vsr_core.engines.nonsmooth.vectors import assign, inertia_turned, matrix, turned
 from vsr_core.run.watching import Rule, Watch
 
 
@@ -27,7 +27,7 @@ def start_watch(watch: Watch, body: Body, rock: Motion, rule: Rule, interval: fl
     watch.rest_since = -1.0
     _pose(watch, body, rock, rule, interval)
     _find_lowest(watch, body, rock)
-    watch.start[:] = watch.place
+    assign(watch.start, watch.place)
     for k in range(2):
         watch.start_foot[k] = watch.place[k] - rule.foot * watch.rotation[k, 2]
 
@@ -51,7 +51,7 @@ def look(
     if not rock.near:
         _find_lowest(watch, body, rock)
         return
-    watch.lowest[2] = math.inf
+    watch.lever[2] = -math.inf
     for at in range(rock.near):
         _try_lowest(watch, body, rock, points[at].near)
 
@@ -73,14 +73,14 @@ def _pose(watch: Watch, body: Body, rock: Motion, rule: Rule, interval: float) -
                 + rock.middle[k, 1] * rule.axes[j, 1]
                 + rock.middle[k, 2] * rule.axes[j, 2]
             )
-    watch.velocity[:] = v
+    assign(watch.velocity, v)
 
 
 @compiled
 def _find_lowest(watch: Watch, body: Body, rock: Motion) -> None:
     """Lowest corner of the rock, or of a sphere its lowest point."""
-    watch.lowest[0] = watch.lowest[1] = 0.0
-    watch.lowest[2] = math.inf if len(body.points) else -body.radius
+    watch.lever[0] = watch.lever[1] = 0.0
+    watch.lever[2] = -math.inf if len(body.points) else body.radius
     for i in range(len(body.points)):
         _try_lowest(watch, body, rock, i)
 
@@ -90,8 +90,8 @@ def _try_lowest(watch: Watch, body: Body, rock: Motion, i: int) -> None:
     """Take a corner for the lowest one if it is lower than that."""
     rotation, corner = rock.middle, body.points[i]
     height = rotation[2, 0] * corner[0] + rotation[2, 1] * corner[1] + rotation[2, 2] * corner[2]
-    if height < watch.lowest[2]:
+    if -height > watch.lever[2]:
         for k in range(3):
-            watch.lowest[k] = (
+            watch.lever[k] = -(
                 rotation[k, 0] * corner[0] + rotation[k, 1] * corner[1] + rotation[k, 2] * corner[2]
             )

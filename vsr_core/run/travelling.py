@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.engines.nonsmooth import ground as grounds
@@ -14,6 +12,7 @@ from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.stepping import step
 from vsr_core.engines.nonsmooth.tree import Ground
+from vsr_core.engines.nonsmooth.vectors import assign
 from vsr_core.engines.nonsmooth.world import begin
 from vsr_core.outcome import DISPLACED_SHARE, StopReason
 from vsr_core.run import ground_lookup, tracking, watching
@@ -100,18 +99,17 @@ def run(
     for n in range(now):
         given += travel.interval * abs(travel.values[n])
     kept = _begin_track(track, watch, travel)
-    push, change, middle = np.zeros(3), np.zeros(3), np.zeros(3)
     toppled, looks = False, 0
     while now < travel.last:
         until = _next(now, travel)
-        given += _advance(body, ground, travel, now, until, rock, points, push, change)
+        given += _advance(body, ground, travel, now, until, rock, points, watch.change)
         duration, now = (until - now) * travel.interval, until
         look(watch, body, rock, points, rule, travel.interval)
         if not _finite(watch) or ground.search[0].full:
             return watching.UNSTABLE, UNDONE, now - travel.first, kept
-        kept = _note(track, kept, watch, change, duration, now, travel, rule)
+        kept = _note(track, kept, watch, duration, now, travel, rule)
         if 2 * now < len(travel.values) + travel.last:
-            middle[:] = watch.place
+            assign(watch.middle, watch.place)
         looks += 1
         sound = _sound(watch, rule, travel, given, toppled)
         topples = not toppled and _topples(watch, rule, travel)
@@ -131,7 +129,7 @@ def run(
         if _at_rest(watch, rule, travel, now):
             side = watching.OVERTURNED if toppled else _side(watch, rule)
             return side, REST, now - travel.first, tracking.end(track, kept)
-    outcome = _side(watch, rule) if _trembles(watch, rule, middle) else watching.UNSETTLED
+    outcome = _side(watch, rule) if _trembles(watch, rule) else watching.UNSETTLED
     outcome = watching.OVERTURNED if toppled else outcome
     return outcome, TIME, now - travel.first, tracking.end(track, kept)
 
@@ -160,7 +158,6 @@ def _advance(
     until: int,
     rock: Motion,
     points: Points,
-    push: Array,
     change: Array,
 ) -> float:
     """Step from one place in the motion to another.
@@ -171,19 +168,18 @@ def _advance(
     change[:] = 0.0
     given = 0.0
     for n in range(now, until):
-        _step(body, ground, travel, n, rock, points, push)
+        _step(body, ground, travel, n, rock, points)
         for k in range(3):
-            change[k] += travel.interval * push[k]
+            change[k] += travel.interval * rock.push[k]
         if n < len(travel.values):
             given += travel.interval * abs(travel.values[n])
     return given
 
 
 @compiled
-def _step(
-    body: Body, ground: Ground, travel: Travel, n: int, rock: Motion, points: Points, push: Array
-) -> None:
-    """One step; ``push`` is written."""
+def _step(body: Body, ground: Ground, travel: Travel, n: int, rock: Motion, points: Points) -> None:
+    """One step."""
+    push = rock.push
     shaken = travel.values[n] if n < len(travel.values) else 0.0
     push[0], push[1], push[2] = -shaken * travel.along[0], -shaken * travel.along[1], -GRAVITY
     interval = travel.interval
@@ -209,9 +205,9 @@ def _begin_track(track: Track, watch: Watch, travel: Travel) -> int:
 @compiled
 def _write(sample: Track, watch: Watch, time: float) -> None:
     sample.time = time
-    sample.place[:] = watch.place
-    sample.velocity[:] = watch.velocity
-    sample.quaternion[:] = watch.quaternion
+    assign(sample.place, watch.place)
+    assign(sample.velocity, watch.velocity)
+    assign(sample.quaternion, watch.quaternion)
 
 
 @compiled
@@ -219,14 +215,13 @@ def _note(
     track: Track,
     kept: int,
     watch: Watch,
-    change: Array,
     duration: float,
     now: int,
     travel: Travel,
     rule: Rule,
 ) -> int:
     _write(track[len(track) - 2], watch, now * travel.interval)
-    return tracking.note(track, kept, change, duration, rule.radius)
+    return tracking.note(track, kept, watch.change, duration, rule.radius)
 
 
 @compiled
@@ -282,11 +277,11 @@ def _at_border(watch: Watch, lookup: Lookup, radius: float) -> bool:
 
 
 @compiled
-def _trembles(watch: Watch, rule: Rule, middle: Array) -> bool:
+def _trembles(watch: Watch, rule: Rule) -> bool:
     """Whether a rock that still moves stays where it was in the middle of the wait."""
     way = 0.0
     for k in range(3):
-        way += (watch.place[k] - middle[k]) ** 2
+        way += (watch.place[k] - watch.middle[k]) ** 2
     stays = math.sqrt(way) < STAYS_SHARE * rule.radius
     return stays and watch.kinetic < TREMBLES_SHARE * GRAVITY * rule.radius
 

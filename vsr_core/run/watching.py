@@ -14,6 +14,7 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.engines.nonsmooth.vectors import assign, assign_matrix
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome
 from vsr_core.run import proofs
 from vsr_core.run.guards import gained_too_much
@@ -70,7 +71,7 @@ WATCH = np.dtype(
         ("quaternion", float, 4),  # w x y z, from principal axes, then
         ("velocity", float, 6),  # m/s and rad/s
         ("inertia", float, (3, 3)),  # m^2, in the table's axes, per unit mass
-        ("lowest", float, 3),  # m, from the centre of mass to the lowest corner
+        ("lever", float, 3),  # m, from the lowest corner to the centre of mass
         ("start", float, 3),  # m, centre of mass at the start
         ("start_foot", float, 2),  # m, centre of the base at the start, x and y
         ("kinetic", float),  # m^2/s^2
@@ -81,6 +82,8 @@ WATCH = np.dtype(
         ("rest_since", float),  # s, less than 0 while it moves
         ("rest_place", float, 3),  # m, where it has rested since then
         ("rest_rotation", float, (3, 3)),
+        ("change", float, 3),  # m/s, of the velocity by weight and shaking since the last look
+        ("middle", float, 3),  # m, centre of mass in the middle of the wait for rest
     ]
 )
 """What is known of a run when it is looked at."""
@@ -116,7 +119,7 @@ def sound(watch: Watch, rule: Rule, time: float, impulse: float, moved: bool) ->
     watch.peak_tilt = max(watch.peak_tilt, watch.tilt)
     note_slip(watch, rule)
     note_rest(watch, rule, time)
-    if place[2] + watch.lowest[2] < -rule.penetration:
+    if place[2] - watch.lever[2] < -rule.penetration:
         return False
     if not moved and max(watch.slip, watch.tilt * rule.radius) > rule.drift:
         return False
@@ -181,7 +184,7 @@ def decided(
         return GOES_ON, SIMULATED
     lies = watch.tilt > rule.limits.toppled_tilt
     if lies and proofs.cannot_be_stopped(
-        -watch.lowest, watch.velocity[3:], watch.inertia, rule.friction, rule.rolling_friction
+        watch.lever, watch.velocity[3:], watch.inertia, rule.friction, rule.rolling_friction
     ):
         return OVERTURNED, NO_RETURN
     if (lies or _slip_is_known(watch, rule, shaken)) and proved(watch, rule, remaining):
@@ -261,8 +264,8 @@ def note_rest(watch: Watch, rule: Rule, time: float) -> None:
 @compiled
 def _rest_from(watch: Watch, time: float) -> None:
     watch.rest_since = time
-    watch.rest_place[:] = watch.place
-    watch.rest_rotation[:] = watch.rotation
+    assign(watch.rest_place, watch.place)
+    assign_matrix(watch.rest_rotation, watch.rotation)
 
 
 @compiled

@@ -62,6 +62,7 @@ MOTION = np.dtype(
         ("middle", float, (3, 3)),  # rotation half-way along the path of the step
         ("inertia", float, (3, 3)),  # m^2, half-way along it
         ("flexibility", float, (3, 3)),  # m^-2, its inverse
+        ("push", float, 3),  # m/s^2, gravity less the acceleration of the table, in the step
         ("system", float, (6, 6)),  # equations for the velocity, and
         ("right", float, 6),  # their right side, then their solution
         ("taken", float),  # m^2/s^2, energy that rebounds of the next step may give back

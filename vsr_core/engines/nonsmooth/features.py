@@ -109,7 +109,7 @@ def of_rock(hull: Hull) -> Features:
     face, across = hull.face[facet], hull.face[other]
     order = np.argsort(face, kind="stable")
     sides = np.zeros(len(facet), SIDE)
-    sides["inward"] = _unit(hull.normals[facet] - hull.normals[other])
+    sides["inward"] = unit(hull.normals[facet] - hull.normals[other])
     sides["limit"] = (sides["inward"] * start).sum(axis=1)
     sides["across"] = across
     faces = np.zeros(hull.face.max() + 1, FACE)
@@ -144,7 +144,7 @@ def of_terrain(terrain: Terrain) -> Features:
     corners, triangles = terrain.vertices, terrain.faces
     size = areas(corners, triangles)
     triangles = triangles[size > 1e-9 * np.median(size)]
-    normals = _unit(cross_products(corners, triangles))
+    normals = unit(cross_products(corners, triangles))
     begin, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     start, along, length = _lines(corners[begin], corners[end])
     own = np.repeat(np.arange(len(triangles)), 3)
@@ -158,7 +158,7 @@ def of_terrain(terrain: Terrain) -> Features:
     flat = _joined(own[level], other[level], len(triangles))
     sides = np.zeros(len(begin), SIDE)
     sides["inward"] = within
-    sides["inward"][convex] = _unit(normals[own[convex]] - normals[other[convex]])
+    sides["inward"][convex] = unit(normals[own[convex]] - normals[other[convex]])
     sides["limit"] = (sides["inward"] * start).sum(axis=1)
     sides["hollow"] = hollow
     faces = np.zeros(len(triangles), FACE)
@@ -223,5 +223,15 @@ def _lines(start: Array, end: Array) -> tuple[Array, Array, Array]:
     return start, (end - start) / length[:, None], length
 
 
-def _unit(vectors: Array) -> Array:
+def unit(vectors: Array) -> Array:
+    """Vectors of length 1.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape (n, 3)
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+    """
     return vectors / np.linalg.norm(vectors, axis=1)[:, None]

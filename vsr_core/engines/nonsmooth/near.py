@@ -1,128 +1,187 @@
-"""Which features of a rock and of the terrain are near each other, found once in some steps."""
+"""Which parts of the terrain a rock may touch soon, and the pairs of features there."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from vsr_core.arrays import Array, Indices
 from vsr_core.engines.nonsmooth.body import Motion
-from vsr_core.engines.nonsmooth.compiling import compiled
-from vsr_core.engines.nonsmooth.tree import Ground
+from vsr_core.engines.nonsmooth.compiling import compiled, inlined
+from vsr_core.engines.nonsmooth.pairs import climb, drop, list_pairs
+from vsr_core.engines.nonsmooth.tree import Ground, Shape
 from vsr_core.engines.nonsmooth.vectors import cross
 
-CORNER, EDGES, VERTEX = 0, 1, 2
-"""Kinds of pairs: corner of the rock and face, two edges, vertex of the terrain and face."""
+FAR_STEPS, NEAR_STEPS = 10.0, 3.0
+"""Distances up to which leaves of the tree, and features in one, are near, besides the depth seen,
+in units of what may pass in a step."""
 
 
-@compiled
-def gather(ground: Ground, rock: Motion, radius: float, near: float, deepest: float) -> None:
-    """List the pairs of features that may touch before the rock has moved by ``near``.
+SPAN_SHARE = 0.7
+"""Distance from a leaf, as a share of the radius, within which paths of the rock's points are
+bounded together, so that a turn of the rock takes those by at least as much."""
+
+
+@inlined
+def move_on(ground: Ground, rock: Motion, time_step: float) -> None:
+    """Add the path of a step to those of the rock beside near leaves.
+
+    Parameters
+    ----------
+    ground : Ground, changed
+    rock : record of ``MOTION``
+    time_step : float [s]
+    """
+    tree, place, velocity = ground.tree, rock.place, rock.velocity
+    u, v, w = velocity[0], velocity[1], velocity[2]
+    p, q, r = velocity[3], velocity[4], velocity[5]
+    turning = math.sqrt(p * p + q * q + r * r)
+    for n in range(ground.search[0].leaves):
+        at = tree.leaves[n]
+        box = tree.boxes[at]
+        x, y, z = cross(p, q, r, box[0] - place[0], box[1] - place[1], box[2] - place[2])
+        x, y, z = x + u, y + v, z + w
+        pace = math.sqrt(x * x + y * y + z * z) + turning * tree.spans[at]
+        tree.ways[at] += time_step * pace
+
+
+@inlined
+def renew(ground: Ground, rock: Motion, radius: float, ahead: float, deepest: float) -> None:
+    """Have all pairs of features listed that may touch before the rock has moved by ``ahead``.
+
+    Leaves of the tree near the rock are listed once in many steps; the pairs in one of them when
+    it is about to be reached.
 
     Parameters
     ----------
     ground : Ground, changed
     rock : record of ``MOTION``
     radius : float [m], of the rock
-    near : float [m]
+    ahead : float [m]
     deepest : float [m], depth of a feature in the ground beyond which it is behind it
     """
+    search, tree = ground.search[0], ground.tree
+    if not search.reserve >= ahead + deepest:
+        _list_leaves(ground, rock, deepest + FAR_STEPS * ahead)
+    _fill(ground, rock, radius, ahead, deepest, deepest + NEAR_STEPS * ahead)
+    if search.full:
+        search.full = search.pairs = 0
+        tree.ready[:] = -np.inf
+        _fill(ground, rock, radius, ahead, deepest, ahead)
+
+
+@inlined
+def _fill(
+    ground: Ground, rock: Motion, radius: float, ahead: float, deepest: float, near: float
+) -> None:
+    """List the pairs that are ``near`` in leaves about to be reached, unless they are known."""
+    search, tree, shape = ground.search[0], ground.tree, ground.shape
+    way, soon, placed, span = search.way, ahead + deepest, False, SPAN_SHARE * radius
+    for n in range(search.leaves):
+        at = tree.leaves[n]
+        if tree.due[at] - way > soon or tree.ready[at] - tree.ways[at] >= ahead:
+            continue
+        if not placed:
+            _place_planes(ground, rock)
+            _place(ground, rock)
+            placed = True
+        gap = _apart(tree.boxes, tree.hints, shape, rock, at, soon)
+        tree.due[at] = way + gap
+        if gap > soon:
+            continue
+        drop(ground, at)
+        box = tree.boxes[at]
+        size = math.sqrt(box[3] * box[3] + box[4] * box[4] + box[5] * box[5])
+        tree.nears[at], tree.spans[at] = near, max(span, size + near + ahead)
+        _reach(shape, 1, box[0], box[1], box[2], box[3], box[4], box[5], near)
+        _face_to_face(shape, tree.cones, at, near / span)
+        list_pairs(ground, rock, at, near, near / span, deepest)
+        tree.ready[at] = tree.ways[at] + near
+
+
+@compiled
+def _list_leaves(ground: Ground, rock: Motion, near: float) -> None:
+    """List the leaves that are ``near``, and the corners and edges of the rock near any of them."""
     search, shape, tree = ground.search[0], ground.shape, ground.tree
-    search.stamp += 1
-    search.pairs = 0
+    links, due, corners, edges = tree.links, tree.due, len(shape.spots), len(shape.rods)
+    for i in range(corners):
+        shape.lists[0, i] = i
+    for i in range(edges):
+        shape.lists[0, corners + i] = i
+    shape.sizes[0, 0], shape.sizes[0, 1] = corners, edges
+    _place_planes(ground, rock)
     _place(ground, rock)
-    links, due, lists, sizes = tree.links, tree.due, shape.lists, shape.sizes
-    corners, edges = len(shape.spots), len(shape.rods)
-    way, free, found, at = search.way, math.inf, False, 0
+    low, high = np.inf, -np.inf
+    a, b, c, d, e, f = low, low, low, high, high, high
+    search.pairs = search.leaves = 0
+    way, free, at = search.way, math.inf, 0
     while at < len(links):
         gap = due[at] - way
         if gap <= near:
-            gap = _apart(
-                tree.boxes, tree.hints, shape.planes, shape.duals, shape.ring, rock, at, near
-            )
+            gap = _apart(tree.boxes, tree.hints, shape, rock, at, near)
             due[at] = way + gap
         if gap > near:
             free = min(free, gap)
             at = links[at, 0]
             continue
-        level = links[at, 1]
-        if level == 0:
-            for i in range(corners):
-                lists[0, i] = i
-            for i in range(edges):
-                lists[0, corners + i] = i
-            sizes[0, 0], sizes[0, 1] = corners, edges
-        else:
-            _reach(tree.boxes, shape.spots, shape.rods, lists, sizes, at, level, near)
-        if links[at, 2]:
-            found = True
-            _pair(ground, rock, at, level, near, near / radius, deepest)
+        if links[at, 1]:
+            box = tree.boxes[at]
+            a, b, c = min(a, box[0] - box[3]), min(b, box[1] - box[4]), min(c, box[2] - box[5])
+            d, e, f = max(d, box[0] + box[3]), max(e, box[1] + box[4]), max(f, box[2] + box[5])
+            tree.ready[at], tree.spans[at] = -np.inf, 0.0
+            tree.leaves[search.leaves] = at
+            search.leaves += 1
         at += 1
-    search.reserve = near if found else free
+    search.reserve = free
+    if search.leaves > 0:
+        search.reserve = near
+        x, y, z = 0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)
+        _reach(shape, 0, x, y, z, 0.5 * (d - a), 0.5 * (e - b), 0.5 * (f - c), near)
 
 
-@compiled
-def _place(ground: Ground, rock: Motion) -> None:
-    """Corners, edges and faces of the rock in the site's frame."""
-    turn, place, shape = rock.rotation, rock.place, ground.shape
-    spots, planes, rods = shape.spots, shape.planes, shape.rods
-    for i in range(len(spots)):
-        x, y, z = ground.corners[i, 0], ground.corners[i, 1], ground.corners[i, 2]
-        for k in range(3):
-            spots[i, k] = place[k] + turn[k, 0] * x + turn[k, 1] * y + turn[k, 2] * z
+@inlined
+def _place_planes(ground: Ground, rock: Motion) -> None:
+    """Faces of the rock in the site's frame."""
+    turn, planes = rock.rotation, ground.shape.planes
     for i in range(len(planes)):
         normal = ground.faces[ground.own_face + i].normal
         x, y, z = normal[0], normal[1], normal[2]
         for k in range(3):
             planes[i, k] = turn[k, 0] * x + turn[k, 1] * y + turn[k, 2] * z
-    for i in range(len(rods)):
-        edge = ground.edges[ground.own_edge + i]
-        a, b, size = edge.ends[0], edge.ends[1], 1.0 / edge.length
+
+
+@inlined
+def _place(ground: Ground, rock: Motion) -> None:
+    """Corners and edges of the rock that are listed, in the site's frame."""
+    turn, place, shape = rock.rotation, rock.place, ground.shape
+    spots, rods, arcs, corners = shape.spots, shape.rods, shape.arcs, len(shape.spots)
+    for n in range(shape.sizes[0, 0]):
+        i = shape.lists[0, n]
+        x, y, z = ground.corners[i, 0], ground.corners[i, 1], ground.corners[i, 2]
         for k in range(3):
-            rods[i, k] = 0.5 * (spots[a, k] + spots[b, k])
-            rods[i, 3 + k] = 0.5 * abs(spots[b, k] - spots[a, k])
-            rods[i, 6 + k] = size * (spots[b, k] - spots[a, k])
-            rods[i, 9 + k] = spots[a, k]
+            spots[i, k] = place[k] + turn[k, 0] * x + turn[k, 1] * y + turn[k, 2] * z
+    for n in range(shape.sizes[0, 1]):
+        i = shape.lists[0, corners + n]
+        edge = ground.edges[ground.own_edge + i]
+        start, along, half = edge.start, edge.along, 0.5 * edge.length
+        for k in range(3):
+            at = turn[k, 0] * start[0] + turn[k, 1] * start[1] + turn[k, 2] * start[2]
+            to = turn[k, 0] * along[0] + turn[k, 1] * along[1] + turn[k, 2] * along[2]
+            rods[i, 9 + k] = place[k] + at
+            rods[i, 6 + k] = to
+            rods[i, k] = rods[i, 9 + k] + half * to
+            rods[i, 3 + k] = half * abs(to)
+            rods[i, 12 + k] = (
+                turn[k, 0] * arcs[i, 0] + turn[k, 1] * arcs[i, 1] + turn[k, 2] * arcs[i, 2]
+            )
 
 
-@compiled
-def climb(duals: Array, ring: Indices, face: int, x: float, y: float, z: float) -> int:
-    """Face of the rock that a ray from its centre of mass through (x, y, z) meets.
-
-    It is found from ``face`` on, by neighbours: the measure that grows has no local maximum.
-
-    Parameters
-    ----------
-    duals : ndarray, shape (m, 3), normals over offsets of faces
-    ring : ndarray of int, neighbours of each face
-    face : int, with which to begin
-    x, y, z : float
-
-    Returns
-    -------
-    int, a face
-    """
-    best = duals[face, 0] * x + duals[face, 1] * y + duals[face, 2] * z
-    going = True
-    while going:
-        going = False
-        here = face
-        for k in range(ring.shape[1]):
-            other = ring[here, k]
-            if k > 0 and other == ring[here, k - 1]:
-                break
-            value = duals[other, 0] * x + duals[other, 1] * y + duals[other, 2] * z
-            if value > best:
-                best, face, going = value, other, True
-    return face
-
-
-@compiled
+@inlined
 def _apart(
     boxes: Array,
     hints: Indices,
-    planes: Array,
-    duals: Array,
-    ring: Indices,
+    shape: Shape,
     rock: Motion,
     at: int,
     near: float,
@@ -130,7 +189,7 @@ def _apart(
     """Lower bound of the distance of a box from the rock."""
     place, turn = rock.place, rock.rotation
     x, y, z = boxes[at, 0] - place[0], boxes[at, 1] - place[1], boxes[at, 2] - place[2]
-    face = hints[at]
+    face, planes = hints[at], shape.planes
     for again in range(2):
         n, m, o = planes[face, 0], planes[face, 1], planes[face, 2]
         reach = abs(n) * boxes[at, 3] + abs(m) * boxes[at, 4] + abs(o) * boxes[at, 5]
@@ -140,7 +199,7 @@ def _apart(
         p = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
         q = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
         r = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
-        face = climb(duals, ring, face, p, q, r)
+        face = climb(shape.duals, shape.ring, face, p, q, r)
         if face == hints[at]:
             break
         hints[at] = face
@@ -149,21 +208,21 @@ def _apart(
 
 @compiled
 def _reach(
-    boxes: Array,
-    spots: Array,
-    rods: Array,
-    lists: Indices,
-    sizes: Indices,
-    at: int,
+    shape: Shape,
     level: int,
+    x: float,
+    y: float,
+    z: float,
+    a: float,
+    b: float,
+    c: float,
     near: float,
 ) -> None:
-    """List the corners and edges of the rock near a box, of those near its parent."""
-    x, y, z = boxes[at, 0], boxes[at, 1], boxes[at, 2]
-    a, b, c = boxes[at, 3], boxes[at, 4], boxes[at, 5]
+    """List at ``level`` those of the listed corners and edges that are near a box."""
+    spots, rods, lists, corners = shape.spots, shape.rods, shape.lists, len(shape.spots)
     number = 0
-    for k in range(sizes[level - 1, 0]):
-        i = lists[level - 1, k]
+    for k in range(shape.sizes[0, 0]):
+        i = lists[0, k]
         if (
             abs(spots[i, 0] - x) <= a + near
             and abs(spots[i, 1] - y) <= b + near
@@ -171,10 +230,10 @@ def _reach(
         ):
             lists[level, number] = i
             number += 1
-    sizes[level, 0] = number
-    corners, number = len(spots), 0
-    for k in range(sizes[level - 1, 1]):
-        i = lists[level - 1, corners + k]
+    shape.sizes[level, 0] = number
+    number = 0
+    for k in range(shape.sizes[0, 1]):
+        i = lists[0, corners + k]
         p, q, r = x - rods[i, 0], y - rods[i, 1], z - rods[i, 2]
         if (
             abs(p) > a + near + rods[i, 3]
@@ -192,183 +251,34 @@ def _reach(
             continue
         lists[level, corners + number] = i
         number += 1
-    sizes[level, 1] = number
+    shape.sizes[level, 1] = number
 
 
-@compiled
-def _pair(
-    ground: Ground,
-    rock: Motion,
-    at: int,
-    level: int,
-    near: float,
-    angle: float,
-    deepest: float,
-) -> None:
-    """Pair what is in a box with what of the rock is near it."""
-    shape, links, plates = ground.shape, ground.tree.links, ground.plates
-    lists, spots, corners = shape.lists, shape.spots, len(shape.spots)
-    for k in range(shape.sizes[level, 0]):
-        own = lists[level, k]
-        x, y, z = spots[own, 0], spots[own, 1], spots[own, 2]
-        for other in range(links[at, 3], links[at, 4]):
-            gap = plates[other, 0] * x + plates[other, 1] * y + plates[other, 2] * z
-            gap -= plates[other, 3]
-            if -deepest - near <= gap <= near and beside(plates, other, x, y, z, 2.0 * near):
-                add(ground, CORNER, own, other, gap)
-    for other in range(links[at, 5], links[at, 6]):
-        for k in range(shape.sizes[level, 1]):
-            own = lists[level, corners + k]
-            gap = _between_edges(ground, rock, own, other, near, angle, deepest)
-            if gap <= near:
-                add(ground, EDGES, ground.own_edge + own, other, gap)
-    for other in range(links[at, 7], links[at, 8]):
-        _vertex(ground, rock, other, ground.tree.hints[at], near)
+@inlined
+def _face_to_face(shape: Shape, cones: Array, at: int, angle: float) -> None:
+    """Keep those of the edges near a leaf that may face its edges when turned by ``angle``.
 
-
-@compiled
-def _vertex(ground: Ground, rock: Motion, number: int, face: int, near: float) -> None:
-    """Pair a vertex with the face of the rock that is nearest."""
-    turn, place, spot = rock.rotation, rock.place, ground.vertices[number].place
-    planes = ground.shape.planes
-    x, y, z = spot[0] - place[0], spot[1] - place[1], spot[2] - place[2]
-    if planes[face, 0] * x + planes[face, 1] * y + planes[face, 2] * z - planes[face, 3] > near:
-        return
-    p = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
-    q = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
-    r = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
-    face = climb(ground.shape.duals, ground.shape.ring, face, p, q, r)
-    gap = planes[face, 0] * x + planes[face, 1] * y + planes[face, 2] * z - planes[face, 3]
-    if gap <= near:
-        add(ground, VERTEX, ground.own_face + face, number, gap)
-
-
-@compiled
-def add(ground: Ground, kind: int, own: int, other: int, gap: float) -> None:
-    """List a pair that cannot touch before the rock has moved by ``gap`` [m].
-
-    Parameters
-    ----------
-    ground : Ground
-    kind : int, kind of pair
-    own : int, feature of the rock
-    other : int, feature of the terrain
-    gap : float [m]
-    """
-    search = ground.search[0]
-    if search.pairs == len(ground.pairs):
-        search.full = 1
-        return
-    pair = ground.pairs[search.pairs]
-    pair.kind, pair.own, pair.other = kind, own, other
-    ground.dues[search.pairs] = search.way + gap
-    search.pairs += 1
-
-
-@compiled
-def beside(plates: Array, number: int, x: float, y: float, z: float, margin: float) -> bool:
-    """Whether a point is on the inward side of all sides of a triangle, or within ``margin``.
-
-    Parameters
-    ----------
-    plates : ndarray, shape (m, 16), planes of triangles and of their sides
-    number : int, of a triangle
-    x, y, z : float
-    margin : float [m]
-
-    Returns
-    -------
-    bool
-    """
-    for k in range(4, 16, 4):
-        within = plates[number, k] * x + plates[number, k + 1] * y + plates[number, k + 2] * z
-        if within - plates[number, k + 3] < -margin:
-            return False
-    return True
-
-
-@compiled
-def _between_edges(
-    ground: Ground,
-    rock: Motion,
-    own: int,
-    other: int,
-    near: float,
-    angle: float,
-    deepest: float,
-) -> float:
-    """Distance of two edges, infinite if they cannot touch before the rock turned by ``angle``."""
-    rods, edge = ground.shape.rods, ground.edges[other]
-    d, start = edge.along, edge.start
-    mine, turn = ground.edges[ground.own_edge + own], rock.rotation
-    e, f, g = rods[own, 6], rods[own, 7], rods[own, 8]
-    x, y, z = start[0] - rods[own, 9], start[1] - rods[own, 10], start[2] - rods[own, 11]
-    on_own, on_other = x * e + y * f + z * g, -(x * d[0] + y * d[1] + z * d[2])
-    cosine = e * d[0] + f * d[1] + g * d[2]
-    size = mine.length, edge.length
-    gap = math.sqrt(between(x, y, z, e, f, g, size[0], d, size[1], on_own, on_other, cosine))
-    if gap > near + deepest:
-        return math.inf
-    i, j, k = cross(e, f, g, d[0], d[1], d[2])
-    left, right = edge.left, edge.right
-    on_left, on_right = (
-        left[0] * i + left[1] * j + left[2] * k,
-        right[0] * i + right[1] * j + right[2] * k,
-    )
-    if on_left + on_right > 0.0:
-        i, j, k, on_left, on_right = -i, -j, -k, -on_left, -on_right
-    # The rock's own faces turn too. Edges along each other may turn to any side.
-    is_along = i * i + j * j + k * k <= 4.0 * angle * angle
-    if not is_along:
-        if on_left > angle or on_right > angle:
-            return math.inf
-        p = turn[0, 0] * i + turn[1, 0] * j + turn[2, 0] * k
-        q = turn[0, 1] * i + turn[1, 1] * j + turn[2, 1] * k
-        r = turn[0, 2] * i + turn[1, 2] * j + turn[2, 2] * k
-        left, right = mine.left, mine.right
-        if left[0] * p + left[1] * q + left[2] * r < -2.0 * angle:
-            return math.inf
-        if right[0] * p + right[1] * q + right[2] * r < -2.0 * angle:
-            return math.inf
-    if is_along or i * x + j * y + k * z > 0.0:
-        gap = max(0.0, gap - deepest)
-    return gap
-
-
-@compiled
-def between(
-    x: float,
-    y: float,
-    z: float,
-    e: float,
-    f: float,
-    g: float,
-    own: float,
-    along: Array,
-    other: float,
-    on_own: float,
-    on_other: float,
-    cosine: float,
-) -> float:
-    """Square of the distance of two segments.
-
-    They have the directions (e, f, g) and ``along`` and the lengths ``own`` and ``other``; the
-    second begins at (x, y, z) from the first. ``on_own`` and ``on_other`` are where each has the
-    other's beginning beside it, ``cosine`` is of the angle between them.
+    Two edges touch where a direction between the normals of the faces at one is opposite to one
+    between those at the other.
 
     References
     ----------
-    Ericson (2005), Real-Time Collision Detection, 5.1.9.
+    Johnson & Cohen (2001), Spatialized normal cone hierarchies, Proc. Symp. Interactive 3D
+    Graphics, 129-134.
     """
-    square = 1.0 - cosine * cosine
-    s = 0.5 * own
-    if square > 1e-9:
-        s = min(own, max(0.0, (on_own + cosine * on_other) / square))
-    t = on_other + cosine * s
-    if t < 0.0 or t > other:
-        t = min(other, max(0.0, t))
-        s = min(own, max(0.0, on_own + cosine * t))
-    p = x + t * along[0] - s * e
-    q = y + t * along[1] - s * f
-    r = z + t * along[2] - s * g
-    return p * p + q * q + r * r
+    rods, arcs, lists, corners = shape.rods, shape.arcs, shape.lists, len(shape.spots)
+    c, s = math.cos(angle), math.sin(angle)
+    cosine, sine = c * cones[at, 3] - s * cones[at, 4], s * cones[at, 3] + c * cones[at, 4]
+    number = 0
+    for k in range(shape.sizes[1, 1]):
+        i = lists[1, corners + k]
+        toward = (
+            rods[i, 12] * cones[at, 0] + rods[i, 13] * cones[at, 1] + rods[i, 14] * cones[at, 2]
+        )
+        both = cosine * arcs[i, 3] - sine * arcs[i, 4]
+        beyond = sine * arcs[i, 3] + cosine * arcs[i, 4]  # negative where all directions may meet
+        if beyond > 0.0 and -toward < both:
+            continue
+        lists[1, corners + number] = i
+        number += 1
+    shape.sizes[1, 1] = number

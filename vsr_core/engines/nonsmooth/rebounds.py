@@ -31,6 +31,7 @@ from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.impulses import solve
 from vsr_core.engines.nonsmooth.sweeps import begin
+from vsr_core.engines.nonsmooth.vectors import assign
 
 TRIES = 8
 """Rebounds that are tried, at most; then there is none."""
@@ -57,12 +58,12 @@ def hold_back(body: Body, rock: Motion, points: Points, rounds: int, tolerance: 
     if not _any_leaves(rock, points):
         return
     _set_aside(rock, points)
-    rock.free[:] = rock.approach
+    assign(rock.free, rock.approach)
     begin(rock, points)
     before = _energy(rock, rock.approach)
     slack = tolerance * math.sqrt(2.0 * before)
     least = _hit(body, rock, points, 0.0, rounds, tolerance)
-    rock.lost[:] = rock.velocity
+    assign(rock.lost, rock.velocity)
     given = max(0.0, body.returned * (before - least))
     share, tries = 1.0, 0
     while share > 0.0:
@@ -95,9 +96,9 @@ def repay(body: Body, rock: Motion, points: Points, rounds: int, tolerance: floa
             point = points[points[at].active]
             point.wanted[0] -= point.after * point.leaving
         solve(rock, points, body.friction, rounds, tolerance)
-        rock.lost[:] = rock.velocity
+        assign(rock.lost, rock.velocity)
         least = _work(rock, points)
-        rock.velocity[:] = rock.set_aside[1]
+        assign(rock.velocity, rock.set_aside[1])
         share = _part(rock, given - least, max(0.0, rock.taken - least))
         for k in range(6):
             rock.velocity[k] = rock.lost[k] + share * (rock.velocity[k] - rock.lost[k])
@@ -141,20 +142,20 @@ def _any_leaves(rock: Motion, points: Points) -> bool:
 
 @compiled
 def _set_aside(rock: Motion, points: Points) -> None:
-    rock.set_aside[0] = rock.free
-    rock.set_aside[1] = rock.velocity
+    assign(rock.set_aside[0], rock.free)
+    assign(rock.set_aside[1], rock.velocity)
     for at in range(rock.active):
         point = points[points[at].active]
-        point.set_aside[:] = point.impulse
+        assign(point.set_aside, point.impulse)
 
 
 @compiled
 def _restore(rock: Motion, points: Points) -> None:
-    rock.free[:] = rock.set_aside[0]
-    rock.velocity[:] = rock.set_aside[1]
+    assign(rock.free, rock.set_aside[0])
+    assign(rock.velocity, rock.set_aside[1])
     for at in range(rock.active):
         point = points[points[at].active]
-        point.impulse[:] = point.set_aside
+        assign(point.impulse, point.set_aside)
 
 
 @compiled

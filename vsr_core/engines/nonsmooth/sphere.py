@@ -6,7 +6,7 @@ import math
 
 from vsr_core.engines.nonsmooth.body import Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
-from vsr_core.engines.nonsmooth.near import add
+from vsr_core.engines.nonsmooth.pairs import add
 from vsr_core.engines.nonsmooth.tree import Ground
 
 FACE, EDGE, VERTEX = 0, 1, 2
@@ -40,10 +40,10 @@ def gather_sphere(ground: Ground, rock: Motion, radius: float, near: float) -> N
         if square > reach * reach:
             at = links[at, 0]
             continue
-        if links[at, 2]:
+        if links[at, 1]:
             for kind in range(3):
-                for number in range(links[at, 3 + 2 * kind], links[at, 4 + 2 * kind]):
-                    add(ground, kind, 0, number, 0.0)
+                for number in range(links[at, 2 + 2 * kind], links[at, 3 + 2 * kind]):
+                    add(ground, at, kind, 0, number, 0.0)
         at += 1
 
 

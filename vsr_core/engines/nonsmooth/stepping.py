@@ -23,7 +23,7 @@ from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.impulses import solve
 from vsr_core.engines.nonsmooth.points import OPEN, add_impulse, tangents
 from vsr_core.engines.nonsmooth.rebounds import hold_back, repay
-from vsr_core.engines.nonsmooth.vectors import cross, inertia_turned, matrix, turned
+from vsr_core.engines.nonsmooth.vectors import assign, cross, inertia_turned, matrix, turned
 
 ROUNDS = 6
 """Rounds of a step, at most: points that the impulses of others close come in by and by."""
@@ -132,7 +132,7 @@ def _free(body: Body, rock: Motion, push: Array, time_step: float) -> None:
     which makes free rotation of second order.
     """
     velocity, quaternion = rock.velocity, rock.quaternion
-    rock.before[:] = velocity
+    assign(rock.before, velocity)
     half = 0.5 * time_step
     w, x, y, z = turned(
         half * velocity[3],
@@ -154,8 +154,8 @@ def _free(body: Body, rock: Motion, push: Array, time_step: float) -> None:
             + flexibility[k, 1] * momentum[1]
             + flexibility[k, 2] * momentum[2]
         )
-    rock.free[:] = velocity
-    rock.turning[:] = velocity[3:]
+    assign(rock.free, velocity)
+    assign(rock.turning, velocity[3:])
 
 
 @compiled
@@ -238,7 +238,7 @@ def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: 
             point.base[0] = min(-point.gap / time_step, slowest)
         _want(point, time_step)
         if kept >= 0 and not leaves:
-            point.impulse[:] = points[kept].kept_impulse
+            assign(point.impulse, points[kept].kept_impulse)
     for at in range(rock.active):
         add_impulse(points[points[at].active], 1.0, rock.velocity)
     return rock.active > 0

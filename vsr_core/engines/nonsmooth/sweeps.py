@@ -7,6 +7,7 @@ import math
 from vsr_core.engines.nonsmooth.body import Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.points import add_impulse, excess
+from vsr_core.engines.nonsmooth.vectors import assign
 
 SLIDING_SWEEPS = 6
 """Turns between normal impulse and friction of a sliding point, each time it is looked at."""
@@ -21,7 +22,7 @@ def begin(rock: Motion, points: Points) -> None:
     rock : record of ``MOTION``
     points : array of ``POINT``
     """
-    rock.velocity[:] = rock.free
+    assign(rock.velocity, rock.free)
     for at in range(rock.active):
         points[points[at].active].impulse[:] = 0.0
 
@@ -37,7 +38,7 @@ def save(rock: Motion, points: Points) -> None:
     """
     for at in range(rock.active):
         point = points[points[at].active]
-        point.saved[:] = point.impulse
+        assign(point.saved, point.impulse)
 
 
 @compiled
@@ -49,10 +50,10 @@ def go_back(rock: Motion, points: Points) -> None:
     rock : record of ``MOTION``
     points : array of ``POINT``
     """
-    rock.velocity[:] = rock.free
+    assign(rock.velocity, rock.free)
     for at in range(rock.active):
         point = points[points[at].active]
-        point.impulse[:] = point.saved
+        assign(point.impulse, point.saved)
         add_impulse(point, 1.0, rock.velocity)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -10,12 +11,12 @@ import numpy as np
 from vsr_core.arrays import Array, Indices
 from vsr_core.engines.nonsmooth import features
 from vsr_core.engines.nonsmooth.body import corners_of
-from vsr_core.engines.nonsmooth.features import Features, Records
+from vsr_core.engines.nonsmooth.features import Features, Records, unit
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull
 from vsr_core.terrain.surface import Terrain
 
-LEAF = 12
+LEAF = 6
 """Triangles in a box that is not divided further, at most."""
 
 MOST_PAIRS = 1 << 14
@@ -24,18 +25,15 @@ MOST_PAIRS = 1 << 14
 MOST_POINTS = 512
 """Points that may touch in one step."""
 
-DEEPEST_LEVEL = 40
-"""Levels of a tree, at most."""
-
-PAIR = np.dtype([("kind", int), ("own", int), ("other", int)])
-"""A feature of the rock and one of the terrain that may touch soon."""
+PAIR = np.dtype([("leaf", int), ("kind", int), ("own", int), ("other", int)])
+"""A feature of the rock and one of the terrain, in a leaf of the tree, that may touch soon."""
 
 SEARCH = np.dtype(
     [
-        ("reserve", float),  # m, path that the rock may take before the near pairs are found anew
-        ("way", float),  # m, path since the start
+        ("reserve", float),  # m, path that the rock may take before leaves are listed anew
+        ("way", float),  # m, longest path of a point of the rock since the start
+        ("leaves", int),  # number of near leaves
         ("pairs", int),  # number of near pairs
-        ("stamp", int),  # number of the search
         ("full", int),  # whether a list was too short
     ]
 )
@@ -48,17 +46,31 @@ class Tree(NamedTuple):
     Attributes
     ----------
     boxes : ndarray, shape (n, 6) [m], middle and half the sides of each
-    links : ndarray of int, shape (n, 9)
-        Next box if this one is not entered, level, whether it is a leaf, and where its triangles,
-        its edges and its vertices begin and end.
+    links : ndarray of int, shape (n, 8)
+        Next box if this one is not entered, whether it is a leaf, and where its triangles, its
+        edges and its vertices begin and end.
     due : ndarray, shape (n,) [m], path of the rock before which a box is not near
+    ways : ndarray, shape (n,) [m], path since the start of what of the rock is beside a leaf
+    ready : ndarray, shape (n,) [m], such a path, up to which the pairs in a leaf are known
+    spans : ndarray, shape (n,) [m], distance from the middle of a leaf for which its path holds
+    nears : ndarray, shape (n,) [m], distance from what is in a leaf for which its path holds
+    leaves : ndarray of int, shape (n,), room for the leaves near the rock
     hints : ndarray of int, shape (n,), face of the rock that it was last in front of
+    cones : ndarray, shape (n, 5)
+        Unit vector, and cosine and sine of the largest angle between it and a normal of a face at
+        an edge of a leaf.
     """
 
     boxes: Array
     links: Indices
     due: Array
+    ways: Array
+    ready: Array
+    spans: Array
+    nears: Array
+    leaves: Indices
     hints: Indices
+    cones: Array
 
 
 class Shape(NamedTuple):
@@ -70,10 +82,13 @@ class Shape(NamedTuple):
     ring : ndarray of int, shape (f, k), neighbours of each face, the last repeated
     planes : ndarray, shape (f, 4), room for normals in the site's frame, and distances [m]
     spots : ndarray, shape (c, 3) [m], room for places of corners
-    rods : ndarray, shape (e, 12), room for middles, half extents, directions and starts of edges
-    lists : ndarray of int, shape (levels, c + e), room for corners, then edges, that are near the
-        box of each level that was entered last
-    sizes : ndarray of int, shape (levels, 2), number of these corners and edges
+    rods : ndarray, shape (e, 15), room for middles, half extents, directions and starts of edges,
+        and for the mean normals of their two faces
+    arcs : ndarray, shape (e, 5), these normals in principal axes, and cosine and sine of half the
+        angle between the faces' normals
+    lists : ndarray of int, shape (2, c + e), room for corners, then edges, that are near any leaf,
+        and near one of them
+    sizes : ndarray of int, shape (2, 2), number of these corners and edges
     """
 
     duals: Array
@@ -81,6 +96,7 @@ class Shape(NamedTuple):
     planes: Array
     spots: Array
     rods: Array
+    arcs: Array
     lists: Indices
     sizes: Indices
 
@@ -93,12 +109,13 @@ class Ground(NamedTuple):
     faces, sides, edges : arrays of ``FACE``, ``SIDE``, ``EDGE``
         Those of the terrain [m, site's frame], then those of the rock [m, principal axes].
     vertices, arms : array of ``VERTEX``, and ndarray, shape (n, 3), of the terrain
+    above : ndarray of int, face of the rock that each vertex was last in front of
     corners : ndarray, shape (c, 3) [m], of the rock
     plates : ndarray, shape (m, 16), normal and offset of each triangle and of its sides
     tree : Tree
     shape : Shape
     pairs : array of ``PAIR``
-    dues : ndarray, path of the rock [m] before which a pair does not touch
+    dues : ndarray, path of the rock beside the leaf [m] before which a pair does not touch
     search : array of one ``SEARCH``
     own_face, own_edge : int, first face and edge of the rock
     flats, lines : int, flat faces and straight edges of the terrain
@@ -109,6 +126,7 @@ class Ground(NamedTuple):
     edges: Records
     vertices: Records
     arms: Array
+    above: Indices
     corners: Array
     plates: Array
     tree: Tree
@@ -134,7 +152,7 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
     -------
     Ground
     """
-    under, boxes, links, plates = _sorted(terrain.light or terrain)
+    under, boxes, links, cones, plates = _sorted(terrain.light or terrain)
     points, own = np.empty((0, 3)), None
     if rock.shape != "sphere":
         hull = convex_hull(corners_of(rock) @ rock.axes)
@@ -150,10 +168,11 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
         edges,
         under.vertices,
         under.arms,
+        np.empty(len(under.vertices), np.int64),
         np.ascontiguousarray(points),
         plates,
-        Tree(boxes, links, np.empty(len(boxes)), np.empty(len(boxes), np.int64)),
-        _shape(faces[len(under.faces) :], sides, len(points), len(edges) - len(under.edges)),
+        _tree(boxes, links, cones),
+        _shape(faces[len(under.faces) :], sides, len(points), edges[len(under.edges) :]),
         np.zeros(MOST_PAIRS, PAIR),
         np.zeros(MOST_PAIRS),
         np.zeros(1, SEARCH),
@@ -166,6 +185,13 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
     return made
 
 
+def _tree(boxes: Array, links: Indices, cones: Array) -> Tree:
+    """Boxes, and room for what a search notes of them."""
+    due, ways, ready, spans, nears = np.empty((5, len(boxes)))
+    leaves, hints = np.empty((2, len(boxes)), np.int64)
+    return Tree(boxes, links, due, ways, ready, spans, nears, leaves, hints, cones)
+
+
 def forget(ground: Ground) -> None:
     """Have the search begin anew, as at the first start.
 
@@ -174,30 +200,45 @@ def forget(ground: Ground) -> None:
     ground : Ground
     """
     ground.search["reserve"], ground.search["way"] = -1.0, 0.0
-    ground.search["pairs"] = ground.search["stamp"] = ground.search["full"] = 0
-    ground.tree.due[:], ground.tree.hints[:] = -np.inf, 0
+    ground.search["leaves"] = ground.search["pairs"] = ground.search["full"] = 0
+    ground.tree.due[:], ground.tree.ways[:], ground.tree.nears[:] = -np.inf, 0.0, 0.0
+    ground.tree.hints[:] = ground.above[:] = 0
 
 
-def _shape(faces: Records, sides: Records, points: int, edges: int) -> Shape:
+def _shape(faces: Records, sides: Records, points: int, edges: Records) -> Shape:
     """Faces of a rock for the search, and room for its corners and edges."""
     most = int(faces["count"].max(initial=1))
     place = faces["first"][:, None] + np.minimum(np.arange(most), faces["count"][:, None] - 1)
     planes = np.empty((len(faces), 4))
     planes[:, 3] = faces["offset"]
+    left, right = _normals(edges)
+    mean = unit(left + right)
+    cosine = (mean * left).sum(axis=1)[:, None]
+    arcs = np.hstack([mean, cosine, np.sqrt(np.maximum(0.0, 1.0 - cosine**2))])
     return Shape(
         faces["normal"] / faces["offset"][:, None],
         np.ascontiguousarray(sides["across"][place]),
         planes,
         np.empty((points, 3)),
-        np.empty((edges, 12)),
-        np.empty((DEEPEST_LEVEL, points + edges), np.int64),
-        np.empty((DEEPEST_LEVEL, 2), np.int64),
+        np.empty((len(edges), 15)),
+        arcs,
+        np.empty((2, points + len(edges)), np.int64),
+        np.empty((2, 2), np.int64),
     )
 
 
+def _normals(edges: Records) -> tuple[Array, Array]:
+    """Outward normals of the two faces at convex edges."""
+    left, right = (np.cross(edges[side], edges["along"]) for side in ("left", "right"))
+    # Each face is on the inner side of the other.
+    left *= -np.sign((left * edges["right"]).sum(axis=1))[:, None]
+    right *= -np.sign((right * edges["left"]).sum(axis=1))[:, None]
+    return left, right
+
+
 @lru_cache(maxsize=4)
-def _sorted(terrain: Terrain) -> tuple[Features, Array, Indices, Array]:
-    """Features of a terrain in the order of a tree, its boxes and links, and its triangles."""
+def _sorted(terrain: Terrain) -> tuple[Features, Array, Indices, Array, Array]:
+    """Features of a terrain in a tree's order, its boxes, links and cones, and its triangles."""
     found = features.of_terrain(terrain)
     low, high = found.triangles.min(axis=1), found.triangles.max(axis=1)
     levels = max(0, int(np.ceil(np.log2(len(low) / LEAF))))
@@ -215,7 +256,7 @@ def _sorted(terrain: Terrain) -> tuple[Features, Array, Indices, Array]:
         found.triangles[order],
     )
     owners = rank[under.edges["face"]], rank[under.vertices["face"]]
-    boxes, links = np.empty(((2 << levels) - 1, 6)), np.empty(((2 << levels) - 1, 9), np.int64)
+    boxes, links = np.empty(((2 << levels) - 1, 6)), np.empty(((2 << levels) - 1, 8), np.int64)
     place = np.zeros(1, dtype=np.int64)
     for level in range(levels + 1):
         size = (2 << (levels - level)) - 1
@@ -223,10 +264,10 @@ def _sorted(terrain: Terrain) -> tuple[Features, Array, Indices, Array]:
         bottom = np.minimum.reduceat(low[order], first)
         top = np.maximum.reduceat(high[order], first)
         boxes[place, :3], boxes[place, 3:] = 0.5 * (top + bottom), 0.5 * (top - bottom)
-        links[place, 0], links[place, 1], links[place, 2] = place + size, level, level == levels
+        links[place, 0], links[place, 1] = place + size, level == levels
         for kind, owner in enumerate((np.arange(len(order)), *owners)):
-            links[place, 3 + 2 * kind] = np.searchsorted(owner, first)
-            links[place, 4 + 2 * kind] = np.searchsorted(owner, last)
+            links[place, 2 + 2 * kind] = np.searchsorted(owner, first)
+            links[place, 3 + 2 * kind] = np.searchsorted(owner, last)
         place = np.column_stack([place + 1, place + 1 + size // 2]).ravel()
     sides = found.sides.reshape(-1, 3)[order]
     plates = np.column_stack(
@@ -236,7 +277,22 @@ def _sorted(terrain: Terrain) -> tuple[Features, Array, Indices, Array]:
             np.concatenate([sides["inward"], sides["limit"][..., None]], axis=2).reshape(-1, 12),
         ]
     )
-    return under, boxes, links, plates
+    return under, boxes, links, _cones(under.edges, links), plates
+
+
+def _cones(edges: Records, links: Indices) -> Array:
+    """Cone of the normals at the edges of each leaf; of one leaf after another."""
+    cones = np.zeros((len(links), 5))
+    cones[:, 2], cones[:, 3] = 1.0, 1.0
+    left, right = _normals(edges)
+    for at in np.flatnonzero(links[:, 1] & (links[:, 5] > links[:, 4])):
+        here = slice(links[at, 4], links[at, 5])
+        normals = np.concatenate([left[here], right[here]])
+        middle = unit(normals.sum(axis=0)[None])
+        cosine = (normals @ middle.T).min()
+        cones[at, :3], cones[at, 3] = middle, cosine
+        cones[at, 4] = math.sqrt(max(0.0, 1.0 - cosine**2))
+    return cones
 
 
 def _halved(points: Array, levels: int) -> tuple[Indices, list[Indices]]:

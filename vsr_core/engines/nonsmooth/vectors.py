@@ -9,6 +9,30 @@ from vsr_core.engines.nonsmooth.compiling import compiled
 
 
 @compiled
+def assign(target: Array, source: Array) -> None:
+    """Copy one vector into another, without the memory that a slice would take for that.
+
+    Parameters
+    ----------
+    target, source : ndarray, shape (n,)
+    """
+    for k in range(len(target)):
+        target[k] = source[k]
+
+
+@compiled
+def assign_matrix(target: Array, source: Array) -> None:
+    """Copy one matrix into another.
+
+    Parameters
+    ----------
+    target, source : ndarray, shape (n, m)
+    """
+    for k in range(len(target)):
+        assign(target[k], source[k])
+
+
+@compiled
 def cross(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Cross product of (a, b, c) and (x, y, z).
 

@@ -146,7 +146,7 @@ def advance(
     on_ground : bool, whether there is a pedestal
     sweeps, residual : of the impulses
     """
-    push = np.empty(3)
+    push = rock.push
     for n in range(len(acceleration)):
         push[0], push[1] = -acceleration[n, 0], -acceleration[n, 1]
         push[2] = -gravity - acceleration[n, 2]
@@ -178,7 +178,7 @@ def advance_on(
     acceleration : ndarray, shape (n, 3) [m/s^2], in the site's frame
     substeps, time_step, gravity, sweeps, residual : as of ``advance``
     """
-    push = np.empty(3)
+    push = rock.push
     for n in range(len(acceleration)):
         push[0], push[1] = -acceleration[n, 0], -acceleration[n, 1]
         push[2] = -gravity - acceleration[n, 2]
