@@ -108,7 +108,7 @@ options: setup-dev ## docs/options.md and the schemas in configs/, from the mode
 	@$(python) -m scripts.options --write
 
 bench: setup-dev ## performance benchmarks, as ratios in one run
-	@$(python) -m benchmarks
+	@$(python) -m benchmarks $(call flag,--tests,TABLE)
 
 lock: ## renew both locks from pyproject.toml; UPGRADE=1 for the newest versions
 	@scripts/setup.sh lock $(if $(value UPGRADE),--upgrade)
