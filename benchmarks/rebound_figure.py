@@ -20,7 +20,7 @@ from vsr_core.verification.rocks import box
 
 Array = NDArray[np.float64]
 
-ENGINE, STEP = "bullet", 1e-3
+STEP = 1e-3
 
 LEANS = np.concatenate([np.arange(-85.0, -4.0, 5.0), [math.nan], np.arange(5.0, 86.0, 5.0)])
 """Leans of the block that falls on its edge [degree]; flat it falls on its face."""
@@ -31,7 +31,8 @@ SHARES = 4000
 SIZES = (3.0, 1.5, 1.0, 0.7, 0.5, 0.35, 0.25)
 """Of triangles and parts that a block slides over [m]."""
 
-Ensemble = dict[tuple[Contact, bool], tumbling.Runs]
+Ensemble = dict[tuple[str, Contact, bool], tumbling.Runs]
+"""Runs by engine, contact and whether the ground is convex parts."""
 
 
 @styled
@@ -53,9 +54,11 @@ def _edges(panel: Axes) -> None:
     ground = slope(impact.ANGLE, (-3.0, 3.0), 3.0, 6.0, True)
     for color, restitution in zip(SERIES, tumbling.RESTITUTIONS[1:], strict=False):
         contact = Contact(0.6, restitution)
-        kept = np.array([_kept(lean, contact, ground) for lean in LEANS])
-        panel.plot(LEANS, kept[:, 0], "o", color=color, markersize=4.0, fillstyle="none",
-                   label=f"Bullet, e = {restitution:g}")  # fmt: skip
+        for engine, mark, size in (("nonsmooth", "o", 4.0), ("bullet", "x", 3.0)):
+            kept = np.array([_kept(lean, contact, ground, engine) for lean in LEANS])
+            name = "nonsmooth" if engine == "nonsmooth" else "Bullet"
+            panel.plot(LEANS, kept[:, 0], mark, color=color, markersize=size, fillstyle="none",
+                       label=f"{name}, e = {restitution:g}")  # fmt: skip
         panel.plot(LEANS, kept[:, 1], color=color, label="Newton's restitution")
         panel.plot(LEANS, kept[:, 2], "--", color=color, label="energetic restitution (Stronge)")
     panel.axhline(1.0, color=INK, linewidth=0.7)
@@ -66,13 +69,15 @@ def _edges(panel: Axes) -> None:
     panel.legend(ncols=2, loc="upper center", fontsize=7.0, columnspacing=1.0)
 
 
-def _kept(lean: float, contact: Contact, ground: Terrain) -> tuple[float, float, float]:
-    """Share of energy kept in Bullet, by Newton's and by Stronge's restitution."""
+def _kept(
+    lean: float, contact: Contact, ground: Terrain, engine: str
+) -> tuple[float, float, float]:
+    """Share of energy kept in an engine, by Newton's and by Stronge's restitution."""
     if math.isnan(lean):
         return math.nan, math.nan, math.nan
     turn = axes(math.radians(lean))
     throw = replace(impact.THROWS["edge"], rotation=turn, angular_velocity=np.zeros(3))
-    before, after, theory, inertia = impact.thrown(throw, contact, ground, ENGINE, STEP)
+    before, after, theory, inertia = impact.thrown(throw, contact, ground, engine, STEP)
     held = before.energy(inertia)
     low = box(*impact.SIZE).vertices @ turn.T
     arm = low[low[:, 2] < low[:, 2].min() + 1e-6].mean(axis=0)
@@ -107,17 +112,21 @@ def _stronge(before: impact.Motion, arm: Array, inertia: Array, contact: Contact
 
 def _wheels(panel: Axes) -> None:
     """How far prisms that roll get ahead of the exact ones."""
-    kinds = (("parts, 1 m", 1.0, True, "-"), ("triangles, 0.5 m", 0.5, False, "--"))
+    kinds = (
+        ("nonsmooth, 0.5 m", "nonsmooth", 0.5, False, ":"),
+        ("Bullet, parts, 1 m", "bullet", 1.0, True, "-"),
+        ("Bullet, triangles, 0.5 m", "bullet", 0.5, False, "--"),
+    )
     for color, wheel in zip(SERIES, rimless_wheel.WHEELS, strict=False):
-        for name, cell, cut, line in kinds:
-            path = rimless_wheel.rolled(wheel, cell, cut, ENGINE, STEP)
+        for name, engine, cell, cut, line in kinds:
+            path = rimless_wheel.rolled(wheel, cell, cut, engine, STEP)
             times = wheel.period * np.arange(rimless_wheel.STEPS + 1)
             way = np.interp(times, path.time, path.position[:, 0]) / wheel.facet
             steps = np.arange(rimless_wheel.STEPS + 1)
             panel.plot(steps, way - steps, line, color=color, label=f"{wheel.sides} sides, {name}")
     panel.axhline(0.0, color=INK, linewidth=0.7)
     panel.set_xlabel("facets that the exact wheel has rolled")
-    panel.set_ylabel("facets that Bullet's is ahead")
+    panel.set_ylabel("facets that the engine's is ahead")
     panel.set_title("b  rimless wheel at its terminal speed, e = 0", loc="left")
     panel.legend()
 
@@ -126,17 +135,21 @@ def _slides(panel: Axes, angle: float) -> None:
     """Loss of a sliding block against the size of what the ground is made of."""
     for color, restitution in zip(SERIES, tumbling.RESTITUTIONS, strict=False):
         contact = Contact(0.6, restitution)
-        for name, cut, line in (("parts", True, "-o"), ("triangles", False, "--s")):
+        for name, engine, cut, line in (
+            ("nonsmooth", "nonsmooth", False, ":^"),
+            ("Bullet, parts", "bullet", True, "-o"),
+            ("Bullet, triangles", "bullet", False, "--s"),
+        ):
             losses = []
             for size in SIZES:
                 ground = slope(angle, (-1.0, 11.0), 3.0, size, cut)
-                fall = runout.energy_line(runout.block(), angle, contact, ground, ENGINE, STEP)
+                fall = runout.energy_line(runout.block(), angle, contact, ground, engine, STEP)
                 losses.append(fall / contact.friction)
             label = f"{name}, e = {restitution:g}"
             panel.plot(SIZES, losses, line, color=color, markersize=3.5, label=label)
     panel.axhline(1.0, color=INK, linewidth=0.7)
     panel.set_xscale("log")
-    panel.set_ylim(0.9, 3.6)  # room for the legend above the lines
+    panel.set_ylim(0.9, 5.0)  # room for the legend above the lines
     panel.set_xticks([0.25, 0.5, 1.0, 2.0, 3.0], ["0.25", "0.5", "1", "2", "3"])
     panel.minorticks_off()
     panel.set_xlabel("size of triangles and parts [m]")
@@ -149,7 +162,7 @@ def _tumbles(panel: Axes, found: Ensemble) -> None:
     """Run-outs of the rock that tumbles: mean with its standard error, and the spread."""
     for k, friction in enumerate(tumbling.FRICTIONS):
         place = np.array(tumbling.RESTITUTIONS) + 0.02 * (k - 1)
-        ways = [found[Contact(friction, e), True].way for e in tumbling.RESTITUTIONS]
+        ways = [found["nonsmooth", Contact(friction, e), False].way for e in tumbling.RESTITUTIONS]
         mean = np.array([way.mean() for way in ways])
         spread = np.array([way.std(ddof=1) for way in ways])
         error = spread / math.sqrt(len(ways[0]))
@@ -160,6 +173,6 @@ def _tumbles(panel: Axes, found: Ensemble) -> None:
     panel.set_ylim(bottom=0.0)
     panel.set_xticks(tumbling.RESTITUTIONS)
     panel.set_xlabel("restitution")
-    panel.set_ylabel("horizontal distance of the rock [m]")
-    panel.set_title("d  rock that tumbles down 35 deg: mean, its error, spread", loc="left")
+    panel.set_ylabel("horizontal distance [m]: mean, its error, spread")
+    panel.set_title("d  rock that tumbles down 35 deg (nonsmooth)", loc="left")
     panel.legend()

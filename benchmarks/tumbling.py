@@ -110,13 +110,13 @@ def push(number: int) -> State:
     return State(np.array([START, 0.0, height]), turn, velocity, rng.normal(size=3))
 
 
-def tumble(contact: Contact, cut: bool, number: int) -> tuple[State, float, bool]:
+def tumble(engine: str, contact: Contact, cut: bool, number: int) -> tuple[State, float, bool]:
     """End of one run, its largest speed [m/s], and whether it came to rest on the ground."""
     terrain, radius = ground(cut), rock().radius
     scene = Scene(rock(), contact, pedestal="terrain", start=push(number), terrain=terrain)
-    step = engines.load("bullet").LADDER.coarse * step_unit(rock())
+    step = engines.load(engine).LADDER.coarse * step_unit(rock())
     steps = round(LOOK / step)
-    world = engines.load("bullet").build(scene, step, 1)
+    world = engines.load(engine).build(scene, step, 1)
     state, fastest, still = world.state(), 0.0, 0
     for _ in range(round(LONGEST / LOOK)):
         before = state
@@ -133,9 +133,9 @@ def tumble(contact: Contact, cut: bool, number: int) -> tuple[State, float, bool
     return state, fastest, False
 
 
-def runs(contact: Contact, cut: bool, number: int = PUSHES) -> Runs:
+def runs(engine: str, contact: Contact, cut: bool, number: int = PUSHES) -> Runs:
     """All pushes with one pair of coefficients."""
-    ends = [tumble(contact, cut, k) for k in range(number)]
+    ends = [tumble(engine, contact, cut, k) for k in range(number)]
     place = np.array([state.position for state, _, _ in ends])
     return Runs(
         np.hypot(place[:, 0] - START, place[:, 1]),

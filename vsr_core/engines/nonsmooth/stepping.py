@@ -227,8 +227,8 @@ def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: 
             continue
         leaves = kept >= 0 and points[kept].kept_rebound > 0.0
         x, y, z = _velocity(point, rock.velocity)
-        if kept < 0 and _bounces(body, rock, point, time_step, gravity):
-            continue
+        if kept < 0 and _comes(rock, point) > body.slow * gravity * time_step:
+            continue  # it lands
         if not leaves and _end_gap(point, x, y, z, time_step) >= 0.0:
             continue
         _enter(rock, points, i)
@@ -245,14 +245,11 @@ def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: 
 
 
 @compiled
-def _bounces(body: Body, rock: Motion, point: Points, time_step: float, gravity: float) -> bool:
-    """Whether a point comes fast enough to rebound."""
-    if body.restitution == 0.0:
-        return False
-    x, y, z = _velocity(point, rock.velocity)
+def _comes(rock: Motion, point: Points) -> float:
+    """Speed at which a point approached the ground before the step [m/s]."""
+    x, y, z = _velocity(point, rock.before)
     normal = point.normal
-    approach = normal[0] * x + normal[1] * y + normal[2] * z
-    return approach < -BOUNCING_STEPS * gravity * time_step
+    return -(normal[0] * x + normal[1] * y + normal[2] * z)
 
 
 @compiled
@@ -265,7 +262,9 @@ def _land(
     gravity: float,
     closed: float,
 ) -> tuple[bool, float]:
-    """Make those points active that would be deeper than ``closed`` [m] at the end of the path.
+    """Make those points active that would be in the ground at the end of the path.
+
+    Slow ones may be as deep there as ``closed`` [m].
 
     Returns whether there are any, and the share of the path after which the first of them lands;
     more than 1 if none lands fast. What comes slowly takes the weight over by and by: to tell when
@@ -277,14 +276,18 @@ def _land(
         if point.is_active:
             continue
         x, y, z = _velocity(point, rock.velocity)
-        if _end_gap(point, x, y, z, time_step) >= -closed:
+        end = _end_gap(point, x, y, z, time_step)
+        if end >= 0.0:
+            continue
+        normal = point.normal
+        fast = x * normal[0] + y * normal[1] + z * normal[2] < -slow
+        if end >= -closed and not fast:
             continue
         _enter(rock, points, i)
         share = _aim(body, rock, point, x, y, z, push, time_step, gravity)
         _want(point, time_step)
         entered = True
-        normal = point.normal
-        if x * normal[0] + y * normal[1] + z * normal[2] < -slow:
+        if fast:
             first = min(first, share)
     return entered, first
 

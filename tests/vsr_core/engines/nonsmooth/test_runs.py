@@ -24,6 +24,7 @@ from vsr_core.table import servo
 from vsr_core.verification.agreement import rocking_block
 from vsr_core.verification.rocking_block import rocking_response
 from vsr_core.verification.rocks import box, frustum, upright
+from vsr_core.verification.stability import coarse_steps
 
 OWN = Settings(0.008, engine="nonsmooth")
 RNG = np.random.default_rng(11)
@@ -124,3 +125,12 @@ def test_a_surrogate_of_a_scan_topples_as_in_bullet() -> None:
     bullet = overturning.simulate_all(case, pulses, Settings(0.0018))
     assert [r.outcome for r in own] == [r.outcome for r in bullet]
     assert {r.outcome for r in own} == {Outcome.BALANCED, Outcome.OVERTURNED}
+
+
+@pytest.mark.parametrize("share", np.geomspace(0.0022, 0.012, 12))
+@pytest.mark.parametrize("slenderness", [2.0, 10.0, 20.0])
+def test_a_block_swings_back_alike_wherever_in_a_step_it_lands(
+    slenderness: float, share: float
+) -> None:
+    """It may touch just where a step ends."""
+    assert coarse_steps._swing(slenderness, share, "nonsmooth").error < 1e-3
