@@ -129,9 +129,10 @@ def run(
         if _at_rest(watch, rule, travel, now):
             side = watching.OVERTURNED if toppled else _side(watch, rule)
             return side, REST, now - travel.first, tracking.end(track, kept)
-    outcome = _side(watch, rule) if _trembles(watch, rule) else watching.UNSETTLED
+    trembles = _trembles(watch, rule)
+    outcome = _side(watch, rule) if trembles else watching.UNSETTLED
     outcome = watching.OVERTURNED if toppled else outcome
-    return outcome, TIME, now - travel.first, tracking.end(track, kept)
+    return outcome, REST if trembles else TIME, now - travel.first, tracking.end(track, kept)
 
 
 @compiled
