@@ -203,9 +203,8 @@ class Config(Section):
         given = self.simulation.engine
         if given != "auto":
             return given
-        turns = isinstance(self.motion, TableMotionConfig)
         rolls = self.contact.rolling_friction > 0.0
-        return "bullet" if self.drive == "servo" or turns or rolls else COMPILED
+        return "bullet" if self.drive == "servo" or rolls else COMPILED
 
     @property
     def in_other_engine(self) -> bool:
@@ -265,12 +264,11 @@ class Config(Section):
         contact = info.data.get("contact")
         if contact is None or contact.restitution_law == "newton":
             return simulation
-        turns = isinstance(info.data.get("motion"), TableMotionConfig)
-        elsewhere = info.data.get("drive") == "servo" or turns or contact.rolling_friction > 0.0
+        elsewhere = info.data.get("drive") == "servo" or contact.rolling_friction > 0.0
         if elsewhere or simulation.engine not in ("auto", COMPILED):
             raise ValueError(
                 f"contact.restitution_law: energetic is only in the engine {COMPILED}, which has "
-                f"no servo, no turning table and no rolling friction; set newton"
+                f"no servo and no rolling friction; set newton"
             )
         return simulation
 

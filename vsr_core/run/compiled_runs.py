@@ -21,6 +21,7 @@ from vsr_core.engines.nonsmooth import plane
 from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.stepping import step
+from vsr_core.engines.nonsmooth.turning import feel
 from vsr_core.engines.nonsmooth.vectors import assign, assign_matrix
 from vsr_core.engines.nonsmooth.world import begin, set_state
 from vsr_core.motions.cosine_pulse import GroundMotion
@@ -66,7 +67,7 @@ def simulate(case: Case, motions: Sequence[GroundMotion], settings: Settings) ->
     Parameters
     ----------
     case : Case
-    motions : sequence of GroundMotion, along one axis or three, that do not turn
+    motions : sequence of GroundMotion, a TableMotion for several axes
     settings : Settings
 
     Returns
@@ -93,13 +94,14 @@ def simulate(case: Case, motions: Sequence[GroundMotion], settings: Settings) ->
     return [found[i] for i in range(len(motions))]
 
 
-def rule_of(case: Case, settings: Settings) -> Rule:
+def rule_of(case: Case, settings: Settings, *, turns: bool) -> Rule:
     """What the runs of a case are judged by.
 
     Parameters
     ----------
     case : Case
     settings : Settings
+    turns : bool, whether the table turns, of which nothing is proved
 
     Returns
     -------
@@ -122,7 +124,7 @@ def rule_of(case: Case, settings: Settings) -> Rule:
         CREEP_SHARE * radius,
         PENETRATION_SHARE * radius,
         DRIFT_SHARE * radius,
-        settings.reduce,
+        settings.reduce and not turns,
     )
 
 
@@ -133,8 +135,10 @@ def _run_all(
     scene, solver = case.full, settings.solver or nonsmooth.SOLVER
     wait = max(LEAST_WAIT, WAITING_TIMES * math.sqrt(scene.rock.radius / GRAVITY))
     taken = [sampling(motion, None, most, 1) for motion, most in zip(motions, steps, strict=True)]
+    turns = any(isinstance(motion, TableMotion) and motion.turns for motion in motions)
+    columns = 9 if turns else 3
     values = [
-        _accelerations(m, s.interval, s.pulse_samples) for m, s in zip(motions, taken, strict=True)
+        _felt(m, s.interval, s.pulse_samples, columns) for m, s in zip(motions, taken, strict=True)
     ]
     ends = np.cumsum([0, *(len(v) for v in values)])
     intervals = np.array([s.interval for s in taken])
@@ -158,7 +162,7 @@ def _run_all(
         solver.residual,
     )
     rock, points = bodies.motion(), bodies.points(max(1, len(body.points)))
-    rule, watch = rule_of(case, settings), watching.watch()
+    rule, watch = rule_of(case, settings, turns=turns), watching.watch()
     run_all(body, rule, table, start, rock, points, watch, decided, measured)
     return [
         Response(Outcome(o), _RULES[d], peak, tilt, slip, n)
@@ -166,14 +170,15 @@ def _run_all(
     ]
 
 
-def _accelerations(motion: GroundMotion, interval: float, number: int) -> Array:
-    """Samples of a motion, shape (number, 3) [m/s^2], along x, y and z."""
+def _felt(motion: GroundMotion, interval: float, number: int, columns: int) -> Array:
+    """Samples of a motion: along x, y and z [m/s^2], and of a table that turns six more."""
     values = samples(motion, None, interval, number)
+    whole = np.zeros((number, columns))
     if values.ndim == 1:
-        whole = np.zeros((number, 3))
         whole[:, 0] = values
-        return whole
-    return np.ascontiguousarray(values[:, :3])
+    else:
+        whole[:, : values.shape[1]] = values
+    return whole
 
 
 def _limits(case: Case, motions: Sequence[GroundMotion], settings: Settings) -> Array:
@@ -190,7 +195,8 @@ class Table(NamedTuple):
 
     Attributes
     ----------
-    values : ndarray, shape (samples, 3) [m/s^2], acceleration in each step of all motions
+    values : ndarray, shape (samples, 3) [m/s^2] or (samples, 9)
+        Acceleration in each step of all motions, and angular velocity and its rate.
     ends : ndarray of int, shape (n + 1,), where the values of each motion begin, and the last end
     intervals : ndarray, shape (n,) [s], time step of each run
     last : ndarray of int, shape (n,), step at which it is out of time
@@ -267,8 +273,7 @@ def _run(
         until = min(now + MONITORED_STEPS, last)
         if now < pulse:
             until = min(until, pulse)
-        _advance(body, table, values, now, until, interval, rock, points)
-        given += _impulse(values[now:until], interval)
+        given += _advance(body, table, values, now, until, interval, rock, points)
         now = until
         look(watch, body, rock, points, rule, interval)
         time = now * interval
@@ -292,19 +297,26 @@ def _advance(
     interval: float,
     rock: Motion,
     points: Points,
-) -> None:
-    """Step from one sample to another; beyond the last the table rests."""
-    push = rock.push
+) -> float:
+    """Step from one sample to another; beyond the last the table rests.
+
+    Returns how much the table can have added to sqrt(2 e) [m/s].
+    """
+    push, given = rock.push, 0.0
     for n in range(now, until):
         push[0] = push[1] = 0.0
         push[2] = -table.gravity
-        if n < len(values):
+        if n < len(values) and values.shape[1] == 9:
+            given += feel(body, rock, values[n], interval, table.gravity)
+        elif n < len(values):
             for k in range(3):
                 push[k] -= values[n, k]
+            given += interval * _size(values[n])
         if table.on_ground:
             speed = interval * (abs(push[0]) + abs(push[1]) + abs(push[2]))
             plane.find(body, rock, points, interval, speed)
         step(body, rock, points, push, interval, table.gravity, table.rounds, table.residual)
+    return given
 
 
 @compiled
@@ -327,6 +339,7 @@ def _first_push(values: Array, limits: Array) -> int:
     for n in range(len(values)):
         if not limits[0] <= values[n, 0] <= limits[1]:
             return n
-        if values[n, 1] != 0.0 or values[n, 2] != 0.0:
-            return n
+        for k in range(1, values.shape[1]):
+            if values[n, k] != 0.0:
+                return n
     return len(values)

@@ -60,11 +60,11 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
     """
     scene = case.full
     _check_motion(motion, scene.drive)
-    if isinstance(motion, TableMotion) and motion.turns and settings.engine != "bullet":
+    if isinstance(motion, TableMotion) and motion.turns and settings.engine == "mujoco":
         raise InvalidInput(
             f"a table that turns in {settings.engine}",
-            "what its turning does to the rock is built in Bullet only",
-            "use simulation.engine: bullet",
+            "it has no forces of a table that turns",
+            "use simulation.engine: auto",
         )
     slenderness, sliding = _slenderness(scene), engines.load(settings.engine).SLIDING_SHARE
     if sliding * slenderness < scene.contact.friction < slenderness:

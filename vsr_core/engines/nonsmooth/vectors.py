@@ -48,6 +48,26 @@ def cross(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[f
 
 
 @compiled
+def product(matrix: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Product of a matrix and (x, y, z).
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (3, 3)
+    x, y, z : float
+
+    Returns
+    -------
+    tuple of three floats
+    """
+    return (
+        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
+        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
+        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z,
+    )
+
+
+@compiled
 def turned(
     turn_x: float, turn_y: float, turn_z: float, w: float, x: float, y: float, z: float
 ) -> tuple[float, float, float, float]:

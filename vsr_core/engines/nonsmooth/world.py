@@ -17,7 +17,8 @@ from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.stepping import drift, step
 from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
-from vsr_core.engines.nonsmooth.vectors import inertia_turned
+from vsr_core.engines.nonsmooth.turning import feel
+from vsr_core.engines.nonsmooth.vectors import assign, inertia_turned
 from vsr_core.scene import Scene, State, resting
 
 
@@ -36,7 +37,7 @@ class NonsmoothWorld:
         self._points = bodies.points(most)
         self._motion = bodies.motion()
         self._step, self._substeps, self._solver = time_step, substeps, solver
-        self._gravity = scene.gravity
+        self._gravity, self._given = scene.gravity, 0.0
         self._on_ground = scene.pedestal != "none"
         self.put(scene.start or resting(scene))
 
@@ -83,6 +84,28 @@ class NonsmoothWorld:
             advance_on(body, self._ground, rock, points, turned, *held, *effort)
             if self._ground.search[0]["full"]:
                 rock["place"][:] = math.nan  # a list of what touches was too short
+
+    def turn(self, samples: Sequence[Sequence[float]] | Array) -> None:
+        """Step through a motion that turns the table, one time step a sample.
+
+        Parameters
+        ----------
+        samples : array, shape (n, 9), those of a ``TableMotion``
+        """
+        whole = np.ascontiguousarray(samples, dtype=np.float64).reshape(-1, 9)
+        held = self._step, self._gravity, self._on_ground
+        effort = self._solver.iterations, self._solver.residual
+        given = advance_turning(self._body, self._motion, self._points, whole, *held, *effort)
+        self._given += given
+
+    def impulse(self) -> float:
+        """Upper bound of the growth of sqrt(2 e) by ``turn`` so far.
+
+        Returns
+        -------
+        float [m/s]
+        """
+        return self._given
 
     def state(self) -> State:
         """Present state in SI units.
@@ -158,6 +181,40 @@ def advance(
 
 
 @compiled
+def advance_turning(
+    body: Body,
+    rock: Motion,
+    points: Points,
+    samples: Array,
+    time_step: float,
+    gravity: float,
+    on_ground: bool,
+    rounds: int,
+    residual: float,
+) -> float:
+    """Step a rock on a level pedestal through samples of a table that turns.
+
+    Parameters
+    ----------
+    body, rock, points : of the rock
+    samples : ndarray, shape (n, 9), of ``TableMotion.acceleration``
+    time_step, gravity, on_ground, rounds, residual : as of ``advance``
+
+    Returns
+    -------
+    float [m/s], upper bound of the growth of sqrt(2 e)
+    """
+    push, given = rock.push, 0.0
+    for n in range(len(samples)):
+        given += feel(body, rock, samples[n], time_step, gravity)
+        if on_ground:
+            speed = (abs(push[0]) + abs(push[1]) + abs(push[2])) * time_step
+            plane.find(body, rock, points, time_step, speed)
+        step(body, rock, points, push, time_step, gravity, rounds, residual)
+    return given
+
+
+@compiled
 def advance_on(
     body: Body,
     ground: Ground,
@@ -201,6 +258,7 @@ def begin(body: Body, rock: Motion, time_step: float) -> None:
     rock.found = rock.near = rock.active = rock.kept = 0
     rock.reserve = -1.0
     rock.taken = 0.0
+    assign(rock.before, rock.velocity)
     inertia_turned(rock.rotation, body.moments, rock.inertia)
     for k in range(3):
         rock.momentum[k] = 0.0
