@@ -86,6 +86,7 @@ POINT = np.dtype(
         ("bend", float, 3),  # m, path of the point by the curvature of a turn
         ("rows", float, (3, 6)),  # its velocity, along normal and tangents, by that of the rock
         ("turning", float, (3, 3)),  # 1/m, change of the angular velocity by an impulse
+        ("follows", float),  # ``bend`` by which it moves on, having left, or else does not leave
         ("base", float, 3),  # m/s, velocity that a contact leads to, but for ``bend``
         ("wanted", float, 3),  # m/s, velocity that it leads to
         ("impulse", float, 3),  # m/s, along normal and tangents
@@ -104,6 +105,7 @@ POINT = np.dtype(
         ("kept_key", int),  # and key, impulse and rebound of the n-th active one of the step before
         ("kept_impulse", float, 3),
         ("kept_rebound", float),
+        ("kept_after", float),  # and the share of that step that was left after its impact
     ]
 )
 """A point at which a rock may touch in a step."""

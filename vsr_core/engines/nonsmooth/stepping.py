@@ -183,11 +183,16 @@ def _wanted_anew(rock: Motion, points: Points, time_step: float) -> float:
 
 @compiled
 def _want(point: Points, time_step: float) -> float:
+    """Have a point reckon with ``bend``.
+
+    One that touches is to be at the ground at the end of its bent path; one that leaves has turned
+    freely for (1/2 + after) h since its impact.
+    """
     rows, bend, wanted = point.rows, point.bend, point.wanted
     largest = 0.0
     for k in range(3):
         along = rows[k, 0] * bend[0] + rows[k, 1] * bend[1] + rows[k, 2] * bend[2]
-        value = point.base[k] - along / time_step
+        value = point.base[k] + point.follows * along / time_step
         largest = max(largest, abs(value - wanted[k]))
         wanted[k] = value
     return largest
@@ -234,6 +239,7 @@ def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: 
         _enter(rock, points, i)
         if leaves:
             point.base[0] = point.leaving = points[kept].kept_rebound
+            point.follows = 2.0 * points[kept].kept_after
         else:
             point.base[0] = min(-point.gap / time_step, slowest)
         _want(point, time_step)
@@ -302,6 +308,7 @@ def _enter(rock: Motion, points: Points, i: int) -> None:
     point.state = OPEN
     point.rebound = point.leaving = 0.0
     point.after = 1.0
+    point.follows = -1.0
     rows, turning, lever, flexibility = point.rows, point.turning, point.lever, rock.flexibility
     tangents(point.normal, rows)
     for k in range(3):
@@ -400,3 +407,4 @@ def _carry_over(rock: Motion, points: Points) -> None:
             kept.kept_impulse[k] = p
         kept.kept_key = point.key
         kept.kept_rebound = point.rebound
+        kept.kept_after = point.after
