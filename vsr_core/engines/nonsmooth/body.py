@@ -102,10 +102,10 @@ POINT = np.dtype(
         ("is_active", int),
         ("active", int),  # at place n: the n-th active point; likewise
         ("near", int),  # the n-th near corner
-        ("kept_key", int),  # and key, impulse and rebound of the n-th active one of the step before
+        ("kept_key", int),  # and of the n-th active one of the step before key, impulse, rebound
         ("kept_impulse", float, 3),
         ("kept_rebound", float),
-        ("kept_after", float),  # and the share of that step that was left after its impact
+        ("kept_after", float),  # and share of that step that was left after it landed
     ]
 )
 """A point at which a rock may touch in a step."""
