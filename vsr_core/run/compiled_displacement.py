@@ -14,7 +14,7 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.engines import nonsmooth
 from vsr_core.engines.nonsmooth import body as bodies
-from vsr_core.engines.nonsmooth.body import Body
+from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
 from vsr_core.engines.nonsmooth.world import set_state
 from vsr_core.motions.cosine_pulse import GroundMotion
@@ -34,9 +34,15 @@ from vsr_core.run.ground_lookup import Lookup
 from vsr_core.run.loop import LEAD
 from vsr_core.run.proofs import Barrier
 from vsr_core.run.sampling import samples, sampling
+from vsr_core.run.tracking import Track
 from vsr_core.run.trajectory import Trajectory
-from vsr_core.run.travelling import Travel, run
-from vsr_core.run.watching import Rule
+from vsr_core.run.travelling import Travel, go_on, run
+from vsr_core.run.watching import Rule, Watch
+
+_Found = tuple[int, int, int, int]
+"""Outcome, what stopped a run, steps, and states kept."""
+
+_TOPPLED = int(Outcome.OVERTURNED), int(StopReason.UNDONE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,15 +51,18 @@ class Place:
 
     Attributes
     ----------
-    body : Body
-    ground : Ground
-    lookup : Lookup
+    body, ground : Body and Ground, of the rock on its seat
+    flying, below : the same once it has toppled; None if that makes no difference
+    lookup, surface : Lookup, of the terrain, and of what is below a rock that has toppled
     rule : Rule
     """
 
     body: Body
     ground: Ground
+    flying: Body | None
+    below: Ground | None
     lookup: Lookup
+    surface: Lookup
     rule: Rule
 
 
@@ -68,11 +77,19 @@ def place(case: TerrainCase) -> Place:
     -------
     Place, for one thread
     """
-    seat = case.seat
+    seat, flight = case.seat, case.flight
     assert seat.terrain is not None
-    lookup = ground_lookup.lookup(seat.terrain)
+    assert flight.terrain is not None
+    lookup = surface = ground_lookup.lookup(seat.terrain)
     body = bodies.body(seat.rock, seat.contact, on_level=False)
-    return Place(body, ground(seat.rock, seat.terrain), lookup, _rule(case))
+    flying = below = None
+    if flight is not seat:
+        light = flight.terrain.light or flight.terrain
+        surface = ground_lookup.lookup(light)
+        flying = bodies.body(flight.rock, flight.contact, on_level=False)
+        below = ground(flight.rock, light)
+    under = ground(seat.rock, seat.terrain)
+    return Place(body, under, flying, below, lookup, surface, _rule(case))
 
 
 def displace(
@@ -118,7 +135,7 @@ def displace(
         last,
         taken.interval,
         monitored,
-        follow,
+        follow and shared.flying is None,
         solver.iterations,
         solver.residual,
     )
@@ -126,9 +143,11 @@ def displace(
     track = tracking.room(math.ceil(last / monitored) + 1)
     set_state(rock, seat.start, seat.rock.axes)
     forget(shared.ground)
-    outcome, stop, steps, kept = run(
-        shared.body, shared.ground, shared.lookup, shared.rule, travel, rock, points, watch, track
-    )
+    room = rock, points, watch, track
+    found = run(shared.body, shared.ground, shared.lookup, shared.rule, travel, *room)
+    if follow and shared.flying is not None and found[:2] == _TOPPLED:
+        found = _follow(shared, travel, room, found)
+    outcome, stop, steps, kept = found
     response = Response(
         Outcome(outcome),
         DecidedBy.SIMULATION,
@@ -138,6 +157,26 @@ def displace(
         steps,
     )
     return response, StopReason(stop), tracking.trajectory(track[:kept], seat.rock.axes)
+
+
+def _follow(
+    shared: Place, travel: Travel, room: tuple[Motion, Points, Watch, Track], found: _Found
+) -> _Found:
+    """Have a rock go on that has just toppled, as detailed as one needs that tumbles.
+
+    It is raised so far that it does not begin in the ground.
+    """
+    assert shared.flying is not None
+    assert shared.below is not None
+    rock = room[0]
+    corners = rock["place"] + shared.flying.points @ rock["rotation"].T
+    deepest = max(ground_lookup.depth(shared.surface, *corner) for corner in corners)
+    rock["place"][2] += max(0.0, deepest)
+    rock["found"] = rock["near"] = rock["active"] = rock["kept"] = 0
+    forget(shared.below)
+    under = shared.flying, shared.below, shared.lookup, shared.rule
+    now = travel.first + found[2]
+    return go_on(*under, travel._replace(follow=True), *room, now, found[3], True)
 
 
 def _first(case: TerrainCase, values: Array, settings: Settings) -> int:

@@ -77,7 +77,7 @@ def run(
     watch: Watch,
     track: Track,
 ) -> tuple[int, int, int, int]:
-    """Step a rock over a terrain until it rests, leaves it, or shows no sound run.
+    """Step a rock on its seat until it rests, leaves its terrain, or shows no sound run.
 
     Parameters
     ----------
@@ -95,11 +95,42 @@ def run(
     """
     begin(body, rock, travel.interval)
     start_watch(watch, body, rock, rule, travel.interval)
-    now, given = travel.first, 0.0
-    for n in range(now):
-        given += travel.interval * abs(travel.values[n])
     kept = _begin_track(track, watch, travel)
-    toppled, looks = False, 0
+    now = travel.first
+    return go_on(body, ground, lookup, rule, travel, rock, points, watch, track, now, kept, False)
+
+
+@compiled
+def go_on(
+    body: Body,
+    ground: Ground,
+    lookup: Lookup,
+    rule: Rule,
+    travel: Travel,
+    rock: Motion,
+    points: Points,
+    watch: Watch,
+    track: Track,
+    now: int,
+    kept: int,
+    toppled: bool,
+) -> tuple[int, int, int, int]:
+    """Step a rock that is under way.
+
+    Parameters
+    ----------
+    body, ground, lookup, rule, travel, rock, points, watch, track : as of ``run``
+    now : int, steps done
+    kept : int, states kept
+    toppled : bool, whether it has toppled
+
+    Returns
+    -------
+    as of ``run``
+    """
+    given, looks = 0.0, 0
+    for n in range(min(now, len(travel.values))):
+        given += travel.interval * abs(travel.values[n])
     while now < travel.last:
         until = _next(now, travel)
         given += _advance(body, ground, travel, now, until, rock, points, watch.change)

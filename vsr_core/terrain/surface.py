@@ -29,8 +29,8 @@ class Terrain:
     parts : tuple of ndarray, each of shape (k, 3) [m]
         Corners of convex parts that stand for it in an engine that takes them; none if its
         triangles do.
-    light : Terrain, fewer triangles that stand for it in an engine that takes triangles; None if
-        its own do
+    light : Terrain, fewer triangles that stand for it under a rock that has toppled; None if its
+        own do
     """
 
     vertices: Array

@@ -141,7 +141,7 @@ class Ground(NamedTuple):
 
 
 def ground(rock: Rock, terrain: Terrain) -> Ground:
-    """Features of a rock and of its terrain, or what stands for that, and a tree over them.
+    """Features of a rock and of its terrain, and a tree over them.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
     -------
     Ground
     """
-    under, boxes, links, cones, plates = _sorted(terrain.light or terrain)
+    under, boxes, links, cones, plates = _sorted(terrain)
     points, own = np.empty((0, 3)), None
     if rock.shape != "sphere":
         hull = convex_hull(corners_of(rock) @ rock.axes)
