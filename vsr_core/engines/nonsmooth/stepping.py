@@ -73,7 +73,9 @@ def step(
     if has_corners:
         _bend(rock, points, time_step)
     if _touch(body, rock, points, time_step, gravity):
-        solve(rock, points, body.friction, rounds, limit)
+        solved = solve(rock, points, body.friction, rounds, limit)
+        if not solved and _lower(rock, points, time_step):
+            solve(rock, points, body.friction, rounds, limit)
     landed = False
     for _ in range(ROUNDS):
         if has_corners:
@@ -256,6 +258,19 @@ def _comes(rock: Motion, point: Points) -> float:
     x, y, z = _velocity(point, rock.before)
     normal = point.normal
     return -(normal[0] * x + normal[1] * y + normal[2] * z)
+
+
+@compiled
+def _lower(rock: Motion, points: Points, time_step: float) -> bool:
+    """No longer lift what is in the ground, as a wedged rock cannot be; whether any was."""
+    lifted = False
+    for at in range(rock.active):
+        point = points[points[at].active]
+        if point.base[0] > 0.0 and point.leaving == 0.0:
+            point.base[0] = 0.0
+            _want(point, time_step)
+            lifted = True
+    return lifted
 
 
 @compiled
