@@ -99,7 +99,10 @@ def test_a_corner_without_friction_leaves_as_newton_has_it(
 
     assume(approach(start) < -0.1)
     after = landed(rock, Contact(0.0, e, energetic=energetic), start, step)
-    assert approach(after) == pytest.approx(-e * approach(start), abs=3e-4)
+    # In the six steps weight, curvature and gyroscopic turning change the corner's speed too.
+    turning = max(float(at.angular_velocity @ at.angular_velocity) for at in (start, after))
+    beside = 6 * step * (GRAVITY + 2.0 * turning * rock.radius)
+    assert approach(after) == pytest.approx(-e * approach(start), abs=beside)
 
 
 @settings(deadline=None, max_examples=30)
