@@ -21,9 +21,18 @@ from vsr_core.arrays import Array
 from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.engines.nonsmooth.impulses import solve
-from vsr_core.engines.nonsmooth.points import OPEN, add_impulse, tangents
+from vsr_core.engines.nonsmooth.landings import (
+    LIFTING_SHARE,
+    end_gap,
+    enter,
+    land,
+    let_go,
+    velocity_at,
+    want,
+)
+from vsr_core.engines.nonsmooth.points import add_impulse
 from vsr_core.engines.nonsmooth.rebounds import hold_back, repay
-from vsr_core.engines.nonsmooth.vectors import assign, cross, inertia_turned, matrix, turned
+from vsr_core.engines.nonsmooth.vectors import assign, inertia_turned, matrix, turned
 
 ROUNDS = 6
 """Rounds of a step, at most: points that the impulses of others close come in by and by."""
@@ -34,12 +43,6 @@ next step makes up for it."""
 
 TOUCHING_SHARE = 1e-6
 """Gap of a point that touches, as a share of the radius."""
-
-LIFTING_SHARE = 2e-3
-"""Speed at which a point that is in the ground is lifted at most, as a share of sqrt(g radius)."""
-
-BOUNCING_STEPS = 2.0
-"""Approach speed below which nothing rebounds, in units of what gravity adds in a step."""
 
 
 @compiled
@@ -72,17 +75,14 @@ def step(
     has_corners = len(body.points) > 0  # where a sphere touches does not turn with it
     if has_corners:
         _bend(rock, points, time_step)
-    if _touch(body, rock, points, time_step, gravity):
-        solved = solve(rock, points, body.friction, rounds, limit)
-        if not solved and _lower(rock, points, time_step):
-            solve(rock, points, body.friction, rounds, limit)
+    _bear(body, rock, points, time_step, gravity, rounds, limit)
     landed = False
     for _ in range(ROUNDS):
         if has_corners:
             _bend(rock, points, time_step)
         late = time_step * _wanted_anew(rock, points, time_step) > closed
         standing = rock.active
-        entered, share = _land(body, rock, points, push, time_step, gravity, closed)
+        entered, share = land(body, rock, points, push, time_step, gravity, closed)
         if not entered and not late:
             break
         if share <= 1.0 and not landed:
@@ -90,7 +90,7 @@ def step(
             for k in range(6):
                 change = rock.velocity[k] - rock.before[k]
                 rock.approach[k] = rock.before[k] + (0.5 + share) * change
-            _let_go(rock, points, standing, 0.5 + share)
+            let_go(rock, points, standing, 0.5 + share)
         if entered and landed and body.restitution > 0.0:
             hold_back(body, rock, points, rounds, limit)
             _wanted_anew(rock, points, time_step)
@@ -99,6 +99,24 @@ def step(
         repay(body, rock, points, rounds, limit)
     _carry_over(rock, points)
     drift(rock, time_step)
+
+
+@compiled
+def _bear(
+    body: Body,
+    rock: Motion,
+    points: Points,
+    time_step: float,
+    gravity: float,
+    rounds: int,
+    limit: float,
+) -> None:
+    """Impulses of what touches when the step begins."""
+    if not _touch(body, rock, points, time_step, gravity):
+        return
+    solved = solve(rock, points, body.friction, rounds, limit)
+    if not solved and _lower(rock, points, time_step):
+        solve(rock, points, body.friction, rounds, limit)
 
 
 @compiled
@@ -179,45 +197,8 @@ def _wanted_anew(rock: Motion, points: Points, time_step: float) -> float:
     """Have active points reckon with ``bend``; the largest change of what is wanted [m/s]."""
     largest = 0.0
     for at in range(rock.active):
-        largest = max(largest, _want(points[points[at].active], time_step))
+        largest = max(largest, want(points[points[at].active], time_step))
     return largest
-
-
-@compiled
-def _want(point: Points, time_step: float) -> float:
-    """Have a point reckon with ``bend``.
-
-    One that touches is to be at the ground at the end of its bent path; one that leaves has turned
-    freely for (1/2 + after) h since its impact.
-    """
-    rows, bend, wanted = point.rows, point.bend, point.wanted
-    largest = 0.0
-    for k in range(3):
-        along = rows[k, 0] * bend[0] + rows[k, 1] * bend[1] + rows[k, 2] * bend[2]
-        value = point.base[k] + point.follows * along / time_step
-        largest = max(largest, abs(value - wanted[k]))
-        wanted[k] = value
-    return largest
-
-
-@compiled
-def _velocity(point: Points, velocity: Array) -> tuple[float, float, float]:
-    """Velocity of a point of the rock [m/s]."""
-    lever = point.lever
-    x, y, z = cross(velocity[3], velocity[4], velocity[5], lever[0], lever[1], lever[2])
-    return velocity[0] + x, velocity[1] + y, velocity[2] + z
-
-
-@compiled
-def _end_gap(point: Points, x: float, y: float, z: float, time_step: float) -> float:
-    """Gap of a point at the end of the path if it moves by (x, y, z) [m/s]."""
-    normal, bend = point.normal, point.bend
-    return (
-        point.gap
-        + normal[0] * (time_step * x + bend[0])
-        + normal[1] * (time_step * y + bend[1])
-        + normal[2] * (time_step * z + bend[2])
-    )
 
 
 @compiled
@@ -233,18 +214,18 @@ def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: 
         if kept < 0 and point.gap > touching:
             continue
         leaves = kept >= 0 and points[kept].kept_rebound > 0.0
-        x, y, z = _velocity(point, rock.velocity)
+        x, y, z = velocity_at(point, rock.velocity)
         if kept < 0 and _comes(rock, point) > body.slow * gravity * time_step:
             continue  # it lands
-        if not leaves and _end_gap(point, x, y, z, time_step) >= 0.0:
+        if not leaves and end_gap(point, x, y, z, time_step) >= 0.0:
             continue
-        _enter(rock, points, i)
+        enter(rock, points, i)
         if leaves:
             point.base[0] = point.leaving = points[kept].kept_rebound
             point.follows = 2.0 * points[kept].kept_after
         else:
             point.base[0] = min(-point.gap / time_step, slowest)
-        _want(point, time_step)
+        want(point, time_step)
         if kept >= 0 and not leaves:
             assign(point.impulse, points[kept].kept_impulse)
     for at in range(rock.active):
@@ -255,7 +236,7 @@ def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: 
 @compiled
 def _comes(rock: Motion, point: Points) -> float:
     """Speed at which a point approached the ground before the step [m/s]."""
-    x, y, z = _velocity(point, rock.before)
+    x, y, z = velocity_at(point, rock.before)
     normal = point.normal
     return -(normal[0] * x + normal[1] * y + normal[2] * z)
 
@@ -268,78 +249,9 @@ def _lower(rock: Motion, points: Points, time_step: float) -> bool:
         point = points[points[at].active]
         if point.base[0] > 0.0 and point.leaving == 0.0:
             point.base[0] = 0.0
-            _want(point, time_step)
+            want(point, time_step)
             lifted = True
     return lifted
-
-
-@compiled
-def _land(
-    body: Body,
-    rock: Motion,
-    points: Points,
-    push: Array,
-    time_step: float,
-    gravity: float,
-    closed: float,
-) -> tuple[bool, float]:
-    """Make those points active that would be in the ground at the end of the path.
-
-    Slow ones may be as deep there as ``closed`` [m].
-
-    Returns whether there are any, and the share of the path after which the first of them lands;
-    more than 1 if none lands fast. What comes slowly takes the weight over by and by: to tell when
-    would add energy to a rock that comes to rest.
-    """
-    first, entered, slow = 2.0, False, body.slow * gravity * time_step
-    for i in range(rock.found):
-        point = points[i]
-        if point.is_active:
-            continue
-        x, y, z = _velocity(point, rock.velocity)
-        end = _end_gap(point, x, y, z, time_step)
-        if end >= 0.0:
-            continue
-        normal = point.normal
-        fast = x * normal[0] + y * normal[1] + z * normal[2] < -slow
-        if end >= -closed and not fast:
-            continue
-        _enter(rock, points, i)
-        share = _aim(body, rock, point, x, y, z, push, time_step, gravity)
-        _want(point, time_step)
-        entered = True
-        if fast:
-            first = min(first, share)
-    return entered, first
-
-
-@compiled
-def _enter(rock: Motion, points: Points, i: int) -> None:
-    """Make a point active: its directions, and what an impulse there does."""
-    point = points[i]
-    points[rock.active].active = i
-    rock.active += 1
-    point.is_active = 1
-    point.state = OPEN
-    point.rebound = point.leaving = 0.0
-    point.after = 1.0
-    point.follows = -1.0
-    rows, turning, lever, flexibility = point.rows, point.turning, point.lever, rock.flexibility
-    tangents(point.normal, rows)
-    for k in range(3):
-        point.base[k] = point.impulse[k] = point.given[k] = 0.0
-        a, b, c = cross(lever[0], lever[1], lever[2], rows[k, 0], rows[k, 1], rows[k, 2])
-        rows[k, 3], rows[k, 4], rows[k, 5] = a, b, c
-        for j in range(3):
-            turning[k, j] = flexibility[j, 0] * a + flexibility[j, 1] * b + flexibility[j, 2] * c
-    at = 0
-    for k in range(3):
-        for j in range(k, 3):
-            value = 1.0 if j == k else 0.0
-            for n in range(3):
-                value += rows[k, 3 + n] * turning[j, n]
-            point.mass[at] = value
-            at += 1
 
 
 @compiled
@@ -349,63 +261,6 @@ def _kept(rock: Motion, points: Points, key: int) -> int:
         if points[at].kept_key == key:
             return at
     return -1
-
-
-@compiled
-def _aim(
-    body: Body,
-    rock: Motion,
-    point: Points,
-    x: float,
-    y: float,
-    z: float,
-    push: Array,
-    time_step: float,
-    gravity: float,
-) -> float:
-    """Velocity that a landing point is to have, which moves by (x, y, z) [m/s] before it touches.
-
-    Returns the share of the path after which it touches.
-    """
-    rows, base, gap = point.rows, point.base, point.gap
-    approach = rows[0, 0] * x + rows[0, 1] * y + rows[0, 2] * z
-    share = min(1.0, max(0.0, gap / (-time_step * approach))) if approach < 0.0 else 1.0
-    base[0] = -gap / time_step
-    if gap < 0.0:
-        base[0] = min(base[0], LIFTING_SHARE * math.sqrt(gravity * body.radius))
-    for k in range(1, 3):
-        base[k] = share * (rows[k, 0] * x + rows[k, 1] * y + rows[k, 2] * z)
-    if body.restitution > 0.0:
-        earlier = 0.0
-        for k in range(6):
-            earlier += rows[0, k] * rock.before[k]
-        fall = earlier + (0.5 + share) * (approach - earlier)
-        if -fall > BOUNCING_STEPS * gravity * time_step:
-            pushed = rows[0, 0] * push[0] + rows[0, 1] * push[1] + rows[0, 2] * push[2]
-            leaving, after = -body.restitution * fall, 1.0 - share
-            point.leaving, point.after = leaving, after
-            point.rebound = leaving + (0.5 + after) * time_step * pushed
-            base[0] = min(base[0], 0.0) + after * (leaving + 0.5 * after * time_step * pushed)
-    return share
-
-
-@compiled
-def _let_go(rock: Motion, points: Points, standing: int, share: float) -> None:
-    """Have points that touched before bear the rock until it lands elsewhere, and no longer.
-
-    Their impulses are those of a step; ``share`` is the time from its begin to the landing, in
-    steps. They may bear it again, but what they gave is not taken back. Points that rebound, from
-    an impact of the step before, do so in full.
-    """
-    for at in range(standing):
-        point = points[points[at].active]
-        if point.leaving > 0.0:
-            continue
-        add_impulse(point, share, rock.free)
-        add_impulse(point, share - 1.0, rock.velocity)
-        for k in range(3):
-            point.given[k] = share * point.impulse[k]
-            point.impulse[k] = 0.0
 
 
 @compiled
