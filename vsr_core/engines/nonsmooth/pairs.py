@@ -226,9 +226,19 @@ def between(
 ) -> float:
     """Square of the distance of two segments.
 
-    They have the directions (e, f, g) and ``along`` and the lengths ``own`` and ``other``; the
-    second begins at (x, y, z) from the first. ``on_own`` and ``on_other`` are where each has the
-    other's beginning beside it, ``cosine`` is of the angle between them.
+    Parameters
+    ----------
+    x, y, z : float [m], beginning of the second from that of the first
+    e, f, g : float, direction of the first
+    own : float [m], its length
+    along : ndarray, shape (3,), direction of the second
+    other : float [m], its length
+    on_own, on_other : float [m], where each has the other's beginning beside it
+    cosine : float, of the angle between them
+
+    Returns
+    -------
+    float [m^2]
 
     References
     ----------

@@ -45,7 +45,23 @@ def corner(
     drop: float,
     radius: float,
 ) -> float:
-    """Corner of the rock and face of the terrain; path until they may touch, 0 where they do."""
+    """Corner of the rock and face of the terrain.
+
+    Parameters
+    ----------
+    ground : Ground
+    rock : record of ``MOTION``
+    point : record of ``POINT``, written where they may touch
+    own, other : int, corner and face
+    time_step : float [s]
+    ahead : float [m], path of a step
+    drop : float [m], by which a face goes on beyond a concave edge
+    radius : float [m]
+
+    Returns
+    -------
+    float [m], path until they may touch, 0 where they do
+    """
     turn, place, corner, face = rock.rotation, rock.place, ground.corners[own], ground.faces[other]
     normal = face.normal
     a = turn[0, 0] * corner[0] + turn[0, 1] * corner[1] + turn[0, 2] * corner[2]
@@ -85,7 +101,22 @@ def vertex(
     ahead: float,
     radius: float,
 ) -> float:
-    """Vertex of the terrain and face of the rock; path until they may touch, 0 where they do."""
+    """Vertex of the terrain and face of the rock.
+
+    Parameters
+    ----------
+    ground : Ground
+    rock : record of ``MOTION``
+    point : record of ``POINT``, written where they may touch
+    at, other : int, pair and vertex
+    time_step : float [s]
+    ahead : float [m], path of a step
+    radius : float [m]
+
+    Returns
+    -------
+    float [m], path until they may touch, 0 where they do
+    """
     turn, place, vertex = rock.rotation, rock.place, ground.vertices[other]
     a, b, c = vertex.place[0] - place[0], vertex.place[1] - place[1], vertex.place[2] - place[2]
     x, y, z = _within(turn, a, b, c)
@@ -145,7 +176,22 @@ def edges(
     ahead: float,
     radius: float,
 ) -> float:
-    """Edge of the rock and edge of the terrain; path until they may touch, 0 where they do."""
+    """Edge of the rock and edge of the terrain.
+
+    Parameters
+    ----------
+    ground : Ground
+    rock : record of ``MOTION``
+    point : record of ``POINT``, written where they may touch
+    own, other : int, edges
+    time_step : float [s]
+    ahead : float [m], path of a step
+    radius : float [m]
+
+    Returns
+    -------
+    float [m], path until they may touch, 0 where they do
+    """
     turn, place, mine, edge = rock.rotation, rock.place, ground.edges[own], ground.edges[other]
     e, f, g = _out(turn, mine.along)
     along, start = edge.along, edge.start
