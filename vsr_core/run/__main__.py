@@ -31,7 +31,7 @@ def main() -> None:
     corners = np.array([[-9.0, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]])
     level = Terrain(corners, np.array([[0, 1, 2], [0, 2, 3]]))
     seat = replace(scene, pedestal="terrain", terrain=level, start=resting(scene))
-    displace(TerrainCase(seat, seat, 1.0), pulse, settings)
+    displace(TerrainCase(seat, replace(seat), 1.0), pulse, settings)  # topples, and goes on
     for stood in (scene, seat):
         world = engines.load(settings.engine).build(stood, 0.01, 1)
         world.advance([0.0])
