@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import sys
+import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import TypeVar
@@ -52,4 +53,6 @@ def _do(work: Callable[[], object], told: Connection) -> None:
     try:
         told.send((work(), None))
     except Exception as error:  # noqa: BLE001 (raised again by who waits)
+        error.add_note("".join(traceback.format_exception(error)))
+        error.__cause__ = error.__context__ = None  # a library's, which may not travel
         told.send((None, error))

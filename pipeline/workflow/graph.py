@@ -119,6 +119,7 @@ def make(name: str, job: Job) -> int:
     _forget_crashed(name, job.store)
     under_way: dict[str, Callable[[], str]] = {}
     ahead = list(wanted)
+    waited_for = {need for needed in wanted for need in BY_NAME[needed].late}
 
     def awaited(name: str) -> None:
         if name in under_way:
@@ -129,9 +130,9 @@ def make(name: str, job: Job) -> int:
     for needed, identity in wanted.items():
         stage = BY_NAME[needed]
         ahead.remove(needed)
-        for need in stage.needs:
-            if need not in stage.late:
-                awaited(need)
+        # What reads the user's files ends, or refuses them, before anything else is made.
+        for other in (under_way.keys() - waited_for) | (set(stage.needs) - set(stage.late)):
+            awaited(other)
         if not any(why(stage, identity, job.store)):
             continue
         work = partial(_make, stage, identity, replace(job, awaited=awaited))
