@@ -22,8 +22,9 @@ from pipeline.stages.runs.study import load_study
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.registry import BY_NAME, upstream
+from pipeline.workflow.run_store import RunStore, is_there
 from pipeline.workflow.stage import Job
-from pipeline.workflow.store import RUNS, RunStore, Store
+from pipeline.workflow.store import Store
 from vsr_core.outcome import Outcome
 
 TYPICAL_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 150.0
@@ -185,9 +186,9 @@ def _is_stale(name: str, job: Job) -> bool:
 
 def _stored(store: Store, runs: Sequence[Run], kind: Kind[Any]) -> dict[bytes, int]:
     """Outcomes of those of the runs that are stored."""
-    if not (store.folder / RUNS).is_file():
+    if not is_there(store.folder):
         return {}
-    with closing(RunStore(store.folder, kind.row)) as database:
+    with closing(RunStore(store.folder, kind.row, reads=True)) as database:
         return database.outcomes(run.key for run in runs)
 
 

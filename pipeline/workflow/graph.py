@@ -10,6 +10,7 @@ from typing import Any
 from pipeline.config.layers import Site
 from pipeline.workflow import aside, keys
 from pipeline.workflow.registry import BY_NAME, upstream
+from pipeline.workflow.run_store import RunsLost
 from pipeline.workflow.stage import Job, Stage
 from pipeline.workflow.store import Store
 
@@ -117,6 +118,18 @@ def make(name: str, job: Job) -> int:
     """
     wanted = identities(name, job.site)
     _forget_crashed(name, job.store)
+    try:
+        _make_all(wanted, job)
+    except RunsLost as lost:
+        for problem in lost.problems:
+            job.log(f"{problem.file}: {problem.given}; they are done again")
+        _make_all(wanted, job)
+    manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
+    return max(int(manifest["unresolved"]) for manifest in manifests)
+
+
+def _make_all(wanted: dict[str, Identity], job: Job) -> None:
+    """Make the stages that are not fresh, some of them beside others."""
     under_way: dict[str, Callable[[], str]] = {}
     ahead = list(wanted)
     waited_for = {need for needed in wanted for need in BY_NAME[needed].late}
@@ -142,8 +155,6 @@ def make(name: str, job: Job) -> int:
             job.log(work())
     for needed in tuple(under_way):
         awaited(needed)
-    manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
-    return max(int(manifest["unresolved"]) for manifest in manifests)
 
 
 def _make(stage: Stage, identity: Identity, job: Job) -> str:

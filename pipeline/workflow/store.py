@@ -1,4 +1,4 @@
-"""What is kept on disk: whole products with their checksums, and runs in an embedded database."""
+"""Whole products on disk, with their checksums."""
 
 from __future__ import annotations
 
@@ -7,54 +7,17 @@ import os
 import sqlite3
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
+from typing import Any
 
 from pipeline.config.problems import InputError, Problem
+from pipeline.workflow.journal import settle
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.writers import Writer, text
-from vsr_core.outcome import DecidedBy, StopReason
 
-Row = TypeVar("Row", bound="RunRow | DisplacementRow")
-
-RUNS = "runs.sqlite"
 LOG = "log.jsonl"
-
-
-class RunRow(NamedTuple):
-    """A stored run; the numbers mean what ``vsr_core.outcome.Response`` says.
-
-    A run that crashed has a key and an outcome only.
-    """
-
-    key: bytes
-    outcome: int
-    decided_by: int = int(DecidedBy.SIMULATION)
-    peak_tilt: float | None = None
-    final_tilt: float | None = None
-    slip: float | None = None
-    steps: int = 0
-
-
-class DisplacementRow(NamedTuple):
-    """A stored displacement run, with its trajectory as ``trajectory_packing`` packs it.
-
-    A run that crashed has a key and an outcome only.
-    """
-
-    key: bytes
-    outcome: int
-    peak_tilt: float | None = None
-    slip: float | None = None
-    steps: int = 0
-    stop_reason: int = int(StopReason.UNDONE)
-    trajectory: bytes = b""
-
-
-_TABLES: dict[type, str] = {RunRow: "runs", DisplacementRow: "displacement_runs"}
-_COLUMNS = {bytes: "BLOB", int: "INTEGER", float | None: "REAL"}
 
 
 class Store:
@@ -178,94 +141,10 @@ class Store:
                 os.fsync(file.fileno())
             checksum = digest_file(part)
             part.replace(final)
+            settle(final.parent)
         finally:
             part.unlink(missing_ok=True)
         return checksum
-
-
-class RunStore(Generic[Row]):
-    """Run results by key, in SQLite with a write-ahead log: survives ``kill -9``.
-
-    One process writes; at most the batches not yet handed over are lost.
-    """
-
-    def __init__(self, folder: Path, row: type[Row]) -> None:
-        types = get_type_hints(row)
-        columns = ", ".join(f"{name} {_COLUMNS[types[name]]}" for name in row._fields[1:])
-        self._row, self._table = row, _TABLES[row]
-        with writing(folder):
-            self._database = sqlite3.connect(folder / RUNS, isolation_level=None, timeout=30.0)
-            self._database.execute("PRAGMA journal_mode=WAL")
-            self._database.execute("PRAGMA synchronous=NORMAL")
-            self._database.execute(
-                f"CREATE TABLE IF NOT EXISTS {self._table} (key BLOB PRIMARY KEY, {columns}) "
-                "WITHOUT ROWID"
-            )
-        self._folder = folder
-
-    def close(self) -> None:
-        """Close the database."""
-        self._database.close()
-
-    def add(self, rows: Iterable[Row]) -> None:
-        """Keep rows, all or none.
-
-        Parameters
-        ----------
-        rows : iterable of rows
-        """
-        places = ", ".join("?" * len(self._row._fields))
-        with writing(self._folder):
-            self._database.execute("BEGIN IMMEDIATE")
-            try:
-                self._database.executemany(
-                    f"INSERT OR REPLACE INTO {self._table} VALUES ({places})",  # noqa: S608
-                    rows,
-                )
-            except BaseException:
-                self._database.execute("ROLLBACK")
-                raise
-            self._database.execute("COMMIT")
-
-    def get(self, keys: Iterable[bytes]) -> dict[bytes, Row]:
-        """Stored rows among ``keys``.
-
-        Parameters
-        ----------
-        keys : iterable of bytes
-
-        Returns
-        -------
-        dict of rows by key
-        """
-        found = self._select(f"{self._table}.*", keys)
-        return {row[0]: self._row(*row) for row in found}
-
-    def outcomes(self, keys: Iterable[bytes]) -> dict[bytes, int]:
-        """Outcomes of those of ``keys`` that are stored.
-
-        Parameters
-        ----------
-        keys : iterable of bytes
-
-        Returns
-        -------
-        dict of int by key
-        """
-        return dict(self._select("key, outcome", keys))
-
-    def _select(self, what: str, keys: Iterable[bytes]) -> list[Any]:
-        database = self._database
-        with writing(self._folder):
-            database.execute("CREATE TEMP TABLE IF NOT EXISTS wanted (key BLOB PRIMARY KEY)")
-            database.execute("BEGIN")
-            database.execute("DELETE FROM wanted")
-            database.executemany("INSERT OR IGNORE INTO wanted VALUES (?)", ((k,) for k in keys))
-            query = f"SELECT {what} FROM wanted JOIN {self._table} USING (key)"  # noqa: S608
-            with closing(database.execute(query)) as rows:
-                found = list(rows)
-            database.execute("COMMIT")
-        return found
 
 
 @contextmanager
@@ -287,7 +166,7 @@ def writing(folder: Path) -> Iterator[None]:
     """
     try:
         yield
-    except (OSError, sqlite3.OperationalError, sqlite3.DatabaseError) as error:
+    except (OSError, sqlite3.Error) as error:
         raise InputError(
             Problem(
                 str(folder),

@@ -17,7 +17,7 @@ from pipeline import ROOT
 from pipeline.stages.runs import overturning_runs
 from pipeline.workflow.datasets import read
 from pipeline.workflow.keys import digest_file
-from pipeline.workflow.store import RUNS
+from pipeline.workflow.run_store import RUNS
 from vsr_core.motions.cosine_pulse import GroundMotion
 from vsr_core.outcome import Response
 from vsr_core.run.cases import Case, Settings

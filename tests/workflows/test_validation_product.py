@@ -17,7 +17,7 @@ from pipeline import ROOT, cli
 from pipeline.config.recorded_tests_schema import ShakeTableConfig
 from pipeline.stages.studies.validation import predictions, recorded_tests
 from pipeline.stages.studies.validation.recorded_runs import Draw, Role
-from pipeline.workflow.store import RunRow
+from pipeline.workflow.rows import RunRow
 from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome

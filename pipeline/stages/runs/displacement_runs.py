@@ -10,8 +10,8 @@ from pipeline.stages.runs.runner import Kind
 from pipeline.stages.runs.scenes import terrain_case
 from pipeline.stages.runs.study import run_study
 from pipeline.stages.runs.trajectory_packing import pack
+from pipeline.workflow.rows import DisplacementRow
 from pipeline.workflow.stage import Job, Product
-from pipeline.workflow.store import DisplacementRow
 from vsr_core.run.cases import Settings, TerrainCase
 from vsr_core.run.displacement import displace
 

@@ -8,8 +8,8 @@ from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.runner import Kind
 from pipeline.stages.runs.scenes import flat_case, terrain_case
 from pipeline.stages.runs.study import run_study
+from pipeline.workflow.rows import RunRow
 from pipeline.workflow.stage import Job, Product
-from pipeline.workflow.store import RunRow
 from vsr_core.outcome import Response
 from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.run.displacement import respond

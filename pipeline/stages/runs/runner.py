@@ -13,12 +13,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import Problem
 from pipeline.config.schema import COMPILED
 from pipeline.workflow.cluster import Batch
 from pipeline.workflow.progress import Progress
+from pipeline.workflow.rows import Row
+from pipeline.workflow.run_store import RUNS, RunsLost, RunStore, is_there
 from pipeline.workflow.stage import Job
-from pipeline.workflow.store import RUNS, Row, RunStore, Store
+from pipeline.workflow.store import Store
 from vsr_core.outcome import Outcome
 
 SMALL = 200
@@ -100,7 +102,7 @@ def run_missing(
     Tally
     """
     start, cpu = time.monotonic(), 0.0
-    with closing(RunStore(job.store.folder, kind.row)) as runs:
+    with closing(RunStore(job.store.folder, kind.row, job.log)) as runs:
         total = sum(len(missing(wanted(group), runs)) for group in groups)
         quick = job.site.settings.engine == COMPILED and total <= QUICK
         cluster = job.cluster.in_threads() if quick else job.cluster
@@ -139,21 +141,23 @@ def stored(
 
     Raises
     ------
-    InputError
-        If a run that was done is not there any more.
+    RunsLost
+        If a run that was done is not there any more, or is not as it was written.
     """
-    with closing(RunStore(job.store.folder, kind.row)) as runs:
-        for group in groups:
-            keys = [run.key for run in wanted(group)]
-            found = runs.get(keys)
-            lost = sum(key not in found for key in keys)
-            if lost:
-                job.store.forget(kind.stage)
-                given = f"{lost} {kind.what} fewer than were done"
-                rule, remedy = "every run that was done is kept", "start again to redo them"
-                file = str(job.store.folder / RUNS)
-                raise InputError(Problem(file, "", given, rule, remedy))
-            yield group, [found[key] for key in keys]
+    try:
+        with closing(RunStore(job.store.folder, kind.row, reads=True)) as runs:
+            for group in groups:
+                keys = [run.key for run in wanted(group)]
+                found = runs.get(keys)
+                lost = sum(key not in found for key in keys)
+                if lost:
+                    given = f"{lost} {kind.what} fewer than were done"
+                    rule, remedy = "every run that was done is kept", "start again to redo them"
+                    raise RunsLost(Problem(str(job.path(RUNS)), "", given, rule, remedy))
+                yield group, [found[key] for key in keys]
+    except RunsLost:
+        job.store.forget(kind.stage)
+        raise
 
 
 def missing(wanted: Sequence[Run], runs: RunStore[Any]) -> list[Run]:
@@ -183,7 +187,7 @@ def database_is_there(store: Store) -> str:
     -------
     str, empty if nothing is
     """
-    return "" if (store.folder / RUNS).is_file() else f"{RUNS} is missing"
+    return "" if is_there(store.folder) else f"{RUNS} is missing"
 
 
 def _batches(

@@ -27,7 +27,9 @@ from pipeline.stages.runs.runner import Run, missing
 from pipeline.stages.runs.scenes import code as run_code
 from pipeline.workflow import keys, store
 from pipeline.workflow.graph import identities
-from pipeline.workflow.store import RUNS, DisplacementRow, RunRow, RunStore, Store
+from pipeline.workflow.rows import DisplacementRow, RunRow
+from pipeline.workflow.run_store import RUNS, RunStore
+from pipeline.workflow.store import Store
 from vsr_core.outcome import Outcome
 from vsr_core.run.displacement import displace
 
@@ -126,7 +128,8 @@ def test_flipped_byte_is_seen_and_mended(
 WRITER = """
 import sys, time
 from pathlib import Path
-from pipeline.workflow.store import RunRow, RunStore
+from pipeline.workflow.rows import RunRow
+from pipeline.workflow.run_store import RunStore
 
 def rows(batch):
     for i in range(10):

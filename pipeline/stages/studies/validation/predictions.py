@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.stages.studies.validation.recorded_runs import Outcomes, Role
 from pipeline.stages.studies.validation.recorded_tests import Tests, priors
-from pipeline.workflow.store import RunRow
+from pipeline.workflow.rows import RunRow
 from vsr_core.arrays import Array, Mask
 from vsr_core.outcome import Outcome
 from vsr_core.run import proofs

@@ -13,8 +13,8 @@ from pipeline.stages.runs.runner import Kind, Run, run_missing, stored
 from pipeline.stages.studies.validation.recorded_tests import Tests, accelerations
 from pipeline.workflow import keys
 from pipeline.workflow.code_roots import VALIDATION_CODE
+from pipeline.workflow.rows import RunRow
 from pipeline.workflow.stage import Job
-from pipeline.workflow.store import RunRow
 from vsr_core import engines
 from vsr_core.run.cases import Case
 from vsr_core.validation.priors import Member

@@ -12,8 +12,10 @@ from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.runs.runner import Kind, Run, run_missing, stored
 from pipeline.workflow.cluster import Batch, Cluster, Done
+from pipeline.workflow.rows import RunRow
+from pipeline.workflow.run_store import RunStore
 from pipeline.workflow.stage import Job
-from pipeline.workflow.store import RunRow, RunStore, Store
+from pipeline.workflow.store import Store
 from vsr_core.outcome import Outcome
 
 GROUPS = ("north", ("east", 0.6))

@@ -1,0 +1,135 @@
+"""Rows of stored runs, and the checksum by which one that was damaged on disk is known."""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
+
+from vsr_core.outcome import DecidedBy, StopReason
+
+Row = TypeVar("Row", bound="RunRow | DisplacementRow")
+
+
+class RunRow(NamedTuple):
+    """A stored run; the numbers mean what ``vsr_core.outcome.Response`` says.
+
+    A run that crashed has a key and an outcome only.
+    """
+
+    key: bytes
+    outcome: int
+    decided_by: int = int(DecidedBy.SIMULATION)
+    peak_tilt: float | None = None
+    final_tilt: float | None = None
+    slip: float | None = None
+    steps: int = 0
+
+
+class DisplacementRow(NamedTuple):
+    """A stored displacement run, with its trajectory as ``trajectory_packing`` packs it.
+
+    A run that crashed has a key and an outcome only.
+    """
+
+    key: bytes
+    outcome: int
+    peak_tilt: float | None = None
+    slip: float | None = None
+    steps: int = 0
+    stop_reason: int = int(StopReason.UNDONE)
+    trajectory: bytes = b""
+
+
+TABLES: dict[type, str] = {RunRow: "runs", DisplacementRow: "displacement_runs"}
+"""Table of the database for each kind of row."""
+
+_COLUMNS: dict[Any, str] = {bytes: "BLOB", int: "INTEGER", float | None: "REAL"}
+_PACKED = {"INTEGER": "q", "REAL": "d"}
+
+
+class Layout(Generic[Row]):
+    """How rows of a kind are kept: in which table, and sealed with which checksum.
+
+    Parameters
+    ----------
+    row : type of the rows
+
+    Examples
+    --------
+    SQLite knows no NaN and no negative zero, so that neither counts:
+
+    >>> layout = Layout(RunRow)
+    >>> *fields, checksum = layout.sealed(RunRow(b"key", 1, 0, -0.0, float("nan"), 2.5, 7))
+    >>> fields
+    [b'key', 1, 0, 0.0, None, 2.5, 7]
+    >>> layout.unsealed((*fields, checksum))
+    RunRow(key=b'key', outcome=1, decided_by=0, peak_tilt=0.0, final_tilt=None, slip=2.5, steps=7)
+
+    What is not as it was written is no row:
+
+    >>> layout.unsealed((b"key", 1, 0, 0.0, None, 2.5, 6, checksum)) is None
+    True
+    """
+
+    def __init__(self, row: type[Row]) -> None:
+        hints = get_type_hints(row)
+        kinds = {name: _COLUMNS[hints[name]] for name in row._fields}
+        columns = ", ".join(f"{name} {kind}" for name, kind in kinds.items() if name != "key")
+        self.table = TABLES[row]
+        self.schema = (
+            f"CREATE TABLE {self.table} (key BLOB PRIMARY KEY, {columns}, checksum INTEGER) "
+            "WITHOUT ROWID"
+        )
+        self._row, self.width = row, len(kinds) + 1
+        # A key stands first, numbers after it, and bytes last if there are any.
+        codes = [_PACKED[kind] for kind in kinds.values() if kind in _PACKED]
+        self._numbers, self._end = struct.Struct("<" + "".join(codes)), 1 + len(codes)
+
+    def sealed(self, row: Row) -> tuple[Any, ...]:
+        """Fields of a row as SQLite gives them back, and their checksum.
+
+        Parameters
+        ----------
+        row : a row
+
+        Returns
+        -------
+        tuple
+        """
+        fields = tuple(_as_kept(value) for value in row)
+        return (*fields, self._checksum(fields))
+
+    def unsealed(self, kept: tuple[Any, ...]) -> Row | None:
+        """The row, or None if it is not what was written.
+
+        Parameters
+        ----------
+        kept : tuple, fields and checksum
+
+        Returns
+        -------
+        a row or None
+        """
+        try:
+            sound = self._checksum(kept) == kept[-1]
+        except (struct.error, TypeError):  # a field of another type
+            sound = False
+        return self._row(*kept[:-1]) if sound else None
+
+    def _checksum(self, fields: tuple[Any, ...]) -> int:
+        """CRC-32 of the key, of the numbers with 8 bytes each, and of bytes."""
+        numbers = fields[1 : self._end]
+        if None in numbers:
+            numbers = tuple(math.nan if value is None else value for value in numbers)
+        checksum = zlib.crc32(self._numbers.pack(*numbers), zlib.crc32(fields[0]))
+        for value in fields[self._end : self.width - 1]:
+            checksum = zlib.crc32(value, checksum)
+        return checksum
+
+
+def _as_kept(value: Any) -> Any:
+    if isinstance(value, float):
+        return None if math.isnan(value) else value + 0.0
+    return value
