@@ -9,6 +9,7 @@ import argparse
 import os
 import shutil
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,9 +18,10 @@ from pipeline.config.layers import STUDIES, TABLES, known, load_site
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
+from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.stage import Job, named
-from pipeline.workflow.store import Store
+from pipeline.workflow.store import Store, writing
 
 
 def run(options: argparse.Namespace) -> int:
@@ -34,8 +36,7 @@ def run(options: argparse.Namespace) -> int:
     int, runs without a verdict
     """
     job, wanted = _job(options), DELIVERABLES[options.product]
-    job.store.open()
-    with job.cluster:
+    with job.store, job.cluster:
         unresolved = graph.make(wanted.stage, job)
     for name in wanted.shown:
         _log(f"-> {job.path(name)}")
@@ -60,8 +61,7 @@ def prep(options: argparse.Namespace) -> int:
         shape = f"a {job.config.pedestal.shape} pedestal"
         rule, remedy = "rock and terrain are parts of one scan", "set pedestal.shape: mesh"
         raise InputError(Problem(job.site.file, "pedestal.shape", shape, rule, remedy))
-    job.store.open()
-    with job.cluster:
+    with job.store, job.cluster:
         graph.make("scan", job)
         _log(f"-> {job.path('prep.html')}")
         if job.config.pedestal.cut is None:
@@ -132,8 +132,8 @@ def feasible(options: argparse.Namespace) -> int:
     """
     make = named("pipeline.stages.studies.capacity.feasible:make")
     job = replace(_job(options), stage="feasible")
-    job.store.open()
-    with job.cluster:
+    with job.store, job.cluster:
+        job.store.open()
         lines = make(job, options.table, Path(options.export) if options.export else None)
     for name in ("feasible.png", "feasible.csv"):
         _log(f"-> {job.path(name)}")
@@ -180,8 +180,21 @@ def clean(options: argparse.Namespace) -> int:
         print("kept")
         return 0
     for target in targets:
-        shutil.rmtree(target)
+        _remove(target)
     return 0
+
+
+def _remove(folder: Path) -> None:
+    """Remove a site's folder; refused while a command is at work in it."""
+    with writing(folder):
+        with Ownership(folder):
+            for path in folder.iterdir():
+                if path.is_dir() and not path.is_symlink():
+                    shutil.rmtree(path)
+                elif path.name != LOCK:
+                    path.unlink()
+        with suppress(OSError):  # where the next command has come already
+            folder.rmdir()
 
 
 def _agreed(question: str) -> bool:

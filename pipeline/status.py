@@ -175,8 +175,8 @@ def _with_rock(job: Job, folder: Path) -> Job:
     if not _is_stale("rock", job):
         return job
     aside = replace(job, store=Store(folder), cluster=Cluster(0), log=lambda line: None)
-    aside.store.open()
-    graph.make("rock", aside)
+    with aside.store:
+        graph.make("rock", aside)
     return aside
 
 

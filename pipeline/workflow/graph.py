@@ -148,6 +148,8 @@ def _make_all(wanted: dict[str, Identity], job: Job) -> None:
             awaited(other)
         if not any(why(stage, identity, job.store)):
             continue
+        if job.store.open() and not any(why(stage, identity, job.store)):
+            continue  # another command made it meanwhile
         work = partial(_make, stage, identity, replace(job, awaited=awaited))
         if stage.aside and aside.POSSIBLE and job.cluster.free:
             under_way[needed] = aside.begin(work)
@@ -176,6 +178,7 @@ def _forget_crashed(name: str, store: Store) -> None:
     for stage in upstream(name):
         crashed = (store.manifest(stage.name) or {"retry": 0})["retry"]
         if crashed or forgotten.intersection(stage.needs):
+            store.open()
             store.forget(stage.name)
             forgotten.add(stage.name)
 

@@ -15,6 +15,7 @@ from typing import Any
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.journal import settle
 from pipeline.workflow.keys import digest_file
+from pipeline.workflow.owner import Ownership
 from pipeline.workflow.writers import Writer, text
 
 LOG = "log.jsonl"
@@ -30,21 +31,41 @@ class Store:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._manifests = folder / ".stages"
+        self._owned: Ownership | None = None
 
-    def open(self) -> None:
-        """Make the folder and see that it can be written to.
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._owned:
+            self._owned.end()
+            self._owned = None
+
+    def open(self) -> bool:
+        """Make the folder, own it from now on, and see that it can be written to.
+
+        Reading needs none of it.
+
+        Returns
+        -------
+        bool
+            Whether it was not owned before.
 
         Raises
         ------
         InputError
-            If it cannot.
+            If it cannot be written to, or another process owns it.
         """
+        if self._owned:
+            return False
         with writing(self.folder):
             self._manifests.mkdir(parents=True, exist_ok=True)
+            self._owned = Ownership(self.folder)
             with tempfile.NamedTemporaryFile(dir=self.folder, prefix=".try-") as probe:
                 probe.write(b"x" * 65536)
             for left in self.folder.glob(".part-*"):
                 left.unlink()
+        return True
 
     def manifest(self, stage: str) -> dict[str, Any] | None:
         """Manifest of a stage; None if there is none or it cannot be read.

@@ -50,7 +50,8 @@ class Deadly(Cluster):
 
 def job_in(folder: Path, cluster: Cluster) -> tuple[Job, list[str]]:
     store, lines = Store(folder), []
-    store.open()
+    with store:
+        store.open()
     return Job(load_site("cuboid_1x1x2"), store, cluster, "", lines.append), lines
 
 
