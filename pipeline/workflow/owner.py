@@ -46,7 +46,12 @@ class Owner:
 
     @classmethod
     def this(cls) -> Owner:
-        """The process that asks."""
+        """The process that asks.
+
+        Returns
+        -------
+        Owner
+        """
         return cls(socket.gethostname(), os.getpid(), time.strftime("%Y-%m-%dT%H:%M:%S"))
 
 
@@ -103,7 +108,11 @@ class Ownership:
                 if _is_at(file, self._path):  # not one that its owner has just removed
                     if owner and self._lives(owner, file, bool(locked)):
                         raise InputError(self._held(owner))
-                    _write(file, self._me)
+                    try:
+                        _write(file, self._me)
+                    except OSError:
+                        self._path.unlink(missing_ok=True)
+                        raise
                     if locked is None:  # two may have come this far; the last one has it
                         time.sleep(SETTLED)
                         if (owner := _read(file)) != self._me:

@@ -27,6 +27,7 @@ from pipeline.stages.runs.runner import Run, missing
 from pipeline.stages.runs.scenes import code as run_code
 from pipeline.workflow import keys, store
 from pipeline.workflow.graph import identities
+from pipeline.workflow.owner import LOCK
 from pipeline.workflow.rows import DisplacementRow, RunRow
 from pipeline.workflow.run_store import RUNS, RunStore
 from pipeline.workflow.store import Store
@@ -95,9 +96,10 @@ def test_half_of_the_products_is_damage(shelf: Store) -> None:
 
 
 def test_left_parts_go_when_the_store_opens(shelf: Store) -> None:
-    (shelf.folder / ".part-1-a.nc").write_bytes(b"half")
-    shelf.open()
-    assert files(shelf.folder) == {}
+    with shelf:
+        (shelf.folder / ".part-1-a.nc").write_bytes(b"half")
+    assert shelf.open()
+    assert [path.name for path in files(shelf.folder)] == [LOCK]
 
 
 def test_unreadable_manifest_counts_as_none(shelf: Store) -> None:
