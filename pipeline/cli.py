@@ -10,7 +10,7 @@ import traceback
 from pathlib import Path
 
 from pipeline import ROOT
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import InputError, Problem, Unfinished
 from pipeline.workflow.products import DELIVERABLES
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
@@ -19,8 +19,8 @@ DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; returns the exit code.
 
-    0 done; 1 finished, but some runs are without a verdict; 2 usage or input; 3 a fault of the
-    program; 130 stopped by Ctrl-C.
+    0 done; 1 some runs are without a verdict, or not done as the scheduler was lost; 2 usage or
+    input; 3 a fault of the program; 130 stopped by Ctrl-C.
 
     Parameters
     ----------
@@ -38,6 +38,9 @@ def main(arguments: list[str] | None = None) -> int:
         for problem in error.problems:
             print(f"vsr: {problem}", file=sys.stderr)
         return REFUSED
+    except Unfinished as end:
+        print(f"vsr: {end}", file=sys.stderr)
+        return UNRESOLVED
     except BrokenPipeError:  # whoever read our output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE

@@ -58,3 +58,7 @@ class InputError(Exception):
         InputError
         """
         return cls(Problem(file, key, error.given, error.rule, error.remedy))
+
+
+class Unfinished(Exception):
+    """Work that something outside ended early; what was done is kept; exit code 1."""

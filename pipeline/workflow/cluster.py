@@ -2,45 +2,30 @@
 
 from __future__ import annotations
 
-import signal
+import logging
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
-BATCHES_IN_FLIGHT = 4
-"""Batches handed out per worker: enough to keep it busy, few enough to lose."""
+from pipeline.config.problems import InputError, Problem
+from pipeline.workflow import slurm
+from pipeline.workflow.batches import BATCHES_IN_FLIGHT, Batch, Done
+from pipeline.workflow.dispatch import Dispatch
 
-_SETTINGS = {
+_LOCAL = {
     "distributed.scheduler.allowed-failures": 0,
-    "distributed.worker.preload": ["pipeline.workflow.cluster"],
-    # Dask makes malloc give memory back at once; with that, rebuilding Bullet's world for each run
-    # costs more than its physics.
-    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 28,
-    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 28,
+    "distributed.worker.preload": ["pipeline.workflow.workers"],
 }
+"""Dask's settings of workers of this machine."""
 
+CONNECTING = 10.0
+"""Time [s] that a scheduler has to answer."""
 
-class Batch(NamedTuple):
-    """Items that share one object, done together by one worker.
-
-    Attributes
-    ----------
-    shared : hashable, by which the object is known
-    items : tuple
-    """
-
-    shared: Hashable
-    items: tuple[Any, ...]
-
-
-class Done(NamedTuple):
-    """Results of a batch; None if the worker died on its only item."""
-
-    batch: Batch
-    results: Any
+CLOSING = 5.0
+"""Time [s] that it has to say goodbye."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +38,8 @@ class Cluster:
     scheduler, scheduler_file : address or file of a running Dask scheduler
     slurm : whether to start SLURM jobs, as configured for dask-jobqueue
     log : function of one line, for the dashboard's address
-    threads : bool, whether the workers are threads of this process, for work that leaves the
-        interpreter alone
+    together : bool, whether the work leaves the interpreter alone and shares no state, so that
+        one process does several batches at once
     """
 
     workers: int
@@ -62,7 +47,7 @@ class Cluster:
     scheduler_file: str | None = None
     slurm: bool = False
     log: Callable[[str], None] = print
-    threads: bool = False
+    together: bool = False
     _open: ExitStack = field(default_factory=ExitStack, repr=False, compare=False)
     _clients: list[Any] = field(default_factory=list, repr=False, compare=False)
 
@@ -93,13 +78,13 @@ class Cluster:
         return replace(self, workers=0) if self.local else self
 
     def in_threads(self) -> Cluster:
-        """The same with threads in place of worker processes, which start at once.
+        """The same for work that shares a process; here that is threads, which start at once.
 
         Returns
         -------
         Cluster
         """
-        return replace(self, threads=True) if self.local else self
+        return replace(self, together=True)
 
     def run(
         self,
@@ -109,8 +94,8 @@ class Cluster:
     ) -> Iterator[Done]:
         """Do batches of work, handing over their results as they complete.
 
-        A batch whose worker dies is done again, one item at a time; an item that kills its
-        worker again comes back alone, with None. Only the batches in flight are held here.
+        Only the batches in flight are held here. An item that kills its process time and again
+        comes back alone, with None.
 
         Parameters
         ----------
@@ -125,12 +110,14 @@ class Cluster:
         if self.local and self.workers == 0:
             yield from _in_turn(function, batches, shared)
             return
-        if self.threads:
+        if self.local and self.together:
             yield from _in_threads(self.workers, function, batches, shared)
             return
         if not self._clients:
             self._clients.append(self._open.enter_context(self._client()))
-        yield from _distributed(self._clients[0], function, batches, shared)
+        client, upkeep = self._clients[0]
+        dispatch = Dispatch(client, function, batches, shared, self.together, self.log, upkeep)
+        yield from dispatch.results()
 
     def each(
         self,
@@ -153,33 +140,52 @@ class Cluster:
                 yield batch.shared, item, result
 
     @contextmanager
-    def _client(self) -> Iterator[Any]:
+    def _client(self) -> Iterator[tuple[Any, Callable[[], None]]]:
+        """Dask's client, and what replaces workers that have ended."""
         import dask
         import distributed
 
-        if not self.local and not self.slurm:
-            with distributed.Client(
-                address=self.scheduler, scheduler_file=self.scheduler_file
-            ) as client:
-                self.log(f"dashboard: {client.dashboard_link}")
-                yield client
-            return
-        with dask.config.set(_SETTINGS):
-            if self.slurm:
-                from dask_jobqueue import SLURMCluster
-
-                cluster: Any = SLURMCluster()
-                cluster.scale(max(self.workers, 1))
-            else:
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said here
+        with ExitStack() as stack:
+            if self.local:
+                stack.enter_context(dask.config.set(_LOCAL))
                 cluster = distributed.LocalCluster(
                     n_workers=self.workers,
                     threads_per_worker=1,
                     dashboard_address="127.0.0.1:0",
                     silence_logs=50,
                 )
-            with cluster, distributed.Client(cluster) as client:
-                self.log(f"dashboard: {client.dashboard_link}")
-                yield client
+                upkeep, address = _nothing, stack.enter_context(cluster)
+            elif self.slurm:
+                jobs = stack.enter_context(slurm.jobs(self.workers))
+                upkeep, address = jobs.renew, jobs.cluster
+            else:
+                upkeep, address = _nothing, self.scheduler
+            client = stack.enter_context(_connected(address, self.scheduler_file))
+            self.log(f"dashboard: {client.dashboard_link}")
+            yield client, upkeep
+
+
+@contextmanager
+def _connected(address: Any, file: str | None) -> Iterator[Any]:
+    import distributed
+
+    try:
+        client = distributed.Client(address=address, scheduler_file=file, timeout=CONNECTING)
+    except (OSError, ValueError) as error:
+        given, rule = f"{address or file} ({error})", "a Dask scheduler answers there"
+        remedy = "start one with `dask scheduler`, or leave the option out"
+        key = "--scheduler-file" if file else "--scheduler"
+        raise InputError(Problem(key, "", given, rule, remedy)) from None
+    try:
+        yield client
+    finally:
+        with suppress(OSError, TimeoutError):  # where the scheduler is gone
+            client.close(timeout=CLOSING)
+
+
+def _nothing() -> None:
+    pass
 
 
 def _in_turn(
@@ -213,73 +219,3 @@ def _in_threads(
                 yield Done(done, future.result())
         for done, future in flying:
             yield Done(done, future.result())
-
-
-def _distributed(
-    client: Any,
-    function: Callable[[Any, tuple[Any, ...]], Any],
-    batches: Iterator[Batch],
-    shared: Callable[[Any], Any],
-) -> Iterator[Done]:
-    from distributed import as_completed
-
-    sent: dict[Hashable, Any] = {}
-    flying: dict[str, tuple[Batch, bool]] = {}
-    again: list[Batch] = []
-    completed = as_completed(with_results=True, raise_errors=False)
-
-    def submit() -> bool:
-        if again and flying:
-            return False  # a suspect runs alone: with its worker dies all that waits there
-        suspect = bool(again)
-        batch = again.pop() if suspect else next(batches, None)
-        if batch is None:
-            return False
-        if batch.shared not in sent:
-            # A task, not scattered data: the scheduler makes it anew where a worker took it along.
-            sent[batch.shared] = client.submit(_same, shared(batch.shared), pure=False)
-        future = client.submit(function, sent[batch.shared], batch.items, pure=False)
-        flying[future.key] = batch, suspect
-        completed.add(future)
-        return True
-
-    room = BATCHES_IN_FLIGHT * max(1, sum(client.nthreads().values()))
-    while len(flying) < room and submit():
-        pass
-    for future, result in completed:
-        batch, alone = flying.pop(future.key)
-        if future.status == "finished":
-            yield Done(batch, result)
-        else:
-            sent.clear()  # what was shared may have failed with the worker
-            _raise_its_own_error(future, result)
-            if alone:
-                yield Done(batch, None)
-            else:
-                again += [batch._replace(items=(item,)) for item in batch.items]
-        future.release()
-        while len(flying) < room and submit():
-            pass
-
-
-def _same(thing: Any) -> Any:
-    return thing
-
-
-def _raise_its_own_error(future: Any, result: Any) -> None:
-    """Raise an error of the function; not that its worker died, or another with what is shared."""
-    from distributed import KilledWorker
-
-    killed = isinstance(result[1] if isinstance(result, tuple) else result, KilledWorker)
-    if future.status == "error" and not killed:
-        future.result()
-
-
-def dask_setup(worker: Any) -> None:
-    """Dask calls this in each local worker: Ctrl-C is for the client, which ends its workers.
-
-    Parameters
-    ----------
-    worker : the Dask worker
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -16,7 +16,7 @@ from pipeline.stages.datasets.responses import FILE as RESPONSES
 from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
 from pipeline.stages.runs.study import Study, load_study
-from pipeline.workflow.cluster import Batch
+from pipeline.workflow.batches import Batch
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
 from vsr_core.arrays import Array, Indices

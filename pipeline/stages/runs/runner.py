@@ -15,7 +15,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from pipeline.config.problems import Problem
 from pipeline.config.schema import COMPILED
-from pipeline.workflow.cluster import Batch
+from pipeline.workflow.batches import Batch
 from pipeline.workflow.progress import Progress
 from pipeline.workflow.rows import Row
 from pipeline.workflow.run_store import RUNS, RunsLost, RunStore, is_there

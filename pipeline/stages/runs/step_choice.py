@@ -25,7 +25,7 @@ from pipeline.stages.runs.scenes import (
     load_scenes,
 )
 from pipeline.workflow import keys
-from pipeline.workflow.cluster import Batch
+from pipeline.workflow.batches import Batch
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import Store

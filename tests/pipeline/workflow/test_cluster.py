@@ -17,7 +17,8 @@ import pytest
 
 from pipeline import ROOT
 from pipeline.stages.runs import overturning_runs, runner
-from pipeline.workflow.cluster import BATCHES_IN_FLIGHT, Batch, Cluster
+from pipeline.workflow.batches import BATCHES_IN_FLIGHT, Batch
+from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import read
 from vsr_core.outcome import Outcome
 

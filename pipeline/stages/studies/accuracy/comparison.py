@@ -19,7 +19,7 @@ from pipeline.stages.runs.step_choice import rows_of
 from pipeline.stages.runs.study import Study
 from pipeline.stages.studies.accuracy import worker_tasks
 from pipeline.stages.studies.accuracy.worker_tasks import Way
-from pipeline.workflow.cluster import Batch
+from pipeline.workflow.batches import Batch
 from pipeline.workflow.stage import Job
 from vsr_core import engines
 from vsr_core.errors import InvalidInput

@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.config import in_si
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.stages.runs.scenes import Scenes, flat_scene, groups
-from pipeline.workflow.cluster import Batch
+from pipeline.workflow.batches import Batch
 from pipeline.workflow.stage import Job
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.motions.records.recorded_motion import RecordedMotion

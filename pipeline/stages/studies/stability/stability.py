@@ -9,7 +9,7 @@ import pandas as pd
 from pipeline.drawing.style import pictures, svg_uri
 from pipeline.stages.studies.stability.stability_figure import stability_map
 from pipeline.workflow import pages, writers
-from pipeline.workflow.cluster import Batch
+from pipeline.workflow.batches import Batch
 from pipeline.workflow.stage import Job, Product
 from vsr_core.verification import stability
 from vsr_core.verification.stability import ExtremeCase, Finding, Verdict

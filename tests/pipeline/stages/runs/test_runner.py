@@ -11,7 +11,8 @@ import pytest
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.runs.runner import Kind, Run, run_missing, stored
-from pipeline.workflow.cluster import Batch, Cluster, Done
+from pipeline.workflow.batches import Batch, Done
+from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.rows import RunRow
 from pipeline.workflow.run_store import RunStore
 from pipeline.workflow.stage import Job

@@ -1,0 +1,233 @@
+"""Batches handed to Dask's workers, as many as there is room for, until each has its result.
+
+A batch whose worker died is suspect, although most often the worker was killed from outside. It is
+done again among the others, item by item in a process of its own; so an item that kills its
+process is found without another worker lost. A suspect whose workers die time and again is parted,
+and an item whose workers do is the culprit, too.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict, deque
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from pipeline.config.problems import InputError, Problem, Unfinished
+from pipeline.workflow import provenance, workers
+from pipeline.workflow.batches import BATCHES_IN_FLIGHT, Batch, Done, Work
+from pipeline.workflow.workers import OtherCode, Task
+
+DEATHS = 3
+"""How many workers a suspect may lose before it is parted, or is the culprit if it is one item."""
+
+LOOK = 1.0
+"""Time [s] after which the workers that there are are counted anew."""
+
+LONELY = 120.0
+"""Time [s] without any worker after which that is said."""
+
+KEPT = 3
+"""Shared objects that the workers keep: of the batches on their way, and the one before."""
+
+
+class Suspect(NamedTuple):
+    """A batch and how many of its workers died."""
+
+    batch: Batch
+    deaths: int
+
+
+@dataclass
+class Dispatch:
+    """Batches on their way to the workers of a client and back.
+
+    Attributes
+    ----------
+    client : Dask's client
+    function : Work
+    batches : iterator of Batch
+    shared : callable, from what a batch names to the object its items share
+    together : bool, whether a process may do several batches at once
+    log : function of one line
+    upkeep : callable, asked now and then, to replace workers that have ended
+    """
+
+    client: Any
+    function: Work
+    batches: Iterator[Batch]
+    shared: Callable[[Any], Any]
+    together: bool
+    log: Callable[[str], None]
+    upkeep: Callable[[], None]
+    _flying: dict[str, Suspect] = field(default_factory=dict)
+    _again: deque[Suspect] = field(default_factory=deque)
+    _sent: OrderedDict[Hashable, Any] = field(default_factory=OrderedDict)
+
+    def results(self) -> Iterator[Done]:
+        """Results of all batches, as they complete.
+
+        Yields
+        ------
+        Done
+
+        Raises
+        ------
+        InputError
+            If a worker would compute with other code.
+        Unfinished
+            If the scheduler is lost.
+        """
+        from distributed import as_completed
+
+        self._completed = as_completed(with_results=True, raise_errors=False)
+        room = _Room(self)
+        while len(self._flying) < room.now() and self._submit():
+            pass
+        while self._flying:
+            arrived = _next(self._completed, LOOK)
+            if arrived is not None:
+                yield from self._landed(*arrived)
+            while len(self._flying) < room.now() and self._submit():
+                pass
+
+    def _submit(self) -> bool:
+        if self._again:
+            suspect = self._again.popleft()
+        elif (batch := next(self.batches, None)) is not None:
+            suspect = Suspect(batch, 0)
+        else:
+            return False
+        batch = suspect.batch
+        how = workers.do_apart if suspect.deaths else workers.do
+        task = Task(provenance.here().key, self.function, self.together)
+        future = self.client.submit(
+            how, task, self._thing(batch.shared), batch.items, pure=False, retries=0
+        )
+        self._flying[future.key] = suspect
+        self._completed.add(future)
+        return True
+
+    def _thing(self, name: Hashable) -> Any:
+        """What a batch shares, on its way to the workers or there."""
+        if name not in self._sent:
+            # A task, not scattered data: the scheduler makes it anew where a worker took it along.
+            self._sent[name] = self.client.submit(_same, self.shared(name), pure=False)
+            if len(self._sent) > KEPT:
+                self._sent.popitem(last=False)
+        return self._sent[name]
+
+    def _landed(self, future: Any, result: Any) -> Iterator[Done]:
+        batch, deaths = self._flying.pop(future.key)
+        if future.status == "finished":
+            future.release()
+            if deaths:
+                for item, one in zip(batch.items, result, strict=True):
+                    yield Done(batch._replace(items=(item,)), one)
+            else:
+                yield Done(batch, result)
+            return
+        self._sent.clear()  # what was shared may have failed with the worker
+        _raise_what_is_no_death(future, result)
+        if deaths + 1 <= DEATHS:
+            self._again.append(Suspect(batch, deaths + 1))
+        elif len(batch.items) > 1:
+            parts = (batch._replace(items=(item,)) for item in batch.items)
+            self._again.extend(Suspect(part, 1) for part in parts)
+        else:
+            yield Done(batch, None)
+
+    def count(self) -> tuple[int, int]:
+        """Processes that do batches, and batches on their way.
+
+        Returns
+        -------
+        tuple of int
+        """
+        try:
+            threads = self.client.nthreads().values()
+        except OSError:
+            raise Unfinished(LOST) from None
+        return sum(threads) if self.together else len(threads), len(self._flying)
+
+
+LOST = "the scheduler cannot be reached any more; what was done is kept, and the same command goes \
+on from there"
+
+
+class _Room:
+    """How many batches may be on their way: that follows the workers that there are."""
+
+    def __init__(self, dispatch: Dispatch) -> None:
+        self._dispatch, self._room = dispatch, 0
+        self._looked = -LOOK
+        self._alone_since = time.monotonic()
+
+    def now(self) -> int:
+        """Room at present.
+
+        Returns
+        -------
+        int
+        """
+        time_now = time.monotonic()
+        if time_now - self._looked >= LOOK:
+            self._dispatch.upkeep()
+            processes, waiting = self._dispatch.count()
+            self._room = BATCHES_IN_FLIGHT * max(processes, 1)
+            self._looked = time_now
+            if processes:
+                self._alone_since = time_now
+            elif time_now - self._alone_since > LONELY:
+                self._alone_since = time_now
+                self._say(waiting)
+        return self._room
+
+    def _say(self, waiting: int) -> None:
+        address = self._dispatch.client.scheduler.address
+        self._dispatch.log(
+            f"no worker for {LONELY / 60:.0f} minutes; {waiting} batches wait for one: see to your "
+            f"jobs, or start one with `dask worker {address} --nthreads 1`; Ctrl-C stops, and what "
+            "was done is kept"
+        )
+
+
+def _next(completed: Any, seconds: float) -> tuple[Any, Any] | None:
+    """A future that is done, with its result; None if there is none in that time."""
+    with completed.thread_condition:
+        if not completed.has_ready():
+            completed.thread_condition.wait(seconds)
+    return next(completed) if completed.has_ready() else None
+
+
+def _same(thing: Any) -> Any:
+    return thing
+
+
+def _raise_what_is_no_death(future: Any, result: Any) -> None:
+    """Raise why a batch failed, unless its worker died, or another with what is shared."""
+    from distributed import KilledWorker
+
+    if future.status == "cancelled":
+        raise Unfinished(LOST)
+    if future.status != "error":
+        return
+    error = future.exception()
+    if isinstance(error, KilledWorker):
+        return
+    if isinstance(error, OtherCode):
+        raise InputError(_refusal(error)) from None
+    raise error
+
+
+def _refusal(error: OtherCode) -> Problem:
+    differences = provenance.here().differences(error.provenance)
+    more = f" and {len(differences) - 3} more" if len(differences) > 3 else ""
+    return Problem(
+        "--scheduler",
+        "",
+        f"a worker with other code or libraries ({', '.join(differences[:3])}{more})",
+        "all workers compute with what this command computes with",
+        "end it, and start it again from this folder and its .venv",
+    )

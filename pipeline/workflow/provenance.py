@@ -1,0 +1,76 @@
+"""What a process computes with: its code and its libraries, as they were when it started."""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import dataclass
+from functools import cache
+
+from pipeline import ROOT
+from pipeline.workflow import keys
+
+LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "pybullet", "mujoco", "trimesh")
+"""Those that runs are computed with."""
+
+_NONE = "not installed"
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Code and libraries of a process.
+
+    Attributes
+    ----------
+    code : dict, from the name of a file of the packages to the digest of its content
+    libraries : dict, from the name of a library to its version
+    """
+
+    code: dict[str, str]
+    libraries: dict[str, str]
+
+    @property
+    def key(self) -> str:
+        """Digest of the code and of the libraries that are installed."""
+        return keys.digest([self.code, self.libraries])
+
+    def differences(self, other: Provenance) -> list[str]:
+        """What another process computes with that this one does not.
+
+        Parameters
+        ----------
+        other : Provenance
+
+        Returns
+        -------
+        list of str, libraries first
+
+        Examples
+        --------
+        >>> here = Provenance({"a.py": "1", "b.py": "2"}, {"numpy": "2.4"})
+        >>> here.differences(Provenance({"a.py": "1", "b.py": "3"}, {"numpy": "2.3"}))
+        ['numpy 2.3 in place of 2.4', 'b.py']
+        """
+        libraries = [
+            f"{name} {other.libraries.get(name, _NONE)} in place of {version}"
+            for name, version in self.libraries.items()
+            if other.libraries.get(name, _NONE) != version
+        ]
+        files = sorted({*self.code, *other.code})
+        return libraries + [name for name in files if self.code.get(name) != other.code.get(name)]
+
+
+@cache
+def here() -> Provenance:
+    """Provenance of this process, read once: what is edited later is not what it has loaded.
+
+    Returns
+    -------
+    Provenance
+    """
+    code = {
+        path.relative_to(ROOT).as_posix(): keys.digest_bytes(path.read_bytes())
+        for package in keys.PACKAGES
+        for path in sorted((ROOT / package).rglob("*.py"))
+    }
+    libraries = {name: keys.installed_version(name) for name in LIBRARIES}
+    return Provenance(code, {"python": platform.python_version(), **libraries})

@@ -1,0 +1,200 @@
+"""What is done on a worker: a batch, by the same code as the client's, one at a time in a process.
+
+Engines keep state that all threads of a process share. A batch whose worker died is done item by
+item in a process of its own, so that a run that kills its process takes nothing else along.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import nullcontext, suppress
+from functools import cache
+from typing import IO, Any, NamedTuple
+
+from pipeline.workflow import provenance
+from pipeline.workflow.batches import Work
+from pipeline.workflow.provenance import Provenance
+
+TRIES = 3
+"""How often an item may kill the process that it has for itself before it is the culprit."""
+
+_ONE = threading.Lock()
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # as mallopt names them
+_KEPT, _LARGE = 1 << 28, 1 << 25  # bytes; glibc allows no larger second one
+
+
+class OtherCode(Exception):
+    """A worker that would compute with other code or libraries than its client.
+
+    Parameters
+    ----------
+    provenance : Provenance, the worker's
+    """
+
+    def __init__(self, provenance: Provenance) -> None:
+        super().__init__(provenance)
+        self.provenance = provenance
+
+
+class Task(NamedTuple):
+    """How batches are done.
+
+    Attributes
+    ----------
+    client : str, key of the client's provenance
+    function : Work
+    together : bool, whether several batches may be done at once in a process
+    """
+
+    client: str
+    function: Work
+    together: bool
+
+
+def do(task: Task, shared: Any, items: tuple[Any, ...]) -> Any:
+    """Do a batch.
+
+    Parameters
+    ----------
+    task : Task
+    shared : object that the items share
+    items : tuple
+
+    Returns
+    -------
+    what the function does
+
+    Raises
+    ------
+    OtherCode
+        If the results would not be the client's.
+    """
+    _check(task)
+    with nullcontext() if task.together else _ONE:
+        return task.function(shared, items)
+
+
+def do_apart(task: Task, shared: Any, items: tuple[Any, ...]) -> list[Any]:
+    """Do a batch item by item in a process of its own, and again from where that died.
+
+    Parameters
+    ----------
+    task, shared, items : as for ``do``
+
+    Returns
+    -------
+    list, for each item what the function does of it alone; None where its process died each time
+    """
+    _check(task)
+    results: list[Any] = []
+    deaths = 0
+    while len(results) < len(items):
+        done = list(_in_child(task.function, shared, items[len(results) :]))
+        results += done
+        deaths = 1 if done else deaths + 1
+        if deaths == TRIES and len(results) < len(items):
+            results.append(None)
+            deaths = 0
+    return results
+
+
+def _check(task: Task) -> None:
+    _keep_memory()
+    mine = provenance.here()
+    if task.client != mine.key:
+        raise OtherCode(mine)
+
+
+@cache
+def _keep_memory() -> None:
+    """Have malloc keep what is freed.
+
+    Dask makes it give memory back at once; with that, rebuilding Bullet's world for each run costs
+    more than its physics.
+    """
+    with suppress(OSError, AttributeError):  # another library of C
+        library = ctypes.CDLL(None)
+        library.mallopt(_TRIM_THRESHOLD, _KEPT)
+        library.mallopt(_MMAP_THRESHOLD, _LARGE)
+
+
+def dask_setup(worker: Any) -> None:
+    """Dask calls this in each worker of its client's: Ctrl-C is for that, which ends its workers.
+
+    Parameters
+    ----------
+    worker : the Dask worker
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    provenance.here()  # before any of it is edited
+
+
+# A process for single items
+
+
+def _in_child(function: Work, shared: Any, items: tuple[Any, ...]) -> Iterator[Any]:
+    """Results of items, one after the other, until the process that does them dies."""
+    from distributed.protocol.pickle import dumps  # which takes functions of any place
+
+    command = [sys.executable, "-c", "from pipeline.workflow import workers; workers.serve()"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
+    with subprocess.Popen(  # noqa: S603
+        command, stdin=pipe, stdout=pipe, stderr=nowhere, env=environment
+    ) as child:
+        assert child.stdin is not None
+        assert child.stdout is not None
+        try:
+            with suppress(BrokenPipeError, EOFError):
+                _send(child.stdin, dumps((function, shared)))
+                for item in items:
+                    _send(child.stdin, dumps(item))
+                    result, error = _received(child.stdout)
+                    if error is not None:
+                        raise error
+                    yield result
+        finally:
+            child.kill()
+            with suppress(BrokenPipeError):
+                child.stdin.close()
+
+
+def serve() -> None:
+    """Do the items that come in, one by one, until no more come."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what is printed must not get between the results
+    with suppress(EOFError, BrokenPipeError):
+        function, shared = _received(sys.stdin.buffer)
+        while True:
+            item = _received(sys.stdin.buffer)
+            answer: tuple[Any, Exception | None]
+            try:
+                answer = function(shared, (item,)), None
+            except Exception as error:  # noqa: BLE001 (it is raised where the batch came from)
+                answer = None, error
+            _send(out, pickle.dumps(answer))
+
+
+def _send(stream: IO[bytes], content: bytes) -> None:
+    stream.write(len(content).to_bytes(8, "big") + content)
+    stream.flush()
+
+
+def _received(stream: IO[bytes]) -> Any:
+    length = int.from_bytes(_exactly(stream, 8), "big")
+    return pickle.loads(_exactly(stream, length))  # noqa: S301 (from our own process)
+
+
+def _exactly(stream: IO[bytes], length: int) -> bytes:
+    content = stream.read(length)
+    if len(content) < length:
+        raise EOFError
+    return content
