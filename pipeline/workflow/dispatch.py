@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 from pipeline.config.problems import InputError, Problem, Unfinished
 from pipeline.workflow import provenance, workers
 from pipeline.workflow.batches import BATCHES_IN_FLIGHT, Batch, Done, Work
-from pipeline.workflow.workers import OtherCode, Task
+from pipeline.workflow.provenance import Provenance
+from pipeline.workflow.workers import Task
 
 DEATHS = 3
 """How many workers a suspect may lose before it is parted, or is the culprit if it is one item."""
@@ -100,11 +101,9 @@ class Dispatch:
         else:
             return False
         batch = suspect.batch
-        how = workers.do_apart if suspect.deaths else workers.do
-        task = Task(provenance.here().key, self.function, self.together)
-        future = self.client.submit(
-            how, task, self._thing(batch.shared), batch.items, pure=False, retries=0
-        )
+        task = Task(self.function, batch.items, self.together, apart=suspect.deaths > 0)
+        shared, client = self._thing(batch.shared), provenance.here().key
+        future = self.client.submit(workers.door(), _pickled(task), shared, client, pure=False)
         self._flying[future.key] = suspect
         self._completed.add(future)
         return True
@@ -113,7 +112,8 @@ class Dispatch:
         """What a batch shares, on its way to the workers or there."""
         if name not in self._sent:
             # A task, not scattered data: the scheduler makes it anew where a worker took it along.
-            self._sent[name] = self.client.submit(_same, self.shared(name), pure=False)
+            thing = _pickled(self.shared(name))
+            self._sent[name] = self.client.submit(lambda thing: thing, thing, pure=False)
             if len(self._sent) > KEPT:
                 self._sent.popitem(last=False)
         return self._sent[name]
@@ -122,6 +122,9 @@ class Dispatch:
         batch, deaths = self._flying.pop(future.key)
         if future.status == "finished":
             future.release()
+            accepted, result = result
+            if not accepted:
+                raise InputError(_refusal(result))
             if deaths:
                 for item, one in zip(batch.items, result, strict=True):
                     yield Done(batch._replace(items=(item,)), one)
@@ -201,8 +204,10 @@ def _next(completed: Any, seconds: float) -> tuple[Any, Any] | None:
     return next(completed) if completed.has_ready() else None
 
 
-def _same(thing: Any) -> Any:
-    return thing
+def _pickled(thing: Any) -> bytes:
+    from distributed.protocol.pickle import dumps  # which takes functions of any place
+
+    return bytes(dumps(thing))
 
 
 def _raise_what_is_no_death(future: Any, result: Any) -> None:
@@ -216,18 +221,21 @@ def _raise_what_is_no_death(future: Any, result: Any) -> None:
     error = future.exception()
     if isinstance(error, KilledWorker):
         return
-    if isinstance(error, OtherCode):
-        raise InputError(_refusal(error)) from None
     raise error
 
 
-def _refusal(error: OtherCode) -> Problem:
-    differences = provenance.here().differences(error.provenance)
-    more = f" and {len(differences) - 3} more" if len(differences) > 3 else ""
+def _refusal(reason: tuple[dict[str, str], dict[str, str]] | str) -> Problem:
+    """Why a worker's results would not be this command's."""
+    if isinstance(reason, str):
+        given = f"a worker without this program ({reason})"
+    else:
+        differences = provenance.here().differences(Provenance(*reason))
+        more = f" and {len(differences) - 3} more" if len(differences) > 3 else ""
+        given = f"a worker with other code or libraries ({', '.join(differences[:3])}{more})"
     return Problem(
         "--scheduler",
         "",
-        f"a worker with other code or libraries ({', '.join(differences[:3])}{more})",
+        given,
         "all workers compute with what this command computes with",
         "end it, and start it again from this folder and its .venv",
     )

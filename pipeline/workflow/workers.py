@@ -7,20 +7,20 @@ item in a process of its own, so that a run that kills its process takes nothing
 from __future__ import annotations
 
 import ctypes
+import importlib
 import os
 import pickle
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
-from functools import cache
+from functools import cache, lru_cache
 from typing import IO, Any, NamedTuple
 
 from pipeline.workflow import provenance
 from pipeline.workflow.batches import Work
-from pipeline.workflow.provenance import Provenance
 
 TRIES = 3
 """How often an item may kill the process that it has for itself before it is the culprit."""
@@ -30,86 +30,86 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # as mallopt names them
 _KEPT, _LARGE = 1 << 28, 1 << 25  # bytes; glibc allows no larger second one
 
 
-class OtherCode(Exception):
-    """A worker that would compute with other code or libraries than its client.
-
-    Parameters
-    ----------
-    provenance : Provenance, the worker's
-    """
-
-    def __init__(self, provenance: Provenance) -> None:
-        super().__init__(provenance)
-        self.provenance = provenance
-
-
 class Task(NamedTuple):
-    """How batches are done.
+    """A batch as it travels to a worker, without what its items share.
 
     Attributes
     ----------
-    client : str, key of the client's provenance
     function : Work
+    items : tuple
     together : bool, whether several batches may be done at once in a process
+    apart : bool, whether it is to be done item by item in a process of its own
     """
 
-    client: str
     function: Work
+    items: tuple[Any, ...]
     together: bool
+    apart: bool
 
 
-def do(task: Task, shared: Any, items: tuple[Any, ...]) -> Any:
+def door() -> Callable[[bytes, bytes, str], Any]:
+    """Function that does a task on a worker, whatever that worker has installed.
+
+    Dask sends it as it is, not by its name: a worker that could not import it would die.
+
+    Returns
+    -------
+    callable
+        It takes a Task and what its items share, both pickled, and the key of the client's
+        ``Provenance``; it returns a pair: whether the worker may do the task, and what it made, or
+        why not.
+    """
+
+    def enter(task: bytes, shared: bytes, client: str) -> tuple[bool, Any]:
+        try:
+            mine = importlib.import_module("pipeline.workflow.provenance").here()
+            if mine.key != client:
+                return False, (mine.code, mine.libraries)
+        except (ImportError, AttributeError) as error:
+            return False, str(error)
+        return True, importlib.import_module("pipeline.workflow.workers").do(task, shared)
+
+    return enter
+
+
+def do(task: bytes, shared: bytes) -> Any:
     """Do a batch.
 
     Parameters
     ----------
-    task : Task
-    shared : object that the items share
-    items : tuple
+    task : bytes, pickled Task
+    shared : bytes, pickled object that its items share
 
     Returns
     -------
-    what the function does
-
-    Raises
-    ------
-    OtherCode
-        If the results would not be the client's.
+    what its function makes; of a task that is apart a list of that for each item alone, or None
     """
-    _check(task)
-    with nullcontext() if task.together else _ONE:
-        return task.function(shared, items)
+    _keep_memory()
+    function, items, together, apart = pickle.loads(task)  # noqa: S301 (from our client)
+    thing = _unpickled(shared)
+    if apart:
+        return _apart(function, thing, items)
+    with nullcontext() if together else _ONE:
+        return function(thing, items)
 
 
-def do_apart(task: Task, shared: Any, items: tuple[Any, ...]) -> list[Any]:
-    """Do a batch item by item in a process of its own, and again from where that died.
+@lru_cache(maxsize=4)
+def _unpickled(shared: bytes) -> Any:
+    return pickle.loads(shared)  # noqa: S301 (from our client)
 
-    Parameters
-    ----------
-    task, shared, items : as for ``do``
 
-    Returns
-    -------
-    list, for each item what the function does of it alone; None where its process died each time
-    """
-    _check(task)
+def _apart(function: Work, shared: Any, items: tuple[Any, ...]) -> list[Any]:
+    """Results of single items in a process of their own, anew from where that dies."""
     results: list[Any] = []
     deaths = 0
     while len(results) < len(items):
-        done = list(_in_child(task.function, shared, items[len(results) :]))
+        done = list(_in_child(function, shared, items[len(results) :]))
         results += done
         deaths = 1 if done else deaths + 1
         if deaths == TRIES and len(results) < len(items):
             results.append(None)
             deaths = 0
     return results
-
-
-def _check(task: Task) -> None:
-    _keep_memory()
-    mine = provenance.here()
-    if task.client != mine.key:
-        raise OtherCode(mine)
 
 
 @cache

@@ -104,8 +104,10 @@ def run_missing(
     start, cpu = time.monotonic(), 0.0
     with closing(RunStore(job.store.folder, kind.row, job.log)) as runs:
         total = sum(len(missing(wanted(group), runs)) for group in groups)
-        quick = job.site.settings.engine == COMPILED and total <= QUICK
-        cluster = job.cluster.in_threads() if quick else job.cluster
+        compiled = job.site.settings.engine == COMPILED
+        quick = compiled and total <= QUICK
+        shares = quick if job.cluster.local else compiled
+        cluster = job.cluster.in_threads() if shares else job.cluster
         cluster = job.cluster.in_process() if total < SMALL else cluster
         batches = _batches(kind, groups, wanted, runs, QUICK_BATCH if quick else kind.batch)
         with Progress(total, job.log) as progress:
