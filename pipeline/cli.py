@@ -82,11 +82,11 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--table", metavar="FOLDER", help="recorded shake-table tests to predict")
     prep = add("prep", "rock and terrain of a scan, with a page of every step to look at")
     add_site(prep)
+    run.add_argument("--workers", type=_workers, metavar="N", help="worker processes; 0 for none")
     where = run.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=_workers, metavar="N", help="worker processes; 0 for none")
     where.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask scheduler")
     where.add_argument("--scheduler-file", metavar="F")
-    where.add_argument("--cluster", choices=("slurm",))
+    where.add_argument("--cluster", choices=("slurm",), help="workers in jobs of their own")
     for name, text in (
         ("plan", "what would run and what it costs"),
         ("status", "what is done"),

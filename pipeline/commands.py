@@ -232,6 +232,10 @@ def _job(options: argparse.Namespace) -> Job:
         len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     )
     workers = given.get("workers")
+    elsewhere = given.get("scheduler") or given.get("scheduler_file")
+    if elsewhere and workers is not None:
+        rule, remedy = "a scheduler that exists has its own workers", "leave one of the two out"
+        raise InputError(Problem("--workers", "", f"{workers} beside {elsewhere}", rule, remedy))
     cluster = Cluster(
         cores if workers is None else workers,
         given.get("scheduler"),

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from pipeline.config.problems import Problem
+from pipeline.config.problems import Problem, Unfinished
 from pipeline.config.schema import COMPILED
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.progress import Progress
@@ -117,12 +117,16 @@ def run_missing(
                 runs.add(rows)
                 cpu += used
                 progress.add([row.outcome for row in rows])
+    back = progress.outcomes.total()
+    if back != total:
+        raise Unfinished(f"{back} of {total} {kind.what} came back; run again to do the others")
     seconds = time.monotonic() - start
     workers = cluster.workers if cluster.local else -1
     job.store.note(kind.stage, runs=total, seconds=seconds, cpu_seconds=cpu, workers=workers)
     rate = f" in {seconds:.1f} s, {1e3 * cpu / total:.1f} ms of CPU each" if total else ""
-    summary = f"{total} {kind.what} done{rate}"
-    return Tally(summary, total, progress.outcomes[Outcome.CRASHED])
+    crashed = progress.outcomes[Outcome.CRASHED]
+    lost = f", {crashed} of them crashed" if crashed else ""
+    return Tally(f"{total} {kind.what} done{rate}{lost}", total, crashed)
 
 
 def stored(
