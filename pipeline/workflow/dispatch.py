@@ -62,6 +62,7 @@ class Dispatch:
     together: bool
     log: Callable[[str], None]
     upkeep: Callable[[], None]
+    _told: bool = False
     _flying: dict[str, Suspect] = field(default_factory=dict)
     _again: deque[Suspect] = field(default_factory=deque)
     _sent: OrderedDict[Hashable, Any] = field(default_factory=OrderedDict)
@@ -152,6 +153,12 @@ class Dispatch:
             threads = self.client.nthreads().values()
         except OSError:
             raise Unfinished(LOST) from None
+        if sum(threads) > len(threads) and not (self.together or self._told):
+            self._told = True
+            self.log(
+                f"{len(threads)} workers have {sum(threads)} threads, and these runs use one each: "
+                "start workers with --nthreads 1"
+            )
         return sum(threads) if self.together else len(threads), len(self._flying)
 
 

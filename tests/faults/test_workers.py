@@ -90,6 +90,7 @@ def test_threads_of_a_worker_change_no_bit(
     ran = vsr(*command, "--scheduler", farm.address, into=tmp_path / "threads")
     assert ran.code == 0, ran.err
     assert "dashboard: " in ran.err
+    assert ran.err.count("start workers with --nthreads 1") == (engine != "nonsmooth")
     assert vsr(*command, "--workers", "0", into=tmp_path / "alone").code == 0
     one, other = (tmp_path / name / "rock" for name in ("threads", "alone"))
     assert len(rows(other)) == 96
@@ -221,31 +222,38 @@ def test_scheduler_that_dies_ends_the_command(
     assert (derived / "rock" / "responses.nc").read_bytes() == (alone / "responses.nc").read_bytes()
 
 
-def test_workers_killed_from_outside_blame_nobody(farm: Farm) -> None:
+@pytest.mark.parametrize("where", ["here", "a scheduler's"])
+def test_workers_killed_from_outside_blame_nobody(farm: Farm, where: str) -> None:
     """Eight kills of the two workers, one after the other, while 60 batches are done."""
-    for _ in range(2):
+    local = where == "here"
+    for _ in range(0 if local else 2):
         farm.worker()
-    kills = 8
     over = threading.Event()
 
     def kill_them() -> None:
         chance = random.Random(3)
-        for _ in range(kills):
+        for _ in range(8):
             over.wait(0.7)
             victim = chance.randrange(2)
-            farm.workers[victim].kill()
-            farm.worker()
-            farm.workers[victim] = farm.workers.pop()
+            if local:
+                nannies = list(cluster._clients[0][0].cluster.workers.values())
+                if nannies[victim].pid is not None:
+                    os.kill(nannies[victim].pid, signal.SIGKILL)
+            else:
+                farm.workers[victim].kill()
+                farm.worker()
+                farm.workers[victim] = farm.workers.pop()
 
     batches = [Batch("half", tuple(range(10 * k, 10 * k + 10))) for k in range(60)]
     done: dict[int, Any] = {}
-    with Cluster(0, farm.address, log=quiet) as cluster:
+    with Cluster(2, None if local else farm.address, log=quiet) as cluster:
         killer = threading.Thread(target=kill_them)
-        killer.start()
         for name, item, result in cluster.each(sleeper(), iter(batches), lambda name: 0.5):
             assert name == "half"
             assert item not in done
             done[item] = result
+            if len(done) == 1:
+                killer.start()
         over.set()
         killer.join()
     assert done == {item: 0.5 * item for item in range(600)}
