@@ -146,10 +146,8 @@ def _make_all(wanted: dict[str, Identity], job: Job) -> None:
         # What reads the user's files ends, or refuses them, before anything else is made.
         for other in (under_way.keys() - waited_for) | (set(stage.needs) - set(stage.late)):
             awaited(other)
-        if not any(why(stage, identity, job.store)):
+        if not _is_ours_to_make(stage, identity, job.store):
             continue
-        if job.store.open() and not any(why(stage, identity, job.store)):
-            continue  # another command made it meanwhile
         work = partial(_make, stage, identity, replace(job, awaited=awaited))
         if stage.aside and aside.POSSIBLE and job.cluster.free:
             under_way[needed] = aside.begin(work)
@@ -157,6 +155,14 @@ def _make_all(wanted: dict[str, Identity], job: Job) -> None:
             job.log(work())
     for needed in tuple(under_way):
         awaited(needed)
+
+
+def _is_ours_to_make(stage: Stage, identity: Identity, store: Store) -> bool:
+    """Whether a stage is not fresh; if so the folder is owned from then on."""
+    if not any(why(stage, identity, store)):
+        return False
+    just_owned = store.open()  # until when another command may have made it
+    return not just_owned or any(why(stage, identity, store))
 
 
 def _make(stage: Stage, identity: Identity, job: Job) -> str:
