@@ -109,17 +109,25 @@ def run_missing(
         shares = quick if job.cluster.local else compiled
         cluster = job.cluster.in_threads() if shares else job.cluster
         cluster = job.cluster.in_process() if total < SMALL else cluster
-        batches = _batches(kind, groups, wanted, runs, QUICK_BATCH if quick else kind.batch)
+        size, planned = QUICK_BATCH if quick else kind.batch, 0
+
+        def batches() -> Iterator[Batch]:
+            nonlocal planned
+            for batch in _batches(groups, wanted, runs, size):
+                planned += len(batch.items)
+                yield batch
+
         with Progress(total, job.log) as progress:
-            for batch, done in cluster.run(partial(_timed, kind.function), batches, shared):
+            for batch, done in cluster.run(partial(_timed, kind.function), batches(), shared):
                 values, used = done or ([(int(Outcome.CRASHED),)] * len(batch.items), 0.0)
                 rows = [kind.row(r.key, *v) for r, v in zip(batch.items, values, strict=True)]
                 runs.add(rows)
                 cpu += used
                 progress.add([row.outcome for row in rows])
-    back = progress.outcomes.total()
-    if back != total:
-        raise Unfinished(f"{back} of {total} {kind.what} came back; run again to do the others")
+    total = progress.outcomes.total()
+    if total != planned:
+        given = f"{total} of {planned} {kind.what} came back"
+        raise Unfinished(f"{given}; the same command does the others")
     seconds = time.monotonic() - start
     workers = cluster.workers if cluster.local else -1
     job.store.note(kind.stage, runs=total, seconds=seconds, cpu_seconds=cpu, workers=workers)
@@ -197,7 +205,7 @@ def database_is_there(store: Store) -> str:
 
 
 def _batches(
-    kind: Kind[Row], groups: Sequence[G], wanted: Wanted[G], runs: RunStore[Row], size: int
+    groups: Sequence[G], wanted: Wanted[G], runs: RunStore[Any], size: int
 ) -> Iterator[Batch]:
     for group in groups:
         todo = missing(wanted(group), runs)

@@ -522,7 +522,7 @@ DECIDES = {
     "pipeline.stages.runs.overturning_runs:simulate_batch": {"runs"},
     "pipeline.stages.runs.overturning_runs:make": set(),
     "pipeline.stages.fragility.yaw_polar:fragility_by_yaw": {"report"},
-    "pipeline.workflow.cluster:_distributed": {"rock"},  # by annotations
+    "pipeline.workflow.dispatch:_next": {"rock"},  # by annotations
 }
 """Functions, and which of the stages of rock, runs and report they have to decide."""
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pipeline.config.layers import load_site
-from pipeline.config.problems import InputError
+from pipeline.config.problems import InputError, Unfinished
 from pipeline.stages.runs.runner import Kind, Run, run_missing, stored
 from pipeline.workflow.batches import Batch, Done
 from pipeline.workflow.cluster import Cluster
@@ -105,3 +105,20 @@ def test_a_run_that_is_lost_is_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="5 runs fewer than were done"):
         list(stored(job, KIND, GROUPS, wanted))
     assert job.store.manifest("runs") is None
+
+
+class Losing(Cluster):
+    """A cluster that never gives one of its batches back."""
+
+    def run(self, function: Any, batches: Any, shared: Any) -> Any:
+        for number, batch in enumerate(batches):
+            if number != 1:
+                yield Done(batch, function(shared(batch.shared), batch.items))
+
+
+def test_what_was_planned_is_stored_or_crashed_or_told(tmp_path: Path) -> None:
+    job, _ = job_in(tmp_path, Losing(0))
+    with pytest.raises(Unfinished, match="5 of 10 runs came back"):
+        run_missing(job, KIND, GROUPS, wanted, lambda group: (group, []))
+    job, _ = job_in(tmp_path, Cluster(0))
+    assert run_missing(job, KIND, GROUPS, wanted, lambda group: (group, [])).runs == 5
