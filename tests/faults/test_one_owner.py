@@ -358,7 +358,7 @@ def test_folder_is_settled_after_each_rename(
 
     monkeypatch.setattr(Path, "replace", renamed)
     monkeypatch.setattr(os, "fsync", settled)
-    assert vsr("run", "rock", "--site", write_site(GRID), "--workers", "0").code == 0
+    assert vsr("run", "motions", "--site", write_site(GRID), "--workers", "0").code == 0
     renames = [at for at, what in enumerate(done) if what.startswith("rename")]
     assert len(renames) >= 2
     for at in renames:
