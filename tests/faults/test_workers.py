@@ -342,3 +342,11 @@ def test_no_scheduler_is_said_in_time(
     lines = [line for line in ran.err.splitlines() if line.startswith("vsr: ")]
     assert len(lines) == 1
     assert "--scheduler: got tcp://127.0.0.1:1" in lines[0]
+
+
+def test_workers_of_a_scheduler_are_not_ours_to_number(
+    refused: Callable[..., str], write_site: Callable[..., str]
+) -> None:
+    site = write_site(GRID % "bullet")
+    given = ("--workers", "2", "--scheduler", "tcp://127.0.0.1:1")
+    refused("run", "responses", "--site", site, *given, words=("--workers: got 2", "tcp://"))
