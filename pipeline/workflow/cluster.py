@@ -8,6 +8,7 @@ from collections.abc import Callable, Hashable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from pipeline.config.problems import InputError, Problem
@@ -171,6 +172,8 @@ def _connected(address: Any, file: str | None) -> Iterator[Any]:
     import distributed
 
     try:
+        if file and not Path(file).is_file():  # for which Dask would wait
+            raise FileNotFoundError("there is no such file")
         client = distributed.Client(address=address, scheduler_file=file, timeout=CONNECTING)
     except (OSError, ValueError) as error:
         given, rule = f"{address or file} ({error})", "a Dask scheduler answers there"

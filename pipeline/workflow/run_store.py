@@ -215,7 +215,7 @@ def _fault(path: Path) -> str:
     expected = {Layout(row).schema for row in TABLES}
     try:
         with closing(_connected(path)) as database:
-            ((said,),) = database.execute("PRAGMA quick_check(1)").fetchall()
+            ((said,),) = database.execute("PRAGMA integrity_check(1)").fetchall()
             if said != b"ok":
                 return " ".join(said.decode(errors="replace").split())
             tables = _tables(database)

@@ -20,8 +20,6 @@ from pipeline.workflow.datasets import read
 from pipeline.workflow.rows import DisplacementRow, RunRow
 from pipeline.workflow.run_store import DAMAGED, RUNS, RunsLost, RunStore
 
-FLIPS = 300
-
 ROWS = [
     RunRow(random.Random(k).randbytes(16), k % 3, k % 4, 0.1 * k, 1.0 / (k + 1), 1e-3 * k, k)
     for k in range(400)
@@ -71,11 +69,16 @@ def in_memory(tmp_path: Path) -> Iterator[Path]:
         yield Path(folder)
 
 
-def test_no_flipped_bit_gives_a_wrong_number(whole: bytes, in_memory: Path) -> None:
+@pytest.mark.parametrize(
+    ("flips", "seed"), [(300, 12), pytest.param(2500, 77, marks=pytest.mark.slow)]
+)
+def test_no_flipped_bit_gives_a_wrong_number(
+    whole: bytes, in_memory: Path, flips: int, seed: int
+) -> None:
     """Read as ``status`` does, then opened to write, with what is missing done again."""
-    chance = random.Random(12)
+    chance = random.Random(seed)
     told = refused = most = 0
-    for number in range(FLIPS):
+    for number in range(flips):
         place = chance.randrange(100) if number < 60 else chance.randrange(len(whole))
         flipped = bytearray(whole)
         flipped[place] ^= 1 << chance.randrange(8)
@@ -98,7 +101,7 @@ def test_no_flipped_bit_gives_a_wrong_number(whole: bytes, in_memory: Path) -> N
         add(folder, lost)
         assert rows_of(folder, reads=True) == TRUTH, place
         shutil.rmtree(folder)
-    assert told > FLIPS / 2
+    assert told > flips / 2
     assert refused > 10
     assert most == len(TRUTH)  # where the header was hit; else few
 

@@ -328,20 +328,23 @@ def test_room_follows_workers_that_come_later(farm: Farm, monkeypatch: pytest.Mo
     assert "what was done is kept" in lonely[0]
 
 
+@pytest.mark.parametrize(
+    "given", [("--scheduler", "tcp://127.0.0.1:1"), ("--scheduler-file", "nowhere.json")]
+)
 def test_no_scheduler_is_said_in_time(
-    vsr: Callable[..., Any], write_site: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+    vsr: Callable[..., Any],
+    write_site: Callable[..., str],
+    monkeypatch: pytest.MonkeyPatch,
+    given: tuple[str, str],
 ) -> None:
     monkeypatch.setattr("pipeline.workflow.cluster.CONNECTING", 1.0)
     start = time.monotonic()
-    ran = vsr(
-        "run", "responses", "--site", write_site(GRID % "bullet"),
-        "--scheduler", "tcp://127.0.0.1:1",
-    )  # fmt: skip
+    ran = vsr("run", "responses", "--site", write_site(GRID % "bullet"), *given)
     assert time.monotonic() - start < 20.0
     assert ran.code == 2, ran.err
     lines = [line for line in ran.err.splitlines() if line.startswith("vsr: ")]
     assert len(lines) == 1
-    assert "--scheduler: got tcp://127.0.0.1:1" in lines[0]
+    assert f"{given[0]}: got {given[1]}" in lines[0]
 
 
 def test_workers_of_a_scheduler_are_not_ours_to_number(
