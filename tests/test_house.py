@@ -17,7 +17,7 @@ from pipeline.workflow.registry import STAGES
 
 CORE = [
     "errors", "arrays", "outcome", "rock", "terrain", "scan", "surrogates", "motions", "table",
-    "scene", "engines", "run", "verification", "fragility", "displacement", "validation",
+    "scene", "engines", "run", "verification", "fragility", "hazard", "displacement", "validation",
 ]  # fmt: skip
 PIPELINE = ["config", "workflow", "drawing", "stages", "status", "cli", "commands"]
 STAGE = ["mesh", "motions", "runs", "datasets", "fragility", "displacement", "reports", "studies"]

@@ -1,0 +1,179 @@
+"""The chance that a rock has stood for its age, alone and together with others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ndtri
+from scipy.stats import truncnorm
+
+from vsr_core.arrays import Array
+from vsr_core.errors import InvalidInput
+from vsr_core.hazard.curve import HazardCurve
+from vsr_core.hazard.toppling import Fragility, any_of, toppling
+
+AGES = 2000
+"""Ages that stand for a distribution, in the middle of parts of equal probability."""
+
+_MIDDLES = (np.arange(AGES) + 0.5) / AGES
+
+LARGEST_SCALE = 1e3
+"""Largest factor on a curve's accelerations that is tried; its inverse is the smallest."""
+
+
+def normal_ages(mean: float, sd: float) -> Array:
+    """Equally likely ages of a normal distribution, cut at zero.
+
+    Parameters
+    ----------
+    mean, sd : float [years]
+
+    Returns
+    -------
+    ndarray, shape (n,) [years], one age where it is known exactly
+
+    Raises
+    ------
+    InvalidInput
+        For an age that is not positive, or a negative deviation.
+
+    Examples
+    --------
+    >>> normal_ages(20000.0, 0.0).tolist()
+    [20000.0]
+    """
+    _check(mean, sd)
+    if sd == 0.0:
+        return np.array([mean])
+    return np.asarray(truncnorm(-mean / sd, np.inf, loc=mean, scale=sd).ppf(_MIDDLES))
+
+
+def lognormal_ages(median: float, log_sd: float) -> Array:
+    """Equally likely ages of a lognormal distribution.
+
+    Parameters
+    ----------
+    median : float [years]
+    log_sd : float
+
+    Returns
+    -------
+    ndarray, shape (n,) [years]
+
+    Raises
+    ------
+    InvalidInput
+        As of ``normal_ages``.
+    """
+    _check(median, log_sd)
+    return np.asarray(median * np.exp(log_sd * ndtri(_MIDDLES)))
+
+
+def uniform_ages(low: float, high: float) -> Array:
+    """Equally likely ages between bounds.
+
+    Parameters
+    ----------
+    low, high : float [years]
+
+    Returns
+    -------
+    ndarray, shape (n,) [years]
+
+    Raises
+    ------
+    InvalidInput
+        If the bounds are not positive and in order.
+    """
+    _check(low, high - low)
+    return low + (high - low) * _MIDDLES
+
+
+def _check(age: float, spread: float) -> None:
+    if not (age > 0.0 and spread >= 0.0 and np.isfinite(age + spread)):
+        raise InvalidInput(
+            f"an age of {age:g} years with a spread of {spread:g}",
+            "ages are positive and finite, and spreads not negative",
+            "give them in years before present",
+        )
+
+
+def survival(rate: float, ages: Array) -> float:
+    """Chance of no earthquake that topples a rock in its age, S = E[exp(-nu T)].
+
+    Parameters
+    ----------
+    rate : float [1/year], of toppling
+    ages : ndarray, shape (n,) [years], equally likely
+
+    Returns
+    -------
+    float
+    """
+    return float(np.exp(-rate * ages).mean())
+
+
+def joint_survival(
+    curve: HazardCurve, fragilities: Sequence[Fragility], ages: Sequence[Array], seed: int = 1
+) -> float:
+    """Chance that all of several rocks at a site stand, which felt the same earthquakes.
+
+    In the years before present in which only some of them stood, only these could topple.
+
+    Parameters
+    ----------
+    curve : HazardCurve
+    fragilities : sequence of Fragility, of each rock
+    ages : sequence of ndarray [years], equally likely ones of each rock, unknown independently
+    seed : int, of the pairing of ages
+
+    Returns
+    -------
+    float
+    """
+
+    @cache
+    def rate(standing: frozenset[int]) -> float:
+        return toppling(curve, any_of([fragilities[i] for i in sorted(standing)])).rate
+
+    rng, number = np.random.default_rng(seed), max(map(len, ages))
+    drawn = np.column_stack([rng.permutation(np.resize(own, number)) for own in ages])
+    order = np.argsort(drawn, axis=1)
+    exposed = np.zeros(number)
+    begun = np.zeros(number)
+    for youngest in range(len(ages)):
+        until = np.take_along_axis(drawn, order[:, youngest : youngest + 1], axis=1)[:, 0]
+        rates = np.array([rate(frozenset(row[youngest:].tolist())) for row in order])
+        exposed += rates * (until - begun)
+        begun = until
+    return float(np.exp(-exposed).mean())
+
+
+def largest_scale(curve: HazardCurve, fragility: Fragility, ages: Array, least: float) -> float:
+    """Largest factor on the accelerations of a curve with which a rock survives.
+
+    Parameters
+    ----------
+    curve : HazardCurve
+    fragility : Fragility
+    ages : ndarray [years]
+    least : float, chance of survival that is asked for
+
+    Returns
+    -------
+    float, infinite or 0 where no factor tried makes a difference
+    """
+
+    def spare(log_scale: float) -> float:
+        scaled = HazardCurve(curve.levels * np.exp(log_scale), curve.rates)
+        return survival(toppling(scaled, fragility).rate, ages) - least
+
+    most = float(np.log(LARGEST_SCALE))
+    if spare(most) >= 0.0:
+        return np.inf
+    if spare(-most) < 0.0:
+        return 0.0
+    return float(np.exp(brentq(spare, -most, most, xtol=1e-10)))
