@@ -16,7 +16,7 @@ class HazardCurve:
 
     Attributes
     ----------
-    levels : ndarray, shape (n,) [m/s^2], ascending
+    levels : ndarray, shape (n,) [m/s^2], or [m/s] of PGV, ascending
     rates : ndarray, shape (n,) [1/year], positive and not rising
 
     Raises

@@ -1,0 +1,124 @@
+"""A hazard model at one place, as its branches, from a folder of files of any known kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.config.problems import InputError, Problem
+from vsr_core.hazard.curve import HazardCurve
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One end of a logic tree.
+
+    Attributes
+    ----------
+    name, path : str, its number, and the choices that lead to it
+    weight : float
+    pga : HazardCurve [m/s^2]
+    pgv : HazardCurve [m/s], where it is there
+    """
+
+    name: str
+    path: str
+    weight: float
+    pga: HazardCurve
+    pgv: HazardCurve | None = None
+
+
+@dataclass(frozen=True)
+class HazardModel:
+    """Branches of a hazard model at one place.
+
+    Attributes
+    ----------
+    branches : tuple of Branch, whose weights sum to 1
+    place : tuple of float [degree], longitude and latitude
+    """
+
+    branches: tuple[Branch, ...]
+    place: tuple[float, float]
+
+
+WEIGHTS_SUM = 1e-3
+"""How far weights may be from a sum of 1, as they are written with few digits."""
+
+
+def load(folder: Path) -> HazardModel:
+    """The hazard model in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    HazardModel
+
+    Raises
+    ------
+    InputError
+        If there are no curves, or they break a rule.
+    """
+    from pipeline.stages.hazard import nshmp, openquake
+
+    if not folder.is_dir():
+        raise refused(folder, "", "no folder", "curves are in a folder", "check the path")
+    for reader in (openquake, nshmp):
+        if reader.is_there(folder):
+            return reader.load(folder)
+    raise refused(
+        folder,
+        "",
+        "no curves",
+        "OpenQuake's are named hazard_curve-rlz-000-PGA_1.csv, nshmp-haz's PGA/curves.csv",
+        "give the folder that they were exported to",
+    )
+
+
+def weighed(folder: Path, branches: list[Branch], place: tuple[float, float]) -> HazardModel:
+    """A model of branches, whose weights then sum to 1 exactly.
+
+    Parameters
+    ----------
+    folder : Path
+    branches : list of Branch
+    place : tuple of float [degree]
+
+    Returns
+    -------
+    HazardModel
+
+    Raises
+    ------
+    InputError
+        If their weights do not sum to 1.
+    """
+    total = sum(branch.weight for branch in branches)
+    if not abs(total - 1.0) <= WEIGHTS_SUM:
+        raise refused(
+            folder,
+            "weight",
+            f"weights that sum to {total:g}",
+            "those of all branches sum to 1",
+            "export all realizations",
+        )
+    whole = (Branch(one.name, one.path, one.weight / total, one.pga, one.pgv) for one in branches)
+    return HazardModel(tuple(whole), place)
+
+
+def refused(file: Path, key: str, given: str, rule: str, remedy: str) -> InputError:
+    """An error in a file of curves.
+
+    Parameters
+    ----------
+    file : Path
+    key, given, rule, remedy : str, as of ``Problem``
+
+    Returns
+    -------
+    InputError
+    """
+    return InputError(Problem(str(file), key, given, rule, remedy))

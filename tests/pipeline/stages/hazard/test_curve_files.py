@@ -1,0 +1,120 @@
+"""Files of hazard curves: three spellings of the same curves, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.config.problems import InputError
+from pipeline.stages.hazard import hazard_model
+from vsr_core import GRAVITY
+
+LEVELS = [0.01, 0.1, 1.0]
+RATES = {0: [0.2, 4e-3, 2e-5], 1: [0.3, 8e-3, 0.0]}
+WEIGHTS = {0: 0.6, 1: 0.4}
+YEARS = 50.0
+
+SHARED = Path(__file__).parents[5] / "shared" / "data" / "hazard" / "curves"
+
+
+def present(number: int, rates: list[float]) -> str:
+    names = ",".join(f"poe-{level:.7f}" for level in LEVELS)
+    poes = ",".join(f"{-math.expm1(-YEARS * rate):.12E}" for rate in rates)
+    told = f"kind='rlz-{number:03d}', investigation_time={YEARS}, imt='PGA'"
+    first = f"#,,,,,\"generated_by='OpenQuake engine 3.26.2', {told}\""
+    return f"{first}\nlon,lat,depth,{names}\n-120.9,35.2,0.0,{poes}\n"
+
+
+def older(number: int, rates: list[float]) -> str:
+    names = ",".join(f"PGA-{level}:float32" for level in LEVELS)
+    poes = ",".join(f"{-math.expm1(-YEARS * rate):.12E}" for rate in rates)
+    first = f"# rlz-{number:03d}, investigation_time={YEARS},imt=PGA"
+    return f"{first}\nlon:float32,lat:float32,{names}\n-120.9,35.2,{poes}\n"
+
+
+def written(folder: Path, spelt: Callable[[int, list[float]], str] = present) -> Path:
+    for number, rates in RATES.items():
+        path = folder / f"hazard_curve-rlz-{number:03d}-PGA_1.csv"
+        path.write_text(spelt(number, rates), encoding="utf-8")
+    name = "rlz_id" if spelt is present else "ordinal"
+    lines = [f"{name},branch_path,weight", *(f"{n},A~{n},{w}" for n, w in WEIGHTS.items())]
+    (folder / "realizations_1.csv").write_text("\n".join(lines), encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("spelt", [present, older])
+def test_rates_and_weights_are_read(
+    tmp_path: Path, spelt: Callable[[int, list[float]], str]
+) -> None:
+    model = hazard_model.load(written(tmp_path, spelt))
+    assert model.place == (-120.9, 35.2)
+    assert [(one.name, one.path, one.weight) for one in model.branches] == [
+        ("0", "A~0", 0.6),
+        ("1", "A~1", 0.4),
+    ]
+    np.testing.assert_allclose(model.branches[0].pga.levels, GRAVITY * np.array(LEVELS))
+    np.testing.assert_allclose(model.branches[0].pga.rates, RATES[0], rtol=1e-6)
+    # A level that is never exceeded ends the curve.
+    np.testing.assert_allclose(model.branches[1].pga.rates, RATES[1][:2], rtol=1e-6)
+
+
+def test_rates_of_nshmp_haz(tmp_path: Path) -> None:
+    (tmp_path / "PGA").mkdir()
+    text = "name,lon,lat,0.01,0.1,1.0\nhere,-120.9,35.2,0.2,4e-3,2e-5\n"
+    (tmp_path / "PGA" / "curves.csv").write_text(text, encoding="utf-8")
+    (only,) = hazard_model.load(tmp_path).branches
+    assert (only.name, only.weight) == ("mean", 1.0)
+    np.testing.assert_allclose(only.pga.rates, RATES[0])
+
+
+FIRST = "hazard_curve-rlz-000-PGA_1.csv"
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "words"),
+    [
+        (FIRST, "investigation_time=50.0", "x=1", "years of the probabilities"),
+        (FIRST, "imt='PGA'", "imt='SA(0.2)'", "the name says PGA"),
+        (FIRST, "-120.9,35.2", "-120.9,36.2", "all curves are of one place"),
+        (FIRST, "-120.9,35.2,0.0,", "-120.9,35.2,0.0,1.0,", None),
+        (FIRST, "poe-0.0100000", "poe-9.0", "ascend"),
+        ("realizations_1.csv", "0.4", "0.3", "sum to 1"),
+        ("realizations_1.csv", "weight", "gewicht", "rlz_id, branch_path and weight"),
+        ("realizations_1.csv", "\n1,", "\n2,", "a curve of PGA and a weight"),
+        ("realizations_1.csv", "0.6", "half", "no number"),
+    ],
+)
+def test_what_breaks_a_rule_is_refused_in_one_line(
+    tmp_path: Path, file: str, old: str, new: str, words: str | None
+) -> None:
+    path = written(tmp_path) / file
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=words or "no finite rate") as error:
+        hazard_model.load(tmp_path)
+    assert str(error.value).count("\n") == 0
+    assert str(tmp_path) in str(error.value)
+
+
+def test_a_folder_without_curves(tmp_path: Path) -> None:
+    for wrong in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(InputError):
+            hazard_model.load(wrong)
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the folder of example curves is not here")
+def test_curves_that_openquake_wrote() -> None:
+    """The mean that it wrote itself is the weighted mean of the branches' probabilities."""
+    model = hazard_model.load(SHARED)
+    assert len(model.branches) == 9
+    text = (SHARED / "hazard_curve-mean-PGA_1.csv").read_text(encoding="utf-8").splitlines()
+    mean = np.array([float(field) for field in text[2].split(",")[3:]])
+    number = min(len(one.pga.rates) for one in model.branches)
+    found = sum(one.weight * -np.expm1(-one.pga.rates[:number]) for one in model.branches)
+    np.testing.assert_allclose(found, mean[:number], rtol=2e-5)
+    assert all(one.pgv is not None for one in model.branches)
