@@ -20,7 +20,17 @@ CORE = [
     "scene", "engines", "run", "verification", "fragility", "hazard", "displacement", "validation",
 ]  # fmt: skip
 PIPELINE = ["config", "workflow", "drawing", "stages", "status", "cli", "commands"]
-STAGE = ["mesh", "motions", "runs", "datasets", "fragility", "displacement", "hazard", "reports", "studies"]
+STAGE = [
+    "mesh",
+    "motions",
+    "runs",
+    "datasets",
+    "fragility",
+    "displacement",
+    "hazard",
+    "reports",
+    "studies",
+]
 """Rooms and single files in the order in which the data goes: none takes from a later one."""
 
 FLOORS = {"vsr_core": CORE, "pipeline": PIPELINE, "pipeline.stages": STAGE}

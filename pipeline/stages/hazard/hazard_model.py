@@ -1,4 +1,4 @@
-"""A hazard model at one place, as its branches, from a folder of files of any known kind."""
+"""A hazard model at one place, as its branches."""
 
 from __future__ import annotations
 
@@ -44,38 +44,6 @@ class HazardModel:
 
 WEIGHTS_SUM = 1e-3
 """How far weights may be from a sum of 1, as they are written with few digits."""
-
-
-def load(folder: Path) -> HazardModel:
-    """The hazard model in a folder.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    HazardModel
-
-    Raises
-    ------
-    InputError
-        If there are no curves, or they break a rule.
-    """
-    from pipeline.stages.hazard import nshmp, openquake
-
-    if not folder.is_dir():
-        raise refused(folder, "", "no folder", "curves are in a folder", "check the path")
-    for reader in (openquake, nshmp):
-        if reader.is_there(folder):
-            return reader.load(folder)
-    raise refused(
-        folder,
-        "",
-        "no curves",
-        "OpenQuake's are named hazard_curve-rlz-000-PGA_1.csv, nshmp-haz's PGA/curves.csv",
-        "give the folder that they were exported to",
-    )
 
 
 def weighed(folder: Path, branches: list[Branch], place: tuple[float, float]) -> HazardModel:

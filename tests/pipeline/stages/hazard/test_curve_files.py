@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.config.problems import InputError
-from pipeline.stages.hazard import hazard_model
+from pipeline.stages.hazard import curve_folder
 from vsr_core import GRAVITY
 
 LEVELS = [0.01, 0.1, 1.0]
@@ -50,7 +50,7 @@ def written(folder: Path, spelt: Callable[[int, list[float]], str] = present) ->
 def test_rates_and_weights_are_read(
     tmp_path: Path, spelt: Callable[[int, list[float]], str]
 ) -> None:
-    model = hazard_model.load(written(tmp_path, spelt))
+    model = curve_folder.load(written(tmp_path, spelt))
     assert model.place == (-120.9, 35.2)
     assert [(one.name, one.path, one.weight) for one in model.branches] == [
         ("0", "A~0", 0.6),
@@ -66,7 +66,7 @@ def test_rates_of_nshmp_haz(tmp_path: Path) -> None:
     (tmp_path / "PGA").mkdir()
     text = "name,lon,lat,0.01,0.1,1.0\nhere,-120.9,35.2,0.2,4e-3,2e-5\n"
     (tmp_path / "PGA" / "curves.csv").write_text(text, encoding="utf-8")
-    (only,) = hazard_model.load(tmp_path).branches
+    (only,) = curve_folder.load(tmp_path).branches
     assert (only.name, only.weight) == ("mean", 1.0)
     np.testing.assert_allclose(only.pga.rates, RATES[0])
 
@@ -96,7 +96,7 @@ def test_what_breaks_a_rule_is_refused_in_one_line(
     assert old in text
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(InputError, match=words or "no finite rate") as error:
-        hazard_model.load(tmp_path)
+        curve_folder.load(tmp_path)
     assert str(error.value).count("\n") == 0
     assert str(tmp_path) in str(error.value)
 
@@ -104,13 +104,13 @@ def test_what_breaks_a_rule_is_refused_in_one_line(
 def test_a_folder_without_curves(tmp_path: Path) -> None:
     for wrong in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(InputError):
-            hazard_model.load(wrong)
+            curve_folder.load(wrong)
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the folder of example curves is not here")
 def test_curves_that_openquake_wrote() -> None:
     """The mean that it wrote itself is the weighted mean of the branches' probabilities."""
-    model = hazard_model.load(SHARED)
+    model = curve_folder.load(SHARED)
     assert len(model.branches) == 9
     text = (SHARED / "hazard_curve-mean-PGA_1.csv").read_text(encoding="utf-8").splitlines()
     mean = np.array([float(field) for field in text[2].split(",")[3:]])
