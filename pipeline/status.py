@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -184,7 +184,7 @@ def _is_stale(name: str, job: Job) -> bool:
     return any(graph.why(BY_NAME[name], graph.identities(name, job.site)[name], job.store))
 
 
-def _stored(store: Store, runs: Sequence[Run], kind: Kind[Any]) -> dict[bytes, int]:
+def _stored(store: Store, runs: Iterable[Run], kind: Kind[Any]) -> dict[bytes, int]:
     """Outcomes of those of the runs that are stored."""
     if not is_there(store.folder):
         return {}
@@ -206,4 +206,4 @@ def _runs(job: Job, kind: Kind[Any]) -> tuple[Counter[int], int]:
     counts: Counter[int] = Counter()
     for group in study.groups:
         counts.update(_stored(job.store, study.wanted(group), kind).values())
-    return counts, len(study.groups) * len(study.cells)
+    return counts, len(study.groups) * motion_grid.count(study.motions)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 from pipeline import ROOT
 from pipeline.workflow import keys
@@ -28,7 +28,7 @@ class Provenance:
     code: dict[str, str]
     libraries: dict[str, str]
 
-    @property
+    @cached_property
     def key(self) -> str:
         """Digest of the code and of the libraries that are installed."""
         return keys.digest([self.code, self.libraries])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 import zlib
+from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
 
 from vsr_core.outcome import DecidedBy, StopReason
@@ -83,9 +84,10 @@ class Layout(Generic[Row]):
             "WITHOUT ROWID"
         )
         self._row, self.width = row, len(kinds) + 1
-        # A key stands first, numbers after it, and bytes last if there are any.
+        # Key and outcome stand first, numbers follow, and bytes are last if there are any.
         codes = [_PACKED[kind] for kind in kinds.values() if kind in _PACKED]
         self._numbers, self._end = struct.Struct("<" + "".join(codes)), 1 + len(codes)
+        self._reals = [place for place, kind in enumerate(kinds.values()) if kind == "REAL"]
 
     def sealed(self, row: Row) -> tuple[Any, ...]:
         """Fields of a row as SQLite gives them back, and their checksum.
@@ -98,7 +100,11 @@ class Layout(Generic[Row]):
         -------
         tuple
         """
-        fields = tuple(_as_kept(value) for value in row)
+        fields: list[Any] = list(row)
+        for place in self._reals:
+            value = fields[place]
+            if value is not None:
+                fields[place] = None if math.isnan(value) else value + 0.0
         return (*fields, self._checksum(fields))
 
     def unsealed(self, kept: tuple[Any, ...]) -> Row | None:
@@ -112,24 +118,30 @@ class Layout(Generic[Row]):
         -------
         a row or None
         """
-        try:
-            sound = self._checksum(kept) == kept[-1]
-        except (struct.error, TypeError):  # a field of another type
-            sound = False
-        return self._row(*kept[:-1]) if sound else None
+        return self._row(*kept[:-1]) if self.is_sound(kept) else None
 
-    def _checksum(self, fields: tuple[Any, ...]) -> int:
+    def is_sound(self, kept: tuple[Any, ...]) -> bool:
+        """Whether fields and checksum are what was written.
+
+        Parameters
+        ----------
+        kept : tuple, fields and checksum
+
+        Returns
+        -------
+        bool
+        """
+        try:
+            return self._checksum(kept) == kept[-1]
+        except (struct.error, TypeError):  # a field of another type
+            return False
+
+    def _checksum(self, fields: Sequence[Any]) -> int:
         """CRC-32 of the key, of the numbers with 8 bytes each, and of bytes."""
         numbers = fields[1 : self._end]
         if None in numbers:
-            numbers = tuple(math.nan if value is None else value for value in numbers)
-        checksum = zlib.crc32(self._numbers.pack(*numbers), zlib.crc32(fields[0]))
+            numbers = [math.nan if value is None else value for value in numbers]
+        checksum = zlib.crc32(fields[0] + self._numbers.pack(*numbers))
         for value in fields[self._end : self.width - 1]:
             checksum = zlib.crc32(value, checksum)
         return checksum
-
-
-def _as_kept(value: Any) -> Any:
-    if isinstance(value, float):
-        return None if math.isnan(value) else value + 0.0
-    return value

@@ -86,7 +86,8 @@ class RunStore(Generic[Row]):
         -------
         dict of rows by key
         """
-        return {row.key: row for row in self._sound(keys)}
+        rows = (self._layout.unsealed(kept) for kept in self._kept(keys))
+        return {row.key: row for row in rows if row is not None}
 
     def outcomes(self, keys: Iterable[bytes]) -> dict[bytes, int]:
         """Outcomes of those of ``keys`` that are stored.
@@ -99,10 +100,11 @@ class RunStore(Generic[Row]):
         -------
         dict of int by key
         """
-        return {row.key: row.outcome for row in self._sound(keys)}
+        is_sound = self._layout.is_sound
+        return {kept[0]: kept[1] for kept in self._kept(keys) if is_sound(kept)}
 
-    def _sound(self, keys: Iterable[bytes]) -> Iterator[Row]:
-        """Rows that are as they were written."""
+    def _kept(self, keys: Iterable[bytes]) -> Iterator[tuple[Any, ...]]:
+        """Fields and checksums of rows."""
         database, table = self._database, self._layout.table
         query = f"SELECT {table}.* FROM wanted CROSS JOIN {table} USING (key)"  # noqa: S608
         with self._using(), _whole(database, "BEGIN"):
@@ -114,10 +116,7 @@ class RunStore(Generic[Row]):
                 "INSERT OR IGNORE INTO wanted VALUES (?)", ((key,) for key in sorted(keys))
             )
             with closing(database.execute(query)) as found:
-                for kept in found:
-                    row = self._layout.unsealed(kept)
-                    if row is not None:
-                        yield row
+                yield from found
 
     @contextmanager
     def _using(self) -> Iterator[None]:
@@ -234,7 +233,7 @@ def _unsound(database: sqlite3.Connection, layout: Layout[Any]) -> int:
     """Number of rows that are not as they were written, or not in their order."""
     bad, last = 0, b""
     for kept in database.execute(f"SELECT * FROM {layout.table} ORDER BY key"):  # noqa: S608
-        bad += layout.unsealed(kept) is None or kept[0] <= last
+        bad += not layout.is_sound(kept) or kept[0] <= last
         last = kept[0]
     return bad
 
@@ -269,7 +268,7 @@ def _readable(
     query = f"SELECT * FROM {layout.table} ORDER BY key {order}"  # noqa: S608
     with suppress(sqlite3.DatabaseError):
         for kept in old.execute(query):
-            if layout.unsealed(kept) is not None:
+            if layout.is_sound(kept):
                 yield kept
 
 

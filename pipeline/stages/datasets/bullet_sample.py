@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.stages.datasets.responses import FILE as RESPONSES
+from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
 from pipeline.stages.runs.study import Study, load_study
@@ -58,8 +59,8 @@ def make(job: Job) -> Product:
     own = responses["overturned"].values
     sample = chosen(own)
     at = [int(place) for place in sample.places]
-    number = len(study.cells)
-    places = [(study.groups[i // number], study.cells[i % number]) for i in at]
+    grid = motion_grid.cells(study.motions)
+    places = [(study.groups[i // len(grid)], grid[i % len(grid)]) for i in at]
     found = _repeated(job, study, places)
     groups, cells = zip(*places, strict=True) if places else ((), ())
     pga = np.array([cell.pga for cell in cells])

@@ -26,20 +26,22 @@ def stored(job: Job, kind: Kind[Any], study: Study) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Fields of the rows, with ``yaw`` [degree], ``friction``, number of the ``motion`` and
-        ``pga`` [g] of each run, PGA running fastest and yaw slowest.
+        Fields of the rows but their keys, with ``yaw`` [degree], ``friction``, number of the
+        ``motion`` and ``pga`` [g] of each run, PGA running fastest and yaw slowest.
 
     Raises
     ------
     InputError
         If runs are not there.
     """
-    cells = pd.DataFrame(study.cells, columns=["motion", "pga"])
     parts = [
-        cells.join(pd.DataFrame(rows, columns=kind.row._fields)).assign(**group._asdict())
+        pd.DataFrame(rows, columns=kind.row._fields).drop(columns="key").assign(**group._asdict())
         for group, rows in runner.stored(job, kind, study.groups, study.wanted)
     ]
-    return pd.concat(parts, ignore_index=True)
+    runs, motions = pd.concat(parts, ignore_index=True), study.motions
+    pga = np.tile(motions.pga, len(runs) // len(motions.pga))
+    motion = np.repeat(np.arange(len(motions.rows)), len(motions.pga))
+    return runs.assign(motion=np.tile(motion, len(study.groups)), pga=pga)
 
 
 def tally(outcome: pd.Series) -> tuple[str, int]:

@@ -7,6 +7,7 @@ has a class here that makes its motions; `of_store` and `of_site` choose it.
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
@@ -82,7 +83,37 @@ def cells(shaking: Shaking) -> tuple[Cell, ...]:
     -------
     tuple of Cell, PGA running fastest
     """
-    return tuple(Cell(row, pga) for row in range(len(shaking.rows)) for pga in shaking.pga)
+    return tuple(each_cell(shaking))
+
+
+def each_cell(shaking: Shaking) -> Iterator[Cell]:
+    """The cells of the grid one by one, where there may be millions.
+
+    Parameters
+    ----------
+    shaking : Shaking
+
+    Yields
+    ------
+    Cell, PGA running fastest
+    """
+    for row in range(len(shaking.rows)):
+        for pga in shaking.pga:
+            yield Cell(row, pga)
+
+
+def count(shaking: Shaking) -> int:
+    """Count the cells of the grid.
+
+    Parameters
+    ----------
+    shaking : Shaking
+
+    Returns
+    -------
+    int
+    """
+    return len(shaking.rows) * len(shaking.pga)
 
 
 def strongest(shaking: Shaking) -> list[GroundMotion]:

@@ -7,10 +7,12 @@ run is known by its key; runs that share something, such as a scene, form a grou
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
+from itertools import compress, islice
+from operator import attrgetter
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from pipeline.config.problems import Problem, Unfinished
@@ -40,8 +42,14 @@ class Run(NamedTuple):
     item: Any
 
 
-Wanted = Callable[[G], Sequence[Run]]
-"""From a group to its runs."""
+Wanted = Callable[[G], Iterable[Run]]
+"""From a group to its runs, which it may be asked for again and again."""
+
+AT_ONCE = 65_536
+"""Runs whose keys are held at once, whatever their number: some 20 MB."""
+
+BATCH_SECONDS, LARGEST_BATCH = 0.3, 1000
+"""CPU time [s] for which batches of quick runs are sized, and the runs that one has at most."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +63,7 @@ class Kind(Generic[Row]):
     row : type of its rows
     function : run on a worker, from what the runs of a group share and the items of some of them,
         to the values of a row after its key, for each
-    batch : int, runs handed to a worker at once, 0.2-0.5 s of work
+    batch : int, runs handed to a worker at once, 0.2-0.5 s of work; more if they prove quicker
     """
 
     stage: str
@@ -94,7 +102,7 @@ def run_missing(
     job : Job
     kind : Kind
     groups : sequence
-    wanted : Wanted, asked again for each group, so that no more than one is held
+    wanted : Wanted, asked twice for each group, so that no group is held
     shared : callable, from a group to what its runs share
 
     Returns
@@ -103,19 +111,26 @@ def run_missing(
     """
     start, cpu = time.monotonic(), 0.0
     with closing(RunStore(job.store.folder, kind.row, job.log)) as runs:
-        total = sum(len(missing(wanted(group), runs)) for group in groups)
+        todo = [missing(wanted(group), runs) for group in groups]
+        total = sum(map(sum, todo))
         compiled = job.site.settings.engine == COMPILED
         quick = compiled and total <= QUICK
         shares = quick if job.cluster.local else compiled
         cluster = job.cluster.in_threads() if shares else job.cluster
         cluster = job.cluster.in_process() if total < SMALL else cluster
-        size, planned = QUICK_BATCH if quick else kind.batch, 0
+        least, planned = QUICK_BATCH if quick else kind.batch, 0
+
+        def size() -> int:
+            each = cpu / max(progress.outcomes.total(), 1)
+            quickly = int(BATCH_SECONDS / each) if each else least
+            return max(least, min(quickly, LARGEST_BATCH))
 
         def batches() -> Iterator[Batch]:
             nonlocal planned
-            for batch in _batches(groups, wanted, runs, size):
-                planned += len(batch.items)
-                yield batch
+            for group, marks in zip(groups, todo, strict=True):
+                for items in _batches(compress(wanted(group), marks), size) if any(marks) else ():
+                    planned += len(items)
+                    yield Batch(group, items)
 
         with Progress(total, job.log) as progress:
             for batch, done in cluster.run(partial(_timed, kind.function), batches(), shared):
@@ -140,7 +155,7 @@ def run_missing(
 def stored(
     job: Job, kind: Kind[Row], groups: Sequence[G], wanted: Wanted[G]
 ) -> Iterator[tuple[G, list[Row]]]:
-    """Read the wanted runs of each group, in their order.
+    """Read the wanted runs of each group, in their order and in parts.
 
     Parameters
     ----------
@@ -151,7 +166,7 @@ def stored(
 
     Yields
     ------
-    (group, list of rows)
+    (group, list of rows), one group after the other, at most ``AT_ONCE`` rows at a time
 
     Raises
     ------
@@ -161,33 +176,36 @@ def stored(
     try:
         with closing(RunStore(job.store.folder, kind.row, reads=True)) as runs:
             for group in groups:
-                keys = [run.key for run in wanted(group)]
-                found = runs.get(keys)
-                lost = sum(key not in found for key in keys)
-                if lost:
-                    given = f"{lost} {kind.what} fewer than were done"
-                    rule, remedy = "every run that was done is kept", "start again to redo them"
-                    raise RunsLost(Problem(str(job.path(RUNS)), "", given, rule, remedy))
-                yield group, [found[key] for key in keys]
+                for part in _parts(wanted(group)):
+                    found = runs.get(run.key for run in part)
+                    lost = sum(run.key not in found for run in part)
+                    if lost:
+                        given = f"{lost} {kind.what} fewer than were done"
+                        rule, remedy = "every run that was done is kept", "start again to redo them"
+                        raise RunsLost(Problem(str(job.path(RUNS)), "", given, rule, remedy))
+                    yield group, [found[run.key] for run in part]
     except RunsLost:
         job.store.forget(kind.stage)
         raise
 
 
-def missing(wanted: Sequence[Run], runs: RunStore[Any]) -> list[Run]:
-    """Select the wanted runs that are not stored, or crashed.
+def missing(wanted: Iterable[Run], runs: RunStore[Any]) -> bytes:
+    """Mark the wanted runs that are not stored, or crashed.
 
     Parameters
     ----------
-    wanted : sequence of Run
+    wanted : iterable of Run
     runs : RunStore
 
     Returns
     -------
-    list of Run
+    bytes, of each run 1 if it is missing and 0 if not
     """
-    known = runs.outcomes(run.key for run in wanted)
-    return [run for run in wanted if known.get(run.key, Outcome.CRASHED) == Outcome.CRASHED]
+    marks, crashed = bytearray(), int(Outcome.CRASHED)
+    for part in _parts(wanted):
+        known = runs.outcomes(run.key for run in part)
+        marks.extend(known.get(run.key, crashed) == crashed for run in part)
+    return bytes(marks)
 
 
 def database_is_there(store: Store) -> str:
@@ -204,13 +222,21 @@ def database_is_there(store: Store) -> str:
     return "" if is_there(store.folder) else f"{RUNS} is missing"
 
 
-def _batches(
-    groups: Sequence[G], wanted: Wanted[G], runs: RunStore[Any], size: int
-) -> Iterator[Batch]:
-    for group in groups:
-        todo = missing(wanted(group), runs)
-        for start in range(0, len(todo), size):
-            yield Batch(group, tuple(todo[start : start + size]))
+def _parts(runs: Iterable[Run]) -> Iterator[list[Run]]:
+    left = iter(runs)
+    while part := list(islice(left, AT_ONCE)):
+        yield part
+
+
+def _batches(runs: Iterable[Run], size: Callable[[], int]) -> Iterator[tuple[Run, ...]]:
+    """Runs of about one cost a batch, whose rows are neighbours in the database."""
+    for part in _parts(runs):
+        part.sort(key=attrgetter("key"))
+        start = 0
+        while start < len(part):
+            batch = tuple(part[start : start + size()])
+            start += len(batch)
+            yield batch
 
 
 def _timed(

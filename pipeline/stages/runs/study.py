@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from pipeline.config.schema import Config
 from pipeline.stages.motions import motion_grid
-from pipeline.stages.motions.motion_grid import Cell, Shaking
+from pipeline.stages.motions.motion_grid import Shaking
 from pipeline.stages.runs.runner import Kind, Run, run_missing
 from pipeline.stages.runs.scenes import Group, Scenes, groups, identity, load_scenes
 from pipeline.stages.runs.step_choice import time_steps
@@ -18,6 +18,33 @@ from pipeline.workflow import keys
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import Store
 from vsr_core.run.cases import Settings
+
+
+@dataclass(frozen=True, eq=False)
+class GridRuns:
+    """The runs of a scene, one for each cell of a grid, made anew whenever they are gone through.
+
+    A key begins with four bytes of the scene's digest, so that its runs are neighbours in the
+    database; what follows is a digest of the scene and the motion.
+
+    Attributes
+    ----------
+    scene : bytes, digest of all that its runs share
+    motions : Shaking
+    tokens : bytes, what tells the motion of each cell, one after the other and equally long
+    """
+
+    scene: bytes
+    motions: Shaking
+    tokens: bytes
+
+    def __iter__(self) -> Iterator[Run]:
+        width, start = len(self.tokens) // motion_grid.count(self.motions), self.scene[:4]
+        shared = hashlib.blake2b(self.scene, digest_size=12)
+        for place, cell in enumerate(motion_grid.each_cell(self.motions)):
+            own = shared.copy()
+            own.update(self.tokens[place * width : (place + 1) * width])
+            yield Run(start + own.digest(), cell)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,19 +57,17 @@ class Study:
     motions : Shaking
     time_steps : dict, from friction to time step [s]; nan where it has to be measured first
     groups : tuple of Group
-    cells : tuple of Cell, those of each group, PGA running fastest
     """
 
     scenes: Scenes
     motions: Shaking
     time_steps: dict[float, float]
     groups: tuple[Group, ...]
-    cells: tuple[Cell, ...]
-    _tokens: tuple[bytes, ...]
+    _tokens: bytes
     _identity: dict[str, Any]
 
-    def wanted(self, group: Group) -> list[Run]:
-        """The runs of a group, each for one of the cells.
+    def wanted(self, group: Group) -> GridRuns:
+        """The runs of a group, one for each cell of the grid.
 
         Parameters
         ----------
@@ -50,15 +75,11 @@ class Study:
 
         Returns
         -------
-        list of Run
+        GridRuns
         """
         step = self.time_steps[group.friction]
         scene = {**self._identity, **group._asdict(), "time_step": repr(step)}
-        name = keys.digest(scene).encode()
-        return [
-            Run(hashlib.blake2b(token, key=name, digest_size=16).digest(), cell)
-            for token, cell in zip(self._tokens, self.cells, strict=True)
-        ]
+        return GridRuns(bytes.fromhex(keys.digest(scene)), self.motions, self._tokens)
 
     def settings(self, friction: float) -> Settings:
         """How the runs of a friction are computed.
@@ -89,14 +110,12 @@ def load_study(config: Config, store: Store) -> Study:
     Study
     """
     scenes, motions = load_scenes(config, store), motion_grid.of_store(config, store)
-    cells = motion_grid.cells(motions)
     return Study(
         scenes,
         motions,
         time_steps(config, store),
         groups(config),
-        cells,
-        tuple(motions.token(cell) for cell in cells),
+        b"".join(map(motions.token, motion_grid.each_cell(motions))),
         {**identity(scenes), "motion": motions.identity()},
     )
 
