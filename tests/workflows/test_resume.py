@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from pipeline import ROOT
-from pipeline.stages.runs import overturning_runs
+from pipeline.stages.runs import overturning_runs, runner
 from pipeline.workflow.datasets import read
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.run_store import RUNS
@@ -240,6 +240,7 @@ def test_interrupt_keeps_whole_batches(
     stop_at: int,
 ) -> None:
     monkeypatch.setattr(overturning_runs, "KIND", replace(overturning_runs.KIND, batch=4))
+    monkeypatch.setattr(runner, "LARGEST_BATCH", 4)
     settings = ("yaw=[0, 45]", "contact.friction=[0.5, 0.8]")
     whole = responses(*settings, into=tmp_path / "whole")
     assert counted.take() == 24
@@ -268,10 +269,11 @@ import signal, sys, time
 from dataclasses import replace
 
 from pipeline.cli import main
-from pipeline.stages.runs import overturning_runs
+from pipeline.stages.runs import overturning_runs, runner
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 overturning_runs.KIND = replace(overturning_runs.KIND, batch=4)
+runner.LARGEST_BATCH = 4
 simulate_all, done = overturning_runs.simulate_all, []
 
 def slow(case, motions, settings):
