@@ -1,7 +1,11 @@
 """``python -m pipeline``, also installed as ``vsr``."""
 
 import gc
+import signal
 import sys
+import warnings
+from io import TextIOWrapper
+from types import FrameType
 
 from pipeline.cli import main
 
@@ -13,9 +17,19 @@ own 700 make it search all that is loaded again and again, a sixth of a command 
 def program() -> int:
     """The process of one command; returns its exit code."""
     gc.set_threshold(COLLECTED_AFTER, 20, 20)
+    signal.signal(signal.SIGTERM, _stop)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a name that this terminal cannot show
+    if not sys.warnoptions:  # a library's warning tells a user nothing that a problem does not
+        warnings.simplefilter("ignore")
     code = main()
     gc.freeze()  # else all objects are searched once more at the end, for most of a second
     return code
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

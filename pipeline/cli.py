@@ -8,19 +8,24 @@ import os
 import sys
 import traceback
 from pathlib import Path
+from typing import NoReturn
 
 from pipeline import ROOT
+from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem, Unfinished
 from pipeline.workflow.products import DELIVERABLES
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
+
+MOST_WORKERS = 10_000
+"""More worker processes than any machine starts."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; returns the exit code.
 
     0 done; 1 some runs are without a verdict, or not done as the scheduler was lost; 2 usage or
-    input; 3 a fault of the program; 130 stopped by Ctrl-C.
+    input; 3 a fault of the program; 130 stopped by Ctrl-C or SIGTERM.
 
     Parameters
     ----------
@@ -48,25 +53,41 @@ def main(arguments: list[str] | None = None) -> int:
         _log("stopped; what was done is kept, and the same command goes on from there")
         return STOPPED
     except Exception as error:  # noqa: BLE001 (the last door: never a traceback on the screen)
-        report = Path(options.derived) / "vsr-fault.txt"
+        report = options.derived / "vsr-fault.txt"
         where = f"details in {report}"
         try:
             report.parent.mkdir(parents=True, exist_ok=True)
-            report.write_text(traceback.format_exc(), encoding="utf-8")
+            report.write_text(traceback.format_exc(), encoding="utf-8", errors="backslashreplace")
         except OSError as unwritten:
             where = f"no details, because of {unwritten}"
         print(f"vsr: a fault of the program: {error!r}; {where}", file=sys.stderr)
         return BROKEN
 
 
+class _Parser(argparse.ArgumentParser):
+    """Parser that refuses a command line in one line, as everything else is refused."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse it.
+
+        Parameters
+        ----------
+        message : str, what is wrong
+        """
+        given, rule = "a command line that it does not know", message
+        raise InputError(Problem(self.prog, "", given, rule, f"see {self.prog} --help"))
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="vsr", description="Virtual shake robot.")
+    parser = _Parser(prog="vsr", description="Virtual shake robot.")
     verbs = parser.add_subparsers(metavar="COMMAND", required=True)
 
     def add(name: str, text: str) -> argparse.ArgumentParser:
         sub = verbs.add_parser(name, help=text, description=text)
         sub.set_defaults(verb="list_all" if name == "list" else name)
-        sub.add_argument("--derived", default=str(ROOT / "data" / "derived"), metavar="DIR")
+        sub.add_argument(
+            "--derived", type=_folder, default=ROOT / "data" / "derived", metavar="DIR"
+        )
         return sub
 
     def add_site(sub: argparse.ArgumentParser, required: bool = True) -> None:
@@ -112,11 +133,15 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _workers(text: str) -> int:
-    if not text.isdecimal():
-        raise InputError(
-            Problem("--workers", "", repr(text), "it is a whole number from 0", "e.g. 2")
-        )
+    if not (text.isascii() and text.isdecimal() and len(text) < 10) or int(text) > MOST_WORKERS:
+        rule = f"it is a whole number from 0 to {MOST_WORKERS}"
+        raise InputError(Problem("--workers", "", repr(text), rule, "e.g. 2"))
     return int(text)
+
+
+def _folder(text: str) -> Path:
+    located(Path.cwd(), text, "--derived", "")
+    return Path(text)
 
 
 def _log(line: str) -> None:

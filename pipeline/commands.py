@@ -169,8 +169,11 @@ def clean(options: argparse.Namespace) -> int:
     -------
     int, always 0
     """
-    derived = Path(options.derived)
-    targets = [derived / options.site] if options.site else sorted(derived.glob("*/"))
+    site, derived = options.site, options.derived
+    if site is not None and (site != Path(site).name or site == ".."):
+        rule = "it is the name of a folder of derived data"
+        raise InputError(Problem("--site", "", repr(site), rule, "leave it out to remove all"))
+    targets = [derived / site] if site else sorted(derived.glob("*/"))
     targets = [target for target in targets if (target / ".stages").is_dir()]
     if not targets:
         print("nothing derived to remove")
@@ -243,7 +246,7 @@ def _job(options: argparse.Namespace) -> Job:
         given.get("cluster") == "slurm",
         _log,
     )
-    return Job(site, Store(Path(options.derived) / site.name), cluster, "", _log)
+    return Job(site, Store(options.derived / site.name), cluster, "", _log)
 
 
 def _wanted(given: dict[str, Any], option: str, what: str) -> Path:

@@ -258,9 +258,15 @@ def _limits(node: Node) -> str:
     node = node.get("prefixItems", [node])[0]
     node = node.get("items", node)
     if "minimum" in node and "maximum" in node:
-        return f"{node['minimum']:,} to {node['maximum']:,}"
+        return f"{_number(node['minimum'])} to {_number(node['maximum'])}"
     signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
-    return ", ".join(f"{sign} {node[name]:,}" for name, sign in signs.items() if name in node)
+    return ", ".join(
+        f"{sign} {_number(node[name])}" for name, sign in signs.items() if name in node
+    )
+
+
+def _number(value: float) -> str:
+    return f"{int(value):,}" if value == int(value) and abs(value) < 1e6 else f"{value:g}"
 
 
 def _flow(value: Any) -> str:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import difflib
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
-import yaml
 from pydantic import BaseModel, ValidationError
 
 from pipeline import ROOT
+from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.recorded_tests_schema import ShakeTableConfig
 from pipeline.config.schema import Config
+from pipeline.config.yaml_text import DEEPEST, LONGEST, parse
 
 SITES = ROOT / "configs" / "sites"
 STUDIES = ROOT / "configs" / "studies"
@@ -67,54 +67,6 @@ class Site:
         Path
         """
         return self.folders.get(key, self.folder)
-
-
-class _Loader(yaml.SafeLoader):
-    """Safe loader that refuses a key given twice and reads plain values as YAML 1.2 does.
-
-    YAML 1.1 takes 030 for 24, 1e-3 for text, 1:30 for 90 and `no` for a number that is 0.
-    """
-
-
-_Loader.yaml_implicit_resolvers = {
-    first: [(tag, rule) for tag, rule in rules if not tag.endswith((":int", ":float", ":bool"))]
-    for first, rules in yaml.SafeLoader.yaml_implicit_resolvers.items()
-}
-for _kind, _rule, _first in (
-    ("int", r"[-+]?[0-9]+", "-+0123456789"),
-    (
-        "float",
-        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.inf|\.nan",
-        "-+.0123456789",
-    ),
-    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
-):
-    _Loader.add_implicit_resolver(
-        f"tag:yaml.org,2002:{_kind}", re.compile(f"(?:{_rule})$"), list(_first)
-    )
-
-
-def _integer(loader: _Loader, node: yaml.ScalarNode) -> int:
-    return int(loader.construct_scalar(node))
-
-
-def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
-    keys: list[Any] = []
-    for place, _ in node.value:
-        key = loader.construct_object(place)
-        if not isinstance(place, yaml.ScalarNode) or key in keys:
-            what = "is no name" if not isinstance(place, yaml.ScalarNode) else "twice"
-            raise yaml.YAMLError(f"key {key!r} {what}, line {place.start_mark.line + 1}")
-        keys.append(key)
-    loader.flatten_mapping(node)
-    return {
-        loader.construct_object(key, deep=True): loader.construct_object(value, deep=True)
-        for key, value in node.value
-    }
-
-
-_Loader.add_constructor("tag:yaml.org,2002:int", _integer)
-_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
 
 
 def known(folder: Path = SITES) -> list[str]:
@@ -198,28 +150,12 @@ def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple
         raise InputError(*problems) from None
 
 
-def shown(path: Path) -> str:
-    """A path as a reader would write it: relative to where they stand, if it is below.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    str
-    """
-    for folder in (Path.cwd(), ROOT):
-        if path.resolve().is_relative_to(folder.resolve()):
-            return str(path.resolve().relative_to(folder.resolve()))
-    return str(path)
-
-
 def _find(name: str, folder: Path, what: str) -> Path:
     path = Path(name)
     if path.suffix in (".yaml", ".yml"):
-        if path.is_file():
-            return path.resolve()
+        path = located(Path.cwd(), name, what.upper(), "")
+        if path.is_file() and path.stem.strip("."):
+            return path
         raise InputError(
             Problem(name, "", "a file that is not there", "it exists", "check the path")
         )
@@ -233,8 +169,14 @@ def _find(name: str, folder: Path, what: str) -> Path:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), _Loader)  # noqa: S506 (safe subclass)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        with path.open(encoding="utf-8") as file:
+            content = parse(file.read(LONGEST + 1))
+    except OSError as error:
+        given = f"a file that cannot be read ({error.strerror})"
+        raise InputError(
+            Problem(shown(path), "", given, "you may read it", "change its permissions")
+        ) from None
+    except ValueError as error:
         raise InputError(
             Problem(shown(path), "", "text that is no YAML", str(error), "correct the file")
         ) from None
@@ -252,17 +194,18 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _setting(item: str) -> dict[str, Any]:
     key, equals, value = item.partition("=")
-    if not equals or not key:
+    parts = key.split(".")
+    if not equals or not all(parts) or len(parts) > DEEPEST:
         raise InputError(
             Problem("--set", "", repr(item), "it is key=value", "e.g. motion.pga.num=20")
         )
     try:
-        layer: Any = yaml.load(value, _Loader)  # noqa: S506 (safe subclass)
-    except yaml.YAMLError:
+        layer: Any = parse(value)
+    except ValueError as error:
         raise InputError(
-            Problem("--set", key, repr(value), "the value is YAML", "quote or correct it")
+            Problem("--set", key, repr(value), f"the value is YAML ({error})", "correct it")
         ) from None
-    for part in reversed(key.split(".")):
+    for part in reversed(parts):
         layer = {part: layer}
     return dict(layer)
 
@@ -312,7 +255,6 @@ def _problem(
     if error["type"] == "missing":
         return Problem(source, key, "nothing", "the key is required", _description(place, models))
     given = repr(given)
-    given = given if len(given) <= 60 else given[:57] + "..."
     if error["type"] == "value_error":
         rule, _, remedy = str(error["ctx"]["error"]).partition("; ")
         return Problem(source, key, given, rule, remedy)

@@ -14,20 +14,28 @@ from pydantic import (
     model_validator,
 )
 
-from pipeline.config.sections import Grid, Range, Section, as_values
+from pipeline.config.bounds import (
+    LARGEST_PGA,
+    LONGEST_PULSE,
+    SHORTEST_PULSE,
+    SMALLEST_PGA,
+    Corner,
+    Rate,
+)
+from pipeline.config.sections import Grid, Lax, Range, Section, as_values
 from vsr_core.motions.records.processing import Processing
 
 # What the schema says of each value; the functions below say it in the field's words.
-_Peak = Annotated[float, Field(gt=0, le=10)]
-_Ratio = Annotated[float, Field(gt=0, le=10)]
+_Peak = Annotated[float, Field(ge=SMALLEST_PGA, le=LARGEST_PGA)]
+_Ratio = Annotated[float, Field(ge=SHORTEST_PULSE, le=LONGEST_PULSE)]
 
 
 def _in_g(pga: tuple[float, ...]) -> tuple[float, ...]:
-    if pga[0] <= 0.0:
-        raise ValueError("a PGA is positive; start above 0 g")
-    if pga[-1] > 10.0:
+    if pga[0] < SMALLEST_PGA:
+        raise ValueError(f"a PGA is positive, at least {SMALLEST_PGA:g} g; start above 0 g")
+    if pga[-1] > LARGEST_PGA:
         raise ValueError(
-            "PGA is in g and at most 10; g? write 0.3 for 30 percent of g, or 1 for 9.81 m/s2"
+            f"PGA is in g and at most {LARGEST_PGA:g}; g? write 0.3 for 30 percent of g, or 1 for 9.81 m/s2"
         )
     return pga
 
@@ -41,10 +49,15 @@ Peaks = Annotated[
 
 
 def _in_seconds(pgv_pga: tuple[float, ...]) -> tuple[float, ...]:
-    if pgv_pga[0] <= 0.0:
-        raise ValueError("PGV/PGA is positive; start above 0 s")
-    if pgv_pga[-1] > 10.0:
-        raise ValueError("PGV/PGA is in seconds and at most 10; s? write 0.3 for 300 ms")
+    if pgv_pga[0] < SHORTEST_PULSE:
+        raise ValueError(
+            f"PGV/PGA is positive, at least {SHORTEST_PULSE:g} s; start there, or leave out pulses "
+            "shorter than any of the ground"
+        )
+    if pgv_pga[-1] > LONGEST_PULSE:
+        raise ValueError(
+            f"PGV/PGA is in seconds and at most {LONGEST_PULSE:g}; s? write 0.3 for 300 ms"
+        )
     return pgv_pga
 
 
@@ -66,12 +79,11 @@ class PulseConfig(Section):
 
 Files = Annotated[
     tuple[str, ...],
+    Lax,
     BeforeValidator(as_values, json_schema_input_type=str | list[str]),
     Field(min_length=1),
 ]
 """Names of files or folders."""
-
-Corner = Annotated[float, Field(gt=0, le=1000)]
 
 
 class ProcessingConfig(Section):
@@ -88,7 +100,7 @@ class ProcessingConfig(Section):
         description="corner frequency of the low-pass filter; null for none [Hz]"
     )
     poles: int = Field(4, ge=1, le=10, description="number of poles of each filter in one pass")
-    resample: Corner | None = Field(
+    resample: Rate | None = Field(
         None, le=100_000, description="new sampling rate, band-limited; null to keep it [1/s]"
     )
 
@@ -105,13 +117,16 @@ class ProcessingConfig(Section):
         return Processing(self.order, self.highpass, self.lowpass, self.poles, self.resample)
 
 
+_Edge = Annotated[float, Field(ge=0, le=100_000)]
+
+
 class ResponseConfig(Section):
     """Removal of an instrument's response."""
 
     file: str = Field(
         description="StationXML file of the instruments; relative to the file that names it"
     )
-    corners: tuple[float, float, float, float] = Field(
+    corners: Annotated[tuple[_Edge, _Edge, _Edge, _Edge], Lax] = Field(
         description="corner frequencies f1 < f2 < f3 < f4 of the spectrum's taper [Hz]"
     )
 
@@ -153,17 +168,15 @@ class AxisPulseConfig(Section):
         le=100,
         description="share of the PGA, not 0; of a rotation, at 1 m from its axis [1]",
     )
-    pgv_pga: float | None = Field(
+    pgv_pga: _Ratio | None = Field(
         None,
-        gt=0,
-        le=10,
         description="this pulse's own PGV/PGA; null for that of the row [s]",
     )
 
     @field_validator("share")
     @classmethod
     def _moves(cls, share: float) -> float:
-        if share == 0.0:
+        if abs(share) < SMALLEST_PGA:
             raise ValueError("a share of 0 moves nothing; leave the pulse out")
         return share
 
@@ -176,7 +189,7 @@ class TableMotionConfig(Section):
         None,
         description="CSV or NetCDF files of time and axes; relative to the file that names them",
     )
-    pulses: tuple[AxisPulseConfig, ...] | None = Field(
+    pulses: Annotated[tuple[AxisPulseConfig, ...], Lax] | None = Field(
         None, description="cosine pulses that begin together, each on its axis"
     )
     pgv_pga: Ratios | None = Field(

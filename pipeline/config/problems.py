@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from vsr_core.errors import InvalidInput
 
+LONGEST = 300
+"""Characters of each part of a line: enough for a path or a list of names."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -32,9 +35,17 @@ class Problem:
     remedy: str
 
     def __str__(self) -> str:
-        where = ": ".join(part for part in (self.file, self.key) if part)
-        line = f"{where}: got {self.given}; {self.rule}; {self.remedy}"
-        return " ".join(line.split())
+        where = ": ".join(_short(part) for part in (self.file, self.key) if part)
+        line = f"{where}: got {_short(self.given)}; {_short(self.rule)}; {_short(self.remedy)}"
+        return "".join(
+            letter if letter.isprintable() else ascii(letter)[1:-1]
+            for letter in " ".join(line.split())
+        )
+
+
+def _short(part: str) -> str:
+    """What fits in a line: of what is longer, the beginning and the end."""
+    return part if len(part) <= LONGEST else f"{part[: LONGEST - 40]} ... {part[-35:]}"
 
 
 class InputError(Exception):

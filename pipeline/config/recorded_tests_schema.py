@@ -2,25 +2,39 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from typing import Annotated
 
-from pipeline.config.sections import Section
+from pydantic import AfterValidator, Field
+
+from pipeline.config.bounds import Density
+from pipeline.config.sections import Lax, Section
 
 
 class Spread(Section):
     """A normal distribution."""
 
-    mean: float = Field(description="mean")
-    sd: float = Field(ge=0, description="standard deviation")
+    mean: float = Field(ge=-360, le=360, description="mean")
+    sd: float = Field(ge=0, le=360, description="standard deviation")
 
 
-Pair = tuple[float, float]
+Share = Annotated[float, Field(ge=0, le=1)]
+Friction = Annotated[float, Field(ge=0, le=100)]
+Blend = Annotated[float, Field(ge=-1, le=2)]
+
+
+def _ascend(pair: tuple[float, float]) -> tuple[float, float]:
+    if pair[0] > pair[1]:
+        raise ValueError("a range begins with its lower end; exchange them")
+    return pair
+
+
+Pair = AfterValidator(_ascend)
 
 
 class ShakeTableConfig(Section):
     """What is assumed of a series of tests, before any outcome is looked at."""
 
-    density: float = Field(2700.0, gt=0, le=30_000, description="density of the rock [kg m-3]")
+    density: Density = Field(2700.0, description="density of the rock [kg m-3]")
     acceleration: str | None = Field(
         None, description="variable of records.nc that holds the table's acceleration"
     )
@@ -31,12 +45,16 @@ class ShakeTableConfig(Section):
     reversed_share: float = Field(
         0.5, ge=0, le=1, description="probability that the shaking points the other way [1]"
     )
-    friction: Pair = Field((0.5, 0.9), description="range of the friction [1]")
-    restitution: Pair = Field((0.0, 0.0), description="range of the restitution [1]")
+    friction: Annotated[tuple[Friction, Friction], Lax, Pair] = Field(
+        (0.5, 0.9), description="range of the friction [1]"
+    )
+    restitution: Annotated[tuple[Share, Share], Lax, Pair] = Field(
+        (0.0, 0.0), description="range of the restitution [1]"
+    )
     amplitude: Spread = Field(
         Spread(mean=1.0, sd=0.03), description="factor on the acceleration [1]"
     )
-    mixing: Pair = Field(
+    mixing: Annotated[tuple[Blend, Blend], Lax, Pair] = Field(
         (0.15, 0.85), description="range of the blend from a scan to its replica's [1]"
     )
     base_error: float = Field(

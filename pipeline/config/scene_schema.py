@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
+from pipeline.config.bounds import LARGEST_GAIN, SHORTEST_STEP, Force, Gain, Length, Mass, Rate
 from pipeline.config.sections import Range, Section, Values, as_values
 
 # What the schema says of each value; the validator below says it in the field's words.
@@ -28,7 +29,7 @@ class ContactConfig(Section):
         description="what the restitution is a ratio of: speeds normal to the ground, or, squared, "
         "energies given back and taken; no impact gains energy with either",
     )
-    rolling_friction: float = Field(0.0, ge=0, description="rolling friction, a length [m]")
+    rolling_friction: Length = Field(0.0, description="rolling friction, a length [m]")
 
     @field_validator("friction")
     @classmethod
@@ -43,16 +44,18 @@ class ContactConfig(Section):
 class ServoConfig(Section):
     """The servo of a driven table: a PID controller of the pedestal's velocity."""
 
-    mass: float = Field(gt=0, description="mass of the pedestal [kg]")
-    kp: float = Field(gt=0, description="proportional gain [N s/m]")
-    ki: float = Field(ge=0, description="integral gain [N/m]")
-    kd: float = Field(ge=0, description="derivative gain [N s2/m]")
-    period: float = Field(gt=0, le=0.1, description="control period, for which a force is held [s]")
-    force_limit: float | None = Field(
-        None, gt=0, description="largest force of the servo; null for no limit [N]"
+    mass: Mass = Field(description="mass of the pedestal [kg]")
+    kp: float = Field(gt=0, le=LARGEST_GAIN, description="proportional gain [N s/m]")
+    ki: Gain = Field(description="integral gain [N/m]")
+    kd: Gain = Field(description="derivative gain [N s2/m]")
+    period: float = Field(
+        ge=SHORTEST_STEP, le=0.1, description="control period, for which a force is held [s]"
     )
-    command_rate: float | None = Field(
-        None, gt=0, description="rate of velocity commands; null for one each period [Hz]"
+    force_limit: Force | None = Field(
+        None, description="largest force of the servo; null for no limit [N]"
+    )
+    command_rate: Rate | None = Field(
+        None, description="rate of velocity commands; null for one each period [Hz]"
     )
 
     @model_validator(mode="after")

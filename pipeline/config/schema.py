@@ -15,12 +15,15 @@ from pydantic import (
 )
 
 from pipeline.config import in_si
+from pipeline.config.bounds import SHORTEST_STEP, Coordinate, Density
 from pipeline.config.motion_schema import MotionConfig, TableMotionConfig
 from pipeline.config.scene_schema import ContactConfig, ServoConfig
-from pipeline.config.sections import Range, Section, Values, as_values
+from pipeline.config.sections import Lax, Range, Section, Values, as_values
+from vsr_core.rock.body import THINNEST, check_size
 from vsr_core.table.servo import check
 
-Vector = tuple[float, float, float]
+Vector = Annotated[tuple[Coordinate, Coordinate, Coordinate], Lax]
+Place = Annotated[tuple[Coordinate, Coordinate], Lax]
 Channel = Annotated[int, Field(ge=0, le=255)]
 
 COMPILED = "nonsmooth"
@@ -34,7 +37,9 @@ class RockConfig(Section):
     """What stands on the pedestal."""
 
     shape: Literal["box", "mesh"] = Field(description="shape of the rock: a box, or a scanned mesh")
-    size: Vector | None = Field(None, description="lengths of a box along x, y, z at yaw 0 [m]")
+    size: Annotated[tuple[float, float, float], Lax] | None = Field(
+        None, description="lengths of a box along x, y, z at yaw 0 [m]"
+    )
     mesh: str | None = Field(
         None,
         description="scan of the rock, z up, or a folder with one: .ply, .stl, .obj, .dae or .glb; "
@@ -44,17 +49,24 @@ class RockConfig(Section):
         None,
         description="surrogate, listed in vsr_core.surrogates, that is used where there is no scan",
     )
-    scale: float = Field(1.0, gt=0, description="length of the mesh file's unit [m]")
+    scale: float = Field(1.0, ge=1e-6, le=1e6, description="length of the mesh file's unit [m]")
     closing: Literal["caps", "hull", "poisson"] = Field(
         "caps", description="how the open underside of a rock in a terrain scan is closed"
     )
-    density: float = Field(gt=0, le=30_000, description="density of the rock [kg m-3]")
+    density: Density = Field(description="density of the rock [kg m-3]")
 
     @field_validator("size")
     @classmethod
     def _positive(cls, size: tuple[float, ...] | None) -> tuple[float, ...] | None:
-        if size is not None and min(size) <= 0.0:
+        if size is None:
+            return size
+        if min(size) <= 0.0:
             raise ValueError("a box has three positive lengths in metres; correct the size")
+        check_size(max(size))
+        if min(size) < THINNEST * max(size):
+            raise ValueError(
+                f"a block is at least {THINNEST:g} as thick as it is long; correct the size"
+            )
         return size
 
     @model_validator(mode="after")
@@ -86,7 +98,7 @@ class PolygonCut(Section):
     """The rock is what lies in a polygon seen from above, in the scan's coordinates."""
 
     kind: Literal["polygon"] = Field(description="kind of cut")
-    corners: tuple[tuple[float, float], ...] = Field(
+    corners: Annotated[tuple[Place, ...], Lax] = Field(
         min_length=3, description="x, y of the polygon's corners [m]"
     )
 
@@ -95,7 +107,7 @@ class ColourCut(Section):
     """The rock is what has a given colour at the scan's vertices."""
 
     kind: Literal["colour"] = Field(description="kind of cut")
-    rgb: tuple[Channel, Channel, Channel] = Field(
+    rgb: Annotated[tuple[Channel, Channel, Channel], Lax] = Field(
         description="red, green and blue of the rock, out of 255 [1]"
     )
     tolerance: float = Field(
@@ -132,7 +144,7 @@ class SimulationConfig(Section):
         description="physics engine; auto for the cheapest that can hold the scene; mujoco is an "
         "extra of the installation",
     )
-    time_step: Literal["auto"] | Annotated[float, Field(gt=0, le=0.02)] = Field(
+    time_step: Literal["auto"] | Annotated[float, Field(ge=SHORTEST_STEP, le=0.02)] = Field(
         "auto", description="time step; auto for the coarsest that keeps to the tolerance [s]"
     )
     tolerance: float = Field(
@@ -141,7 +153,7 @@ class SimulationConfig(Section):
         le=0.1,
         description="relative error of the overturning boundary for which auto chooses [1]",
     )
-    reduce: bool = Field(
+    reduce: Annotated[bool, Lax] = Field(
         True, description="whether what cannot change an outcome is left out of a run"
     )
 
@@ -149,16 +161,17 @@ class SimulationConfig(Section):
 class FoundConfig(Section):
     """A rock found on the terrain, of which it is asked where it came from."""
 
-    place: tuple[float, float] = Field(
+    place: Place = Field(
         description="x, y of the found rock's centre, in the scan's coordinates [m]"
     )
-    sigma: float = Field(gt=0, description="standard deviation of that place [m]")
+    sigma: float = Field(gt=0, le=1000, description="standard deviation of that place [m]")
     identity: float = Field(
         1.0, gt=0, le=1, description="probability that the found rock is this one [1]"
     )
     area: float | None = Field(
         None,
         gt=0,
+        le=1e15,
         description="area in which it could lie had it come from elsewhere; needed where identity "
         "is below 1 [m2]",
     )

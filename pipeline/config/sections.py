@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
 
 _DIGITS = 12
 
+Lax = Strict(strict=False)
+"""Of a tuple, which YAML writes as a list, and of a switch, which may be `off`."""
+
 
 class Section(BaseModel):
-    """A part of the configuration: unknown keys are refused, values never change."""
+    """A part of the configuration: unknown keys are refused, values never change.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    A number is a number: neither true nor text in quotes that looks like one.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class Range(Section):
@@ -79,7 +85,7 @@ def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
     return values
 
 
-Values = Annotated[tuple[float, ...], AfterValidator(_distinct)]
+Values = Annotated[tuple[float, ...], Lax, AfterValidator(_distinct)]
 """A number, a list or {start, stop, num}; becomes a dimension of the dataset."""
 
 Grid = Annotated[Values, AfterValidator(_ascending)]

@@ -7,6 +7,7 @@ import math
 from pydantic import Field
 
 from pipeline.config import in_si
+from pipeline.config.bounds import SMALLEST_PGA, Mass, Rate, Travel
 from pipeline.config.layers import TABLES, load_file
 from pipeline.config.sections import Section
 from vsr_core.table.capacity import Table
@@ -15,16 +16,19 @@ from vsr_core.table.capacity import Table
 class TableConfig(Section):
     """What a table can do; null is a limit that is not stated, and so is not checked."""
 
-    acceleration: float | None = Field(gt=0, description="largest acceleration [g]")
-    velocity: float | None = Field(gt=0, description="largest velocity [m/s]")
-    stroke: float | None = Field(gt=0, description="stroke from end to end [m]")
-    payload: float | None = Field(gt=0, description="largest mass of the rock [kg]")
-    pulley_diameter: float = Field(gt=0, description="diameter on which the belt runs [m]")
+    acceleration: float | None = Field(
+        ge=SMALLEST_PGA, le=1000, description="largest acceleration [g]"
+    )
+    velocity: Travel | None = Field(description="largest velocity [m/s]")
+    stroke: Travel | None = Field(description="stroke from end to end [m]")
+    payload: Mass | None = Field(description="largest mass of the rock [kg]")
+    pulley_diameter: Travel = Field(description="diameter on which the belt runs [m]")
     steps_per_turn: float | None = Field(
-        gt=0,
+        ge=1,
+        le=1e9,
         description="motor steps in a turn, microsteps counted; null exports no motor steps [1]",
     )
-    command_rate: float = Field(gt=0, le=10_000, description="rate of velocity commands [Hz]")
+    command_rate: Rate = Field(le=10_000, description="rate of velocity commands [Hz]")
 
     def table(self) -> Table:
         """The table in the terms of the physics, null as no limit."""

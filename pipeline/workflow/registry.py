@@ -48,6 +48,15 @@ STAGES: tuple[Stage, ...] = (
         versions=("trimesh", "scipy"),
     ),
     Stage(
+        "time_step",
+        make="pipeline.stages.runs.step_choice:make",
+        needs=("rock",),
+        reads=("pedestal", "contact", "drive", "servo", "simulation"),
+        code=(*RUN_CODE, "pipeline.stages.runs.step_choice:measure_rows", *ENGINE_CODE),
+        inputs="pipeline.stages.runs.scenes:engine_version",
+        ready="pipeline.stages.runs.step_choice:load_engine",
+    ),
+    Stage(
         "terrain",
         make="pipeline.stages.mesh.terrain:make",
         applies="on_terrain",
@@ -62,15 +71,6 @@ STAGES: tuple[Stage, ...] = (
         reads=("motion",),
         inputs="pipeline.stages.motions.motions:inputs",
         versions=("scipy",),
-    ),
-    Stage(
-        "time_step",
-        make="pipeline.stages.runs.step_choice:make",
-        needs=("rock",),
-        reads=("pedestal", "contact", "drive", "servo", "simulation"),
-        code=(*RUN_CODE, "pipeline.stages.runs.step_choice:measure_rows", *ENGINE_CODE),
-        inputs="pipeline.stages.runs.scenes:engine_version",
-        ready="pipeline.stages.runs.step_choice:load_engine",
     ),
     Stage(
         "runs",

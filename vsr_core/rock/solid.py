@@ -9,7 +9,7 @@ import numpy as np
 
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
-from vsr_core.rock.body import Rock
+from vsr_core.rock.body import Rock, check_size
 from vsr_core.rock.hull import convex_hull
 from vsr_core.rock.tipping import settle
 from vsr_core.rock.triangles import self_intersections
@@ -17,11 +17,9 @@ from vsr_core.rock.triangles import self_intersections
 if TYPE_CHECKING:  # runs take rocks, and need not wait for what reads meshes
     import trimesh
 
-LARGEST_SIZE = 30.0
-"""A rock with a longer side than this [m] was probably not given in metres."""
-
-SMALLEST_SIZE = 0.005
-"""The same for one whose longest side is shorter [m]."""
+FLAT = 1e-9
+"""Volume, as a share of the cube of its size, below which a mesh is a sheet: a blade of
+1:1000:1000 has a thousand times that, the rounding of a flat sheet a millionth."""
 
 LARGEST_LEVELLING = np.radians(45.0)
 """A rock that stands on a slope or leans may turn this far to stand on a level pedestal [rad]."""
@@ -151,7 +149,7 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     Raises
     ------
     InvalidInput
-        If the mesh is empty, not finite, of an unlikely size, open, inside out, of several
+        If the mesh is empty, not finite, of an unlikely size, open, flat, inside out, of several
         bodies, or intersects itself.
     """
     repaired = []
@@ -176,6 +174,12 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     if mesh.body_count > 1:
         raise InvalidInput(
             f"{mesh.body_count} separate bodies", "one rock is one body", "keep the rock alone"
+        )
+    if abs(mesh.volume) <= FLAT * np.ptp(mesh.vertices, axis=0).max() ** 3:
+        raise InvalidInput(
+            f"a flat mesh (volume {mesh.volume:.3g} m3)",
+            "a rock has volume",
+            "export the scan again, with all its coordinates",
         )
     if mesh.volume <= 0.0:
         raise InvalidInput(
@@ -205,10 +209,4 @@ def _require_a_rock(mesh: trimesh.Trimesh) -> None:
         raise InvalidInput(
             "vertices that are not finite", "coordinates are numbers", "clean the scan"
         )
-    size = float(np.ptp(mesh.vertices, axis=0).max())
-    if not SMALLEST_SIZE <= size <= LARGEST_SIZE:
-        raise InvalidInput(
-            f"a rock {size:.3g} m large",
-            f"rocks here are {SMALLEST_SIZE} to {LARGEST_SIZE:.0f} m",
-            "scale? set rock.scale (0.001 for a mesh in millimetres)",
-        )
+    check_size(float(np.ptp(mesh.vertices, axis=0).max()))

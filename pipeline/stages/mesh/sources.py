@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from pipeline.config.layers import Site, shown
+from pipeline.config.layers import Site
+from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
+from pipeline.stages.mesh import mesh_files
 from pipeline.workflow.keys import digest_file
-from vsr_core.errors import reason
+from vsr_core.errors import InvalidInput
 from vsr_core.surrogates import GENERATORS, SITES
 from vsr_core.surrogates.raw_scan import scan
 
@@ -74,7 +74,7 @@ def find(site: Site) -> Source:
     """
     rock = site.config.rock
     assert rock.mesh is not None
-    path = (site.folder / rock.mesh).resolve()
+    path = located(site.folder, rock.mesh, site.file, "rock.mesh")
     if path.is_dir() or (not path.exists() and rock.fallback):
         scans = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
         if len(scans) > 1:
@@ -138,16 +138,10 @@ def load(source: Source, site: Site) -> trimesh.Trimesh:
         raw = scan(SITES[source.fallback]())
         return trimesh.Trimesh(raw.vertices, raw.faces, vertex_colors=raw.colours, process=False)
     try:
-        mesh = trimesh.load(source.path, force="mesh", process=False)
-    except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
-        raise _problem(
-            site,
-            f"{source.name}, which cannot be read ({reason(error)})",
-            "it is a mesh",
-            "export it again",
-        ) from None
-    if not isinstance(mesh, trimesh.Trimesh):
-        mesh = trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int))
+        mesh = mesh_files.read(source.path)
+    except InvalidInput as error:
+        given = f"{source.name}, {error.given}"
+        raise _problem(site, given, error.rule, error.remedy) from None
     mesh.apply_scale(site.config.rock.scale)
     return mesh
 
@@ -169,10 +163,12 @@ def _surrogate(site: Site, folder: Path) -> Source:
 
 def _label(path: Path) -> str:
     origin = path.with_name(ORIGIN)
-    if origin.is_file():
+    try:
         facts = json.loads(origin.read_text(encoding="utf-8"))
         if facts["sha256"] == digest_file(path):
             return f"public original, {facts['from']}"
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        pass  # none, or not what `fetch` wrote
     return f"scan {shown(path)}"
 
 

@@ -12,8 +12,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from pipeline.config.layers import Site, shown
+from pipeline.config.layers import Site
 from pipeline.config.motion_schema import RecordConfig
+from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.keys import digest_file
 from vsr_core.errors import InvalidInput
@@ -66,7 +67,7 @@ def find(site: Site, files: tuple[str, ...]) -> list[Path]:
     """
     found: list[Path] = []
     for name in files:
-        path = (site.folder_of("motion.files") / name).resolve()
+        path = located(site.folder_of("motion.files"), name, site.file, "motion.files")
         inside = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
         if not path.exists():
             raise _problem(site, f"{shown(path)}, which is not there", "it exists", "correct it")
@@ -205,7 +206,8 @@ def _same(one: Trace, other: Trace) -> bool:
 
 def _response(site: Site, motion: RecordConfig) -> Path:
     assert motion.response is not None
-    path = (site.folder_of("motion.response.file") / motion.response.file).resolve()
+    folder, name = site.folder_of("motion.response.file"), motion.response.file
+    path = located(folder, name, site.file, "motion.response.file")
     if not path.is_file():
         raise InputError(
             Problem(

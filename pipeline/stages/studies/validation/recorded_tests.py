@@ -6,20 +6,25 @@ import re
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-import trimesh
 import xarray as xr
+from pandas.api.types import is_numeric_dtype
 
 from pipeline.config import in_si
-from pipeline.config.layers import Site, load_file, shown
+from pipeline.config.layers import Site, load_file
+from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.recorded_tests_schema import ShakeTableConfig
-from vsr_core.errors import InvalidInput
+from pipeline.stages.mesh import mesh_files
+from vsr_core.errors import InvalidInput, reason
 from vsr_core.rock.solid import checked
 from vsr_core.validation.priors import Priors
+
+if TYPE_CHECKING:
+    import trimesh
 
 RECORDS, OUTCOMES, ASSUMED = "records.nc", "outcomes.csv", "table.yaml"
 
@@ -71,7 +76,7 @@ def site_of(folder: Path) -> Site:
     InputError
         If the folder is not there or lacks something.
     """
-    folder = folder.resolve()
+    folder = located(Path.cwd(), str(folder), "--table", "")
     if not folder.is_dir():
         raise _problem(folder, "", "a folder that is not there", "it exists", "check TABLE=")
     for name in (RECORDS, OUTCOMES):
@@ -158,7 +163,7 @@ def scan(path: Path) -> trimesh.Trimesh:
         If it is no closed mesh.
     """
     try:
-        return checked(trimesh.load_mesh(path, process=False))[0]
+        return checked(mesh_files.read(path))[0]
     except InvalidInput as error:
         raise InputError.from_invalid(shown(path), "", error) from None
 
@@ -180,16 +185,20 @@ def tests_in(folder: Path) -> Tests:
         If the two files do not say what is needed.
     """
     path = folder / OUTCOMES
-    table = pd.read_csv(path)
-    for name in ("test", "ground_motion", "pga_g", "pgv_pga_s"):
-        if name not in table.columns:
-            raise _problem(path, name, "nothing", "the column is there", "add it")
-    with xr.open_dataset(folder / RECORDS) as records:
+    table = _outcomes(path)
+    with _records(folder) as records:
         for name in ("test", "time", "n_samples"):
-            if name not in records.variables:
+            values = records.variables.get(name)
+            if values is None:
                 raise _problem(folder / RECORDS, name, "nothing", "the variable is there", "add it")
-        known = {int(number) for number in records["test"].values}
-        time = records["time"].values[:2]
+            if values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+                given, rule = "values that are no numbers", "they are numbers"
+                raise _problem(folder / RECORDS, name, given, rule, "correct them")
+        known = {int(number) for number in records["test"].values.ravel()}
+        time = records["time"].values.ravel()[:2]
+    if len(time) < 2 or not time[1] > time[0]:
+        rule = "two times at least, that ascend"
+        raise _problem(folder / RECORDS, "time", "no interval", rule, "correct them")
     table = table[table["test"].isin(known)].drop_duplicates("test").sort_values("test")
     if not len(table):
         raise _problem(path, "test", "no test with a record", "some have one", "number them alike")
@@ -237,12 +246,15 @@ def accelerations(folder: Path, variable: str | None) -> dict[int, Any]:
         If it is not there or not a number where a record says that it has samples.
     """
     path = folder / RECORDS
-    with xr.open_dataset(path) as records:
+    with _records(folder) as records:
         name = variable or (
             "acceleration_merged" if "acceleration_merged" in records else "acceleration"
         )
         if name not in records:
             raise _problem(path, name, "nothing", "the variable is there", "name another")
+        if set(records[name].dims) != {"test", "time"} or records[name].dtype.kind not in "iuf":
+            given, rule = "no table of numbers", "it holds numbers by test and time"
+            raise _problem(path, name, given, rule, "name another")
         values = records[name].transpose("test", "time").values
         counts, numbers = records["n_samples"].values, records["test"].values
     found = {}
@@ -252,6 +264,31 @@ def accelerations(folder: Path, variable: str | None) -> dict[int, Any]:
             raise _problem(path, name, given, "they are numbers", "mend or drop the test")
         found[int(number)] = np.array(row[: int(count)], dtype=np.float64)
     return found
+
+
+def _outcomes(path: Path) -> pd.DataFrame:
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        given = f"a file that cannot be read ({reason(error)})"
+        raise _problem(path, "", given, "it is a table in CSV", "correct it") from None
+    for name in ("test", "ground_motion", "pga_g", "pgv_pga_s"):
+        if name not in table.columns:
+            raise _problem(path, name, "nothing", "the column is there", "add it")
+        if name == "ground_motion":
+            continue
+        if not is_numeric_dtype(table[name]) or not np.isfinite(table[name]).all():
+            given, rule = "values that are no numbers", "they are numbers"
+            raise _problem(path, name, given, rule, "correct the column")
+    return table
+
+
+def _records(folder: Path) -> xr.Dataset:
+    try:
+        return xr.open_dataset(folder / RECORDS, decode_times=False)
+    except (OSError, ValueError, RuntimeError) as error:
+        given = f"a file that cannot be read ({reason(error)})"
+        raise _problem(folder / RECORDS, "", given, "it is NetCDF", "correct it") from None
 
 
 def _flags(path: Path, table: Any, name: str) -> tuple[int, ...]:

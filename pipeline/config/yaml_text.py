@@ -1,0 +1,129 @@
+"""Text of YAML as plain values: read as YAML 1.2 does, and of bounded size and depth."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import yaml
+
+LONGEST = 256 * 1024
+"""Characters of a text. The longest site here has 1,500."""
+
+MOST_VALUES = 20_000
+"""Values in a text, those behind an alias counted each time: a few hundred bytes of aliases to
+aliases stand for more values than memory holds."""
+
+DEEPEST = 20
+"""Sections in sections: a configuration has five."""
+
+MOST_DIGITS = 300
+"""Digits of a whole number: with a few more it is beyond all floating-point numbers."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe loader that refuses a key given twice and reads plain values as YAML 1.2 does.
+
+    YAML 1.1 takes 030 for 24, 1e-3 for text, 1:30 for 90, `no` for a number that is 0, and
+    2020-01-01 for a date.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = self._values = 0
+        self._sizes: dict[int, int] = {}
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """Compose as the base class does, counting values."""
+        self._depth += 1
+        before = self._values
+        if self._depth > DEEPEST:
+            raise yaml.YAMLError(f"more than {DEEPEST} sections in each other{self._line()}")
+        node = super().compose_node(parent, index)
+        self._values += self._sizes.get(id(node), 1)
+        if self._values > MOST_VALUES:
+            raise yaml.YAMLError(f"more than {MOST_VALUES} values{self._line()}")
+        self._sizes.setdefault(id(node), self._values - before)
+        self._depth -= 1
+        return node
+
+    def _line(self) -> str:
+        return f", line {self.line + 1}"
+
+
+_Loader.yaml_implicit_resolvers = {
+    first: [
+        (tag, rule)
+        for tag, rule in rules
+        if not tag.endswith((":int", ":float", ":bool", ":timestamp"))
+    ]
+    for first, rules in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+for _kind, _rule, _first in (
+    ("int", r"[-+]?[0-9]+", "-+0123456789"),
+    (
+        "float",
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.inf|\.nan",
+        "-+.0123456789",
+    ),
+    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
+):
+    _Loader.add_implicit_resolver(
+        f"tag:yaml.org,2002:{_kind}", re.compile(f"(?:{_rule})$"), list(_first)
+    )
+
+
+def _integer(loader: _Loader, node: yaml.ScalarNode) -> int:
+    digits = loader.construct_scalar(node)
+    if len(digits) > MOST_DIGITS:
+        line = node.start_mark.line + 1
+        raise yaml.YAMLError(f"a number of {len(digits)} digits, line {line}")
+    return int(digits)
+
+
+def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
+    keys: list[Any] = []
+    for place, _ in node.value:
+        key = loader.construct_object(place)
+        if not isinstance(place, yaml.ScalarNode) or key in keys:
+            what = "is no name" if not isinstance(place, yaml.ScalarNode) else "twice"
+            raise yaml.YAMLError(f"key {key!r} {what}, line {place.start_mark.line + 1}")
+        keys.append(key)
+    loader.flatten_mapping(node)
+    return {
+        loader.construct_object(key, deep=True): loader.construct_object(value, deep=True)
+        for key, value in node.value
+    }
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _integer)
+_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+
+
+def parse(text: str) -> Any:
+    """Plain values of a text.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    None, bool, int, float, str, list or dict
+
+    Raises
+    ------
+    ValueError
+        If it is no YAML, too long, too deep, or holds too many values; says what and where.
+
+    Examples
+    --------
+    >>> parse("yaw: [030, 1e1]")
+    {'yaw': [30, 10.0]}
+    """
+    if len(text) > LONGEST:
+        raise ValueError(f"more than {LONGEST} characters")
+    try:
+        return yaml.load(text, _Loader)  # noqa: S506 (safe subclass)
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from None

@@ -1,0 +1,52 @@
+"""Files of meshes: read by their format, of bounded size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vsr_core.errors import InvalidInput, reason
+
+if TYPE_CHECKING:
+    import trimesh
+
+LARGEST_FILE = 2 * 1024**3
+"""Bytes of a file: of some forty million faces, which take some tens of gigabytes of memory."""
+
+
+def read(path: Path) -> trimesh.Trimesh:
+    """The mesh in a file, as it is there.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    trimesh.Trimesh, in the unit and coordinates of the file
+
+    Raises
+    ------
+    InvalidInput
+        If the file cannot be read as a mesh.
+    """
+    import trimesh
+
+    size = path.stat().st_size
+    if size > LARGEST_FILE:
+        raise InvalidInput(
+            f"a file of {size / 1024**3:.1f} GiB",
+            f"a scan has at most {LARGEST_FILE / 1024**3:.0f} GiB",
+            "thin it out",
+        )
+    try:
+        mesh = trimesh.load(path, force="mesh", process=False)
+    except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
+        raise InvalidInput(
+            f"a file that cannot be read ({reason(error)})", "it is a mesh", "export it again"
+        ) from None
+    if not isinstance(mesh, trimesh.Trimesh):
+        mesh = trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int))
+    return mesh
