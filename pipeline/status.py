@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import closing
@@ -17,7 +18,7 @@ from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs import displacement_runs, overturning_runs
 from pipeline.stages.runs.runner import Kind, Run
-from pipeline.stages.runs.scenes import Scenes, flat_case, groups, left_out, load_scenes
+from pipeline.stages.runs.scenes import MOST_RUNS, Scenes, flat_case, groups, left_out, load_scenes
 from pipeline.stages.runs.study import load_study
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
@@ -120,8 +121,8 @@ def _kind(product: str) -> Kind[Any]:
 def _planned_runs(job: Job, scenes: Scenes, kind: Kind[Any], *, measured: bool) -> list[str]:
     """Runs to do and their cost; which are stored is known once the time step is ``measured``."""
     config, motions = job.config, motion_grid.of_site(job.site)
-    cells = motion_grid.cells(motions)
-    study = load_study(config, job.store) if measured else None
+    each = motion_grid.count(motions)
+    study = load_study(config, job.store) if measured and each <= MOST_RUNS else None
     proves = config.simulation.reduce and not config.on_terrain and config.motion.kind != "table"
     total = proved = new = 0
     for group in groups(config):
@@ -129,12 +130,15 @@ def _planned_runs(job: Job, scenes: Scenes, kind: Kind[Any], *, measured: bool) 
         if proves:
             still = flat_case(scenes, group).static_limits
             limit = in_si.in_g(min(-still[0], still[1]))
-        left = cells
-        if study is not None:
-            runs = study.wanted(group)
-            kept = _stored(job.store, runs, kind)
-            left = tuple(run.item for run in runs if run.key not in kept)
-        total, new = total + len(cells), new + len(left)
+        total += each
+        if study is None:
+            new += each
+            proved += len(motions.rows) * bisect_left(motions.pga, limit)
+            continue
+        runs = study.wanted(group)
+        kept = _stored(job.store, runs, kind)
+        left = [run.item for run in runs if run.key not in kept]
+        new += len(left)
         proved += sum(cell.pga < limit for cell in left)
     steps = sorted(set(study.time_steps.values())) if study is not None else []
     text = ", ".join(f"{1e3 * step:.3g} ms" for step in steps)

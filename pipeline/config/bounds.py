@@ -23,6 +23,10 @@ SHORTEST_STEP = 1e-6
 """Time step [s]: with a shorter one ten seconds of shaking are more than ten million steps, and the
 boundary has long stopped changing."""
 
+MOST_SCENES = 10_000
+"""Directions times frictions of a study, each a scene to prepare: a direction for every tenth of a
+degree at two frictions."""
+
 Density = Annotated[float, Field(ge=LIGHTEST, le=DENSEST)]
 
 Coordinate = Annotated[float, Field(ge=-1e8, le=1e8)]

@@ -35,7 +35,8 @@ def _in_g(pga: tuple[float, ...]) -> tuple[float, ...]:
         raise ValueError(f"a PGA is positive, at least {SMALLEST_PGA:g} g; start above 0 g")
     if pga[-1] > LARGEST_PGA:
         raise ValueError(
-            f"PGA is in g and at most {LARGEST_PGA:g}; g? write 0.3 for 30 percent of g, or 1 for 9.81 m/s2"
+            f"PGA is in g and at most {LARGEST_PGA:g}; g? write 0.3 for 30 percent of g, or 1 for "
+            "9.81 m/s2"
         )
     return pga
 

@@ -15,7 +15,7 @@ from pydantic import (
 )
 
 from pipeline.config import in_si
-from pipeline.config.bounds import SHORTEST_STEP, Coordinate, Density
+from pipeline.config.bounds import MOST_SCENES, SHORTEST_STEP, Coordinate, Density
 from pipeline.config.motion_schema import MotionConfig, TableMotionConfig
 from pipeline.config.scene_schema import ContactConfig, ServoConfig
 from pipeline.config.sections import Lax, Range, Section, Values, as_values
@@ -294,7 +294,10 @@ class Config(Section):
 
     @field_validator("yaw")
     @classmethod
-    def _in_a_circle(cls, yaw: tuple[float, ...]) -> tuple[float, ...]:
+    def _in_a_circle(cls, yaw: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        contact = info.data.get("contact")
+        if contact is not None and len(yaw) * len(contact.friction) > MOST_SCENES:
+            raise ValueError(f"directions times frictions are at most {MOST_SCENES}; thin them out")
         if min(yaw) < -360.0 or max(yaw) > 360.0:
             raise ValueError("yaw is in degrees from -360 to 360; bring it into the circle")
         return yaw

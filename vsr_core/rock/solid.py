@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,13 +70,34 @@ def box(size: tuple[float, float, float], density: float) -> Solid:
     """
     from trimesh.creation import box as mesh_of_box
 
+    rock = block(size, density)
+    return Solid(
+        rock, rock.vertices, np.array(mesh_of_box(extents=size).faces), math.prod(size), 0.0
+    )
+
+
+def block(size: tuple[float, float, float], density: float) -> Rock:
+    """Cuboid as a rigid body; its corners are in the order of trimesh's box.
+
+    Parameters
+    ----------
+    size : tuple of three floats [m], along x, y and z
+    density : float [kg/m^3]
+
+    Returns
+    -------
+    Rock
+
+    Examples
+    --------
+    >>> block((1.0, 1.0, 2.0), 2000.0).mass
+    4000.0
+    """
     x, y, z = size
-    mesh = mesh_of_box(extents=size)
     mass = density * x * y * z
     inertia = mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    corners = np.array(mesh.vertices)
-    rock = Rock("box", corners, mass, inertia, np.eye(3))
-    return Solid(rock, corners, np.array(mesh.faces), x * y * z, 0.0)
+    corners = np.array(list(product((-0.5, 0.5), repeat=3))) * size
+    return Rock("box", corners, mass, inertia, np.eye(3))
 
 
 def from_mesh(mesh: trimesh.Trimesh, density: float, *, as_scanned: bool = False) -> Solid:

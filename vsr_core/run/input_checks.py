@@ -73,6 +73,29 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
             f"it slides before it tips, and {settings.engine} lifts what slides",
             "use simulation.engine: bullet",
         )
+    time_step = check_step(scene, settings, motion)
+    if scene.contact.stiffness is not None:
+        _check_springs(scene.contact, scene.contact.stiffness, scene.rock, time_step)
+
+
+def check_step(scene: Scene, settings: Settings, motion: GroundMotion) -> float:
+    """Refuse a time step at which the engine does not rock a rock right.
+
+    Parameters
+    ----------
+    scene : Scene
+    settings : Settings
+    motion : GroundMotion
+
+    Returns
+    -------
+    float [s], the step that this motion begins with
+
+    Raises
+    ------
+    InvalidInput
+        With the step and the longest.
+    """
     time_step = first_step(motion, scene.drive, settings.time_step)
     longest = longest_step(scene, settings.engine)
     if time_step > longest * (1.0 + 1e-9):
@@ -81,8 +104,7 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
             f"this rock rocks too fast for more than {1e3 * longest:.4g} ms",
             "shorten the step, or let it be chosen (simulation.time_step: auto)",
         )
-    if scene.contact.stiffness is not None:
-        _check_springs(scene.contact, scene.contact.stiffness, scene.rock, time_step)
+    return time_step
 
 
 def check_unshaken(case: Case, settings: Settings, motion: GroundMotion) -> None:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from pipeline.config import in_si
 from pipeline.config.layers import Site
-from pipeline.config.problems import InputError
+from pipeline.config.problems import InputError, Problem
 from pipeline.config.schema import COMPILED, Config
 from pipeline.stages.mesh.products import Ground, load_rock, load_terrain
 from pipeline.stages.motions import motion_grid
@@ -19,15 +19,18 @@ from vsr_core import engines
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
 from vsr_core.rock.body import Rock
-from vsr_core.rock.solid import standing
+from vsr_core.rock.solid import block, standing
 from vsr_core.run import displacement
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
-from vsr_core.run.input_checks import check, check_unshaken, longest_step
+from vsr_core.run.input_checks import check, check_step, check_unshaken, longest_step
 from vsr_core.run.proofs import Barrier
 from vsr_core.run.reductions import PROOFS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.scene import Scene
 from vsr_core.table.servo import Servo
 from vsr_core.verification.time_step import step_unit
+
+MOST_RUNS = 10_000_000
+"""Runs of one direction and friction: each takes some 200 bytes of the client's memory."""
 
 
 class Group(NamedTuple):
@@ -270,8 +273,13 @@ def check_scenes(site: Site, scenes: Scenes) -> None:
         If they do not.
     """
     simulation, engine = scenes.config.simulation, scenes.config.engine
+    shaking = motion_grid.of_site(site)
+    if (count := motion_grid.count(shaking)) > MOST_RUNS:
+        rule = f"a direction and friction has at most {MOST_RUNS:,}, which are held in memory"
+        remedy = "part the study in several, or thin out its grid"
+        raise InputError(Problem(site.file, "motion", f"{count:,} runs", rule, remedy))
     cases = [flat_case(scenes, group) for group in groups(scenes.config)]
-    strongest = motion_grid.strongest(motion_grid.of_site(site))
+    strongest = motion_grid.strongest(shaking)
     key = "simulation.engine"
     try:
         engines.load(engine).build(cases[0].scene, 1e-3, 1)
@@ -290,6 +298,8 @@ def check_scenes(site: Site, scenes: Scenes) -> None:
 def engine_version(site: Site) -> dict[str, str]:
     """Tell the version of the engine that a site names, for the identity of a stage.
 
+    What can be said of a given time step before the rock is made is said here, before any work.
+
     Parameters
     ----------
     site : Site
@@ -301,10 +311,29 @@ def engine_version(site: Site) -> dict[str, str]:
     Raises
     ------
     InputError
-        If the engine is not installed.
+        If the engine is not installed, or the step is too long for a block.
     """
     name = site.config.engine
     try:
-        return {f"engine {name}": engines.load(name).VERSION}
+        version = engines.load(name).VERSION
     except InvalidInput as error:
         raise InputError.from_invalid(site.file, "simulation.engine", error) from None
+    _check_step_of_block(site)
+    return {f"engine {name}": version}
+
+
+def _check_step_of_block(site: Site) -> None:
+    config, step = site.config, site.config.simulation.time_step
+    if config.rock.size is None or config.rock.shape != "box" or step == "auto":
+        return
+    rock = block(config.rock.size, config.rock.density)
+    settings = Settings(step, config.simulation.reduce, config.engine)
+    drive = in_si.servo(config.servo) if config.drive == "servo" else None
+    contact = in_si.contact(config.contact, config.contact.friction[0])
+    strongest = motion_grid.strongest(motion_grid.of_site(site))
+    try:
+        for yaw in config.yaw:
+            for motion in strongest:
+                check_step(Scene(rock, contact, in_si.angle(yaw), drive=drive), settings, motion)
+    except InvalidInput as error:
+        raise InputError.from_invalid(site.file, "simulation.time_step", error) from None
