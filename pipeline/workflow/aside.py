@@ -31,7 +31,7 @@ def begin(work: Callable[[], T]) -> Callable[[], T]:
     """
     context = multiprocessing.get_context("fork")
     end, told = context.Pipe(duplex=False)
-    process = context.Process(target=_do, args=(work, told))
+    process = context.Process(target=_do, args=(work, told), daemon=True)  # ends with this one
     process.start()
     told.close()
 
@@ -50,6 +50,7 @@ def begin(work: Callable[[], T]) -> Callable[[], T]:
 
 def _do(work: Callable[[], object], told: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # with which that one ends this one
     try:
         told.send((work(), None))
     except Exception as error:  # noqa: BLE001 (raised again by who waits)
