@@ -30,6 +30,10 @@ class NetCDF(NamedTuple):
     attributes: dict[str, str]
 
 
+MOST_ROWS = 10_000_000
+"""Rows of a table: three hours at a thousand a second."""
+
+
 def of_text(text: str) -> list[Column]:
     r"""The columns of a table with a first line of names.
 
@@ -59,6 +63,7 @@ def of_text(text: str) -> list[Column]:
         return []
     separator = next((mark for mark in ",;\t" if mark in lines[0]), None)
     names = [_name(word) for word in lines[0].split(separator)]
+    check_size(len(lines))
     rows = []
     for place, line in enumerate(lines[1:], start=2):
         cells = line.split(separator)
@@ -103,6 +108,7 @@ def of_netcdf(content: bytes) -> NetCDF:
                 "one of them is the coordinate time",
                 "name it so",
             )
+        check_size(data["time"].size)
         columns, others = [], []
         for name, variable in data.variables.items():
             numeric = np.dtype(variable.dtype).kind in "iuf"
@@ -111,6 +117,24 @@ def of_netcdf(content: bytes) -> NetCDF:
             else:
                 others.append(name)
         return NetCDF(columns, others, {name: str(data.getncattr(name)) for name in data.ncattrs()})
+
+
+def check_size(number: int) -> None:
+    """Refuse a table that is longer than any recorded or commanded motion.
+
+    Parameters
+    ----------
+    number : int, of rows
+
+    Raises
+    ------
+    InvalidInput
+        If there are more than ``MOST_ROWS``.
+    """
+    if number > MOST_ROWS:
+        raise InvalidInput(
+            f"{number} rows", f"a motion has at most {MOST_ROWS}", "cut it to the shaking"
+        )
 
 
 def _filled(variable: Any) -> Array:

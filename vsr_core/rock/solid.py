@@ -23,6 +23,9 @@ FLAT = 1e-9
 """Volume, as a share of the cube of its size, below which a mesh is a sheet: a blade of
 1:1000:1000 has a thousand times that, the rounding of a flat sheet a millionth."""
 
+FARTHEST = 1e8
+"""Largest coordinate of a scan [m]: easting and northing of maps reach 1e7."""
+
 LARGEST_LEVELLING = np.radians(45.0)
 """A rock that stands on a slope or leans may turn this far to stand on a level pedestal [rad]."""
 
@@ -177,11 +180,14 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     """
     repaired = []
     _require_a_rock(mesh)
+    size = float(np.ptp(mesh.vertices, axis=0).max())
     mesh = mesh.copy()
     before = len(mesh.vertices)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.update_faces(mesh.nondegenerate_faces(height=0.0))
     mesh.remove_unreferenced_vertices()
+    if not len(mesh.faces):
+        raise _flat(0.0)
     if len(mesh.vertices) < before:
         repaired.append(f"{before - len(mesh.vertices)} split vertices merged")
     edges = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)[1]
@@ -198,12 +204,8 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
         raise InvalidInput(
             f"{mesh.body_count} separate bodies", "one rock is one body", "keep the rock alone"
         )
-    if abs(mesh.volume) <= FLAT * np.ptp(mesh.vertices, axis=0).max() ** 3:
-        raise InvalidInput(
-            f"a flat mesh (volume {mesh.volume:.3g} m3)",
-            "a rock has volume",
-            "export the scan again, with all its coordinates",
-        )
+    if abs(mesh.volume) <= FLAT * size**3:
+        raise _flat(mesh.volume)
     if mesh.volume <= 0.0:
         raise InvalidInput(
             f"a mesh that is inside out (volume {mesh.volume:.3g} m3)",
@@ -225,11 +227,25 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     return mesh, tuple(repaired)
 
 
+def _flat(volume: float) -> InvalidInput:
+    return InvalidInput(
+        f"a flat mesh (volume {volume:.3g} m3)",
+        "a rock has volume",
+        "export the scan again, with all its coordinates",
+    )
+
+
 def _require_a_rock(mesh: trimesh.Trimesh) -> None:
     if len(mesh.faces) == 0:
         raise InvalidInput("a mesh without faces", "a rock has a surface", "export the scan again")
     if not np.isfinite(mesh.vertices).all():
         raise InvalidInput(
             "vertices that are not finite", "coordinates are numbers", "clean the scan"
+        )
+    if (far := float(np.abs(mesh.vertices).max())) > FARTHEST:
+        raise InvalidInput(
+            f"coordinates up to {far:.3g} m",
+            f"they are within {FARTHEST:g} m of the origin, where millimetres can be told",
+            "move the scan to an origin near the rock",
         )
     check_size(float(np.ptp(mesh.vertices, axis=0).max()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,6 +27,9 @@ from vsr_core.motions.records.record import Record
 from vsr_core.motions.records.trace import Trace
 
 Loaded = TypeVar("Loaded")
+
+LARGEST_FILE = 256 * 1024**2
+"""Bytes of a file of motions: of ten million samples in text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +125,28 @@ def each(file: str, paths: list[Path], load: Callable[[Path], Loaded]) -> list[L
     return found
 
 
+def check_file(path: Path) -> None:
+    """Refuse what is no file or too large to be read.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InvalidInput
+        If it is longer than ``LARGEST_FILE``, a device, or not to be read.
+    """
+    if not path.is_file() or not os.access(path, os.R_OK):
+        raise InvalidInput("which is no file that you may read", "it is a file", "correct the path")
+    if (size := path.stat().st_size) > LARGEST_FILE:
+        raise InvalidInput(
+            f"a file of {size / 1024**2:.0f} MiB",
+            f"a motion's has at most {LARGEST_FILE / 1024**2:.0f} MiB",
+            "cut it to the shaking",
+        )
+
+
 def digests(site: Site) -> dict[str, str]:
     """Digests of the files of records, for the key of what is made of them.
 
@@ -189,6 +215,7 @@ def _loaded(
 def _ready(path: Path, response: bytes | None, motion: RecordConfig) -> Ready:
     corners = None if motion.response is None else motion.response.corners
     reading = formats.Reading(motion.component, motion.unit, response, corners)
+    check_file(path)
     record = record_checks.sound(formats.read(path.read_bytes(), path.suffix, reading))
     trace = process(record.acceleration, record.interval, motion.processing.how())
     record_checks.settled(trace)

@@ -11,7 +11,7 @@ import re
 import numpy as np
 
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.records.record import Record, factor, stated
+from vsr_core.motions.records.record import Record, check_sampling, factor, stated
 
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)"
 _NAMED = re.compile(rf"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*{_NUMBER}", re.IGNORECASE)
@@ -68,7 +68,8 @@ def read(text: str, unit: str | None) -> Record:
             "it says ACCELERATION TIME SERIES IN UNITS OF G",
             "use the acceleration (.AT2), not velocity or displacement",
         )
-    number, interval = int(found[1]), float(found[2].upper().replace("D", "E"))
+    number, interval = float(found[1]), float(found[2].upper().replace("D", "E"))
+    check_sampling(interval, number)
     in_file = _UNIT.search(quantity)
     name = stated(in_file[1].rstrip(".") if in_file else None, unit)
     words = " ".join(lines[HEADER:]).split()
@@ -82,7 +83,7 @@ def read(text: str, unit: str | None) -> Record:
         ) from None
     if len(values) != number:
         raise InvalidInput(
-            f"an AT2 file of {len(values)} samples that says NPTS = {number}",
+            f"an AT2 file of {len(values)} samples that says NPTS = {number:.0f}",
             "it holds as many as it says",
             "download it again",
         )

@@ -27,6 +27,9 @@ _DIRECTIONS = {400: "up", 401: "down", 402: "vertical", 700: "H1", 701: "H2"}
 _TEXTS = re.compile(r"with\s+(\d+)\s+text\s+lines", re.IGNORECASE)
 _COUNT = re.compile(r"^\s*(\d+)\s+(\S+)")
 _END = re.compile("end-of-data", re.IGNORECASE)
+DIGITS = 9
+"""Digits read of a number in a header: more than any file has lines."""
+
 _FORMAT = re.compile(r"\(\s*(\d+)\s*[IFE]\s*(\d+)(?:\.\d+)?\s*\)", re.IGNORECASE)
 
 
@@ -97,15 +100,17 @@ def read(text: str, unit: str | None) -> Record:
 def _series(title: str, lines: Iterator[str]) -> Record | None:
     """The series under a title, its acceleration in the file's unit; None if it is none."""
     texts = _TEXTS.search(title)
-    number = int(texts[1]) if texts else TEXT_LINES
+    number = int(texts[1][:DIGITS]) if texts else TEXT_LINES
     header = [title, *(_line(lines) for _ in range(number - 1))]
     integers, reals = _block(lines), _block(lines)
     comments = _COUNT.search(_line(lines))
-    for _ in range(int(comments[1]) if comments else 0):
+    for _ in range(int(comments[1][:DIGITS]) if comments else 0):
         _line(lines)
     values = _block(lines)
     if len(integers) < 54 or len(reals) < 63:
         raise _broken(f"has {len(integers)} integer and {len(reals)} real header values")
+    if not (np.isfinite(integers).all() and np.isfinite(reals).all()):
+        raise _broken("has header values that are no numbers")
     if int(integers[1]) != 1:
         return None
     interval, length = 1e-3 * float(reals[61]), float(reals[62])
@@ -130,7 +135,7 @@ def _block(lines: Iterator[str]) -> Array:
     count, columns = _COUNT.search(heading), _FORMAT.search(heading)
     if count is None or columns is None:
         raise _broken(f"has a block headed {heading.strip()[:50]!r}")
-    number, each, width = int(count[1]), int(columns[1]), int(columns[2])
+    number, each, width = (int(word[:DIGITS]) for word in (count[1], columns[1], columns[2]))
     words: list[str] = []
     while len(words) < number:
         line = _line(lines)

@@ -58,8 +58,9 @@ def read(content: bytes, suffix: str, how: Reading) -> Record:
 def _whole(content: bytes, suffix: str, how: Reading) -> Record:
     if content.startswith(netcdf.MAGIC):
         return netcdf.read(content, how.component, how.unit)
-    if _is_waveform(content, suffix):
-        return waveforms.read(content, how.unit, how.response, how.corners)
+    kind = _waveform(content, suffix)
+    if kind is not None:
+        return waveforms.read(content, kind, how.unit, how.response, how.corners)
     if b"\0" in content[:512]:
         raise _unknown()
     text = content.decode("latin-1")
@@ -73,9 +74,15 @@ def _whole(content: bytes, suffix: str, how: Reading) -> Record:
     raise _unknown()
 
 
-def _is_waveform(content: bytes, suffix: str) -> bool:
-    seed = content[:6].isdigit() and content[6:7] in (b"D", b"R", b"Q", b"M")
-    return seed or suffix == ".sac" or content.startswith(b"Origin Time")
+def _waveform(content: bytes, suffix: str) -> str | None:
+    """ObsPy's name of the format of a file that it reads."""
+    if content[:6].isdigit() and content[6:7] in (b"D", b"R", b"Q", b"M"):
+        return "MSEED"
+    if content.startswith(b"Origin Time"):
+        return "KNET"
+    if suffix == ".sac":
+        return "SAC" if b"\0" in content[:1024] else "SACXY"
+    return None
 
 
 def _unknown() -> InvalidInput:

@@ -22,6 +22,12 @@ _KNOWN = {name: factor for factor, names in _FACTORS.items() for name in names}
 
 _RAW = ("counts", "count", "v", "volt", "volts", "mv")
 
+MOST_SAMPLES = 10_000_000
+"""Samples of a record: three hours at a thousand a second."""
+
+SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-6, 1.0
+"""Time steps of a record [s]: no instrument is faster, and no shaking is told by slower ones."""
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -184,6 +190,33 @@ def stated(in_file: str | None, given: str | None) -> str:
             "leave motion.unit out, or correct the file",
         )
     return str(in_file if in_file is not None else given)
+
+
+def check_sampling(interval: float, number: float) -> None:
+    """Refuse times that no record has, before room is made for its samples.
+
+    Parameters
+    ----------
+    interval : float [s]
+    number : float, of samples, those that are missing included
+
+    Raises
+    ------
+    InvalidInput
+        If the steps or the number are beyond any instrument's.
+    """
+    if not SHORTEST_INTERVAL <= interval <= LONGEST_INTERVAL:
+        raise InvalidInput(
+            f"time steps of {interval:.3g} s",
+            f"they are from {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s",
+            "correct the times, which are in seconds",
+        )
+    if not number <= MOST_SAMPLES:
+        raise InvalidInput(
+            f"times that span {number:.3g} samples",
+            f"a record has at most {MOST_SAMPLES}",
+            "correct the times, or cut the record to the shaking",
+        )
 
 
 def side_by_side(columns: Sequence[Array]) -> Array:

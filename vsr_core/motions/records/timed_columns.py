@@ -9,6 +9,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.named_columns import Column
 from vsr_core.motions.records.record import (
     Record,
+    check_sampling,
     factor,
     is_acceleration,
     is_raw,
@@ -104,6 +105,8 @@ def _evenly(times: Array, values: Array) -> tuple[Array, float, tuple[str, ...]]
             "sort them and drop those that repeat",
         )
     elapsed, written = times - times[0], _printed(times)
+    step = float(np.median(np.diff(elapsed)))
+    check_sampling(step, float(elapsed[-1]) / step)
     interval = _interval(elapsed, float(written[-1]))
     places = np.rint(elapsed / interval).astype(np.int64)
     late = np.abs(elapsed - places * interval) / interval

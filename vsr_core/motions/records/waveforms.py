@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vsr_core.errors import InvalidInput, reason
-from vsr_core.motions.records.record import Record, factor, side_by_side, stated
+from vsr_core.motions.records.record import Record, check_sampling, factor, side_by_side, stated
 
 Corners = tuple[float, float, float, float]
 
@@ -19,7 +19,11 @@ MOST_WARNINGS, WARNING_LENGTH = 3, 160
 
 
 def read(
-    content: bytes, unit: str | None, response: bytes | None, corners: Corners | None
+    content: bytes,
+    kind: str,
+    unit: str | None,
+    response: bytes | None,
+    corners: Corners | None,
 ) -> Record:
     """The record in a file's content, its channels cut to the time that all have.
 
@@ -28,6 +32,7 @@ def read(
     Parameters
     ----------
     content : bytes
+    kind : str, ObsPy's name of the format
     unit : str or None, for formats that do not state one
     response : bytes or None, StationXML; with it the response is removed, to acceleration
     corners : tuple of float [Hz], of the cosine taper of the spectrum before that
@@ -46,9 +51,11 @@ def read(
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            stream = obspy.read(io.BytesIO(content))
+            # By name: left to find out, ObsPy tries Python's pickles too, which run what they hold.
+            stream = obspy.read(io.BytesIO(content), format=kind)
+            _check_span(stream)
             if response is not None:
-                inventory = obspy.read_inventory(io.BytesIO(response))
+                inventory = obspy.read_inventory(io.BytesIO(response), format="STATIONXML")
                 stream = _without_response(stream, inventory, corners)
             stream.merge()
     except InvalidInput:
@@ -129,6 +136,14 @@ def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> A
     pieces.detrend("linear")
     pieces.remove_response(inventory, output="ACC", water_level=None, pre_filt=corners)
     return pieces
+
+
+def _check_span(stream: Any) -> None:
+    """Refuse traces whose gaps would be filled with more samples than a record has."""
+    start = min(trace.stats.starttime for trace in stream)
+    end = max(trace.stats.endtime for trace in stream)
+    for trace in stream:
+        check_sampling(float(trace.stats.delta), (end - start) / (trace.stats.delta or 1.0))
 
 
 def _warnings(caught: list[warnings.WarningMessage]) -> list[str]:
