@@ -49,4 +49,21 @@ def read(path: Path) -> trimesh.Trimesh:
         ) from None
     if not isinstance(mesh, trimesh.Trimesh):
         mesh = trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int))
+    _require_faces_of_vertices(mesh)
     return mesh
+
+
+def _require_faces_of_vertices(mesh: trimesh.Trimesh) -> None:
+    vertices, faces = mesh.vertices, mesh.faces
+    if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.shape[1:] != (3,):
+        raise InvalidInput(
+            "vertices or faces that have not three parts each",
+            "a mesh is triangles in space",
+            "export it again",
+        )
+    if len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices):
+        raise InvalidInput(
+            f"faces of vertices {faces.min()} to {faces.max()}, of {len(vertices)}",
+            "faces are made of the file's vertices",
+            "export it again",
+        )

@@ -1,0 +1,166 @@
+"""Strategies of what a user may give by mistake, and what a refusal of it must look like."""
+
+from __future__ import annotations
+
+import json
+import re
+import resource
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from hypothesis import strategies as st
+from pydantic import BaseModel
+
+from pipeline.config.problems import LONGEST, InputError
+
+Got = TypeVar("Got")
+
+ODD_NUMBERS = (
+    *(0, -0.0, -1, 1, 2, 1e308, -1e308, 1e-300, 5e-324, 1e-12, 1e-9, 1e9, 1e-3, 10**30, -(2**63)),
+    *(float("nan"), float("inf"), float("-inf"), 0.1 + 0.2, 360.0, 361, 100_000, 100_001),
+)
+ODD_TEXTS = (
+    *("", " ", "a", "none", "true", "1", "1e3", "NaN", "../..", "/", ".", "/dev/null", "a\0b"),
+    *("\x1b[2J", "é", "\u202e", "\n", "a: b", "x" * 300, "x" * 5000, "*a", "&a", "{", "%s", "{0}"),
+)
+ODD = st.one_of(
+    st.sampled_from(ODD_NUMBERS),
+    st.sampled_from(ODD_TEXTS),
+    st.sampled_from((True, False, None, [], {}, [[]], {"start": 0}, [None], [True, 1, 2])),
+    st.floats(),
+    st.integers(),
+    st.text(max_size=8),
+).map(lambda value: value)
+"""Values that stand in for any other; mapped, so that it counts as one choice among others."""
+
+ONE_LINE = re.compile(r"[^:].*: got .+; .+; .+")
+MOST_CHARACTERS = 5 * (LONGEST + 40)
+
+
+def like(model: type[BaseModel]) -> st.SearchStrategy[dict[str, Any]]:
+    """Settings such as a model describes, with something odd in some places.
+
+    Parameters
+    ----------
+    model : type of a configuration
+
+    Returns
+    -------
+    strategy of dict
+    """
+    schema = model.model_json_schema()
+    return _like(schema, schema.get("$defs", {}))
+
+
+def _like(node: dict[str, Any], known: dict[str, Any]) -> st.SearchStrategy[Any]:
+    if "$ref" in node:
+        return st.deferred(lambda: _like(known[node["$ref"].rpartition("/")[2]], known))
+    members = node.get("anyOf") or node.get("oneOf")
+    if members:
+        return st.one_of([_like(member, known) for member in members])
+    if "const" in node or "enum" in node:
+        return st.sampled_from(node.get("enum") or [node["const"]]) | ODD
+    kind = node.get("type")
+    if kind == "object":
+        parts = node.get("properties", {})
+        needed = {name: _like(parts[name], known) for name in node.get("required", ())}
+        others = {name: _like(part, known) for name, part in parts.items() if name not in needed}
+        whole = st.fixed_dictionaries(needed, optional=others)
+        return st.one_of(whole, whole, whole, ODD)
+    if kind == "array":
+        items = node.get("prefixItems")
+        if items:
+            return st.tuples(*[_like(item, known) for item in items]).map(list) | ODD
+        return st.lists(_like(node.get("items", {}), known), max_size=4) | ODD
+    if kind in ("number", "integer"):
+        low = node.get("minimum", node.get("exclusiveMinimum", -1e3))
+        high = node.get("maximum", node.get("exclusiveMaximum", 1e3))
+        within = st.integers(int(low), int(high)) if kind == "integer" else st.floats(low, high)
+        return st.one_of(within, st.sampled_from((low, high)), within, ODD)
+    if kind == "boolean":
+        return st.booleans() | ODD
+    return st.sampled_from(("rock.ply", "records", "m/s2")) | ODD
+
+
+def taken_or_refused(door: Callable[[], Got]) -> Got | None:
+    """What goes through a door, or None where it is refused as everything has to be.
+
+    Parameters
+    ----------
+    door : callable, which may raise InputError and nothing else
+
+    Returns
+    -------
+    what the door returns, or None
+    """
+    try:
+        return door()
+    except InputError as refusal:
+        assert refusal.problems
+        for problem in refusal.problems:
+            see_that_it_is_one_line(str(problem))
+        return None
+
+
+def see_that_it_is_one_line(line: str) -> None:
+    """Assert that a problem is told in one line that a terminal can show.
+
+    Parameters
+    ----------
+    line : str
+    """
+    assert line.isprintable(), line
+    assert ONE_LINE.fullmatch(line), line
+    assert len(line) <= MOST_CHARACTERS, len(line)
+    assert "Traceback" not in line
+
+
+@contextmanager
+def bounded(seconds: float, mebibytes: float) -> Iterator[None]:
+    """Assert how much CPU time is taken, and by how much the most memory of this process grows.
+
+    Parameters
+    ----------
+    seconds, mebibytes : float
+    """
+    start, before = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    yield
+    used = time.process_time() - start
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+    assert used < seconds, f"{used:.1f} s"
+    assert grown < mebibytes, f"{grown:.0f} MiB"
+
+
+def settings_of(model: type[BaseModel]) -> st.SearchStrategy[tuple[str, ...]]:
+    """A few settings, ``key=value``, of keys of a model, with values near and beyond its limits.
+
+    Parameters
+    ----------
+    model : type of a configuration
+
+    Returns
+    -------
+    strategy of tuple of str
+    """
+    schema = model.model_json_schema()
+    leaves = dict(_leaves(schema, schema.get("$defs", {}), ""))
+    one = st.sampled_from(sorted(leaves)).flatmap(
+        lambda key: leaves[key].map(lambda value: f"{key}={json.dumps(value)}")
+    )
+    return st.lists(one, min_size=1, max_size=3).map(tuple)
+
+
+def _leaves(
+    node: dict[str, Any], known: dict[str, Any], above: str
+) -> Iterator[tuple[str, st.SearchStrategy[Any]]]:
+    if "$ref" in node:
+        yield from _leaves(known[node["$ref"].rpartition("/")[2]], known, above)
+        return
+    if above:
+        yield above, _like(node, known)
+    for member in (*node.get("anyOf", ()), *node.get("oneOf", ())):
+        yield from _leaves(member, known, above)
+    for name, part in node.get("properties", {}).items():
+        yield from _leaves(part, known, f"{above}.{name}" if above else name)
