@@ -9,7 +9,7 @@ import netCDF4
 import numpy as np
 
 from vsr_core.arrays import Array
-from vsr_core.errors import InvalidInput
+from vsr_core.errors import InvalidInput, reason
 
 _BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
 
@@ -30,8 +30,8 @@ class NetCDF(NamedTuple):
     attributes: dict[str, str]
 
 
-MOST_ROWS = 10_000_000
-"""Rows of a table: three hours at a thousand a second."""
+MOST_SAMPLES = 10_000_000
+"""Samples of a motion: three hours at a thousand a second."""
 
 
 def of_text(text: str) -> list[Column]:
@@ -97,26 +97,38 @@ def of_netcdf(content: bytes) -> NetCDF:
     Raises
     ------
     InvalidInput
-        If it has no coordinate ``time``.
-    OSError
-        If it is no NetCDF.
+        If it is no whole NetCDF, or has no coordinate ``time``.
     """
-    with netCDF4.Dataset("motion.nc", memory=content) as data:
-        if "time" not in data.variables or data["time"].ndim != 1:
-            raise InvalidInput(
-                f"a NetCDF file with the variables {', '.join(data.variables)[:80]}, without time",
-                "one of them is the coordinate time",
-                "name it so",
-            )
-        check_size(data["time"].size)
-        columns, others = [], []
-        for name, variable in data.variables.items():
-            numeric = np.dtype(variable.dtype).kind in "iuf"
-            if numeric and variable.dimensions == data["time"].dimensions:
-                columns.append(Column(name, getattr(variable, "units", None), _filled(variable)))
-            else:
-                others.append(name)
-        return NetCDF(columns, others, {name: str(data.getncattr(name)) for name in data.ncattrs()})
+    try:
+        with netCDF4.Dataset("motion.nc", memory=content) as data:
+            return _along_time(data)
+    except InvalidInput:
+        raise
+    except Exception as error:  # noqa: BLE001 (of a broken file, whatever HDF5 meets first)
+        raise InvalidInput(
+            f"a NetCDF file that cannot be read ({reason(error)})",
+            "it is whole",
+            "write or download it again",
+        ) from None
+
+
+def _along_time(data: netCDF4.Dataset) -> NetCDF:
+    if "time" not in data.variables or data["time"].ndim != 1:
+        raise InvalidInput(
+            f"a NetCDF file with the variables {', '.join(data.variables)[:80]}, without time",
+            "one of them is the coordinate time",
+            "name it so",
+        )
+    check_size(data["time"].size)
+    columns, others = [], []
+    for name, variable in data.variables.items():
+        numeric = np.dtype(variable.dtype).kind in "iuf"
+        if numeric and variable.dimensions == data["time"].dimensions:
+            unit = getattr(variable, "units", None)
+            columns.append(Column(name, None if unit is None else str(unit), _filled(variable)))
+        else:
+            others.append(name)
+    return NetCDF(columns, others, {name: str(data.getncattr(name)) for name in data.ncattrs()})
 
 
 def check_size(number: int) -> None:
@@ -129,11 +141,11 @@ def check_size(number: int) -> None:
     Raises
     ------
     InvalidInput
-        If there are more than ``MOST_ROWS``.
+        If there are more than ``MOST_SAMPLES``.
     """
-    if number > MOST_ROWS:
+    if number > MOST_SAMPLES:
         raise InvalidInput(
-            f"{number} rows", f"a motion has at most {MOST_ROWS}", "cut it to the shaking"
+            f"{number} rows", f"a motion has at most {MOST_SAMPLES}", "cut it to the shaking"
         )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
+from vsr_core.motions.named_columns import MOST_SAMPLES
 
 _FACTORS = {
     1.0: ("m/s2", "m/s/s", "ms-2", "m*s-2", "meter/second2"),
@@ -21,9 +22,6 @@ _FACTORS = {
 _KNOWN = {name: factor for factor, names in _FACTORS.items() for name in names}
 
 _RAW = ("counts", "count", "v", "volt", "volts", "mv")
-
-MOST_SAMPLES = 10_000_000
-"""Samples of a record: three hours at a thousand a second."""
 
 SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-6, 1.0
 """Time steps of a record [s]: no instrument is faster, and no shaking is told by slower ones."""
