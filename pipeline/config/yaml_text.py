@@ -24,8 +24,8 @@ MOST_DIGITS = 300
 class _Loader(yaml.SafeLoader):
     """Safe loader that refuses a key given twice and reads plain values as YAML 1.2 does.
 
-    YAML 1.1 takes 030 for 24, 1e-3 for text, 1:30 for 90, `no` for a number that is 0, and
-    2020-01-01 for a date.
+    YAML 1.1 takes 030 for 24, 1e-3 for text, 1:30 for 90, `no` for a number that is 0,
+    2020-01-01 for a date, and << for no key.
     """
 
     def __init__(self, text: str) -> None:
@@ -55,7 +55,7 @@ _Loader.yaml_implicit_resolvers = {
     first: [
         (tag, rule)
         for tag, rule in rules
-        if not tag.endswith((":int", ":float", ":bool", ":timestamp"))
+        if not tag.endswith((":int", ":float", ":bool", ":timestamp", ":merge"))
     ]
     for first, rules in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
@@ -89,7 +89,6 @@ def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
             what = "is no name" if not isinstance(place, yaml.ScalarNode) else "twice"
             raise yaml.YAMLError(f"key {key!r} {what}, line {place.start_mark.line + 1}")
         keys.append(key)
-    loader.flatten_mapping(node)
     return {
         loader.construct_object(key, deep=True): loader.construct_object(value, deep=True)
         for key, value in node.value

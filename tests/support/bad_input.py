@@ -97,11 +97,12 @@ def taken_or_refused(door: Callable[[], Got]) -> Got | None:
     """
     try:
         return door()
-    except InputError as refusal:
-        assert refusal.problems
-        for problem in refusal.problems:
-            see_that_it_is_one_line(str(problem))
-        return None
+    except InputError as error:
+        refusal = error
+    assert refusal.problems
+    for problem in refusal.problems:
+        see_that_it_is_one_line(str(problem))
+    return None
 
 
 def see_that_it_is_one_line(line: str) -> None:
@@ -115,6 +116,37 @@ def see_that_it_is_one_line(line: str) -> None:
     assert ONE_LINE.fullmatch(line), line
     assert len(line) <= MOST_CHARACTERS, len(line)
     assert "Traceback" not in line
+
+
+BROKEN_WORDS = (
+    *(b"nan", b"inf", b"-1", b"0", b"1e308", b"1e-320", b"9" * 30, b"9" * 5000, b"", b" ", b","),
+    *(b"\n", b"\0", b"\xff" * 4, b"\x7f\xff\xff\xff", b"\xff\xff\xff\x7f", b"\0" * 4),
+)
+
+
+@st.composite
+def broken(draw: st.DrawFn, whole: bytes) -> bytes:
+    """A file's content with some of its bytes replaced, put in or left out, or cut short.
+
+    Parameters
+    ----------
+    draw : callable
+    whole : bytes
+
+    Returns
+    -------
+    bytes
+    """
+    content = whole
+    for _ in range(draw(st.integers(1, 4))):
+        if not content:
+            break
+        first = draw(st.integers(0, min(len(content), 500) - 1))  # headers are there
+        at = draw(st.just(first) | st.integers(0, len(content) - 1))
+        gone = draw(st.sampled_from((0, 1, 4, 12, len(content))))
+        put = draw(st.sampled_from(BROKEN_WORDS) | st.binary(max_size=6))
+        content = content[:at] + put + content[at + gone :]
+    return content
 
 
 @contextmanager

@@ -24,6 +24,13 @@ REST = 0.05
 """Velocity at the ends of a sampled motion that still counts as rest, as a share of its largest in
 any direction."""
 
+SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
+"""Steps [s] between samples of a table's motion: none is commanded faster or more rarely."""
+
+NEAREST, FARTHEST = 1e-9, 1e4
+"""Largest distance [m] or angle [rad] from a table's zero: an encoder tells no less, and no table
+goes further."""
+
 SUBDIVISION = 8
 """Parts into which the time between two samples is divided for peaks and integrals."""
 
@@ -118,6 +125,7 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
         raise InvalidInput(
             f"time {time[at]:g} s in sample {at + 1}", "times ascend", "sort the samples"
         )
+    _check_magnitudes(np.diff(time), samples)
     samples = np.hstack([samples[:, :3], np.unwrap(samples[:, 3:], axis=0)])
     tilt = float(np.abs(samples[:, 3:5]).max())
     if tilt > 2.0 * math.pi:
@@ -128,6 +136,23 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
         )
     _check_ends(time, samples)
     return SampledMotion(np.asarray(time, float), samples)
+
+
+def _check_magnitudes(steps: Array, samples: Array) -> None:
+    """Times and ways must be those of a table, in seconds, metres and radians."""
+    if not (steps.min() >= SHORTEST_STEP and steps.max() <= LONGEST_STEP):
+        raise InvalidInput(
+            f"time steps of {steps.min():.3g} to {steps.max():.3g} s",
+            f"they are from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s",
+            "name the unit, e.g. time [ms]",
+        )
+    travel = float(np.abs(samples).max())
+    if travel > FARTHEST or 0.0 < travel < NEAREST:
+        raise InvalidInput(
+            f"a table that moves {travel:.3g} m or rad from its zero",
+            f"it moves between {NEAREST:g} and {FARTHEST:g}",
+            "name the unit, e.g. x [mm]",
+        )
 
 
 def _check_ends(time: Array, samples: Array) -> None:

@@ -16,6 +16,27 @@ LARGEST_FILE = 2 * 1024**3
 """Bytes of a file: of some forty million faces, which take some tens of gigabytes of memory."""
 
 
+def check_size(path: Path) -> None:
+    """Refuse a file that is too large to be read.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InvalidInput
+        If it is longer than ``LARGEST_FILE``.
+    """
+    size = path.stat().st_size
+    if size > LARGEST_FILE:
+        raise InvalidInput(
+            f"a file of {size / 1024**3:.1f} GiB",
+            f"a scan has at most {LARGEST_FILE / 1024**3:.0f} GiB",
+            "thin it out",
+        )
+
+
 def read(path: Path) -> trimesh.Trimesh:
     """The mesh in a file, as it is there.
 
@@ -34,13 +55,7 @@ def read(path: Path) -> trimesh.Trimesh:
     """
     import trimesh
 
-    size = path.stat().st_size
-    if size > LARGEST_FILE:
-        raise InvalidInput(
-            f"a file of {size / 1024**3:.1f} GiB",
-            f"a scan has at most {LARGEST_FILE / 1024**3:.0f} GiB",
-            "thin it out",
-        )
+    check_size(path)
     try:
         mesh = trimesh.load(path, force="mesh", process=False)
     except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)

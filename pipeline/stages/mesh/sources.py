@@ -91,6 +91,11 @@ def find(site: Site) -> Source:
         raise _problem(
             site, f"{shown(path)}, which is not there", "the scan exists", "check the path"
         )
+    try:
+        mesh_files.check_size(path)  # before its digest is taken
+    except InvalidInput as error:
+        given = f"{shown(path)}, {error.given}"
+        raise _problem(site, given, error.rule, error.remedy) from None
     return Source(path, "", _label(path))
 
 

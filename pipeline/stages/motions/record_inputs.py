@@ -67,7 +67,7 @@ def find(site: Site, files: tuple[str, ...]) -> list[Path]:
     Raises
     ------
     InputError
-        If one is not there, a folder holds none, or two have one name.
+        If one is not there or too large, a folder holds none, or two have one name.
     """
     found: list[Path] = []
     for name in files:
@@ -83,6 +83,7 @@ def find(site: Site, files: tuple[str, ...]) -> list[Path]:
                 "put records there",
             )
         found += inside if path.is_dir() else [path]
+    each(site.file, found, check_file)
     twice = [name for name, times in Counter(p.stem for p in found).items() if times > 1]
     if twice:
         raise _problem(
@@ -215,7 +216,6 @@ def _loaded(
 def _ready(path: Path, response: bytes | None, motion: RecordConfig) -> Ready:
     corners = None if motion.response is None else motion.response.corners
     reading = formats.Reading(motion.component, motion.unit, response, corners)
-    check_file(path)
     record = record_checks.sound(formats.read(path.read_bytes(), path.suffix, reading))
     trace = process(record.acceleration, record.interval, motion.processing.how())
     record_checks.settled(trace)

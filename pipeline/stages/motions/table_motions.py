@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -61,7 +60,7 @@ def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
     """
     assert motion.files is not None
     paths = record_inputs.find(site, motion.files)
-    motions = record_inputs.each(site.file, paths, _loaded)
+    motions = record_inputs.each(site.file, paths, lambda path: _moving(table_files.load(path)))
     found = dict(zip((path.stem for path in paths), motions, strict=True))
     ratios = {name: one.peak_velocity / one.peak_acceleration for name, one in found.items()}
     names = tuple(sorted(found, key=lambda name: (ratios[name], name)))
@@ -144,11 +143,6 @@ def named(pulses: tuple[AxisPulseConfig, ...]) -> str:
         own = "" if pulse.pgv_pga is None else f" of {pulse.pgv_pga:g} s"
         words.append(f"{share}{pulse.axis}{own}")
     return ", ".join(words)
-
-
-def _loaded(path: Path) -> SampledMotion:
-    record_inputs.check_file(path)
-    return _moving(table_files.load(path))
 
 
 def _moving(motion: SampledMotion) -> SampledMotion:

@@ -162,7 +162,7 @@ WRONG = {
     "coarse step": ("simulation: {time_step: 1}", "simulation.time_step", "0.02"),
     "box without size": ("rock: {shape: box, density: 2000}", "rock", "needs `size`", "[x, y, z]"),
     "mesh without path": ("rock: {shape: mesh, density: 2000}", "rock", "needs `mesh`", "path"),
-    "flat box": ("rock: {shape: box, size: [1, 0, 2], density: 2000}", "rock.size", "0", "positive"),
+    "flat box": ("rock: {shape: box, size: [1, 0, 2], density: 2000}", "rock.size", "positive"),
     "no density": ("rock: {shape: box, size: [1, 1, 2]}", "rock.density", "required", "kg m-3"),
     "g per cm3?": ("rock: {shape: box, size: [1, 1, 2], density: 0}", "rock.density", "0"),
     "key is a number": ("contact: {1: 3}", "contact.1", "unknown", "the keys here are friction"),

@@ -31,6 +31,7 @@ import scipy
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
+from vsr_core.motions.records.record import check_sampling
 from vsr_core.motions.records.trace import Trace
 
 POWERS = range(2, 7)
@@ -89,6 +90,7 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
             f"a record of {len(acceleration)} samples", f"it has {FEWEST} or more", "use another"
         )
     if how.resample is not None:
+        check_sampling(1.0 / how.resample, len(acceleration) * interval * how.resample)
         acceleration, interval = resampled(acceleration, interval, how.resample)
     _check_corners(how, interval, len(acceleration))
     if how.order == "none":
@@ -96,7 +98,9 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
     if how.order == "standard":
         acceleration = scipy.signal.detrend(acceleration, type="linear")
     if how.highpass is not None:
-        acceleration = np.pad(acceleration, pad_length(how, interval))
+        pads = pad_length(how, interval)
+        check_sampling(interval, len(acceleration) + 2 * pads)
+        acceleration = np.pad(acceleration, pads)
     for kind, corner in (("lowpass", how.lowpass), ("highpass", how.highpass)):
         if corner is not None:
             acceleration = filtered(acceleration, interval, kind, corner, how.poles)

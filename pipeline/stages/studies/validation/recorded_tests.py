@@ -123,7 +123,11 @@ def scans_in(folder: Path) -> dict[int, Path]:
     -------
     dict of Path, in the order of the numbers
     """
-    found = {m: path for path in folder.glob("sp*.ply") if (m := SCAN.fullmatch(path.name))}
+    found = {
+        m: path
+        for path in folder.glob("sp*.ply")
+        if (m := SCAN.fullmatch(path.name)) and path.is_file()
+    }
     return {
         int(match[1]): path for match, path in sorted(found.items(), key=lambda p: int(p[0][1]))
     }

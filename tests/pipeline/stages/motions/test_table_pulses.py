@@ -151,7 +151,7 @@ def test_x_alone_is_the_plain_pulse(
         ("pulses=[{axis: w}]", ("motion.pulses.0.axis", "'w'", "'roll'")),
         ("pulses=[{axis: x, shar: 1}]", ("motion.pulses.0.shar", "did you mean share?")),
         ("pulses=[{axis: x, share: 0}]", ("motion.pulses.0.share", "moves nothing")),
-        ("pulses=[{axis: x, pgv_pga: -1}]", ("motion.pulses.0.pgv_pga", "greater than or equal to 0.001")),
+        ("pulses=[{axis: x, pgv_pga: -1}]", ("motion.pulses.0.pgv_pga", "equal to 0.001")),
         ("pulses=[{axis: x, pgv_pga: 0.2}]", ("motion.pulses", "follows the rows")),
         ("pulses=[{share: 1}]", ("motion.pulses.0.axis", "required")),
         ("pgv_pga=null", ("motion.pgv_pga", "pulses have a PGV/PGA")),

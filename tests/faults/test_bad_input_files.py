@@ -1,0 +1,326 @@
+"""Scans, records and tables that are broken, or lie about themselves, are refused in a line."""
+
+from __future__ import annotations
+
+import io
+import os
+import pickle
+import struct
+import tempfile
+import warnings
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import obspy
+import pytest
+import trimesh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pipeline.config.motion_schema import RecordConfig
+from pipeline.stages.mesh import mesh_files
+from pipeline.stages.motions import record_inputs, table_files
+from tests.support import record_files
+from tests.support.bad_input import bounded, broken
+from vsr_core.errors import InvalidInput
+from vsr_core.rock import solid
+
+Refused = Callable[..., str]
+
+PLY = (
+    "ply\nformat {form} 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\n"
+    "property float z\nelement face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
+)
+HUGE = 2_000_000_000
+
+
+def site(folder: Path, mesh: str) -> Path:
+    path = folder / "scan.yaml"
+    path.write_text(f"rock: {{shape: mesh, mesh: {mesh}, density: 2000}}\n")
+    return path
+
+
+def obj(vertices: Any, faces: Any) -> bytes:
+    lines = ["v {} {} {}".format(*vertex) for vertex in vertices]
+    lines += ["f {} {} {}".format(*face) for face in faces]
+    return "\n".join(lines).encode()
+
+
+BOX = trimesh.creation.box((1.0, 1.0, 2.0))
+CORNERS, FACES = np.array(BOX.vertices), np.array(BOX.faces) + 1
+
+MESHES: dict[str, tuple[bytes, str]] = {
+    "ascii of 2e9.ply": (
+        PLY.format(form="ascii", vertices=HUGE, faces=12).encode() + b"0 0 0\n",
+        "not three parts",
+    ),
+    "binary of 2e9.ply": (
+        PLY.format(form="binary_little_endian", vertices=HUGE, faces=12).encode() + bytes(100),
+        "cannot be read",
+    ),
+    "triangles of 4e9.stl": (bytes(80) + struct.pack("<I", 2 * HUGE) + bytes(500), "faces"),
+    "glb of 4 GiB.glb": (b"glTF" + struct.pack("<III", 2, 2**32 - 1, 2**32 - 1), "cannot be read"),
+    "noise.ply": (bytes(np.random.default_rng(1).bytes(5000)), "cannot be read"),
+    "flat.obj": (obj(CORNERS * [1, 1, 0], FACES), "a flat mesh"),
+    "in a line.obj": (obj(CORNERS * [1, 0, 0], FACES), "a flat mesh"),
+    "far.obj": (obj(CORNERS + 1e12, FACES), "1e+12 m"),
+    "huge.obj": (obj(CORNERS * 1e308, FACES), "coordinates up to 1e+308 m"),
+    "nan.obj": (obj([["nan", 0, 0], *CORNERS[1:]], FACES), "not finite"),
+    "inside out.obj": (obj(CORNERS, FACES[:, ::-1]), "inside out"),
+}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_mesh_is_refused(tmp_path: Path, refused: Refused, name: str) -> None:
+    content, words = MESHES[name]
+    (tmp_path / name).write_bytes(content)
+    with bounded(seconds=3.0, mebibytes=300.0):
+        refused("run", "rock", "--site", site(tmp_path, name), words=(name, "rock.mesh", words))
+
+
+def test_faces_of_vertices_that_are_not_there(tmp_path: Path, refused: Refused) -> None:
+    content = BOX.export(file_type="ply")
+    at = content.index(b"end_header\n") + len(b"end_header\n") + 8 * 12  # past eight vertices
+    assert content[at] == 3
+    (tmp_path / "rock.ply").write_bytes(
+        content[: at + 1] + struct.pack("<i", 4711) + content[at + 5 :]
+    )
+    words = ("rock.ply", "of vertices 0 to 4711, of 8")
+    refused("run", "rock", "--site", site(tmp_path, "rock.ply"), words=words)
+
+
+def test_scan_that_is_too_large_is_not_read(tmp_path: Path, refused: Refused) -> None:
+    with (tmp_path / "rock.ply").open("wb") as file:
+        file.truncate(mesh_files.LARGEST_FILE + 1)  # of holes, which take no room
+    refused("run", "rock", "--site", site(tmp_path, "rock.ply"), words=("2.0 GiB", "thin it out"))
+
+
+@pytest.mark.parametrize("key", ["rock.mesh", "motion.files", "motion.response.file"])
+@pytest.mark.parametrize("name", ["loop.ply", "x" * 300 + ".ply", "a\0b.ply", "\\uDCFF.ply", ""])
+def test_path_that_leads_nowhere(tmp_path: Path, refused: Refused, key: str, name: str) -> None:
+    (tmp_path / "loop.ply").symlink_to("loop.ply")
+    text = {
+        "rock.mesh": 'rock: {{shape: mesh, mesh: "{}", density: 2000}}\n',
+        "motion.files": "motion: {{kind: record, files: '{}', pga: 1, {}}}\n",
+        "motion.response.file": "motion: {{kind: record, files: one.mseed, response: {{file: '{}', "
+        "corners: [0.1, 0.2, 20, 30]}}, pga: 1, {}}}\n",
+    }[key].replace("'{}'", '"{}"')
+    processing = "processing: {order: none, highpass: null, lowpass: null}"
+    escaped = name.replace("\0", "\\0")
+    path = tmp_path / "site.yaml"
+    box = "" if key == "rock.mesh" else "rock: {shape: box, size: [1, 1, 2], density: 2000}\n"
+    path.write_text(box + text.format(escaped, processing))
+    (tmp_path / "one.mseed").write_bytes(waveform("MSEED"))
+    refused("plan", "--site", path, words=("site.yaml",))
+
+
+MOTION = record_files.shaking(1, 100.0, 10.0, 6.0, 0.3)
+TIMES = np.arange(60) * 0.01
+
+
+@cache
+def waveform(kind: str) -> bytes:
+    header = {"delta": 0.01, "station": "A", "channel": "HNE"}
+    content = io.BytesIO()
+    obspy.Trace(MOTION.astype(np.float64), header).write(content, format=kind)
+    return content.getvalue()
+
+
+@cache
+def netcdf() -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "one.nc"
+        record_files.netcdf(path, MOTION, 0.01)
+        return path.read_bytes()
+
+
+RECORDS: dict[str, Callable[[], bytes]] = {
+    "one.csv": lambda: record_files.csv(MOTION, 0.01).encode(),
+    "one.at2": lambda: record_files.at2(MOTION, 0.01).encode(),
+    "one.v2": lambda: record_files.cosmos((MOTION, 90), interval=0.01).encode(),
+    "one.ns": lambda: record_files.knet(MOTION, 0.01).encode(),
+    "one.mseed": lambda: waveform("MSEED"),
+    "one.sac": lambda: waveform("SAC"),
+    "one.nc": netcdf,
+}
+
+
+def read_record(path: Path) -> None:
+    states_none = path.suffix in (".mseed", ".sac")
+    motion = RecordConfig.model_validate(
+        {
+            "files": path.name,
+            "unit": "m/s2" if states_none else None,
+            "processing": {"order": "standard", "highpass": 0.1, "lowpass": 25.0},
+            "pga": 0.5,
+        }
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        record_inputs._ready(path, None, motion)
+
+
+def read_mesh(path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        solid.from_mesh(solid.checked(mesh_files.read(path))[0], 2000.0)
+
+
+def read_table(path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        table_files.load(path)
+
+
+def table() -> bytes:
+    there = 50.0 * np.sin(np.pi * TIMES / TIMES[-1]) ** 4
+    rows = [f"{t:.4f},{x:.5f},{0.02 * x:.5f}" for t, x in zip(TIMES, there, strict=True)]
+    return "\n".join(["time [s],x [mm],roll [degree]", *rows]).encode()
+
+
+def mesh(kind: str) -> bytes:
+    content = BOX.export(file_type=kind)
+    return content.encode() if isinstance(content, str) else content
+
+
+DOORS: dict[str, tuple[Callable[[], bytes], Callable[[Path], None]]] = {
+    **{name: (content, read_record) for name, content in RECORDS.items()},
+    "table.csv": (table, read_table),
+    **{
+        f"rock.{kind}": ((lambda kind=kind: mesh(kind)), read_mesh)
+        for kind in ("ply", "stl", "obj", "dae", "glb")
+    },
+}
+
+
+def taken_or_refused(path: Path, content: bytes, read: Callable[[Path], None]) -> None:
+    path.write_bytes(content)
+    with bounded(seconds=3.0, mebibytes=300.0):
+        try:
+            read(path)
+        except InvalidInput as error:
+            said = error
+        else:
+            return
+    assert said.given
+    assert said.rule
+    assert said.remedy
+
+
+SOME = settings(
+    max_examples=40,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+@pytest.mark.parametrize("name", DOORS)
+def test_whole_file_is_taken(tmp_path: Path, name: str) -> None:
+    content, read = DOORS[name]
+    (tmp_path / name).write_bytes(content())
+    read(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", DOORS)
+@SOME
+@given(data=st.data())
+def test_broken_file_is_taken_or_refused(tmp_path: Path, name: str, data: Any) -> None:
+    content, read = DOORS[name]
+    taken_or_refused(tmp_path / name, data.draw(broken(content())), read)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DOORS)
+@settings(SOME, max_examples=2000, derandomize=False)
+@given(data=st.data())
+def test_hunt_of_broken_files(tmp_path: Path, name: str, data: Any) -> None:
+    content, read = DOORS[name]
+    taken_or_refused(tmp_path / name, data.draw(broken(content())), read)
+
+
+class Runs:
+    """What a pickle does when it is read."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (os.mkdir, (str(self.path),))
+
+
+@pytest.mark.parametrize("name", ["one.sac", "one.mseed", "one.csv"])
+def test_record_runs_nothing(tmp_path: Path, name: str) -> None:
+    """ObsPy takes Python's pickles for records where it is left to find out the format."""
+    (tmp_path / name).write_bytes(pickle.dumps(Runs(tmp_path / "made")))
+    with pytest.raises(InvalidInput):
+        read_record(tmp_path / name)
+    assert not (tmp_path / "made").exists()
+
+
+def rows(times: Any, values: Any, names: str = "time [s],acceleration [m/s2]") -> str:
+    return "\n".join([names, *(f"{t!r},{v!r}" for t, v in zip(times, values, strict=True))])
+
+
+def late(when: float) -> str:
+    times = [*(0.01 * np.arange(len(MOTION))).tolist(), when]
+    return rows(times, [*MOTION.tolist(), 0.0])
+
+
+EVEN = (0.01 * np.arange(len(MOTION))).tolist()
+WRONG_RECORDS = {
+    "a sample in a year.csv": (late(3e7), r"span 3e\+09 samples"),
+    "a sample at the end of time.csv": (late(1e300), "samples"),
+    "steps of nothing.csv": (rows([1e-305 * t for t in EVEN], MOTION.tolist()), "time steps of"),
+    "steps of days.csv": (rows([1e7 * t for t in EVEN], MOTION.tolist()), "time steps of"),
+    "NPTS of 1500 digits.at2": (
+        record_files.at2(MOTION, 0.01).replace("NPTS=   1000", "NPTS= " + "9" * 1500),
+        "samples",
+    ),
+    "no step.at2": (record_files.at2(MOTION, 0.01).replace("DT=  .0100", "DT=  .0000"), "steps of"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_RECORDS)
+def test_record_is_refused(tmp_path: Path, name: str) -> None:
+    text, words = WRONG_RECORDS[name]
+    (tmp_path / name).write_text(text)
+    with bounded(seconds=2.0, mebibytes=200.0), pytest.raises(InvalidInput, match=words):
+        read_record(tmp_path / name)
+
+
+@pytest.mark.parametrize("kind", ["record", "table"])
+def test_file_of_motions_that_is_none_or_too_large_is_not_read(
+    tmp_path: Path, refused: Refused, write_site: Callable[..., str], kind: str
+) -> None:
+    with (tmp_path / "one.csv").open("wb") as file:
+        file.truncate(1 << 40)  # of holes, which take no room
+    os.mkfifo(tmp_path / "two.csv")
+    processing = "processing: {order: none, highpass: null, lowpass: null}, "
+    processing = processing if kind == "record" else ""
+    for name, words in (("one.csv", "1048576 MiB"), ("two.csv", "no file"), ("/dev/zero", "no fi")):
+        motion = f"motion: {{kind: {kind}, files: {name}, {processing}pga: 1}}"
+        with bounded(seconds=1.0, mebibytes=50.0):
+            refused("plan", "--site", write_site(motion), words=(name, words, "motion.files"))
+
+
+@pytest.mark.parametrize(
+    ("time", "way", "words"),
+    [
+        (1e-300, 1.0, "time steps"),
+        (1e300, 1.0, "time steps"),
+        (1.0, 1e300, "m or rad"),
+        (1.0, 1e-300, "m or rad"),
+    ],
+)
+def test_table_motion_is_one_of_a_table(
+    tmp_path: Path, time: float, way: float, words: str
+) -> None:
+    there = way * np.sin(np.pi * TIMES / TIMES[-1]) ** 4
+    path = tmp_path / "table.csv"
+    path.write_text(rows((time * TIMES).tolist(), there.tolist(), "time,x"))
+    with pytest.raises(InvalidInput, match=words):
+        read_table(path)
