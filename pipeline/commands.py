@@ -170,7 +170,7 @@ def clean(options: argparse.Namespace) -> int:
     int, always 0
     """
     site, derived = options.site, options.derived
-    if site is not None and (site != Path(site).name or site == ".."):
+    if site is not None and (site in ("", "..") or site != Path(site).name):
         rule = "it is the name of a folder of derived data"
         raise InputError(Problem("--site", "", repr(site), rule, "leave it out to remove all"))
     targets = [derived / site] if site else sorted(derived.glob("*/"))

@@ -1,0 +1,219 @@
+"""What is typed wrongly, and what stops a command: one line, the right exit code, nothing left."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+import xarray as xr
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pipeline import ROOT, cli
+from pipeline.config.problems import Problem
+from pipeline.workflow.datasets import netcdf
+from tests.support.bad_input import ODD_TEXTS, see_that_it_is_one_line
+
+Refused = Callable[..., str]
+Vsr = Callable[..., Any]
+
+SITE = ("--site", "cuboid_1x1x2")
+
+
+def start(*arguments: object, **environment: str) -> subprocess.Popen[str]:
+    """A command in a session of its own, as a terminal would have it."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "pipeline", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        start_new_session=True,
+    )
+
+
+LINES = {
+    "no command": ((), "required: COMMAND"),
+    "unknown command": (("go",), "invalid choice: 'go'"),
+    "no site": (("plan",), "required: --site"),
+    "unknown option": (("plan", *SITE, "--fast"), "unrecognized arguments: --fast"),
+    "unknown product": (("plan", "toppling", *SITE), "invalid choice: 'toppling'"),
+    "option without its value": (("plan", "--site"), "expected one argument"),
+    "two places": (("run", "rock", "--workers", "1", "--cluster", "slurm", *SITE), "not allowed"),
+    "many workers": (("run", "rock", *SITE, "--workers", "1" + "0" * 5000), "0 to 10000"),
+    "other digits": (("run", "rock", *SITE, "--workers", "\u0663"), "whole number"),
+    "no folder to keep things in": (("plan", *SITE, "--derived", ""), "--derived", "empty name"),
+    "a folder that cannot be": (("plan", *SITE, "--derived", "x" * 300), "--derived", "too long"),
+    "a folder that is a device": (("plan", *SITE, "--derived", "/dev/null/x"), "Not a directory"),
+}
+
+
+@pytest.mark.parametrize("case", LINES)
+def test_command_line_is_refused_in_a_line(capsys: pytest.CaptureFixture[str], case: str) -> None:
+    arguments, *words = LINES[case]
+    assert cli.main(list(arguments)) == cli.REFUSED
+    said = capsys.readouterr()
+    assert said.out == ""
+    (line,) = said.err.splitlines()
+    see_that_it_is_one_line(line.removeprefix("vsr: "))
+    assert [word for word in words if word not in line] == []
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "../other", "/", "a/b"])
+def test_clean_takes_the_name_of_a_folder(refused: Refused, name: str) -> None:
+    refused("clean", "--yes", "--site", name, words=("--site", repr(name), "leave it out"))
+
+
+def test_folder_that_is_a_loop(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    assert cli.main(["plan", *SITE, "--derived", str(loop)]) == cli.REFUSED
+    assert "--derived: got" in capsys.readouterr().err
+
+
+WORDS = st.sampled_from(
+    [
+        *("plan", "status", "why", "prep", "list", "rock", "responses", "validation", *SITE),
+        *("--study", "--set", "--table", "--workers", "--scheduler", "--cluster", "slurm", "--"),
+        *("records", "yaw=1", "/", "/dev/null", "x.yaml", "-1", *ODD_TEXTS),
+    ]
+)
+
+
+@settings(
+    max_examples=120,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+@given(
+    verb=st.sampled_from(("plan", "status", "why", "prep", "list", "zzz")),
+    more=st.lists(WORDS | st.text(max_size=5), max_size=5),
+)
+def test_any_words_are_done_or_refused(vsr: Vsr, derived: Path, verb: str, more: list[str]) -> None:
+    ran = vsr(verb, *more)
+    if ran.code == cli.DONE:
+        return
+    assert ran.code == cli.REFUSED, ran.err
+    lines = ran.err.splitlines()
+    assert lines
+    for line in lines:
+        assert line.startswith("vsr: ")
+        see_that_it_is_one_line(line.removeprefix("vsr: "))
+    assert not [path for path in derived.rglob("*") if path.is_file()]
+
+
+def test_long_parts_and_controls_are_shown_in_short() -> None:
+    line = str(Problem("a" * 5000, "k\x1b[2J", "x" * 5000 + "end", "rule\nin two", "\u202eremedy"))
+    see_that_it_is_one_line(line)
+    assert "\\x1b[2J" in line
+    assert "\\u202e" in line
+    assert "xend; rule in two" in line
+    assert len(line) < 800
+
+
+def test_libraries_are_silent_before_the_line(tmp_path: Path) -> None:
+    """A flat scan makes trimesh divide by its volume, and say so."""
+    flat = trimesh.creation.box((1.0, 1.0, 2.0))
+    flat.vertices[:, 2] = 0.0
+    (tmp_path / "flat.obj").write_text(flat.export(file_type="obj"))
+    site = tmp_path / "site.yaml"
+    site.write_text("rock: {shape: mesh, mesh: flat.obj, density: 2000}\n")
+    process = start("run", "rock", "--site", site, "--derived", tmp_path / "derived")
+    (line,) = process.communicate(timeout=60)[0].splitlines()
+    assert process.returncode == cli.REFUSED
+    assert "a flat mesh" in line
+
+
+@pytest.mark.parametrize(
+    ("environment", "code"),
+    [
+        ({"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}, cli.REFUSED),
+        ({"COLUMNS": "many", "HOME": "/nowhere", "TMPDIR": "/nowhere"}, cli.REFUSED),
+    ],
+)
+def test_surroundings_change_nothing(
+    tmp_path: Path, environment: dict[str, str], code: int
+) -> None:
+    process = start("plan", "--site", "é.yaml", "--derived", tmp_path / "é", **environment)
+    (line,) = process.communicate(timeout=60)[0].splitlines()
+    assert process.returncode == code
+    assert "a file that is not there" in line
+
+
+def stop(process: subprocess.Popen[str], how: signal.Signals) -> tuple[int, str, float]:
+    """Stop a command; its exit code, what it said, and how long it took to end [s]."""
+    began = time.monotonic()
+    if how == signal.SIGINT:
+        os.killpg(process.pid, how)  # a terminal tells all of them
+    else:
+        process.send_signal(how)
+    said = process.communicate(timeout=30)[0]
+    return process.returncode, said, time.monotonic() - began
+
+
+def wait_for(path: Path) -> None:
+    for _ in range(600):
+        if path.exists():
+            return
+        time.sleep(0.05)
+    raise TimeoutError(path)
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
+def test_stopped_while_a_scan_is_cut(tmp_path: Path, how: signal.Signals) -> None:
+    process = start("run", "rock", "--site", "double_rock_terrain", "--derived", tmp_path)
+    wait_for(tmp_path / "double_rock_terrain")
+    code, said, took = stop(process, how)
+    assert code in (cli.STOPPED, -how)  # Python ends by SIGINT where that met it in an import
+    assert said.splitlines()[-1].startswith("stopped; what was done is kept")
+    assert "Traceback" not in said
+    assert took < 5.0
+    assert not list(tmp_path.rglob(".part-*"))
+
+
+LIMITED = """
+import resource, signal, sys
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFINITY))
+from pipeline.cli import main
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+@pytest.mark.parametrize("room", [0, 30_000])
+def test_no_room_is_told_as_that(tmp_path: Path, room: int) -> None:
+    """The system's limit of a file's size stands for the end of the disk."""
+    arguments = ["run", "rock", *SITE, "--workers", "0", "--derived", str(tmp_path)]
+    ran = subprocess.run(
+        [sys.executable, "-c", LIMITED, str(room), *arguments],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+    )
+    (line,) = ran.stderr.splitlines()
+    assert ran.returncode == cli.REFUSED
+    assert "File too large" in line
+    assert "ermission denied" not in line
+    assert not list(tmp_path.rglob(".part-*"))
+    assert not list(tmp_path.rglob("*.nc"))
+
+
+def test_netcdf_says_what_the_disk_says(tmp_path: Path) -> None:
+    """By itself the library calls a disk without any room "permission denied"."""
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    (tmp_path / "one.nc").symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left"):
+        netcdf(xr.Dataset({"a": ("x", np.ones(1000))}))(tmp_path / "one.nc")
