@@ -1,6 +1,7 @@
 """``python -m pipeline``, also installed as ``vsr``."""
 
 import gc
+import os
 import signal
 import sys
 import warnings
@@ -18,6 +19,7 @@ def program() -> int:
     """The process of one command; returns its exit code."""
     gc.set_threshold(COLLECTED_AFTER, 20, 20)
     signal.signal(signal.SIGTERM, _stop)
+    os.environ["MPLBACKEND"] = "agg"  # pictures go to files, whatever screen there is
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a name that this terminal cannot show

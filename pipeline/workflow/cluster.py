@@ -15,6 +15,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import slurm
 from pipeline.workflow.batches import BATCHES_IN_FLIGHT, Batch, Done
 from pipeline.workflow.dispatch import Dispatch
+from pipeline.workflow.interrupts import held_back
 
 _LOCAL = {
     "distributed.scheduler.allowed-failures": 0,
@@ -150,12 +151,13 @@ class Cluster:
         with ExitStack() as stack:
             if self.local:
                 stack.enter_context(dask.config.set(_LOCAL))
-                cluster = distributed.LocalCluster(
-                    n_workers=self.workers,
-                    threads_per_worker=1,
-                    dashboard_address="127.0.0.1:0",
-                    silence_logs=50,
-                )
+                with held_back():  # Dask cannot end workers that are half started
+                    cluster = distributed.LocalCluster(
+                        n_workers=self.workers,
+                        threads_per_worker=1,
+                        dashboard_address="127.0.0.1:0",
+                        silence_logs=50,
+                    )
                 upkeep, address = _nothing, stack.enter_context(cluster)
             elif self.slurm:
                 jobs = stack.enter_context(slurm.jobs(self.workers))

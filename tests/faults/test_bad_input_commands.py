@@ -182,6 +182,20 @@ def test_stopped_while_a_scan_is_cut(tmp_path: Path, how: signal.Signals) -> Non
     assert not list(tmp_path.rglob(".part-*"))
 
 
+@pytest.mark.parametrize(
+    "delay", [0.5, *(pytest.param(0.1 * k, marks=pytest.mark.slow) for k in (1, 2, 3, 4, 6, 8, 12))]
+)
+def test_stopped_while_workers_start(tmp_path: Path, delay: float) -> None:
+    grid = ("--set", "simulation.engine=bullet", "--set", "simulation.time_step=0.001")
+    process = start("run", "responses", *SITE, *grid, "--workers", "2", "--derived", tmp_path)
+    wait_for(tmp_path / "cuboid_1x1x2" / "runs.sqlite")  # from here on workers are wanted
+    time.sleep(delay)
+    code, said, _ = stop(process, signal.SIGINT)
+    assert code in (cli.STOPPED, -signal.SIGINT)
+    assert said.splitlines()[-1].startswith("stopped; what was done is kept")
+    assert "Traceback" not in said
+
+
 LIMITED = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
