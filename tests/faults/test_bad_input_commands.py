@@ -49,7 +49,10 @@ LINES = {
     "unknown option": (("plan", *SITE, "--fast"), "unrecognized arguments: --fast"),
     "unknown product": (("plan", "toppling", *SITE), "invalid choice: 'toppling'"),
     "option without its value": (("plan", "--site"), "expected one argument"),
-    "two places": (("run", "rock", "--workers", "1", "--cluster", "slurm", *SITE), "not allowed"),
+    "two places": (
+        ("run", "rock", "--scheduler", "h:1", "--cluster", "slurm", *SITE),
+        "not allowed",
+    ),
     "many workers": (("run", "rock", *SITE, "--workers", "1" + "0" * 5000), "0 to 10000"),
     "other digits": (("run", "rock", *SITE, "--workers", "\u0663"), "whole number"),
     "no folder to keep things in": (("plan", *SITE, "--derived", ""), "--derived", "empty name"),
