@@ -23,7 +23,7 @@ _LOCAL = {
 }
 """Dask's settings of workers of this machine."""
 
-CONNECTING = 10.0
+CONNECTING = 5.0
 """Time [s] that a scheduler has to answer."""
 
 CLOSING = 5.0
@@ -54,6 +54,8 @@ class Cluster:
     _clients: list[Any] = field(default_factory=list, repr=False, compare=False)
 
     def __enter__(self) -> Cluster:
+        if self.scheduler or self.scheduler_file:
+            self._start()  # one that does not answer is told before any work
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -115,9 +117,7 @@ class Cluster:
         if self.local and self.together:
             yield from _in_threads(self.workers, function, batches, shared)
             return
-        if not self._clients:
-            self._clients.append(self._open.enter_context(self._client()))
-        client, upkeep = self._clients[0]
+        client, upkeep = self._start()
         dispatch = Dispatch(client, function, batches, shared, self.together, self.log, upkeep)
         yield from dispatch.results()
 
@@ -140,6 +140,13 @@ class Cluster:
         for batch, results in self.run(function, batches, shared):
             for item, result in zip(batch.items, results or [None] * len(batch.items), strict=True):
                 yield batch.shared, item, result
+
+    def _start(self) -> tuple[Any, Callable[[], None]]:
+        """What ``_client`` yields, once."""
+        if not self._clients:
+            self._clients.append(self._open.enter_context(self._client()))
+        client, upkeep = self._clients[0]
+        return client, upkeep
 
     @contextmanager
     def _client(self) -> Iterator[tuple[Any, Callable[[], None]]]:

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 from pipeline import ROOT, cli
 from pipeline.config.problems import Problem
+from pipeline.workflow import cluster
 from pipeline.workflow.datasets import netcdf
 from tests.support.bad_input import ODD_TEXTS, see_that_it_is_one_line
 
@@ -82,6 +83,23 @@ def test_folder_that_is_a_loop(tmp_path: Path, capsys: pytest.CaptureFixture[str
     loop.symlink_to(loop)
     assert cli.main(["plan", *SITE, "--derived", str(loop)]) == cli.REFUSED
     assert "--derived: got" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("option", "given", "words"),
+    [
+        ("--scheduler", "tcp://127.0.0.1:1", "imed out"),
+        ("--scheduler", "nonsense://x", "unknown address scheme"),
+        ("--scheduler", "tcp://127.0.0.1:99999999", "99999999"),
+        ("--scheduler-file", "nowhere.json", "no such file"),
+    ],
+)
+def test_scheduler_that_is_not_there(
+    refused: Refused, monkeypatch: pytest.MonkeyPatch, option: str, given: str, words: str
+) -> None:
+    assert cluster.CONNECTING <= 5.0
+    monkeypatch.setattr(cluster, "CONNECTING", 0.5)
+    refused("run", "responses", *SITE, option, given, words=(option, given, words, "Dask"))
 
 
 WORDS = st.sampled_from(
