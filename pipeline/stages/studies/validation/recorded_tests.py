@@ -14,12 +14,14 @@ import xarray as xr
 from pandas.api.types import is_numeric_dtype
 
 from pipeline.config import in_si
+from pipeline.config.bounds import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA
 from pipeline.config.layers import Site, load_file
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.recorded_tests_schema import ShakeTableConfig
 from pipeline.stages.mesh import mesh_files
 from vsr_core.errors import InvalidInput, reason
+from vsr_core.motions.records.record import check_sampling
 from vsr_core.rock.solid import checked
 from vsr_core.validation.priors import Priors
 
@@ -29,6 +31,12 @@ if TYPE_CHECKING:
 RECORDS, OUTCOMES, ASSUMED = "records.nc", "outcomes.csv", "table.yaml"
 
 SCAN = re.compile(r"sp(\d+)\.ply")
+
+LIMITS = {
+    "pga_g": (SMALLEST_PGA, LARGEST_PGA),
+    "pgv_pga_s": (SHORTEST_PULSE, LONGEST_PULSE),
+}
+"""Of columns of the outcomes."""
 
 PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d+)_(?P<setting>\w+)")
 """A column of someone's predictions for a specimen, such as dem_s1_kn10."""
@@ -200,9 +208,20 @@ def tests_in(folder: Path) -> Tests:
                 raise _problem(folder / RECORDS, name, given, rule, "correct them")
         known = {int(number) for number in records["test"].values.ravel()}
         time = records["time"].values.ravel()[:2]
-    if len(time) < 2 or not time[1] > time[0]:
-        rule = "two times at least, that ascend"
-        raise _problem(folder / RECORDS, "time", "no interval", rule, "correct them")
+        counts = records["n_samples"].values.ravel()
+        if len(known) < records["test"].size:
+            rule, remedy = "a test has one record", "number them anew"
+            raise _problem(folder / RECORDS, "test", "a number twice", rule, remedy)
+        if not 2 <= counts.min() <= counts.max() <= records["time"].size:
+            given, rule = (
+                f"{counts.min()} to {counts.max()} samples",
+                "2 or more, as times are",
+            )
+            raise _problem(folder / RECORDS, "n_samples", given, rule, "correct them")
+    try:
+        check_sampling(float(time[1] - time[0]), counts.max())
+    except InvalidInput as error:
+        raise InputError.from_invalid(shown(folder / RECORDS), "time", error) from None
     table = table[table["test"].isin(known)].drop_duplicates("test").sort_values("test")
     if not len(table):
         raise _problem(path, "test", "no test with a record", "some have one", "number them alike")
@@ -266,6 +285,11 @@ def accelerations(folder: Path, variable: str | None) -> dict[int, Any]:
         if not np.isfinite(row[: int(count)]).all():
             given = f"values that are no numbers in test {int(number)}"
             raise _problem(path, name, given, "they are numbers", "mend or drop the test")
+        peak = float(np.abs(row[: int(count)]).max())
+        if not in_si.acceleration(SMALLEST_PGA) <= peak <= in_si.acceleration(LARGEST_PGA):
+            given = f"a peak of {peak:.3g} m/s2 in test {int(number)}"
+            rule = f"it is {SMALLEST_PGA:g} to {LARGEST_PGA:g} g"
+            raise _problem(path, name, given, rule, "correct the unit, or drop the test")
         found[int(number)] = np.array(row[: int(count)], dtype=np.float64)
     return found
 
@@ -284,6 +308,10 @@ def _outcomes(path: Path) -> pd.DataFrame:
         if not is_numeric_dtype(table[name]) or not np.isfinite(table[name]).all():
             given, rule = "values that are no numbers", "they are numbers"
             raise _problem(path, name, given, rule, "correct the column")
+        low, high = LIMITS.get(name, (-np.inf, np.inf))
+        if not table[name].between(low, high).all():
+            given = f"{table[name].min():g} to {table[name].max():g}"
+            raise _problem(path, name, given, f"it is {low:g} to {high:g}", "correct the unit")
     return table
 
 

@@ -1,0 +1,93 @@
+"""A folder of recorded shake-table tests that is broken is refused in a line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+import xarray as xr
+
+from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS
+
+Refused = Callable[..., str]
+
+HEAD = "test,ground_motion,pga_g,pgv_pga_s,specimen1\n"
+SAMPLES = 400
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two tests of one specimen."""
+    path = tmp_path / "tests"
+    path.mkdir()
+    records().to_netcdf(path / RECORDS)
+    (path / OUTCOMES).write_text(HEAD + "1,a,0.2,0.3,0\n2,a,0.5,0.3,1\n")
+    trimesh.creation.box((0.1, 0.1, 0.3)).export(path / "sp1.ply")
+    return path
+
+
+def records() -> xr.Dataset:
+    time = 0.005 * np.arange(SAMPLES)
+    shaking = 3.0 * np.sin(10.0 * time) * np.hanning(SAMPLES)
+    return xr.Dataset(
+        {
+            "acceleration": (("test", "time"), np.array([shaking, 2.0 * shaking])),
+            "n_samples": ("test", [SAMPLES, SAMPLES]),
+        },
+        {"test": [1, 2], "time": time},
+    )
+
+
+WRONG_OUTCOMES = {
+    "": ("cannot be read",),
+    "\0\1\2\xff": ("column is there",),
+    HEAD + "x,a,0.2,0.3,0\n": ("test", "no numbers"),
+    HEAD + "1,a,nan,0.3,0\n": ("pga_g", "no numbers"),
+    HEAD + "1,a,-1,0.3,0\n": ("pga_g", "1e-06 to 10"),
+    HEAD + "1,a,0.2,1e308,0\n": ("pgv_pga_s", "0.001 to 10"),
+    HEAD + "1.5,a,0.2,0.3,0\n": ("test", "number them alike"),
+    HEAD + '"1,a,0.2,0.3,0\n': ("cannot be read",),
+    HEAD + "1,a,0.2,0.3,perhaps\n": ("specimen1", "0 and 1"),
+}
+
+
+@pytest.mark.parametrize("text", WRONG_OUTCOMES)
+def test_outcomes_are_refused(folder: Path, refused: Refused, text: str) -> None:
+    (folder / OUTCOMES).write_text(text)
+    refused("run", "validation", "--table", folder, words=(OUTCOMES, *WRONG_OUTCOMES[text]))
+
+
+WRONG_RECORDS: dict[str, tuple[Callable[[xr.Dataset], xr.Dataset], str]] = {
+    "one time": (lambda data: data.isel(time=[0]), "n_samples"),
+    "backward": (lambda data: data.assign_coords(time=data["time"][::-1].values), "time"),
+    "no time passes": (lambda data: data.assign_coords(time=1e-300 * data["time"]), "time"),
+    "more samples than times": (lambda d: d.assign(n_samples=("test", [10**6, 9])), "n_samples"),
+    "names for numbers": (lambda data: data.assign_coords(test=["a", "b"]), "test"),
+    "a test twice": (lambda data: data.assign_coords(test=[1, 1]), "test"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_RECORDS)
+def test_records_are_refused(folder: Path, refused: Refused, case: str) -> None:
+    change, key = WRONG_RECORDS[case]
+    change(records()).to_netcdf(folder / RECORDS)
+    refused("run", "validation", "--table", folder, words=(f"{RECORDS}: {key}: got",))
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89HDF\r\n\x1a\n" + bytes(100), b"noise" * 99])
+def test_records_that_are_no_netcdf(folder: Path, refused: Refused, content: bytes) -> None:
+    (folder / RECORDS).write_bytes(content)
+    refused("run", "validation", "--table", folder, words=(RECORDS, "cannot be read", "NetCDF"))
+
+
+@pytest.mark.parametrize("factor", [0.0, 1e308, np.nan, 1e-12])
+def test_motions_are_refused(folder: Path, vsr: Callable[..., Any], factor: float) -> None:
+    data = records()
+    data.assign(acceleration=factor * data["acceleration"]).to_netcdf(folder / RECORDS)
+    ran = vsr("run", "validation", "--table", folder, "--workers", "0")
+    assert ran.code == 2, ran.err
+    assert f"{RECORDS}: acceleration: got " in ran.err.splitlines()[-1]
