@@ -198,30 +198,7 @@ def tests_in(folder: Path) -> Tests:
     """
     path = folder / OUTCOMES
     table = _outcomes(path)
-    with _records(folder) as records:
-        for name in ("test", "time", "n_samples"):
-            values = records.variables.get(name)
-            if values is None:
-                raise _problem(folder / RECORDS, name, "nothing", "the variable is there", "add it")
-            if values.dtype.kind not in "iuf" or not np.isfinite(values).all():
-                given, rule = "values that are no numbers", "they are numbers"
-                raise _problem(folder / RECORDS, name, given, rule, "correct them")
-        known = {int(number) for number in records["test"].values.ravel()}
-        time = records["time"].values.ravel()[:2]
-        counts = records["n_samples"].values.ravel()
-        if len(known) < records["test"].size:
-            rule, remedy = "a test has one record", "number them anew"
-            raise _problem(folder / RECORDS, "test", "a number twice", rule, remedy)
-        if not 2 <= counts.min() <= counts.max() <= records["time"].size:
-            given, rule = (
-                f"{counts.min()} to {counts.max()} samples",
-                "2 or more, as times are",
-            )
-            raise _problem(folder / RECORDS, "n_samples", given, rule, "correct them")
-    try:
-        check_sampling(float(time[1] - time[0]), counts.max())
-    except InvalidInput as error:
-        raise InputError.from_invalid(shown(folder / RECORDS), "time", error) from None
+    known, interval = _recorded(folder)
     table = table[table["test"].isin(known)].drop_duplicates("test").sort_values("test")
     if not len(table):
         raise _problem(path, "test", "no test with a record", "some have one", "number them alike")
@@ -243,7 +220,7 @@ def tests_in(folder: Path) -> Tests:
         tuple(map(float, table["pgv_pga_s"])),
         observed,
         published,
-        round(float(time[1] - time[0]), 9),
+        round(interval, 9),
         specimens,
         assumptions(folder),
     )
@@ -313,6 +290,33 @@ def _outcomes(path: Path) -> pd.DataFrame:
             given = f"{table[name].min():g} to {table[name].max():g}"
             raise _problem(path, name, given, f"it is {low:g} to {high:g}", "correct the unit")
     return table
+
+
+def _recorded(folder: Path) -> tuple[set[int], float]:
+    """Numbers of the tests that have a record, and its time step [s]."""
+    path = folder / RECORDS
+    with _records(folder) as records:
+        for name in ("test", "time", "n_samples"):
+            values = records.variables.get(name)
+            if values is None:
+                raise _problem(path, name, "nothing", "the variable is there", "add it")
+            if values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+                given, rule = "values that are no numbers", "they are numbers"
+                raise _problem(path, name, given, rule, "correct them")
+        known = {int(number) for number in records["test"].values.ravel()}
+        time, counts = (records[name].values.ravel() for name in ("time", "n_samples"))
+    if len(known) < len(counts):
+        rule, remedy = "a test has one record", "number them anew"
+        raise _problem(path, "test", "a number twice", rule, remedy)
+    if not len(counts) or not 2 <= counts.min() <= counts.max() <= len(time):
+        rule = f"each test has from 2 to {len(time)}, as there are times"
+        raise _problem(path, "n_samples", "other numbers of samples", rule, "correct them")
+    interval = float(time[1] - time[0])
+    try:
+        check_sampling(interval, counts.max())
+    except InvalidInput as error:
+        raise InputError.from_invalid(shown(path), "time", error) from None
+    return known, interval
 
 
 def _records(folder: Path) -> xr.Dataset:
