@@ -73,7 +73,7 @@ def test_command_line_is_refused_in_a_line(capsys: pytest.CaptureFixture[str], c
     assert [word for word in words if word not in line] == []
 
 
-@pytest.mark.parametrize("name", ["", ".", "..", "../other", "/", "a/b"])
+@pytest.mark.parametrize("name", ["", ".", "..", "../raw", "/", "a/b"])
 def test_clean_takes_the_name_of_a_folder(refused: Refused, name: str) -> None:
     refused("clean", "--yes", "--site", name, words=("--site", repr(name), "leave it out"))
 
