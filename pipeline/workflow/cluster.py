@@ -179,10 +179,14 @@ class Cluster:
 @contextmanager
 def _connected(address: Any, file: str | None) -> Iterator[Any]:
     import distributed
+    from distributed.comm.addressing import parse_address
+    from distributed.comm.registry import get_backend
 
     try:
         if file and not Path(file).is_file():  # for which Dask would wait
             raise FileNotFoundError("there is no such file")
+        if isinstance(address, str):  # else a client is left behind half made
+            get_backend(parse_address(address)[0])
         client = distributed.Client(address=address, scheduler_file=file, timeout=CONNECTING)
     except (OSError, ValueError) as error:
         given, rule = f"{address or file} ({error})", "a Dask scheduler answers there"
