@@ -116,20 +116,6 @@ def count(shaking: Shaking) -> int:
     return len(shaking.rows) * len(shaking.pga)
 
 
-def count(shaking: Shaking) -> int:
-    """Count the cells of the grid.
-
-    Parameters
-    ----------
-    shaking : Shaking
-
-    Returns
-    -------
-    int
-    """
-    return len(shaking.rows) * len(shaking.pga)
-
-
 def strongest(shaking: Shaking) -> list[GroundMotion]:
     """The motions of largest PGA.
 
