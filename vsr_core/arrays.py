@@ -1,4 +1,4 @@
-"""Types of the arrays that both packages hand on."""
+"""Types of the arrays that both packages hand on, and a product of the same bits everywhere."""
 
 from __future__ import annotations
 
@@ -15,3 +15,26 @@ Indices: TypeAlias = NDArray[np.int64]
 
 Mask: TypeAlias = NDArray[np.bool_]
 """True for the elements of another array that are meant."""
+
+
+def product(one: Array, other: Array) -> Array:
+    """Product of matrices, of the same bits on every processor of a family.
+
+    Libraries for linear algebra choose the order of their sums by the processor. Where two
+    machines share the runs of a study, what decides a run must not depend on that.
+
+    Parameters
+    ----------
+    one : ndarray, shape (n, m)
+    other : ndarray, shape (m, k)
+
+    Returns
+    -------
+    ndarray, shape (n, k)
+
+    Examples
+    --------
+    >>> product(np.array([[1.0, 2.0]]), np.array([[3.0], [4.0]])).tolist()
+    [[11.0]]
+    """
+    return np.einsum("ij,jk->ik", one, other)

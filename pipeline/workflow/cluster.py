@@ -154,7 +154,8 @@ class Cluster:
         import dask
         import distributed
 
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said here
+        for name in ("distributed", "distributed.client", "asyncio"):  # what matters is said here
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         with ExitStack() as stack:
             if self.local:
                 stack.enter_context(dask.config.set(_LOCAL))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import platform
 import sys
 from contextlib import closing
 from functools import cache
@@ -11,6 +12,8 @@ from threading import Lock
 from types import ModuleType
 from typing import Any, cast
 
+import numpy as np
+import threadpoolctl
 import xarray as xr
 import yaml
 from xarray.backends import NetCDF4DataStore
@@ -104,8 +107,24 @@ def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
         "vsr_key": job.key,
         "vsr_config_json": json.dumps(job.site.settings.model_dump(mode="json"), sort_keys=True),
         "vsr_versions_json": json.dumps(versions, sort_keys=True),
+        "vsr_processor_json": json.dumps(_processor(), sort_keys=True),
     }
     return dataset
+
+
+@cache
+def _processor() -> dict[str, str]:
+    """What last digits may depend on; nothing that tells one machine from another of its make."""
+    blas = [lib for lib in threadpoolctl.threadpool_info() if lib["user_api"] == "blas"]
+    own: dict[str, Any] = min(
+        blas, key=lambda lib: str(lib["filepath"]), default={}
+    )  # NumPy's, not SciPy's
+    return {
+        "machine": platform.machine(),
+        "blas": " ".join(str(own.get(key)) for key in ("internal_api", "version", "architecture")),
+        "simd": " ".join(np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])),
+        "libc": " ".join(platform.libc_ver()),
+    }
 
 
 def rows_of(dataset: xr.Dataset) -> str:

@@ -133,7 +133,10 @@ class Ownership:
         probe.touch()  # the time of the machine that keeps the files
         now = probe.stat().st_mtime
         probe.unlink()
-        return now - os.fstat(file).st_mtime < SILENCE
+        silent = now - os.fstat(file).st_mtime
+        if silent < 0.0:  # that clock was set back: from now on it has to give a sign again
+            os.utime(file)
+        return silent < SILENCE
 
     def _held(self, owner: Owner | None) -> Problem:
         who = (

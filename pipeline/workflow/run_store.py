@@ -172,14 +172,22 @@ def _reader(path: Path) -> sqlite3.Connection:
 
 
 def _writer(path: Path) -> sqlite3.Connection:
+    is_new = not path.exists()
     database = _connected(path)
-    database.execute(f"PRAGMA journal_mode={journal.mode(path.parent)}").fetchall()
-    database.execute("PRAGMA synchronous=NORMAL")
-    known = _tables(database)
-    for row in TABLES:
-        layout: Layout[Any] = Layout(row)
-        if layout.schema not in known:
-            database.execute(layout.schema)
+    try:
+        database.execute(f"PRAGMA journal_mode={journal.mode(path.parent)}").fetchall()
+        database.execute("PRAGMA synchronous=NORMAL")
+        known = _tables(database)
+        for row in TABLES:
+            layout: Layout[Any] = Layout(row)
+            if layout.schema not in known:
+                database.execute(layout.schema)
+    except sqlite3.Error:
+        database.close()
+        if is_new:  # no room for its first page: not to be taken for a damaged one
+            for ending in _ENDINGS:
+                path.with_name(path.name + ending).unlink(missing_ok=True)
+        raise
     return database
 
 

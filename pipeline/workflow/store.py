@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import sqlite3
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,9 @@ from pipeline.workflow.owner import Ownership
 from pipeline.workflow.writers import Writer, text
 
 LOG = "log.jsonl"
+
+ROOM = 65536
+"""Bytes that must be free where products are written; with fewer, a disk is full."""
 
 
 class Store:
@@ -62,7 +66,7 @@ class Store:
             self._manifests.mkdir(parents=True, exist_ok=True)
             self._owned = Ownership(self.folder)
             with tempfile.NamedTemporaryFile(dir=self.folder, prefix=".try-") as probe:
-                probe.write(b"x" * 65536)
+                probe.write(b"x" * ROOM)
             for left in self.folder.glob(".part-*"):
                 left.unlink()
         return True
@@ -135,8 +139,10 @@ class Store:
         facts : plain data
         """
         line = json.dumps({"time": time.strftime("%Y-%m-%dT%H:%M:%S"), "stage": stage, **facts})
-        with writing(self.folder), (self.folder / LOG).open("a", encoding="utf-8") as file:
-            file.write(line + "\n")
+        with writing(self.folder), (self.folder / LOG).open("ab+") as file:
+            file.seek(max(file.seek(0, os.SEEK_END) - 1, 0))
+            torn = file.read(1) not in (b"", b"\n")  # by a kill or a full disk
+            file.write(b"\n" * torn + line.encode() + b"\n")
 
     def notes(self, stage: str) -> list[dict[str, Any]]:
         """Facts noted about a stage, oldest first.
@@ -150,14 +156,15 @@ class Store:
         list of dict
         """
         path = self.folder / LOG
-        lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
-        return [fact for fact in map(json.loads, lines) if fact["stage"] == stage]
+        lines = path.read_bytes().splitlines() if path.is_file() else []
+        return [fact for fact in map(_noted, lines) if fact.get("stage") == stage]
 
     def _put(self, final: Path, write: Writer) -> str:
         part = self.folder / f".part-{os.getpid()}-{final.name}"
         final.parent.mkdir(exist_ok=True)
         try:
-            write(part)
+            with writing(self.folder):  # while the part still fills the disk
+                write(part)
             with part.open("rb+") as file:
                 os.fsync(file.fileno())
             checksum = digest_file(part)
@@ -166,6 +173,13 @@ class Store:
         finally:
             part.unlink(missing_ok=True)
         return checksum
+
+
+def _noted(line: bytes) -> dict[str, Any]:
+    """Facts of a line of the log; none of one that was torn."""
+    with suppress(ValueError, TypeError):
+        return dict(json.loads(line))
+    return {}
 
 
 @contextmanager
@@ -188,12 +202,22 @@ def writing(folder: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, sqlite3.Error) as error:
-        raise InputError(
-            Problem(
-                str(folder),
-                "",
-                f"an output folder that cannot be written ({error})",
-                "it is a folder with room that you may write to",
-                "free space, change its permissions, or give another with DERIVED=",
-            )
-        ) from error
+        given = f"an output folder that cannot be written ({error})"
+        remedy = "free space, change its permissions, or give another with DERIVED="
+        if _is_full(folder, error):  # which NetCDF calls a lack of permission
+            given = f"a full disk that cannot be written to ({os.strerror(errno.ENOSPC)})"
+            remedy = "free space and start again, or give another with DERIVED="
+        rule = "it is a folder with room that you may write to"
+        raise InputError(Problem(str(folder), "", given, rule, remedy)) from error
+
+
+def _is_full(folder: Path, error: OSError | sqlite3.Error) -> bool:
+    """Whether a lack of room is what was in the way."""
+    if getattr(error, "errno", 0) in (errno.ENOSPC, errno.EDQUOT):
+        return True
+    if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_FULL:
+        return True
+    with suppress(OSError):
+        disk = os.statvfs(folder)
+        return disk.f_bavail * disk.f_frsize < ROOM and not disk.f_flag & os.ST_RDONLY
+    return False

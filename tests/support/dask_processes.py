@@ -47,6 +47,10 @@ class Farm:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """Kill them all."""
         for process in (*self.workers, self.scheduler):
             _kill(process)
 

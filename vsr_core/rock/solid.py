@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vsr_core.arrays import Array, Indices
+from vsr_core.arrays import Array, Indices, product
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock, check_size
 from vsr_core.rock.hull import convex_hull
@@ -32,6 +32,8 @@ LARGEST_LEVELLING = np.radians(45.0)
 CROSSING_SHARE = 0.001
 """Share of the surface that may cross itself: a real scan holds a few folded faces, whose volume
 is nothing to its mass; a surface that passes through itself has no inside."""
+
+_SWEEPS = 12  # of Jacobi's rotations; each squares what is left beside the diagonal
 
 
 @dataclass(frozen=True)
@@ -129,12 +131,53 @@ def from_mesh(mesh: trimesh.Trimesh, density: float, *, as_scanned: bool = False
     surface = np.array(mesh.vertices) - centre
     hull = convex_hull(surface)
     rotation, turned = (np.eye(3), 0.0) if as_scanned else settle(hull)
-    inertia = density * rotation @ np.array(mesh.moment_inertia) @ rotation.T
-    moments, axes = np.linalg.eigh(inertia)
-    axes[:, 0] *= np.sign(np.linalg.det(axes))
+    inertia = density * product(product(rotation, np.array(mesh.moment_inertia)), rotation.T)
+    moments, axes = principal(inertia)
     volume = float(mesh.volume)
     rock = Rock("hull", hull.turned(rotation).vertices, density * volume, moments, axes)
-    return Solid(rock, surface @ rotation.T, np.array(mesh.faces), volume, turned)
+    return Solid(rock, product(surface, rotation.T), np.array(mesh.faces), volume, turned)
+
+
+def principal(inertia: Array) -> tuple[Array, Array]:
+    """Principal moments, ascending, and axes of a symmetric tensor, by Jacobi's rotations.
+
+    Parameters
+    ----------
+    inertia : ndarray, shape (3, 3)
+
+    Returns
+    -------
+    moments : ndarray, shape (3,)
+    axes : ndarray, shape (3, 3), in columns, right-handed
+
+    References
+    ----------
+    Golub, Van Loan (2013), Matrix Computations, 8.5.
+
+    Examples
+    --------
+    >>> moments, axes = principal(np.diag([3.0, 1.0, 2.0]))
+    >>> moments.tolist(), axes.T.tolist()
+    ([1.0, 2.0, 3.0], [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    """
+    tensor, axes = inertia.copy(), np.eye(3)
+    for _ in range(_SWEEPS):
+        for p, q in ((0, 1), (0, 2), (1, 2)):
+            off = tensor[p, q]
+            if abs(off) <= np.finfo(float).eps ** 2 * np.abs(tensor).max():
+                continue
+            half = (tensor[q, q] - tensor[p, p]) / (2.0 * off)
+            tangent = math.copysign(1.0, half) / (abs(half) + math.sqrt(half * half + 1.0))
+            cosine = 1.0 / math.sqrt(tangent * tangent + 1.0)
+            turn = np.eye(3)
+            turn[p, p] = turn[q, q] = cosine
+            turn[p, q], turn[q, p] = tangent * cosine, -tangent * cosine
+            tensor = product(product(turn.T, tensor), turn)
+            axes = product(axes, turn)
+    order = np.argsort(np.diag(tensor), kind="stable")
+    axes = axes[:, order]
+    axes[:, 0] *= np.sign(np.linalg.det(axes))
+    return np.diag(tensor)[order], axes
 
 
 def standing(rock: Rock) -> Rock:
@@ -154,7 +197,9 @@ def standing(rock: Rock) -> Rock:
         If it has to turn by more than ``LARGEST_LEVELLING``.
     """
     rotation, _ = settle(rock.hull, LARGEST_LEVELLING)
-    return replace(rock, vertices=rock.vertices @ rotation.T, axes=rotation @ rock.axes)
+    return replace(
+        rock, vertices=product(rock.vertices, rotation.T), axes=product(rotation, rock.axes)
+    )
 
 
 def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from vsr_core.arrays import Array, Indices
+from vsr_core.arrays import Array, Indices, product
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.hull import Hull
 
@@ -70,7 +70,7 @@ def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float
         If the rock turns by more than ``largest`` [rad]: it does not stand as given.
     """
     given = np.array([0.0, 0.0, -1.0])
-    facet = int(np.argmax(hull.normals @ given))
+    facet = int(np.argmin(hull.normals[:, 2]))
     outlines = _outlines(hull)
     for _ in range(len(hull.facets)):
         outline = outlines[hull.face[facet]]
@@ -79,7 +79,7 @@ def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float
             break
         facet = int(outline.neighbour[edge])
     rotation = _rotation(hull.normals[facet], given)
-    turned = float(np.arccos(np.clip(hull.normals[facet] @ given, -1.0, 1.0)))
+    turned = float(np.arccos(np.clip(-hull.normals[facet, 2], -1.0, 1.0)))
     if turned > largest:
         raise InvalidInput(
             f"a rock that falls by {np.degrees(turned):.0f} deg before it rests",
@@ -197,7 +197,7 @@ def _tip(
     while True:
         seen.add(int(hull.face[facet]))  # a rock that tips one way rests on no face twice
         outline = outlines[int(hull.face[facet])]
-        height, slope = hull.offsets[facet], outline.outward @ toward
+        height, slope = hull.offsets[facet], product(outline.outward, toward[:, None])[:, 0]
         closed = np.array([int(hull.face[f]) in seen for f in outline.neighbour])
         if closed.all():
             return uplift, needed
@@ -215,13 +215,13 @@ def _tip(
         facet = int(outline.neighbour[edge])
         turn = _rotation(down, hull.normals[facet])
         down = hull.normals[facet]
-        if np.arccos(np.clip(down @ start, -1.0, 1.0)) > TOPPLED_TILT:
+        if np.arccos(np.clip((down * start).sum(), -1.0, 1.0)) > TOPPLED_TILT:
             return uplift, needed
-        toward = turn @ toward
+        toward = product(turn, toward[:, None])[:, 0]
 
 
 def _rotation(a: Array, b: Array) -> Array:
     """Smallest rotation, shape (3, 3), that takes unit vector ``a`` to ``b`` (not opposite)."""
-    v, c = np.cross(a, b), float(a @ b)
+    v, c = np.cross(a, b), float((a * b).sum())
     cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    return np.eye(3) + cross + cross @ cross / (1.0 + c)
+    return np.eye(3) + cross + product(cross, cross) / (1.0 + c)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, product
 from vsr_core.engines.bullet.binding import pybullet
 from vsr_core.engines.bullet.collision_shapes import (
     leave_to_the_rock,
@@ -194,7 +194,7 @@ class BulletWorld:
         pace = math.sqrt(self._scale)
         self._known = State(
             np.array(position) / self._scale,
-            _matrix(quaternion) @ self._axes.T,
+            product(_matrix(quaternion), self._axes.T),
             np.array(velocity) / pace,
             np.array(angular_velocity) * pace,
         )
@@ -206,7 +206,10 @@ class BulletWorld:
         pace = math.sqrt(self._scale)
         place = state.position * self._scale + self._lift
         pybullet.resetBasePositionAndOrientation(
-            self._rock, place.tolist(), _quaternion(state.rotation @ self._axes), self._client
+            self._rock,
+            place.tolist(),
+            _quaternion(product(state.rotation, self._axes)),
+            self._client,
         )
         pybullet.resetBaseVelocity(
             self._rock,
