@@ -186,10 +186,7 @@ def netcdf(dataset: xr.Dataset) -> Writer:
             # As to_netcdf does it, which loads all of dask to see which lock it would want.
             with closing(NetCDF4DataStore.open(str(path), mode="w", lock=_LOCK)) as file:
                 dataset.dump_to_store(file, encoding=encoding)
-        except (OSError, RuntimeError) as error:
-            # netCDF4 calls a full disk an "HDF error" or even "permission denied"; the disk itself
-            # says what is wrong.
-            path.write_bytes(bytes(dataset.nbytes))
+        except RuntimeError as error:  # one way in which netCDF4 says that the disk is full
             raise OSError(str(error)) from error
 
     return write
