@@ -17,7 +17,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 """True for the elements of another array that are meant."""
 
 
-def product(one: Array, other: Array) -> Array:
+def matrix_product(one: Array, other: Array) -> Array:
     """Product of matrices, of the same bits on every processor of a family.
 
     Libraries for linear algebra choose the order of their sums by the processor. Where two
@@ -34,7 +34,7 @@ def product(one: Array, other: Array) -> Array:
 
     Examples
     --------
-    >>> product(np.array([[1.0, 2.0]]), np.array([[3.0], [4.0]])).tolist()
+    >>> matrix_product(np.array([[1.0, 2.0]]), np.array([[3.0], [4.0]])).tolist()
     [[11.0]]
     """
     return np.einsum("ij,jk->ik", one, other)

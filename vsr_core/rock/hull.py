@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
-from vsr_core.arrays import Array, Indices, Mask, product
+from vsr_core.arrays import Array, Indices, Mask, matrix_product
 from vsr_core.errors import InvalidInput
 
 _FLAT = 1e-6  # difference of unit normals below which neighbouring facets are of one face
@@ -51,9 +51,9 @@ class Hull:
         Hull
         """
         return Hull(
-            product(self.vertices, rotation.T),
+            matrix_product(self.vertices, rotation.T),
             self.facets,
-            product(self.normals, rotation.T),
+            matrix_product(self.normals, rotation.T),
             self.offsets,
             self.neighbours,
             self.face,

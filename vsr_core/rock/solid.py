@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vsr_core.arrays import Array, Indices, product
+from vsr_core.arrays import Array, Indices, matrix_product
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock, check_size
 from vsr_core.rock.hull import convex_hull
@@ -131,11 +131,13 @@ def from_mesh(mesh: trimesh.Trimesh, density: float, *, as_scanned: bool = False
     surface = np.array(mesh.vertices) - centre
     hull = convex_hull(surface)
     rotation, turned = (np.eye(3), 0.0) if as_scanned else settle(hull)
-    inertia = density * product(product(rotation, np.array(mesh.moment_inertia)), rotation.T)
+    inertia = density * matrix_product(
+        matrix_product(rotation, np.array(mesh.moment_inertia)), rotation.T
+    )
     moments, axes = principal(inertia)
     volume = float(mesh.volume)
     rock = Rock("hull", hull.turned(rotation).vertices, density * volume, moments, axes)
-    return Solid(rock, product(surface, rotation.T), np.array(mesh.faces), volume, turned)
+    return Solid(rock, matrix_product(surface, rotation.T), np.array(mesh.faces), volume, turned)
 
 
 def principal(inertia: Array) -> tuple[Array, Array]:
@@ -172,8 +174,8 @@ def principal(inertia: Array) -> tuple[Array, Array]:
             turn = np.eye(3)
             turn[p, p] = turn[q, q] = cosine
             turn[p, q], turn[q, p] = tangent * cosine, -tangent * cosine
-            tensor = product(product(turn.T, tensor), turn)
-            axes = product(axes, turn)
+            tensor = matrix_product(matrix_product(turn.T, tensor), turn)
+            axes = matrix_product(axes, turn)
     order = np.argsort(np.diag(tensor), kind="stable")
     axes = axes[:, order]
     axes[:, 0] *= np.sign(np.linalg.det(axes))
@@ -198,7 +200,9 @@ def standing(rock: Rock) -> Rock:
     """
     rotation, _ = settle(rock.hull, LARGEST_LEVELLING)
     return replace(
-        rock, vertices=product(rock.vertices, rotation.T), axes=product(rotation, rock.axes)
+        rock,
+        vertices=matrix_product(rock.vertices, rotation.T),
+        axes=matrix_product(rotation, rock.axes),
     )
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from vsr_core.arrays import Array, Indices, product
+from vsr_core.arrays import Array, Indices, matrix_product
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.hull import Hull
 
@@ -197,7 +197,7 @@ def _tip(
     while True:
         seen.add(int(hull.face[facet]))  # a rock that tips one way rests on no face twice
         outline = outlines[int(hull.face[facet])]
-        height, slope = hull.offsets[facet], product(outline.outward, toward[:, None])[:, 0]
+        height, slope = hull.offsets[facet], matrix_product(outline.outward, toward[:, None])[:, 0]
         closed = np.array([int(hull.face[f]) in seen for f in outline.neighbour])
         if closed.all():
             return uplift, needed
@@ -217,11 +217,11 @@ def _tip(
         down = hull.normals[facet]
         if np.arccos(np.clip((down * start).sum(), -1.0, 1.0)) > TOPPLED_TILT:
             return uplift, needed
-        toward = product(turn, toward[:, None])[:, 0]
+        toward = matrix_product(turn, toward[:, None])[:, 0]
 
 
 def _rotation(a: Array, b: Array) -> Array:
     """Smallest rotation, shape (3, 3), that takes unit vector ``a`` to ``b`` (not opposite)."""
     v, c = np.cross(a, b), float((a * b).sum())
     cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    return np.eye(3) + cross + product(cross, cross) / (1.0 + c)
+    return np.eye(3) + cross + matrix_product(cross, cross) / (1.0 + c)

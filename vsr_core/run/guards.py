@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from vsr_core import GRAVITY
-from vsr_core.arrays import Array, product
+from vsr_core.arrays import Array, matrix_product
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.rock.body import Rock
 from vsr_core.run import proofs
@@ -82,7 +82,7 @@ def inertia_of(rock: Rock) -> Array:
     -------
     ndarray, shape (3, 3) [m^2]
     """
-    return product(rock.axes * (rock.inertia / rock.mass), rock.axes.T)
+    return matrix_product(rock.axes * (rock.inertia / rock.mass), rock.axes.T)
 
 
 def kinetic_energy(inertia: Array, state: State) -> float:

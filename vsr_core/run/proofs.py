@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vsr_core import GRAVITY
-from vsr_core.arrays import Array, product
+from vsr_core.arrays import Array, matrix_product
 from vsr_core.engines.nonsmooth.compiling import compiled
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import contact_tilts
@@ -141,7 +141,7 @@ def barrier(rock: Rock) -> Barrier:
     height = np.empty_like(tilt)
     for i, t in enumerate(tilt):
         low = hull.vertices[(least <= t) & (t <= greatest)]
-        support = math.sin(t) * product(circle, low[:, :2].T) - math.cos(t) * low[:, 2]
+        support = math.sin(t) * matrix_product(circle, low[:, :2].T) - math.cos(t) * low[:, 2]
         height[i] = support.max(axis=1).min()
     height -= rock.radius * np.sin(tilt) * math.pi / _AZIMUTHS
     highest = float(tilt[np.argmax(np.where(tilt <= math.pi / 2, height, -math.inf))])

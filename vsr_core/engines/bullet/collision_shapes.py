@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from vsr_core.arrays import Array, product
+from vsr_core.arrays import Array, matrix_product
 from vsr_core.engines.bullet.binding import pybullet
 from vsr_core.rock.body import Rock
 
@@ -72,9 +72,9 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int, *, on_level
     elif len(feet := bearing_corners(rock)) > CONTACTS or (
         on_level and _width(feet) < NARROW_SHARE * rock.radius
     ):
-        shape = _hull_on_feet(rock, product(feet, rock.axes) * scale, scale, margin, client)
+        shape = _hull_on_feet(rock, matrix_product(feet, rock.axes) * scale, scale, margin, client)
     else:
-        corners = product(rock.vertices, rock.axes) * scale
+        corners = matrix_product(rock.vertices, rock.axes) * scale
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=client
         )
@@ -125,7 +125,7 @@ def _width(corners: Array) -> float:
 
 
 def _hull_on_feet(rock: Rock, feet: Array, scale: float, margin: float, client: int) -> int:
-    corners = product(rock.hull.vertices, rock.axes) * scale
+    corners = matrix_product(rock.hull.vertices, rock.axes) * scale
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.tolist()]
     lines += [f"f {a} {b} {c}" for a, b, c in (rock.hull.facets + 1).tolist()]
     count = 1 + len(feet)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY
-from vsr_core.arrays import Array, product
+from vsr_core.arrays import Array, matrix_product
 from vsr_core.engines.bullet.binding import pybullet
 from vsr_core.engines.bullet.collision_shapes import (
     leave_to_the_rock,
@@ -194,7 +194,7 @@ class BulletWorld:
         pace = math.sqrt(self._scale)
         self._known = State(
             np.array(position) / self._scale,
-            product(_matrix(quaternion), self._axes.T),
+            matrix_product(_matrix(quaternion), self._axes.T),
             np.array(velocity) / pace,
             np.array(angular_velocity) * pace,
         )
@@ -208,7 +208,7 @@ class BulletWorld:
         pybullet.resetBasePositionAndOrientation(
             self._rock,
             place.tolist(),
-            _quaternion(product(state.rotation, self._axes)),
+            _quaternion(matrix_product(state.rotation, self._axes)),
             self._client,
         )
         pybullet.resetBaseVelocity(

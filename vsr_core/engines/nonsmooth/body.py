@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vsr_core.arrays import Array, product
+from vsr_core.arrays import Array, matrix_product
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import corners
 from vsr_core.scene import Contact
@@ -137,7 +137,7 @@ def body(rock: Rock, contact: Contact, *, on_level: bool) -> Body:
     moments = np.ascontiguousarray(rock.inertia / rock.mass)
     points = np.empty((0, 3))
     if rock.shape != "sphere":
-        points = product(corners_of(rock), rock.axes)
+        points = matrix_product(corners_of(rock), rock.axes)
     return Body(
         np.ascontiguousarray(points),
         moments,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsr_core.arrays import Array, Indices, product
+from vsr_core.arrays import Array, Indices, matrix_product
 from vsr_core.engines.nonsmooth import features
 from vsr_core.engines.nonsmooth.body import corners_of
 from vsr_core.engines.nonsmooth.features import Features, Records, unit
@@ -155,7 +155,7 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
     under, boxes, links, cones, plates = _sorted(terrain)
     points, own = np.empty((0, 3)), None
     if rock.shape != "sphere":
-        hull = convex_hull(product(corners_of(rock), rock.axes))
+        hull = convex_hull(matrix_product(corners_of(rock), rock.axes))
         points, own = hull.vertices, features.of_rock(hull)
     faces, sides, edges = under.faces, under.sides, under.edges
     if own is not None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vsr_core.arrays import Array, product
+from vsr_core.arrays import Array, matrix_product
 from vsr_core.engines.interface import Solver
 from vsr_core.engines.nonsmooth import body as bodies
 from vsr_core.engines.nonsmooth import ground as grounds
@@ -276,7 +276,7 @@ def set_state(motion: Motion, state: State, axes: Array) -> None:
     state : State
     axes : ndarray, shape (3, 3), principal axes of the rock
     """
-    turned = product(state.rotation, axes)
+    turned = matrix_product(state.rotation, axes)
     x, y, z, w = Rotation.from_matrix(turned).as_quat()
     motion["place"][:] = state.position
     motion["quaternion"][:] = w, x, y, z
@@ -299,5 +299,5 @@ def state_of(motion: Motion, time_step: float, axes: Array) -> State:
     """
     now = motion.copy()
     drift(now, -0.5 * time_step)
-    rotation = product(now["rotation"], axes.T)
+    rotation = matrix_product(now["rotation"], axes.T)
     return State(now["place"], rotation, now["velocity"][:3], now["velocity"][3:])
