@@ -4,7 +4,7 @@
 
 ``--scan`` takes a scan of Double Rock in metres; without it the surrogate is measured. ``--tests``
 takes recorded shake-table tests, without which the validation is not measured. ``--quick`` leaves
-out the whole site, the terrain and the validation, which take minutes.
+out the whole site, the terrain, the validation and grids of many runs, which take minutes.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import tempfile
 from itertools import chain
 from pathlib import Path
 
-from benchmarks import accuracy, displacement, engine, speed
+from benchmarks import accuracy, displacement, engine, many_runs, speed
 from benchmarks.table import show
 
 
@@ -36,6 +36,7 @@ def main() -> int:
             parts += [speed.whole_site(site, folder), displacement.grid(folder)]
             parts += [displacement.against_bullet(folder), displacement.reductions(folder)]
             parts += [engine.validation(options.tests, folder)]
+            parts += [many_runs.rows(folder / "many", many_runs.NUMBER)]
         for row in chain(*parts, accuracy.blocks()):
             show(row)
     return 0

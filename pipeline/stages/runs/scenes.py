@@ -30,7 +30,7 @@ from vsr_core.table.servo import Servo
 from vsr_core.verification.time_step import step_unit
 
 MOST_RUNS = 10_000_000
-"""Runs of one direction and friction: each takes some 200 bytes of the client's memory."""
+"""Runs of one direction and friction, whose dataset is made in memory, some 100 bytes a run."""
 
 
 class Group(NamedTuple):

@@ -115,9 +115,16 @@ def load_study(config: Config, store: Store) -> Study:
         motions,
         time_steps(config, store),
         groups(config),
-        b"".join(map(motions.token, motion_grid.each_cell(motions))),
+        _tokens(motions),
         {**identity(scenes), "motion": motions.identity()},
     )
+
+
+def _tokens(motions: Shaking) -> bytes:
+    told = bytearray()
+    for cell in motion_grid.each_cell(motions):
+        told += motions.token(cell)
+    return bytes(told)
 
 
 def run_study(job: Job, kind: Kind[Any], place: Callable[[Scenes, Group], Any]) -> Product:
