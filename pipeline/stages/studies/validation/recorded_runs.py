@@ -135,10 +135,10 @@ def outcomes(
     done = run_missing(job, KIND, draws, runs, shared)
     if done.runs:
         job.log(f"validation: {done.summary}")
-    return {
-        draw: dict(zip(wanted[draw], rows, strict=True))
-        for draw, rows in stored(job, KIND, draws, runs)
-    }
+    rows: dict[Draw, list[RunRow]] = {draw: [] for draw in draws}
+    for draw, part in stored(job, KIND, draws, runs):
+        rows[draw].extend(part)
+    return {draw: dict(zip(wanted[draw], rows[draw], strict=True)) for draw in draws}
 
 
 def _identities(series: Series, members: Mapping[Draw, Member]) -> dict[Draw, str]:
