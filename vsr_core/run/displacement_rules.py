@@ -141,6 +141,7 @@ class DisplacementRules:
         self.recorder = Recorder(run.start, along(case.seat))
         self.intervals = 0
         self.toppled = False
+        self.middle = run.start.position
 
     def begin(self, run: Run) -> Ending | None:
         """Start shortly before the first push: until then the rock stays where it stands."""
@@ -158,6 +159,8 @@ class DisplacementRules:
             run.sample = since
             return _UNSTABLE
         self.recorder.note(run, since)
+        if 2 * run.sample < run.sampled.pulse_samples + run.last_sample:
+            self.middle = run.state.position
         self.intervals += 1
         closely = self.intervals % BORDER_INTERVALS == 0
         if not self._sound(run, closely=closely):
@@ -168,7 +171,11 @@ class DisplacementRules:
         return self._decided(run)
 
     def out_of_time(self, run: Run) -> Ending:
-        """Overturned, or without a verdict."""
+        """A rock that only trembles rests; another is overturned, or without a verdict."""
+        way = float(np.linalg.norm(run.state.position - self.middle))
+        stays = way < STAYS_SHARE * self.radius
+        if stays and run.kinetic < TREMBLES_SHARE * GRAVITY * self.radius:
+            return self._side(run), StopReason.REST
         return Outcome.OVERTURNED if self.toppled else Outcome.UNSETTLED, StopReason.TIME
 
     def _decided(self, run: Run) -> Ending | None:
