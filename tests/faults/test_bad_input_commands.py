@@ -11,17 +11,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import trimesh
-import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline import ROOT, cli
 from pipeline.config.problems import Problem
 from pipeline.workflow import cluster
-from pipeline.workflow.datasets import netcdf
 from tests.support.bad_input import ODD_TEXTS, see_that_it_is_one_line
 
 Refused = Callable[..., str]
@@ -243,12 +240,3 @@ def test_no_room_is_told_as_that(tmp_path: Path, room: int) -> None:
     assert "ermission denied" not in line
     assert not list(tmp_path.rglob(".part-*"))
     assert not list(tmp_path.rglob("*.nc"))
-
-
-def test_netcdf_says_what_the_disk_says(tmp_path: Path) -> None:
-    """By itself the library calls a disk without any room "permission denied"."""
-    if not Path("/dev/full").exists():
-        pytest.skip("no /dev/full here")
-    (tmp_path / "one.nc").symlink_to("/dev/full")
-    with pytest.raises(OSError, match="No space left"):
-        netcdf(xr.Dataset({"a": ("x", np.ones(1000))}))(tmp_path / "one.nc")
