@@ -272,9 +272,9 @@ def test_reading_needs_no_right_to_write(
 MOUNTED = """\
 22 1 254:0 / / rw,relatime shared:1 - ext4 /dev/vda rw
 23 22 0:21 / /scratch rw - lustre 10.0.0.1@tcp:/fs rw
-24 22 0:22 / /home/with\\040blank rw,nosuid shared:2 master:1 - nfs4 server:/home rw
-25 22 0:23 / /home/with\\040blank/local rw - xfs /dev/vdb rw
-26 22 0:24 / /home rw - autofs systemd-1 rw
+24 22 0:22 / /shared/with\\040blank rw,nosuid shared:2 master:1 - nfs4 server:/home rw
+25 22 0:23 / /shared/with\\040blank/local rw - xfs /dev/vdb rw
+26 22 0:24 / /shared rw - autofs systemd-1 rw
 27 22 0:25 / /twice rw - ext4 /dev/vdc rw
 28 22 0:26 / /twice rw - fuse.sshfs me@there: rw
 """
@@ -283,13 +283,13 @@ MOUNTED = """\
 @pytest.mark.parametrize(
     ("folder", "kind", "mode"),
     [
-        ("/work/derived", "ext4", "WAL"),
+        ("/derived", "ext4", "WAL"),
         ("/scratch", "lustre", "TRUNCATE"),
         ("/scratch/me/derived", "lustre", "TRUNCATE"),
         ("/scratchy", "ext4", "WAL"),
-        ("/home/with blank/derived", "nfs4", "TRUNCATE"),
-        ("/home/with blank/local/derived", "xfs", "WAL"),
-        ("/home/me", "autofs", "TRUNCATE"),
+        ("/shared/with blank/derived", "nfs4", "TRUNCATE"),
+        ("/shared/with blank/local/derived", "xfs", "WAL"),
+        ("/shared/me", "autofs", "TRUNCATE"),
         ("/twice/over", "fuse.sshfs", "TRUNCATE"),
     ],
 )
