@@ -62,6 +62,9 @@ GAP, SMALL_GAP = 0.02, 1e-4
 bounce or the ground is made of parts. Within it the approach is stopped without a rebound: with
 0.02 fine steps lose it all, and a rock that slides over parts is held by those behind a border."""
 
+STEP_BITS = 40
+"""Binary digits of a step; the other 13 are for the number of steps in a sample."""
+
 
 class BulletWorld:
     """One rock in a world of its own, on its own connection.
@@ -118,7 +121,7 @@ class BulletWorld:
 
     def rewind(self, time_step: float, substeps: int, solver: Solver) -> None:
         """Put the rock back to its start, for ``substeps`` steps of ``time_step`` [s] a sample."""
-        interval = substeps * time_step * math.sqrt(self._scale)
+        interval = substeps * _divisible(time_step * math.sqrt(self._scale))
         pybullet.setTimeStep(interval, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
             numSubSteps=substeps if substeps > 1 else 0,
@@ -309,6 +312,16 @@ def _springs(scene: Scene, scale: float) -> Springs | None:
     return Springs(
         contact.stiffness * to_mass / scale, contact.damping * to_mass / math.sqrt(scale)
     )
+
+
+def _divisible(step: float) -> float:
+    """The step to 1e-12 of itself, and so that Bullet finds a sample to be a number of them.
+
+    Bullet counts the substeps of a sample by dividing times that it sums up, and carries the rest
+    over, even into the next run. Of 2,000 pairs of step and number 106 lost a step to a rounding.
+    """
+    mantissa, exponent = math.frexp(step)
+    return math.ldexp(round(math.ldexp(mantissa, STEP_BITS)), exponent - STEP_BITS)
 
 
 def _matrix(q: tuple[float, float, float, float]) -> Array:
