@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.config import in_si
-from pipeline.config.motion_schema import PulseConfig
+from pipeline.config.motion_schema import PulseGrid
 from pipeline.config.schema import Config
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell, Shaking
@@ -204,7 +204,7 @@ def _runs(job: Job, kind: Kind[Any]) -> tuple[Counter[int], int]:
     names = [stage.name for stage in needed if stage.is_for(job.config)]
     if any(job.store.manifest(name) is None or job.store.damage(name) for name in names):
         return Counter(), 0
-    if not isinstance(job.config.motion, PulseConfig) and _is_stale("motions", job):
+    if not isinstance(job.config.motion, PulseGrid) and _is_stale("motions", job):
         return Counter(), 0  # which runs are wanted is known once the records are read anew
     study = load_study(job.config, job.store)
     counts: Counter[int] = Counter()

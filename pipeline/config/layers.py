@@ -10,6 +10,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from pipeline import ROOT
+from pipeline.config.motion_schema import PULSES
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.recorded_tests_schema import ShakeTableConfig
@@ -222,7 +223,7 @@ def _merge(
         here = (*path, key)
         origin[here] = source
         if isinstance(value, dict) and isinstance(into.get(key), dict):
-            if "kind" in value and value["kind"] != into[key].get("kind"):
+            if "kind" in value and not _alike(value["kind"], into[key].get("kind")):
                 into[key] = {}  # what was said of another kind does not hold
             _merge(into[key], value, origin, source, here)
         elif isinstance(value, dict):
@@ -230,6 +231,11 @@ def _merge(
             _merge(into[key], value, origin, source, here)
         else:
             into[key] = value
+
+
+def _alike(kind: Any, other: Any) -> bool:
+    """Whether two kinds of a section have the same keys."""
+    return bool(kind == other or (kind in PULSES and other in PULSES))
 
 
 def _problem(

@@ -70,12 +70,33 @@ Ratios = Annotated[
 """Ratios of peak velocity to peak acceleration [s]."""
 
 
-class PulseConfig(Section):
+class PulseGrid(Section):
+    """Pulses of one shape, told by their peaks."""
+
+    pga: Peaks = Field(description="peak ground acceleration [g]")
+    pgv_pga: Ratios = Field(description="ratio of peak velocity to peak acceleration [s]")
+
+
+class PulseConfig(PulseGrid):
     """The grid of cosine pulses."""
 
     kind: Literal["cosine_pulse"] = Field("cosine_pulse", description="kind of motion")
-    pga: Peaks = Field(description="peak ground acceleration [g]")
-    pgv_pga: Ratios = Field(description="ratio of peak velocity to peak acceleration [s]")
+
+
+class SinePulseConfig(PulseGrid):
+    """A grid of single sine pulses of acceleration."""
+
+    kind: Literal["sine_pulse"] = Field("sine_pulse", description="kind of motion")
+
+
+class RickerPulseConfig(PulseGrid):
+    """A grid of symmetric Ricker pulses."""
+
+    kind: Literal["ricker_pulse"] = Field("ricker_pulse", description="kind of motion")
+
+
+PULSES = ("cosine_pulse", "sine_pulse", "ricker_pulse")
+"""Kinds that share their keys: what was said of one holds for another."""
 
 
 Files = Annotated[
@@ -239,6 +260,7 @@ class TableMotionConfig(Section):
 
 
 MotionConfig = Annotated[
-    PulseConfig | RecordConfig | TableMotionConfig, Field(discriminator="kind")
+    PulseConfig | SinePulseConfig | RickerPulseConfig | RecordConfig | TableMotionConfig,
+    Field(discriminator="kind"),
 ]
 """The motions of a study; a kind is a class here and one in `stages/motions/motion_grid.py`."""

@@ -28,6 +28,8 @@ TABLE_CODE = ("vsr_core.motions.sampled:SampledMotion",)
 AXIS_CODE = ("vsr_core.motions.six_axes:AxisPulses", "vsr_core.motions.six_axes:AxisPulse")
 MOTION_CODE = (
     "vsr_core.motions.cosine_pulse:CosinePulse",
+    "vsr_core.motions.sine_pulse:SinePulse",
+    "vsr_core.motions.ricker_pulse:RickerPulse",
     *RECORD_CODE,
     *TABLE_CODE,
     *AXIS_CODE,

@@ -17,6 +17,7 @@ from pipeline.config.motion_schema import (
     AxisPulseConfig,
     MotionConfig,
     PulseConfig,
+    PulseGrid,
     RecordConfig,
     TableMotionConfig,
 )
@@ -30,10 +31,21 @@ from pipeline.workflow.store import Store
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.motions.records.trace import Trace
+from vsr_core.motions.ricker_pulse import RickerPulse
 from vsr_core.motions.sampled import SampledMotion
+from vsr_core.motions.sine_pulse import SinePulse
 from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 
 FILE = "motions.nc"
+
+Shape = type[CosinePulse] | type[SinePulse] | type[RickerPulse]
+
+SHAPES: dict[str, Shape] = {
+    "cosine_pulse": CosinePulse,
+    "sine_pulse": SinePulse,
+    "ricker_pulse": RickerPulse,
+}
+"""Pulses that are told by their peaks, by their kinds."""
 
 
 class Cell(NamedTuple):
@@ -151,6 +163,21 @@ class Pulses:
 
     def identity(self) -> Any:
         return "cosine_pulse"
+
+
+@dataclass(frozen=True)
+class ShapedPulses(Pulses):
+    """Pulses of another shape than the cosine's."""
+
+    kind: str
+
+    def motion(self, cell: Cell) -> GroundMotion:
+        return SHAPES[self.kind](in_si.acceleration(cell.pga), self.pgv_pga[cell.row])
+
+    def identity(self) -> Any:
+        shape = SHAPES[self.kind]
+        code = keys.code((f"{shape.__module__}:{shape.__name__}",))
+        return [self.kind, keys.digest(code)]
 
 
 @dataclass(frozen=True)
@@ -275,6 +302,8 @@ def _pulses(motion: MotionConfig) -> Shaking | None:
     """The motions that are told by the configuration alone."""
     if isinstance(motion, PulseConfig):
         return Pulses(motion.pgv_pga, motion.pga)
+    if isinstance(motion, PulseGrid):
+        return ShapedPulses(motion.pgv_pga, motion.pga, motion.kind)
     if isinstance(motion, TableMotionConfig) and motion.pulses:
         assert motion.pgv_pga is not None
         return TablePulses(motion.pgv_pga, motion.pga, motion.pulses)

@@ -1,4 +1,4 @@
-"""Motions: the grid of cosine pulses as the table would be driven, or the records as processed."""
+"""Motions: the grid of pulses as the table would be driven, or the records as processed."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import xarray as xr
 
 from pipeline.config import in_si
 from pipeline.config.layers import Site
-from pipeline.config.motion_schema import PulseConfig, RecordConfig, TableMotionConfig
+from pipeline.config.motion_schema import PulseGrid, RecordConfig, TableMotionConfig
 from pipeline.stages.motions import record_inputs, table_motions
-from pipeline.stages.motions.motion_grid import FILE
+from pipeline.stages.motions.motion_grid import FILE, SHAPES
 from pipeline.stages.motions.record_inputs import Ready
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
@@ -52,11 +52,11 @@ def make(job: Job) -> Product:
         ``motions.nc``.
     """
     motion = job.config.motion
-    if isinstance(motion, PulseConfig):
-        dataset, summary = _pulses(motion.pgv_pga, motion.pga)
+    if isinstance(motion, PulseGrid):
+        dataset, summary = _pulses(motion.pgv_pga, motion.pga, motion.kind)
     elif isinstance(motion, TableMotionConfig) and motion.pulses:
         assert motion.pgv_pga is not None
-        dataset, summary = _pulses(motion.pgv_pga, motion.pga)
+        dataset, summary = _pulses(motion.pgv_pga, motion.pga, "cosine_pulse")
         axes = table_motions.named(motion.pulses)
         dataset.attrs["axes"] = axes
         summary += f" of {axes}"
@@ -67,21 +67,27 @@ def make(job: Job) -> Product:
     return Product({FILE: netcdf(described(dataset, job, "Ground motions"))}, summary)
 
 
-def _pulses(ratios: tuple[float, ...], peaks: tuple[float, ...]) -> tuple[xr.Dataset, str]:
+def _pulses(
+    ratios: tuple[float, ...], peaks: tuple[float, ...], kind: str
+) -> tuple[xr.Dataset, str]:
     """Frequency, amplitude, PGV and duration of every pulse (paper's Eqs 8-10)."""
     pga, pgv_pga = np.array(peaks), np.array(ratios)
-    frequency = 1.0 / (2.0 * np.pi * pgv_pga)
+    pulses = [SHAPES[kind](1.0, ratio) for ratio in ratios]
+    duration = np.array([pulse.duration for pulse in pulses])
+    ways = [pulse.displacement(np.array([0.0, 0.5, 1.0]) * pulse.duration) for pulse in pulses]
+    amplitude = 0.5 * np.ptp(ways, axis=1)
     dataset = xr.Dataset(
         {
-            "frequency": ("pgv_pga", frequency),
-            "duration": ("pgv_pga", 1.0 / frequency),
-            "amplitude": (("pgv_pga", "pga"), np.outer(pgv_pga**2, in_si.acceleration(pga))),
+            "frequency": ("pgv_pga", 0.5 / np.pi / [pulse.shortest_time for pulse in pulses]),
+            "duration": ("pgv_pga", duration),
+            "amplitude": (("pgv_pga", "pga"), np.outer(amplitude, in_si.acceleration(pga))),
             "pgv": (("pgv_pga", "pga"), np.outer(pgv_pga, in_si.acceleration(pga))),
         },
         {"pga": pga, "pgv_pga": pgv_pga},
     )
-    shaking = pga.size * float((1.0 / frequency).sum())
-    return dataset, f"{pgv_pga.size} x {pga.size} cosine pulses, {shaking:.0f} s of shaking"
+    shaking = pga.size * float(duration.sum())
+    name = kind.replace("_", " ")
+    return dataset, f"{pgv_pga.size} x {pga.size} {name}s, {shaking:.0f} s of shaking"
 
 
 def _records(job: Job, motion: RecordConfig) -> tuple[xr.Dataset, str]:

@@ -92,6 +92,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         "models": report_tables.models(fragility),
         **_pictures(rock, responses, fragility),
         **_records(job),
+        "pulse": job.config.motion.kind.replace("_", " "),
         "tables": _tables(job, responses),
         "axes": read(job.path(MOTIONS)).attrs.get("axes"),
         "left_out": report_tables.left_out(

@@ -273,3 +273,9 @@ def test_switches(write_site: WriteSite, given: str) -> None:
     setting = f"simulation.reduce={given}"
     assert load_site(write_site(), None, (setting,)).config.simulation.reduce is False
     assert load_site(write_site()).config.simulation.reduce is True
+
+
+def test_pulses_of_another_shape_keep_their_peaks(write_site: Callable[..., str]) -> None:
+    site = write_site("motion: {pga: [0.1, 0.7], pgv_pga: 0.3}")
+    motion = load_site(site, None, ("motion.kind=ricker_pulse",)).config.motion
+    assert (motion.kind, motion.pga) == ("ricker_pulse", (0.1, 0.7))

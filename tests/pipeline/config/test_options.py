@@ -53,6 +53,7 @@ def test_shipped_file_names_its_schema_and_satisfies_it(name: str) -> None:
         "motion: {pga: {num: 3}}",
         "motion: {pga: 0.3}",
         "motion: {kind: record, files: one.csv}",
+        "motion: {kind: ricker_pulse}",
         "motion: {kind: table, pulses: [{axis: z}]}",
         "simulation: {time_step: 0.001}",
         "simulation: {time_step: auto}",
