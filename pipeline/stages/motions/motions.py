@@ -74,11 +74,12 @@ def _pulses(
     pga, pgv_pga = np.array(peaks), np.array(ratios)
     pulses = [SHAPES[kind](1.0, ratio) for ratio in ratios]
     duration = np.array([pulse.duration for pulse in pulses])
+    radian = np.array([pulse.shortest_time for pulse in pulses])
     ways = [pulse.displacement(np.array([0.0, 0.5, 1.0]) * pulse.duration) for pulse in pulses]
     amplitude = 0.5 * np.ptp(ways, axis=1)
     dataset = xr.Dataset(
         {
-            "frequency": ("pgv_pga", 0.5 / np.pi / [pulse.shortest_time for pulse in pulses]),
+            "frequency": ("pgv_pga", 0.5 / (np.pi * radian)),
             "duration": ("pgv_pga", duration),
             "amplitude": (("pgv_pga", "pga"), np.outer(amplitude, in_si.acceleration(pga))),
             "pgv": (("pgv_pga", "pga"), np.outer(pgv_pga, in_si.acceleration(pga))),
