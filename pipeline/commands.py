@@ -17,7 +17,7 @@ from typing import Any
 from pipeline.config.layers import STUDIES, TABLES, known, load_site
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import graph
-from pipeline.workflow.cluster import Cluster
+from pipeline.workflow.cluster import Cluster, check_settings
 from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.stage import Job, named
@@ -224,6 +224,7 @@ def fetch(options: argparse.Namespace) -> int:
 
 
 def _job(options: argparse.Namespace) -> Job:
+    check_settings()
     given = vars(options)
     if given.get("product") == "validation":
         site_of = named("pipeline.stages.studies.validation.recorded_tests:site_of")

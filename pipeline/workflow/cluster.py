@@ -177,6 +177,21 @@ class Cluster:
             yield client, upkeep
 
 
+def check_settings() -> None:
+    """Refuse files of Dask's settings that it cannot read, which xarray has it do on import.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        import dask  # noqa: F401
+    except ValueError as error:
+        given, rule = str(error).splitlines()[0].split(", original")[0], "it is YAML"
+        remedy = "mend it, or unset DASK_CONFIG where that names it"
+        raise InputError(Problem("Dask's settings", "", given, rule, remedy)) from None
+
+
 @contextmanager
 def _connected(address: Any, file: str | None) -> Iterator[Any]:
     import distributed

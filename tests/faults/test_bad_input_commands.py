@@ -169,6 +169,17 @@ def test_surroundings_change_nothing(
     assert "a file that is not there" in line
 
 
+def test_settings_of_dask_that_are_no_yaml(tmp_path: Path) -> None:
+    bad = tmp_path / "dask.yaml"
+    bad.write_text("{[")
+    site, into = "cuboid_1x1x2", tmp_path / "derived"
+    process = start("run", "rock", "--site", site, "--derived", into, DASK_CONFIG=str(bad))
+    (line,) = process.communicate(timeout=60)[0].splitlines()
+    assert process.returncode == cli.REFUSED
+    assert str(bad) in line
+    assert not into.exists()
+
+
 def stop(process: subprocess.Popen[str], how: signal.Signals) -> tuple[int, str, float]:
     """Stop a command; its exit code, what it said, and how long it took to end [s]."""
     began = time.monotonic()
