@@ -17,9 +17,11 @@ quoted = '$(subst ','\'',$1)'
 flag = $(if $(value $2),$1 $(call quoted,$(value $2)))
 list = $(if $(value $2),--set $(call quoted,$1=[$(value $2)]))
 derived = $(call flag,--derived,DERIVED)
-settings = $(call list,yaw,YAW) $(call list,contact.friction,FRICTION) \
-  $(foreach item,$(value SET),--set $(call quoted,$(item)))
-site = --site $(call quoted,$(value SITE)) $(call flag,--study,STUDY) $(settings) $(derived)
+set = $(foreach item,$(value SET),--set $(call quoted,$(item)))
+study = --site $(call quoted,$(value SITE)) $(call flag,--study,STUDY) $(set) $(derived)
+site = $(study) $(call list,yaw,YAW) $(call list,contact.friction,FRICTION)
+cell = $(call flag,--yaw,YAW) $(call flag,--friction,FRICTION) $(call flag,--pga,PGA) \
+  $(call flag,--pgv-pga,PGV_PGA) $(call flag,--record,RECORD) $(call flag,--and,AND)
 where = $(call flag,--workers,WORKERS) $(call flag,--scheduler,SCHEDULER)
 
 .PHONY: help
@@ -31,12 +33,15 @@ help:
 	' Makefile
 
 ## A rock
-.PHONY: fragility displacement prep accuracy stability drive feasible validate plan status why fetch
+.PHONY: fragility displacement replay prep accuracy stability drive feasible validate plan status why fetch
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(vsr) run fragility $(site) $(where)
 
 displacement: setup ## where the rock of SITE goes over its terrain: trajectories and report
 	$(vsr) run displacement $(site) $(where)
+
+replay: setup ## a page that plays the run of SITE at YAW, PGA and PGV_PGA, or two with AND
+	$(vsr) replay $(study) $(cell) $(where)
 
 prep: setup ## rock and terrain from SITE's scan, with a page of every step
 	$(vsr) prep $(site)
@@ -75,6 +80,8 @@ fetch: setup ## download the public original NAME into data/raw
 #: STUDY=name             a study in configs/studies, or any YAML file
 #: YAW=0,90               directions of shaking [degree]
 #: FRICTION=0.4,0.6       friction of rock on pedestal
+#: PGA=0.4 PGV_PGA=0.3    the run to replay [g, s]; RECORD=name in place of PGV_PGA
+#: AND=neighbour          a run beside it, e.g. AND=engine=bullet or AND=yaw=30,pga=0.5
 #: SET='a.b=1 c.d=2'      any other keys of the configuration
 #: LIMITS=mini_shake_robot a table in configs/tables, or any YAML file
 #: TABLE=folder           recorded shake-table tests

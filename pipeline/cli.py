@@ -1,4 +1,4 @@
-"""The command line: prep, run, plan, status, why, feasible, list, clean, fetch."""
+"""The command line: prep, run, plan, status, why, feasible, replay, list, clean, fetch."""
 
 from __future__ import annotations
 
@@ -103,11 +103,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--table", metavar="FOLDER", help="recorded shake-table tests to predict")
     prep = add("prep", "rock and terrain of a scan, with a page of every step to look at")
     add_site(prep)
-    run.add_argument("--workers", type=_workers, metavar="N", help="worker processes; 0 for none")
-    where = run.add_mutually_exclusive_group()
-    where.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask scheduler")
-    where.add_argument("--scheduler-file", metavar="F")
-    where.add_argument("--cluster", choices=("slurm",), help="workers in jobs of their own")
+    _add_where(run)
     for name, text in (
         ("plan", "what would run and what it costs"),
         ("status", "what is done"),
@@ -122,6 +118,23 @@ def _parser() -> argparse.ArgumentParser:
     add_site(feasible)
     feasible.add_argument("--table", required=True, metavar="NAME_OR_YAML")
     feasible.add_argument("--export", metavar="DIR", help="write the table's commands there")
+    replay = add("replay", "a page that plays one run of a study")
+    add_site(replay)
+    for name, what in (
+        ("yaw", "direction of shaking [degree]"),
+        ("friction", "friction of rock on pedestal"),
+        ("pgv-pga", "PGV/PGA [s]"),
+        ("record", "name of the record, where there is no PGV/PGA"),
+        ("pga", "peak ground acceleration [g]"),
+    ):
+        replay.add_argument(f"--{name}", metavar="VALUE", help=what)
+    replay.add_argument(
+        "--and",
+        metavar="WHAT",
+        dest="beside",
+        help="a run beside it: neighbour, or what differs, such as engine=bullet or yaw=30,pga=0.5",
+    )
+    _add_where(replay)
     add("list", "sites, studies, tables and products")
     clean = add("clean", "remove derived data, of one site or all; never data/raw")
     clean.add_argument("--site", metavar="NAME")
@@ -130,6 +143,14 @@ def _parser() -> argparse.ArgumentParser:
     fetch.add_argument("name", metavar="NAME")
     fetch.add_argument("--url", help="another place that serves the same file")
     return parser
+
+
+def _add_where(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--workers", type=_workers, metavar="N", help="worker processes; 0 for none")
+    where = sub.add_mutually_exclusive_group()
+    where.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask scheduler")
+    where.add_argument("--scheduler-file", metavar="F")
+    where.add_argument("--cluster", choices=("slurm",), help="workers in jobs of their own")
 
 
 def _workers(text: str) -> int:

@@ -140,6 +140,26 @@ def feasible(options: argparse.Namespace) -> int:
     return _show(lines)
 
 
+def replay(options: argparse.Namespace) -> int:
+    """Make a page that plays one run of a study, and the study as far as it needs it.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, always 0
+    """
+    make = named("pipeline.stages.replay.replay_page:make")
+    given = {name: vars(options)[name] for name in ("yaw", "friction", "pgv_pga", "record", "pga")}
+    job = replace(_job(options), stage="replay")
+    with job.store, job.cluster:
+        page = make(job, given, options.beside)
+    _log(f"-> {job.path(page)}")
+    return 0
+
+
 def list_all(options: argparse.Namespace) -> int:
     """Print sites, studies, tables and products.
 

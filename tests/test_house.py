@@ -28,6 +28,7 @@ STAGE = [
     "fragility",
     "displacement",
     "hazard",
+    "replay",
     "reports",
     "studies",
 ]

@@ -75,6 +75,15 @@ class World(Protocol):
             Its entries are not finite if the engine diverged.
         """
 
+    def footing(self) -> tuple[Array, Array]:
+        """Points that bore the rock in the last step: relative to the table, or in a site's frame.
+
+        Returns
+        -------
+        tuple of ndarray, shape (k, 3) [m], and ndarray, shape (k, 3)
+            Places, and the direction in which the ground pushed there.
+        """
+
 
 class TurningWorld(World, Protocol):
     """A scene under way on a table that turns too."""
@@ -145,15 +154,6 @@ class GroundWorld(World, Protocol):
         -------
         tuple of int and float [m]
             Number of points that bore it, and how deep the deepest was in the ground.
-        """
-
-    def footing(self) -> tuple[Array, Array]:
-        """Points that bore the rock in the last step, in the site's frame.
-
-        Returns
-        -------
-        tuple of ndarray, shape (k, 3) [m], and ndarray, shape (k, 3)
-            Places, and the direction in which the ground pushed there.
         """
 
 

@@ -120,6 +120,17 @@ class MujocoWorld:
             rotation @ data.qvel[3:] * pace,
         )
 
+    def footing(self) -> tuple[Array, Array]:
+        """Points that bore the rock in the last step, and the way the ground pushed there."""
+        force, data = np.zeros(6), self._data
+        bearing = []
+        for number, contact in enumerate(data.contact):
+            mujoco.mj_contactForce(self._model, data, number, force)
+            if force[0] > 0.0:
+                bearing.append((contact.pos / self._scale, contact.frame[:3]))
+        places, pushes = zip(*bearing, strict=True) if bearing else ((), ())
+        return np.array(places).reshape(-1, 3), np.array(pushes).reshape(-1, 3)
+
 
 def build(
     scene: Scene, time_step: float, substeps: int = 1, solver: Solver | None = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import itertools
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 import xarray as xr
 from markupsafe import Markup
 
+from pipeline.drawing.packing import packed, packed_mesh
 from pipeline.drawing.rendering import clearest, thinned
 from pipeline.drawing.view import contour_step, reach
 from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, toppled
@@ -20,7 +20,7 @@ from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import StopReason
 
 PAGE = "scene3d.html"
-SCRIPTS = tuple(f"{part}.js" for part in ("geometry", "drawing", "page"))
+SCRIPTS = tuple(f"{part}.js" for part in ("geometry", "samples", "drawing", "controls", "page"))
 """Templates, the scripts in the order in which they build on each other."""
 
 MOST_SAMPLES = 200_000
@@ -68,8 +68,8 @@ def page(
     azimuth, elevation = clearest(ground, path, radius, along)
     contour = contour_step(reach(path, radius))
     data = {
-        "terrain": _mesh(*thinned(*ground, MOST_TERRAIN_FACES)),
-        "rock": _mesh(*thinned(*surface, MOST_ROCK_FACES)),
+        "terrain": packed_mesh(*thinned(*ground, MOST_TERRAIN_FACES)),
+        "rock": packed_mesh(*thinned(*surface, MOST_ROCK_FACES)),
         "radius": radius,
         "start": start[0].tolist(),
         "runs": _table(runs),
@@ -106,10 +106,6 @@ def _table(runs: xr.Dataset) -> list[dict[str, Any]]:
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def _mesh(vertices: Array, faces: Indices) -> dict[str, str]:
-    return {"vertices": _base64(vertices, "<f4"), "faces": _base64(faces, "<u4")}
-
-
 def _samples(runs: xr.Dataset, radius: float) -> tuple[dict[str, Any], float]:
     """Samples of all runs in few bytes, and by how much [m] positions err for those left out."""
     time, place, turn = runs["time"].values, _places(runs), runs["quaternion"].values
@@ -125,12 +121,12 @@ def _samples(runs: xr.Dataset, radius: float) -> tuple[dict[str, Any], float]:
     largest = max(float(speed.max(initial=0.0)), 0.1)
     return {
         "count": np.bincount(run, minlength=runs.sizes["run"]).tolist(),
-        "time": _base64(time, "<f4"),
-        "low": _base64(low, "<f4"),
-        "step": _base64(step, "<f4"),
-        "place": _base64(np.rint((place - low[run]) / step[run]), "<u2"),
-        "turn": _base64(np.rint(turn * _TURNS), "<i2"),
-        "speed": _base64(np.rint(speed / largest * _FINEST), "<u2"),
+        "time": packed(time, "<f4"),
+        "low": packed(low, "<f4"),
+        "step": packed(step, "<f4"),
+        "place": packed(np.rint((place - low[run]) / step[run]), "<u2"),
+        "turn": packed(np.rint(turn * _TURNS), "<i2"),
+        "speed": packed(np.rint(speed / largest * _FINEST), "<u2"),
         "largest_speed": largest,
     }, error
 
@@ -180,7 +176,3 @@ def _error(time: Array, place: Array, run: Indices, kept: Indices) -> float:
     clock = time + run * (float(np.ptp(time)) + 1.0)  # ascends over all runs
     between = [np.interp(clock, clock[kept], part[kept]) for part in place.T]
     return float(np.linalg.norm(np.column_stack(between) - place, axis=1).max())
-
-
-def _base64(values: Any, kind: str) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()

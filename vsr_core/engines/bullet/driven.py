@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
+from vsr_core.arrays import Array
 from vsr_core.engines.bullet.binding import pybullet
 from vsr_core.engines.bullet.world import FASTEST, MASS, BulletWorld
 from vsr_core.engines.interface import Solver
@@ -77,6 +78,11 @@ class BulletDrivenWorld(BulletWorld):
             position=state.position - [position, 0.0, 0.0],
             velocity=state.velocity - [velocity, 0.0, 0.0],
         )
+
+    def footing(self) -> tuple[Array, Array]:
+        """Points that bore the rock in the last step, relative to the table, and the pushes."""
+        places, pushes = super().footing()
+        return places - [self.table()[0], 0.0, 0.0], pushes
 
     def table(self) -> tuple[float, float]:
         """Position [m] and velocity [m/s] of the table along +x."""

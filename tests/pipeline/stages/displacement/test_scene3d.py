@@ -7,8 +7,7 @@ import io
 import json
 import math
 import re
-import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
 from support import tumbling
+from support.browser import Opened, chromium, settle, until
 
 from pipeline.stages.displacement import scene3d
 from pipeline.stages.displacement.track import SPEEDS
@@ -143,19 +143,8 @@ def test_names_are_escaped(displacement: xr.Dataset) -> None:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    names = ("chromium", "chromium-browser", "google-chrome")
-    path = next((found for name in names if (found := shutil.which(name))), None)
-    if path is None:
-        pytest.skip(f"no browser: none of {', '.join(names)} is on the path")
-    arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with playwright.sync_playwright() as running:
-        browser = running.chromium.launch(executable_path=path, args=arguments)
-        yield browser
-        browser.close()
-
-
-Opened = Callable[..., Any]
+    with chromium() as running:
+        yield running
 
 
 @pytest.fixture
@@ -187,20 +176,6 @@ def opened(browser: Any, text: str, tmp_path: Path) -> Iterator[Opened]:
         context.close()
     assert said == []
     assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
-
-
-def until(page: Any, condition: str) -> None:
-    """Wait; the page forbids what playwright's own way of waiting needs."""
-    for _ in range(300):
-        if page.evaluate(condition):
-            return
-        page.wait_for_timeout(50)
-    raise AssertionError(condition)
-
-
-def settle(page: Any) -> None:
-    """Wait until what was asked for is drawn."""
-    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
 def vsr(page: Any, name: str) -> Any:

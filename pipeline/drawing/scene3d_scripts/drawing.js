@@ -15,7 +15,7 @@ precision highp float;
 in vec3 at;
 uniform vec3 low, high, sun, rock; // colours at two heights; towards the sun; centre of the rock
 uniform vec2 heights;
-uniform float contour, radius;
+uniform float contour, grid, radius;
 out vec4 colour;
 void main() {
   vec3 normal = normalize(cross(dFdx(at), dFdy(at))); // of the face, towards the eye
@@ -25,6 +25,12 @@ void main() {
     float level = at.z / contour, rate = max(fwidth(level), 1e-6);
     float line = 1.0 - smoothstep(0.3, 1.1, abs(fract(level) - 0.5) / rate);
     own *= 1.0 - 0.22 * line * (1.0 - smoothstep(0.15, 0.4, rate));
+    if (grid > 0.0) { // squares of a level pedestal
+      vec2 place = at.xy / grid, pace = max(fwidth(place), 1e-6);
+      vec2 away = abs(fract(place - 0.5) - 0.5) / pace;
+      float rule = 1.0 - smoothstep(0.4, 1.2, min(away.x, away.y));
+      own *= 1.0 - 0.16 * rule * (1.0 - smoothstep(0.2, 0.5, max(pace.x, pace.y)));
+    }
     float off = length(at.xy - rock.xy) / radius, below = (rock.z - at.z) / radius;
     light *= 1.0 - 0.5 * (1.0 - smoothstep(0.2, 1.0, off)) * step(0.0, below) * exp(-0.15 * below);
   }
@@ -70,6 +76,25 @@ precision highp float;
 in vec4 tone;
 out vec4 colour;
 void main() { colour = tone; }
+`];
+
+// Points of contact, in pixels, seen through the rock: a disc with a rim.
+const POINT = [`#version 300 es
+in vec3 at;
+uniform mat4 camera;
+uniform float width;
+void main() {
+  gl_Position = camera * vec4(at, 1.0);
+  gl_PointSize = width;
+}
+`, `#version 300 es
+precision highp float;
+out vec4 colour;
+void main() {
+  float off = 2.0 * length(gl_PointCoord - 0.5);
+  if (off > 1.0) discard;
+  colour = vec4(off > 0.62 ? vec3(1.0) : vec3(0.78, 0.08, 0.10), 1.0);
+}
 `];
 
 const LOW = [0.70, 0.70, 0.64], HIGH = [0.97, 0.94, 0.87], ROCK = [0.93, 0.55, 0.10];
@@ -155,11 +180,34 @@ function pathsOf(gl, samples) {
   return [speed.length, order.length];
 }
 
-// A function that draws a moment {camera, pose, run, all} and returns the number of triangles.
-function drawingOf(gl, { terrain, rock, samples, radius, contour, colours }) {
+// A function that draws points [m], one after the other in an array.
+function pointsOf(gl) {
+  const { program, uniforms, attribute } = built(gl, POINT), array = gl.createVertexArray();
+  gl.bindVertexArray(array);
+  const buffer = buffered(gl, gl.ARRAY_BUFFER, new Float32Array());
+  gl.enableVertexAttribArray(attribute("at"));
+  gl.vertexAttribPointer(attribute("at"), 3, gl.FLOAT, false, 0, 0);
+  gl.bindVertexArray(null);
+  return (points, camera) => {
+    gl.useProgram(program);
+    gl.uniformMatrix4fv(uniforms.camera, false, camera.matrix);
+    gl.uniform1f(uniforms.width, 11 * (window.devicePixelRatio || 1));
+    gl.bindVertexArray(array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, points, gl.DYNAMIC_DRAW);
+    gl.disable(gl.DEPTH_TEST);
+    gl.drawArrays(gl.POINTS, 0, points.length / 3);
+    gl.enable(gl.DEPTH_TEST);
+  };
+}
+
+// A function that draws a moment {camera, pose, run, all, bearing} and returns the number of
+// triangles. Without samples there are no paths; of several runs `all` draws the paths of the others too; `bearing` are points of
+// contact [m], one after the other.
+function drawingOf(gl, { terrain, rock, samples, radius, contour, grid = 0, colours }) {
   const mesh = built(gl, MESH), line = built(gl, LINE);
   const ground = meshOf(gl, mesh, terrain), stone = meshOf(gl, mesh, rock);
-  const paths = pathsOf(gl, samples);
+  const paths = samples && pathsOf(gl, samples), drawPoints = pointsOf(gl);
   let triangles = 0;
   gl.enable(gl.DEPTH_TEST);
   gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
@@ -184,7 +232,7 @@ function drawingOf(gl, { terrain, rock, samples, radius, contour, colours }) {
     triangles += 2 * (end - start - 1);
   }
 
-  return ({ camera, pose, run, all }) => {
+  return ({ camera, pose, run = null, all = false, bearing = [] }) => {
     const { width, height } = gl.canvas;
     triangles = 0;
     gl.viewport(0, 0, width, height);
@@ -197,8 +245,10 @@ function drawingOf(gl, { terrain, rock, samples, radius, contour, colours }) {
     gl.uniform3fv(mesh.uniforms.sun, unit(add(add(back, right, -0.9), [0, 0, 0.9])));
     gl.uniform3fv(mesh.uniforms.rock, pose.position);
     gl.uniform1f(mesh.uniforms.radius, radius);
+    gl.uniform1f(mesh.uniforms.grid, grid);
     drawMesh(ground, placed([0, 0, 0, 1], [0, 0, 0]), LOW, HIGH, contour);
     drawMesh(stone, placed(pose.quaternion, pose.position), ROCK, ROCK, 0);
+    if (bearing.length) drawPoints(bearing, camera);
     if (run === null) return triangles;
     gl.useProgram(line.program);
     gl.bindVertexArray(null);

@@ -10,18 +10,9 @@ const canvas = byId("scene");
 const data = unpacked(JSON.parse(byId("data").textContent));
 const { runs, samples } = data;
 const state = { run: runs.length ? 0 : null, time: 0, playing: false, view: null, triangles: 0, error: 0 };
-let draw = null;
-
-function decoded(text, Kind) {
-  const letters = atob(text), bytes = new Uint8Array(letters.length);
-  for (let i = 0; i < bytes.length; i++) bytes[i] = letters.charCodeAt(i);
-  return new Kind(bytes.buffer);
-}
+let draw = null, controls = null;
 
 function unpacked(packed) {
-  const mesh = ({ vertices, faces }) => ({
-    vertices: decoded(vertices, Float32Array), faces: decoded(faces, Uint32Array),
-  });
   const given = packed.samples, first = [0];
   for (const count of given.count) first.push(first.at(-1) + count);
   const low = decoded(given.low, Float32Array), step = decoded(given.step, Float32Array);
@@ -32,7 +23,7 @@ function unpacked(packed) {
   const speed = Float32Array.from(
     decoded(given.speed, Uint16Array), (value) => value / 65535 * given.largest_speed);
   return {
-    ...packed, terrain: mesh(packed.terrain), rock: mesh(packed.rock),
+    ...packed, terrain: meshIn(packed.terrain), rock: meshIn(packed.rock),
     samples: {
       first, place, speed, largest: given.largest_speed,
       time: decoded(given.time, Float32Array), turn: decoded(given.turn, Int16Array),
@@ -42,27 +33,15 @@ function unpacked(packed) {
 
 // ---- The rock at a time
 
-const placeOf = (sample) => Array.from(samples.place.subarray(3 * sample, 3 * sample + 3));
-const turnOf = (sample) => unit(Array.from(samples.turn.subarray(4 * sample, 4 * sample + 4)));
+const placeOf = (sample) => placeIn(samples, sample);
 const startOf = (run) => run === null ? data.start : placeOf(samples.first[run]);
 const spanOf = (run) => run === null
   ? [0, 0] : [samples.time[samples.first[run]], samples.time[samples.first[run + 1] - 1]];
 
 function poseNow() {
   if (state.run === null) return { position: data.start, quaternion: [0, 0, 0, 1], speed: 0 };
-  let [low, high] = [samples.first[state.run], samples.first[state.run + 1] - 1];
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (samples.time[middle] <= state.time) low = middle;
-    else high = middle;
-  }
-  const span = samples.time[high] - samples.time[low];
-  const share = span > 0 ? Math.min(Math.max((state.time - samples.time[low]) / span, 0), 1) : 0;
-  return {
-    position: mix(placeOf(low), placeOf(high), share),
-    quaternion: slerp(turnOf(low), turnOf(high), share),
-    speed: (1 - share) * samples.speed[low] + share * samples.speed[high],
-  };
+  const [first, next] = [samples.first[state.run], samples.first[state.run + 1]];
+  return poseIn(samples, first, next - 1, state.time);
 }
 
 function choose(run) {
@@ -97,7 +76,6 @@ function play(on) {
 // ---- The picture and what is written around it
 
 const aspect = () => canvas.width / canvas.height;
-const pixel = () => 2 * FIELD * state.view.distance / canvas.clientHeight; // [m], mid-view
 
 function firstView() {
   const points = [data.start];
@@ -133,9 +111,9 @@ function write(pose, camera) {
   byId("now").textContent = `${state.time.toFixed(2)} of ${spanOf(state.run)[1].toFixed(2)} s`;
   byId("time").value = state.time;
   byId("play").textContent = state.playing ? "Pause" : "Play";
-  const power = 10 ** Math.floor(Math.log10(100 * pixel()));
-  const length = [5, 2, 1].map((step) => step * power).find((value) => value <= 100 * pixel());
-  byId("ruler").style.width = `${length / pixel()}px`;
+  const power = 10 ** Math.floor(Math.log10(100 * controls.pixel()));
+  const length = [5, 2, 1].map((step) => step * power).find((value) => value <= 100 * controls.pixel());
+  byId("ruler").style.width = `${length / controls.pixel()}px`;
   byId("length").textContent = `${brief(length, 1)} m`;
   const flat = (v) => [dot(camera.axes[0], v), -dot(camera.axes[1], v)];
   [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((axis, k) => {
@@ -158,66 +136,11 @@ function trouble(text) {
   byId("trouble").hidden = false;
 }
 
-// ---- Rotating, panning, zooming
-
-function turn(across, down) {
-  state.view.azimuth -= across;
-  state.view.elevation = Math.min(Math.max(state.view.elevation + down, -0.3), 1.55);
-  request();
-}
-
-function move(across, down) {
-  const [right, up] = axesOf(state.view);
-  state.view.target = add(add(state.view.target, right, -across * pixel()), up, down * pixel());
-  request();
-}
-
-// Zooms about a point some pixels off the middle, which stays where it is.
-function zoom(factor, across = 0, down = 0) {
-  const before = pixel();
-  state.view.distance = Math.min(Math.max(state.view.distance * factor, 0.5 * data.radius), 2000);
-  const grown = before / pixel() - 1;
-  move(-across * grown, -down * grown);
-}
+// ---- Under the pointer, and what is listened to
 
 function reset() {
   state.view = firstView();
   request();
-}
-
-const fingers = new Map();
-let travelled = 0;
-
-function press(event) {
-  canvas.setPointerCapture(event.pointerId);
-  fingers.set(event.pointerId, event);
-  travelled = 0;
-}
-
-function drag(event) {
-  const before = fingers.get(event.pointerId);
-  if (!before) {
-    hover(event);
-    return;
-  }
-  const [across, down] = [event.clientX - before.clientX, event.clientY - before.clientY];
-  const other = [...fingers.values()].find((finger) => finger.pointerId !== event.pointerId);
-  travelled += Math.abs(across) + Math.abs(down);
-  fingers.set(event.pointerId, event);
-  byId("tip").hidden = true;
-  if (other) {
-    const apart = (finger) => Math.hypot(finger.clientX - other.clientX, finger.clientY - other.clientY);
-    zoom(Math.max(apart(before), 1) / Math.max(apart(event), 1));
-    move(across / 2, down / 2);
-  } else if (event.shiftKey || event.buttons & 6) move(across, down);
-  else turn(0.006 * across, 0.006 * down);
-}
-
-function release(event) {
-  const pressed = fingers.delete(event.pointerId);
-  if (!pressed || travelled > 4 || event.type !== "pointerup") return;
-  const found = nearest(event);
-  if (found) choose(found.run);
 }
 
 // The sample of a path that is drawn, next to the pointer and at most 14 pixels off.
@@ -239,7 +162,7 @@ function nearest(event) {
 }
 
 function hover(event) {
-  const found = nearest(event), tip = byId("tip");
+  const found = event && nearest(event), tip = byId("tip");
   tip.hidden = !found;
   if (!found) return;
   const place = placeOf(found.sample);
@@ -253,30 +176,23 @@ function hover(event) {
   tip.style.top = `${Math.min(event.clientY - box.top + 14, box.height - tip.offsetHeight)}px`;
 }
 
-const KEYS = {
-  ArrowLeft: () => turn(-0.1, 0), ArrowRight: () => turn(0.1, 0),
-  ArrowUp: () => turn(0, -0.1), ArrowDown: () => turn(0, 0.1),
-  "+": () => zoom(0.85), "=": () => zoom(0.85), "-": () => zoom(1 / 0.85),
-  0: reset, " ": () => play(!state.playing),
-};
-
 function listen() {
   const on = (element, event, act, options) => element.addEventListener(event, act, options);
-  on(canvas, "pointerdown", press);
-  on(canvas, "pointermove", drag);
-  on(canvas, "pointerup", release);
-  on(canvas, "pointercancel", release);
-  on(canvas, "pointerleave", () => { byId("tip").hidden = true; });
-  on(canvas, "contextmenu", (event) => event.preventDefault());
-  on(canvas, "wheel", (event) => {
-    event.preventDefault();
-    const middle = [canvas.clientWidth / 2, canvas.clientHeight / 2];
-    zoom(Math.exp(0.0012 * event.deltaY), event.offsetX - middle[0], event.offsetY - middle[1]);
-  }, { passive: false });
+  controls = controlsOf(canvas, {
+    view: () => state.view,
+    radius: data.radius,
+    changed: request,
+    reset,
+    hovered: hover,
+    clicked: (event) => {
+      const found = nearest(event);
+      if (found) choose(found.run);
+    },
+  });
   on(canvas, "keydown", (event) => {
-    if (!KEYS[event.key] || event.ctrlKey || event.metaKey) return;
+    if (event.key !== " ") return;
     event.preventDefault();
-    KEYS[event.key]();
+    play(!state.playing);
   });
   on(canvas, "webglcontextlost", () => trouble("The browser lost access to the graphics card. Please reload the page."));
   on(byId("play"), "click", () => play(!state.playing));
@@ -293,15 +209,9 @@ function listen() {
   on(byId("run"), "change", (event) => choose(+event.target.value));
   on(byId("others"), "change", request);
   new ResizeObserver(() => {
-    fit();
+    fitted(canvas);
     request();
   }).observe(canvas);
-}
-
-function fit() {
-  const size = [canvas.clientWidth, canvas.clientHeight];
-  const [width, height] = size.map((side) => Math.max(Math.round(side * (window.devicePixelRatio || 1)), 1));
-  if (width !== canvas.width || height !== canvas.height) [canvas.width, canvas.height] = [width, height];
 }
 
 function begin() {
@@ -316,7 +226,7 @@ function begin() {
   byId("bar").style.background = `linear-gradient(to right, ${colours})`;
   byId("half").textContent = brief(samples.largest / 2, 2);
   byId("largest").textContent = brief(samples.largest, 2);
-  fit();
+  fitted(canvas);
   state.view = firstView();
   listen();
   const lengths = runs.map((run) => run.trajectory_length);

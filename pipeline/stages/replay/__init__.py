@@ -1,0 +1,1 @@
+"""Single runs of a study, played in a page."""

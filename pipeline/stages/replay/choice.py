@@ -1,0 +1,213 @@
+"""Which run is meant: a cell of a study's grid, and perhaps another one beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from pipeline.config.problems import InputError, Problem
+from pipeline.config.schema import Config
+from pipeline.stages.motions.motion_grid import Cell, Shaking
+from pipeline.stages.runs.scenes import Group
+from pipeline.workflow.datasets import rows_of
+from vsr_core import engines
+
+NEIGHBOUR = "neighbour"
+"""What asks for the nearest cell that ends on the other side."""
+
+AS_PRINTED = 1e-3
+"""Share by which a number may differ from that of the grid, which is printed to three digits."""
+
+_NAMES = {"yaw": "yaw", "friction": "friction", "pgv_pga": "PGV/PGA", "pga": "PGA"}
+_UNITS = {"yaw": "deg", "pgv_pga": "s", "pga": "g"}
+_FEW = 12
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A run of a study.
+
+    Attributes
+    ----------
+    group : Group
+    cell : Cell
+    engine : str, in which it is done
+    """
+
+    group: Group
+    cell: Cell
+    engine: str
+
+    def among(self, responses: xr.Dataset) -> xr.Dataset:
+        """What the study found of it.
+
+        Parameters
+        ----------
+        responses : Dataset, as in ``responses.nc``
+
+        Returns
+        -------
+        Dataset without dimensions
+        """
+        at = responses.sel(yaw=self.group.yaw, friction=self.group.friction, pga=self.cell.pga)
+        return at.isel({rows_of(responses): self.cell.row})
+
+
+def chosen(config: Config, shaking: Shaking, given: Mapping[str, str | None]) -> Choice:
+    """The run of a study that is told by coordinates.
+
+    Parameters
+    ----------
+    config : Config
+    shaking : Shaking
+    given : mapping from yaw, friction, pgv_pga or record, and pga to what was given for them;
+        what has one value only may be left out
+
+    Returns
+    -------
+    Choice
+
+    Raises
+    ------
+    InputError
+        For a cell outside the grid, with the nearest value that it has.
+    """
+    own = shaking.dimension
+    other = "record" if own == "pgv_pga" else "pgv_pga"
+    if (wrong := given.get(other)) is not None:
+        rule = f"the rows of this study are told by {own}"
+        remedy = f"give {_option(own)} in its place"
+        raise InputError(Problem(_option(other), "", wrong, rule, remedy))
+    yaw = _at("yaw", config.yaw, given.get("yaw"))
+    friction = _at("friction", config.contact.friction, given.get("friction"))
+    row = _at(own, shaking.rows, given.get(own))
+    pga = _at("pga", shaking.pga, given.get("pga"))
+    group = Group(config.yaw[yaw], config.contact.friction[friction])
+    return Choice(group, Cell(row, shaking.pga[pga]), config.engine)
+
+
+def other(config: Config, shaking: Shaking, first: Choice, wanted: str) -> Choice:
+    """The run that differs from another one by what is told.
+
+    Parameters
+    ----------
+    config : Config
+    shaking : Shaking
+    first : Choice
+    wanted : str, such as ``engine=bullet`` or ``yaw=30,pga=0.5``
+
+    Returns
+    -------
+    Choice
+
+    Raises
+    ------
+    InputError
+        For what no run is told by, a cell outside the grid, and the same run again.
+    """
+    changed = _pairs(wanted, shaking)
+    told = {
+        "yaw": repr(first.group.yaw),
+        "friction": repr(first.group.friction),
+        shaking.dimension: str(shaking.rows[first.cell.row]),
+        "pga": repr(first.cell.pga),
+    }
+    engine = changed.pop("engine", first.engine)
+    if engine not in engines.names():
+        rule, remedy = f"the engines are {', '.join(engines.names())}", "choose one of these"
+        raise InputError(Problem("--and", "engine", engine, rule, remedy))
+    second = replace(chosen(config, shaking, told | changed), engine=engine)
+    if second == first:
+        rule = "a second run differs from the first"
+        raise InputError(Problem("--and", "", wanted, rule, _KINDS))
+    return second
+
+
+_KINDS = "give e.g. engine=bullet, pga=0.5 or neighbour"
+
+
+def _pairs(wanted: str, shaking: Shaking) -> dict[str, str]:
+    known = ("engine", "yaw", "friction", shaking.dimension, "pga")
+    pairs = dict(part.partition("=")[::2] for part in wanted.split(","))
+    pairs = {key.strip(): value.strip() for key, value in pairs.items()}
+    if not all(key in known and value for key, value in pairs.items()):
+        rule = f"it is {NEIGHBOUR}, or key=value of {', '.join(known)}, parted by commas"
+        raise InputError(Problem("--and", "", repr(wanted), rule, _KINDS))
+    return pairs
+
+
+def neighbour(responses: xr.Dataset, first: Choice) -> Choice:
+    """The nearest cell that ends on the other side: in its row, else among all of its yaw.
+
+    Parameters
+    ----------
+    responses : Dataset, as in ``responses.nc``
+    first : Choice
+
+    Returns
+    -------
+    Choice
+
+    Raises
+    ------
+    InputError
+        If there is none at its yaw and friction, or the run is without a verdict itself.
+    """
+    runs = responses.sel(yaw=first.group.yaw, friction=first.group.friction)
+    overturned = runs["overturned"].values
+    column = int(np.flatnonzero(runs["pga"].values == first.cell.pga)[0])
+    side = int(overturned[first.cell.row, column])
+    rows, columns = np.nonzero(overturned == 1 - side)
+    if side < 0 or not len(rows):
+        rule = "a neighbour ends on the other side, and at this yaw and friction no run does"
+        raise InputError(Problem("--and", "", NEIGHBOUR, rule, "name the second run, e.g. yaw=30"))
+    away = np.hypot(rows - first.cell.row, columns - column)
+    away += np.where(rows == first.cell.row, 0.0, overturned.size)
+    nearest = int(np.argmin(away))
+    pga = float(runs["pga"][columns[nearest]])
+    return Choice(first.group, Cell(int(rows[nearest]), pga), first.engine)
+
+
+def _at(name: str, values: Sequence[Any], given: str | None) -> int:
+    """Place of a value among those of the grid."""
+    if given is None:
+        if len(values) == 1:
+            return 0
+        rule = f"a run has one {_NAMES.get(name, name)}: {_listed(name, values)}"
+        raise InputError(Problem(_option(name), "", "nothing", rule, "choose one"))
+    if name == "record":
+        if given in values:
+            return list(values).index(given)
+        rule = f"the records of the study are {_listed(name, values)}"
+        raise InputError(Problem(_option(name), "", given, rule, "choose one of these"))
+    try:
+        number = float(given)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        rule = f"{_NAMES[name]} is a number: {_listed(name, values)}"
+        raise InputError(Problem(_option(name), "", repr(given), rule, "choose one"))
+    place = int(np.argmin(np.abs(np.array(values) - number)))
+    if abs(values[place] - number) > max(AS_PRINTED * abs(values[place]), 1e-9):
+        rule = f"the grid of the study has {_NAMES[name]} {_listed(name, values)}"
+        nearest = f"the nearest is {values[place]:.6g}"
+        raise InputError(Problem(_option(name), "", given, rule, nearest))
+    return place
+
+
+def _listed(name: str, values: Sequence[Any]) -> str:
+    unit = f" {_UNITS[name]}" if name in _UNITS else ""
+    if len(values) <= _FEW:
+        return ", ".join(v if isinstance(v, str) else f"{v:.6g}" for v in values) + unit
+    if isinstance(values[0], str):
+        return ", ".join(values[:_FEW]) + f" and {len(values) - _FEW} more"
+    return f"{values[0]:.6g} to {values[-1]:.6g}{unit}, {len(values)} values"
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"

@@ -1,0 +1,150 @@
+"""The page that plays one run of a study, or two at the same times."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from markupsafe import Markup
+
+from pipeline.stages.datasets.responses import FILE as RESPONSES
+from pipeline.stages.mesh.products import ROCK, TERRAIN
+from pipeline.stages.motions import motion_grid
+from pipeline.stages.motions.motion_grid import Shaking
+from pipeline.stages.replay.choice import NEIGHBOUR, chosen, neighbour, other
+from pipeline.stages.replay.film import film, named, scene, scripts
+from pipeline.stages.replay.played import Played, played
+from pipeline.stages.runs.study import load_study
+from pipeline.workflow import graph, keys, writers
+from pipeline.workflow.datasets import read
+from pipeline.workflow.pages import filled
+from pipeline.workflow.pages import source as text_of
+from pipeline.workflow.stage import Job
+
+PAGE, OWN_SCRIPTS = "replay.html", ("panels.js", "replay.js")
+
+FOLDER = "replays"
+"""Of the pages, in the folder of the site's products."""
+
+MOST_ROCK_FACES = 20_000
+
+
+def make(job: Job, given: Mapping[str, str | None], wanted: str | None) -> str:
+    """Make the study as far as its outcomes, and a page that plays a run of it.
+
+    Parameters
+    ----------
+    job : Job
+    given : mapping, coordinates of the run as ``choice.chosen`` takes them
+    wanted : str or None, the run beside it: ``neighbour``, or what is different
+
+    Returns
+    -------
+    str, name of the page in the folder of products
+
+    Raises
+    ------
+    InputError
+        For a run that the study has not, or that does not end as it is stored.
+    """
+    config, shaking = job.config, motion_grid.of_site(job.site)
+    choices = [chosen(config, shaking, given)]
+    beside_it = wanted is not None and wanted.strip() != NEIGHBOUR
+    if beside_it:
+        choices.append(other(config, shaking, choices[0], str(wanted)))
+    graph.make("responses", job)
+    study, responses = load_study(config, job.store), read(job.path(RESPONSES))
+    if wanted is not None and not beside_it:
+        choices.append(neighbour(responses, choices[0]))
+    runs = [played(study, responses, choice) for choice in choices]
+    text = page(job, runs, study.motions)
+    name = f"{FOLDER}/{_slug(runs, study.motions)}.html"
+    facts = {"choices": [repr(choice) for choice in choices]}
+    manifest = {"key": keys.digest(facts), "facts": facts, "unresolved": 0, "retry": 0}
+    job.store.publish("replay", manifest, {name: writers.text(text)})
+    return name
+
+
+def page(job: Job, runs: list[Played], shaking: Shaking) -> str:
+    """The page of some runs.
+
+    Parameters
+    ----------
+    job : Job, whose rock and terrain are made
+    runs : list of Played, one or two
+    shaking : Shaking
+
+    Returns
+    -------
+    str, HTML that holds all it needs
+    """
+    rock = read(job.path(ROCK))
+    terrain = read(job.path(TERRAIN)) if job.config.on_terrain else None
+    data = {
+        "scene": scene(rock, terrain, runs, MOST_ROCK_FACES),
+        "films": [film(run, shaking) for run in runs],
+    }
+    own_scripts = [text_of(name) for name in OWN_SCRIPTS]
+    return filled(
+        PAGE,
+        {
+            "site": job.site.name,
+            "source": rock.attrs["shape_source"],
+            "mass": float(rock.attrs["mass_kg"]),
+            "on_terrain": job.config.on_terrain,
+            "driven": job.config.drive == "servo",
+            "runs": [_facts(run, shaking) for run in runs],
+            "data": data,
+            "scripts": [
+                Markup(script)  # noqa: S704  (our own files)
+                for script in (*scripts(), *own_scripts)
+            ],
+        },
+    )
+
+
+def _facts(run: Played, shaking: Shaking) -> dict[str, Any]:
+    """What the page says of a run in words and numbers."""
+    choice, response = run.choice, run.replay.response
+    record = shaking.dimension == "record"
+    return {
+        "name": named(choice, shaking),
+        "yaw": choice.group.yaw,
+        "friction": choice.group.friction,
+        "pga": choice.cell.pga,
+        "pgv_pga": shaking.pgv_pga[choice.cell.row],
+        "record": str(shaking.rows[choice.cell.row]) if record else None,
+        "engine": choice.engine,
+        "own": run.own,
+        "outcome": response.outcome.name.lower(),
+        "how": response.decided_by.how,
+        "simulated": response.steps > 0,
+        "decided": run.replay.decided,
+        "end": float(run.replay.time[-1]),
+        "time_step": run.replay.time_step,
+        "steps": response.steps,
+        "peak_tilt": response.peak_tilt,
+        "slip": response.slip,
+    }
+
+
+def _slug(runs: list[Played], shaking: Shaking) -> str:
+    """File name of a page, without its suffix."""
+    first, *rest = (run.choice for run in runs)
+    said = f"yaw {first.group.yaw:g} friction {first.group.friction:g} "
+    said += f"{shaking.dimension} {_row(first.cell.row, shaking)} pga {first.cell.pga:.6g}"
+    for choice in rest:
+        said += " and" + f" {choice.engine}" * (choice.engine != first.engine)
+        if choice.group != first.group:
+            said += f" yaw {choice.group.yaw:g} friction {choice.group.friction:g}"
+        if choice.cell.row != first.cell.row:
+            said += f" {shaking.dimension} {_row(choice.cell.row, shaking)}"
+        if choice.cell.pga != first.cell.pga:
+            said += f" pga {choice.cell.pga:.6g}"
+    return re.sub(r"[^A-Za-z0-9.]+", "-", said)[:120].strip("-.")
+
+
+def _row(row: int, shaking: Shaking) -> str:
+    value = shaking.rows[row]
+    return value if isinstance(value, str) else f"{value:.6g}"

@@ -1,0 +1,244 @@
+"""A run done once more: the same run, energies by mechanics, and points where the rock stands."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.spatial import ConvexHull, Delaunay
+from scipy.spatial.transform import Rotation
+
+from vsr_core import GRAVITY
+from vsr_core.errors import InvalidInput
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.six_axes import AxisPulse, AxisPulses
+from vsr_core.outcome import DecidedBy, Outcome
+from vsr_core.rock import solid
+from vsr_core.rock.body import Rock
+from vsr_core.run import replay as replays
+from vsr_core.run.cases import Case, Settings, prepare
+from vsr_core.run.overturning import simulate
+from vsr_core.run.proofs import barrier
+from vsr_core.run.replay import Replay, replay
+from vsr_core.scene import Contact, Scene
+from vsr_core.table.servo import Servo
+
+Array = NDArray[np.float64]
+
+SIZE, DENSITY = (0.5, 1.0, 2.0), 2110.0
+MASS = DENSITY * SIZE[0] * SIZE[1] * SIZE[2]
+FINE = Settings(0.004, engine="nonsmooth")
+COARSE = Settings(0.003, engine="bullet")
+ROCKS, FALLS = CosinePulse.from_g(0.45, 0.12), CosinePulse.from_g(0.6, 0.5)
+
+
+@cache
+def rock() -> Rock:
+    return solid.box(SIZE, DENSITY).rock
+
+
+@cache
+def case(yaw: float = 0.0, drive: Servo | None = None) -> Case:
+    scene = Scene(rock(), Contact(0.6), yaw, drive=drive)
+    return prepare(scene, barrier(rock()), reduce=True)
+
+
+@cache
+def played(pulse: CosinePulse, settings: Settings = FINE, yaw: float = 0.0) -> Replay:
+    return replay(case(yaw), pulse, settings)
+
+
+def angular_velocity(run: Replay) -> Array:
+    """By differences of the poses, half-way between two of them."""
+    turn = Rotation.from_quat(run.quaternion)
+    return (turn[1:] * turn[:-1].inv()).as_rotvec() / np.diff(run.time)[:, None]
+
+
+def kinetic_by_poses(run: Replay) -> Array:
+    """Of a cuboid, m/2 v^2 + w I w / 2, half-way between two poses."""
+    a, b, c = SIZE
+    inertia = MASS / 12.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
+    speed = np.diff(run.position, axis=0) / np.diff(run.time)[:, None]
+    half = Rotation.from_quat(run.quaternion)[:-1]
+    own = half.inv().apply(angular_velocity(run))
+    return 0.5 * MASS * (speed**2).sum(axis=1) + 0.5 * (own**2 * inertia).sum(axis=1)
+
+
+# ---- The same run
+
+
+@pytest.mark.parametrize("settings", [FINE, COARSE, replace(FINE, reduce=False)])
+@pytest.mark.parametrize("pulse", [ROCKS, FALLS, CosinePulse.from_g(0.1, 0.3)])
+def test_it_is_the_run_of_the_study(pulse: CosinePulse, settings: Settings) -> None:
+    run, response = played(pulse, settings, 0.4), simulate(case(0.4), pulse, settings)
+    assert run.response == response
+    decided = int(np.searchsorted(run.time, run.decided - 1e-9))
+    assert run.tilt[: decided + 1].max() >= response.peak_tilt - 1e-6
+    assert run.tilt[decided] == pytest.approx(response.final_tilt, abs=1e-6)
+    assert (np.diff(run.time) > 0.0).all()
+
+
+def test_it_goes_on_where_the_study_stops() -> None:
+    run = played(FALLS)
+    assert run.response.outcome is Outcome.OVERTURNED
+    assert run.response.decided_by is DecidedBy.NO_RETURN
+    assert run.time[-1] > run.decided + 0.5
+    # it lies on a long side: its centre is half the short side high, and it is at rest
+    assert run.position[-1, 2] == pytest.approx(0.5 * SIZE[0], abs=1e-3)
+    assert run.kinetic[-1] < 1e-3 * MASS
+    short = replay(case(), FALLS, FINE, longest=0.2)
+    assert short.time[-1] == pytest.approx(run.decided + 0.2, abs=0.05)
+
+
+def test_a_run_that_never_starts_stands_still() -> None:
+    run = played(CosinePulse.from_g(0.1, 0.3))
+    assert run.response.decided_by is DecidedBy.NO_UPLIFT_BOUND
+    assert run.decided == 0.0
+    assert run.time[-1] >= CosinePulse.from_g(0.1, 0.3).duration
+    assert run.tilt.max() < 1e-6
+    assert run.kinetic.max() < 1e-9 * MASS
+
+
+def test_fewer_states_of_the_same_run() -> None:
+    whole, part = played(ROCKS), replay(case(), ROCKS, FINE, spacing=0.02)
+    assert part.response == whole.response
+    assert len(part.time) < 0.3 * len(whole.time)
+    same = np.isin(whole.time, part.time)
+    np.testing.assert_array_equal(whole.position[same][-5:], part.position[-5:])
+
+
+def test_another_run_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    otherwise = replace(simulate(case(), ROCKS, FINE), final_tilt=0.3)
+    monkeypatch.setattr(replays, "simulate", lambda *_: otherwise)
+    with pytest.raises(AssertionError, match="ends otherwise"):
+        replay(case(), ROCKS, FINE)
+
+
+def test_a_run_without_a_solution_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    unsound = replace(simulate(case(), ROCKS, FINE), outcome=Outcome.UNSTABLE)
+    monkeypatch.setattr(replays, "simulate", lambda *_: unsound)
+    with pytest.raises(InvalidInput, match="unstable at every time step"):
+        replay(case(), ROCKS, FINE)
+
+
+# ---- Energies
+
+
+def test_energies_are_those_of_a_cuboid_by_its_poses() -> None:
+    for run in (played(FALLS), played(ROCKS, FINE, 0.4)):
+        np.testing.assert_allclose(
+            run.potential, MASS * GRAVITY * (run.position[:, 2] - 0.5 * SIZE[2]), atol=1e-6
+        )
+        middle = 0.5 * (run.kinetic[1:] + run.kinetic[:-1])
+        smooth = np.abs(np.diff(run.kinetic)) < 0.05 * run.kinetic.max()  # no impact in between
+        off = np.abs(kinetic_by_poses(run) - middle)[smooth]
+        assert smooth.mean() > 0.9
+        assert off.max() < 0.025 * run.kinetic.max()  # half of what counts as none
+        assert np.quantile(off, 0.95) < 5e-4 * run.kinetic.max()
+
+
+def test_energy_is_kept_in_flight() -> None:
+    """Thrown up by a table that drops away, the rock flies and turns over a table at rest."""
+    thrown = AxisPulses((AxisPulse("x", 30.0, 0.06), AxisPulse("z", 50.0, 0.04)))
+    run = replay(case(0.4), thrown, replace(FINE, time_step=0.001))
+    touches = np.array([len(points) > 0 for points in run.bearing])
+    free = ~touches & (run.time > thrown.duration + 0.002)
+    free[1:] &= ~touches[:-1]
+    free = free & (np.cumsum(np.diff(free, prepend=False)) == 1)  # the first flight
+    assert free.sum() > 100
+    whole = (run.kinetic + run.potential)[free]
+    assert np.ptp(run.potential[free]) > 0.05 * whole.mean()
+    assert np.linalg.norm(angular_velocity(run), axis=1)[free[1:]].min() > 0.3
+    np.testing.assert_allclose(whole, whole[0], rtol=1e-3)
+
+
+def test_the_shaking_does_the_work() -> None:
+    """In the table's frame a body force -m a(t) acts: until the first impact it does all work."""
+    run = played(FALLS)
+    speed = np.gradient(run.position[:, 0], run.time)
+    work = cumulative_trapezoid(-MASS * run.acceleration[:, 0] * speed, run.time, initial=0.0)
+    falls = run.tilt < 0.9  # about one edge all the way
+    until = int(np.argmin(falls))
+    assert until > 50
+    gained = (run.kinetic + run.potential)[:until]
+    np.testing.assert_allclose(gained, work[:until], atol=0.01 * gained.max())
+
+
+def test_contact_takes_energy_once_the_shaking_is_over() -> None:
+    run = played(ROCKS)
+    after = run.time > ROCKS.duration + 0.01
+    whole = (run.kinetic + run.potential)[after]
+    assert whole[0] > 0.1 * run.kinetic.max()
+    assert np.diff(whole).max() < 5e-3 * run.kinetic.max()
+
+
+# ---- What bears the rock, and the table
+
+
+@pytest.mark.parametrize("settings", [FINE, COARSE])
+def test_points_lie_on_the_ground_and_on_the_rock(settings: Settings) -> None:
+    run = played(ROCKS, settings)
+    seen = 0
+    for points, centre, turn in zip(
+        run.bearing, run.position, Rotation.from_quat(run.quaternion), strict=True
+    ):
+        if len(points):
+            seen += 1
+            assert np.abs(points[:, 2]).max() < 0.01
+            inside = turn.inv().apply(points - centre)
+            assert (np.abs(inside) < 0.5 * np.array(SIZE) + 0.015).all()
+    assert seen > 0.9 * len(run.bearing)
+
+
+@pytest.mark.parametrize("settings", [FINE, COARSE])
+def test_a_rock_at_rest_stands_between_its_points(settings: Settings) -> None:
+    run = played(ROCKS, settings)
+    assert run.response.outcome is Outcome.BALANCED
+    points = run.bearing[-1][:, :2]
+    corners = points[ConvexHull(points).vertices]
+    assert Delaunay(corners).find_simplex(run.position[-1, :2]) >= 0
+
+
+def test_it_rocks_about_the_edge_that_it_is_pushed_over() -> None:
+    run = played(FALLS)
+    at = int(np.argmax(run.tilt > 0.1))
+    # the table goes to +x first, so the rock topples to -x, about its edge there
+    assert run.position[at, 0] < 0.0
+    np.testing.assert_allclose(run.bearing[at][:, 0], -0.5 * SIZE[0], atol=0.01)
+
+
+def test_the_table_moves_as_prescribed() -> None:
+    run = played(ROCKS)
+    pga, ratio = ROCKS.pga, ROCKS.pgv_pga
+    inside = run.time < ROCKS.duration - 1e-9
+    np.testing.assert_allclose(
+        run.acceleration[inside, 0], pga * np.cos(run.time[inside] / ratio), atol=1e-9
+    )
+    np.testing.assert_allclose(
+        run.velocity[inside, 0], pga * ratio * np.sin(run.time[inside] / ratio), atol=1e-9
+    )
+    assert not run.acceleration[run.time > ROCKS.duration + 1e-9].any()
+    assert not run.acceleration[:, 1:].any()
+
+
+def test_a_table_in_several_axes_and_one_with_a_servo() -> None:
+    several = AxisPulses((AxisPulse("x", 5.0, 0.2), AxisPulse("z", 2.0, 0.2)))
+    run = replay(case(), several, FINE)
+    assert run.response == simulate(case(), several, FINE)
+    assert np.abs(run.acceleration[:, 2]).max() == pytest.approx(2.0)
+    servo = Servo(5e4, 5e7, 5e7, 0.0, 0.001, math.inf, 5)
+    driven = case(0.0, servo)
+    settings = replace(COARSE, time_step=0.001)
+    run = replay(driven, ROCKS, settings)
+    assert run.response == simulate(driven, ROCKS, settings)
+    late = (run.time > 0.05) & (run.time < ROCKS.duration)
+    off = run.velocity[late, 0] - ROCKS.velocity(run.time[late])
+    assert 0.0 < np.abs(off).max() < 0.1 * ROCKS.pga * ROCKS.pgv_pga  # a servo lags a little
+    # points are told relative to the table, which is far from where it was
+    standing = [points for points in run.bearing if len(points)]
+    assert max(np.abs(points[:, 0]).max() for points in standing) < 0.5 * SIZE[0] + 0.02
