@@ -23,6 +23,9 @@ _LOCAL = {
 }
 """Dask's settings of workers of this machine."""
 
+LOGS = "distributed", "distributed.client", "asyncio", "tornado"
+"""Logs that are silenced: what matters of them is said in a line here."""
+
 CONNECTING = 5.0
 """Time [s] that a scheduler has to answer."""
 
@@ -154,7 +157,7 @@ class Cluster:
         import dask
         import distributed
 
-        for name in ("distributed", "distributed.client", "asyncio"):  # what matters is said here
+        for name in LOGS:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         with ExitStack() as stack:
             if self.local:
