@@ -33,7 +33,8 @@ help:
 	' Makefile
 
 ## A rock
-.PHONY: fragility displacement replay prep accuracy stability drive feasible validate plan status why fetch
+.PHONY: fragility displacement hazard replay prep accuracy stability drive feasible validate
+.PHONY: plan status why fetch
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(vsr) run fragility $(site) $(where)
 
@@ -42,6 +43,10 @@ displacement: setup ## where the rock of SITE goes over its terrain: trajectorie
 
 replay: setup ## a page that plays the run of SITE at YAW, PGA and PGV_PGA, or two with AND
 	$(vsr) replay $(study) $(cell) $(where)
+
+hazard: setup ## which branches of the hazard curves in CURVES leave SITE's rock to stand for AGE years
+	$(vsr) run hazard $(site) $(call flag,--curves,CURVES) $(call flag,--age,AGE) \
+	  $(call flag,--age-sd,AGE_SD) $(where)
 
 prep: setup ## rock and terrain from SITE's scan, with a page of every step
 	$(vsr) prep $(site)
@@ -83,6 +88,8 @@ fetch: setup ## download the public original NAME into data/raw
 #: PGA=0.4 PGV_PGA=0.3    the run to replay [g, s]; RECORD=name in place of PGV_PGA
 #: AND=neighbour          a run beside it, e.g. AND=engine=bullet or AND=yaw=30,pga=0.5
 #: SET='a.b=1 c.d=2'      any other keys of the configuration
+#: CURVES=folder          hazard curves of OpenQuake or nshmp-haz, or OpenQuake's calc_N.hdf5
+#: AGE=20000 AGE_SD=3000  how long the rock has stood, and the standard deviation of that [years]
 #: LIMITS=mini_shake_robot a table in configs/tables, or any YAML file
 #: TABLE=folder           recorded shake-table tests
 #: WORKERS=4              worker processes; 0 for none

@@ -6,9 +6,11 @@ A command returns the number of runs without a verdict.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import shutil
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -36,6 +38,10 @@ def run(options: argparse.Namespace) -> int:
     int, runs without a verdict
     """
     job, wanted = _job(options), DELIVERABLES[options.product]
+    if options.product == "hazard":
+        for other in _others(options, job):
+            with other.store, other.cluster:
+                graph.make("fragility", other)
     with job.store, job.cluster:
         unresolved = graph.make(wanted.stage, job)
     for name in wanted.shown:
@@ -243,6 +249,29 @@ def fetch(options: argparse.Namespace) -> int:
     return 0
 
 
+def _others(options: argparse.Namespace, job: Job) -> Iterator[Job]:
+    """Jobs of other rocks and other settings, whose fragilities a site's hazard reads."""
+    compared = named("pipeline.stages.hazard.others:compared")
+    file, settings = str(options.site), _settings(vars(options))
+    found = named("pipeline.stages.hazard.others:rocks")(job.site)
+    found += compared(job.site, file, options.study, settings)
+    for other in found:
+        yield replace(job, site=other.site, store=Store(other.folder(job.store.folder)))
+
+
+def _settings(given: dict[str, Any]) -> tuple[str, ...]:
+    """Settings of the command line: ``--set``, and what has an option of its own."""
+    found = list(given["settings"])
+    if given.get("curves") is not None:
+        found.append(f"hazard.curves={json.dumps(given['curves'])}")
+    if given.get("age") is not None:
+        age = {"kind": "normal", "mean": given["age"], "sd": given.get("age_sd") or 0.0}
+        found.append(f"hazard.age={json.dumps(age | {'source': ''})}")
+    elif given.get("age_sd") is not None:
+        found.append(f"hazard.age.sd={json.dumps(given['age_sd'])}")
+    return tuple(found)
+
+
 def _job(options: argparse.Namespace) -> Job:
     check_settings()
     given = vars(options)
@@ -251,7 +280,9 @@ def _job(options: argparse.Namespace) -> Job:
         site = site_of(_wanted(given, "table", "a folder of shake-table tests"))
     else:
         name = str(_wanted(given, "site", "a site, or the path of its YAML"))
-        site = load_site(name, options.study, tuple(options.settings))
+        site = load_site(name, options.study, _settings(given))
+        if given.get("curves") is not None:  # beside who gives them, not beside the site's YAML
+            site = replace(site, folders={**site.folders, "hazard.curves": Path.cwd()})
     cores = (
         len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     )

@@ -16,6 +16,7 @@ from pydantic import (
 
 from pipeline.config import in_si
 from pipeline.config.bounds import MOST_SCENES, SHORTEST_STEP, Coordinate, Density
+from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.motion_schema import MotionConfig, TableMotionConfig
 from pipeline.config.scene_schema import ContactConfig, ServoConfig
 from pipeline.config.sections import Lax, Range, Section, Values, as_values
@@ -203,6 +204,9 @@ class Config(Section):
     )
     found: FoundConfig | None = Field(
         None, description="rock found on the terrain, where there is one"
+    )
+    hazard: HazardConfig = Field(
+        HazardConfig(), description="hazard curves and the rock's age, for `make hazard`"
     )
 
     @property

@@ -32,6 +32,7 @@ DELIVERABLES = {
     "displacement": Deliverable(
         "displacement_report", ("displacement.html", "trajectories.html", "correlation.csv")
     ),
+    "hazard": Deliverable("hazard", ("hazard.html", "hazard.csv", "hazard.nc")),
     "accuracy": Deliverable("accuracy", ("accuracy.html", "accuracy.csv", "work_precision.png")),
     "stability": Deliverable(
         "stability",

@@ -125,6 +125,16 @@ STAGES: tuple[Stage, ...] = (
         versions=("scipy",),
     ),
     Stage(
+        "hazard",
+        make="pipeline.stages.hazard.hazard:make",
+        needs=("rock", "fragility"),
+        reads=("hazard",),
+        inputs="pipeline.stages.hazard.hazard:inputs",
+        check="pipeline.stages.hazard.others:changed",
+        files=("hazard.html",),
+        versions=("scipy", "matplotlib", "jinja2"),
+    ),
+    Stage(
         "report",
         make="pipeline.stages.reports.report:make",
         needs=("rock", "motions", "responses", "bullet_sample", "fragility"),

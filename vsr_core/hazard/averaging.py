@@ -9,31 +9,66 @@ from scipy.special import ndtr
 
 from vsr_core.arrays import Array
 from vsr_core.hazard.curve import HazardCurve
-from vsr_core.hazard.toppling import Fragility
+from vsr_core.hazard.ratio import RatioTable
+from vsr_core.hazard.toppling import Fragility, toppling
 
-Ratio = Callable[[Array], Array]
-"""Median PGV/PGA [s] at peak ground accelerations [m/s^2]."""
+RowFragility = Callable[[Array], Array]
+"""Probability of toppling of each row of PGV/PGA, shape (rows, n), at n accelerations [m/s^2]."""
 
 FINEST = 1.02
 """Factor between accelerations at which an average is computed."""
 
 
-def averaged(
-    medians: Array, betas: Array, ratios: Array, ratio: Ratio, log_sd: float, levels: Array
-) -> Fragility:
-    """Probability of toppling given PGA alone.
-
-    A rock does not choose where shaking comes from: all directions count equally. PGV/PGA is
-    lognormal about ``ratio`` at each PGA, and each row of fragilities stands for the values nearer
-    to its own than to another's, in logarithms. The result is made not to fall.
+def lognormal_rows(medians: Array, betas: Array) -> RowFragility:
+    """Rows of lognormal fragilities, the mean over directions: a rock does not choose from where.
 
     Parameters
     ----------
     medians, betas : ndarray, shape (directions, rows)
-        Of lognormal fragilities Phi(ln(PGA / median) / beta), medians in m/s^2.
+        Of Phi(ln(PGA / median) / beta), medians in m/s^2.
+
+    Returns
+    -------
+    RowFragility
+    """
+
+    def rows(level: Array) -> Array:
+        return ndtr(np.log(level / medians[..., None]) / betas[..., None]).mean(axis=0)
+
+    return rows
+
+
+def gridded_rows(levels: Array, probability: Array) -> RowFragility:
+    """Rows of probabilities on a grid, straight in ln PGA, and as at its ends beyond it.
+
+    Parameters
+    ----------
+    levels : ndarray, shape (n,) [m/s^2], ascending
+    probability : ndarray, shape (rows, n)
+
+    Returns
+    -------
+    RowFragility
+    """
+    x = np.log(levels)
+
+    def rows(level: Array) -> Array:
+        return np.stack([np.interp(np.log(level), x, row) for row in probability])
+
+    return rows
+
+
+def averaged(rows: RowFragility, ratios: Array, table: RatioTable, levels: Array) -> Fragility:
+    """Probability of toppling given PGA alone.
+
+    PGV/PGA is lognormal at each PGA, and each row stands for the values nearer to its own than to
+    another's, in logarithms. The result is made not to fall.
+
+    Parameters
+    ----------
+    rows : RowFragility
     ratios : ndarray, shape (rows,) [s], ascending, PGV/PGA of the rows
-    ratio : Ratio
-    log_sd : float, standard deviation of ln PGV/PGA at a PGA
+    table : RatioTable
     levels : ndarray, shape (2,) [m/s^2], accelerations between which it is wanted
 
     Returns
@@ -42,24 +77,23 @@ def averaged(
     """
     number = 2 + int(np.log(levels[1] / levels[0]) / np.log(FINEST))
     at = np.geomspace(levels[0], levels[1], number)
-    shares = row_shares(ratios, ratio(at), log_sd)
-    topples = ndtr(np.log(at / medians[..., None]) / betas[..., None]).mean(axis=0)
-    chance = np.maximum.accumulate((shares * topples).sum(axis=0))
+    chance = np.maximum.accumulate((row_shares(ratios, *table.at(at)) * rows(at)).sum(axis=0))
+    x = np.log(at)
 
     def fragility(level: Array) -> Array:
-        return np.interp(np.log(level), np.log(at), chance)
+        return np.interp(np.log(level), x, chance)
 
     return fragility
 
 
-def row_shares(ratios: Array, medians: Array, log_sd: float) -> Array:
+def row_shares(ratios: Array, medians: Array, log_sds: Array) -> Array:
     """Share of a lognormal PGV/PGA that each row of a grid stands for.
 
     Parameters
     ----------
     ratios : ndarray, shape (rows,) [s], ascending
     medians : ndarray, shape (n,) [s]
-    log_sd : float
+    log_sds : ndarray, shape (n,)
 
     Returns
     -------
@@ -67,29 +101,33 @@ def row_shares(ratios: Array, medians: Array, log_sd: float) -> Array:
     """
     x = np.log(ratios)
     borders = np.concatenate([[-np.inf], 0.5 * (x[1:] + x[:-1]), [np.inf]])
-    below = ndtr((borders[:, None] - np.log(medians)) / log_sd)
+    below = ndtr((borders[:, None] - np.log(medians)) / log_sds)
     return np.diff(below, axis=0)
 
 
-def ratio_of_curves(pga: HazardCurve, pgv: HazardCurve) -> Ratio:
-    """PGV/PGA where both are exceeded equally often, straight in logarithms of PGA.
-
-    It is not the median of PGV given PGA: extremes of the two come together only in part, and so
-    it is somewhat larger at rare levels.
+def rate_by_row(
+    curve: HazardCurve,
+    fragility: Fragility,
+    rows: RowFragility,
+    ratios: Array,
+    table: RatioTable,
+) -> tuple[Array, Array]:
+    """Which PGA and which PGV/PGA the earthquakes have that topple a rock.
 
     Parameters
     ----------
-    pga, pgv : HazardCurve [m/s^2] and [m/s]
+    curve : HazardCurve
+    fragility : Fragility, as ``averaged`` from the rows
+    rows, ratios, table : as for ``averaged``
 
     Returns
     -------
-    Ratio, beyond the rates of both with the first and the last value
+    levels : ndarray, shape (m,) [m/s^2]
+    rates : ndarray, shape (rows, m) [1/year], whose sum is the rate of toppling
     """
-    velocities = np.array([pgv.level_at(rate) for rate in pga.rates])
-    known = np.isfinite(velocities)
-    x, y = np.log(pga.levels[known]), np.log(velocities[known] / pga.levels[known])
-
-    def ratio(level: Array) -> Array:
-        return np.exp(np.interp(np.log(level), x, y))
-
-    return ratio
+    whole = toppling(curve, fragility)
+    parts = row_shares(ratios, *table.at(whole.levels)) * rows(whole.levels)
+    total = parts.sum(axis=0)
+    return whole.levels, whole.parts * np.divide(
+        parts, total, out=np.zeros_like(parts), where=total > 0.0
+    )

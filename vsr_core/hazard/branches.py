@@ -19,7 +19,7 @@ class Reweighed:
     Attributes
     ----------
     rejected : ndarray of bool, shape (n,), branches with too little chance of survival
-    weights : ndarray, shape (n,), 0 where rejected; the others sum to 1
+    weights : ndarray, shape (n,), 0 where rejected; the others, if any, sum to 1
     """
 
     rejected: Mask
@@ -45,7 +45,7 @@ def reweighed(weights: Array, survival: Array, least: float) -> Reweighed:
     Raises
     ------
     InvalidInput
-        For weights that do not sum to 1, or if no branch is left.
+        For weights that do not sum to 1.
 
     References
     ----------
@@ -63,13 +63,8 @@ def reweighed(weights: Array, survival: Array, least: float) -> Reweighed:
         )
     rejected = survival < least
     product = np.where(rejected, 0.0, weights * survival)
-    if not product.sum() > 0.0:
-        raise InvalidInput(
-            f"a rock that every branch leaves less than {100 * least:g} % chance to stand",
-            "a branch is kept",
-            "look at age and fragility, or lower the limit",
-        )
-    return Reweighed(rejected, product / product.sum())
+    total = product.sum()
+    return Reweighed(rejected, product / total if total > 0.0 else product)
 
 
 def effective_number(weights: Array) -> float:
@@ -77,18 +72,19 @@ def effective_number(weights: Array) -> float:
 
     Parameters
     ----------
-    weights : ndarray, shape (n,), that sum to 1
+    weights : ndarray, shape (n,), that sum to 1, or are all 0
 
     Returns
     -------
-    float
+    float, 0 of no weight
 
     Examples
     --------
     >>> effective_number(np.full(4, 0.25)), effective_number(np.array([1.0, 0.0]))
     (4.0, 1.0)
     """
-    return float(1.0 / (weights**2).sum())
+    squares = float((weights**2).sum())
+    return 1.0 / squares if squares > 0.0 else 0.0
 
 
 def mean_curve(curves: Sequence[HazardCurve], weights: Array, levels: Array) -> HazardCurve:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -22,6 +23,20 @@ _MIDDLES = (np.arange(AGES) + 0.5) / AGES
 
 LARGEST_SCALE = 1e3
 """Largest factor on a curve's accelerations that is tried; its inverse is the smallest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A rock that stands.
+
+    Attributes
+    ----------
+    fragility : Fragility
+    ages : ndarray, shape (n,) [years], equally likely, for which it has stood as it stands
+    """
+
+    fragility: Fragility
+    ages: Array
 
 
 def normal_ages(mean: float, sd: float) -> Array:
@@ -116,35 +131,35 @@ def survival(rate: float, ages: Array) -> float:
     return float(np.exp(-rate * ages).mean())
 
 
-def joint_survival(
-    curve: HazardCurve, fragilities: Sequence[Fragility], ages: Sequence[Array], seed: int = 1
-) -> float:
-    """Chance that all of several rocks at a site stand, which felt the same earthquakes.
+def survival_of(curve: HazardCurve, rocks: Sequence[Standing], seed: int = 1) -> float:
+    """Chance that a rock stands, or that all of several rocks do, which felt the same earthquakes.
 
-    In the years before present in which only some of them stood, only these could topple.
+    In the years before present in which only some of them stood, only these could topple. Ages are
+    unknown independently of each other.
 
     Parameters
     ----------
     curve : HazardCurve
-    fragilities : sequence of Fragility, of each rock
-    ages : sequence of ndarray [years], equally likely ones of each rock, unknown independently
+    rocks : sequence of Standing, at one place
     seed : int, of the pairing of ages
 
     Returns
     -------
     float
     """
+    if len(rocks) == 1:
+        return survival(toppling(curve, rocks[0].fragility).rate, rocks[0].ages)
 
     @cache
     def rate(standing: frozenset[int]) -> float:
-        return toppling(curve, any_of([fragilities[i] for i in sorted(standing)])).rate
+        return toppling(curve, any_of([rocks[i].fragility for i in sorted(standing)])).rate
 
-    rng, number = np.random.default_rng(seed), max(map(len, ages))
-    drawn = np.column_stack([rng.permutation(np.resize(own, number)) for own in ages])
+    rng, number = np.random.default_rng(seed), max(len(rock.ages) for rock in rocks)
+    drawn = np.column_stack([rng.permutation(np.resize(rock.ages, number)) for rock in rocks])
     order = np.argsort(drawn, axis=1)
     exposed = np.zeros(number)
     begun = np.zeros(number)
-    for youngest in range(len(ages)):
+    for youngest in range(len(rocks)):
         until = np.take_along_axis(drawn, order[:, youngest : youngest + 1], axis=1)[:, 0]
         rates = np.array([rate(frozenset(row[youngest:].tolist())) for row in order])
         exposed += rates * (until - begun)
@@ -152,15 +167,16 @@ def joint_survival(
     return float(np.exp(-exposed).mean())
 
 
-def largest_scale(curve: HazardCurve, fragility: Fragility, ages: Array, least: float) -> float:
-    """Largest factor on the accelerations of a curve with which a rock survives.
+def largest_scale(
+    curve: HazardCurve, chance: Callable[[HazardCurve], float], least: float
+) -> float:
+    """Largest factor on the accelerations of a curve that leaves a chance of survival.
 
     Parameters
     ----------
     curve : HazardCurve
-    fragility : Fragility
-    ages : ndarray [years]
-    least : float, chance of survival that is asked for
+    chance : function of a HazardCurve, the chance of survival under it
+    least : float, chance that is asked for
 
     Returns
     -------
@@ -168,12 +184,11 @@ def largest_scale(curve: HazardCurve, fragility: Fragility, ages: Array, least: 
     """
 
     def spare(log_scale: float) -> float:
-        scaled = HazardCurve(curve.levels * np.exp(log_scale), curve.rates)
-        return survival(toppling(scaled, fragility).rate, ages) - least
+        return chance(HazardCurve(curve.levels * np.exp(log_scale), curve.rates)) - least
 
     most = float(np.log(LARGEST_SCALE))
     if spare(most) >= 0.0:
         return np.inf
     if spare(-most) < 0.0:
         return 0.0
-    return float(np.exp(brentq(spare, -most, most, xtol=1e-10)))
+    return float(np.exp(brentq(spare, -most, most, xtol=1e-6)))

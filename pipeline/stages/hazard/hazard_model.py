@@ -6,7 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.config.problems import InputError, Problem
+from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.hazard.curve import HazardCurve
+
+UNITS = {"PGA": GRAVITY, "PGV": 0.01}
+"""Measures that are read, and their units in m/s^2 and m/s."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,11 @@ class HazardModel:
     branches: tuple[Branch, ...]
     place: tuple[float, float]
 
+    @property
+    def levels(self) -> Array:
+        """Levels of PGA at which some branch has a rate [m/s^2]."""
+        return max((one.pga.levels for one in self.branches), key=len)
+
 
 WEIGHTS_SUM = 1e-3
 """How far weights may be from a sum of 1, as they are written with few digits."""
@@ -51,7 +61,7 @@ def weighed(folder: Path, branches: list[Branch], place: tuple[float, float]) ->
 
     Parameters
     ----------
-    folder : Path
+    folder : Path, or file, for messages
     branches : list of Branch
     place : tuple of float [degree]
 

@@ -11,13 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.stages.hazard.hazard_model import Branch, HazardModel, refused
-from vsr_core import GRAVITY
+from pipeline.stages.hazard.hazard_model import UNITS, Branch, HazardModel, refused
 from vsr_core.errors import InvalidInput
 from vsr_core.hazard.curve import HazardCurve
-
-UNITS = {"PGA": GRAVITY, "PGV": 0.01}
-"""Measures that are read, and their units in m/s^2 and m/s."""
 
 
 def is_there(folder: Path) -> bool:

@@ -16,13 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.stages.hazard.hazard_model import Branch, HazardModel, refused, weighed
-from vsr_core import GRAVITY
+from pipeline.stages.hazard.hazard_model import UNITS, Branch, HazardModel, refused, weighed
 from vsr_core.errors import InvalidInput
 from vsr_core.hazard.curve import HazardCurve, curve_of_probabilities
-
-UNITS = {"PGA": GRAVITY, "PGV": 0.01}
-"""Measures that are read, and their units in m/s^2 and m/s."""
 
 NEAR = 1e-4
 """Distance in degrees within which two places are one."""

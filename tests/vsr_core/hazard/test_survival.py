@@ -15,11 +15,12 @@ from vsr_core.errors import InvalidInput
 from vsr_core.hazard.branches import effective_number, fractiles, mean_curve, reweighed
 from vsr_core.hazard.curve import HazardCurve, curve_of_probabilities
 from vsr_core.hazard.survival import (
-    joint_survival,
+    Standing,
     largest_scale,
     lognormal_ages,
     normal_ages,
     survival,
+    survival_of,
     uniform_ages,
 )
 from vsr_core.hazard.toppling import Fragility, any_of, toppling
@@ -118,7 +119,7 @@ def test_rocks_of_one_site_feel_the_same_earthquakes() -> None:
             for rock, age in zip(rocks, own, strict=True)
         )
         stand += not toppled
-    expected = joint_survival(curve, rocks, ages)
+    expected = survival_of(curve, [Standing(*one) for one in zip(rocks, ages, strict=True)])
     assert stand / number == pytest.approx(expected, abs=4.0 * math.sqrt(0.25 / number))
     alone = [survival(toppling(curve, r).rate, a) for r, a in zip(rocks, ages, strict=True)]
     assert math.prod(alone) + 0.03 < expected < min(alone)
@@ -128,17 +129,18 @@ def test_a_rock_beside_itself_is_one_rock_where_it_topples_for_certain() -> None
     one = step_at(5.0)
     assert toppling(power_law(), any_of([one, one])).rate == toppling(power_law(), one).rate
     ages = [np.array([1e4]), np.array([2e4])]
-    joint = joint_survival(power_law(), [one, one], ages)
+    joint = survival_of(power_law(), [Standing(one, age) for age in ages])
     assert joint == pytest.approx(survival(toppling(power_law(), one).rate, ages[1]))
 
 
 def test_the_largest_factor_leaves_just_the_chance_asked_for() -> None:
     """On a power law a factor on accelerations is a factor on rates, k^slope."""
     curve, rock, ages = power_law(1e-4, 1e6, 80), lognormal(6.0, 0.3), normal_ages(1e4, 0.0)
-    found = largest_scale(curve, rock, ages, 0.05)
+    found = largest_scale(curve, lambda c: survival(toppling(c, rock).rate, ages), 0.05)
     rate = toppling(curve, rock).rate
     assert found == pytest.approx((-math.log(0.05) / (1e4 * rate)) ** (1.0 / SLOPE), rel=1e-3)
-    assert largest_scale(curve, lambda a: 0.0 * a, ages, 0.05) == math.inf
+    assert largest_scale(curve, lambda c: 1.0, 0.05) == math.inf
+    assert largest_scale(curve, lambda c: 0.0, 0.05) == 0.0
 
 
 def test_weights_by_hand() -> None:
@@ -146,8 +148,10 @@ def test_weights_by_hand() -> None:
     assert new.rejected.tolist() == [False, False, True]
     assert new.weights.tolist() == pytest.approx([0.5, 0.5, 0.0])
     assert effective_number(new.weights) == pytest.approx(2.0)
-    with pytest.raises(InvalidInput, match="a branch is kept"):
-        reweighed(np.array([1.0]), np.array([0.01]), 0.05)
+    none = reweighed(np.array([0.7, 0.3]), np.array([0.01, 0.0]), 0.05)
+    assert none.rejected.all()
+    assert none.weights.tolist() == [0.0, 0.0]
+    assert effective_number(none.weights) == 0.0
     with pytest.raises(InvalidInput, match="sum to 1"):
         reweighed(np.array([0.5, 0.4]), np.array([0.5, 0.5]), 0.05)
 

@@ -1,0 +1,137 @@
+"""Hazard: which branches of a hazard model leave a rock the chance to have stood, and what follows.
+
+Nothing is simulated here: other curves, another age or another table of PGV/PGA ask the products of
+the runs anew.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from pipeline.config.layers import Site
+from pipeline.config.paths import located, shown
+from pipeline.config.problems import InputError, Problem
+from pipeline.stages.hazard import curve_folder, disaggregation, others, rock_fragility, sensitivity
+from pipeline.stages.hazard.hazard_dataset import dataset, pga_at, table
+from pipeline.stages.hazard.hazard_page import page
+from pipeline.stages.hazard.question import DatedRock, Question, ages_of
+from pipeline.stages.hazard.shaking_ratio import of_model
+from pipeline.workflow import pages, writers
+from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.keys import digest_file
+from pipeline.workflow.stage import Job, Product
+
+FILE, TABLE, PAGE = "hazard.nc", "hazard.csv", "hazard.html"
+
+
+def make(job: Job) -> Product:
+    """Ask a hazard model what it leaves of a rock.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+        ``hazard.nc``, ``hazard.csv`` and ``hazard.html``.
+    """
+    config, site = job.config.hazard, job.site
+    curves, disaggregated = _paths(site)
+    model = curve_folder.load(curves)
+    ratio = of_model(config, model, model.levels[[0, -1]], disaggregated)
+    own = job.store.folder
+    assert config.age is not None
+    rocks = [DatedRock(site.name, rock_fragility.load(own), ages_of(config.age))]
+    folders = []
+    for other, given in zip(others.rocks(site), config.rocks, strict=True):
+        folders.append(other.folder(own))
+        fragility = rock_fragility.load(folders[-1])
+        rocks.append(DatedRock(other.name, fragility, ages_of(given.age)))
+    compared = {}
+    for one in config.compare:
+        folders.append(own / others.folder_of(one.name) / site.name)
+        compared[one.name] = rock_fragility.load(folders[-1])
+    question = Question(model, tuple(rocks), ratio.table, config.least_survival)
+    cases = sensitivity.cases(question, ratio, compared)
+    answer = cases[0].answer
+    found = dataset(question, answer, question.survivals(), cases)
+    found.attrs[others.NOTED] = json.dumps(others.digests(own, folders), sort_keys=True)
+    facts = page(job, question, ratio, found, shown(curves), curve_folder.about(curves))
+    files = {
+        FILE: netcdf(described(found, job, "Hazard")),
+        TABLE: writers.table(table(found)),
+        PAGE: writers.text(pages.filled(PAGE, facts)),
+    }
+    rejected = int(answer.rejected.sum())
+    before, after = (pga_at(one, 2475.0) for one in (question.before, answer.after))
+    return Product(
+        files,
+        f"{rejected} of {len(model.branches)} branches rejected; 2,475-year PGA {before:.3g} g "
+        f"before and {after:.3g} g after",
+    )
+
+
+def inputs(site: Site) -> dict[str, str]:
+    """Digests of the curves and of the disaggregation, by their names.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    dict from file name to digest
+
+    Raises
+    ------
+    InputError
+        If curves or age are not given, or a file cannot be used.
+    """
+    curves, disaggregated = _paths(site)
+    curve_folder.load(curves)  # what is wrong with them is told before anything runs
+    found = curve_folder.files(curves)
+    if disaggregated is not None:
+        disaggregation.load(disaggregated)
+        found += [one for one in disaggregation.files(disaggregated) if one not in found]
+    return {_name(path): digest_file(path) for path in found}
+
+
+def _name(path: Path) -> str:
+    """Its name, with the folder that tells nshmp-haz's measures apart."""
+    return "/".join(path.parts[-2:]) if path.name == "curves.csv" else path.name
+
+
+def _paths(site: Site) -> tuple[Path, Path | None]:
+    """Where the curves are, and the disaggregation if there is one."""
+    config = site.config.hazard
+    if config.curves is None:
+        raise InputError(
+            Problem(
+                site.file,
+                "hazard.curves",
+                "nothing",
+                "hazard asks a hazard model's curves",
+                "give CURVES=folder (--curves), or set the key",
+            )
+        )
+    if config.age is None:
+        raise InputError(
+            Problem(
+                site.file,
+                "hazard.age",
+                "nothing",
+                "a rock's survival is over its age",
+                "give AGE=years AGE_SD=years (--age, --age-sd), or set the key",
+            )
+        )
+    curves = _located(site, "curves", config.curves)
+    if config.disaggregation is not None:
+        return curves, _located(site, "disaggregation", config.disaggregation)
+    return curves, curves if curves.is_dir() and disaggregation.files(curves) else None
+
+
+def _located(site: Site, key: str, name: str) -> Path:
+    key = f"hazard.{key}"
+    return located(site.folder_of(key), name, site.file, key)

@@ -1,0 +1,238 @@
+"""What hazard writes: the table of branches, and the dataset of all that its page shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from pipeline.config import in_si
+from pipeline.stages.hazard.question import Answer, Question
+from pipeline.stages.hazard.rock_fragility import DRAWN
+from pipeline.stages.hazard.sensitivity import Case
+from vsr_core.arrays import Array
+from vsr_core.hazard.averaging import FINEST, rate_by_row
+from vsr_core.hazard.branches import effective_number, fractiles, mean_curve
+from vsr_core.hazard.curve import HazardCurve
+from vsr_core.hazard.survival import largest_scale
+from vsr_core.hazard.toppling import PARTS, toppling
+
+COLUMNS = ("branch", "path", "weight", "toppling_rate", "survival", "survival_low",
+           "survival_high", "rejected", "new_weight")  # fmt: skip
+
+FRACTILES = (0.05, 0.16, 0.5, 0.84, 0.95)
+
+RETURN_PERIODS = (475.0, 2475.0, 10_000.0)
+"""Years for which the PGA of the mean curve is told."""
+
+_AGES = 120
+"""Ages at which survival is told."""
+
+
+def dataset(question: Question, answer: Answer, others: Array, cases: Sequence[Case]) -> xr.Dataset:
+    """All that is found, in g, seconds and years.
+
+    Parameters
+    ----------
+    question : Question
+    answer : Answer, to it
+    others : ndarray, shape (n, branches), survival with each other fragility
+    cases : sequence of Case, the question as it is first
+
+    Returns
+    -------
+    Dataset
+    """
+    levels = question.model.levels
+    number = 2 + int(np.log(levels[-1] / levels[0]) / np.log(FINEST))
+    at = np.geomspace(levels[0], levels[-1], number)
+    branches = question.model.branches
+    low, high = survival_range(question, others)
+    found = xr.Dataset(
+        {
+            "branch_path": ("branch", [one.path for one in branches]),
+            "weight": ("branch", question.weights),
+            "toppling_rate": ("branch", answer.rates),
+            "survival": ("branch", answer.survival),
+            "survival_low": ("branch", low),
+            "survival_high": ("branch", high),
+            "rejected": ("branch", answer.rejected.astype(np.int8)),
+            "new_weight": ("branch", answer.weights),
+        },
+        {"branch": [one.name for one in branches], "pga": in_si.in_g(at)},
+    )
+    return xr.merge(
+        [
+            found,
+            _fragility(question, at),
+            _curves(question, answer, at),
+            _by_age(question, question.rocks[0].ages),
+            _disaggregated(question),
+            _cases(cases),
+        ],
+        combine_attrs="drop",
+    )
+
+
+def survival_range(question: Question, others: Array) -> tuple[Array, Array]:
+    """Least and largest survival under each branch: 5-95 % of members, or the ends of the fits.
+
+    Parameters
+    ----------
+    question : Question
+    others : ndarray, shape (n, branches)
+
+    Returns
+    -------
+    low, high : ndarray, shape (branches,)
+    """
+    if question.rocks[0].fragility.source == DRAWN:
+        low, high = np.percentile(others, [5.0, 95.0], axis=0)
+        return low, high
+    return others.min(axis=0), others.max(axis=0)
+
+
+def table(found: xr.Dataset) -> pd.DataFrame:
+    """The branches, one a row.
+
+    Parameters
+    ----------
+    found : Dataset, as of ``dataset``
+
+    Returns
+    -------
+    DataFrame
+    """
+    own = {"path": "branch_path"}
+    return pd.DataFrame({name: found[own.get(name, name)].values for name in COLUMNS})
+
+
+def pga_at(curve: HazardCurve | None, years: float) -> float:
+    """PGA that is exceeded once in so many years [g]; NaN beyond the levels of a curve.
+
+    Parameters
+    ----------
+    curve : HazardCurve or None
+    years : float
+
+    Returns
+    -------
+    float
+    """
+    return float("nan") if curve is None else float(in_si.in_g(curve.level_at(1.0 / years)))
+
+
+def _fragility(question: Question, at: Array) -> xr.Dataset:
+    """The first rock's, with its range, and the PGV/PGA over which it was averaged."""
+    rock, own = question.rocks[0], question.standing[0].fragility
+    others = np.array([question.one_measure(rock, one)(at) for one in rock.fragility.others])
+    shares = (5.0, 95.0) if rock.fragility.source == DRAWN else (0.0, 100.0)
+    low, high = np.percentile(others, shares, axis=0)
+    median, log_sd = question.table.at(at)
+    whole = toppling(question.before, own)
+    return xr.Dataset(
+        {
+            "toppling_probability": ("pga", own(at)),
+            "toppling_probability_low": ("pga", low),
+            "toppling_probability_high": ("pga", high),
+            "pgv_pga_median": ("pga", median),
+            "pgv_pga_log_sd": ("pga", log_sd),
+            "probability_at_first_level": ((), whole.below),
+            "toppling_rate_beyond": ((), whole.beyond),
+        }
+    )
+
+
+def _curves(question: Question, answer: Answer, at: Array) -> xr.Dataset:
+    """Curves of the branches, and their mean and fractiles before and after."""
+    nothing = np.full((len(FRACTILES), len(at)), np.nan)
+    kept = answer.after is not None
+    after = fractiles(question.curves, answer.weights, at, FRACTILES) if kept else nothing
+    ends = [question.before, answer.after]
+    only_dropped = None
+    if kept:
+        weights = np.where(answer.rejected, 0.0, question.weights)
+        only_dropped = mean_curve(question.curves, weights / weights.sum(), question.model.levels)
+    return xr.Dataset(
+        {
+            "branch_rate": (("branch", "pga"), [_rates(one, at) for one in question.curves]),
+            "mean_rate_before": ("pga", _rates(question.before, at)),
+            "mean_rate_after": ("pga", _rates(answer.after, at)),
+            "rate_before": (
+                ("fractile", "pga"),
+                fractiles(question.curves, question.weights, at, FRACTILES),
+            ),
+            "rate_after": (("fractile", "pga"), after),
+            **{
+                f"pga_{name}": ("return_period", [pga_at(one, years) for years in RETURN_PERIODS])
+                for name, one in zip(
+                    ("before", "after", "dropped"), (*ends, only_dropped), strict=True
+                )
+            },
+            "scale_factor": ((), largest_scale(question.before, question.chance, question.least)),
+            "effective_branches_before": ((), effective_number(question.weights)),
+            "effective_branches_after": ((), effective_number(answer.weights)),
+        },
+        {"fractile": list(FRACTILES), "return_period": list(RETURN_PERIODS)},
+    )
+
+
+def _rates(curve: HazardCurve | None, at: Array) -> Array:
+    """Rates of a curve; NaN beyond its levels."""
+    return np.full(len(at), np.nan) if curve is None else curve.rate_at(at)
+
+
+def _by_age(question: Question, ages: Array) -> xr.Dataset:
+    """Survival of the first rock alone against its age, and how likely the ages are."""
+    edges = np.linspace(0.0, 1.35 * np.percentile(ages, 99.0), _AGES + 1)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    own = question.standing[0].fragility
+    rates = np.array([toppling(curve, own).rate for curve in question.curves])
+    density, _ = np.histogram(ages, bins=edges, density=True)
+    return xr.Dataset(
+        {
+            "survival_at_age": (("branch", "age"), np.exp(-rates[:, None] * middles)),
+            "age_density": ("age", density),
+        },
+        {"age": middles},
+    )
+
+
+def _disaggregated(question: Question) -> xr.Dataset:
+    """Rate of toppling of the first rock under the mean curve, by PGA and by PGV/PGA."""
+    rock, own = question.rocks[0].fragility, question.standing[0].fragility
+    _, rates = rate_by_row(question.before, own, rock.mean, rock.ratios, question.table)
+    starts = np.arange(0, rates.shape[1], PARTS)
+    binned = np.add.reduceat(rates, starts, axis=1)
+    edges = in_si.in_g(question.before.levels)
+    return xr.Dataset(
+        {
+            "toppling_rate_by_pga": ("pga_bin", binned.sum(axis=0)),
+            "toppling_rate_by_pgv_pga": (("pgv_pga", "pga_bin"), binned),
+            "pga_bin_end": ("pga_bin", np.append(edges[1:], np.inf)),
+        },
+        {"pga_bin": edges, "pgv_pga": rock.ratios},
+    )
+
+
+def _cases(cases: Sequence[Case]) -> xr.Dataset:
+    years = RETURN_PERIODS[1]
+    rows = [
+        (
+            float(one.question.weights @ one.answer.survival),
+            int(one.answer.rejected.sum()),
+            pga_at(one.answer.after, years),
+        )
+        for one in cases
+    ]
+    survival, rejected, after = (list(part) for part in zip(*rows, strict=True))
+    return xr.Dataset(
+        {
+            "case_survival": ("case", survival),
+            "case_rejected": ("case", rejected),
+            "case_pga_after": ("case", after),
+        },
+        {"case": [one.what for one in cases]},
+    )

@@ -1,0 +1,227 @@
+"""Figures of the hazard page: curves over fragility, survival against age, weights, shaking."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from pipeline.drawing import style
+from pipeline.workflow.datasets import label
+
+MOST_BARS = 40
+"""Branches whose weights are drawn, the heaviest; bars of more could not be told apart."""
+
+_BEFORE, _AFTER = style.SERIES[0], style.SERIES[1]
+_KEPT, _REJECTED = style.FAINT, style.OVERTURNED
+
+
+@style.styled
+def curves(hazard: xr.Dataset, tested: tuple[float, float]) -> Figure:
+    """Hazard curves before and after, and below them the rock's fragility.
+
+    Parameters
+    ----------
+    hazard : Dataset, as in ``hazard.nc``
+    tested : tuple of float [g], least and largest PGA that was tried on the rock
+
+    Returns
+    -------
+    Figure
+    """
+    figure = Figure(figsize=(6.2, 6.6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[1.7, 1.0])
+    pga = hazard["pga"].values
+    _branches(above, pga, hazard["branch_rate"].values, hazard["rejected"].values)
+    for name, colour, look in (("before", _BEFORE, "-"), ("after", _AFTER, "--")):
+        if np.isnan(hazard[f"mean_rate_{name}"].values).all():
+            continue
+        rows = hazard[f"rate_{name}"].sel(fractile=[0.05, 0.95]).values
+        rows = np.where(rows > 0.0, rows, np.nan)
+        band: Any = {"color": colour, "alpha": 0.22, "lw": 0, "label": f"{name}, 5-95 %"}
+        above.fill_between(pga, *rows, **band)
+        mean = hazard[f"mean_rate_{name}"].values
+        above.plot(pga, mean, look, color=colour, lw=2.0, label=f"{name}, mean")
+    above.set_yscale("log")
+    above.set_ylim(1e-6, None)
+    above.set_ylabel("annual rate of exceedance")
+    for years in hazard["return_period"].values:
+        above.axhline(1.0 / years, color=style.INK, lw=0.5, ls=":")
+        text = f"{years:,.0f} years"
+        above.text(pga[0], 1.0 / years, text, va="bottom", fontsize=7.5, path_effects=style.HALO)
+    figure.legend(*above.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    _fragility(below, hazard, tested)
+    below.set_xscale("log")
+    below.set_xlabel(label("pga"))
+    below.set_xlim(pga[0], pga[-1])
+    ticks = [x for x in (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0) if pga[0] <= x <= pga[-1]]
+    below.set_xticks(ticks, [f"{x:g}" for x in ticks])
+    below.minorticks_off()
+    for axes in (above, below):
+        axes.grid(visible=True)
+    return figure
+
+
+def _branches(axes: Axes, pga: Any, rates: Any, rejected: Any) -> None:
+    for out, colour, name in ((0, _KEPT, "branch kept"), (1, _REJECTED, "branch rejected")):
+        lines = [np.column_stack([pga, one]) for one in rates[rejected == out]]
+        if lines:
+            dashes = (0, (1, 1.2)) if out else "solid"
+            look: Any = {"colors": colour, "linewidths": 0.8, "linestyles": [dashes]}
+            axes.add_collection(
+                LineCollection(lines, label=name, rasterized=len(lines) > 100, **look)
+            )
+
+
+def _fragility(axes: Axes, hazard: xr.Dataset, tested: tuple[float, float]) -> None:
+    pga = hazard["pga"].values
+    ends = (hazard[f"toppling_probability_{end}"].values for end in ("low", "high"))
+    axes.fill_between(pga, *ends, color=_KEPT, alpha=0.35, lw=0)
+    axes.plot(pga, hazard["toppling_probability"].values, color=style.INK, lw=1.8)
+    for edge, end in ((pga[0], tested[0]), (tested[1], pga[-1])):
+        if end > edge:
+            axes.axvspan(edge, end, facecolor="none", edgecolor="#c9c9c9", hatch="///", lw=0)
+    if pga[-1] > tested[1]:
+        middle = np.sqrt(tested[1] * pga[-1])
+        axes.text(middle, 0.06, "not tested", ha="center", fontsize=7.5, path_effects=style.HALO)
+    axes.set_ylim(0.0, 1.0)
+    axes.set_ylabel("probability of toppling")
+
+
+@style.styled
+def survival(hazard: xr.Dataset, least: float) -> Figure:
+    """Chance of the rock's survival under each branch against its age, over the age's density.
+
+    Parameters
+    ----------
+    hazard : Dataset, as in ``hazard.nc``
+    least : float, chance below which a branch is rejected
+
+    Returns
+    -------
+    Figure
+    """
+    figure = Figure(figsize=(6.2, 4.4), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3.0, 1.0])
+    age, chances = hazard["age"].values, hazard["survival_at_age"].values
+    rejected = hazard["rejected"].values
+    _branches(above, age, chances, rejected)
+    above.axhline(least, color=style.INK, lw=0.9, ls="--", label=f"{100 * least:g} %")
+    if len(chances) <= MOST_BARS:
+        _name_branches(above, hazard)
+    above.set_ylim(0.0, 1.0)
+    above.set_ylabel("chance of survival")
+    above.legend(loc="upper right")
+    below.fill_between(age, hazard["age_density"].values, step="mid", color=style.BASE, alpha=0.6)
+    below.set_ylim(0.0, None)
+    below.set_yticks([])
+    below.set_ylabel("density\nof the age")
+    below.set_xlabel("age [years]")
+    below.set_xlim(0.0, age[-1])
+    below.xaxis.set_major_formatter(lambda x, _: f"{x:,.0f}")
+    above.grid(visible=True)
+    return figure
+
+
+def _name_branches(axes: Axes, hazard: xr.Dataset) -> None:
+    """Names beside their lines, where the lines lie apart."""
+    age, chances = hazard["age"].values, hazard["survival_at_age"].values
+    at = int(0.3 * len(age))
+    order = np.argsort(-chances[:, at])
+    groups: list[list[int]] = []
+    for i in order:
+        if groups and chances[groups[-1][0], at] - chances[i, at] < 0.05:
+            groups[-1].append(int(i))
+        else:
+            groups.append([int(i)])
+    for group in groups:
+        names = [str(hazard["branch"].values[i]) for i in sorted(group)]
+        text = ", ".join(names) if len(names) <= 6 else f"{len(names)} branches"
+        axes.text(
+            age[at],
+            chances[group, at].mean(),
+            text,
+            fontsize=7.5,
+            ha="center",
+            va="center",
+            path_effects=style.HALO,
+        )
+
+
+@style.styled
+def weights(hazard: xr.Dataset) -> Figure:
+    """Weights of the branches before and after.
+
+    Parameters
+    ----------
+    hazard : Dataset, as in ``hazard.nc``
+
+    Returns
+    -------
+    Figure
+    """
+    heavy = np.argsort(-hazard["weight"].values, kind="stable")[:MOST_BARS]
+    shown = hazard.isel(branch=np.sort(heavy))
+    number = shown.sizes["branch"]
+    figure = Figure(figsize=(6.2, 2.8), layout="constrained")
+    axes = figure.add_subplot()
+    place = np.arange(number)
+    axes.bar(place - 0.2, shown["weight"], 0.4, color=_BEFORE, label="before")
+    axes.bar(place + 0.2, shown["new_weight"], 0.4, color=_AFTER, label="after")
+    out = shown["rejected"].values == 1
+    axes.plot(place[out] + 0.2, 0.0 * place[out], "x", color=_REJECTED, label="rejected")
+    axes.set_xticks(place, shown["branch"].values, rotation=90 if number > 15 else 0)
+    axes.set_xlabel("branch")
+    axes.set_ylabel("weight")
+    axes.legend(ncols=3)
+    axes.margins(y=0.25)
+    axes.grid(visible=True, axis="y")
+    return figure
+
+
+@style.styled
+def shaking(hazard: xr.Dataset, tested: tuple[float, float]) -> Figure:
+    """Which PGA and PGV/PGA the earthquakes have that would topple the rock.
+
+    Parameters
+    ----------
+    hazard : Dataset, as in ``hazard.nc``
+    tested : tuple of float [g], least and largest PGA that was tried on the rock
+
+    Returns
+    -------
+    Figure
+    """
+    figure = Figure(figsize=(6.2, 4.6), layout="constrained")
+    above, axes = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 2.2])
+    starts = hazard["pga_bin"].values
+    edges = np.append(starts, starts[-1] * starts[-1] / starts[-2])
+    share = hazard["toppling_rate_by_pga"].values
+    share = share / share.sum() if share.sum() > 0.0 else share
+    above.stairs(100.0 * share, edges, fill=True, color=style.BASE, alpha=0.7)
+    above.set_ylabel("share [%]")
+    both = hazard["toppling_rate_by_pgv_pga"].values
+    total = both.sum()
+    ratios = hazard["pgv_pga"].values
+    image = axes.pcolormesh(
+        edges,
+        style.cell_edges(ratios),
+        100.0 * both / total if total > 0.0 else both,
+        cmap="magma_r",
+        rasterized=True,
+    )
+    figure.colorbar(image, ax=axes, label="share of the toppling rate [%]")
+    for panel in (above, axes):
+        panel.axvline(tested[1], color=style.INK, lw=0.8, ls="--")
+    axes.set_xscale("log")
+    ticks = [x for x in (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0) if starts[0] <= x]
+    ticks = [x for x in ticks if x <= edges[-1]]
+    axes.set_xticks(ticks, [f"{x:g}" for x in ticks])
+    axes.minorticks_off()
+    axes.set_xlabel(label("pga"))
+    axes.set_ylabel("PGV/PGA [s]")
+    return figure

@@ -1,0 +1,136 @@
+"""A rock's fragility as its products hold it, ready to be averaged over PGV/PGA."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from pipeline.config import in_si
+from pipeline.config.problems import InputError, Problem
+from pipeline.stages.fragility.fragility_fits import FILE as FITS
+from pipeline.workflow.datasets import read, rows_of
+from vsr_core.arrays import Array
+from vsr_core.hazard.averaging import RowFragility, gridded_rows, lognormal_rows
+
+FITTED, DRAWN = "fits", "members"
+"""What the range of a survival comes from: intervals of fits, or members of an ensemble."""
+
+
+@dataclass(frozen=True, eq=False)
+class RockFragility:
+    """Probability of toppling of a rock on rows of PGV/PGA.
+
+    Attributes
+    ----------
+    ratios : ndarray, shape (rows,) [s], ascending
+    mean : RowFragility, all directions and frictions counting equally
+    by_yaw : dict, from the direction [degree] to its RowFragility
+    others : tuple of RowFragility, of each member, or of the ends of the intervals of the fits
+    source : str, ``DRAWN`` or ``FITTED``
+    tested : tuple of float [g], least and largest PGA that was tried
+    frictions : tuple of float
+    records : bool, whether the rows are recorded motions, not pulses
+    """
+
+    ratios: Array
+    mean: RowFragility
+    by_yaw: dict[float, RowFragility]
+    others: tuple[RowFragility, ...]
+    source: str
+    tested: tuple[float, float]
+    frictions: tuple[float, ...]
+    records: bool
+
+
+def load(folder: Path) -> RockFragility:
+    """Fragility of the fits in a folder of products.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    RockFragility
+
+    Raises
+    ------
+    InputError
+        If no direction has a fit.
+    """
+    data = read(folder / FITS)
+    data = data.isel({rows_of(data): np.argsort(data["pgv_pga"].values, kind="stable")})
+    known = np.isfinite(data["theta"].values).all(axis=2)
+    if not known.any():
+        raise InputError(
+            Problem(
+                str(folder / FITS),
+                "theta",
+                "no direction with a fragility",
+                "some runs have a verdict",
+                "look at report.html",
+            )
+        )
+    theta = in_si.acceleration(data["theta"].values)
+    ends = in_si.acceleration(data["theta_interval"].values)
+    ends = np.where(np.isfinite(ends), ends, theta[..., None])
+    beta = data["beta"].values
+    yaws = data["yaw"].values
+    return RockFragility(
+        data["pgv_pga"].values,
+        lognormal_rows(theta[known], beta[known]),
+        {
+            float(yaw): lognormal_rows(theta[i][known[i]], beta[i][known[i]])
+            for i, yaw in enumerate(yaws)
+            if known[i].any()
+        },
+        tuple(lognormal_rows(ends[..., end][known], beta[known]) for end in (0, 1)),
+        FITTED,
+        _span(data),
+        tuple(data["friction"].values.tolist()),
+        rows_of(data) == "record",
+    )
+
+
+def of_members(data: xr.Dataset) -> RockFragility:
+    """Fragility of an ensemble whose members differ in what is not known of the rock.
+
+    Parameters
+    ----------
+    data : Dataset
+        ``surface`` on (pgv_pga, pga), ``probability`` on (yaw, pgv_pga, pga) and ``overturned`` on
+        (member, yaw, pgv_pga, pga), -1 where there is no verdict.
+
+    Returns
+    -------
+    RockFragility
+    """
+    levels = in_si.acceleration(data["pga"].values)
+    return RockFragility(
+        data["pgv_pga"].values,
+        gridded_rows(levels, data["surface"].values),
+        {
+            float(yaw): gridded_rows(levels, probability)
+            for yaw, probability in zip(data["yaw"].values, data["probability"].values, strict=True)
+        },
+        tuple(gridded_rows(levels, _share(one)) for one in data["overturned"].values),
+        DRAWN,
+        _span(data),
+        (),
+        False,
+    )
+
+
+def _share(overturned: Array) -> Array:
+    """Share of the directions with a verdict from which a member topples, shape (rows, pga)."""
+    decided = (overturned >= 0).sum(axis=0)
+    toppled = (overturned == 1).sum(axis=0)
+    return toppled / np.maximum(decided, 1)
+
+
+def _span(data: xr.Dataset) -> tuple[float, float]:
+    pga = data["pga"].values
+    return float(pga[0]), float(pga[-1])

@@ -1,0 +1,145 @@
+"""The answer in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.config.hazard_schema import Age, BoundedAge, LognormalAge, NormalAge
+from vsr_core.arrays import Array, Mask
+
+MOST_NAMED = 8
+"""Branches that a sentence names; of more it gives the number."""
+
+
+def percent(share: float) -> str:
+    """A chance in percent, to two digits where it is small.
+
+    Parameters
+    ----------
+    share : float
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> percent(0.4123), percent(0.0523), percent(0.0), percent(1.0)
+    ('41 %', '5.2 %', 'less than 0.01 %', '100 %')
+    """
+    if share < 1e-4:
+        return "less than 0.01 %"
+    return f"{100.0 * share:.{0 if share >= 0.0995 else 2}{'f' if share >= 0.0995 else 'g'}} %"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a sentence.
+
+    Parameters
+    ----------
+    names : sequence of str
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> listed(["3"]), listed(["3", "7"]), listed(["3", "7", "9"])
+    ('3', '3 and 7', '3, 7 and 9')
+    """
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
+def sentence(
+    names: Sequence[str],
+    rejected: Mask,
+    survival: Array,
+    least: float,
+    pga: tuple[float, float],
+    rocks: int = 1,
+) -> str:
+    """What a hazard model is told by a rock.
+
+    Parameters
+    ----------
+    names : sequence of str, of the branches
+    rejected : ndarray of bool, shape (branches,)
+    survival : ndarray, shape (branches,)
+    least : float, chance of survival below which a branch is rejected
+    pga : tuple of float [g], exceeded once in 2,475 years before and after
+    rocks : int
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> gone = np.array([False, True, True])
+    >>> sentence(["2", "3", "7"], gone, np.array([0.4, 0.01, 0.02]), 0.05, (0.41, 0.29))[:72]
+    'Branches 3 and 7 leave this rock less than 5 % chance of having survived'
+    >>> sentence(["2", "3", "7"], gone, np.array([0.4, 0.01, 0.02]), 0.05, (0.41, 0.29))[72:]
+    '; without them the 2,475-year PGA falls from 0.41 to 0.29 g.'
+    """
+    these = "this rock" if rocks == 1 else f"these {rocks} rocks together"
+    chance = f"less than {percent(least)} chance of having survived"
+    falls = _moved(*pga)
+    if len(names) == 1:
+        found = (
+            f"The one curve given leaves {these} {percent(survival[0])} chance of having survived"
+        )
+        return f"{found}; {'it is rejected' if rejected[0] else 'it is kept'}."
+    if rejected.all():
+        return f"Every branch leaves {these} {chance}: the model as a whole, the age or the fragility is wrong."
+    if not rejected.any():
+        worst = int(np.argmin(survival))
+        found = f"No branch leaves {these} {chance}; branch {names[worst]} leaves the least, "
+        return f"{found}{percent(survival[worst])}. Weighed by it, the 2,475-year PGA {falls}."
+    gone = [name for name, out in zip(names, rejected, strict=True) if out]
+    if len(gone) > MOST_NAMED:
+        subject = f"{len(gone):,} of {len(names):,} branches leave"
+    else:
+        subject = f"Branch {gone[0]} leaves" if len(gone) == 1 else f"Branches {listed(gone)} leave"
+    them = "it" if len(gone) == 1 else "them"
+    return f"{subject} {these} {chance}; without {them} the 2,475-year PGA {falls}."
+
+
+def _moved(before: float, after: float) -> str:
+    if not np.isfinite([before, after]).all():
+        return "is beyond the levels of the curves"
+    shown = f"{before:.2f}", f"{after:.2f}"
+    if shown[0] == shown[1]:
+        return f"stays at {shown[0]} g"
+    return f"{'falls' if after < before else 'rises'} from {shown[0]} to {shown[1]} g"
+
+
+def of_age(age: Age) -> str:
+    """An age as a page states it.
+
+    Parameters
+    ----------
+    age : Age
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> of_age(NormalAge(kind="normal", mean=20000.0, sd=3000.0))
+    '20,000 ± 3,000 years (normal, one standard deviation)'
+    """
+    if isinstance(age, NormalAge):
+        if age.sd == 0.0:
+            return f"{age.mean:,.0f} years, taken as exact"
+        return f"{age.mean:,.0f} ± {age.sd:,.0f} years (normal, one standard deviation)"
+    if isinstance(age, LognormalAge):
+        return f"{age.median:,.0f} years (lognormal, standard deviation {age.log_sd:g} of its logarithm)"
+    if isinstance(age, BoundedAge):
+        return f"{age.low:,.0f} to {age.high:,.0f} years, all equally likely"
+    low, middle, high = np.percentile(age.values, [5, 50, 95])
+    many = f"{len(age.values):,} samples, 5-95 %: {low:,.0f} to {high:,.0f}"
+    return f"{middle:,.0f} years (median of {many})"
