@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -75,7 +76,7 @@ class Comparison(Section):
     """The same rock with other settings, whose answer stands beside."""
 
     name: str = Field(
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,60}$",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9 .,()_-]{0,60}$",
         description="what is changed, in words, e.g. friction 0.4",
     )
     study: str | None = Field(None, description="study, by name or by the path of its YAML")
@@ -104,7 +105,7 @@ class RatioConfig(Section):
     @field_validator("pga")
     @classmethod
     def _ascend(cls, pga: tuple[float, ...]) -> tuple[float, ...]:
-        if any(b <= a for a, b in zip(pga, pga[1:], strict=False)):
+        if any(b <= a for a, b in pairwise(pga)):
             raise ValueError("PGA ascend; sort them")
         return pga
 
@@ -114,8 +115,8 @@ class HazardConfig(Section):
 
     curves: str | None = Field(
         None,
-        description="folder of hazard curves of OpenQuake or nshmp-haz, or OpenQuake's calc_N.hdf5; "
-        "relative to the file that names it",
+        description="folder of hazard curves of OpenQuake or nshmp-haz, or OpenQuake's "
+        "calc_N.hdf5; relative to the file that names it",
     )
     age: Age | None = Field(None, description="how long the rock has stood as it stands")
     least_survival: float = Field(

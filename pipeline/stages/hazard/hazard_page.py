@@ -12,7 +12,7 @@ from pipeline.drawing.style import svg_uri
 from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard.question import Question
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, ShakingRatio
-from pipeline.stages.hazard.words import listed, of_age, percent, sentence
+from pipeline.stages.hazard.words import listed, of_age, of_place, percent, sentence
 from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job
 from vsr_core.arrays import Array
@@ -58,7 +58,7 @@ def page(
         "origin": origin,
         "config": config,
         "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
-        "place": question.model.place,
+        "place": of_place(*question.model.place),
         "ratio": ratio.source,
         "default": DEFAULT,
         "correlation": CORRELATION,
@@ -100,6 +100,8 @@ def _answer(question: Question, hazard: xr.Dataset, config: HazardConfig) -> dic
         "after": pga[1],
         "none_left": bool(rejected.all()),
         "some_rejected": bool(rejected.any()),
+        "fewest": int((hazard["survival_high"].values < least).sum()),
+        "most": int((hazard["survival_low"].values < least).sum()),
         "lost_weight": float(hazard["weight"].values[rejected].sum()),
         "mean_survival": float(question.weights @ chances),
         "branch_count": len(names),

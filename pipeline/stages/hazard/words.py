@@ -93,7 +93,8 @@ def sentence(
         )
         return f"{found}; {'it is rejected' if rejected[0] else 'it is kept'}."
     if rejected.all():
-        return f"Every branch leaves {these} {chance}: the model as a whole, the age or the fragility is wrong."
+        wrong = "the model as a whole, the age or the fragility is wrong"
+        return f"Every branch leaves {these} {chance}: {wrong}."
     if not rejected.any():
         worst = int(np.argmin(survival))
         found = f"No branch leaves {these} {chance}; branch {names[worst]} leaves the least, "
@@ -137,9 +138,30 @@ def of_age(age: Age) -> str:
             return f"{age.mean:,.0f} years, taken as exact"
         return f"{age.mean:,.0f} ± {age.sd:,.0f} years (normal, one standard deviation)"
     if isinstance(age, LognormalAge):
-        return f"{age.median:,.0f} years (lognormal, standard deviation {age.log_sd:g} of its logarithm)"
+        spread = f"lognormal, standard deviation {age.log_sd:g} of its logarithm"
+        return f"{age.median:,.0f} years ({spread})"
     if isinstance(age, BoundedAge):
         return f"{age.low:,.0f} to {age.high:,.0f} years, all equally likely"
     low, middle, high = np.percentile(age.values, [5, 50, 95])
     many = f"{len(age.values):,} samples, 5-95 %: {low:,.0f} to {high:,.0f}"
     return f"{middle:,.0f} years (median of {many})"
+
+
+def of_place(longitude: float, latitude: float) -> str:
+    """A place as a map names it.
+
+    Parameters
+    ----------
+    longitude, latitude : float [degree]
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> of_place(-120.86, 35.19)
+    '120.86° W, 35.19° N'
+    """
+    east, north = "E" if longitude >= 0.0 else "W", "N" if latitude >= 0.0 else "S"
+    return f"{abs(longitude):.5g}° {east}, {abs(latitude):.5g}° {north}"
