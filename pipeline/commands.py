@@ -40,6 +40,7 @@ def run(options: argparse.Namespace) -> int:
     job, wanted = _job(options), DELIVERABLES[options.product]
     if options.product == "hazard":
         for other in _others(options, job):
+            _log(f"{other.store.folder}:")
             with other.store, other.cluster:
                 graph.make("fragility", other)
     with job.store, job.cluster:
@@ -251,6 +252,7 @@ def fetch(options: argparse.Namespace) -> int:
 
 def _others(options: argparse.Namespace, job: Job) -> Iterator[Job]:
     """Jobs of other rocks and other settings, whose fragilities a site's hazard reads."""
+    named("pipeline.stages.hazard.hazard:inputs")(job.site)  # refused before anything is made
     compared = named("pipeline.stages.hazard.others:compared")
     file, settings = str(options.site), _settings(vars(options))
     found = named("pipeline.stages.hazard.others:rocks")(job.site)

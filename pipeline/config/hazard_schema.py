@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from pipeline.config.bounds import LARGEST_PGA, SMALLEST_PGA
 from pipeline.config.sections import Lax, Section
 
-Years = Annotated[float, Field(gt=0, le=1e8)]
+Years = Annotated[float, Field(ge=1, le=1e8)]
 """An age [year]: no landform that carries a rock is older."""
 
 _Source = Annotated[str, Field(max_length=400)]

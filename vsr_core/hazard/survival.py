@@ -8,8 +8,7 @@ from functools import cache
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import ndtri
-from scipy.stats import truncnorm
+from scipy.special import ndtr, ndtri
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
@@ -63,7 +62,8 @@ def normal_ages(mean: float, sd: float) -> Array:
     _check(mean, sd)
     if sd == 0.0:
         return np.array([mean])
-    return np.asarray(truncnorm(-mean / sd, np.inf, loc=mean, scale=sd).ppf(_MIDDLES))
+    below = ndtr(-mean / sd)  # what is cut off
+    return np.asarray(mean + sd * ndtri(below + (1.0 - below) * _MIDDLES))
 
 
 def lognormal_ages(median: float, log_sd: float) -> Array:

@@ -79,8 +79,8 @@ def _branches(axes: Axes, pga: Any, rates: Any, rejected: Any) -> None:
 
 def _fragility(axes: Axes, hazard: xr.Dataset, tested: tuple[float, float]) -> None:
     pga = hazard["pga"].values
-    ends = (hazard[f"toppling_probability_{end}"].values for end in ("low", "high"))
-    axes.fill_between(pga, *ends, color=_KEPT, alpha=0.35, lw=0)
+    low, high = (hazard[f"toppling_probability_{end}"].values for end in ("low", "high"))
+    axes.fill_between(pga, low, high, color=_KEPT, alpha=0.35, lw=0)
     axes.plot(pga, hazard["toppling_probability"].values, color=style.INK, lw=1.8)
     for edge, end in ((pga[0], tested[0]), (tested[1], pga[-1])):
         if end > edge:

@@ -99,6 +99,16 @@ def compared(
 def folder_of(name: str) -> str:
     """Folder of a comparison, below the site's own products.
 
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
     >>> folder_of("friction 0.4")
     'compared/friction_0.4'
     """

@@ -154,9 +154,13 @@ class Question:
         return Answer(rates, chances, new.rejected, new.weights, after)
 
     def survivals(self) -> Array:
-        """Survival under each branch with each of the other fragilities, shape (others, branches).
+        """Survival under each branch with each of the other fragilities.
 
         Several rocks have the others in turn, the fewer again from the first.
+
+        Returns
+        -------
+        ndarray, shape (others, branches)
         """
         number = max(len(rock.fragility.others) for rock in self.rocks)
         found = []

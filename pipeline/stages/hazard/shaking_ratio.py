@@ -64,7 +64,7 @@ def of_model(
     if given is not None:
         pga = np.array(in_si.acceleration(np.array(given.pga)))
         return _known("table", RatioTable(pga, np.array(given.median), np.array(given.log_sd)))
-    at = np.geomspace(*levels, 2 + int(np.log(levels[1] / levels[0]) / np.log(STEP)))
+    at = np.geomspace(levels[0], levels[1], 2 + int(np.log(levels[1] / levels[0]) / np.log(STEP)))
     if disaggregated is not None:
         found = disaggregation.load(disaggregated)
         scenarios = found.magnitudes, found.distances, found.levels, found.shares

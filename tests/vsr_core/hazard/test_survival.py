@@ -89,6 +89,9 @@ def test_survival_of_ages() -> None:
     # Of a normal age far from zero: exp(-nu m + nu^2 s^2 / 2).
     exact = math.exp(-nu * 2e4 + 0.5 * (nu * 3e3) ** 2)
     assert survival(nu, normal_ages(2e4, 3e3)) == pytest.approx(exact, rel=1e-4)
+    # Cut at zero: of a mean of 0 nearly, a half-normal age, whose mean is sd sqrt(2/pi).
+    assert normal_ages(1.0, 1e4).min() > 0.0
+    assert normal_ages(1.0, 1e4).mean() == pytest.approx(1e4 * math.sqrt(2 / math.pi), rel=2e-3)
     ages = lognormal_ages(2e4, 0.3)
     assert np.median(ages) == pytest.approx(2e4, rel=1e-3)
     assert np.log(ages).std() == pytest.approx(0.3, rel=2e-3)

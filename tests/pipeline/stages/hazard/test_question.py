@@ -1,0 +1,157 @@
+"""A rock's fragility from products, and the survival that follows, on cases worked by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from pipeline.config.hazard_schema import BoundedAge, LognormalAge, NormalAge, SampledAge
+from pipeline.stages.hazard.hazard_dataset import survival_range
+from pipeline.stages.hazard.hazard_model import Branch, HazardModel
+from pipeline.stages.hazard.question import DatedRock, Question, ages_of
+from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_members
+from pipeline.stages.hazard.words import sentence
+from vsr_core import GRAVITY
+from vsr_core.hazard.curve import HazardCurve
+from vsr_core.hazard.ratio import RatioTable
+
+SLOPE = 2.0
+TABLE = RatioTable(np.array([1.0]), np.array([0.1]), np.array([0.4]))
+
+
+def curve(rate: float) -> HazardCurve:
+    """Power law with the given rate at 1 g."""
+    level = np.geomspace(0.01, 10.0, 40)
+    return HazardCurve(GRAVITY * level, rate * level**-SLOPE)
+
+
+def model(*rates: float) -> HazardModel:
+    share = 1.0 / len(rates)
+    branches = tuple(Branch(str(n), f"b{n}", share, curve(rate)) for n, rate in enumerate(rates))
+    return HazardModel(branches, (0.0, 50.0))
+
+
+def ensemble(thresholds: list[float]) -> RockFragility:
+    """Members that topple from a PGA on [g], whatever the direction and PGV/PGA."""
+    pga = np.geomspace(0.05, 2.0, 80)
+    falls = np.array([pga >= threshold for threshold in thresholds]).astype(np.int8)
+    falls = np.broadcast_to(falls[:, None, None, :], (len(falls), 2, 3, len(pga)))
+    mean = falls.mean(axis=0)
+    return of_members(
+        xr.Dataset(
+            {
+                "overturned": (("member", "yaw", "pgv_pga", "pga"), falls),
+                "probability": (("yaw", "pgv_pga", "pga"), mean),
+                "surface": (("pgv_pga", "pga"), mean.mean(axis=0)),
+            },
+            {"yaw": [0.0, 90.0], "pgv_pga": [0.05, 0.1, 0.2], "pga": pga},
+        )
+    )
+
+
+def test_survival_of_members_that_topple_from_a_level_on() -> None:
+    """Each member survives exp(-T lambda(threshold)); the range is 5 to 95 % of them."""
+    thresholds = np.linspace(0.2, 0.6, 21)
+    rock = ensemble(thresholds.tolist())
+    assert rock.source == DRAWN
+    question = Question(model(1e-5, 1e-4), (DatedRock("rock", rock, np.array([2e3])),), TABLE, 0.05)
+    low, high = survival_range(question, question.survivals())
+    for n, rate in enumerate((1e-5, 1e-4)):
+        exact = np.exp(-2e3 * rate * thresholds**-SLOPE)
+        # a threshold lies within a step of the grid of PGA, 4.8 %
+        expected = np.percentile(exact, [5.0, 95.0])
+        assert [low[n], high[n]] == pytest.approx(expected, rel=0.12)
+    mean = -np.log(question.answer().survival) / 2e3
+    exact = [rate * (thresholds**-SLOPE).mean() for rate in (1e-5, 1e-4)]
+    np.testing.assert_allclose(mean, exact, rtol=0.06)
+
+
+def test_cells_without_a_verdict_do_not_count() -> None:
+    fell = np.array([[[1, -1], [0, 1]]], dtype=np.int8)[:, :, None, :]  # one member, two yaws
+    data = xr.Dataset(
+        {
+            "overturned": (("member", "yaw", "pgv_pga", "pga"), fell),
+            "probability": (("yaw", "pgv_pga", "pga"), np.zeros((2, 1, 2))),
+            "surface": (("pgv_pga", "pga"), np.zeros((1, 2))),
+        },
+        {"yaw": [0.0, 90.0], "pgv_pga": [0.1], "pga": [0.5, 1.0]},
+    )
+    (member,) = of_members(data).others
+    np.testing.assert_allclose(member(GRAVITY * np.array([0.5, 1.0])), [[0.5, 1.0]])
+
+
+def test_a_kept_and_a_rejected_branch_by_hand() -> None:
+    """Rates 1e-4 and 1e-3 at 1 g; a rock that topples at 0.5 g for 2,000 years.
+
+    Rates of toppling are 4e-4 and 4e-3, survival exp(-0.8) = 0.449 and exp(-8) = 0.0003; the
+    second is rejected, and the 2,475-year PGA falls from sqrt(5.5e-4 * 2475) = 1.167 g to
+    sqrt(1e-4 * 2475) = 0.497 g.
+    """
+    rock = DatedRock("rock", ensemble([0.5]), np.array([2000.0]))
+    question = Question(model(1e-4, 1e-3), (rock,), TABLE, 0.05)
+    answer = question.answer()
+    np.testing.assert_allclose(answer.rates, [4e-4, 4e-3], rtol=0.06)
+    np.testing.assert_allclose(answer.survival, [0.449, 0.0003], rtol=0.4)
+    assert answer.rejected.tolist() == [False, True]
+    assert answer.weights.tolist() == [1.0, 0.0]
+    assert question.before.level_at(1 / 2475) / GRAVITY == pytest.approx(1.167, rel=1e-3)
+    assert answer.after is not None
+    assert answer.after.level_at(1 / 2475) / GRAVITY == pytest.approx(0.497, rel=2e-3)
+    said = sentence(["0", "1"], answer.rejected, answer.survival, 0.05, (1.167, 0.497))
+    assert said == (
+        "Branch 1 leaves this rock less than 5 % chance of having survived; "
+        "without it the 2,475-year PGA falls from 1.17 to 0.50 g."
+    )
+
+
+def test_no_branch_left_is_an_answer_too() -> None:
+    rock = DatedRock("rock", ensemble([0.5]), np.array([1e6]))
+    answer = Question(model(1e-4, 1e-3), (rock,), TABLE, 0.05).answer()
+    assert answer.after is None
+    assert answer.weights.tolist() == [0.0, 0.0]
+    said = sentence(["0", "1"], answer.rejected, answer.survival, 0.05, (1.0, math.nan))
+    assert said.startswith("Every branch leaves this rock less than 5 % chance")
+
+
+def test_a_component_moves_the_rock_along_the_curve() -> None:
+    """On a power law a factor on PGA is a factor on rates, to the power of the slope."""
+    rock = DatedRock("rock", ensemble([0.5]), np.array([2000.0]))
+    rates = [
+        Question(model(1e-4), (rock,), TABLE, 0.05, component).answer().rates[0]
+        for component in (1.0, 1.2)
+    ]
+    assert rates[1] / rates[0] == pytest.approx(1.2**SLOPE, rel=0.02)
+
+
+def test_ages_of_each_kind() -> None:
+    normal = ages_of(NormalAge(kind="normal", mean=2e4, sd=3e3))
+    assert (normal.mean(), normal.std()) == pytest.approx((2e4, 3e3), rel=2e-3)
+    assert np.median(ages_of(LognormalAge(kind="lognormal", median=9e3, log_sd=0.2))) == (
+        pytest.approx(9e3, rel=1e-3)
+    )
+    bounds = ages_of(BoundedAge(kind="bounds", low=1e3, high=3e3))
+    assert (bounds.min(), bounds.max()) == pytest.approx((1e3, 3e3), rel=1e-3)
+    assert ages_of(SampledAge(kind="samples", values=(5.0, 7.0))).tolist() == [5.0, 7.0]
+
+
+@pytest.mark.parametrize(
+    ("rejected", "pga", "words"),
+    [
+        ([False, False], (0.5, 0.4), "No branch leaves this rock less than 5 %"),
+        ([True, False], (0.5, 0.5), "stays at 0.50 g"),
+        ([True, False], (0.4, 0.5), "rises from 0.40 to 0.50 g"),
+        ([True, False], (0.4, math.nan), "beyond the levels of the curves"),
+    ],
+)
+def test_sentences(rejected: list[bool], pga: tuple[float, float], words: str) -> None:
+    chances = np.where(rejected, 0.01, 0.4)
+    assert words in sentence(["3", "7"], np.array(rejected), chances, 0.05, pga)
+
+
+def test_many_branches_are_counted_not_named() -> None:
+    names, rejected = [str(n) for n in range(1000)], np.arange(1000) < 400
+    said = sentence(names, rejected, np.where(rejected, 0.01, 0.4), 0.05, (0.5, 0.4))
+    assert said.startswith("400 of 1,000 branches leave this rock less than 5 % chance")

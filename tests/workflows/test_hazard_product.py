@@ -1,0 +1,408 @@
+"""`vsr run hazard` on a block and the shipped curves, recomputed here from curves and fits.
+
+Nothing of the program's physics is used: curves are parsed, interpolated and integrated anew, ages
+are integrated in closed form, and the numbers of the page are those found here.
+"""
+
+from __future__ import annotations
+
+import csv
+import html
+import json
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from conftest import Ran
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from pipeline import ROOT, cli
+from pipeline.stages.hazard.others import changed
+from pipeline.workflow.datasets import read
+from pipeline.workflow.store import Store
+
+Array = NDArray[np.float64]
+
+CURVES = ROOT / "data" / "raw" / "hazard" / "made_up"
+AGE, SD, LEAST = 3500.0, 400.0, 0.05
+BOX = "rock: {shape: box, size: [0.25, 0.5, 1.2], density: 2110}\n"
+GRID = (
+    "motion: {pga: [0.15, 0.3, 0.45, 0.6], pgv_pga: [0.05, 0.1, 0.2, 0.4]}\nyaw: [0, 90]\n"
+    "simulation: {engine: bullet, time_step: 0.0015}\n"
+)
+HAZARD = (
+    f"hazard: {{curves: {CURVES}, "
+    f"age: {{kind: normal, mean: {AGE:g}, sd: {SD:g}, source: invented.}}, "
+    "compare: [{name: slippery, set: [contact.friction=0.3]}]}\n"
+)
+
+
+def levels_and_rates(measure: str) -> tuple[Array, Array]:
+    """Levels, and annual rates of each branch, of the shipped files: shape (branches, levels)."""
+    rows = []
+    for path in sorted(CURVES.glob(f"hazard_curve-rlz-*-{measure}_1.csv")):
+        _, names, values = csv.reader(path.read_text(encoding="utf-8").splitlines())
+        rows.append([-math.log1p(-float(value)) for value in values[3:]])
+    return np.array([float(name.split("-")[1]) for name in names[3:]]), np.array(rows)
+
+
+def weights() -> Array:
+    lines = (CURVES / "realizations_1.csv").read_text(encoding="utf-8").splitlines()[2:]
+    found = np.array([float(line.split(",")[2]) for line in lines])
+    return found / found.sum()
+
+
+def rate_at(level: Array, levels: Array, rates: Array) -> Array:
+    held = rates > 0.0
+    y = np.interp(np.log(level), np.log(levels[held]), np.log(rates[held]), right=-np.inf)
+    return np.exp(y)
+
+
+def level_at(rate: float, levels: Array, rates: Array) -> float:
+    held = rates > 0.0
+    x, y = np.log(levels[held])[::-1], np.log(rates[held])[::-1]
+    return float(np.exp(np.interp(math.log(rate), y, x)))
+
+
+def toppling_rate(hazard: xr.Dataset, levels: Array, rates: Array) -> float:
+    """Integral of the probability over the rates, on a grid of its own."""
+    held = levels[rates > 0.0]
+    fine = np.geomspace(held[0], held[-1], 20_000)
+    chance = np.interp(np.log(fine), np.log(hazard["pga"]), hazard["toppling_probability"])
+    exceeded = rate_at(fine, levels, rates)
+    within = (0.5 * (chance[1:] + chance[:-1]) * -np.diff(exceeded)).sum()
+    return float(within + chance[-1] * exceeded[-1])
+
+
+def survived(rate: Array) -> Array:
+    """Of a normal age, seven standard deviations from zero."""
+    return np.exp(-rate * AGE + 0.5 * (rate * SD) ** 2)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the products of a block whose hazard is asked."""
+    folder = tmp_path_factory.mktemp("hazard")
+    (folder / "rock.yaml").write_text(BOX + GRID + HAZARD, encoding="utf-8")
+    given = ["run", "hazard", "--site", str(folder / "rock.yaml"), "--workers", "0"]
+    assert cli.main([*given, "--derived", str(folder / "derived")]) == 0
+    return folder / "derived" / "rock"
+
+
+@pytest.fixture(scope="module")
+def hazard(made: Path) -> xr.Dataset:
+    return read(made / "hazard.nc")
+
+
+@pytest.fixture(scope="module")
+def table(made: Path) -> dict[str, list[str]]:
+    with (made / "hazard.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+@pytest.fixture(scope="module")
+def page(made: Path) -> str:
+    """Text of the page, without its pictures and tags."""
+    text = (made / "hazard.html").read_text(encoding="utf-8")
+    text = re.sub(r"<style>.*?</style>", " ", text, flags=re.DOTALL)
+    text = re.sub(r"</t[dh]>", " | ", text)
+    text = html.unescape(re.sub(r"<[^>]*>", "", text))
+    return " ".join(text.replace("\u202f", "").split())
+
+
+def test_the_table_has_the_columns_that_are_promised(table: dict[str, list[str]]) -> None:
+    assert list(table) == [
+        "branch", "path", "weight", "toppling_rate", "survival", "survival_low", "survival_high",
+        "rejected", "new_weight",
+    ]  # fmt: skip
+    assert table["branch"] == [str(n) for n in range(9)]
+    assert table["path"][3] == "AB~A"
+
+
+def test_rates_and_survival_are_those_of_curves_and_fragility(
+    hazard: xr.Dataset, table: dict[str, list[str]]
+) -> None:
+    levels, rates = levels_and_rates("PGA")
+    expected = np.array([toppling_rate(hazard, levels, row) for row in rates])
+    np.testing.assert_allclose(hazard["toppling_rate"], expected, rtol=2e-3)
+    chances = survived(expected)
+    np.testing.assert_allclose(hazard["survival"], chances, rtol=1e-2)
+    rejected = chances < LEAST
+    assert 0 < rejected.sum() < 9, "the example shows both"
+    assert [bool(int(one)) for one in table["rejected"]] == rejected.tolist()
+    new = np.where(rejected, 0.0, weights() * chances)
+    np.testing.assert_allclose(hazard["new_weight"], new / new.sum(), rtol=1e-2)
+    assert float(hazard["new_weight"].sum()) == pytest.approx(1.0)
+    np.testing.assert_allclose(np.array(table["survival"], float), hazard["survival"], rtol=1e-5)
+    low, high = (hazard[f"survival_{end}"].values for end in ("low", "high"))
+    assert (low <= hazard["survival"].values).all()
+    assert (high >= hazard["survival"].values).all()
+    effective = 1.0 / (weights() ** 2).sum()
+    assert hazard["effective_branches_before"].item() == pytest.approx(effective)
+
+
+def test_curves_before_and_after(hazard: xr.Dataset) -> None:
+    levels, rates = levels_and_rates("PGA")
+    for name, weight in (("before", weights()), ("after", hazard["new_weight"].values)):
+        mean = weight @ rates
+        at = np.array([0.02, 0.1, 0.5])
+        found = np.interp(np.log(at), np.log(hazard["pga"]), np.log(hazard[f"mean_rate_{name}"]))
+        # the grid of the dataset is finer than, but not on, the levels of the curves
+        np.testing.assert_allclose(np.exp(found), rate_at(at, levels, mean), rtol=1e-3)
+        for years in (475.0, 2475.0):
+            pga = float(hazard[f"pga_{name}"].sel(return_period=years))
+            assert pga == pytest.approx(level_at(1.0 / years, levels, mean), rel=1e-6)
+        here = int(np.abs(hazard["pga"].values - 0.2).argmin())
+        branch = np.array([rate_at(hazard["pga"].values[[here]], levels, row)[0] for row in rates])
+        order = np.argsort(branch)
+        reached = np.cumsum(weight[order]) >= 0.5 - 1e-12
+        median = branch[order][np.flatnonzero(reached)[0]]
+        assert hazard[f"rate_{name}"].sel(fractile=0.5).values[here] == pytest.approx(median)
+
+
+def test_the_mean_curve_scaled_leaves_just_the_chance_asked_for(hazard: xr.Dataset) -> None:
+    levels, rates = levels_and_rates("PGA")
+    scale = hazard["scale_factor"].item()
+    rate = toppling_rate(hazard, scale * levels, weights() @ rates)
+    assert survived(np.array(rate)) == pytest.approx(LEAST, rel=0.02)
+
+
+def test_the_fragility_is_that_of_the_fits_over_pgv_pga_of_the_curves(
+    made: Path, hazard: xr.Dataset
+) -> None:
+    """Drawn: a direction, and a PGV/PGA about that of curves exceeded as often."""
+    fits = read(made / "fragility.nc")
+    theta, beta = fits["theta"].values[:, 0], fits["beta"].values[:, 0]
+    ratios = fits["pgv_pga"].values
+    levels, rates = levels_and_rates("PGA")
+    speeds, speed_rates = levels_and_rates("PGV")
+    rng, number = np.random.default_rng(1), 200_000
+    log_sd = math.hypot(0.2562, 0.1083) * math.log(10.0) * math.sqrt(1.0 - 0.733**2)
+    for pga in (0.2, 0.4, 0.8):
+        rate = float(rate_at(np.array([pga]), levels, weights() @ rates)[0])
+        median = 0.01 * level_at(rate, speeds, weights() @ speed_rates) / (pga * 9.80665)
+        drawn = np.log(median) + log_sd * rng.standard_normal(number)
+        row = np.abs(drawn[:, None] - np.log(ratios)).argmin(axis=1)
+        yaw = rng.integers(0, 2, number)
+        chance = norm.cdf(np.log(pga / theta[yaw, row]) / beta[yaw, row]).mean()
+        found = np.interp(np.log(pga), np.log(hazard["pga"]), hazard["toppling_probability"])
+        assert found == pytest.approx(chance, abs=0.01)
+    assert (np.diff(hazard["toppling_probability"]) >= 0.0).all()
+
+
+def test_the_rate_is_told_by_pga_and_pgv_pga(hazard: xr.Dataset) -> None:
+    levels, rates = levels_and_rates("PGA")
+    mean = weights() @ rates
+    total = toppling_rate(hazard, levels, mean)
+    assert float(hazard["toppling_rate_by_pga"].sum()) == pytest.approx(total, rel=2e-3)
+    both = hazard["toppling_rate_by_pgv_pga"].sum("pgv_pga")
+    np.testing.assert_allclose(both, hazard["toppling_rate_by_pga"], rtol=1e-9)
+    ends = np.append(hazard["pga_bin"].values[1:], np.inf)
+    np.testing.assert_allclose(hazard["pga_bin_end"], ends)
+
+
+def test_every_variable_is_described(hazard: xr.Dataset) -> None:
+    assert hazard.attrs["Conventions"].startswith("CF-")
+    for name, variable in hazard.variables.items():
+        assert {"units", "long_name"} <= set(variable.attrs), name
+    assert hazard["survival_at_age"].dims == ("branch", "age")
+    width = np.diff(hazard["age"])[0]
+    assert float(hazard["age_density"].sum() * width) == pytest.approx(1.0)
+    at = np.exp(-hazard["toppling_rate"].values[:, None] * hazard["age"].values)
+    np.testing.assert_allclose(hazard["survival_at_age"], at, rtol=1e-9)
+
+
+def shown(chance: float) -> str:
+    """A chance in percent as a table would round it."""
+    if chance < 1e-4:
+        return "less than 0.01 %"
+    return f"{100 * chance:.0f} %" if chance >= 0.0995 else f"{100 * chance:.2g} %"
+
+
+def test_the_page_says_what_was_found(page: str, hazard: xr.Dataset) -> None:
+    levels, rates = levels_and_rates("PGA")
+    expected = np.array([toppling_rate(hazard, levels, row) for row in rates])
+    chances = survived(expected)
+    gone = np.flatnonzero(chances < LEAST)
+    named = ", ".join(map(str, gone[:-1])) + f" and {gone[-1]}"
+    weight = weights()
+    kept = np.where(chances < LEAST, 0.0, weight)
+    new = kept * chances / (kept * chances).sum()
+    pga = [level_at(1 / 2475, levels, w @ rates) for w in (weight, kept / kept.sum(), new)]
+    said = (
+        f"Branches {named} leave this rock less than 5 % chance of having survived; without them "
+        f"the 2,475-year PGA falls from {pga[0]:.2f} to {pga[2]:.2f} g."
+    )
+    assert page.index(said) < 200, "the sentence stands first"
+    assert f"{shown(weight[gone].sum())} of the weight, gives {pga[1]:.2f} g" in page
+    assert f"The model as a whole gives a chance of {shown(weight @ chances)}." in page
+    scale = hazard["scale_factor"].item()
+    assert f"the chance is still 5 % is {scale:.3g}" in page
+    for years in (475, 2475, 10_000):
+        cells = [level_at(1 / years, levels, w @ rates) for w in (weight, kept / kept.sum(), new)]
+        row = " | ".join(f"{value:.3f}" for value in cells)
+        assert f"{years:,} | {row}" in page
+    effective = 1.0 / (weight**2).sum(), 1.0 / (new**2).sum()
+    assert "{:.3g} before, {:.3g} after".format(*effective) in page
+    for n, chance in enumerate(chances):
+        verdict = "rejected" if chance < LEAST else "kept"
+        pattern = rf"{n} \| \S+ \| {weight[n]:.3f} \| {1 / expected[n]:,.0f} years \| "
+        pattern += rf"{re.escape(shown(chance))} \| [^|]* to [^|]* \| {verdict}[^|]*\| "
+        assert re.search(pattern + f"{new[n]:.3f}", page), n
+
+
+def test_the_page_says_what_was_assumed_and_what_is_open(page: str, hazard: xr.Dataset) -> None:
+    assert "Curves: Made up for this project, of no real place" in page
+    assert "Age of rock: invented." in page
+    assert f"{AGE:,.0f} ± {SD:,.0f} years" in page
+    assert "120.86° W, 35.19° N" in page
+    assert "Horizontal component of the curves: RotD50" in page
+    assert "exceeded equally often" in page
+    levels, rates = levels_and_rates("PGA")
+    mean = weights() @ rates
+    probability = hazard["toppling_probability"].values
+    assert f"with a probability of {shown(probability[0])}." in page
+    beyond = (1.0 - probability[-1]) * mean[mean > 0.0][-1]
+    assert f"larger by {beyond:.3g} a year" in page
+    total = toppling_rate(hazard, levels, mean)
+    assert f"under the mean curve before, {total:.3g} a year" in page
+    for what in ("slippery", "yaw 0°", "yaw 90°", "PGV/PGA a quarter larger", "1.2 times"):
+        assert what in page
+
+
+def test_half_of_the_rate_comes_from_as_much_pga_as_the_page_says(
+    page: str, hazard: xr.Dataset
+) -> None:
+    said = re.search(r"up to ([\d.]+) g, nine tenths from ([\d.]+) to ([\d.]+) g", page)
+    assert said
+    levels, rates = levels_and_rates("PGA")
+    mean = weights() @ rates
+    total = toppling_rate(hazard, levels, mean)
+    for share, text in zip((0.5, 0.05, 0.95), said.groups(), strict=True):
+        cut = float(text)
+        weaker = hazard.assign(
+            toppling_probability=hazard["toppling_probability"].where(hazard["pga"] <= cut, 0.0)
+        )
+        # to a level of the curve
+        assert share - 0.01 <= toppling_rate(weaker, levels, mean) / total <= share + 0.2
+
+
+def test_what_is_changed_stands_in_the_table_of_changes(
+    made: Path, page: str, hazard: xr.Dataset
+) -> None:
+    """An age alone is changed by hand; the other rows against the numbers of the dataset."""
+    levels, rates = levels_and_rates("PGA")
+    nus = np.array([toppling_rate(hazard, levels, row) for row in rates])
+    for word, quantile in (("young", 0.05), ("old", 0.95)):
+        age = norm.ppf(quantile, AGE, SD)
+        chances = np.exp(-nus * age)
+        new = np.where(chances < LEAST, 0.0, weights() * chances)
+        after = level_at(1 / 2475, levels, new / new.sum() @ rates)
+        cells = r"([\d,]+) years \| ([^|]*) \| (\d) of 9 \| (\S+)"
+        found = re.search(f"a rock {word} for its dating, {cells}", page)
+        assert found
+        assert float(found[1].replace(",", "")) == pytest.approx(age, abs=1.5)
+        assert float(found[2].split()[0]) == pytest.approx(100 * weights() @ chances, abs=1.0)
+        assert int(found[3]) == (chances < LEAST).sum()
+        assert float(found[4]) == pytest.approx(after, abs=0.0051)
+    fits = read(made / "compared" / "slippery" / "rock" / "fragility.nc")
+    assert fits["friction"].values.tolist() == [0.3]
+    for case in hazard["case"].values:
+        row = hazard.sel(case=case)
+        cells = f"{shown(row['case_survival'].item())} | {row['case_rejected'].item()} of 9"
+        assert f"{case} | {cells}" in page
+
+
+def test_another_age_or_other_curves_run_nothing(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = made.parents[1] / "rock.yaml"
+    given = ["run", "hazard", "--site", str(site), "--derived", str(made.parent), "--workers", "0"]
+    before = {path: path.stat().st_mtime_ns for path in made.rglob("*.nc")}
+    folder = tmp_path / "PGA"
+    folder.mkdir()
+    text = "name,lon,lat,0.01,0.1,1.0\nhere,-120.9,35.2,0.2,4e-3,2e-5\n"
+    (folder / "curves.csv").write_text(text, encoding="utf-8")
+    assert cli.main([*given, "--curves", str(tmp_path), "--age", "3000", "--age-sd", "500"]) == 0
+    after = {path: path.stat().st_mtime_ns for path in made.rglob("*.nc")}
+    assert {path.name for path in after if after[path] != before[path]} == {"hazard.nc"}
+    found = read(made / "hazard.nc")
+    assert found["branch"].values.tolist() == ["mean"]
+    page = (made / "hazard.html").read_text(encoding="utf-8")
+    assert "3,000 ± 500 years" in page
+    assert "Nothing is known of PGV" in page
+    assert "earthquakes of M 7.5 at 40 km" in page
+    assert "invented" not in page
+    capsys.readouterr()
+    assert cli.main(given) == 0  # and back, for the other tests
+    assert "stage" not in capsys.readouterr().out
+
+
+def test_rocks_of_one_place_are_asked_together(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
+) -> None:
+    write_site(BOX.replace("0.25", "0.3") + GRID, name="broad")
+    hazard = HAZARD.split(", compare")[0] + (
+        ", rocks: [{site: broad.yaml, age: {kind: bounds, low: 300, high: 500}}]}\n"
+    )
+    site = write_site(BOX + GRID + hazard)
+    ran = vsr("run", "hazard", "--site", site, "--workers", 0)
+    assert ran.code == 0, ran.err
+    found = read(derived / "rock" / "hazard.nc")
+    page = (derived / "rock" / "hazard.html").read_text(encoding="utf-8")
+    assert "these 2 rocks together" in page
+    alone = np.exp(-found["toppling_rate"].values * AGE)
+    assert ((found["survival"].values > 0.0) & (found["survival"].values < 1.0)).all()
+    # joint: not more than of the weaker alone, nor less than as if both had all of the longer age
+    assert (found["survival"].values >= alone * 0.9).all()
+    read_before = json.loads(found.attrs["vsr_others_json"])
+    assert list(read_before) == ["../broad/fragility.nc"]
+    (derived / "broad" / "fragility.nc").write_bytes(b"else")
+    assert "broad/fragility.nc changed" in changed(Store(derived / "rock"))
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "words"),
+    [
+        ("hazard_curve-rlz-004-PGA_1.csv", "imt='PGA'", "imt='PGV'", "imt"),
+        ("hazard_curve-rlz-004-PGA_1.csv", "-120.86000", "-121.86000", "one place"),
+        ("hazard_curve-rlz-004-PGA_1.csv", ",0.00000,", ",0.00000,1.0,", "no finite rate"),
+        ("hazard_curve-rlz-004-PGA_1.csv", "investigation_time=1.0", "", "years"),
+        ("realizations_1.csv", "4,AB~B,1.3200000e-01\n", "", "weight"),
+    ],
+)
+def test_curves_that_break_a_rule_are_refused_before_anything_runs(
+    refused: Callable[..., str],
+    write_site: Callable[..., str],
+    tmp_path: Path,
+    file: str,
+    old: str,
+    new: str,
+    words: str,
+) -> None:
+    folder = tmp_path / "curves"
+    folder.mkdir()
+    for path in CURVES.glob("*.csv"):
+        text = path.read_text(encoding="utf-8")
+        if path.name == file:
+            assert old in text
+            text = text.replace(old, new, 1)
+        (folder / path.name).write_text(text, encoding="utf-8")
+    site = write_site(BOX + GRID)
+    refused("run", "hazard", "--site", site, "--curves", folder, "--age", 1000, words=(words,))
+
+
+def test_curves_and_age_have_to_be_given(
+    refused: Callable[..., str], write_site: Callable[..., str]
+) -> None:
+    site = write_site(BOX + GRID)
+    refused("run", "hazard", "--site", site, words=("hazard.curves", "CURVES="))
+    refused("run", "hazard", "--site", site, "--curves", CURVES, words=("hazard.age", "AGE="))
+    wrong = ("--curves", CURVES, "--age", -5)
+    refused("run", "hazard", "--site", site, *wrong, words=("hazard.age.mean", "-5"))
