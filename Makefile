@@ -33,7 +33,7 @@ help:
 	' Makefile
 
 ## A rock
-.PHONY: fragility displacement hazard replay prep accuracy stability drive feasible validate
+.PHONY: fragility displacement hazard study replay prep accuracy stability drive feasible validate
 .PHONY: plan status why fetch
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(vsr) run fragility $(site) $(where)
@@ -53,6 +53,10 @@ prep: setup ## rock and terrain from SITE's scan, with a page of every step
 
 accuracy: setup-dev ## error of SITE's boundary against run time, beside other ways of computing it
 	$(vsr) run accuracy $(site) $(where)
+
+study: PRODUCT ?= study
+study: setup ## what changes in SITE, or in another PRODUCT of it, along the sweep of STUDY
+	$(vsr) run $(call quoted,$(value PRODUCT)) $(site) $(where)
 
 stability: SITE ?= cuboid_1x1x2
 stability: setup-dev ## stiff and extreme cases, each with its verdict

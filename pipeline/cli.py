@@ -113,9 +113,7 @@ def _parser() -> argparse.ArgumentParser:
         ("why", "why it would run again"),
     ):
         sub = add(name, text)
-        sub.add_argument(
-            "product", nargs="?", default="fragility", choices=DELIVERABLES, metavar="PRODUCT"
-        )
+        sub.add_argument("product", nargs="?", choices=DELIVERABLES, metavar="PRODUCT")
         add_site(sub)
     feasible = add("feasible", "what a shake table can do of a site's motions")
     add_site(feasible)

@@ -18,10 +18,11 @@ from typing import Any
 
 from pipeline.config.layers import STUDIES, TABLES, known, load_site
 from pipeline.config.problems import InputError, Problem
+from pipeline.config.sweep import Sweep, load_sweep
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster, check_settings
 from pipeline.workflow.owner import LOCK, Ownership
-from pipeline.workflow.products import DELIVERABLES
+from pipeline.workflow.products import DELIVERABLES, GRIDDED
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import Store, writing
 
@@ -37,19 +38,29 @@ def run(options: argparse.Namespace) -> int:
     -------
     int, runs without a verdict
     """
-    job, wanted = _job(options), DELIVERABLES[options.product]
-    if options.product == "hazard":
+    sweep, wanted = _sweep(options), DELIVERABLES[options.product]
+    job = _job(options, sweep)
+    if options.product == "hazard" and sweep is None:
         for other in _others(options, job):
             _log(f"{other.store.folder}:")
             with other.store, other.cluster:
                 graph.make("fragility", other)
     with job.store, job.cluster:
-        unresolved = graph.make(wanted.stage, job)
-    for name in wanted.shown:
+        if sweep is None:
+            unresolved = graph.make(wanted.stage, job)
+        else:
+            job, unresolved = _swept(sweep, wanted.stage, job)
+    for name in wanted.shown if sweep is None else ("study.html", "study.nc"):
         _log(f"-> {job.path(name)}")
     if unresolved:
         _log(f"{unresolved} {wanted.unresolved}")
     return unresolved
+
+
+def _swept(sweep: Sweep, stage: str, job: Job) -> tuple[Job, int]:
+    """Make all members of a sweep and the study of them; its job, and runs without a verdict."""
+    swept = named("pipeline.workflow.sweeps:of_job")(sweep, stage, job)
+    return swept.job, named("pipeline.workflow.sweeps:make")(swept)
 
 
 def prep(options: argparse.Namespace) -> int:
@@ -122,8 +133,14 @@ def why(options: argparse.Namespace) -> int:
 
 
 def _inspected(question: str, options: argparse.Namespace) -> int:
-    stage = DELIVERABLES[options.product].stage
-    return _show(named(f"pipeline.status:{question}")(stage, _job(options)))
+    sweep = _sweep(options)
+    product = options.product or ("fragility" if sweep is None else "study")
+    stage, ask = DELIVERABLES[product].stage, named(f"pipeline.status:{question}")
+    job = _job(options, sweep)
+    if sweep is None:
+        return _show(ask(stage, job))
+    swept = named("pipeline.workflow.sweeps:of_job")(sweep, stage, job)
+    return _show(named("pipeline.workflow.sweeps:told")(ask, swept))
 
 
 def feasible(options: argparse.Namespace) -> int:
@@ -274,12 +291,29 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _job(options: argparse.Namespace) -> Job:
+def _sweep(options: argparse.Namespace) -> Sweep | None:
+    """What the study of a command sweeps over."""
+    product = options.product or "study"
+    study, stage = options.study, DELIVERABLES[product].stage
+    found = None
+    if study and product != "validation":
+        site = str(_wanted(vars(options), "site", "a site, or the path of its YAML"))
+        found = load_sweep(site, study, _settings(vars(options)), gridded=stage in GRIDDED)
+    if options.product == "study" and found is None:
+        given = "a study without a sweep" if study else "nothing"
+        rule, remedy = "it says which keys to sweep over", "give one, e.g. friction"
+        raise InputError(Problem("--study", "", given, rule, remedy))
+    return found
+
+
+def _job(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
     check_settings()
     given = vars(options)
     if given.get("product") == "validation":
         site_of = named("pipeline.stages.studies.validation.recorded_tests:site_of")
         site = site_of(_wanted(given, "table", "a folder of shake-table tests"))
+    elif sweep is not None:
+        site = sweep.reference.site
     else:
         name = str(_wanted(given, "site", "a site, or the path of its YAML"))
         site = load_site(name, options.study, _settings(given))

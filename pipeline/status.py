@@ -190,9 +190,9 @@ def _is_stale(name: str, job: Job) -> bool:
 
 def _stored(store: Store, runs: Iterable[Run], kind: Kind[Any]) -> dict[bytes, int]:
     """Outcomes of those of the runs that are stored."""
-    if not is_there(store.folder):
+    if not is_there(store.runs):
         return {}
-    with closing(RunStore(store.folder, kind.row, reads=True)) as database:
+    with closing(RunStore(store.runs, kind.row, reads=True)) as database:
         return database.outcomes(run.key for run in runs)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -14,6 +14,7 @@ from pipeline.config.motion_schema import PULSES
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.recorded_tests_schema import ShakeTableConfig
+from pipeline.config.refusals import problem
 from pipeline.config.schema import Config
 from pipeline.config.yaml_text import DEEPEST, LONGEST, parse
 
@@ -102,25 +103,99 @@ def load_site(site: str, study: str | None = None, settings: tuple[str, ...] = (
     InputError
         With one problem per line, for everything that is wrong at once.
     """
+    layers = read_layers(site, study, settings)
+    if layers.sweep is not None:
+        rule, remedy = "this makes one site", "leave the study out, or its sweep"
+        raise InputError(Problem(layers.files[-1][0], "sweep", "a sweep", rule, remedy))
+    return layers.site()
+
+
+@dataclass(frozen=True)
+class Layers:
+    """What a configuration is merged from, before it is checked.
+
+    Attributes
+    ----------
+    path : Path, of the site
+    files : of base, site and study, each the file as a reader would write it, and its content
+    parents : dict, folders of these files
+    settings : tuple of mappings, of ``key=value``
+    sweep : what the study has under ``sweep``, or None
+    """
+
+    path: Path
+    files: tuple[tuple[str, dict[str, Any]], ...]
+    parents: dict[str, Path]
+    settings: tuple[dict[str, Any], ...]
+    sweep: Any
+
+    def site(self, *more: dict[str, Any]) -> Site:
+        """Merge and check them.
+
+        Parameters
+        ----------
+        more : mappings, each a layer between the study, as which they count, and the settings
+
+        Returns
+        -------
+        Site
+
+        Raises
+        ------
+        InputError
+            With one problem per line.
+        """
+        merged, origin = self.merged(*more)
+        file = shown(self.path)
+        try:
+            config = Config.model_validate(merged)
+        except ValidationError as error:
+            problems = [problem(item, origin, file) for item in error.errors()]
+            by_key = {(one.file, one.key): one for one in problems}
+            raise InputError(*by_key.values()) from None
+        parents = self.parents
+        folders = {".".join(key): parents[at] for key, at in origin.items() if at in parents}
+        return Site(self.path.stem, config, file, self.path.parent, folders)
+
+    def merged(self, *more: dict[str, Any]) -> tuple[dict[str, Any], dict[tuple[str, ...], str]]:
+        """Merge them, unchecked.
+
+        Parameters
+        ----------
+        more : mappings, as for ``site``
+
+        Returns
+        -------
+        merged : dict
+        origin : dict, from the parts of a key to where its value stands
+        """
+        merged: dict[str, Any] = {}
+        origin: dict[tuple[str, ...], str] = {}
+        study = self.files[-1][0]
+        for source, layer in (*self.files, *((study, layer) for layer in more)):
+            _merge(merged, layer, origin, source, ())
+        for layer in self.settings:
+            _merge(merged, layer, origin, "--set", ())
+        return merged, origin
+
+
+def read_layers(site: str, study: str | None, settings: tuple[str, ...]) -> Layers:
+    """Read base, site and study, and ``key=value`` settings.
+
+    Parameters
+    ----------
+    site, study, settings : as for ``load_site``
+
+    Returns
+    -------
+    Layers
+    """
     path = _find(site, SITES, "site")
-    files = [BASE, path]
-    if study:
-        files.append(_find(study, STUDIES, "study"))
-    layers = [(shown(file), _read(file)) for file in files]
-    layers += [("--set", _setting(item)) for item in settings]
-    merged: dict[str, Any] = {}
-    origin: dict[tuple[str, ...], str] = {}
-    for source, layer in layers:
-        _merge(merged, layer, origin, source, ())
-    try:
-        config = Config.model_validate(merged)
-    except ValidationError as error:
-        problems = [_problem(item, origin, shown(path)) for item in error.errors()]
-        by_key = {(problem.file, problem.key): problem for problem in problems}
-        raise InputError(*by_key.values()) from None
-    parents = {shown(file): file.parent for file in files}
-    folders = {".".join(key): parents[at] for key, at in origin.items() if at in parents}
-    return Site(path.stem, config, shown(path), path.parent, folders)
+    paths = [BASE, path, *([_find(study, STUDIES, "study")] if study else ())]
+    files = tuple((shown(file), _read(file)) for file in paths)
+    sweep = files[-1][1].pop("sweep", None) if study else None
+    parents = {shown(file): file.parent for file in paths}
+    return Layers(path, files, parents, tuple(map(_setting, settings)), sweep)
 
 
 def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple[Checked, str]:
@@ -147,7 +222,7 @@ def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple
     try:
         return model.model_validate(_read(path)), file
     except ValidationError as error:
-        problems = (_problem(item, {}, file, model) for item in error.errors())
+        problems = (problem(item, {}, file, model) for item in error.errors())
         raise InputError(*problems) from None
 
 
@@ -201,14 +276,32 @@ def _setting(item: str) -> dict[str, Any]:
             Problem("--set", "", repr(item), "it is key=value", "e.g. motion.pga.num=20")
         )
     try:
-        layer: Any = parse(value)
+        layer = parse(value)
     except ValueError as error:
         raise InputError(
             Problem("--set", key, repr(value), f"the value is YAML ({error})", "correct it")
         ) from None
-    for part in reversed(parts):
-        layer = {part: layer}
-    return dict(layer)
+    return nested(key, layer)
+
+
+def nested(key: str, value: Any) -> dict[str, Any]:
+    """A layer that sets one key.
+
+    Parameters
+    ----------
+    key : str, dotted
+    value : any
+
+    Returns
+    -------
+    dict
+
+    >>> nested("contact.friction", 0.4)
+    {'contact': {'friction': 0.4}}
+    """
+    for part in reversed(key.split(".")):
+        value = {part: value}
+    return dict(value)
 
 
 def _merge(
@@ -236,84 +329,3 @@ def _merge(
 def _alike(kind: Any, other: Any) -> bool:
     """Whether two kinds of a section have the same keys."""
     return bool(kind == other or (kind in PULSES and other in PULSES))
-
-
-def _problem(
-    error: Any,
-    origin: dict[tuple[str, ...], str],
-    site: str,
-    root: type[BaseModel] = Config,
-) -> Problem:
-    place, models = _walk(error["loc"], root)
-    given: Any = error["input"]
-    if error["type"] == "union_tag_invalid":
-        place, models = (*place, "kind"), [*models, None]
-        given = error["ctx"]["tag"]
-    source = next(
-        (origin[place[:n]] for n in range(len(place), 0, -1) if place[:n] in origin), site
-    )
-    key = ".".join(place)
-    if error["type"] == "extra_forbidden":
-        names = list(models[-1].model_fields) if models[-1] else ["start", "stop", "num"]
-        near = difflib.get_close_matches(place[-1], names, 1)
-        hint = f"did you mean {near[0]}?" if near else f"the keys here are {', '.join(names)}"
-        return Problem(source, key, "an unknown key", "every key is known", hint)
-    if error["type"] == "missing":
-        return Problem(source, key, "nothing", "the key is required", _description(place, models))
-    given = repr(given)
-    if error["type"] == "value_error":
-        rule, _, remedy = str(error["ctx"]["error"]).partition("; ")
-        return Problem(source, key, given, rule, remedy)
-    if error["type"] == "union_tag_invalid":
-        return Problem(source, key, given, f"it is {error['ctx']['expected_tags']}", "correct it")
-    rule = error["msg"][0].lower() + error["msg"][1:]
-    return Problem(source, key, given, rule, _description(place, models))
-
-
-Sections = dict[str, type[BaseModel]]
-"""Sections that a key may hold, by their kind."""
-
-
-def _walk(
-    location: tuple[Any, ...], root: type[BaseModel]
-) -> tuple[tuple[str, ...], list[type[BaseModel] | None]]:
-    """Keys of a problem's place, without the names of a union's members, and what holds each."""
-    place: list[str] = []
-    models: list[type[BaseModel] | None] = []
-    inner: type[BaseModel] | Sections | None = root
-    for part in map(str, location):
-        if part.startswith(("literal", "constr", "tagged-union")):
-            continue
-        if isinstance(inner, dict):
-            inner = inner.get(part)
-            continue
-        place.append(part)
-        models.append(inner)
-        if part.isdigit():  # an item of a list
-            continue
-        field = inner.model_fields.get(part) if inner else None
-        inner = _inner(field.annotation) if field else None
-    return tuple(place), models
-
-
-def _inner(annotation: Any) -> type[BaseModel] | Sections | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    members = [inner for member in get_args(annotation) if (inner := _inner(member))]
-    if len(members) < 2:
-        return members[0] if members else None
-    kinds: Sections = {}
-    for member in members:
-        if not isinstance(member, dict):
-            (kind,) = get_args(member.model_fields["kind"].annotation)
-            member = {kind: member}
-        kinds |= member
-    return kinds
-
-
-def _description(place: tuple[str, ...], models: list[type[BaseModel] | None]) -> str:
-    for name, model in zip(reversed(place), reversed(models), strict=True):
-        field = model.model_fields.get(name) if model else None
-        if field and field.description:
-            return f"expected: {field.description}"
-    return "correct it in the configuration"

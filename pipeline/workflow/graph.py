@@ -11,7 +11,7 @@ from pipeline.config.layers import Site
 from pipeline.workflow import aside, keys
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.run_store import RunsLost
-from pipeline.workflow.stage import Job, Stage
+from pipeline.workflow.stage import Job, Product, Stage
 from pipeline.workflow.store import Store
 
 
@@ -167,15 +167,30 @@ def _is_ours_to_make(stage: Stage, identity: Identity, store: Store) -> bool:
 
 def _make(stage: Stage, identity: Identity, job: Job) -> str:
     """Make and keep a stage's products; returns a line that says so."""
+    if lender := job.store.borrow(stage.name, identity.key):
+        return f"{stage.name}: as in {lender}"
     product = stage.product(replace(job, key=identity.key, stage=stage.name))
+    keep(stage, identity, product, job.store)
+    return f"{stage.name}: {product.summary}"
+
+
+def keep(stage: Stage, identity: Identity, product: Product, store: Store) -> None:
+    """Write what a stage made, and what it was made from.
+
+    Parameters
+    ----------
+    stage : Stage
+    identity : Identity
+    product : Product
+    store : Store
+    """
     facts = {
         "key": identity.key,
         "facts": identity.facts,
         "unresolved": product.unresolved,
         "retry": product.retry,
     }
-    job.store.publish(stage.name, facts, product.files)
-    return f"{stage.name}: {product.summary}"
+    store.publish(stage.name, facts, product.files)
 
 
 def _forget_crashed(name: str, store: Store) -> None:

@@ -28,6 +28,7 @@ DELIVERABLES = {
     "motions": Deliverable("motions"),
     "responses": Deliverable("responses"),
     "fragility": Deliverable("report", ("report.html", "fragility.csv", "responses.nc")),
+    "study": Deliverable("fragility"),
     "report": Deliverable("report", ("report.html", "fragility.csv", "responses.nc")),
     "displacement": Deliverable(
         "displacement_report", ("displacement.html", "trajectories.html", "correlation.csv")
@@ -43,3 +44,6 @@ DELIVERABLES = {
     "validation": Deliverable("validation", ("validation.html", "validation.csv", "validation.nc")),
 }
 """By the names that ``vsr run`` takes."""
+
+GRIDDED = ("responses", "fragility", "report", "displacement_report")
+"""Stages whose products have a dimension of directions and one of frictions."""

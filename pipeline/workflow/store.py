@@ -5,11 +5,13 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shutil
 import sqlite3
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,12 +32,31 @@ class Store:
 
     A product appears under its final name only when it is whole. Its stage's manifest is written
     last and holds the key, what the key was made of, and a checksum of every product.
+
+    Parameters
+    ----------
+    folder : Path
+    home : Store, of the site that a member of a sweep belongs to: it is owned in place of this one,
+        and has the database of runs
+    lenders : dict, stores by the stages and keys of what they can lend, shared among the members
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        home: Store | None = None,
+        lenders: dict[tuple[str, str], Store] | None = None,
+    ) -> None:
         self.folder = folder
+        self._home, self._lenders = home, {} if lenders is None else lenders
         self._manifests = folder / ".stages"
         self._owned: Ownership | None = None
+        self._is_open = False
+
+    @property
+    def runs(self) -> Path:
+        """Folder of the database of runs."""
+        return self.folder if self._home is None else self._home.folder
 
     def __enter__(self) -> Store:
         return self
@@ -43,7 +64,7 @@ class Store:
     def __exit__(self, *error: object) -> None:
         if self._owned:
             self._owned.end()
-            self._owned = None
+            self._owned, self._is_open = None, False
 
     def open(self) -> bool:
         """Make the folder, own it from now on, and see that it can be written to.
@@ -60,16 +81,19 @@ class Store:
         InputError
             If it cannot be written to, or another process owns it.
         """
-        if self._owned:
-            return False
+        just_owned = self._home is not None and self._home.open()
+        if self._is_open:
+            return just_owned
         with writing(self.folder):
             self._manifests.mkdir(parents=True, exist_ok=True)
-            self._owned = Ownership(self.folder)
+            if self._home is None:
+                self._owned, just_owned = Ownership(self.folder), True
             with tempfile.NamedTemporaryFile(dir=self.folder, prefix=".try-") as probe:
                 probe.write(b"x" * ROOM)
             for left in self.folder.glob(".part-*"):
                 left.unlink()
-        return True
+        self._is_open = True
+        return just_owned
 
     def manifest(self, stage: str) -> dict[str, Any] | None:
         """Manifest of a stage; None if there is none or it cannot be read.
@@ -120,13 +144,48 @@ class Store:
             manifest = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
             self._put(self._manifests / f"{stage}.json", text(manifest))
 
+    def lends(self, stages: Iterable[str]) -> None:
+        """Let the others that share its lenders take what it has of some stages.
+
+        Parameters
+        ----------
+        stages : iterable of str
+        """
+        for stage in stages:
+            manifest = self.manifest(stage)
+            if manifest is not None and not manifest["retry"]:
+                self._lenders.setdefault((stage, manifest["key"]), self)
+
+    def borrow(self, stage: str, key: str) -> str:
+        """Take over what another store has of a stage.
+
+        Parameters
+        ----------
+        stage, key : str
+
+        Returns
+        -------
+        str, name of the other's folder, empty if none has it
+        """
+        lender = self._lenders.get((stage, key))
+        manifest = lender.manifest(stage) if lender else None
+        if lender is None or manifest is None or manifest["key"] != key or lender.damage(stage):
+            return ""
+        writers: dict[str, Writer] = {
+            name: partial(shutil.copyfile, lender.folder / name) for name in manifest["files"]
+        }
+        self.publish(stage, manifest, writers)
+        return lender.folder.name
+
     def forget(self, stage: str) -> None:
-        """Drop a stage's manifest, so that it is made again.
+        """Drop a stage's manifest, so that it is made again, and not borrowed.
 
         Parameters
         ----------
         stage : str
         """
+        for known in [known for known in self._lenders if known[0] == stage]:
+            del self._lenders[known]
         with writing(self.folder):
             (self._manifests / f"{stage}.json").unlink(missing_ok=True)
 

@@ -110,7 +110,7 @@ def run_missing(
     Tally
     """
     start, cpu = time.monotonic(), 0.0
-    with closing(RunStore(job.store.folder, kind.row, job.log)) as runs:
+    with closing(RunStore(job.store.runs, kind.row, job.log)) as runs:
         todo = [missing(wanted(group), runs) for group in groups]
         total = sum(map(sum, todo))
         compiled = job.site.settings.engine == COMPILED
@@ -174,7 +174,7 @@ def stored(
         If a run that was done is not there any more, or is not as it was written.
     """
     try:
-        with closing(RunStore(job.store.folder, kind.row, reads=True)) as runs:
+        with closing(RunStore(job.store.runs, kind.row, reads=True)) as runs:
             for group in groups:
                 for part in _parts(wanted(group)):
                     found = runs.get(run.key for run in part)
@@ -182,7 +182,7 @@ def stored(
                     if lost:
                         given = f"{lost} {kind.what} fewer than were done"
                         rule, remedy = "every run that was done is kept", "start again to redo them"
-                        raise RunsLost(Problem(str(job.path(RUNS)), "", given, rule, remedy))
+                        raise RunsLost(Problem(str(job.store.runs / RUNS), "", given, rule, remedy))
                     yield group, [found[run.key] for run in part]
     except RunsLost:
         job.store.forget(kind.stage)
@@ -219,7 +219,7 @@ def database_is_there(store: Store) -> str:
     -------
     str, empty if nothing is
     """
-    return "" if is_there(store.folder) else f"{RUNS} is missing"
+    return "" if is_there(store.runs) else f"{RUNS} is missing"
 
 
 def _parts(runs: Iterable[Run]) -> Iterator[list[Run]]:

@@ -1,0 +1,130 @@
+"""What pydantic refuses, as one line that says where it stands and what to write instead."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any, get_args
+
+from pydantic import BaseModel
+
+from pipeline.config.problems import Problem
+from pipeline.config.schema import Config
+
+
+def problem(
+    error: Any,
+    origin: dict[tuple[str, ...], str],
+    site: str,
+    root: type[BaseModel] = Config,
+) -> Problem:
+    """Say what is wrong with a value.
+
+    Parameters
+    ----------
+    error : dict, one of pydantic's errors
+    origin : dict, from the parts of a key to where its value stands
+    site : str, where everything else stands
+    root : type of the configuration
+
+    Returns
+    -------
+    Problem
+    """
+    place, models = _walk(error["loc"], root)
+    given: Any = error["input"]
+    if error["type"] == "union_tag_invalid":
+        place, models = (*place, "kind"), [*models, None]
+        given = error["ctx"]["tag"]
+    source = next(
+        (origin[place[:n]] for n in range(len(place), 0, -1) if place[:n] in origin), site
+    )
+    key = ".".join(place)
+    if error["type"] == "extra_forbidden":
+        names = list(models[-1].model_fields) if models[-1] else ["start", "stop", "num"]
+        near = difflib.get_close_matches(place[-1], names, 1)
+        hint = f"did you mean {near[0]}?" if near else f"the keys here are {', '.join(names)}"
+        return Problem(source, key, "an unknown key", "every key is known", hint)
+    if error["type"] == "missing":
+        return Problem(source, key, "nothing", "the key is required", _description(place, models))
+    given = repr(given)
+    if error["type"] == "value_error":
+        rule, _, remedy = str(error["ctx"]["error"]).partition("; ")
+        return Problem(source, key, given, rule, remedy)
+    if error["type"] == "union_tag_invalid":
+        return Problem(source, key, given, f"it is {error['ctx']['expected_tags']}", "correct it")
+    rule = error["msg"][0].lower() + error["msg"][1:]
+    return Problem(source, key, given, rule, _description(place, models))
+
+
+Sections = dict[str, type[BaseModel]]
+"""Sections that a key may hold, by their kind."""
+
+
+def _walk(
+    location: tuple[Any, ...], root: type[BaseModel]
+) -> tuple[tuple[str, ...], list[type[BaseModel] | None]]:
+    """Keys of a problem's place, without the names of a union's members, and what holds each."""
+    place: list[str] = []
+    models: list[type[BaseModel] | None] = []
+    inner: type[BaseModel] | Sections | None = root
+    for part in map(str, location):
+        if part.startswith(("literal", "constr", "tagged-union")):
+            continue
+        if isinstance(inner, dict):
+            inner = inner.get(part)
+            continue
+        place.append(part)
+        models.append(inner)
+        if part.isdigit():  # an item of a list
+            continue
+        field = inner.model_fields.get(part) if inner else None
+        inner = _inner(field.annotation) if field else None
+    return tuple(place), models
+
+
+def _inner(annotation: Any) -> type[BaseModel] | Sections | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    members = [inner for member in get_args(annotation) if (inner := _inner(member))]
+    if len(members) < 2:
+        return members[0] if members else None
+    kinds: Sections = {}
+    for member in members:
+        if not isinstance(member, dict):
+            (kind,) = get_args(member.model_fields["kind"].annotation)
+            member = {kind: member}
+        kinds |= member
+    return kinds
+
+
+def _description(place: tuple[str, ...], models: list[type[BaseModel] | None]) -> str:
+    for name, model in zip(reversed(place), reversed(models), strict=True):
+        field = model.model_fields.get(name) if model else None
+        if field and field.description:
+            return f"expected: {field.description}"
+    return "correct it in the configuration"
+
+
+def meaning(key: str) -> tuple[str, str]:
+    """What a key of the configuration means, and its unit.
+
+    Parameters
+    ----------
+    key : str, dotted
+
+    Returns
+    -------
+    text : str, the key itself where it is not known
+    unit : str
+
+    >>> meaning("contact.restitution")
+    ('coefficient of normal restitution of the pair', '1')
+    >>> meaning("motion.kind")
+    ('motion.kind', '1')
+    """
+    place, models = _walk(tuple(key.split(".")), Config)
+    field = models[-1].model_fields.get(place[-1]) if models[-1] else None
+    if field is None or field.description is None or ".".join(place) != key:
+        return key, "1"
+    text, _, unit = field.description.rpartition(" [")
+    return (text, unit.rstrip("]")) if text else (field.description, "1")

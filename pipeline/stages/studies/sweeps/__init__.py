@@ -1,0 +1,1 @@
+"""Comparisons of the members of a sweep."""

@@ -1,0 +1,223 @@
+"""What changes along a dimension of a sweep, and by how much against the numerical error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from pipeline.config.sweep import Dimension, Sweep
+from vsr_core import GRAVITY
+from vsr_core.arrays import Array
+
+ENDS = ("last_balanced_pga", "first_overturning_pga")
+
+
+@dataclass(frozen=True)
+class Change:
+    """One place along a dimension, compared with the reference.
+
+    A row is a direction, friction and PGV/PGA. Its boundary is known to an interval, widened by the
+    error of the time step; two boundaries are apart where these intervals are.
+
+    Attributes
+    ----------
+    label : str
+    is_reference : bool
+    median, low, high : float, change of the boundary [1]: median, 10 and 90 % of all rows
+    apart, rows : int, rows whose boundaries are apart, and all that can be compared
+    toppled : float, share of the decided runs that topple
+    time_step : float [s]
+    error : float, numerical error of the boundary [1]; nan where it was not measured
+    spacing : float, half the step of the PGA in the median row, as a share of the boundary [1]
+    """
+
+    label: str
+    is_reference: bool
+    median: float
+    low: float
+    high: float
+    apart: int
+    rows: int
+    toppled: float
+    time_step: float
+    error: float
+    spacing: float
+
+    @property
+    def share(self) -> float:
+        """Share of the rows that are apart."""
+        return self.apart / self.rows if self.rows else np.nan
+
+
+def along(data: xr.Dataset, sweep: Sweep, dimension: Dimension) -> xr.Dataset:
+    """The part along one dimension, at the references of all others.
+
+    Parameters
+    ----------
+    data : Dataset, of a study
+    sweep : Sweep
+    dimension : Dimension
+
+    Returns
+    -------
+    Dataset
+    """
+    others = {one.name: one.reference for one in sweep.dimensions if one is not dimension}
+    return data.isel(others)
+
+
+def changes(data: xr.Dataset, dimension: Dimension) -> list[Change]:
+    """Compare each place along a dimension with the reference.
+
+    Parameters
+    ----------
+    data : Dataset, from ``along``
+    dimension : Dimension
+
+    Returns
+    -------
+    list of Change
+    """
+    name = dimension.name
+    places = [data.isel({name: n}) for n in range(data.sizes[name])]
+    reference = filled(places[dimension.reference])
+    return [
+        _change(place, reference, dimension.labels[n], same=n == dimension.reference)
+        for n, place in enumerate(places)
+    ]
+
+
+def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> Change:
+    ratio = (here["boundary"] / there["boundary"]).values - 1.0
+    known = ratio[np.isfinite(ratio)]
+    low, median, high = np.quantile(known, (0.1, 0.5, 0.9)) if known.size else (np.nan,) * 3
+    (own_low, own_high), (other_low, other_high) = _interval(here), _interval(there)
+    compared = (own_low.notnull() & other_low.notnull()).values
+    apart = ((own_low > other_high) | (own_high < other_low)).values & compared
+    decided = (here["overturned"] >= 0).sum().item()
+    half = 0.5 * (here[ENDS[1]] - here[ENDS[0]]) / here["boundary"]
+    return Change(
+        label,
+        same,
+        float(median),
+        float(low),
+        float(high),
+        int(apart.sum()),
+        int(compared.sum()),
+        (here["overturned"] == 1).sum().item() / decided if decided else np.nan,
+        _largest(here["time_step"]),
+        _largest(here["boundary_error"]),
+        float(_median(half.values)),
+    )
+
+
+def _interval(data: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
+    """Ends of the boundary's interval; infinite above where nothing topples, nan where none ran."""
+    error = data["boundary_error"].fillna(0.0)
+    first = data[ENDS[1]]
+    topples_at_once = data[ENDS[0]].isnull() & first.notnull()
+    last = data[ENDS[0]].where(~topples_at_once, 0.0)
+    return last * (1.0 - error), first * (1.0 + error)
+
+
+def filled(data: xr.Dataset) -> xr.Dataset:
+    """Boundaries also on rows that were not run, straight between neighbours in the logarithms.
+
+    Motions of another kind may have a PGV/PGA between those of a grid.
+
+    Parameters
+    ----------
+    data : Dataset, of one place
+
+    Returns
+    -------
+    Dataset
+    """
+    ran = (data["outcome"] >= 0).any([dim for dim in data["outcome"].dims if dim != "pgv_pga"])
+    if "pgv_pga" not in data.dims or bool(ran.all()):
+        return data
+    ratio, ran_there = np.log(data["pgv_pga"].values), ran.values
+
+    def between(values: Array) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.exp(
+                np.interp(
+                    ratio, ratio[ran_there], np.log(values[ran_there]), left=np.nan, right=np.nan
+                )
+            )
+        return np.where(ran_there, values, found)
+
+    dims = ["pgv_pga"]
+    return data.assign(
+        {
+            name: xr.apply_ufunc(
+                between, data[name], input_core_dims=[dims], output_core_dims=[dims], vectorize=True
+            )
+            for name in ("boundary", *ENDS)
+        }
+    )
+
+
+def collapsed(data: xr.Dataset, dimension: Dimension) -> xr.Dataset | None:
+    """Boundaries in the rock's own units, where the rock changes along a dimension.
+
+    Rocks of one shape topple alike at the same PGA if PGV/PGA goes with the time sqrt(R / g); the
+    steady acceleration that topples a rock is the unit of the PGA of slender ones.
+
+    Parameters
+    ----------
+    data : Dataset, from ``along``
+    dimension : Dimension
+
+    Returns
+    -------
+    Dataset or None
+        ``boundary`` in units of the steady acceleration [1], and ``time``, the rock's [s].
+    """
+    if "rock_radius" not in data or np.ptp(data["rock_radius"].values) == 0.0:
+        return None
+    time = np.sqrt(data["rock_radius"] / GRAVITY)
+    return xr.Dataset({"boundary": data["boundary"] / data["static_pga"], "time": time})
+
+
+def spread(own: xr.Dataset, dimension: Dimension) -> tuple[float, float]:
+    """How far apart the boundaries in the rock's own units are.
+
+    Parameters
+    ----------
+    own : Dataset, from ``collapsed``
+    dimension : Dimension
+
+    Returns
+    -------
+    tuple of float
+        Median and largest difference from the reference, as shares, on the reference's rows.
+    """
+    name, found = dimension.name, []
+    curves = own["boundary"].median([d for d in own["boundary"].dims if d not in (name, "pgv_pga")])
+    ratio = own["pgv_pga"].values
+    for n in range(own.sizes[name]):
+        known = np.isfinite(curves.isel({name: n}).values)
+        x = np.log(ratio / own["time"].isel({name: n}).item())[known]
+        found.append((x, np.log(curves.isel({name: n}).values[known])))
+    x, y = found[dimension.reference]
+    apart = [
+        np.abs(np.interp(x, other, values, left=np.nan, right=np.nan) - y)
+        for n, (other, values) in enumerate(found)
+        if n != dimension.reference and other.size
+    ]
+    every = np.concatenate([*apart, [np.nan]])
+    every = np.expm1(every[np.isfinite(every)])
+    return (float(np.median(every)), float(every.max())) if every.size else (np.nan, np.nan)
+
+
+def _largest(values: xr.DataArray) -> float:
+    known = values.values[np.isfinite(values.values)]
+    return float(known.max()) if known.size else np.nan
+
+
+def _median(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else np.nan

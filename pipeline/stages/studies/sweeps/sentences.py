@@ -1,0 +1,111 @@
+"""What a sweep showed, in sentences."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.config.sweep import Dimension, Sweep
+from pipeline.stages.studies.sweeps.changes import Change
+
+HALF = 0.5
+"""Share of the rows that must be apart before a change is called one."""
+
+MOST_NAMED = 6
+"""Values that a sentence names."""
+
+
+def headline(sweep: Sweep, found: list[list[Change]], site: str) -> str:
+    """What a reader learns first.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    found : list of list of Change, of each dimension; empty where no boundary was computed
+    site : str
+
+    Returns
+    -------
+    str
+    """
+    if not found:
+        sizes = " and ".join(f"{len(one.labels)} values of {one.key}" for one in sweep.dimensions)
+        return f"{site} at {sizes}."
+    return " ".join(
+        about(dimension, changes)
+        for dimension, changes in zip(sweep.dimensions, found, strict=True)
+    )
+
+
+def about(dimension: Dimension, changes: list[Change]) -> str:
+    """Say how far the boundary moves along a dimension, and whether that is more than its error.
+
+    Parameters
+    ----------
+    dimension : Dimension
+    changes : list of Change
+
+    Returns
+    -------
+    str
+    """
+    return " ".join(filter(None, (_moved(dimension, changes), _none(changes), _beyond(changes))))
+
+
+def _moved(dimension: Dimension, changes: list[Change]) -> str:
+    """Largest shifts of the median row."""
+    reference = dimension.labels[dimension.reference]
+    known = [one for one in changes if not one.is_reference and np.isfinite(one.median)]
+    if not known:
+        return f"No row has a boundary both at {dimension.name} {reference} and at another."
+    least, most = (pick(known, key=lambda one: one.median) for pick in (min, max))
+    against = f"Compared with {dimension.name} {reference}, the boundary of the median row"
+    if _percent(least.median) == _percent(most.median) == "0 %":
+        return f"{against} does not move."
+    if least is most:
+        return f"{against} moves by {_percent(most.median)} at {most.label}."
+    low, high = (f"{_percent(one.median)} at {one.label}" for one in (least, most))
+    return f"{against} moves by {low} to {high}."
+
+
+def _none(changes: list[Change]) -> str:
+    """Where nothing topples."""
+    safe = [one.label for one in changes if one.toppled == 0.0]
+    return f"At {_listed(safe)} nothing topples within the grid." if safe else ""
+
+
+def _beyond(changes: list[Change]) -> str:
+    """Whether the changes are more than errors."""
+    others = [one for one in changes if not one.is_reference and one.rows]
+    strong = [one.label for one in others if one.share >= HALF]
+    if not others:
+        return ""
+    beyond = "beyond the numerical errors and the spacing of the grid"
+    touched = max(others, key=lambda one: one.share)
+    where = f"{touched.apart} of {touched.rows} rows at {touched.label}"
+    if strong:
+        return f"The change is {beyond} in at least half of the rows at {_listed(strong)}."
+    if touched.apart == 0:
+        return f"In no row is a change {beyond}."
+    return f"A change {beyond} is rare: at most {where}."
+
+
+def _listed(names: list[str]) -> str:
+    """Names in a sentence; of many, the first and the number.
+
+    >>> _listed(["a"]), _listed(["a", "b", "c"])
+    ('a', 'a, b and c')
+    """
+    if len(names) > MOST_NAMED:
+        return f"{len(names)} values"
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
+def _percent(share: float) -> str:
+    """A change in per cent with its sign.
+
+    >>> _percent(0.0123), _percent(-0.2), _percent(1e-9)
+    ('+1.2 %', '-20 %', '0 %')
+    """
+    if abs(share) < 5e-4:
+        return "0 %"
+    return f"{100 * share:+.2g} %" if abs(share) < 1 else f"{100 * share:+.0f} %"

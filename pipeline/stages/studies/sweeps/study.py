@@ -1,0 +1,99 @@
+"""The study of a sweep: one dataset of all members, and a page that compares them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from os.path import relpath
+from typing import Any
+
+import xarray as xr
+
+from pipeline.config.sweep import Dimension
+from pipeline.drawing.style import svg_uri
+from pipeline.stages.mesh.products import ROCK
+from pipeline.stages.studies.sweeps import sweep_figures as figures
+from pipeline.stages.studies.sweeps.changes import Change, along, changes, collapsed, spread
+from pipeline.stages.studies.sweeps.sentences import about, headline
+from pipeline.stages.studies.sweeps.stacking import stacked
+from pipeline.workflow import pages, writers
+from pipeline.workflow.datasets import netcdf, read
+from pipeline.workflow.stage import Product
+from pipeline.workflow.sweeps import DATA, PAGE, Swept
+
+
+def make(swept: Swept, key: str) -> Product:
+    """Stack the members of a sweep and compare them.
+
+    Parameters
+    ----------
+    swept : Swept, all of whose members are made
+    key : str, identity of what is asked for
+
+    Returns
+    -------
+    Product
+        ``study.nc`` and ``study.html``.
+    """
+    job = replace(swept.job, key=key, stage="study")
+    data = stacked(swept, job)
+    dimensions = swept.sweep.dimensions
+    compared = [_compared(swept, data, one) for one in dimensions] if "boundary" in data else []
+    page = {
+        "study": swept.sweep.study,
+        "site": job.site.name,
+        "stage": swept.stage,
+        "headline": headline(swept.sweep, [part["changes"] for part in compared], job.site.name),
+        "dimensions": compared,
+        "members": _members(swept),
+        "sizes": dict(data.sizes),
+        "variables": sorted(map(str, data.data_vars)),
+        "surrogate": _surrogate(swept),
+        "yaws": data.sizes.get("yaw", 1),
+    }
+    files = {DATA: netcdf(data), PAGE: writers.text(pages.filled(PAGE, page))}
+    sizes = " x ".join(f"{len(one.labels)} {one.name}" for one in dimensions)
+    return Product(files, f"{sizes}; {page['headline']}")
+
+
+def _compared(swept: Swept, data: xr.Dataset, dimension: Dimension) -> dict[str, Any]:
+    """What the page shows of one dimension."""
+    part = along(data, swept.sweep, dimension)
+    found: list[Change] = changes(part, dimension)
+    own = collapsed(part, dimension)
+    drawn = {
+        "multiples": figures.multiples(part, dimension),
+        "over_key": figures.over_key(part, dimension),
+        "boundaries": figures.boundaries(part, dimension, own),
+    }
+    return {
+        "name": dimension.name,
+        "keys": list(dimension.values),
+        "changes": found,
+        "reference": dimension.labels[dimension.reference],
+        "sentence": about(dimension, found),
+        "others": [
+            f"{one.name} {one.labels[one.reference]}"
+            for one in swept.sweep.dimensions
+            if one is not dimension
+        ],
+        "panels": min(len(dimension.labels), figures.MOST_PANELS),
+        "spread": spread(own, dimension) if own is not None else None,
+        "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
+    }
+
+
+def _members(swept: Swept) -> list[dict[str, str]]:
+    """Each member, and the page of its own where its product has one."""
+    found = []
+    for member in swept.sweep.members:
+        folder = swept.jobs[member.place].store.folder
+        pages_there = sorted(folder.glob("*.html"))
+        page = relpath(pages_there[0], swept.job.store.folder) if pages_there else ""
+        found.append({"name": member.name, "page": page})
+    return found
+
+
+def _surrogate(swept: Swept) -> bool:
+    """Whether the rock is a surrogate of one that is not public."""
+    job = swept.jobs[swept.sweep.reference.place]
+    return bool(job.store.manifest("rock")) and bool(read(job.path(ROCK)).attrs["surrogate"])

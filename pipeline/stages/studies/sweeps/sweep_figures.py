@@ -1,0 +1,216 @@
+"""Figures of a sweep: small multiples, the boundary over a key, and all boundaries at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
+
+from pipeline.config.sweep import Dimension
+from pipeline.drawing import style
+from pipeline.stages.studies.sweeps.changes import ENDS
+from pipeline.workflow.datasets import label
+from vsr_core.arrays import Array, Indices
+
+MOST_PANELS, ACROSS = 12, 4
+"""Panels of small multiples, and how many stand side by side."""
+
+MOST_ROWS, MOST_CURVES = 5, 12
+"""PGV/PGA, and places along a dimension, that are drawn as curves."""
+
+_SHARES = LinearSegmentedColormap.from_list("shares", ["#dfe9f5", "#f6f2ee", style.OVERTURNED])
+
+
+def shown(count: int, most: int) -> Indices:
+    """Places to draw where there are too many, both ends included.
+
+    Parameters
+    ----------
+    count, most : int
+
+    Returns
+    -------
+    ndarray of int
+
+    >>> shown(9, 3).tolist(), shown(2, 3).tolist()
+    ([0, 4, 8], [0, 1])
+    """
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
+
+
+@style.styled
+def multiples(data: xr.Dataset, dimension: Dimension) -> Figure:
+    """Share of runs that topple in each cell, one panel for each place along a dimension.
+
+    Parameters
+    ----------
+    data : Dataset, along the dimension
+    dimension : Dimension
+
+    Returns
+    -------
+    Figure
+    """
+    places = shown(len(dimension.labels), MOST_PANELS)
+    across = min(ACROSS, len(places))
+    down = -(-len(places) // across)
+    figure = Figure(figsize=(2.1 * across + 0.7, 2.15 * down + 0.5), layout="constrained")
+    panels = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False)
+    reference = _curve(data.isel({dimension.name: dimension.reference}))
+    for axes, place in zip(panels.flat, places, strict=False):
+        one = data.isel({dimension.name: place})
+        cells = _cells(axes, one)
+        ratio = data["pgv_pga"].values
+        axes.plot(reference, ratio, color=style.INK, lw=1.0, ls=":")
+        axes.plot(_curve(one), ratio, color=style.INK, lw=1.3)
+        mark = " (reference)" if place == dimension.reference else ""
+        axes.set_title(f"{dimension.labels[place]}{mark}", fontsize=8.5)
+    for axes in panels.flat[len(places) :]:
+        axes.set_visible(False)
+    figure.supxlabel(label("pga"), fontsize=9.0)
+    figure.supylabel("PGV/PGA [s]", fontsize=9.0)
+    bar = figure.colorbar(cells, ax=panels, shrink=0.8 if down == 1 else 0.5, aspect=25)
+    bar.set_label("share of runs that topple")
+    return figure
+
+
+@style.styled
+def over_key(data: xr.Dataset, dimension: Dimension) -> Figure:
+    """The boundary against what is swept, at some PGV/PGA.
+
+    Parameters
+    ----------
+    data : Dataset, along the dimension
+    dimension : Dimension
+
+    Returns
+    -------
+    Figure
+    """
+    figure = Figure(figsize=(6.2, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    places = _positions(axes, dimension)
+    curves = _typical(data, dimension.name)
+    rows = np.flatnonzero(np.isfinite(curves["boundary"].values).sum(axis=0) > 1)
+    picked = rows[shown(len(rows), MOST_ROWS)] if len(rows) else rows
+    for number, row in enumerate(picked):
+        one = curves.isel(pgv_pga=row)
+        middle = one["boundary"].values
+        ends = [np.abs(middle - one[end].values) for end in ENDS]
+        known = np.isfinite(middle) & np.isfinite(ends[0]) & np.isfinite(ends[1])
+        axes.errorbar(
+            places[known],
+            middle[known],
+            yerr=np.array(ends)[:, known],
+            lw=1.2,
+            ms=4.0 if len(places) < 20 else 0.0,
+            elinewidth=0.8,
+            label=f"{one['pgv_pga'].item():.3g} s",
+            color=style.SERIES[number],
+            marker=style.MARKERS[number],
+        )
+    axes.set_ylabel(f"boundary: {label('pga')}")
+    axes.grid(visible=True)
+    figure.legend(loc="outside lower center", ncols=MOST_ROWS, title="PGV/PGA")
+    return figure
+
+
+@style.styled
+def boundaries(data: xr.Dataset, dimension: Dimension, own: xr.Dataset | None) -> Figure:
+    """Boundaries of all places; beside them in the rock's own units, where the rock changes.
+
+    Parameters
+    ----------
+    data : Dataset, along the dimension
+    dimension : Dimension
+    own : Dataset or None, from ``collapsed``
+
+    Returns
+    -------
+    Figure
+    """
+    figure = Figure(figsize=(6.0 if own is None else 8.6, 4.4), layout="constrained")
+    panels = figure.subplots(1, 1 if own is None else 2, squeeze=False)[0]
+    curves = _typical(data, dimension.name)["boundary"].values
+    ratio = data["pgv_pga"].values
+    picked = shown(len(dimension.labels), MOST_CURVES)
+    colours = _colours(dimension, picked)
+    for place, colour in zip(picked, colours, strict=True):
+        known = np.isfinite(curves[place])
+        line = {
+            "color": colour,
+            "lw": 2.0 if place == dimension.reference else 1.2,
+            "marker": style.MARKERS[place % len(style.MARKERS)],
+            "ms": 3.5,
+        }
+        panels[0].plot(curves[place][known], ratio[known], label=dimension.labels[place], **line)
+        if own is not None:
+            scaled = _typical(own, dimension.name)["boundary"].values[place]
+            time = own["time"].values[place]
+            panels[1].plot(scaled[known], ratio[known] / time, **line)
+    panels[0].set_xlabel(f"boundary: {label('pga')}")
+    panels[0].set_ylabel("PGV/PGA [s]")
+    if own is not None:
+        panels[1].set_xlabel("boundary / static toppling acceleration")
+        panels[1].set_ylabel(r"PGV/PGA / $\sqrt{R/g}$")
+    for axes in panels:
+        axes.set_yscale("log")
+        axes.set_xscale("log")
+        for scale in (axes.xaxis, axes.yaxis):
+            scale.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+            scale.set_major_formatter("{x:g}")
+            scale.set_minor_locator(NullLocator())
+        axes.grid(visible=True)
+    figure.legend(loc="outside lower center", ncols=4)
+    return figure
+
+
+def _cells(axes: Axes, one: xr.Dataset) -> QuadMesh:
+    """Share of decided runs that topple, over directions and frictions."""
+    overturned = one["overturned"]
+    others = [dim for dim in overturned.dims if dim not in ("pga", "pgv_pga")]
+    share = (overturned == 1).sum(others) / (overturned >= 0).sum(others)
+    share = share.transpose("pgv_pga", "pga")
+    pga, ratio = one["pga"].values, one["pgv_pga"].values
+    return axes.pcolormesh(
+        style.cell_edges(pga), style.cell_edges(ratio), share.values, cmap=_SHARES, vmin=0, vmax=1
+    )
+
+
+def _curve(one: xr.Dataset) -> Array:
+    """Boundary at each PGV/PGA, the median of all directions and frictions [g]."""
+    boundary = one["boundary"]
+    others = [dim for dim in boundary.dims if dim != "pgv_pga"]
+    values: Array = boundary.median(others).values
+    return values
+
+
+def _typical(data: xr.Dataset, name: str) -> xr.Dataset:
+    """Boundaries and their ends on (dimension, PGV/PGA), medians of all else."""
+    wanted = data[[one for one in ("boundary", *ENDS) if one in data]]
+    others = [dim for dim in wanted["boundary"].dims if dim not in (name, "pgv_pga")]
+    return wanted.median(others).transpose(name, "pgv_pga")
+
+
+def _positions(axes: Axes, dimension: Dimension) -> Array:
+    """Where the places of a dimension stand on an axis, which is labelled."""
+    if dimension.is_numeric:
+        axes.set_xlabel(dimension.key)
+        return np.array(dimension.values[dimension.key], dtype=np.float64)
+    places = np.arange(len(dimension.labels), dtype=np.float64)
+    turned = max(map(len, dimension.labels)) > 8
+    axes.set_xticks(places, dimension.labels, rotation=20 if turned else 0)
+    axes.set_xlabel(dimension.name)
+    return places
+
+
+def _colours(dimension: Dimension, picked: Indices) -> list[object]:
+    """A scale for numbers, and colours that are told apart for anything else."""
+    if dimension.is_numeric and len(picked) > len(style.SERIES):
+        return [colormaps["viridis"](share) for share in np.linspace(0.0, 0.9, len(picked))]
+    return [style.SERIES[n % len(style.SERIES)] for n in range(len(picked))]

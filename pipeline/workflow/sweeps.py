@@ -1,0 +1,165 @@
+"""The members of a sweep: their folders, what is to do for them, and making them one by one.
+
+Members are sites of their own beneath the site's folder. Their runs are in the site's database,
+and what the site or one of them has made under the same key is not made again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from pipeline.config.problems import InputError, Problem
+from pipeline.config.sweep import GRIDS, Member, Sweep
+from pipeline.workflow import graph
+from pipeline.workflow.datasets import catalogue
+from pipeline.workflow.graph import Identity
+from pipeline.workflow.keys import code, installed_version
+from pipeline.workflow.registry import upstream
+from pipeline.workflow.stage import Job, Product, Stage, named
+from pipeline.workflow.store import Store
+
+FOLDER = "studies"
+"""Of the sweeps of a site, in its own folder."""
+
+DATA, PAGE = "study.nc", "study.html"
+
+COMPARISON = Stage(
+    "study",
+    make="pipeline.stages.studies.sweeps.study:make",
+    files=("study.html", "catalogue.yaml"),
+    versions=("xarray", "matplotlib", "jinja2"),
+)
+"""What is made of all members, after them."""
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A sweep, and the jobs of its members.
+
+    Attributes
+    ----------
+    sweep : Sweep
+    stage : str, that ends the product of each member
+    job : Job, of what is made of all members
+    jobs : dict of Job by the place of its member
+    """
+
+    sweep: Sweep
+    stage: str
+    job: Job
+    jobs: dict[tuple[int, ...], Job]
+
+
+def of_job(sweep: Sweep, stage: str, job: Job) -> Swept:
+    """Give each member a folder.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    stage : str, that ends the product of each member
+    job : Job, of the site
+
+    Returns
+    -------
+    Swept
+
+    Raises
+    ------
+    InputError
+        For a dimension with the name of something else in a dataset.
+    """
+    for one in sweep.dimensions:
+        if one.name in catalogue() and one.name != GRIDS.get(one.key):
+            rule = f"it stands for another thing in {DATA}: {catalogue()[one.name]['long_name']}"
+            raise InputError(
+                Problem(sweep.file, f"sweep.{one.name}", repr(one.name), rule, "rename it")
+            )
+    folder = job.store.folder / FOLDER / sweep.study
+    lenders: dict[tuple[str, str], Store] = {}
+    stages = [one.name for one in upstream(stage)]
+    Store(job.store.folder, None, lenders).lends(stages)
+    jobs = {}
+    for member in sweep.members:
+        store = Store(folder / member.name, job.store, lenders)
+        store.lends(stages)
+        log = partial(_log, job, member)
+        jobs[member.place] = replace(job, site=member.site, store=store, log=log)
+    whole = replace(job, site=sweep.reference.site, store=Store(folder, job.store))
+    return Swept(sweep, stage, whole, jobs)
+
+
+def make(swept: Swept) -> int:
+    """Bring all members up to date, and what is made of them.
+
+    Parameters
+    ----------
+    swept : Swept
+
+    Returns
+    -------
+    int, runs without a verdict
+    """
+    wanted = _wanted(swept)  # all input is read, or refused, before anything is made
+    stages = [stage.name for stage in upstream(swept.stage)]
+    unresolved = 0
+    for member in swept.jobs.values():
+        unresolved += graph.make(swept.stage, member)
+        member.store.lends(stages)
+    if any(graph.why(COMPARISON, wanted, swept.job.store)):
+        swept.job.store.open()
+        product: Product = named(COMPARISON.make)(swept, wanted.key)
+        graph.keep(COMPARISON, wanted, product, swept.job.store)
+        swept.job.log(f"study: {product.summary}")
+    return unresolved
+
+
+def told(question: Callable[[str, Job], list[str]], swept: Swept) -> list[str]:
+    """Ask something of every member, and whether the comparison is done.
+
+    Parameters
+    ----------
+    question : callable, from the name of a stage and a job to lines
+    swept : Swept
+
+    Returns
+    -------
+    list of str, lines
+    """
+    wanted = _wanted(swept)
+    reasons = list(graph.why(COMPARISON, wanted, swept.job.store))
+    members = f"{len(swept.jobs)} member" + "s" * (len(swept.jobs) > 1)
+    lines = [f"{members} in {swept.job.store.folder}"]
+    for member in swept.sweep.members:
+        lines.append(f"{member.name}:")
+        lines += [f"  {line}" for line in question(swept.stage, swept.jobs[member.place])]
+    return [*lines, *(f"study: {reason}" for reason in reasons or ["up to date"])]
+
+
+def _wanted(swept: Swept) -> Identity:
+    """Identity of the comparison: what is swept, its code, and the keys of the members."""
+    sweep = swept.sweep
+    dimensions: dict[str, Any] = {
+        one.name: {key: list(values) for key, values in one.values.items()}
+        for one in sweep.dimensions
+    }
+    needs = {
+        member.name: graph.identities(swept.stage, member.site)[swept.stage].key
+        for member in sweep.members
+    }
+    versions = {library: installed_version(library) for library in COMPARISON.versions}
+    return Identity(
+        {
+            "config": {"sweep": dimensions, "product": swept.stage},
+            "code": code(COMPARISON.roots()),
+            "inputs": COMPARISON.input_digests(swept.job.site),
+            "versions": versions,
+            "needs": needs,
+        }
+    )
+
+
+def _log(job: Job, member: Member, line: str) -> None:
+    job.log(f"{member.name}: {line}")
