@@ -32,7 +32,8 @@ INTRODUCTION = """# Options
 Made by `make options` from the models in `pipeline/config/`; do not edit.
 
 A site's YAML holds only what differs from `configs/base.yaml`; a study (`STUDY=`) and settings
-(`SET='motion.pga.num=100'`) override it, in this order. An editor with a YAML language server
+(`SET='motion.pga.num=100'`) override it, in this order. A study may also
+sweep over values of any key ([studies](studies.md)). An editor with a YAML language server
 completes and checks these keys by the first line of every file in `configs/`.
 
 A *range* is `{start: 0.1, stop: 1.0, num: 10}`: evenly spaced values, both ends included. Defaults
@@ -93,7 +94,7 @@ def files() -> dict[str, str]:
     parts += [RECORDED, *sections(recorded)]
     return {
         "docs/options.md": "\n".join(parts),
-        "configs/schema.json": layered(site),
+        "configs/schema.json": layered(with_sweep(site)),
         "configs/tables/schema.json": as_json(hardware),
     }
 
@@ -150,6 +151,19 @@ def layered(root: Node) -> str:
         for held in node["properties"].values():
             waiting += [one for one in members(copy, held) if "properties" in one]
     return as_json(copy)
+
+
+def with_sweep(root: Node) -> Node:
+    """The schema with what only studies have."""
+    values = {"description": "a list of values, a range, or one value"}
+    dimension = {"type": "object", "minProperties": 1, "additionalProperties": values}
+    sweep = {
+        "description": "named dimensions of keys and their values; see docs/studies.md",
+        "type": "object",
+        "minProperties": 1,
+        "additionalProperties": dimension,
+    }
+    return root | {"properties": root["properties"] | {"sweep": sweep}}
 
 
 def as_json(root: Node) -> str:

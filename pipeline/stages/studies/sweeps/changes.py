@@ -25,7 +25,7 @@ class Change:
     ----------
     label : str
     is_reference : bool
-    median, low, high : float, change of the boundary [1]: median, 10 and 90 % of all rows
+    mean, low, high : float, change of the boundary [1]: geometric mean, 10 and 90 % of all rows
     apart, rows : int, rows whose boundaries are apart, and all that can be compared
     toppled : float, share of the decided runs that topple
     time_step : float [s]
@@ -35,7 +35,7 @@ class Change:
 
     label: str
     is_reference: bool
-    median: float
+    mean: float
     low: float
     high: float
     apart: int
@@ -92,7 +92,7 @@ def changes(data: xr.Dataset, dimension: Dimension) -> list[Change]:
 def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> Change:
     ratio = (here["boundary"] / there["boundary"]).values - 1.0
     known = ratio[np.isfinite(ratio)]
-    low, median, high = np.quantile(known, (0.1, 0.5, 0.9)) if known.size else (np.nan,) * 3
+    low, high = np.quantile(known, (0.1, 0.9)) if known.size else (np.nan, np.nan)
     (own_low, own_high), (other_low, other_high) = _interval(here), _interval(there)
     compared = (own_low.notnull() & other_low.notnull()).values
     apart = ((own_low > other_high) | (own_high < other_low)).values & compared
@@ -101,7 +101,7 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
     return Change(
         label,
         same,
-        float(median),
+        float(np.expm1(np.log1p(known).mean())) if known.size else np.nan,
         float(low),
         float(high),
         int(apart.sum()),
@@ -160,7 +160,7 @@ def filled(data: xr.Dataset) -> xr.Dataset:
     )
 
 
-def collapsed(data: xr.Dataset, dimension: Dimension) -> xr.Dataset | None:
+def collapsed(data: xr.Dataset) -> xr.Dataset | None:
     """Boundaries in the rock's own units, where the rock changes along a dimension.
 
     Rocks of one shape topple alike at the same PGA if PGV/PGA goes with the time sqrt(R / g); the
@@ -169,7 +169,6 @@ def collapsed(data: xr.Dataset, dimension: Dimension) -> xr.Dataset | None:
     Parameters
     ----------
     data : Dataset, from ``along``
-    dimension : Dimension
 
     Returns
     -------

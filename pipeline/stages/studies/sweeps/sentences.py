@@ -10,17 +10,20 @@ from pipeline.stages.studies.sweeps.changes import Change
 HALF = 0.5
 """Share of the rows that must be apart before a change is called one."""
 
+RARE = 0.1
+"""Share of the rows below which what happens in them is called rare."""
+
 MOST_NAMED = 6
 """Values that a sentence names."""
 
 
-def headline(sweep: Sweep, found: list[list[Change]], site: str) -> str:
+def headline(sweep: Sweep, found: list[str], site: str) -> str:
     """What a reader learns first.
 
     Parameters
     ----------
     sweep : Sweep
-    found : list of list of Change, of each dimension; empty where no boundary was computed
+    found : list of str, what is said of each dimension; none where no boundary was computed
     site : str
 
     Returns
@@ -30,40 +33,45 @@ def headline(sweep: Sweep, found: list[list[Change]], site: str) -> str:
     if not found:
         sizes = " and ".join(f"{len(one.labels)} values of {one.key}" for one in sweep.dimensions)
         return f"{site} at {sizes}."
-    return " ".join(
-        about(dimension, changes)
-        for dimension, changes in zip(sweep.dimensions, found, strict=True)
-    )
+    return " ".join(found)
 
 
-def about(dimension: Dimension, changes: list[Change]) -> str:
+def about(dimension: Dimension, changes: list[Change], spread: tuple[float, float] | None) -> str:
     """Say how far the boundary moves along a dimension, and whether that is more than its error.
 
     Parameters
     ----------
     dimension : Dimension
     changes : list of Change
+    spread : how far apart the boundaries are in the rock's own units, where the rock changes
 
     Returns
     -------
     str
     """
-    return " ".join(filter(None, (_moved(dimension, changes), _none(changes), _beyond(changes))))
+    own = ""
+    if spread is not None and np.isfinite(spread[0]):
+        own = (
+            f"In the rock's own units the boundaries are {100 * spread[0]:.2g} % apart in the "
+            f"median and {100 * spread[1]:.2g} % at most."
+        )
+    said = (_moved(dimension, changes), _none(changes), _beyond(changes), own)
+    return " ".join(filter(None, said))
 
 
 def _moved(dimension: Dimension, changes: list[Change]) -> str:
-    """Largest shifts of the median row."""
+    """Largest shifts of the boundary, averaged over its rows."""
     reference = dimension.labels[dimension.reference]
-    known = [one for one in changes if not one.is_reference and np.isfinite(one.median)]
+    known = [one for one in changes if not one.is_reference and np.isfinite(one.mean)]
     if not known:
         return f"No row has a boundary both at {dimension.name} {reference} and at another."
-    least, most = (pick(known, key=lambda one: one.median) for pick in (min, max))
-    against = f"Compared with {dimension.name} {reference}, the boundary of the median row"
-    if _percent(least.median) == _percent(most.median) == "0 %":
+    least, most = (pick(known, key=lambda one: one.mean) for pick in (min, max))
+    against = f"Compared with {dimension.name} {reference}, the boundary, averaged over its rows,"
+    if _percent(least.mean) == _percent(most.mean) == "0 %":
         return f"{against} does not move."
     if least is most:
-        return f"{against} moves by {_percent(most.median)} at {most.label}."
-    low, high = (f"{_percent(one.median)} at {one.label}" for one in (least, most))
+        return f"{against} moves by {_percent(most.mean)} at {most.label}."
+    low, high = (f"{_percent(one.mean)} at {one.label}" for one in (least, most))
     return f"{against} moves by {low} to {high}."
 
 
@@ -86,7 +94,9 @@ def _beyond(changes: list[Change]) -> str:
         return f"The change is {beyond} in at least half of the rows at {_listed(strong)}."
     if touched.apart == 0:
         return f"In no row is a change {beyond}."
-    return f"A change {beyond} is rare: at most {where}."
+    if touched.share < RARE:
+        return f"A change {beyond} is rare: at most {where}."
+    return f"The change is {beyond} in up to {where}."
 
 
 def _listed(names: list[str]) -> str:
@@ -104,8 +114,9 @@ def _percent(share: float) -> str:
     """A change in per cent with its sign.
 
     >>> _percent(0.0123), _percent(-0.2), _percent(1e-9)
-    ('+1.2 %', '-20 %', '0 %')
+    ('+1.2 %', '\N{MINUS SIGN}20 %', '0 %')
     """
     if abs(share) < 5e-4:
         return "0 %"
-    return f"{100 * share:+.2g} %" if abs(share) < 1 else f"{100 * share:+.0f} %"
+    text = f"{100 * share:+.2g} %" if abs(share) < 1 else f"{100 * share:+.0f} %"
+    return text.replace("-", "\N{MINUS SIGN}")

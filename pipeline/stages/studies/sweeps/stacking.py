@@ -61,7 +61,7 @@ def _member(swept: Swept, place: tuple[int, ...]) -> xr.Dataset:
     parts = [read(job.path(name)) for name in _files(job, swept.stage)]
     data = xr.merge(parts, combine_attrs="drop", compat="override").drop_encoding()
     if "record" in data.dims and len(set(data["pgv_pga"].values.tolist())) == data.sizes["record"]:
-        data = data.reset_coords("record").swap_dims(record="pgv_pga")
+        data = data.swap_dims(record="pgv_pga").reset_coords("record")
     if "yaw" in data.dims and job.store.manifest("rock"):
         data = data.merge(_rock(job, data["yaw"]))
     swept_keys = {key for one in swept.sweep.parted for key in one.values}

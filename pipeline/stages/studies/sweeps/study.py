@@ -6,8 +6,10 @@ from dataclasses import replace
 from os.path import relpath
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
+from pipeline.config.refusals import meaning
 from pipeline.config.sweep import Dimension
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.mesh.products import ROCK
@@ -42,7 +44,7 @@ def make(swept: Swept, key: str) -> Product:
         "study": swept.sweep.study,
         "site": job.site.name,
         "stage": swept.stage,
-        "headline": headline(swept.sweep, [part["changes"] for part in compared], job.site.name),
+        "headline": headline(swept.sweep, [part["sentence"] for part in compared], job.site.name),
         "dimensions": compared,
         "members": _members(swept),
         "sizes": dict(data.sizes),
@@ -59,7 +61,8 @@ def _compared(swept: Swept, data: xr.Dataset, dimension: Dimension) -> dict[str,
     """What the page shows of one dimension."""
     part = along(data, swept.sweep, dimension)
     found: list[Change] = changes(part, dimension)
-    own = collapsed(part, dimension)
+    own = collapsed(part)
+    apart = spread(own, dimension) if own is not None else None
     drawn = {
         "multiples": figures.multiples(part, dimension),
         "over_key": figures.over_key(part, dimension),
@@ -67,17 +70,19 @@ def _compared(swept: Swept, data: xr.Dataset, dimension: Dimension) -> dict[str,
     }
     return {
         "name": dimension.name,
-        "keys": list(dimension.values),
+        "keys": [(key, meaning(key)[0]) for key in dimension.values],
         "changes": found,
         "reference": dimension.labels[dimension.reference],
-        "sentence": about(dimension, found),
+        "sentence": about(dimension, found, apart),
+        "gaps": bool((data["outcome"] < 0).any()),
         "others": [
             f"{one.name} {one.labels[one.reference]}"
             for one in swept.sweep.dimensions
             if one is not dimension
         ],
+        "unmeasured": any(np.isnan(one.error) for one in found),
         "panels": min(len(dimension.labels), figures.MOST_PANELS),
-        "spread": spread(own, dimension) if own is not None else None,
+        "spread": apart,
         "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
     }
 

@@ -65,9 +65,9 @@ def multiples(data: xr.Dataset, dimension: Dimension) -> Figure:
     for axes, place in zip(panels.flat, places, strict=False):
         one = data.isel({dimension.name: place})
         cells = _cells(axes, one)
-        ratio = data["pgv_pga"].values
-        axes.plot(reference, ratio, color=style.INK, lw=1.0, ls=":")
-        axes.plot(_curve(one), ratio, color=style.INK, lw=1.3)
+        for curve, line in ((reference, ":"), (_curve(one), "-")):
+            known = np.isfinite(curve)
+            axes.plot(curve[known], data["pgv_pga"].values[known], color=style.INK, lw=1.2, ls=line)
         mark = " (reference)" if place == dimension.reference else ""
         axes.set_title(f"{dimension.labels[place]}{mark}", fontsize=8.5)
     for axes in panels.flat[len(places) :]:
@@ -116,7 +116,8 @@ def over_key(data: xr.Dataset, dimension: Dimension) -> Figure:
         )
     axes.set_ylabel(f"boundary: {label('pga')}")
     axes.grid(visible=True)
-    figure.legend(loc="outside lower center", ncols=MOST_ROWS, title="PGV/PGA")
+    if len(picked):
+        figure.legend(loc="outside lower center", ncols=MOST_ROWS, title="PGV/PGA")
     return figure
 
 
@@ -175,8 +176,8 @@ def _cells(axes: Axes, one: xr.Dataset) -> QuadMesh:
     overturned = one["overturned"]
     others = [dim for dim in overturned.dims if dim not in ("pga", "pgv_pga")]
     share = (overturned == 1).sum(others) / (overturned >= 0).sum(others)
-    share = share.transpose("pgv_pga", "pga")
-    pga, ratio = one["pga"].values, one["pgv_pga"].values
+    share = share.transpose("pgv_pga", "pga").dropna("pgv_pga", how="all")
+    pga, ratio = one["pga"].values, share["pgv_pga"].values
     return axes.pcolormesh(
         style.cell_edges(pga), style.cell_edges(ratio), share.values, cmap=_SHARES, vmin=0, vmax=1
     )

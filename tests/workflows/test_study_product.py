@@ -1,0 +1,208 @@
+"""The study of a sweep: its dataset, what its members share, and what similarity says of it."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from conftest import Ran
+
+from pipeline.workflow.run_store import RUNS
+
+SITE = """rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
+motion: {pga: [0.2, 0.3, 0.4, 0.6], pgv_pga: [0.1, 0.2, 0.3, 0.5]}
+yaw: [0, 90]
+simulation: {engine: nonsmooth, time_step: 0.008}
+"""
+SWEEP = """sweep:
+  bounce: {contact.restitution: [0.0, 0.3]}
+  friction: {contact.friction: [0.2, 0.6]}
+"""
+
+
+class Study:
+    """A site, and studies of it."""
+
+    def __init__(self, vsr: Callable[..., Ran], site: str, folder: Path, derived: Path) -> None:
+        self.vsr, self.site, self.folder, self.derived = vsr, site, folder, derived
+
+    def run(self, text: str, *more: str, name: str = "study") -> Ran:
+        """Make a study; what was said."""
+        (self.folder / f"{name}.yaml").write_text(text)
+        ran = self.vsr("run", "study", *self.line(name), "--workers", "0", *more)
+        assert ran.code == 0, ran.err
+        return ran
+
+    def line(self, name: str = "study") -> tuple[str, ...]:
+        return ("--site", self.site, "--study", str(self.folder / f"{name}.yaml"))
+
+    def data(self, name: str = "study") -> xr.Dataset:
+        return xr.load_dataset(self.made / name / "study.nc", mask_and_scale=False)
+
+    @property
+    def made(self) -> Path:
+        return self.derived / "rock" / "studies"
+
+    def stored(self) -> int:
+        """Runs in the one database of the site, its folder and all beneath it."""
+        (database,) = self.derived.rglob(RUNS)
+        assert database.parent == self.derived / "rock"
+        with closing(sqlite3.connect(database)) as runs:
+            ((count,),) = runs.execute("SELECT count(*) FROM runs")
+        return int(count)
+
+    def done(self) -> int:
+        """Runs that were simulated or proved, by all commands together."""
+        lines = [
+            json.loads(line)
+            for log in self.derived.rglob("log.jsonl")
+            for line in log.read_text().splitlines()
+        ]
+        return sum(line["runs"] for line in lines if line["stage"] == "runs")
+
+
+@pytest.fixture
+def study(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], tmp_path: Path, derived: Path
+) -> Study:
+    return Study(vsr, write_site(SITE), tmp_path, derived)
+
+
+def test_a_sweep_is_the_separate_runs_bit_for_bit(study: Study, tmp_path: Path) -> None:
+    said = study.run(SWEEP).err.splitlines()[-3]
+    data = study.data()
+    assert data["overturned"].dims == ("bounce", "yaw", "friction", "pgv_pga", "pga")
+    assert data["bounce"].values.tolist() == [0.0, 0.3]
+    assert data["bounce"].attrs["keys"] == "contact.restitution"
+    assert len(np.unique(data["overturned"])) == 2
+    for bounce, friction in ((0.0, 0.2), (0.3, 0.6)):
+        keys = (f"contact.restitution={bounce}", f"contact.friction={friction}")
+        into = tmp_path / f"{bounce}-{friction}"
+        line = ("--site", study.site, "--workers", "0", "--set", keys[0], "--set", keys[1])
+        assert study.vsr("run", "responses", *line, into=into).code == 0
+        alone = xr.load_dataset(into / "rock" / "responses.nc", mask_and_scale=False)
+        part = data.sel(bounce=bounce, friction=[friction])
+        for name in alone.data_vars:
+            assert part[name].dtype == alone[name].dtype, name
+            np.testing.assert_array_equal(part[name].values, alone[name].values, name)
+    # the fits and the boundary are those of the members
+    one = xr.load_dataset(study.made / "study" / "bounce=0.3" / "fragility.nc")
+    part = data.sel(bounce=0.3)
+    for name in ("first_overturning_pga", "median_pga", "log_loss"):
+        np.testing.assert_array_equal(part[name].values, one[name].values, name)
+    middle = 0.5 * (one["last_balanced_pga"] + one["first_overturning_pga"]).values
+    known = np.isfinite(middle)
+    np.testing.assert_array_equal(part["boundary"].values[known], middle[known])
+    assert np.isnan(part["boundary"].values[~known]).all()
+    _check_page(study, said.partition("; ")[2])
+
+
+def _check_page(study: Study, headline: str) -> None:
+    page = (study.made / "study" / "study.html").read_text()
+    assert headline in page.replace("&#39;", "'")
+    assert page.count("<img") == 6
+    assert "Compared with bounce 0, " in headline
+    assert "At 0.2 nothing topples within the grid." in headline  # a friction below 1:4, or 1:2
+    assert "counts as 0" in page  # steps that were given
+
+
+def test_nothing_is_run_or_made_twice(study: Study) -> None:
+    line = ("--site", study.site, "--workers", "0")
+    assert study.vsr("run", "responses", *line).code == 0
+    assert study.stored() == study.done() == 2 * 4 * 4
+    first = study.run("sweep: {bounce: {contact.restitution: [0.0, 0.3]}}").err
+    assert "bounce=0: runs: as in rock" in first  # the site's own
+    assert "bounce=0.3: motions: as in" in first
+    assert study.stored() == study.done() == 2 * 32
+
+    wider = study.run("sweep: {bounce: {contact.restitution: [0.0, 0.3, 0.1]}}").err
+    assert "bounce=0:" not in wider
+    assert "bounce=0.3:" not in wider
+    assert "bounce=0.1: runs: 32 runs done" in wider
+    assert study.stored() == study.done() == 3 * 32
+
+    # another study of the same site, though its members are others, has its runs already
+    two = study.run("yaw: 90\nsweep: {e: {contact.restitution: [0.1, 0.3]}}", name="other").err
+    assert two.count("runs: 0 runs done") == 2
+    assert study.stored() == study.done() == 3 * 32
+    _check_questions(study)
+    before = (study.made / "study" / "study.html").stat().st_mtime_ns
+    study.run("sweep: {bounce: {contact.restitution: [0.0, 0.3, 0.1]}}")
+    assert (study.made / "study" / "study.html").stat().st_mtime_ns == before
+
+
+def _check_questions(study: Study) -> None:
+    told = study.vsr("status", *study.line()).out
+    assert told.count("32 of 32 runs stored") == 3
+    assert study.vsr("plan", *study.line()).out.count("runs: 32; 32 stored, 0 to do") == 3
+    assert "study: up to date" in study.vsr("why", *study.line()).out
+    more = (*study.line(), "--set", "motion.pga=[0.2, 0.3, 0.4, 0.5, 0.6]")
+    why = study.vsr("why", *more).out.splitlines()
+    assert sum("motion.pga changed: 1 values added" in line for line in why) >= 2
+    assert "study: stage bounce=0.3 changed" in why
+    assert "  runs: 32 of 40 are stored and stay; 8 to do" in why
+
+
+SIMILAR = """
+motion: {pga: [0.3, 0.32, 0.34, 0.36, 0.4, 0.5]}
+sweep:
+  size:
+    rock.size: [[0.5, 0.5, 1.5], [2, 2, 6], [8, 8, 24]]
+    simulation.time_step: [0.004, 0.008, 0.016]
+    motion.pgv_pga: [[0.1, 0.2, 0.4], [0.2, 0.4, 0.8], [0.4, 0.8, 1.6]]
+"""
+
+
+def test_similar_rocks_topple_alike(study: Study) -> None:
+    """PGV/PGA and the time step as the square root of the size: no outcome differs."""
+    study.run(SIMILAR, "--set", "yaw=0")
+    data = study.data().squeeze(drop=True)
+    grids = ([0.1, 0.2, 0.4], [0.2, 0.4, 0.8], [0.4, 0.8, 1.6])
+    parts = [data.isel(size=n).sel(pgv_pga=list(grid)) for n, grid in enumerate(grids)]
+    assert len(np.unique(parts[0]["overturned"])) == 2
+    for part in parts[1:]:
+        for name in ("overturned", "outcome", "decided_by", "boundary"):
+            np.testing.assert_array_equal(part[name].values, parts[0][name].values, name)
+        tilts = part["peak_tilt"].values, parts[0]["peak_tilt"].values
+        np.testing.assert_allclose(*tilts, rtol=1e-6, atol=1e-4)
+    assert (data["rock_radius"] / data["rock_radius"][0]).values.tolist() == [1.0, 4.0, 16.0]
+    # what was not run is told from what was
+    assert (data.isel(size=0).sel(pgv_pga=1.6)["outcome"] == -1).all()
+    page = (study.made / "study" / "study.html").read_text()
+    assert "There they are 0.00 % apart in the median, and 0.00 % at most" in page
+
+
+def test_motions_of_several_kinds_stand_side_by_side(study: Study) -> None:
+    records = Path(__file__).parents[2] / "data" / "raw" / "records"
+    study.run(f"""
+yaw: 0
+sweep:
+  shape:
+    motion:
+      - {{kind: cosine_pulse}}
+      - {{kind: ricker_pulse}}
+      - {{kind: record, files: {records}, pga: [0.2, 0.4],
+          processing: {{order: standard, highpass: 0.1, lowpass: 25}}}}
+""")
+    data = study.data()
+    assert data["shape"].values.tolist() == ["cosine_pulse", "ricker_pulse", "record"]
+    ran = (data["outcome"] >= 0).any(["yaw", "friction", "pga"])
+    pulses = ran.sel(shape="cosine_pulse")
+    assert data["pgv_pga"].values[pulses].tolist() == [0.1, 0.2, 0.3, 0.5]
+    assert (pulses == ran.sel(shape="ricker_pulse")).all()
+    assert not (pulses & ran.sel(shape="record")).any()
+
+
+def test_any_product_can_be_swept(study: Study) -> None:
+    text = "sweep: {size: {rock.size: [[0.5, 1, 2], [0.5, 1, 3]]}}"
+    (study.folder / "study.yaml").write_text(text)
+    assert study.vsr("run", "rock", *study.line(), "--workers", "0").code == 0
+    data = study.data()
+    assert data["tipping_pga"].dims == ("size", "direction")
+    np.testing.assert_allclose(data["tipping_pga"].sel(direction=0), [0.25, 0.5 / 3.0])
