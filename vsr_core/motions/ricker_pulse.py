@@ -66,27 +66,62 @@ class RickerPulse:
         return abs(self.pga)
 
     def acceleration(self, t: Array) -> Array:
-        """Acceleration [m/s^2] at times ``t`` [s]; zero outside the pulse."""
+        """Acceleration at given times; zero outside the pulse.
+
+        Parameters
+        ----------
+        t : ndarray [s]
+
+        Returns
+        -------
+        ndarray [m/s^2], shape of ``t``
+        """
         x = self._place(t)
         value = self.pga * (1.0 - x**2) * np.exp(-0.5 * x**2)
         return np.where(np.abs(x) <= REACH, value, 0.0)
 
     def velocity(self, t: Array) -> Array:
-        """Table velocity [m/s] at times ``t`` [s]."""
+        """Table velocity at given times.
+
+        Parameters
+        ----------
+        t : ndarray [s]
+
+        Returns
+        -------
+        ndarray [m/s], shape of ``t``
+        """
         x = self._place(t)
         value = self.pga * self.width * x * np.exp(-0.5 * x**2)
         return np.where(np.abs(x) <= REACH, value, 0.0)
 
     def displacement(self, t: Array) -> Array:
-        """Table displacement [m] at times ``t`` [s]: away and back again."""
+        """Table displacement at given times: away and back again.
+
+        Parameters
+        ----------
+        t : ndarray [s]
+
+        Returns
+        -------
+        ndarray [m], shape of ``t``
+        """
         x = self._place(t)
         value = -self.pga * self.width**2 * np.exp(-0.5 * x**2)
         return np.where(np.abs(x) <= REACH, value, 0.0)
 
     def remaining_impulse(self, t: float) -> float:
-        """Integral of |acceleration| [m/s] from ``t`` to the end; 4 PGV for the whole pulse.
+        """Integral of |acceleration| from a time to the end; 4 PGV for the whole pulse.
 
         It is the way that the velocity goes, up and down, between the peaks of the velocity.
+
+        Parameters
+        ----------
+        t : float [s]
+
+        Returns
+        -------
+        float [m/s]
         """
         x = min(max(t / self.width - REACH, -REACH), REACH)
         turns = np.array([x, *(peak for peak in (-1.0, 1.0) if peak > x), REACH])

@@ -54,23 +54,59 @@ class SinePulse:
         return abs(self.pga)
 
     def acceleration(self, t: Array) -> Array:
-        """Acceleration [m/s^2] at times ``t`` [s]; zero outside the pulse."""
+        """Acceleration at given times; zero outside the pulse.
+
+        Parameters
+        ----------
+        t : ndarray [s]
+
+        Returns
+        -------
+        ndarray [m/s^2], shape of ``t``
+        """
         inside = (t >= 0.0) & (t <= self.duration)
         return np.where(inside, self.pga * np.sin(t / self.shortest_time), 0.0)
 
     def velocity(self, t: Array) -> Array:
-        """Table velocity [m/s] at times ``t`` [s]."""
+        """Table velocity at given times.
+
+        Parameters
+        ----------
+        t : ndarray [s]
+
+        Returns
+        -------
+        ndarray [m/s], shape of ``t``
+        """
         inside = (t >= 0.0) & (t <= self.duration)
         unit = self.pga * self.shortest_time
         return np.where(inside, unit * (1.0 - np.cos(t / self.shortest_time)), 0.0)
 
     def displacement(self, t: Array) -> Array:
-        """Table displacement [m] at times ``t`` [s]; afterwards the table stays where it is."""
+        """Table displacement at given times; afterwards the table stays where it is.
+
+        Parameters
+        ----------
+        t : ndarray [s]
+
+        Returns
+        -------
+        ndarray [m], shape of ``t``
+        """
         phase = np.clip(t, 0.0, self.duration) / self.shortest_time
         return np.asarray(self.pga * self.shortest_time**2 * (phase - np.sin(phase)))
 
     def remaining_impulse(self, t: float) -> float:
-        """Integral of |acceleration| [m/s] from ``t`` to the end; 2 PGV for the whole pulse."""
+        """Integral of |acceleration| from a time to the end; 2 PGV for the whole pulse.
+
+        Parameters
+        ----------
+        t : float [s]
+
+        Returns
+        -------
+        float [m/s]
+        """
         phase = min(max(t / self.shortest_time, 0.0), 2.0 * math.pi)
         done = 1.0 - math.cos(phase) if phase <= math.pi else 3.0 + math.cos(phase)
         return self.peak_acceleration * self.shortest_time * (4.0 - done)

@@ -156,6 +156,16 @@ class Pulses:
         return self.pgv_pga
 
     def motion(self, cell: Cell) -> GroundMotion:
+        """The motion of a run.
+
+        Parameters
+        ----------
+        cell : Cell
+
+        Returns
+        -------
+        GroundMotion
+        """
         return CosinePulse(in_si.acceleration(cell.pga), self.pgv_pga[cell.row])
 
     def token(self, cell: Cell) -> bytes:
@@ -172,9 +182,25 @@ class ShapedPulses(Pulses):
     kind: str
 
     def motion(self, cell: Cell) -> GroundMotion:
+        """The motion of a run.
+
+        Parameters
+        ----------
+        cell : Cell
+
+        Returns
+        -------
+        GroundMotion
+        """
         return SHAPES[self.kind](in_si.acceleration(cell.pga), self.pgv_pga[cell.row])
 
     def identity(self) -> Any:
+        """Kind and code, which tell these from other pulses of the same peaks.
+
+        Returns
+        -------
+        list
+        """
         shape = SHAPES[self.kind]
         code = keys.code((f"{shape.__module__}:{shape.__name__}",))
         return [self.kind, keys.digest(code)]
