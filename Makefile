@@ -100,6 +100,16 @@ fetch: setup ## download the public original NAME into data/raw
 #: SCHEDULER=tcp://h:8786 a running Dask scheduler
 #: DERIVED=folder         where results go, in place of data/derived
 
+## The paper
+.PHONY: figures
+figures: setup ## every figure of the paper and its table, and which of its claims were found
+	$(vsr) figures $(call flag,--fig,FIG) $(call flag,--record,RECORD) $(derived) $(where) \
+	  $(foreach item,$(value SET),--set $(call quoted,$(item)))
+
+#:
+#: FIG=12                 one of them: 7, 8, 10 to 17, table_1, friction, settings, printed
+#: RECORD=file            recorded motion for Fig. 7, in place of the samples
+
 ## The project
 .PHONY: setup setup-dev test coverage test-slow lint check format options bench lock clean
 test: setup-dev ## tests of some minutes at most

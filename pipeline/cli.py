@@ -1,4 +1,4 @@
-"""The command line: prep, run, plan, status, why, feasible, replay, list, clean, fetch."""
+"""The command line: prep, run, plan, status, why, figures, feasible, replay, list, clean, fetch."""
 
 from __future__ import annotations
 
@@ -115,6 +115,11 @@ def _parser() -> argparse.ArgumentParser:
         sub = add(name, text)
         sub.add_argument("product", nargs="?", choices=DELIVERABLES, metavar="PRODUCT")
         add_site(sub)
+    figures = add("figures", "every figure of the paper, and which of its claims were found")
+    figures.add_argument("--fig", default="", metavar="NAME", help="one of them, e.g. 12")
+    figures.add_argument("--record", default="", metavar="FILE", help="recorded motion for Fig. 7")
+    figures.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
+    _add_where(figures)
     feasible = add("feasible", "what a shake table can do of a site's motions")
     add_site(feasible)
     feasible.add_argument("--table", required=True, metavar="NAME_OR_YAML")

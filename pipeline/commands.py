@@ -143,6 +143,24 @@ def _inspected(question: str, options: argparse.Namespace) -> int:
     return _show(named("pipeline.workflow.sweeps:told")(ask, swept))
 
 
+def figures(options: argparse.Namespace) -> int:
+    """Make figures of the paper, and the page of its claims.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, runs without a verdict
+    """
+    unresolved = int(
+        named("pipeline.stages.figures.making:make")(options, _cluster(vars(options)), _log)
+    )
+    _log(f"-> {options.derived / 'figures' / 'claims.html'}")
+    return unresolved
+
+
 def feasible(options: argparse.Namespace) -> int:
     """Print and write what a table of hardware can do of a site's motions.
 
@@ -307,7 +325,6 @@ def _sweep(options: argparse.Namespace) -> Sweep | None:
 
 
 def _job(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
-    check_settings()
     given = vars(options)
     if given.get("product") == "validation":
         site_of = named("pipeline.stages.studies.validation.recorded_tests:site_of")
@@ -319,6 +336,12 @@ def _job(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
         site = load_site(name, options.study, _settings(given))
         if given.get("curves") is not None:  # beside who gives them, not beside the site's YAML
             site = replace(site, folders={**site.folders, "hazard.curves": Path.cwd()})
+    return Job(site, Store(options.derived / site.name), _cluster(given), "", _log)
+
+
+def _cluster(given: dict[str, Any]) -> Cluster:
+    """The workers that the options name; all cores of this machine by default."""
+    check_settings()
     cores = (
         len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     )
@@ -327,14 +350,13 @@ def _job(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
     if elsewhere and workers is not None:
         rule, remedy = "a scheduler that exists has its own workers", "leave one of the two out"
         raise InputError(Problem("--workers", "", f"{workers} beside {elsewhere}", rule, remedy))
-    cluster = Cluster(
+    return Cluster(
         cores if workers is None else workers,
         given.get("scheduler"),
         given.get("scheduler_file"),
         given.get("cluster") == "slurm",
         _log,
     )
-    return Job(site, Store(options.derived / site.name), cluster, "", _log)
 
 
 def _wanted(given: dict[str, Any], option: str, what: str) -> Path:

@@ -31,6 +31,7 @@ STAGE = [
     "replay",
     "reports",
     "studies",
+    "figures",
 ]
 """Rooms and single files in the order in which the data goes: none takes from a later one."""
 

@@ -62,8 +62,8 @@ _RC: Any = {
 
 _SAVED: dict[str, Any] = {  # without the time at which it was made
     "png": {"dpi": DPI, "facecolor": "white", "metadata": {"Software": None}},
-    "svg": {"facecolor": "white", "metadata": {"Date": None}},
-    "pdf": {"metadata": {"CreationDate": None}},
+    "svg": {"dpi": DPI, "facecolor": "white", "metadata": {"Date": None}},
+    "pdf": {"dpi": DPI, "metadata": {"CreationDate": None}},
 }
 
 
@@ -101,7 +101,9 @@ def png(figure: Figure) -> bytes:
     return _rendered(figure, "png")
 
 
-def pictures(name: str, figure: Figure) -> dict[str, Writer]:
+def pictures(
+    name: str, figure: Figure, kinds: tuple[str, ...] = ("png", "pdf")
+) -> dict[str, Writer]:
     """The files of a figure that is a product.
 
     Parameters
@@ -109,12 +111,13 @@ def pictures(name: str, figure: Figure) -> dict[str, Writer]:
     name : str
         Without a suffix.
     figure : Figure
+    kinds : tuple of str, of "png", "pdf" and "svg"
 
     Returns
     -------
-    dict from file name to Writer, of a PNG and a PDF
+    dict from file name to Writer, the same bytes every time
     """
-    return {f"{name}.{kind}": binary(_rendered(figure, kind)) for kind in ("png", "pdf")}
+    return {f"{name}.{kind}": binary(_rendered(figure, kind)) for kind in kinds}
 
 
 def png_uri(figure: Figure) -> str:

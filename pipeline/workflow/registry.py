@@ -215,6 +215,14 @@ STAGES: tuple[Stage, ...] = (
         versions=("pybullet", "matplotlib", "jinja2"),
     ),
     Stage(
+        "as_printed",
+        make="pipeline.stages.studies.printed.as_printed:make",
+        needs=("rock",),
+        reads=("pedestal", "contact", "motion"),
+        code=("pipeline.stages.studies.printed.as_printed:run_cells",),
+        versions=("pybullet",),
+    ),
+    Stage(
         "validation",
         make="pipeline.stages.studies.validation.validation:make",
         code=VALIDATION_CODE,

@@ -92,6 +92,26 @@ def overturned_runs(displacement: xr.Dataset) -> pd.DataFrame:
     return table[names].astype(float)
 
 
+def typical(displacement: xr.Dataset) -> int | None:
+    """Place of the run of median length among those that toppled and came to rest.
+
+    Parameters
+    ----------
+    displacement : Dataset
+        As in ``displacement.nc``.
+
+    Returns
+    -------
+    int or None, where there is none
+    """
+    rested = toppled(displacement) & (displacement["stop_reason"].values == StopReason.REST)
+    runs = np.flatnonzero(rested)
+    if not len(runs):
+        return None
+    order = np.argsort(displacement["trajectory_length"].values[runs], kind="stable")
+    return int(runs[order[len(order) // 2]])
+
+
 def ends(displacement: xr.Dataset) -> Array:
     """Where the centre of mass of each run ended.
 

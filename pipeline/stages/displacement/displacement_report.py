@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import xarray as xr
 
 from pipeline.drawing import style
-from pipeline.stages.datasets.displaced_runs import toppled
+from pipeline.stages.datasets import displaced_runs
 from pipeline.stages.datasets.displacement_dataset import FILE as DISPLACEMENT
 from pipeline.stages.displacement import (
     correlation_figures,
@@ -24,7 +23,6 @@ from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.writers import Writer, binary, text
 from vsr_core.displacement.origin import Found
-from vsr_core.outcome import StopReason
 
 PAGE, SPACE = "displacement.html", "trajectories.html"
 STILL, FILM = "figures/timelapse.png", "figures/animation.webp"
@@ -46,7 +44,7 @@ def make(job: Job) -> Product:
     files = _figures(displacement, terrain, source)
     words = "Rotate, zoom and play any run; one file that works offline."
     slots = [Slot("All trajectories in three dimensions", words, link=SPACE)]
-    run = _typical(displacement)
+    run = displaced_runs.typical(displacement)
     if run is not None:
         still = style.png(timelapse.timelapse(displacement, terrain, rock, run, source))
         film = timelapse.animation(displacement, terrain, rock, run)
@@ -86,16 +84,6 @@ def _figures(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> dict
     for name, figure in drawn.items():
         files |= style.pictures(f"figures/{name}", figure)
     return files
-
-
-def _typical(displacement: xr.Dataset) -> int | None:
-    """Place of the run of median length among those that toppled and came to rest."""
-    rested = toppled(displacement) & (displacement["stop_reason"].values == StopReason.REST)
-    runs = np.flatnonzero(rested)
-    if not len(runs):
-        return None
-    order = np.argsort(displacement["trajectory_length"].values[runs], kind="stable")
-    return int(runs[order[len(order) // 2]])
 
 
 def _found(job: Job, terrain: xr.Dataset) -> Found | None:

@@ -139,7 +139,8 @@ def load(source: Source, site: Site) -> trimesh.Trimesh:
 
     if source.path is None:
         if not site.config.on_terrain:
-            return trimesh.Trimesh(*GENERATORS[source.fallback](), process=False)
+            mesh = trimesh.Trimesh(*GENERATORS[source.fallback](), process=False)
+            return mesh.apply_scale(site.config.rock.scale)
         raw = scan(SITES[source.fallback]())
         return trimesh.Trimesh(raw.vertices, raw.faces, vertex_colors=raw.colours, process=False)
     try:

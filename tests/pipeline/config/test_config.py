@@ -81,6 +81,7 @@ def test_values_are_what_one_would_write() -> None:
 
 
 CHERT, WOOD = 2110.0, 1500.0  # kg/m3, the paper's sections 4.2 and 5.1
+PRINTS = {"petg_12.8cm": (0.128, 1240.0), "pla_12cm": (0.12, 1250.0)}  # m, kg/m3, section 4.3
 
 
 @pytest.mark.parametrize("name", known())
@@ -89,7 +90,15 @@ def test_shipped_sites(name: str) -> None:
     on_terrain = name in ("double_rock_terrain", "granite_dells")
     assert config.pedestal.shape == ("mesh" if on_terrain else "flat")
     assert config.contact.friction == (0.6,)
-    assert len(config.motion.pga) == len(config.motion.pgv_pga) == 50
+    assert len(config.motion.pgv_pga) == 50
+    if name in PRINTS:
+        height, density = PRINTS[name]
+        assert config.rock.scale * 1.5085 == pytest.approx(height, abs=1e-5)  # of the rock
+        assert config.rock.density == density
+        assert config.rock.fallback == "double_rock"
+        assert config.motion.pga[-1] == 1.2  # g, of the mini shake robot
+        return
+    assert len(config.motion.pga) == 50
     if name.startswith("cuboid_"):
         size = tuple(float(side) for side in name.removeprefix("cuboid_").split("x"))
         assert config.rock.size == size

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -58,25 +59,44 @@ MARGIN = 0.001
 """Bullet's collision margin [m], around the hull and again around the triangles."""
 
 
-def build(scene: Scene, setting: Setting) -> Test:
+@dataclass(frozen=True)
+class Coefficients:
+    """What Bullet is told of the rock and of the table.
+
+    It multiplies the frictions and the restitutions of two bodies, and takes as rolling friction, a
+    length in metres, the sum of each body's times the other's friction.
+
+    Attributes
+    ----------
+    friction, restitution, rolling : (float, float), of the rock and of the table
+    """
+
+    friction: tuple[float, float]
+    restitution: tuple[float, float] = (0.0, 0.0)
+    rolling: tuple[float, float] = (0.0, 0.0)
+
+
+def build(scene: Scene, setting: Setting, coefficients: Coefficients | None = None) -> Test:
     """Test with the table's velocity controlled in every step; a new world for every run.
 
     Parameters
     ----------
     scene : Scene
     setting : dict of float, one of ``SWEEP``
+    coefficients : Coefficients or None, for the friction of the scene's pair and no rebound
 
     Returns
     -------
     Test
     """
     time_step = setting["time_step"]
+    told = coefficients or Coefficients((scene.contact.friction, 1.0))
 
     def test(pulse: CosinePulse) -> float:
         steps = math.ceil((REST + pulse.duration + AFTER) / time_step)
         times: Array = time_step * np.arange(steps, dtype=np.float64) - REST
         desired = pulse.velocity(times)
-        world = _World(scene, time_step)
+        world = _World(scene, time_step, told)
         try:
             return largest_tilt(world.advance, world.tilt, desired, until=math.inf)
         finally:
@@ -88,7 +108,7 @@ def build(scene: Scene, setting: Setting) -> Test:
 class _World:
     """A rock at rest on a table that can be driven."""
 
-    def __init__(self, scene: Scene, time_step: float) -> None:
+    def __init__(self, scene: Scene, time_step: float, told: Coefficients) -> None:
         self._client = int(pybullet.connect(pybullet.DIRECT))
         self._time_step = time_step
         self._up = scene.rock.axes[2]
@@ -98,8 +118,8 @@ class _World:
         pybullet.setPhysicsEngineParameter(
             numSolverIterations=ITERATIONS, physicsClientId=self._client
         )
-        self._table = self._add_table()
-        self._rock = self._add_rock(scene)
+        self._table = self._add_table(told)
+        self._rock = self._add_rock(scene, told)
 
     def advance(self, desired: Iterable[float]) -> None:
         """Step through desired velocities of the table [m/s]."""
@@ -126,7 +146,7 @@ class _World:
         """End the connection."""
         pybullet.disconnect(self._client)
 
-    def _add_table(self) -> int:
+    def _add_table(self, told: Coefficients) -> int:
         client = self._client
         shape = level_sheet(HALF_WIDTH, CELLS, client)
         table = pybullet.createMultiBody(
@@ -146,12 +166,12 @@ class _World:
         pybullet.setJointMotorControl2(
             table, 0, pybullet.VELOCITY_CONTROL, force=0.0, physicsClientId=client
         )
-        # Bullet multiplies the coefficients of two bodies: the rock's are the pair's.
         pybullet.changeDynamics(
             table,
             0,
-            lateralFriction=1.0,
-            restitution=0.0,
+            lateralFriction=told.friction[1],
+            restitution=told.restitution[1],
+            rollingFriction=told.rolling[1],
             linearDamping=0.0,
             angularDamping=0.0,
             jointDamping=0.0,
@@ -159,7 +179,7 @@ class _World:
         )
         return int(table)
 
-    def _add_rock(self, scene: Scene) -> int:
+    def _add_rock(self, scene: Scene, told: Coefficients) -> int:
         client, rock, start = self._client, scene.rock, resting(scene)
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_MESH,
@@ -176,8 +196,9 @@ class _World:
         pybullet.changeDynamics(
             body,
             -1,
-            lateralFriction=scene.contact.friction,
-            restitution=0.0,
+            lateralFriction=told.friction[0],
+            restitution=told.restitution[0],
+            rollingFriction=told.rolling[0],
             linearDamping=0.0,
             angularDamping=0.0,
             localInertiaDiagonal=rock.inertia.tolist(),

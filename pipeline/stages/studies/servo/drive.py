@@ -13,6 +13,7 @@ from pipeline.config import in_si
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError
 from pipeline.drawing.style import pictures, svg_uri
+from pipeline.stages.motions import record_inputs
 from pipeline.stages.runs.scenes import load_scenes
 from pipeline.stages.studies.servo import drive_figures as figures
 from pipeline.stages.studies.servo import drive_runs
@@ -56,7 +57,8 @@ def make(job: Job) -> Product:
     """
     scenes = load_scenes(job.config, job.store, level=True)
     drives = drive_runs.drives(in_si.servo(job.config.servo))
-    tracks, records = drive_runs.tracks(scenes, drives)
+    waves = drive_runs.rough(job.site)
+    tracks, records = drive_runs.tracks(scenes, drives, waves)
     rows = drive_runs.rows(job, scenes, drives)
     dataset = described(_dataset(tracks, rows), job, "Driven table")
     drawn = {
@@ -69,7 +71,9 @@ def make(job: Job) -> Product:
         "records": records,
         "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
         "pga": records[-1]["pga_g"],
-        "wanted_pga": drive_runs.SYNTHETIC[0],
+        "wanted_pga": waves.pga,
+        "made": waves.name == drive_runs.ROUGH,
+        "motion": waves.name,
         "tried": job.config.motion.pga[-1],
         "mass": scenes.rock.mass,
         "table_mass": drives[-1].servo.mass if drives[-1].servo else math.nan,
@@ -132,7 +136,7 @@ def _shift(dataset: xr.Dataset) -> str:
 
 
 def inputs(site: Site) -> dict[str, str]:
-    """The servo, which the configuration leaves out where it is idle.
+    """The servo, which the configuration leaves out where it is idle, and the records.
 
     Parameters
     ----------
@@ -140,7 +144,7 @@ def inputs(site: Site) -> dict[str, str]:
 
     Returns
     -------
-    dict of one entry, the servo's settings
+    dict, the servo's settings, and digests of the records by their names
 
     Raises
     ------
@@ -152,4 +156,4 @@ def inputs(site: Site) -> dict[str, str]:
         check(servo)
     except InvalidInput as error:
         raise InputError.from_invalid(site.file, "servo", error) from None
-    return {"servo": repr(sorted(asdict(servo).items()))}
+    return {"servo": repr(sorted(asdict(servo).items())), **record_inputs.digests(site)}

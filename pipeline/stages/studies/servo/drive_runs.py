@@ -9,12 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline.config import in_si
-from pipeline.config.motion_schema import PulseConfig
+from pipeline.config.layers import Site
+from pipeline.config.motion_schema import PulseConfig, RecordConfig
+from pipeline.stages.motions import record_inputs
 from pipeline.stages.runs.scenes import Scenes, flat_scene, groups
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.stage import Job
 from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
 from vsr_core.motions.records.recorded_motion import RecordedMotion
+from vsr_core.motions.records.trace import Trace
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.input_checks import PERIOD_SHARE
 from vsr_core.run.overturning import simulate
@@ -25,8 +28,8 @@ from vsr_core.verification.boundary_search import Bracket, first_boundary, verdi
 from vsr_core.verification.time_step import step_unit
 from vsr_core.verification.tracking import TableHistory, disturbance, errors, push, synthetic, track
 
-A_PULSE, ROUGH = "pulse", "rough motion"
-"""The motions that are followed."""
+A_PULSE, ROUGH, RECORD = "pulse", "rough motion", "record"
+"""The motions that are followed: a pulse, and a made motion or the first of the site's records."""
 
 PULSE = (0.2, 0.8)
 """PGA [g] and PGV/PGA [s] of the paper's Fig. 7a."""
@@ -120,8 +123,35 @@ def drives(own: Servo) -> list[Drive]:
     return drives
 
 
+class Rough(NamedTuple):
+    """A motion of many waves: its name, the PGA [g] from which it is raised, and its samples."""
+
+    name: str
+    pga: float
+    trace: Trace
+
+
+def rough(site: Site) -> Rough:
+    """The first of a site's records, or a made motion where it has none.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    Rough
+    """
+    motion = site.config.motion
+    if isinstance(motion, RecordConfig):
+        first = record_inputs.load(site, motion)[0]
+        return Rough(f"{RECORD} {first.name}", motion.pga[0], first.trace)
+    pga, ratio = SYNTHETIC
+    return Rough(ROUGH, pga, synthetic(ratio))
+
+
 def tracks(
-    scenes: Scenes, drives: list[Drive]
+    scenes: Scenes, drives: list[Drive], waves: Rough
 ) -> tuple[dict[Followed, TableHistory], list[Record]]:
     """Follow the table through the pulse with each servo, and through the rough motion.
 
@@ -129,6 +159,7 @@ def tracks(
     ----------
     scenes : Scenes
     drives : list of Drive, the first the table's own frame
+    waves : Rough
 
     Returns
     -------
@@ -158,20 +189,19 @@ def tracks(
     last = drives[-1].servo
     assert last is not None
     scene = flat_scene(scenes, place, last)
-    pga, motion, rough = _toppling(scene, scenes.barrier, step)
-    name = Followed(ROUGH, drives[-1].name)
-    found[name] = rough
-    return found, [*records, refused, _record(name, scene, pga, rough, motion)]
+    pga, motion, course = _toppling(scene, scenes.barrier, step, waves)
+    name = Followed(waves.name, drives[-1].name)
+    found[name] = course
+    return found, [*records, refused, _record(name, scene, pga, course, motion)]
 
 
 def _toppling(
-    scene: Scene, limits: Barrier, step: float
+    scene: Scene, limits: Barrier, step: float, waves: Rough
 ) -> tuple[float, GroundMotion, TableHistory]:
-    """The made motion at the first PGA that topples the rock, or the largest."""
-    pga, ratio = SYNTHETIC
-    trace = synthetic(ratio)
+    """The rough motion at the first PGA that topples the rock, or the largest."""
+    pga = waves.pga
     while True:
-        motion = RecordedMotion.scaled(trace, pga)
+        motion = RecordedMotion.scaled(waves.trace, pga)
         followed = track(scene, motion, step, AFTER)
         if followed.tilt.max() > limits.toppled_tilt or LARGER * pga > LARGEST:
             return pga, motion, followed

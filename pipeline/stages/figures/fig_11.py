@@ -1,0 +1,98 @@
+"""Fig. 11: the PLA print of Double Rock from two sides."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pipeline.drawing import style
+from pipeline.stages.figures import diagrams, measures, robot
+from pipeline.stages.figures.paper import Data, Finding, Source
+from vsr_core.arrays import Mask
+
+TITLE = "PLA print of Double Rock, 12.0 cm high, from two sides"
+
+SOURCES = {
+    "print": Source("pla_12cm", "responses"),
+    "fit": Source("pla_12cm", "fragility"),
+    "rock": Source("pla_12cm", "rock"),
+}
+
+INPUTS = robot.INPUTS
+
+YAWS = (0.0, 270.0)
+
+MOST_ROWS = 0.8
+"""Share of the rows in which a boundary must lie lower."""
+
+
+@style.styled
+def draw(data: Data) -> Figure:
+    """Draw the runs at both yaws, the boundary of each, and the robot's limits.
+
+    Parameters
+    ----------
+    data : Data
+
+    Returns
+    -------
+    Figure
+    """
+    figure = Figure(figsize=(9.4, 5.0))
+    margins = {"left": 0.07, "right": 0.985, "bottom": 0.235, "top": 0.905, "wspace": 0.12}
+    panels = figure.subplots(1, 2, squeeze=False, sharey=True, gridspec_kw=margins)
+    responses = data["print"]
+    pga, ratios = responses["pga"].values, responses["pgv_pga"].values
+    for axes, yaw in zip(panels[0], YAWS, strict=True):
+        diagrams.cells(axes, pga, ratios, measures.grid(responses, yaw), pale=True)
+        robot.limits(axes, axes.get_ylim()[1])
+        for place, colour in enumerate((style.OVERTURNED, style.INK)):
+            look: Any = {"color": colour, "lw": 2.0, "ls": ("-", "--")[place]}
+            diagrams.logistic(axes, data["fit"], place, label=f"boundary at yaw {YAWS[place]:g}°",
+                              gid=f"logistic-{YAWS[place]:g}", **look)  # fmt: skip
+        axes.set_title(f"yaw {yaw:g}°")
+    diagrams.labelled(panels)
+    source = data["rock"].attrs["shape_source"]
+    diagrams.note(figure, f"{source}; the robot's own results are not public")
+    lines = panels[0, 0].get_legend_handles_labels()[0]
+    figure.legend(handles=[*diagrams.key(pale=True), *lines], loc="lower center", ncols=3)
+    return figure
+
+
+def findings(data: Data) -> list[Finding]:
+    """Compare with section 4.3.
+
+    Parameters
+    ----------
+    data : Data
+
+    Returns
+    -------
+    list of Finding
+    """
+    responses = data["print"]
+    can = robot.can(responses["pga"].values, responses["pgv_pga"].values)
+    return [
+        _compared(data, np.ones_like(can), "in all runs"),
+        _compared(data, can, "in the runs that the mini shake robot can do"),
+    ]
+
+
+def _compared(data: Data, cells: Mask, which: str) -> Finding:
+    responses = data["print"]
+    pga = responses["pga"].values
+    outcomes = [np.where(cells, measures.grid(responses, yaw), -1) for yaw in YAWS]
+    share = [100.0 * measures.toppled_share(each) for each in outcomes]
+    first = [measures.first_overturning(pga, each) for each in outcomes]
+    rows = measures.lower_in(*first)
+    return Finding(
+        "Fig. 11, section 4.3",
+        f"The PLA print is more fragile at yaw 0° than at yaw 270° ({which}).",
+        f"more runs overturn at 0°, and the boundary lies lower in {100 * MOST_ROWS:g} % of the "
+        "rows",
+        f"{share[0]:.1f} % of the runs overturn against {share[1]:.1f} %; lower in "
+        f"{100 * rows:.0f} % of the rows",
+        share[0] > share[1] and rows >= MOST_ROWS,
+    )

@@ -1,0 +1,95 @@
+"""Fig. 15b-f: trajectories of the toppled rock over the terrain."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pipeline.stages.datasets.displaced_runs import overturned_runs, toppled
+from pipeline.stages.displacement import trajectory_maps
+from pipeline.stages.figures import terrain_note
+from pipeline.stages.figures.paper import Data, Finding, Source
+
+TITLE = "Trajectories of the toppled rock"
+
+SITE = "double_rock_terrain"
+
+SOURCES = {
+    "displacement": Source(SITE, "displacement"),
+    "terrain": Source(SITE, "terrain"),
+    "rock": Source(SITE, "rock"),
+}
+
+PUBLISHED = 692 / 2500
+"""Toppled share of the published runs."""
+
+LIKE = 1.5
+"""Factor within which a toppled share is like the published one."""
+
+RANGES = ((0.5, 0.7), (0.7, 0.8))
+"""PGA of the paper's panels [g]."""
+
+
+def draw(data: Data) -> Figure:
+    """Draw all trajectories from above, and those of each range of PGA.
+
+    Parameters
+    ----------
+    data : Data
+
+    Returns
+    -------
+    Figure
+    """
+    source = terrain_note.source(data["rock"])
+    return trajectory_maps.trajectories(data["displacement"], data["terrain"], source)
+
+
+def findings(data: Data) -> list[Finding]:
+    """Compare with section 5.4.
+
+    Parameters
+    ----------
+    data : Data
+
+    Returns
+    -------
+    list of Finding
+    """
+    displacement = data["displacement"]
+    number, share = int(toppled(displacement).sum()), float(toppled(displacement).mean())
+    runs = overturned_runs(displacement)
+    inside = [runs[(runs["pga"] > low) & (runs["pga"] <= high)] for low, high in RANGES]
+    tested = displacement["pga"].values
+    rates = [
+        len(part) / max(int(((tested > low) & (tested <= high)).sum()), 1)
+        for part, (low, high) in zip(inside, RANGES, strict=True)
+    ]
+    speeds = [float(np.median(part["largest_speed"])) if len(part) else 0.0 for part in inside]
+    names = [f"({low:g}, {high:g}] g" for low, high in RANGES]
+    return [
+        Finding(
+            "Fig. 15b, section 5.4",
+            "692 of 2,500 runs overturn the rock at yaw 0° on the terrain.",
+            f"the same share, within a factor of {LIKE:g}: a terrain of another shape gives "
+            "another number",
+            f"{number} of {displacement.sizes['run']}, a share of {share:.2f} against "
+            f"{PUBLISHED:.2f}, on a surrogate terrain",
+            1.0 / LIKE <= share / PUBLISHED <= LIKE,
+        ),
+        Finding(
+            "Fig. 15c-f, section 5.4",
+            "More runs overturn, and so more trajectories there are, the larger the PGA.",
+            f"a larger share overturns in {names[1]} than in {names[0]}",
+            f"{100 * rates[0]:.0f} % of the runs ({len(inside[0])}) in {names[0]}, "
+            f"{100 * rates[1]:.0f} % ({len(inside[1])}) in {names[1]}",
+            rates[1] > rates[0],
+        ),
+        Finding(
+            "Fig. 15, section 5.4",
+            "The speed along the trajectories changes with PGA.",
+            f"the median of the largest speeds is higher in {names[1]}",
+            f"{speeds[0]:.2f} m/s in {names[0]}, {speeds[1]:.2f} m/s in {names[1]}",
+            speeds[1] > speeds[0],
+        ),
+    ]

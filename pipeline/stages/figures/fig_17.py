@@ -1,0 +1,42 @@
+"""Fig. 17: means of ensembles of trajectories against PGA and PGV/PGA."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from pipeline.stages.displacement import correlation_figures
+from pipeline.stages.figures import terrain_note
+from pipeline.stages.figures.fig_15 import SOURCES as SOURCES
+from pipeline.stages.figures.paper import Data, Finding
+
+TITLE = "Means of ensembles against PGA and PGV/PGA"
+
+
+def draw(data: Data) -> Figure:
+    """Draw the means with the line through them.
+
+    Parameters
+    ----------
+    data : Data
+
+    Returns
+    -------
+    Figure
+    """
+    return correlation_figures.ensemble_means(
+        data["displacement"], terrain_note.source(data["rock"])
+    )
+
+
+def findings(data: Data) -> list[Finding]:
+    """What the paper says of it is in its Table 1.
+
+    Parameters
+    ----------
+    data : Data
+
+    Returns
+    -------
+    list of Finding, empty
+    """
+    return []

@@ -1,0 +1,150 @@
+"""Measures of overturning responses that several figures quote."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import xarray as xr
+
+from vsr_core import GRAVITY
+from vsr_core.arrays import Array, Mask
+from vsr_core.fragility.boundary import locate
+from vsr_core.verification.rocking_block import Block, first_overturning_pga
+
+_TRIED, _TOLERANCE = 100, 1e-3
+"""Of the search on Housner's equation: PGAs tried up to the highest, and relative width."""
+
+
+def grid(responses: xr.Dataset, yaw: float | None = None, friction: int = 0) -> Array:
+    """Outcomes of one direction: 1 overturned, 0 not, -1 undecided.
+
+    Parameters
+    ----------
+    responses : Dataset
+        As in ``responses.nc``.
+    yaw : float or None [degree], the first one if None
+    friction : int, its position
+
+    Returns
+    -------
+    ndarray, shape (PGV/PGA, PGA)
+    """
+    place = 0 if yaw is None else responses["yaw"].values.tolist().index(yaw)
+    outcomes: Array = responses["overturned"].values[place, friction]
+    return outcomes
+
+
+def toppled_share(outcomes: Array) -> float:
+    """Share of the decided runs that overturned.
+
+    Parameters
+    ----------
+    outcomes : ndarray, as ``grid`` gives them
+
+    Returns
+    -------
+    float
+
+    >>> toppled_share(np.array([[1, 0], [-1, 0]]))
+    0.3333333333333333
+    """
+    decided = outcomes >= 0
+    return float((outcomes == 1).sum() / decided.sum())
+
+
+def differing(one: Array, other: Array) -> float:
+    """Share of the cells decided in both that end differently.
+
+    Parameters
+    ----------
+    one, other : ndarray, of the same shape
+
+    Returns
+    -------
+    float
+
+    >>> differing(np.array([1, 0, -1]), np.array([1, 1, 1]))
+    0.5
+    """
+    both = (one >= 0) & (other >= 0)
+    return float((one != other)[both].mean())
+
+
+def first_overturning(pga: Array, outcomes: Array) -> Array:
+    """Middle of the interval of the first overturning of each row.
+
+    Parameters
+    ----------
+    pga : ndarray, shape (columns,) [g]
+    outcomes : ndarray, shape (rows, columns)
+
+    Returns
+    -------
+    ndarray, shape (rows,) [g]; nan where the row does not overturn
+
+    >>> first_overturning(np.array([0.1, 0.2, 0.3]), np.array([[0, 0, 1], [0, 0, 0]])).tolist()
+    [0.25, nan]
+    """
+    found = locate(pga, outcomes)
+    low = np.where(np.isfinite(found.lower), found.lower, found.upper)
+    return np.where(np.isfinite(found.upper), 0.5 * (low + found.upper), np.nan)
+
+
+def lower_in(one: Array, other: Array) -> float:
+    """Share of the rows in which one boundary lies lower than another, or as low.
+
+    Parameters
+    ----------
+    one, other : ndarray, shape (rows,) [g]
+        Rows where neither is known do not count; an unknown one lies above the grid.
+
+    Returns
+    -------
+    float
+
+    >>> lower_in(np.array([0.1, 0.3, np.nan]), np.array([0.2, 0.2, np.nan]))
+    0.5
+    """
+    known = np.isfinite(one) | np.isfinite(other)
+    return float((np.nan_to_num(one, nan=np.inf) <= np.nan_to_num(other, nan=np.inf))[known].mean())
+
+
+def housner(width: float, height: float, ratios: Array, highest: float) -> Array:
+    """First-overturning PGA of a block by Housner's equation.
+
+    Parameters
+    ----------
+    width, height : float [m]
+    ratios : ndarray, shape (rows,), PGV/PGA [s]
+    highest : float [g], up to which is looked
+
+    Returns
+    -------
+    ndarray, shape (rows,) [g]; nan where none is found
+    """
+    return np.array([_exact(width, height, float(ratio), float(highest)) for ratio in ratios])
+
+
+@cache
+def _exact(width: float, height: float, ratio: float, highest: float) -> float:
+    block, top = Block(0.5 * width, 0.5 * height), highest * GRAVITY
+    found = first_overturning_pga(block, ratio, top, top / _TRIED, _TOLERANCE)
+    return found / GRAVITY if math.isfinite(found) else math.nan
+
+
+def apart(boundary: Array, reference: Array) -> Array:
+    """Relative difference of two boundaries in the rows where both are known.
+
+    Parameters
+    ----------
+    boundary, reference : ndarray, shape (rows,) [g]
+
+    Returns
+    -------
+    ndarray, shape (known rows,)
+    """
+    known: Mask = np.isfinite(boundary) & np.isfinite(reference)
+    difference: Array = boundary[known] / reference[known] - 1.0
+    return difference

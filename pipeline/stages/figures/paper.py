@@ -1,0 +1,186 @@
+"""What a module of a figure is made of: its datasets, and what was found of the paper's claims.
+
+A figure is a module ``fig_*`` or ``table_*`` of this room; it is found by its name. It holds
+
+- ``TITLE``, a line for the page;
+- ``SOURCES``, a dict of ``Source`` by the names under which its functions are given the datasets;
+- ``draw(data)``, from the datasets to a matplotlib ``Figure``;
+- ``findings(data)``, from the datasets to a list of ``Finding``;
+- perhaps ``INPUTS``, files that it reads besides.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, cast
+
+import xarray as xr
+from matplotlib.figure import Figure
+
+Data = Mapping[str, xr.Dataset]
+
+RECORDED = "recorded_motion"
+"""The study whose motions ``vsr figures --record`` replaces."""
+
+FOUND, NOT_FOUND, NOT_TESTABLE = "found", "not found", "not testable here"
+
+
+@dataclass(frozen=True)
+class Source:
+    """A dataset that a figure draws, made as any command makes it.
+
+    Attributes
+    ----------
+    site : str, in ``configs/sites``
+    stage : str, that makes it; its file has the same name
+    study : str, in ``configs/studies``, or empty
+    """
+
+    site: str
+    stage: str
+    study: str = ""
+
+    @property
+    def folder(self) -> str:
+        """Name of the folder of its products: a study has one of its own, beside the site's."""
+        return f"{self.site}-{self.study}" if self.study else self.site
+
+    @property
+    def file(self) -> str:
+        """Name of its file there."""
+        return f"{self.stage}.nc"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A claim of the paper, and what was computed here.
+
+    Attributes
+    ----------
+    where : str, where the paper makes it
+    claim : str, in our words
+    rule : str, from which measure on it counts as found
+    measured : str, that measure
+    found : bool or None, by that rule; None where it cannot be tested here
+    """
+
+    where: str
+    claim: str
+    rule: str
+    measured: str
+    found: bool | None
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in words."""
+        if self.found is None:
+            return NOT_TESTABLE
+        return FOUND if self.found else NOT_FOUND
+
+
+class PaperFigure(Protocol):
+    """What a module of a figure offers."""
+
+    TITLE: str
+    SOURCES: Mapping[str, Source]
+
+    def draw(self, data: Data) -> Figure:
+        """Draw it.
+
+        Parameters
+        ----------
+        data : Data, by the names of ``SOURCES``
+
+        Returns
+        -------
+        Figure
+        """
+
+    def findings(self, data: Data) -> list[Finding]:
+        """Compare it with what the paper claims.
+
+        Parameters
+        ----------
+        data : Data, by the names of ``SOURCES``
+
+        Returns
+        -------
+        list of Finding
+        """
+
+
+def names() -> list[str]:
+    """Names of all figures and tables, in the order of the paper, ours last.
+
+    Returns
+    -------
+    list of str
+
+    >>> [name for name in names() if name.startswith("fig_1")][:2]
+    ['fig_10', 'fig_11']
+    """
+    folder = [str(Path(__file__).parent)]
+    known = [module.name for module in pkgutil.iter_modules(folder)]
+    figures = (name for name in known if name.startswith(("fig_", "table_")))
+    return sorted(figures, key=lambda name: (not _number(name)[:1].isdigit(), name[:1], name))
+
+
+def find(wanted: str) -> list[str]:
+    """Names of the figures that a user means: ``12``, ``table_1``, ``friction``.
+
+    A number brings its parts too.
+
+    Parameters
+    ----------
+    wanted : str
+
+    Returns
+    -------
+    list of str, empty if there is none
+
+    >>> find("8"), find("table_1"), find("99")
+    (['fig_08'], ['table_1'], [])
+    """
+    known = names()
+    if wanted in known:
+        return [wanted]
+    number = wanted.removeprefix("fig_").zfill(2)
+    return [name for name in known if _number(name).rstrip("abcdef") == number] or [
+        name for name in known if _number(name) in (wanted, number)
+    ]
+
+
+def load(name: str) -> PaperFigure:
+    """Module of a figure.
+
+    Parameters
+    ----------
+    name : str, one of ``names``
+
+    Returns
+    -------
+    PaperFigure
+    """
+    return cast(PaperFigure, importlib.import_module(f"{__package__}.{name}"))
+
+
+def inputs(figure: PaperFigure) -> tuple[Path, ...]:
+    """Files that a figure reads besides its datasets.
+
+    Parameters
+    ----------
+    figure : PaperFigure
+
+    Returns
+    -------
+    tuple of Path
+    """
+    return cast(tuple[Path, ...], getattr(figure, "INPUTS", ()))
+
+
+def _number(name: str) -> str:
+    return name.partition("_")[2]

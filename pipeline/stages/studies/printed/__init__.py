@@ -1,0 +1,1 @@
+"""The published set-up rebuilt, with its parameters as printed."""

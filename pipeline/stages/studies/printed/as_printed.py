@@ -1,0 +1,124 @@
+"""The published set-up rebuilt, told the paper's coefficients in the ways they can be read."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from pipeline.config.motion_schema import PulseConfig
+from pipeline.config.problems import InputError, Problem
+from pipeline.stages.runs.scenes import flat_scene, groups, load_scenes
+from pipeline.workflow.batches import Batch
+from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.stage import Job, Product
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.scene import Scene
+from vsr_core.verification.peers.published_setup import Coefficients, build
+
+FILE = "as_printed.nc"
+
+FRICTION, RESTITUTION, ROLLING = 0.6, 0.38, 0.6
+"""Coefficients that the paper prints for rock on rock."""
+
+TIME_STEP = 1e-3
+"""Of the public scripts [s]."""
+
+SETTINGS = {
+    "of the pair": Coefficients((FRICTION, 1.0)),
+    "friction on both": Coefficients((FRICTION, FRICTION)),
+    "restitution on both": Coefficients((FRICTION, 1.0), (RESTITUTION, RESTITUTION)),
+    "rolling on both": Coefficients((FRICTION, 1.0), rolling=(ROLLING, ROLLING)),
+    "all on both": Coefficients(
+        (FRICTION, FRICTION), (RESTITUTION, RESTITUTION), (ROLLING, ROLLING)
+    ),
+}
+"""What Bullet is told, by name."""
+
+CELLS = 7
+"""Values of PGA and of PGV/PGA, from the site's: a run takes some tenths of a second."""
+
+OVERTURNED = 1.0
+"""Largest tilt from which the public scripts call a rock toppled [rad]."""
+
+
+def make(job: Job) -> Product:
+    """Run a thin grid of pulses with each setting.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+        ``as_printed.nc``.
+
+    Raises
+    ------
+    InputError
+        For motions that are no pulses.
+    """
+    motion = job.config.motion
+    if not isinstance(motion, PulseConfig):
+        rule, remedy = "the grid is one of cosine pulses", "use a site or study of cosine pulses"
+        raise InputError(Problem(job.site.file, "motion.kind", repr(motion.kind), rule, remedy))
+    pga, ratios = thinned(motion.pga), thinned(motion.pgv_pga)
+    scene = flat_scene(load_scenes(job.config, job.store), groups(job.config)[0])
+    batches = (Batch(name, ((ratio, level),)) for name in SETTINGS for ratio in ratios
+               for level in pga)  # fmt: skip
+    done = {
+        (name, *cell): verdict
+        for name, cell, verdict in job.cluster.each(run_cells, batches, lambda name: (name, scene))
+    }
+    outcomes = np.array(
+        [[[done[name, ratio, level] for level in pga] for ratio in ratios] for name in SETTINGS],
+        float,
+    )
+    outcomes = np.where(np.isnan(outcomes), -1, outcomes).astype("i1")
+    dataset = xr.Dataset(
+        {"overturned": (("setting", "pgv_pga", "pga"), outcomes)},
+        {"setting": list(SETTINGS), "pgv_pga": list(ratios), "pga": list(pga)},
+    )
+    shares = ", ".join(f"{name} {100 * (grid == 1).mean():.0f} %"
+                       for name, grid in zip(SETTINGS, outcomes, strict=True))  # fmt: skip
+    return Product({FILE: netcdf(described(dataset, job, "As printed"))}, f"toppled: {shares}")
+
+
+def thinned(values: tuple[float, ...]) -> tuple[float, ...]:
+    """Some of many values, evenly spaced, from after the first to the last.
+
+    Parameters
+    ----------
+    values : tuple of float
+
+    Returns
+    -------
+    tuple of float, ``CELLS`` at the most
+
+    >>> thinned(tuple(range(15)))
+    (2, 4, 6, 8, 10, 12, 14)
+    """
+    every = -(-len(values) // CELLS)
+    return values[::-1][::every][:CELLS][::-1]
+
+
+def run_cells(
+    shared: tuple[str, Scene], cells: tuple[tuple[float, float], ...]
+) -> list[float | None]:
+    """Run pulses in a setting, on a worker.
+
+    Parameters
+    ----------
+    shared : name of the setting, and the scene
+    cells : tuple of PGV/PGA [s] and PGA [g]
+
+    Returns
+    -------
+    list of float or None, 1 overturned, 0 not; None where the simulation diverged
+    """
+    name, scene = shared
+    test = build(scene, {"time_step": TIME_STEP}, SETTINGS[name])
+    tilts = [test(CosinePulse.from_g(pga, ratio)) for ratio, pga in cells]
+    return [None if math.isnan(tilt) else float(tilt > OVERTURNED) for tilt in tilts]

@@ -1,0 +1,186 @@
+"""What figures of the paper draw and find, on small datasets whose answers are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from pipeline.config.layers import load_site
+from pipeline.stages.figures import (
+    fig_07,
+    fig_11,
+    fig_12,
+    fig_13,
+    fig_14,
+    fig_friction,
+    measures,
+    paper,
+    robot,
+)
+from pipeline.workflow.registry import BY_NAME
+from vsr_core.outcome import Outcome
+
+PGA = np.linspace(0.1, 1.0, 10)
+RATIOS = np.linspace(0.1, 1.0, 10)
+
+
+def responses(*grids: NDArray[np.int_], yaw: tuple[float, ...] = (0.0,)) -> xr.Dataset:
+    """Responses of one friction, a grid a yaw."""
+    dims = ("yaw", "friction", "pgv_pga", "pga")
+    coordinates = {"yaw": list(yaw), "friction": [0.6], "pgv_pga": RATIOS, "pga": PGA}
+    return xr.Dataset({"overturned": (dims, np.array(grids)[:, None])}, coordinates)
+
+
+def beyond(level: float) -> NDArray[np.int_]:
+    """A rock that overturns from a PGA on."""
+    return np.tile((level < PGA).astype(int), (RATIOS.size, 1))
+
+
+def drawn(axes: Axes, gid: str) -> NDArray[np.float64]:
+    (line,) = [line for line in axes.get_lines() if line.get_gid() == gid]
+    return np.asarray(line.get_xdata(), float)
+
+
+@pytest.mark.parametrize("name", paper.names())
+def test_every_figure_names_what_there_is(name: str) -> None:
+    figure = paper.load(name)
+    assert figure.TITLE
+    assert callable(figure.draw)
+    assert callable(figure.findings)
+    for source in figure.SOURCES.values():
+        assert source.stage in BY_NAME
+        assert load_site(source.site, source.study or None).name == source.site
+    assert all(path.is_file() for path in paper.inputs(figure))
+
+
+def test_figures_are_found_by_what_a_user_calls_them() -> None:
+    assert paper.find("15") == ["fig_15", "fig_15a"]
+    assert paper.find("fig_08") == paper.find("08") == paper.find("8") == ["fig_08"]
+    assert paper.find("1") == ["table_1"]
+    assert paper.find("friction") == ["fig_friction"]
+    assert paper.names()[0] == "fig_07"
+    assert paper.names().index("table_1") < paper.names().index("fig_friction")
+
+
+@pytest.mark.parametrize(
+    ("size", "pga"),
+    [((1.0, 2.0), (0.93, 0.73, 0.67)), ((1.0, 3.0), (0.68, 0.52, 0.47))],
+)
+def test_housner_s_curve_is_that_integrated_apart(
+    size: tuple[float, float], pga: tuple[float, ...]
+) -> None:
+    """Of event-located integration by other code, in steps of 0.01 g, at 0.15, 0.20 and 0.25 s."""
+    found = measures.housner(*size, np.array([0.15, 0.20, 0.25]), 1.5)
+    np.testing.assert_array_equal(np.ceil(100.0 * found), 100.0 * np.array(pga))
+    assert np.isnan(measures.housner(*size, np.array([0.05]), 1.0)).all()
+
+
+def cuboids(**levels: float) -> dict[str, xr.Dataset]:
+    return {name: responses(beyond(levels[key])) for name, key in
+            zip(fig_12.SIZES, ("b", "c", "d", "e"), strict=True)}  # fmt: skip
+
+
+def test_fig_12_draws_the_paper_s_axes_and_housner() -> None:
+    figure = fig_12.draw(cuboids(b=0.6, c=0.4, d=0.5, e=0.4))
+    _, *panels = figure.axes
+    assert [axes.get_title() for axes in panels] == [
+        "(b) 1x1x2 m", "(c) 1x1x3 m", "(d) 0.5x0.5x1 m", "(e) 1x2x3 m",
+    ]  # fmt: skip
+    for axes in panels:
+        assert axes.get_xlim()[1] == axes.get_ylim()[1] == pytest.approx(1.05)
+    assert panels[2].get_xlabel() == "PGA [g]"
+    assert panels[2].get_ylabel() == "PGV/PGA [s]"
+    for axes, expected in zip(panels[:2], (73, 52), strict=True):  # at 0.2 s, to the next 0.01 g
+        assert np.ceil(100.0 * drawn(axes, "housner")[1]) == expected
+
+
+def test_fig_12_finds_by_its_rules_only() -> None:
+    found = [one.found for one in fig_12.findings(cuboids(b=0.6, c=0.4, d=0.5, e=0.4))]
+    assert found[:4] == [True, True, True, False]  # there is no island
+    found = [one.found for one in fig_12.findings(cuboids(b=0.4, c=0.6, d=0.5, e=0.4))]
+    assert found[:3] == [False, False, False]
+
+
+def test_fig_13_tells_a_cluster_from_stray_cells() -> None:
+    sizes = {0.0: [60], 300.0: [50, 7, 1]}
+    assert fig_13._cluster(sizes).found
+    assert not fig_13._cluster({0.0: [60, 9], 300.0: [50, 4]}).found
+    assert "0° (9 cells)" in fig_13._cluster({0.0: [60, 9], 300.0: [50, 4]}).measured
+
+
+def test_fig_11_compares_where_the_robot_can_go() -> None:
+    """1.2 g and 0.5 m/s: at 0.1 s up to 0.51 g, at 1 s up to 0.051 g."""
+    can = robot.can(PGA, RATIOS)
+    assert can[0].sum() == 5
+    assert not can[-1].any()
+    data = {"print": responses(beyond(0.25), beyond(0.45), yaw=(0.0, 270.0))}
+    everywhere, feasible = fig_11.findings(data)
+    assert everywhere.found
+    assert feasible.found
+    swapped = {"print": responses(beyond(0.45), beyond(0.25), yaw=(0.0, 270.0))}
+    assert [one.found for one in fig_11.findings(swapped)] == [False, False]
+
+
+def test_fig_14_puts_runs_on_their_grid() -> None:
+    pga, ratio = np.meshgrid(PGA, RATIOS)
+    codes = np.where(pga > 0.55, Outcome.OVERTURNED, Outcome.DISPLACED)
+    codes[0, 0] = Outcome.UNSETTLED
+    shuffled = np.random.default_rng(1).permutation(codes.size)
+    runs = xr.Dataset(
+        {name: ("run", values.ravel()[shuffled]) for name, values in
+         (("pga", pga), ("pgv_pga", ratio), ("outcome", codes))}
+    )  # fmt: skip
+    columns, rows, outcomes = fig_14.gridded(runs)
+    np.testing.assert_array_equal(columns, PGA)
+    np.testing.assert_array_equal(rows, RATIOS)
+    expected = beyond(0.55)
+    expected[0, 0] = -1
+    np.testing.assert_array_equal(outcomes, expected)
+
+
+def test_friction_has_a_threshold_where_the_share_jumps() -> None:
+    frictions = [0.1, 0.3, 0.6, 0.8, 1.2, 2.0]
+
+    def at(levels: list[float]) -> xr.Dataset:
+        grids = np.array([beyond(level) for level in levels])[None]
+        dims = ("yaw", "friction", "pgv_pga", "pga")
+        return xr.Dataset(
+            {"overturned": (dims, grids)},
+            {"yaw": [0.0], "friction": frictions, "pgv_pga": RATIOS, "pga": PGA},
+        )
+
+    jumps = dict.fromkeys(fig_friction.ROCKS, at([2.0, 0.95, 0.55, 0.55, 0.55, 0.55]))
+    assert [one.found for one in fig_friction.findings(jumps)] == [True, True]
+    grows = dict.fromkeys(fig_friction.ROCKS, at([2.0, 0.95, 0.85, 0.75, 0.65, 0.55]))
+    assert [one.found for one in fig_friction.findings(grows)] == [True, False]
+
+
+def course(kick: float, lasts: float) -> xr.Dataset:
+    """A table that follows to 1 mm/s, but for a kick at 2 s, when the rock lies."""
+    time = np.arange(0.0, 4.0, 0.001)
+    wanted = np.sin(time)
+    error = 1e-3 * np.cos(40.0 * time) + np.where(time >= 2.0, kick, 0.0) * np.exp(
+        -(time - 2.0).clip(0.0) / lasts
+    )
+    return xr.Dataset(
+        {"time": ("sample", time), "wanted_velocity": ("sample", wanted),
+         "table_velocity": ("sample", wanted + error),
+         "tilt": ("sample", np.where(time >= 1.9, 1.2, 0.0))}
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kick", "lasts", "found"), [(0.05, 0.05, True), (0.002, 0.05, False), (0.05, 1.0, False)]
+)
+def test_a_disturbance_stands_out_and_is_over_soon(kick: float, lasts: float, found: bool) -> None:
+    assert fig_07._disturbance(course(kick, lasts)).found is found
+
+
+@pytest.mark.parametrize(
+    ("found", "word"), [(True, "found"), (False, "not found"), (None, "not testable here")]
+)
+def test_a_verdict_in_words(found: bool | None, word: str) -> None:
+    assert paper.Finding("", "", "", "", found).verdict == word

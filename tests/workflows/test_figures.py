@@ -1,0 +1,95 @@
+"""`vsr figures`: datasets from the sites' folders, the same bytes every time, and the page."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline import cli
+from pipeline.drawing import style
+from pipeline.stages.figures import fig_08, making
+from pipeline.workflow.datasets import read
+
+GRID = ("--set", "motion.pga={start: 0.05, stop: 0.5, num: 10}",
+        "--set", "motion.pgv_pga={start: 0.05, stop: 0.35, num: 3}")  # fmt: skip
+FILES = [f"fig_08.{kind}" for kind in making.KINDS]
+
+
+def figures(derived: Path, *given: str) -> int:
+    return cli.main(["figures", "--workers", "0", "--derived", str(derived), *given])
+
+
+@pytest.fixture(scope="module")
+def derived(tmp_path_factory: pytest.TempPathFactory, quick_time_step: None) -> Path:
+    """Fig. 8 on a small grid."""
+    folder = tmp_path_factory.mktemp("paper") / "derived"
+    assert figures(folder, "--fig", "8", *GRID) == 0
+    return folder
+
+
+def test_its_runs_are_those_of_the_sites(derived: Path) -> None:
+    assert (derived / "w2_5.5cm" / "responses.nc").is_file()
+    assert (derived / "w2_55cm" / "runs.sqlite").is_file()
+    assert all((derived / "figures" / name).stat().st_size > 10_000 for name in FILES[:2])
+
+
+def test_again_makes_nothing(derived: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = {path: path.stat().st_mtime_ns for path in (derived / "figures").glob("*.*")}
+    assert figures(derived, "--fig", "8", *GRID) == 0
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_the_same_bytes_every_time_and_no_date(derived: Path) -> None:
+    data = {
+        told: read(derived / source.folder / source.file) for told, source in fig_08.SOURCES.items()
+    }
+    for name, write in style.pictures("fig_08", fig_08.draw(data), making.KINDS).items():
+        write(derived / name)
+        made = (derived / "figures" / name).read_bytes()
+        assert (derived / name).read_bytes() == made
+        assert b"CreationDate" not in made
+        assert b"dc:date" not in made
+
+
+def test_the_figure_has_the_paper_s_axes_and_housner_s_curve(derived: Path) -> None:
+    data = {
+        told: read(derived / source.folder / source.file) for told, source in fig_08.SOURCES.items()
+    }
+    (axes,) = fig_08.draw(data).axes
+    assert axes.get_xlim() == (0.05, 0.35)  # section 4.2
+    assert axes.get_ylim() == (0.05, 0.5)
+    assert axes.get_xlabel() == "PGV/PGA [s]"
+    assert axes.get_ylabel().endswith("[g]")
+    lines = {str(line.get_gid()): line for line in axes.get_lines()}
+    # Housner's equation integrated apart from this project: at 0.20 and 0.35 s
+    for block, expected in (("stated", (0.210, 0.205)), ("larger", (0.225, 0.215))):
+        exact = lines[f"{block}-housner"]
+        assert exact.get_ydata()[1:] == pytest.approx(expected, abs=0.006)
+        first = np.asarray(lines[f"{block}-first"].get_ydata())
+        assert first[1:] == pytest.approx(expected, abs=0.03)  # half a cell, and a little
+    assert np.isnan(lines["larger-first"].get_ydata()[0])  # above 0.5 g, as Housner's 0.555 g
+
+
+def test_the_verdicts_and_the_page(derived: Path) -> None:
+    told = json.loads((derived / "figures" / "fig_08.json").read_text())["findings"]
+    assert [one["found"] for one in told] == [None, False, True, True]
+    page = (derived / "figures" / "claims.html").read_text()
+    assert page.count('class="verdict not-testable-here"') == 2  # one more is on speed
+    assert "make figures FIG=12" in page  # of what is not made yet
+    assert page.count("<img ") == 1
+    assert 'alt="Fig. 8' in page
+
+
+def test_a_figure_that_there_is_not_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert figures(tmp_path / "none", "--fig", "99") == cli.REFUSED
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "--fig" in line
+    assert "'99'" in line
+    assert "12" in line
+    assert not (tmp_path / "none").exists()
