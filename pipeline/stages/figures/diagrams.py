@@ -79,7 +79,8 @@ def key(*, pale: bool = False, undecided: bool = False) -> list[Any]:
     list of artists with labels
     """
     axes = Figure().add_subplot()
-    colours, square = PALE if pale else FULL, {"ls": "", "marker": "s", "ms": 7}
+    colours = PALE if pale else FULL
+    square: Any = {"ls": "", "marker": "s", "ms": 7}
     handles = axes.plot([], [], color=colours[1], label="overturned", **square)
     handles += axes.plot([], [], color=colours[0], label="balanced", **square)
     if undecided:

@@ -79,7 +79,8 @@ def _cuboids(axes: Axes) -> None:
         foot = np.array([left, 0.2])
         look = arrow if text.startswith("x") else {**arrow, "color": style.INK, "lw": 0.9}
         axes.annotate("", tuple(foot + tip), tuple(foot), arrowprops=look)
-        axes.text(*(foot + 1.08 * np.array(tip) + (0.05, 0.0)), text, size=8, va="center")
+        right, up = foot + 1.08 * np.array(tip) + (0.05, 0.0)
+        axes.text(right, up, text, size=8, va="center")
     axes.set(xlim=(0.0, left + 2.6), ylim=(-0.75, _TALL), aspect="equal")
     axes.set_axis_off()
     axes.set_title("(a) cuboids, x x y x z")

@@ -77,15 +77,16 @@ def _plan(axes: Axes, rock: xr.Dataset, yaws: Array) -> None:
     outline = points[ConvexHull(points).vertices]
     axes.fill(*outline.T, facecolor="#d9d5cd", edgecolor=style.INK, lw=0.8)
     axes.fill(*rock["base_polygon"].values.T, facecolor="none", edgecolor=style.BASE, lw=1.4)
-    axes.text(*rock["base_polygon"].values.mean(axis=0), "base", size=7.5, ha="center",
-              va="center", color="#8a5600")  # fmt: skip
+    x, y = rock["base_polygon"].values.mean(axis=0)
+    axes.text(x, y, "base", size=7.5, ha="center", va="center", color="#8a5600")
     reach = np.linalg.norm(outline, axis=1).max()
     for yaw in yaws:
         turn = -math.radians(float(yaw))  # the rock is turned, the ground moves along +x
         unit = np.array([math.cos(turn), math.sin(turn)])
         arrow = {"arrowstyle": "-|>", "color": style.OVERTURNED, "lw": 1.2, "shrinkA": 0}
         axes.annotate("", tuple(1.32 * reach * unit), tuple(1.06 * reach * unit), arrowprops=arrow)
-        axes.text(*(1.5 * reach * unit), f"{yaw:g}°", ha="center", va="center", size=8)
+        x, y = 1.5 * reach * unit
+        axes.text(x, y, f"{yaw:g}°", ha="center", va="center", size=8)
     axes.set(xlim=(-1.7 * reach, 1.7 * reach), ylim=(-1.65 * reach, 1.65 * reach))
     axes.set_aspect("equal")
     axes.set_axis_off()

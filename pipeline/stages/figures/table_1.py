@@ -49,7 +49,7 @@ def draw(data: Data) -> Figure:
     -------
     Figure
     """
-    figure = Figure(figsize=(6.8, 3.0))
+    figure = Figure(figsize=(6.8, 2.8))
     for left, text in zip(_LEFT[1::2], ("R²", "p of a slope of zero"), strict=True):
         figure.text(left, 0.85, text, weight="bold", size=9)
     for left, text in zip(_LEFT[1:], ("here", "paper", "here", "paper"), strict=True):
