@@ -76,7 +76,7 @@ def test_the_figure_has_the_paper_s_axes_and_housner_s_curve(derived: Path) -> N
 
 def test_the_verdicts_and_the_page(derived: Path) -> None:
     told = json.loads((derived / "figures" / "fig_08.json").read_text())["findings"]
-    assert [one["found"] for one in told] == [None, False, True, True]
+    assert [one["found"] for one in told[:3]] == [None, False, True]  # 5.5 cm and 55 cm high
     page = (derived / "figures" / "claims.html").read_text()
     assert page.count('class="verdict not-testable-here"') == 2  # one more is on speed
     assert "make figures FIG=12" in page  # of what is not made yet

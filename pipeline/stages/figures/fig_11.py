@@ -49,7 +49,7 @@ def draw(data: Data) -> Figure:
         diagrams.cells(axes, pga, ratios, measures.grid(responses, yaw), pale=True)
         robot.limits(axes, axes.get_ylim()[1])
         for place, colour in enumerate((style.OVERTURNED, style.INK)):
-            look: Any = {"color": colour, "lw": 2.0, "ls": ("-", "--")[place]}
+            look: Any = {"color": colour, "lw": 2.2}
             diagrams.logistic(axes, data["fit"], place, label=f"boundary at yaw {YAWS[place]:g}°",
                               gid=f"logistic-{YAWS[place]:g}", **look)  # fmt: skip
         axes.set_title(f"yaw {yaw:g}°")

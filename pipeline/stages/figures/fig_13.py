@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from scipy.spatial import ConvexHull
 from scipy.stats import spearmanr
 
@@ -49,7 +50,7 @@ def draw(data: Data) -> Figure:
     """
     responses, fragility = data["responses"], data["fragility"]
     figure = Figure(figsize=(diagrams.WIDTH, 11.2))
-    _plan(figure.add_axes((0.28, 0.725, 0.44, 0.245)), data["rock"], responses["yaw"].values)
+    _plan(figure.add_axes((0.28, 0.71, 0.44, 0.24)), data["rock"], responses["yaw"].values)
     margins = {"left": 0.065, "right": 0.99, "bottom": 0.085, "top": 0.675}
     panels = figure.subplots(
         _ROWS, _COLUMNS, sharex=True, sharey=True,
@@ -64,6 +65,7 @@ def draw(data: Data) -> Figure:
         axes.set_title(f"yaw {yaw:g}°")
     for axes in panels.flat[responses.sizes["yaw"] :]:
         axes.set_axis_off()
+    panels[0, 0].xaxis.set_major_locator(MaxNLocator(5, prune="both"))
     diagrams.labelled(panels)
     diagrams.note(figure, data["rock"].attrs["shape_source"])
     lines = panels[0, 0].get_legend_handles_labels()[0]

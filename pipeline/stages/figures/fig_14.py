@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.spatial import ConvexHull
 
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import Window, relief
@@ -61,7 +62,7 @@ def draw(data: Data) -> Figure:
         row[1].set_title(f"({letters[1]}) yaw {yaw}°, on the terrain")
     diagrams.note(figure, terrain_note.source(data["rock"]))
     lines = panels[0, 1].get_legend_handles_labels()[0]
-    figure.legend(handles=[*diagrams.key(undecided=True), *lines], loc="lower center", ncols=4)
+    figure.legend(handles=[*diagrams.key(), *lines], loc="lower center", ncols=3)
     return figure
 
 
@@ -70,7 +71,8 @@ def _seat(axes: Axes, data: Data, yaw: float) -> None:
     window = Window((-_AROUND, _AROUND), (-_AROUND, _AROUND))
     draw_ground(axes, relief(data["terrain"], window), window)
     corners = data["rock"]["vertex"].values[:, :2]
-    axes.plot(*corners.T, ".", color=style.BASE, ms=1.0, gid="rock")
+    outline = corners[ConvexHull(corners).vertices]
+    axes.fill(*outline.T, facecolor="#f3c680", edgecolor=style.BASE, alpha=0.75, gid="rock")
     along = np.array([np.cos(np.radians(yaw)), -np.sin(np.radians(yaw))])
     middle = 0.78 * _AROUND * np.array([-1.0, 1.0]) * (0.8, 0.8)
     arrow: Any = {**style.BOTH_WAYS, "color": style.OVERTURNED, "lw": 2.2}

@@ -55,7 +55,7 @@ def draw(data: Data) -> Figure:
                 axes.tick_params(labelleft=False)
     diagrams.labelled(panels)
     lines = panels[0, 0].get_legend_handles_labels()[0]
-    figure.legend(handles=[*diagrams.key(undecided=True), *lines], loc="lower center", ncols=4)
+    figure.legend(handles=[*diagrams.key(), *lines], loc="lower center", ncols=3)
     return figure
 
 
