@@ -23,7 +23,7 @@ _LOCAL = {
 }
 """Dask's settings of workers of this machine."""
 
-LOGS = "distributed", "distributed.client", "asyncio", "tornado"
+LOGS = "distributed", "distributed.client", "asyncio", "tornado.application"
 """Logs that are silenced: what matters of them is said in a line here."""
 
 CONNECTING = 5.0
