@@ -137,10 +137,25 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "report",
         make="pipeline.stages.reports.report:make",
-        needs=("rock", "motions", "responses", "bullet_sample", "fragility"),
+        needs=(
+            "rock",
+            "terrain",
+            "time_step",
+            "motions",
+            "responses",
+            "bullet_sample",
+            "fragility",
+        ),
         late=("bullet_sample",),
         reads=("rock", "pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
-        files=("report.html", "reduction_gains.yaml", "catalogue.yaml"),
+        code=(*TERRAIN_CODE, *MOTION_CODE, *ENGINE_CODE),
+        files=(
+            "report.html",
+            *(f"{part}.js" for part in ("geometry", "samples", "drawing", "controls", "stage")),
+            "cells.js",
+            "reduction_gains.yaml",
+            "catalogue.yaml",
+        ),
         versions=("matplotlib", "jinja2"),
     ),
     Stage(

@@ -121,7 +121,12 @@ class MujocoWorld:
         )
 
     def footing(self) -> tuple[Array, Array]:
-        """Points that bore the rock in the last step, and the way the ground pushed there."""
+        """Points that bore the rock in the last step, and the way the ground pushed there.
+
+        Returns
+        -------
+        tuple of ndarray, shape (k, 3) [m], and ndarray, shape (k, 3)
+        """
         force, data = np.zeros(6), self._data
         bearing = []
         for number, contact in enumerate(data.contact):

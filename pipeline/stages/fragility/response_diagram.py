@@ -64,6 +64,27 @@ def overturning_diagram(
     return figure
 
 
+def cell_borders(figure: Figure) -> tuple[Array, Array]:
+    """Where the cells of a diagram lie in its picture.
+
+    Parameters
+    ----------
+    figure : Figure, of ``overturning_diagram``
+
+    Returns
+    -------
+    across : ndarray, shape (columns + 1,), borders as shares of the width, from the left
+    down : ndarray, shape (rows + 1,), as shares of the height, from the top, of ascending PGV/PGA
+    """
+    (axes,) = figure.axes
+    cells: Any = next(part for part in axes.collections if part.get_gid() == "cells")
+    axes.autoscale_view()
+    to_share = axes.transData + figure.transFigure.inverted()
+    corners = cells.get_coordinates()
+    shares = to_share.transform(corners.reshape(-1, 2)).reshape(corners.shape)
+    return shares[0, :, 0], 1.0 - shares[:, 0, 1]
+
+
 def _shown(runs: xr.Dataset) -> Indices:
     """Classify each cell of a diagram, shape (rows, pga), as one of the kinds above."""
     kinds = np.where(runs["overturned"].values == 1, OVERTURNED, UPRIGHT)

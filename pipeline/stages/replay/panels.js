@@ -144,10 +144,10 @@ function planOf(parent, films, scene) {
       const seen = new Set();
       for (let i = 0; i < bearing.length; i += 3) seen.add(place(bearing[i], bearing[i + 1]).map(Math.round).join(" "));
       const path = [...seen].map((point) => `M${point}h0`).join("");
-      put(picture, "path", { d: path, stroke: INK[run], "stroke-width": 3.5, "stroke-linecap": "round", opacity: 0.22 });
+      put(picture, "path", { d: path, stroke: INK[run], "stroke-width": 3.5, "stroke-linecap": "round", opacity: 0.4 });
     });
     groups = films.map((film, run) => put(picture, "path", {
-      stroke: INK[run], "stroke-width": 9, "stroke-linecap": "round", class: "bearing",
+      stroke: INK[run], "stroke-width": run ? 6 : 10, "stroke-linecap": "round", class: "bearing",
     }));
   }
 

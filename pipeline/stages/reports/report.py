@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from markupsafe import Markup
 
 from pipeline.config.layers import SITES, Site, known, load_site
 from pipeline.config.motion_schema import RecordConfig, TableMotionConfig
@@ -26,7 +27,9 @@ from pipeline.stages.fragility.yaw_polar import fragility_by_yaw
 from pipeline.stages.mesh.products import ROCK as ROCK
 from pipeline.stages.motions.motion_grid import FILE as MOTIONS
 from pipeline.stages.motions.record_figure import record_figure
-from pipeline.stages.reports import report_tables
+from pipeline.stages.replay import film
+from pipeline.stages.reports import report_tables, teaching_runs
+from pipeline.stages.reports.diagram_cells import axes_of, cells_of
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job, Product
@@ -90,7 +93,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         "unresolved": report_tables.unresolved(responses, _MOST_LISTED),
         "boundary": report_tables.boundary(fragility),
         "models": report_tables.models(fragility),
-        **_pictures(rock, responses, fragility),
+        **_pictures(job, rock, responses, fragility),
         **_records(job),
         "pulse": job.config.motion.kind.replace("_", " "),
         "tables": _tables(job, responses),
@@ -122,17 +125,24 @@ def _other_engine(job: Job) -> dict[str, Any] | None:
     return report_tables.other_engine(read(job.path(SAMPLE)))
 
 
-def _pictures(rock: Any, responses: Any, fragility: Any) -> dict[str, Any]:
-
+def _pictures(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any]:
+    """Pictures, and what scripts tell of the cells and play of the runs in them."""
     # the smaller of the two, as measured: cells as PNG, lines as SVG; PNG for shaded surfaces,
     # which any viewer shows at once
+    diagrams, told = [], []
+    for place, name in groups(responses):
+        figure = overturning_diagram(responses, fragility, place, name)
+        diagrams.append({"name": name, "image": png_uri(figure)})
+        told.append(cells_of(responses, place, figure))
+    watched = teaching_runs.packed(job, responses, rock)
+    scripts = [*film.scripts(), pages.source("cells.js")]
     return {
-        "diagrams": [
-            {"name": name, "image": png_uri(overturning_diagram(responses, fragility, place, name))}
-            for place, name in groups(responses)
-        ],
+        "diagrams": diagrams,
         "rock_views": png_uri(rock_views(rock)),
         "yaw_polar": svg_uri(fragility_by_yaw(fragility, rock)),
+        "watched": watched["places"] if watched else [],
+        "data": {"axes": axes_of(responses), "diagrams": told, "watched": watched},
+        "scripts": [Markup(script) for script in scripts],  # noqa: S704  (our own files)
     }
 
 

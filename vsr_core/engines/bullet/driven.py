@@ -80,7 +80,12 @@ class BulletDrivenWorld(BulletWorld):
         )
 
     def footing(self) -> tuple[Array, Array]:
-        """Points that bore the rock in the last step, relative to the table, and the pushes."""
+        """Points that bore the rock in the last step, relative to the table, and the way the ground pushed there.
+
+        Returns
+        -------
+        tuple of ndarray, shape (k, 3) [m], and ndarray, shape (k, 3)
+        """
         places, pushes = super().footing()
         return places - [self.table()[0], 0.0, 0.0], pushes
 

@@ -107,7 +107,9 @@ def test_page_holds_all_it_shows(made: Path) -> None:
     assert all(value.startswith("data:image/") for value in loaded)
     assert "url(" not in text
     assert "@import" not in text
-    assert "<script" not in text
+    scripts = [attrs for tag, attrs in page.tags if tag == "script"]
+    assert scripts[0]["type"] == "application/json"
+    assert not any(scripts[1:])  # all of them are in the page
     assert len(page.images) == 2 + 2  # diagrams of two yaws, the rock, the polar plot
     for image in page.images:
         kind, _, data = image.removeprefix("data:image/").partition(";base64,")
