@@ -80,7 +80,7 @@ class BulletDrivenWorld(BulletWorld):
         )
 
     def footing(self) -> tuple[Array, Array]:
-        """Points that bore the rock in the last step, relative to the table, and the way the ground pushed there.
+        """Points that bore the rock in the last step, relative to the table, and the pushes.
 
         Returns
         -------
