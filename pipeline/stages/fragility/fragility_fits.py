@@ -11,14 +11,12 @@ import xarray as xr
 from threadpoolctl import threadpool_limits
 
 from pipeline.stages.datasets.responses import FILE as RESPONSES
+from pipeline.stages.fragility.products import FILE, TABLE
 from pipeline.workflow import writers
 from pipeline.workflow.datasets import described, netcdf, read, rows_of
 from pipeline.workflow.stage import Job, Product
 from vsr_core.arrays import Array
 from vsr_core.fragility import FragilityResult, ModelFit, fit_all
-
-FILE = "fragility.nc"
-TABLE = "fragility.csv"
 
 _COLUMNS = ["yaw_deg", "friction", "toppled_share", "model", "recommended", "log_loss", "brier",
             "accuracy", "separated", "method", "quantity", "pgv_pga_s", "value", "lower",

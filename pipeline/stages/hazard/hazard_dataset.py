@@ -30,6 +30,9 @@ RETURN_PERIODS = (475.0, 2475.0, 10_000.0)
 _AGES = 120
 """Ages at which survival is told."""
 
+_BINS = 40
+"""Bins of PGA by which the rate of toppling is told."""
+
 
 def dataset(question: Question, answer: Answer, others: Array, cases: Sequence[Case]) -> xr.Dataset:
     """All that is found, in g, seconds and years.
@@ -203,10 +206,13 @@ def _by_age(question: Question, ages: Array) -> xr.Dataset:
 def _disaggregated(question: Question) -> xr.Dataset:
     """Rate of toppling of the first rock under the mean curve, by PGA and by PGV/PGA."""
     rock, own = question.rocks[0].fragility, question.standing[0].fragility
-    _, rates = rate_by_row(question.before, own, rock.mean, rock.ratios, question.table)
-    starts = np.arange(0, rates.shape[1], PARTS)
+    curve = question.before
+    _, rates = rate_by_row(curve, own, rock.mean, rock.ratios, question.table)
+    last = rates.shape[1] - 1  # the part of all beyond the last level
+    starts = np.append(np.arange(0, last, -(-last // _BINS)), last)
     binned = np.add.reduceat(rates, starts, axis=1)
-    edges = in_si.in_g(question.before.levels)
+    places = np.arange(len(curve.levels)), np.log(in_si.in_g(curve.levels))
+    edges = np.exp(np.interp(starts / PARTS, *places))
     return xr.Dataset(
         {
             "toppling_rate_by_pga": ("pga_bin", binned.sum(axis=0)),

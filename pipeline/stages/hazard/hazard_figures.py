@@ -130,7 +130,7 @@ def survival(hazard: xr.Dataset, least: float) -> Figure:
 def _name_branches(axes: Axes, hazard: xr.Dataset) -> None:
     """Names beside their lines, where the lines lie apart."""
     age, chances = hazard["age"].values, hazard["survival_at_age"].values
-    at = int(0.3 * len(age))
+    at = int(np.abs(chances.mean(axis=0) - 0.45).argmin())
     order = np.argsort(-chances[:, at])
     groups: list[list[int]] = []
     for i in order:
@@ -173,7 +173,8 @@ def weights(hazard: xr.Dataset) -> Figure:
     axes.bar(place - 0.2, shown["weight"], 0.4, color=_BEFORE, label="before")
     axes.bar(place + 0.2, shown["new_weight"], 0.4, color=_AFTER, label="after")
     out = shown["rejected"].values == 1
-    axes.plot(place[out] + 0.2, 0.0 * place[out], "x", color=_REJECTED, label="rejected")
+    if out.any():
+        axes.plot(place[out] + 0.2, 0.0 * place[out], "x", color=_REJECTED, label="rejected")
     axes.set_xticks(place, shown["branch"].values, rotation=90 if number > 15 else 0)
     axes.set_xlabel("branch")
     axes.set_ylabel("weight")

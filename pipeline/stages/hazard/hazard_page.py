@@ -69,6 +69,7 @@ def page(
         "frictions": listed([f"{one:g}" for one in rock.frictions]) if rock.frictions else "",
         "yaws": len(rock.by_yaw),
         "percent": percent,
+        "every": lambda rate: f"{1.0 / rate:,.0f}" if rate > 0.0 else "\N{INFINITY}",
         **_answer(question, hazard, config),
         **_shaking(hazard, rock.tested),
         "rocks": _rocks(job, question),
@@ -138,13 +139,10 @@ def _shaking(hazard: xr.Dataset, tested: tuple[float, float]) -> dict[str, Any]:
 
 
 def _quantile(hazard: xr.Dataset, share: float) -> float:
-    """PGA up to which a share of the toppling rate comes, to a level of the curve [g]."""
-    summed = np.cumsum(hazard["toppling_rate_by_pga"].values)
-    if not summed[-1] > 0.0:
-        return float("nan")
-    first = int(np.searchsorted(summed, share * summed[-1]))
-    ends = hazard["pga_bin_end"].values
-    return float(ends[first] if np.isfinite(ends[first]) else hazard["pga_bin"][first])
+    """PGA up to which a share of the toppling rate comes [g], straight in ln PGA within a bin."""
+    summed = np.append(0.0, np.cumsum(hazard["toppling_rate_by_pga"].values))
+    ends = np.append(hazard["pga_bin"].values, hazard["pga_bin"].values[-1])
+    return float(np.exp(np.interp(share * summed[-1], summed, np.log(ends))))
 
 
 def _rocks(job: Job, question: Question) -> list[dict[str, str]]:

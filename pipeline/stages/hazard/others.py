@@ -12,7 +12,7 @@ from pathlib import Path
 from netCDF4 import Dataset
 
 from pipeline.config.layers import Site, load_site
-from pipeline.stages.fragility.fragility_fits import FILE as FITS
+from pipeline.stages.fragility.products import FILE as FITS
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.store import Store
 

@@ -10,7 +10,7 @@ import xarray as xr
 
 from pipeline.config import in_si
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.fragility.fragility_fits import FILE as FITS
+from pipeline.stages.fragility.products import FILE as FITS
 from pipeline.workflow.datasets import read, rows_of
 from vsr_core.arrays import Array
 from vsr_core.hazard.averaging import RowFragility, gridded_rows, lognormal_rows

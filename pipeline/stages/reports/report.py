@@ -18,8 +18,8 @@ from pipeline.config.sections import Range
 from pipeline.drawing.style import png_uri, svg_uri
 from pipeline.stages.datasets.bullet_sample import FILE as SAMPLE
 from pipeline.stages.datasets.responses import FILE as RESPONSES
-from pipeline.stages.fragility.fragility_fits import FILE as FRAGILITY
-from pipeline.stages.fragility.fragility_fits import TABLE
+from pipeline.stages.fragility.products import FILE as FRAGILITY
+from pipeline.stages.fragility.products import TABLE
 from pipeline.stages.fragility.response_diagram import overturning_diagram
 from pipeline.stages.fragility.rock_views import rock_views
 from pipeline.stages.fragility.summary import groups, long_rows_in_words
