@@ -86,7 +86,8 @@ fetch: setup ## download the public original NAME into data/raw
 
 #:
 #: SITE=double_rock       a site in configs/sites, or any YAML file
-#: STUDY=name             a study in configs/studies, or any YAML file
+#: STUDY=name             a study in configs/studies, or any YAML file; those with a sweep: make study
+#: PRODUCT=fragility      what make study makes of each member
 #: YAW=0,90               directions of shaking [degree]
 #: FRICTION=0.4,0.6       friction of rock on pedestal
 #: PGA=0.4 PGV_PGA=0.3    the run to replay [g, s]; RECORD=name in place of PGV_PGA

@@ -17,7 +17,7 @@ from pipeline.workflow import graph
 from pipeline.workflow.datasets import catalogue
 from pipeline.workflow.graph import Identity
 from pipeline.workflow.keys import code, installed_version
-from pipeline.workflow.registry import upstream
+from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.stage import Job, Product, Stage, named
 from pipeline.workflow.store import Store
 
@@ -104,6 +104,9 @@ def make(swept: Swept) -> int:
     """
     wanted = _wanted(swept)  # all input is read, or refused, before anything is made
     stages = [stage.name for stage in upstream(swept.stage)]
+    for member in swept.jobs.values():
+        _check(swept.stage, member)
+        member.store.lends(stages)
     unresolved = 0
     for member in swept.jobs.values():
         unresolved += graph.make(swept.stage, member)
@@ -136,6 +139,17 @@ def told(question: Callable[[str, Job], list[str]], swept: Swept) -> list[str]:
         lines.append(f"{member.name}:")
         lines += [f"  {line}" for line in question(swept.stage, swept.jobs[member.place])]
     return [*lines, *(f"study: {reason}" for reason in reasons or ["up to date"])]
+
+
+def _check(stage: str, member: Job) -> None:
+    """See that a member's runs can be done, before those of any are."""
+    wanted = graph.identities(stage, member.site).get("time_step")
+    if wanted is None or not any(graph.why(BY_NAME["time_step"], wanted, member.store)):
+        return
+    graph.make("rock", member)
+    scenes = named("pipeline.stages.runs.scenes:load_scenes")
+    check = named("pipeline.stages.runs.scenes:check_scenes")
+    check(member.site, scenes(member.config, member.store, level=True))
 
 
 def _wanted(swept: Swept) -> Identity:

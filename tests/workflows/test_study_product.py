@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import Ran
+from matplotlib.figure import Figure
 
 from pipeline.workflow.run_store import RUNS
 
@@ -69,8 +70,17 @@ class Study:
 
 @pytest.fixture
 def study(
-    vsr: Callable[..., Ran], write_site: Callable[..., str], tmp_path: Path, derived: Path
+    vsr: Callable[..., Ran],
+    write_site: Callable[..., str],
+    tmp_path: Path,
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> Study:
+    def blank(figure: Figure) -> str:  # figures are drawn, but only rendering them takes long
+        assert figure.axes
+        return "data:,"
+
+    monkeypatch.setattr("pipeline.stages.studies.sweeps.study.svg_uri", blank)
     return Study(vsr, write_site(SITE), tmp_path, derived)
 
 
@@ -206,3 +216,15 @@ def test_any_product_can_be_swept(study: Study) -> None:
     data = study.data()
     assert data["tipping_pga"].dims == ("size", "direction")
     np.testing.assert_allclose(data["tipping_pga"].sel(direction=0), [0.25, 0.5 / 3.0])
+
+
+def test_no_member_runs_where_one_cannot(study: Study) -> None:
+    """Bullet drops a block of 1:100, which is known once it is made: before any run."""
+    (study.folder / "study.yaml").write_text(
+        "simulation: {engine: bullet, time_step: 0.0005}\n"
+        "sweep: {size: {rock.size: [[0.5, 1, 2], [0.02, 1, 2]]}}"
+    )
+    ran = study.vsr("run", "study", *study.line(), "--workers", "0")
+    assert ran.code == 2
+    assert "where nothing shakes it" in ran.err.splitlines()[-1]
+    assert not list(study.derived.rglob(RUNS))

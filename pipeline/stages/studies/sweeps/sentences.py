@@ -52,8 +52,8 @@ def about(dimension: Dimension, changes: list[Change], spread: tuple[float, floa
     own = ""
     if spread is not None and np.isfinite(spread[0]):
         own = (
-            f"In the rock's own units the boundaries are {100 * spread[0]:.2g} % apart in the "
-            f"median and {100 * spread[1]:.2g} % at most."
+            f"In the rock's own units the boundaries are {100 * spread[0]:.2f} % apart in the "
+            f"median and {100 * spread[1]:.2f} % at most."
         )
     said = (_moved(dimension, changes), _none(changes), _beyond(changes), own)
     return " ".join(filter(None, said))

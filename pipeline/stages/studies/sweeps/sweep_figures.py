@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from pipeline.config.sweep import Dimension
 from pipeline.drawing import style
-from pipeline.stages.studies.sweeps.changes import ENDS
+from pipeline.stages.studies.sweeps.changes import ENDS, filled
 from pipeline.workflow.datasets import label
 from vsr_core.arrays import Array, Indices
 
@@ -95,7 +95,7 @@ def over_key(data: xr.Dataset, dimension: Dimension) -> Figure:
     figure = Figure(figsize=(6.2, 4.2), layout="constrained")
     axes = figure.add_subplot()
     places = _positions(axes, dimension)
-    curves = _typical(data, dimension.name)
+    curves = _typical(_completed(data, dimension.name), dimension.name)
     rows = np.flatnonzero(np.isfinite(curves["boundary"].values).sum(axis=0) > 1)
     picked = rows[shown(len(rows), MOST_ROWS)] if len(rows) else rows
     for number, row in enumerate(picked):
@@ -196,6 +196,18 @@ def _typical(data: xr.Dataset, name: str) -> xr.Dataset:
     wanted = data[[one for one in ("boundary", *ENDS) if one in data]]
     others = [dim for dim in wanted["boundary"].dims if dim not in (name, "pgv_pga")]
     return wanted.median(others).transpose(name, "pgv_pga")
+
+
+def _completed(data: xr.Dataset, name: str) -> xr.Dataset:
+    """All places on the rows of the one with the fewest, interpolated where they have others."""
+    ran = (data["outcome"] >= 0).any(
+        [d for d in data["outcome"].dims if d not in (name, "pgv_pga")]
+    )
+    if bool(ran.all()):
+        return data
+    rows = ran.isel({name: int(np.argmin(ran.sum("pgv_pga").values))}).values
+    places = [filled(data.isel({name: n})) for n in range(data.sizes[name])]
+    return xr.concat(places, name, data_vars="all").isel(pgv_pga=rows)
 
 
 def _positions(axes: Axes, dimension: Dimension) -> Array:
