@@ -11,7 +11,7 @@ import xarray as xr
 from pipeline.config.refusals import meaning
 from pipeline.config.sweep import GRIDS, Dimension, Sweep
 from pipeline.stages.datasets.responses import FILE as RESPONSES
-from pipeline.stages.fragility.fragility_fits import FILE as FRAGILITY
+from pipeline.stages.fragility.products import FILE as FRAGILITY
 from pipeline.stages.mesh.products import load_rock
 from pipeline.workflow.datasets import described, read
 from pipeline.workflow.registry import upstream
