@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
+from support import grounds
 
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
@@ -21,7 +22,8 @@ from vsr_core.outcome import DecidedBy, Outcome
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.run import replay as replays
-from vsr_core.run.cases import Case, Settings, prepare
+from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
+from vsr_core.run.displacement import respond
 from vsr_core.run.overturning import simulate
 from vsr_core.run.proofs import barrier
 from vsr_core.run.replay import Replay, replay
@@ -124,6 +126,23 @@ def test_a_run_without_a_solution_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(replays, "simulate", lambda *_: unsound)
     with pytest.raises(InvalidInput, match="unstable at every time step"):
         replay(case(), ROCKS, FINE)
+
+
+@pytest.mark.parametrize("engine", ["nonsmooth", "bullet"])
+@pytest.mark.parametrize("pga", [0.3, 0.8])
+def test_on_a_terrain_it_is_the_run_of_the_study_and_goes_on(engine: str, pga: float) -> None:
+    seat = grounds.site(rock(), grounds.level(), yaw=0.5).seat
+    place = TerrainCase(seat, seat, barrier(rock()).toppled_tilt)
+    pulse, settings = CosinePulse.from_g(pga, 0.3), Settings(0.003, engine=engine)
+    run = replay(place, pulse, settings)
+    assert run.response == respond(place, pulse, settings)
+    assert (run.response.outcome is Outcome.OVERTURNED) == (pga == 0.8)
+    assert run.time[-1] >= run.decided
+    # level ground is a flat pedestal: the rock ends on its base, or on a side
+    heights = [0.5 * side for side in SIZE]
+    lowest = min(abs(run.position[-1, 2] - height) for height in heights)
+    assert lowest < 0.02
+    assert run.tilt[-1] > 1.0 if pga == 0.8 else run.tilt[-1] < 0.1
 
 
 # ---- Energies
