@@ -112,7 +112,7 @@ figures: setup ## every figure of the paper and its table, and which of its clai
 #: RECORD=file            recorded motion for Fig. 7, in place of the samples
 
 ## The project
-.PHONY: setup setup-dev test coverage test-slow lint check format options bench lock clean
+.PHONY: setup setup-dev test coverage test-slow lint check format options docs docs-links bench lock clean
 test: setup-dev ## tests of some minutes at most
 	@$(python) -m pytest -n auto --dist loadfile
 
@@ -135,6 +135,12 @@ format: setup-dev ## put the code in the project's format
 
 options: setup-dev ## docs/options.md and the schemas in configs/, from the models
 	@$(python) -m scripts.options --write
+
+docs: setup-dev ## the documentation as a site, in build/docs/html, readable offline
+	@$(python) -m scripts.docs
+
+docs-links: setup-dev ## try every link of the documentation to elsewhere
+	@$(python) -m scripts.docs --links
 
 bench: setup-dev ## performance benchmarks, as ratios in one run
 	@$(python) -m benchmarks $(call flag,--tests,TABLE)
