@@ -34,7 +34,7 @@ help:
 
 ## A rock
 .PHONY: fragility displacement hazard study replay prep accuracy stability drive feasible validate
-.PHONY: plan status why fetch
+.PHONY: plan status why index fetch
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(vsr) run fragility $(site) $(where)
 
@@ -80,6 +80,9 @@ status: setup ## what is done for SITE
 
 why: setup ## why something of SITE would run again
 	$(vsr) why $(site)
+
+index: setup ## a page that leads to all results
+	$(vsr) index $(derived)
 
 fetch: setup ## download the public original NAME into data/raw
 	$(vsr) fetch $(call quoted,$(value NAME))

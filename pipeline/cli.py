@@ -1,4 +1,4 @@
-"""The command line: prep, run, plan, status, why, figures, feasible, replay, list, clean, fetch."""
+"""The command line: what is asked for, checked before anything is loaded; then its command."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ from pipeline.config.problems import InputError, Problem, Unfinished
 from pipeline.workflow.products import DELIVERABLES
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
+
+MAKING = ("run", "prep", "figures", "feasible", "replay", "clean")
+"""Commands after which the index of all results is brought up to date."""
 
 MOST_WORKERS = 10_000
 """More worker processes than any machine starts."""
@@ -38,7 +41,10 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         options = _parser().parse_args(arguments)
         verb = getattr(importlib.import_module("pipeline.commands"), options.verb)
-        return UNRESOLVED if verb(options) else DONE
+        unresolved = verb(options)
+        if options.verb in MAKING:
+            importlib.import_module("pipeline.workflow.front_page").renew(options.derived)
+        return UNRESOLVED if unresolved else DONE
     except InputError as error:
         for problem in error.problems:
             print(f"vsr: {problem}", file=sys.stderr)
@@ -141,6 +147,7 @@ def _parser() -> argparse.ArgumentParser:
         help="a run beside it: neighbour, or what differs, such as engine=bullet or yaw=30,pga=0.5",
     )
     _add_where(replay)
+    add("index", "a page that leads to all results")
     add("list", "sites, studies, tables and products")
     clean = add("clean", "remove derived data, of one site or all; never data/raw")
     clean.add_argument("--site", metavar="NAME")

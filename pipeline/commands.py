@@ -19,7 +19,7 @@ from typing import Any
 from pipeline.config.layers import STUDIES, TABLES, known, load_site
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sweep import Sweep, load_sweep
-from pipeline.workflow import graph
+from pipeline.workflow import front_page, graph
 from pipeline.workflow.cluster import Cluster, check_settings
 from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.products import DELIVERABLES, GRIDDED
@@ -199,6 +199,32 @@ def replay(options: argparse.Namespace) -> int:
     with job.store, job.cluster:
         page = make(job, given, options.beside)
     _log(f"-> {job.path(page)}")
+    return 0
+
+
+def index(options: argparse.Namespace) -> int:
+    """Write the page that leads to all results.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    int, always 0
+    """
+    page = front_page.renew(options.derived)
+    if page is None:
+        raise InputError(
+            Problem(
+                str(options.derived),
+                "",
+                "no index of results",
+                "there are products in the folder, and it can be written to",
+                "make one, e.g. make fragility SITE=cuboid_1x1x2",
+            )
+        )
+    _log(f"-> {page}")
     return 0
 
 

@@ -78,7 +78,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= {"number": _number, "fixed": _fixed, "many": _many}
+    environment.globals |= {"number": _number, "fixed": _fixed, "many": _many, "up": "../"}
     return environment
 
 

@@ -73,7 +73,7 @@ def jobs(workers: int) -> Iterator[Jobs]:
     import dask
 
     try:
-        from dask_jobqueue import SLURMCluster
+        from dask_jobqueue.slurm import SLURMCluster
 
         settings = dask.config.get("jobqueue.slurm")
         seconds = _seconds(str(settings["walltime"]))

@@ -58,6 +58,11 @@ class Store:
         """Folder of the database of runs."""
         return self.folder if self._home is None else self._home.folder
 
+    @property
+    def up(self) -> str:
+        """The way from here to the folder of all results, as a link has it."""
+        return "../" * (1 + len(self.folder.relative_to(self.runs).parts))
+
     def __enter__(self) -> Store:
         return self
 

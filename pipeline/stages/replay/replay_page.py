@@ -90,6 +90,7 @@ def page(job: Job, runs: list[Played], shaking: Shaking) -> str:
         PAGE,
         {
             "site": job.site.name,
+            "up": f"../{job.store.up}",
             "source": rock.attrs["shape_source"],
             "mass": float(rock.attrs["mass_kg"]),
             "on_terrain": job.config.on_terrain,

@@ -70,7 +70,7 @@ def make(job: Job) -> Product:
     """
     rock, responses, fragility = (read(job.path(name)) for name in (ROCK, RESPONSES, FRAGILITY))
     facts = _facts(job, rock, responses, fragility)
-    text = pages.filled(FILE, facts)
+    text = pages.filled(FILE, facts | {"up": job.store.up})
     lost = facts["unresolved"]["total"]
     verdict = f"{lost} runs WITHOUT a verdict" if lost else "every run has a verdict"
     note = f"{len(facts['diagrams'])} diagrams, {len(text) / 1e6:.2f} MB; {verdict}"

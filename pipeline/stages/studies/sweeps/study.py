@@ -51,6 +51,7 @@ def make(swept: Swept, key: str) -> Product:
         "variables": sorted(map(str, data.data_vars)),
         "surrogate": _surrogate(swept),
         "yaws": data.sizes.get("yaw", 1),
+        "up": job.store.up,
     }
     files = {DATA: netcdf(data), PAGE: writers.text(pages.filled(PAGE, page))}
     sizes = " x ".join(f"{len(one.labels)} {one.name}" for one in dimensions)
