@@ -29,7 +29,7 @@ from vsr_core.verification.time_step import step_unit
 from vsr_core.verification.tracking import TableHistory, disturbance, errors, push, synthetic, track
 
 A_PULSE, ROUGH, RECORD = "pulse", "rough motion", "record"
-"""The motions that are followed: a pulse, and a made motion or the first of the site's records."""
+"""The motions that are followed: a pulse, and a made motion or one of the site's records."""
 
 PULSE = (0.2, 0.8)
 """PGA [g] and PGV/PGA [s] of the paper's Fig. 7a."""
@@ -132,7 +132,7 @@ class Rough(NamedTuple):
 
 
 def rough(site: Site) -> Rough:
-    """The first of a site's records, or a made motion where it has none.
+    """The record of the largest PGV/PGA of a site, or a made motion where it has none.
 
     Parameters
     ----------
@@ -144,8 +144,8 @@ def rough(site: Site) -> Rough:
     """
     motion = site.config.motion
     if isinstance(motion, RecordConfig):
-        first = record_inputs.load(site, motion)[0]
-        return Rough(f"{RECORD} {first.name}", motion.pga[0], first.trace)
+        longest = record_inputs.load(site, motion)[-1]  # they ascend
+        return Rough(f"{RECORD} {longest.name}", motion.pga[0], longest.trace)
     pga, ratio = SYNTHETIC
     return Rough(ROUGH, pga, synthetic(ratio))
 
