@@ -33,7 +33,10 @@ DIFFERENT = 0.02
 CLUSTER = 5
 """Cells that make a cluster, not a stray outcome."""
 
-_ROWS, _COLUMNS = 3, 4
+ROWS = 3
+"""Rows that show the same."""
+
+_PANELS = 3, 4
 
 
 @style.styled
@@ -53,7 +56,7 @@ def draw(data: Data) -> Figure:
     _plan(figure.add_axes((0.28, 0.71, 0.44, 0.24)), data["rock"], responses["yaw"].values)
     margins = {"left": 0.065, "right": 0.99, "bottom": 0.085, "top": 0.675}
     panels = figure.subplots(
-        _ROWS, _COLUMNS, sharex=True, sharey=True,
+        *_PANELS, sharex=True, sharey=True,
         gridspec_kw={**margins, "hspace": 0.17, "wspace": 0.07},
     )  # fmt: skip
     pga, ratios = responses["pga"].values, responses["pgv_pga"].values
@@ -140,6 +143,7 @@ def findings(data: Data) -> list[Finding]:
             share[0.0] > share[270.0],
         ),
         _cluster(sizes),
+        _returns({yaw: before_balanced(grid) for yaw, grid in grids.items()}),
         _logistic(data["fragility"], yaws),
         _static(data["rock"], yaws, share),
     ]
@@ -154,11 +158,46 @@ def _cluster(sizes: dict[float, list[int]]) -> Finding:
     return Finding(
         "Fig. 13f, section 5.2",
         "At yaw 300° a small cluster of toppled runs is separated from the main boundary.",
-        f"a second cluster of at least {CLUSTER} cells",
+        f"a second cluster of at least {CLUSTER} cells, which not even touches at a corner",
         f"beside the main one at 300°: {here}"
         + (" cells" if apart[300.0] else "")
         + f"; at other yaws: {', '.join(others) or 'none'}",
         bool(apart[300.0]),
+    )
+
+
+def before_balanced(outcomes: Array) -> tuple[int, int]:
+    """Count toppled cells below balanced ones of the same row that are between toppled ones.
+
+    Parameters
+    ----------
+    outcomes : ndarray, shape (rows, columns), 1 overturned, 0 not, -1 undecided
+
+    Returns
+    -------
+    rows, cells : int, rows with such cells, and those cells
+
+    >>> before_balanced(np.array([[0, 1, 1, 0, 1], [0, 0, 1, 1, 1], [0, 1, 0, 0, 0]]))
+    (1, 2)
+    """
+    toppled, balanced = outcomes == 1, outcomes == 0
+    below = np.cumsum(toppled, axis=1)  # toppled up to here
+    between = balanced & (below > 0) & (below < below[:, -1:])
+    cells = np.where(between, below, 0).max(axis=1)
+    return int((cells > 0).sum()), int(cells.sum())
+
+
+def _returns(found: dict[float, tuple[int, int]]) -> Finding:
+    """Balanced cells between toppled ones at yaw 300."""
+    rows, cells = found[300.0]
+    more = [f"{yaw:g}°" for yaw, (_, number) in found.items() if number > cells]
+    return Finding(
+        "Fig. 13f, section 5.2",
+        "At yaw 300° balanced runs lie between a few toppled ones and the main toppled zone.",
+        f"along rows of one PGV/PGA, at least {CLUSTER} toppled runs in {ROWS} rows or more have a "
+        "balanced one at a larger PGA, and a toppled one beyond it",
+        f"{cells} such runs in {rows} rows at 300°; more at {', '.join(more) or 'no other yaw'}",
+        cells >= CLUSTER and rows >= ROWS,
     )
 
 

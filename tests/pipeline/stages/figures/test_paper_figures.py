@@ -111,6 +111,17 @@ def test_fig_13_tells_a_cluster_from_stray_cells() -> None:
     assert "0° (9 cells)" in fig_13._cluster({0.0: [60, 9], 300.0: [50, 4]}).measured
 
 
+def test_fig_13_sees_balanced_runs_before_the_main_zone() -> None:
+    grid = beyond(0.35)
+    assert fig_13.before_balanced(grid) == (0, 0)
+    grid[2:5, 5] = 0  # of the toppled columns 3 to 9; two lie below it
+    assert fig_13.before_balanced(grid) == (3, 6)
+    assert fig_13._returns({300.0: (3, 6)}).found
+    assert not fig_13._returns({300.0: (2, 20)}).found
+    grid[2, 5] = -1  # undecided is no balanced run
+    assert fig_13.before_balanced(grid) == (2, 4)
+
+
 def test_fig_11_compares_where_the_robot_can_go() -> None:
     """1.2 g and 0.5 m/s: at 0.1 s up to 0.51 g, at 1 s up to 0.051 g."""
     can = robot.can(PGA, RATIOS)
