@@ -17,6 +17,7 @@ from support import grounds
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.sine_pulse import SinePulse
 from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 from vsr_core.outcome import DecidedBy, Outcome
 from vsr_core.rock import solid
@@ -83,6 +84,17 @@ def test_it_is_the_run_of_the_study(pulse: CosinePulse, settings: Settings) -> N
     assert run.tilt[: decided + 1].max() >= response.peak_tilt - 1e-6
     assert run.tilt[decided] == pytest.approx(response.final_tilt, abs=1e-6)
     assert (np.diff(run.time) > 0.0).all()
+
+
+def test_what_the_study_passes_over_is_passed_over() -> None:
+    """A sine begins gently: until its push can lift the rock, no step is done."""
+    gentle = SinePulse(0.6 * GRAVITY, 0.3)
+    run = replay(case(), gentle, FINE)
+    assert run.response == simulate(case(), gentle, FINE)
+    begins = float(np.diff(run.time).max())
+    lifts = SIZE[0] / SIZE[2] * GRAVITY  # of a block: the acceleration b/h g
+    assert gentle.acceleration(np.array([begins]))[0] == pytest.approx(lifts, rel=0.05)
+    assert run.tilt[1] == 0.0
 
 
 def test_it_goes_on_where_the_study_stops() -> None:
