@@ -250,7 +250,7 @@ def test_the_page_says_what_was_found(page: str, hazard: xr.Dataset) -> None:
         row = " | ".join(f"{value:.3f}" for value in cells)
         assert f"{years:,} | {row}" in page
     effective = 1.0 / (weight**2).sum(), 1.0 / (new**2).sum()
-    assert "{:.3g} before, {:.3g} after".format(*effective) in page
+    assert "{:.4g} before, {:.4g} after".format(*effective) in page
     for n, chance in enumerate(chances):
         verdict = "rejected" if chance < LEAST else "kept"
         pattern = rf"{n} \| \S+ \| {weight[n]:.3f} \| {1 / expected[n]:,.0f} years \| "

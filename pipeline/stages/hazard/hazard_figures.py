@@ -9,12 +9,16 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 
 from pipeline.drawing import style
 from pipeline.workflow.datasets import label
 
 MOST_BARS = 40
 """Branches whose weights are drawn, the heaviest; bars of more could not be told apart."""
+
+_SOLID = 60
+"""Branches that are drawn solid; more are drawn the fainter, the more there are."""
 
 _BEFORE, _AFTER = style.SERIES[0], style.SERIES[1]
 _KEPT, _REJECTED = style.FAINT, style.OVERTURNED
@@ -53,7 +57,7 @@ def curves(hazard: xr.Dataset, tested: tuple[float, float]) -> Figure:
         above.axhline(1.0 / years, color=style.INK, lw=0.5, ls=":")
         text = f"{years:,.0f} years"
         above.text(pga[0], 1.0 / years, text, va="bottom", fontsize=7.5, path_effects=style.HALO)
-    figure.legend(*above.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    _solid(figure.legend(*above.get_legend_handles_labels(), loc="outside upper center", ncols=3))
     _fragility(below, hazard, tested)
     below.set_xscale("log")
     below.set_xlabel(label("pga"))
@@ -71,10 +75,17 @@ def _branches(axes: Axes, pga: Any, rates: Any, rejected: Any) -> None:
         lines = [np.column_stack([pga, one]) for one in rates[rejected == out]]
         if lines:
             dashes = (0, (1, 1.2)) if out else "solid"
-            look: Any = {"colors": colour, "linewidths": 0.8, "linestyles": [dashes]}
+            look: Any = {"colors": colour, "linewidths": 0.8, "linestyles": [dashes], "zorder": 1}
+            look["alpha"] = max(min(1.0, _SOLID / len(rejected)), 0.06)
             axes.add_collection(
                 LineCollection(lines, label=name, rasterized=len(lines) > 100, **look)
             )
+
+
+def _solid(legend: Legend) -> None:
+    """Lines of a legend are not as faint as the many that they stand for."""
+    for line in legend.get_lines():
+        line.set_alpha(1.0)
 
 
 def _fragility(axes: Axes, hazard: xr.Dataset, tested: tuple[float, float]) -> None:
@@ -115,7 +126,7 @@ def survival(hazard: xr.Dataset, least: float) -> Figure:
         _name_branches(above, hazard)
     above.set_ylim(0.0, 1.0)
     above.set_ylabel("chance of survival")
-    above.legend(loc="upper right")
+    _solid(above.legend(loc="upper right", frameon=True, framealpha=0.9, edgecolor="none"))
     below.fill_between(age, hazard["age_density"].values, step="mid", color=style.BASE, alpha=0.6)
     below.set_ylim(0.0, None)
     below.set_yticks([])

@@ -68,7 +68,7 @@ def page(
         "tested": rock.tested,
         "frictions": listed([f"{one:g}" for one in rock.frictions]) if rock.frictions else "",
         "yaws": len(rock.by_yaw),
-        "percent": percent,
+        "percent": lambda share: percent(share).replace(" ", "\N{NO-BREAK SPACE}"),
         "every": lambda rate: f"{1.0 / rate:,.0f}" if rate > 0.0 else "\N{INFINITY}",
         **_answer(question, hazard, config),
         **_shaking(hazard, rock.tested),
@@ -96,7 +96,7 @@ def _answer(question: Question, hazard: xr.Dataset, config: HazardConfig) -> dic
     ]
     return {
         "sentence": sentence(names, rejected, chances, least, pga, number),
-        "least": percent(least),
+        "least": percent(least).replace(" ", "\N{NO-BREAK SPACE}"),
         "dropped": at["pga_dropped"].item(),
         "after": pga[1],
         "none_left": bool(rejected.all()),
