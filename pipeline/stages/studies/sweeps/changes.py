@@ -27,6 +27,7 @@ class Change:
     is_reference : bool
     mean, low, high : float, change of the boundary [1]: geometric mean, 10 and 90 % of all rows
     apart, rows : int, rows whose boundaries are apart, and all that can be compared
+    lost : int, rows with a boundary at the reference where nothing topples here
     toppled : float, share of the decided runs that topple
     time_step : float [s]
     error : float, numerical error of the boundary [1]; nan where it was not measured
@@ -40,6 +41,7 @@ class Change:
     high: float
     apart: int
     rows: int
+    lost: int
     toppled: float
     time_step: float
     error: float
@@ -106,6 +108,7 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
         float(high),
         int(apart.sum()),
         int(compared.sum()),
+        int((there["boundary"].notnull() & np.isinf(here[ENDS[1]])).sum()),
         (here["overturned"] == 1).sum().item() / decided if decided else np.nan,
         _largest(here["time_step"]),
         _largest(here["boundary_error"]),
@@ -120,6 +123,20 @@ def _interval(data: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
     topples_at_once = data[ENDS[0]].isnull() & first.notnull()
     last = data[ENDS[0]].where(~topples_at_once, 0.0)
     return last * (1.0 - error), first * (1.0 + error)
+
+
+def never_as_infinite(data: xr.Dataset) -> xr.DataArray:
+    """Boundaries, infinite where nothing topples, so that medians count those rows.
+
+    Parameters
+    ----------
+    data : Dataset
+
+    Returns
+    -------
+    DataArray [g]
+    """
+    return data["boundary"].where(~np.isinf(data[ENDS[1]]), np.inf)
 
 
 def filled(data: xr.Dataset) -> xr.Dataset:
@@ -178,7 +195,7 @@ def collapsed(data: xr.Dataset) -> xr.Dataset | None:
     if "rock_radius" not in data or np.ptp(data["rock_radius"].values) == 0.0:
         return None
     time = np.sqrt(data["rock_radius"] / GRAVITY)
-    return xr.Dataset({"boundary": data["boundary"] / data["static_pga"], "time": time})
+    return xr.Dataset({"boundary": never_as_infinite(data) / data["static_pga"], "time": time})
 
 
 def spread(own: xr.Dataset, dimension: Dimension) -> tuple[float, float]:

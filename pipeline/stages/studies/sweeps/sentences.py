@@ -78,7 +78,14 @@ def _moved(dimension: Dimension, changes: list[Change]) -> str:
 def _none(changes: list[Change]) -> str:
     """Where nothing topples."""
     safe = [one.label for one in changes if one.toppled == 0.0]
-    return f"At {_listed(safe)} nothing topples within the grid." if safe else ""
+    if safe:
+        return f"At {_listed(safe)} nothing topples within the grid."
+    most = max(changes, key=lambda one: one.lost)
+    if most.lost == 0:
+        return ""
+    return (
+        f"Rows that no longer topple within the grid are not in this: {most.lost} at {most.label}."
+    )
 
 
 def _beyond(changes: list[Change]) -> str:

@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from pipeline.config.sweep import Dimension
 from pipeline.drawing import style
-from pipeline.stages.studies.sweeps.changes import ENDS, filled
+from pipeline.stages.studies.sweeps.changes import ENDS, filled, never_as_infinite
 from pipeline.workflow.datasets import label
 from vsr_core.arrays import Array, Indices
 
@@ -185,7 +185,7 @@ def _cells(axes: Axes, one: xr.Dataset) -> QuadMesh:
 
 def _curve(one: xr.Dataset) -> Array:
     """Boundary at each PGV/PGA, the median of all directions and frictions [g]."""
-    boundary = one["boundary"]
+    boundary = never_as_infinite(one)
     others = [dim for dim in boundary.dims if dim != "pgv_pga"]
     values: Array = boundary.median(others).values
     return values
@@ -195,7 +195,10 @@ def _typical(data: xr.Dataset, name: str) -> xr.Dataset:
     """Boundaries and their ends on (dimension, PGV/PGA), medians of all else."""
     wanted = data[[one for one in ("boundary", *ENDS) if one in data]]
     others = [dim for dim in wanted["boundary"].dims if dim not in (name, "pgv_pga")]
-    return wanted.median(others).transpose(name, "pgv_pga")
+    if ENDS[1] in data:
+        wanted = wanted.assign(boundary=never_as_infinite(data))
+    found = wanted.median(others)
+    return found.where(np.isfinite(found["boundary"])).transpose(name, "pgv_pga")
 
 
 def _completed(data: xr.Dataset, name: str) -> xr.Dataset:
