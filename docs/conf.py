@@ -47,6 +47,16 @@ html_title = "Virtual shake robot"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_extra_path = ["extra"]
+html_sidebars = {
+    page: []
+    for page in (
+        *("index", "quick_start", "concepts", "gallery", "faq", "error", "limits", "validation"),
+        *("claims", "reliability", "options", "conventions", "structure"),
+        *("CONTRIBUTING", "CHANGELOG"),
+    )
+}
+"""Pages without pages below them have no menu at their side."""
+html_context = {"default_mode": "auto"}
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {

@@ -32,11 +32,10 @@ EXAMPLES = (
 )
 """Products that the site shows, by the arguments of `vsr run`."""
 
-WIDE, PHONE = (1280, 900), (390, 780)
+WIDE = (1280, 900)
 SHOWN = {
     "page_index": ("index.html", WIDE),
-    "page_report": ("double_rock/report.html", WIDE),
-    "page_report_phone": ("double_rock/report.html", PHONE),
+    "page_report": ("cuboid_1x1x2/report.html", WIDE),
 }
 """Pictures of pages, each with its page and the window [px] it is seen in."""
 
