@@ -54,6 +54,14 @@ class DecidedBy(IntEnum):
         return rule
 
 
+class FoundBy(IntEnum):
+    """How the outcome of a draw in a cell is known."""
+
+    SIMULATED = 0
+    PROVED = 1
+    SPARED = 2
+
+
 class StopReason(IntEnum):
     """What ended a run over the terrain."""
 

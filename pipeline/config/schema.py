@@ -18,6 +18,7 @@ from pipeline.config import in_si
 from pipeline.config.bounds import MOST_SCENES, SHORTEST_STEP, Coordinate, Density
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.motion_schema import MotionConfig, TableMotionConfig
+from pipeline.config.priors_schema import UncertaintyConfig
 from pipeline.config.scene_schema import ContactConfig, ServoConfig
 from pipeline.config.sections import Lax, Range, Section, Values, as_values
 from vsr_core.rock.body import THINNEST, check_size
@@ -207,6 +208,9 @@ class Config(Section):
     )
     hazard: HazardConfig = Field(
         HazardConfig(), description="hazard curves and the rock's age, for `make hazard`"
+    )
+    uncertainty: UncertaintyConfig = Field(
+        UncertaintyConfig(), description="what is not known of rock and shaking, and its draws"
     )
 
     @property

@@ -55,6 +55,7 @@ class Form:
         scans. A scan is rougher than its rock by its own error, and one more would have the rock
         stand on bumps that are not there, wider and safer than it does.
     replica : bool, whether there is another scan of the form
+    length : float [m], over which errors of the scan are alike
     """
 
     vertices: Array
@@ -64,9 +65,15 @@ class Form:
     error: float
     spread: float
     replica: bool
+    length: float = ERROR_LENGTH
 
 
-def form(scan: trimesh.Trimesh, replica: trimesh.Trimesh | None) -> Form:
+def form(
+    scan: trimesh.Trimesh,
+    replica: trimesh.Trimesh | None,
+    error: float = SCAN_ERROR,
+    length: float = ERROR_LENGTH,
+) -> Form:
     """The shape of a specimen by its scan, and by that of a specimen of the same form.
 
     Parameters
@@ -74,6 +81,8 @@ def form(scan: trimesh.Trimesh, replica: trimesh.Trimesh | None) -> Form:
     scan : Trimesh [m], closed, z up
     replica : Trimesh [m] or None
         Brought onto the scan by iterated closest points; taken only if the two are ``ALIKE``.
+    error, length : float [m], standard deviation of the scan's error at the base, and the length
+        over which errors are alike, where there is no replica
 
     Returns
     -------
@@ -92,9 +101,9 @@ def form(scan: trimesh.Trimesh, replica: trimesh.Trimesh | None) -> Form:
         if np.median(distance) < ALIKE * np.ptp(vertices, axis=0).max():
             low = vertices[:, 2] < vertices[:, 2].min() + BASE_SHARE * np.ptp(vertices[:, 2])
             apart = np.einsum("ij,ij->i", other - vertices, normals)[low]
-            error = float(apart.std()) / np.sqrt(2.0)
-            return Form(vertices, normals, faces, other, error, 0.0, True)
-    return Form(vertices, normals, faces, vertices, SCAN_ERROR, SCAN_ERROR, False)
+            half = float(apart.std()) / np.sqrt(2.0)
+            return Form(vertices, normals, faces, other, half, 0.0, True)
+    return Form(vertices, normals, faces, vertices, error, error, False, length)
 
 
 def drawn(of: Form, member: Member, density: float) -> Rock:
@@ -118,7 +127,7 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
     middle = (1.0 - member.mixing) * of.vertices + member.mixing * of.other
     rng = np.random.default_rng(member.seed)
     for _ in range(TRIES):
-        error = member.error * of.spread * _field(of.vertices, ERROR_LENGTH, rng)
+        error = member.error * of.spread * _field(of.vertices, of.length, rng)
         body = trimesh.Trimesh(middle + of.normals * error[:, None], of.faces, process=False)
         centre = np.array(body.center_mass) + member.centre
         hull = convex_hull(np.array(body.vertices) - centre)

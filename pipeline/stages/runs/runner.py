@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from itertools import compress, islice
@@ -94,6 +94,7 @@ def run_missing(
     groups: Sequence[G],
     wanted: Wanted[G],
     shared: Callable[[G], Any],
+    store: RunStore[Row] | None = None,
 ) -> Tally:
     """Do those of the wanted runs that are not stored; crashed ones are tried again.
 
@@ -104,13 +105,15 @@ def run_missing(
     groups : sequence
     wanted : Wanted, asked twice for each group, so that no group is held
     shared : callable, from a group to what its runs share
+    store : RunStore, where the caller holds it open for many calls
 
     Returns
     -------
     Tally
     """
     start, cpu = time.monotonic(), 0.0
-    with closing(RunStore(job.store.runs, kind.row, job.log)) as runs:
+    opened = closing(RunStore(job.store.runs, kind.row, job.log)) if store is None else None
+    with opened or nullcontext(store) as runs:
         todo = [missing(wanted(group), runs) for group in groups]
         total = sum(map(sum, todo))
         compiled = job.site.settings.engine == COMPILED

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,12 +39,46 @@ class GridRuns:
     tokens: bytes
 
     def __iter__(self) -> Iterator[Run]:
-        width, start = len(self.tokens) // motion_grid.count(self.motions), self.scene[:4]
-        shared = hashlib.blake2b(self.scene, digest_size=12)
-        for place, cell in enumerate(motion_grid.each_cell(self.motions)):
-            own = shared.copy()
-            own.update(self.tokens[place * width : (place + 1) * width])
-            yield Run(start + own.digest(), cell)
+        width = len(self.tokens) // motion_grid.count(self.motions)
+        starts = range(0, len(self.tokens), width)
+        keys_of_runs = run_keys(self.scene, (self.tokens[at : at + width] for at in starts))
+        return map(Run, keys_of_runs, motion_grid.each_cell(self.motions))
+
+
+def run_keys(scene: bytes, tokens: Iterable[bytes]) -> Iterator[bytes]:
+    """Keys of runs of one scene.
+
+    Parameters
+    ----------
+    scene : bytes, digest of all that its runs share
+    tokens : iterable of bytes, what tells the motion of each
+
+    Yields
+    ------
+    bytes
+    """
+    start, shared = scene[:4], hashlib.blake2b(scene, digest_size=12)
+    for token in tokens:
+        own = shared.copy()
+        own.update(token)
+        yield start + own.digest()
+
+
+def scene_digest(shared: dict[str, Any], group: Group, time_step: float) -> bytes:
+    """What the runs of a scene share.
+
+    Parameters
+    ----------
+    shared : dict of plain data, identity of the study and of its motions
+    group : Group
+    time_step : float [s]
+
+    Returns
+    -------
+    bytes
+    """
+    scene = {**shared, **group._asdict(), "time_step": repr(time_step)}
+    return bytes.fromhex(keys.digest(scene))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +111,8 @@ class Study:
         -------
         GridRuns
         """
-        step = self.time_steps[group.friction]
-        scene = {**self._identity, **group._asdict(), "time_step": repr(step)}
-        return GridRuns(bytes.fromhex(keys.digest(scene)), self.motions, self._tokens)
+        scene = scene_digest(self._identity, group, self.time_steps[group.friction])
+        return GridRuns(scene, self.motions, self._tokens)
 
     def settings(self, friction: float) -> Settings:
         """How the runs of a friction are computed.
@@ -116,8 +149,23 @@ def load_study(config: Config, store: Store) -> Study:
         time_steps(config, store),
         groups(config),
         _tokens(motions),
-        {**identity(scenes), "motion": motions.identity()},
+        shared_identity(scenes, motions),
     )
+
+
+def shared_identity(scenes: Scenes, motions: Shaking) -> dict[str, Any]:
+    """Tell what all runs of a study share, but for group and time step.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    motions : Shaking
+
+    Returns
+    -------
+    dict of plain data
+    """
+    return {**identity(scenes), "motion": motions.identity()}
 
 
 def _tokens(motions: Shaking) -> bytes:

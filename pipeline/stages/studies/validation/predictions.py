@@ -13,7 +13,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pipeline.stages.studies.validation.recorded_runs import Outcomes, Role
-from pipeline.stages.studies.validation.recorded_tests import Tests, priors
+from pipeline.stages.studies.validation.recorded_tests import Tests
+from pipeline.stages.uncertainty.draws import priors
 from pipeline.workflow.rows import RunRow
 from vsr_core.arrays import Array, Mask
 from vsr_core.outcome import Outcome

@@ -23,7 +23,6 @@ from pipeline.stages.mesh import mesh_files
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.records.record import check_sampling
 from vsr_core.rock.solid import checked
-from vsr_core.validation.priors import Priors
 
 if TYPE_CHECKING:
     import trimesh
@@ -95,29 +94,6 @@ def site_of(folder: Path) -> Site:
             folder, "", "no scan", "there is one for each specimen", "call it sp1.ply, in metres"
         )
     return Site(folder.name, assumptions(folder), shown(folder), folder)
-
-
-def priors(config: ShakeTableConfig) -> Priors:
-    """Put what is assumed of the tests in the terms of the physics.
-
-    Parameters
-    ----------
-    config : ShakeTableConfig
-
-    Returns
-    -------
-    Priors
-    """
-    return Priors(
-        (in_si.angle(config.azimuth.mean), in_si.angle(config.azimuth.sd)),
-        config.reversed_share,
-        config.friction,
-        config.restitution,
-        (config.amplitude.mean, config.amplitude.sd),
-        config.mixing,
-        config.base_error,
-        config.centre_of_mass,
-    )
 
 
 def scans_in(folder: Path) -> dict[int, Path]:

@@ -24,11 +24,11 @@ from pipeline.stages.studies.validation.recorded_tests import (
     OUTCOMES,
     RECORDS,
     accelerations,
-    priors,
     scan,
     scans_in,
     tests_in,
 )
+from pipeline.stages.uncertainty.draws import priors
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.keys import digest_file

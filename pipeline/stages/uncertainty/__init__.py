@@ -1,0 +1,1 @@
+"""The probability of overturning when rock and shaking are known within priors."""

@@ -1,0 +1,231 @@
+"""Draws of what is not known: each a rock, a contact, a direction and a gain, and so a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.config import in_si
+from pipeline.config.layers import Site
+from pipeline.config.paths import located, shown
+from pipeline.config.priors_schema import PriorsConfig
+from pipeline.config.problems import InputError, Problem
+from pipeline.config.schema import Config
+from pipeline.stages.mesh import mesh_files
+from pipeline.stages.mesh.products import ROCK, load_rock
+from pipeline.stages.runs.scenes import Group, Scenes
+from pipeline.workflow.datasets import read
+from pipeline.workflow.keys import digest_file
+from pipeline.workflow.store import Store
+from vsr_core.arrays import Array
+from vsr_core.errors import InvalidInput
+from vsr_core.rock.body import Rock
+from vsr_core.rock.solid import checked
+from vsr_core.run.proofs import Barrier, barrier
+from vsr_core.validation import priors as physics
+from vsr_core.validation.priors import Member, Priors
+from vsr_core.validation.specimen import Form, drawn, form
+
+_REPLICA = "uncertainty.scan.replica"
+
+
+def priors(config: PriorsConfig) -> Priors:
+    """Put what is not known of a rock and its shaking in the terms of the physics.
+
+    Parameters
+    ----------
+    config : PriorsConfig
+
+    Returns
+    -------
+    Priors
+    """
+    return Priors(
+        (in_si.angle(config.azimuth.mean), in_si.angle(config.azimuth.sd)),
+        config.reversed_share,
+        config.friction,
+        config.restitution,
+        (config.amplitude.mean, config.amplitude.sd),
+        config.mixing,
+        config.base_error,
+        config.centre_of_mass,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """One draw and the rock that comes of it.
+
+    Attributes
+    ----------
+    number : int
+    member : Member
+    rock : Rock, at rest on a level pedestal
+    config : Config, of the site with the contact of this draw
+    given : (Rock, Barrier) of the site as it is
+    """
+
+    number: int
+    member: Member
+    rock: Rock
+    config: Config
+    given: tuple[Rock, Barrier]
+
+    @cached_property
+    def scenes(self) -> Scenes:
+        """What its scenes are built from."""
+        limits = self.given[1] if self.rock is self.given[0] else barrier(self.rock)
+        return Scenes(self.config, self.rock, limits, None)
+
+    def group(self, yaw: float) -> Group:
+        """The scene of a direction.
+
+        Parameters
+        ----------
+        yaw : float [degree], of the site
+
+        Returns
+        -------
+        Group
+        """
+        return Group(yaw - in_si.in_degrees(self.member.azimuth), self.member.friction)
+
+    def yaws(self) -> Array:
+        """Directions of its scenes, shape (yaws,) [rad]."""
+        return np.radians([self.group(yaw).yaw for yaw in self.config.yaw])
+
+
+def draws(site: Site, store: Store) -> list[Draw]:
+    """Draw the members of a site's ensemble.
+
+    Parameters
+    ----------
+    site : Site
+    store : Store, which holds the rock
+
+    Returns
+    -------
+    list of Draw
+
+    Raises
+    ------
+    InputError
+        If a rock that is drawn does not stand, or the second scan is none of this rock.
+    """
+    config, given = site.config, load_rock(store)
+    shape = surface(site, store)
+    members = physics.draws(priors(config.uncertainty), config.uncertainty.members)
+    found = []
+    for number, member in enumerate(members):
+        contact = {"friction": (member.friction,), "restitution": member.restitution}
+        own = config.contact.model_copy(update=contact)
+        own_config = config.model_copy(update={"contact": own})
+        try:
+            rock = _rock(given[0], shape, member, config.rock.density)
+        except InvalidInput as error:
+            raise InputError.from_invalid(site.file, "uncertainty", error) from None
+        found.append(Draw(number, member, rock, own_config, given))
+    return found
+
+
+def _rock(given: Rock, shape: Form, member: Member, density: float) -> Rock:
+    """A rock as it may be; that of the site itself where nothing of its shape is drawn."""
+    as_scanned = not shape.replica and member.error * shape.spread == 0.0
+    if as_scanned and not np.any(member.centre):
+        return given
+    return drawn(shape, member, density)
+
+
+def surface(site: Site, store: Store) -> Form:
+    """The rock's surface, and what is known of its error; a box is as its size says.
+
+    Parameters
+    ----------
+    site : Site
+    store : Store, which holds the rock
+
+    Returns
+    -------
+    Form
+
+    Raises
+    ------
+    InputError
+        If the second scan cannot be used.
+    """
+    import trimesh
+
+    told, data = site.config.uncertainty.scan, read(store.folder / ROCK)
+    vertices = data["surface_vertex"].values.astype(np.float64)
+    mesh = trimesh.Trimesh(vertices, data["surface_face"].values, process=False)
+    error = 0.0 if site.config.rock.shape == "box" else told.error
+    path = replica_path(site)
+    if path is None:
+        return form(mesh, None, error, told.length)
+    try:
+        other = checked(mesh_files.read(path))[0]
+    except InvalidInput as error:
+        raise _refused(site, f"{shown(path)}, {error.given}", error.rule, error.remedy) from None
+    made = form(mesh, other, error, told.length)
+    if not made.replica:
+        given, rule = f"{shown(path)}, of another form", "the two scans are of one form"
+        raise _refused(site, given, rule, "turn it as the first, or leave it out")
+    return made
+
+
+def replica_path(site: Site) -> Path | None:
+    """Path of the second scan, where one is named.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    Path or None
+
+    Raises
+    ------
+    InputError
+        If it is not there.
+    """
+    name = site.config.uncertainty.scan.replica
+    if name is None:
+        return None
+    path = located(site.folder_of(_REPLICA), name, site.file, _REPLICA)
+    if not path.is_file():
+        given = f"{shown(path)}, which is not there"
+        raise _refused(site, given, "the scan exists", "check the path")
+    return path
+
+
+def inputs(site: Site) -> dict[str, str]:
+    """Digest of the second scan, for the identity of the stage.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    dict from file name to digest
+
+    Raises
+    ------
+    InputError
+        For a site whose uncertainty is not computed: a rock on a terrain.
+    """
+    if site.config.on_terrain:
+        given, rule = "a terrain", "rocks are drawn on a flat pedestal"
+        raise InputError(
+            Problem(site.file, "pedestal.shape", given, rule, "set pedestal.shape: flat")
+        )
+    path = replica_path(site)
+    return {} if path is None else {path.name: digest_file(path)}
+
+
+def _refused(site: Site, given: str, rule: str, remedy: str) -> InputError:
+    return InputError(Problem(site.file, _REPLICA, given, rule, remedy))

@@ -1,0 +1,145 @@
+"""Which cells of a draw's grid to run, so that its boundary is found with few of them.
+
+A table holds the outcomes of one draw on (row, PGA), rows one below the other: 1 overturned, 0 not,
+-1 without a verdict, `UNKNOWN` not run. In each row the boundary is searched from where it is
+expected, by steps that double and then by halving, until a cell that stands is next to one that
+topples. In a row that may be ragged, cells are run on above it until `CALM` in a row topple, and
+`CALM_BELOW` below it. What is then unknown is taken to topple above the first cell that toppled,
+and to stand below.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core.arrays import Array, Indices, Mask
+
+Table = NDArray[np.int8]
+
+UNKNOWN = -2
+"""Outcome of a cell that was not run."""
+
+CALM, CALM_BELOW = 2, 1
+"""Toppled cells above, and standing ones below, between which the cells of a ragged row are run."""
+
+
+def first_toppled(table: Table) -> Indices:
+    """Column of the lowest PGA that is known to topple, in each row.
+
+    Parameters
+    ----------
+    table : ndarray of int, shape (..., n)
+
+    Returns
+    -------
+    ndarray of int, shape (...), n where none is known
+
+    Examples
+    --------
+    >>> first_toppled(np.array([[0, -2, 1, 1], [0, 0, -2, -2]], np.int8)).tolist()
+    [2, 4]
+    """
+    fell = table == 1
+    return np.where(fell.any(axis=-1), fell.argmax(axis=-1), table.shape[-1])
+
+
+def ragged(table: Table) -> Mask:
+    """Rows in which a cell stands above one that topples.
+
+    Parameters
+    ----------
+    table : ndarray of int, shape (..., n)
+
+    Returns
+    -------
+    ndarray of bool, shape (...)
+    """
+    above = np.arange(table.shape[-1]) > first_toppled(table)[..., None]
+    return np.asarray(((table == 0) & above).any(axis=-1))
+
+
+def wanted(table: Table, expected: Indices, may_be_ragged: Mask) -> Mask:
+    """Cells to run next; none once the boundary is found in all rows.
+
+    Parameters
+    ----------
+    table : ndarray of int, shape (rows, n)
+    expected : ndarray of int, shape (rows,), column at which each row is expected to topple first
+    may_be_ragged : ndarray of bool, shape (rows,)
+
+    Returns
+    -------
+    ndarray of bool, shape (rows, n)
+    """
+    number, column = table.shape[1], np.arange(table.shape[1])
+    first = first_toppled(table)
+    stands = ((table == 0) | (table == -1)) & (column < first[:, None])
+    has_stood, has_fallen = stands.any(axis=1), first < number
+    last = np.where(has_stood, number - 1 - stands[:, ::-1].argmax(axis=1), -1)
+    lowest = np.where(has_stood, np.maximum(stands.argmax(axis=1), expected - 1), 0)
+    highest = np.where(has_fallen, number - 1 - (table == 1)[:, ::-1].argmax(axis=1), number)
+    up = np.maximum(last + 1 + 2 * np.maximum(last - lowest, 0), expected)
+    down = first - 1 - 2 * (highest - first)
+    probe = np.select(
+        [has_stood & has_fallen, has_fallen, has_stood],
+        [(first + last) // 2, np.maximum(down, 0), np.minimum(up, number - 1)],
+        np.clip(expected, 0, number - 1),
+    )
+    found = first - last == 1
+    ask = (column == probe[:, None]) & ~found[:, None]
+    top = np.where((table == 0).any(axis=1), number - 1 - (table == 0)[:, ::-1].argmax(axis=1), -1)
+    calm = np.maximum(top, first - 1)[:, None]
+    near = ((column > calm) & (column <= calm + CALM)) | (
+        (column < first[:, None]) & (column >= first[:, None] - CALM_BELOW)
+    )
+    ask |= near & (found & may_be_ragged)[:, None]
+    return ask & (table == UNKNOWN)
+
+
+def completed(table: Table) -> Table:
+    """Outcomes of all cells: those not run as the rule of this module takes them.
+
+    Parameters
+    ----------
+    table : ndarray of int, shape (..., n)
+
+    Returns
+    -------
+    ndarray of int, shape (..., n)
+    """
+    above = np.arange(table.shape[-1]) > first_toppled(table)[..., None]
+    return np.where(table == UNKNOWN, above, table).astype(np.int8)
+
+
+def expected_columns(ln_boundary: Array, ln_pga: Array) -> Indices:
+    """Columns at which rows topple first, by where their boundary is expected.
+
+    Parameters
+    ----------
+    ln_boundary : ndarray, shape (...) [ln g]
+    ln_pga : ndarray, shape (n,) [ln g], ascending
+
+    Returns
+    -------
+    ndarray of int, shape (...), 0 to n
+    """
+    return np.searchsorted(ln_pga, ln_boundary)
+
+
+def ln_boundaries(table: Table, ln_pga: Array) -> Array:
+    """Boundary of each row: half-way to the first cell that topples.
+
+    Parameters
+    ----------
+    table : ndarray of int, shape (..., n), completed
+    ln_pga : ndarray, shape (n,) [ln g], ascending
+
+    Returns
+    -------
+    ndarray, shape (...) [ln g], infinite where no cell topples
+    """
+    step = ln_pga[1] - ln_pga[0] if ln_pga.size > 1 else np.log(2.0)
+    ends = np.concatenate([[ln_pga[0] - step], ln_pga])
+    middle = np.append(0.5 * (ends[1:] + ends[:-1]), np.inf)
+    return np.asarray(middle[first_toppled(table)])
