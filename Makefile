@@ -38,6 +38,9 @@ help:
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(vsr) run fragility $(site) $(where)
 
+uncertainty: setup ## how certain that is, when rock and shaking are known within ranges
+	$(vsr) run uncertainty $(site) $(where)
+
 displacement: setup ## where the rock of SITE goes over its terrain: trajectories and report
 	$(vsr) run displacement $(site) $(where)
 

@@ -18,6 +18,7 @@ from pipeline.workflow.registry import STAGES
 CORE = [
     "errors", "arrays", "outcome", "rock", "terrain", "scan", "surrogates", "motions", "table",
     "scene", "engines", "run", "verification", "fragility", "hazard", "displacement", "validation",
+    "uncertainty",
 ]  # fmt: skip
 PIPELINE = ["config", "workflow", "drawing", "stages", "status", "cli", "commands"]
 STAGE = [
@@ -30,6 +31,7 @@ STAGE = [
     "hazard",
     "replay",
     "reports",
+    "uncertainty",
     "studies",
     "figures",
 ]

@@ -30,6 +30,11 @@ DELIVERABLES = {
     "fragility": Deliverable("report", ("report.html", "fragility.csv", "responses.nc")),
     "study": Deliverable("fragility"),
     "report": Deliverable("report", ("report.html", "fragility.csv", "responses.nc")),
+    "uncertainty": Deliverable(
+        "uncertainty",
+        ("uncertainty.html", "uncertainty.nc"),
+        "runs of draws are without a verdict; uncertainty.nc says which",
+    ),
     "displacement": Deliverable(
         "displacement_report", ("displacement.html", "trajectories.html", "correlation.csv")
     ),

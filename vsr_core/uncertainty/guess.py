@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Indices
 from vsr_core.rock.hull import Hull
 from vsr_core.rock.tipping import tipping
 
@@ -35,7 +35,7 @@ def scales(hull: Hull, yaw: Array) -> Array:
     return np.stack([np.zeros(len(yaw)), first, other, 0.5 * (first + other)])
 
 
-def offsets(boundaries: Array, scale: Array) -> tuple[Array, Array]:
+def offsets(boundaries: Array, scale: Array) -> tuple[Indices, Array]:
     """Which scale the boundaries of draws go with best in each direction, and how far they are off.
 
     Parameters
@@ -54,7 +54,7 @@ def offsets(boundaries: Array, scale: Array) -> tuple[Array, Array]:
     return chosen, np.asarray(offset)
 
 
-def first_rows(count: int, *, ordered: bool) -> Array:
+def first_rows(count: int, *, ordered: bool) -> Indices:
     """Rows that are searched first: all of those that no order joins, else some of them.
 
     Parameters
@@ -71,7 +71,7 @@ def first_rows(count: int, *, ordered: bool) -> Array:
     return np.unique(np.append(np.arange(0, count, EVERY), count - 1))
 
 
-def from_own_rows(expected: Array, found: Array, rows: Array) -> Array:
+def from_own_rows(expected: Array, found: Array, rows: Indices) -> Array:
     """Expectation of all rows, moved to where the boundary was found in some.
 
     Parameters

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from contextlib import closing, nullcontext
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from itertools import compress, islice
@@ -112,8 +112,10 @@ def run_missing(
     Tally
     """
     start, cpu = time.monotonic(), 0.0
-    opened = closing(RunStore(job.store.runs, kind.row, job.log)) if store is None else None
-    with opened or nullcontext(store) as runs:
+    opened: AbstractContextManager[RunStore[Row]] = (
+        nullcontext(store) if store else closing(RunStore(job.store.runs, kind.row, job.log))
+    )
+    with opened as runs:
         todo = [missing(wanted(group), runs) for group in groups]
         total = sum(map(sum, todo))
         compiled = job.site.settings.engine == COMPILED

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -98,13 +98,14 @@ class Draw:
         return np.radians([self.group(yaw).yaw for yaw in self.config.yaw])
 
 
-def draws(site: Site, store: Store) -> list[Draw]:
+def draws(site: Site, store: Store, shape: Form) -> list[Draw]:
     """Draw the members of a site's ensemble.
 
     Parameters
     ----------
     site : Site
     store : Store, which holds the rock
+    shape : Form, its surface
 
     Returns
     -------
@@ -116,7 +117,6 @@ def draws(site: Site, store: Store) -> list[Draw]:
         If a rock that is drawn does not stand, or the second scan is none of this rock.
     """
     config, given = site.config, load_rock(store)
-    shape = surface(site, store)
     members = physics.draws(priors(config.uncertainty), config.uncertainty.members)
     found = []
     for number, member in enumerate(members):
@@ -137,6 +137,22 @@ def _rock(given: Rock, shape: Form, member: Member, density: float) -> Rock:
     if as_scanned and not np.any(member.centre):
         return given
     return drawn(shape, member, density)
+
+
+def base_alone(draw: Draw, shape: Form) -> Rock:
+    """The rock of a draw with its base, and the centre of mass where it would be as scanned.
+
+    Parameters
+    ----------
+    draw : Draw
+    shape : Form, of the site
+
+    Returns
+    -------
+    Rock
+    """
+    member = replace(draw.member, centre=np.zeros(3))
+    return _rock(draw.given[0], shape, member, draw.config.rock.density)
 
 
 def surface(site: Site, store: Store) -> Form:
@@ -161,15 +177,15 @@ def surface(site: Site, store: Store) -> Form:
     told, data = site.config.uncertainty.scan, read(store.folder / ROCK)
     vertices = data["surface_vertex"].values.astype(np.float64)
     mesh = trimesh.Trimesh(vertices, data["surface_face"].values, process=False)
-    error = 0.0 if site.config.rock.shape == "box" else told.error
+    own_error = 0.0 if site.config.rock.shape == "box" else told.error
     path = replica_path(site)
     if path is None:
-        return form(mesh, None, error, told.length)
+        return form(mesh, None, own_error, told.length)
     try:
         other = checked(mesh_files.read(path))[0]
     except InvalidInput as error:
         raise _refused(site, f"{shown(path)}, {error.given}", error.rule, error.remedy) from None
-    made = form(mesh, other, error, told.length)
+    made = form(mesh, other, own_error, told.length)
     if not made.replica:
         given, rule = f"{shown(path)}, of another form", "the two scans are of one form"
         raise _refused(site, given, rule, "turn it as the first, or leave it out")

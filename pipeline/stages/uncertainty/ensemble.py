@@ -147,7 +147,7 @@ def outcomes(wanted: Search) -> Ensemble:
     scales = [wanted.given]
     log_gain = np.log([draw.member.amplitude for draw in wanted.draws])
     tested, crashed = np.zeros((2, 2), dtype=np.int64), 0
-    with closing(RunStore(wanted.job.store.folder, RunRow, wanted.job.log)) as store:
+    with closing(RunStore(wanted.job.store.runs, RunRow, wanted.job.log)) as store:
         for start in range(0, len(wanted.draws), TOGETHER):
             part, runner = slice(start, start + TOGETHER), _Runner(wanted, store)
             draws, own = wanted.draws[part], table[part]
@@ -169,7 +169,7 @@ def outcomes(wanted: Search) -> Ensemble:
 
 def _rough(wanted: Search) -> Mask:
     """Rows that may be ragged: where the site is in some direction, and the rows next to them."""
-    own = search.ragged(wanted.nominal).any(axis=0)
+    own: Mask = np.asarray(search.ragged(wanted.nominal).any(axis=0))
     if wanted.motions.dimension != "pgv_pga":
         return own
     beside = np.convolve(own, np.ones(3), mode="same") > 0

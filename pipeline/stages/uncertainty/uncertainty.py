@@ -1,0 +1,190 @@
+"""Uncertainty: the probability of overturning in each cell, its boundary, and what decides it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.stats import binomtest
+
+from pipeline.config.schema import Config
+from pipeline.drawing.style import pictures, png_uri
+from pipeline.stages.datasets.responses import FILE as RESPONSES
+from pipeline.stages.motions import motion_grid
+from pipeline.stages.runs.step_choice import time_steps
+from pipeline.stages.uncertainty import draws as drawing
+from pipeline.stages.uncertainty import uncertainty_figures as figures
+from pipeline.stages.uncertainty import uncertainty_page as page
+from pipeline.stages.uncertainty import unknowns as told
+from pipeline.stages.uncertainty.draws import Draw
+from pipeline.stages.uncertainty.ensemble import Ensemble, Search, outcomes
+from pipeline.workflow import pages, writers
+from pipeline.workflow.datasets import described, netcdf, read
+from pipeline.workflow.stage import Job, Product
+from vsr_core.arrays import Array
+from vsr_core.outcome import FoundBy
+from vsr_core.run.cases import Settings
+from vsr_core.uncertainty import guess, probability, search, sensitivity
+from vsr_core.uncertainty.sensitivity import Shares
+from vsr_core.validation.priors import Priors
+
+FILE, PAGE = "uncertainty.nc", "uncertainty.html"
+
+
+def make(job: Job) -> Product:
+    """Draw what is not known, find the outcomes of all draws, and what decides them.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+        Dataset, page and figures.
+    """
+    shape = drawing.surface(job.site, job.store)
+    draws = drawing.draws(job.site, job.store, shape)
+    responses = read(job.path(RESPONSES))
+    friction = nearest_friction(job.config)
+    wanted = _search(job, draws, responses.isel(friction=friction)["overturned"].values)
+    job.log(f"uncertainty: {len(draws)} draws of {wanted.nominal.size} cells")
+    found = outcomes(wanted)
+    known = drawing.priors(job.config.uncertainty)
+    base = None if shape.replica else told.base_effects(draws, shape, wanted.given)
+    dataset = _dataset(wanted, found, known)
+    shares = _shares(draws, known, base, dataset["boundary"].values)
+    dataset = dataset.merge(_indices(shares, draws, known, base))
+    dataset = described(dataset, job, "Overturning with its uncertainty")
+    at_friction = responses.isel(friction=friction)
+    drawn = {
+        "uncertainty_bands": figures.bands(dataset, at_friction),
+        "uncertainty_shares": figures.shares(dataset),
+        "uncertainty_surface": figures.surface(dataset),
+    }
+    facts = page.facts(job, dataset, {name: png_uri(figure) for name, figure in drawn.items()})
+    files = {FILE: netcdf(dataset), PAGE: writers.text(pages.filled(PAGE, facts))}
+    for name, figure in drawn.items():
+        files |= pictures(name, figure)
+    lost = int((found.overturned < 0).sum())
+    return Product(files, page.summary(dataset), unresolved=lost, retry=found.crashed)
+
+
+def nearest_friction(config: Config) -> int:
+    """Number of the site's friction that is nearest to the middle of its prior.
+
+    Parameters
+    ----------
+    config : Config
+
+    Returns
+    -------
+    int
+    """
+    middle = np.mean(config.uncertainty.friction)
+    return int(np.abs(np.array(config.contact.friction) - middle).argmin())
+
+
+def _search(job: Job, draws: list[Draw], nominal: Array) -> Search:
+    config = job.config
+    friction = config.contact.friction[nearest_friction(config)]
+    step = time_steps(config, job.store)[friction]
+    settings = Settings(step, config.simulation.reduce, config.engine)
+    motions = motion_grid.of_store(config, job.store)
+    given = guess.scales(draws[0].given[0].hull, np.radians(config.yaw))
+    return Search(job, draws, given, motions, settings, nominal.astype(np.int8))
+
+
+def _dataset(wanted: Search, found: Ensemble, known: Priors) -> xr.Dataset:
+    """Outcomes, probabilities, boundaries and surfaces."""
+    motions, config = wanted.motions, wanted.job.config
+    row = motions.dimension
+    grid = ("yaw", row, "pga")
+    pga, ratio = np.array(motions.pga), np.array(motions.pgv_pga)
+    chance = probability.chance(found.overturned)
+    edges = np.exp(search.ln_boundaries(found.overturned, np.log(pga)))
+    low, middle, high = probability.band(edges)
+    fits = [probability.surface(pga, ratio, own) for own in np.moveaxis(found.overturned, 1, 0)]
+    of_yaw, theta, beta = (np.array(part) for part in zip(*fits, strict=True))
+    dataset = xr.Dataset(
+        {
+            "overturned": (("member", *grid), found.overturned),
+            "found_by": (("member", *grid), found.found_by),
+            "probability": (grid, chance.probability),
+            "probability_low": (grid, chance.low),
+            "probability_high": (grid, chance.high),
+            "spared_share": (grid, (found.found_by == FoundBy.SPARED).mean(axis=0)),
+            "boundary": (("member", "yaw", row), edges),
+            "boundary_low": (("yaw", row), low),
+            "boundary_median": (("yaw", row), middle),
+            "boundary_high": (("yaw", row), high),
+            "surface_of_yaw": (grid, of_yaw),
+            "surface": ((row, "pga"), np.nanmean(of_yaw, axis=0)),
+            "theta": (("yaw", row), theta),
+            "beta": (("yaw", row), beta),
+            "rough": (row, found.rough.astype(np.int8)),
+            "spared_tested": ("rows_kind", found.checked),
+            "spared_wrong": ("rows_kind", found.wrong),
+            **told.drawn_values(wanted.draws, known),
+        },
+        {
+            "member": np.arange(len(wanted.draws)),
+            "yaw": list(config.yaw),
+            row: list(motions.rows),
+            "pga": pga,
+            "rows_kind": ["smooth", "rough"],
+        },
+    )
+    if row != "pgv_pga":
+        dataset["record_pgv_pga"] = (row, ratio)
+    dataset["overturned"].encoding["_FillValue"] = np.int8(-1)
+    dataset.attrs |= _rule(found)
+    return dataset
+
+
+def _rule(found: Ensemble) -> dict[str, Any]:
+    """How often the rule of sparing is wrong, with its interval (Wilson, 95 %)."""
+    facts: dict[str, Any] = {"sparing_rule": " ".join((search.__doc__ or "").split())}
+    for name, tested, wrong in zip(("smooth", "rough"), found.checked, found.wrong, strict=True):
+        if tested:
+            ends = binomtest(int(wrong), int(tested)).proportion_ci(method="wilson")
+            facts[f"sparing_wrong_{name}_rows"] = wrong / tested
+            facts[f"sparing_wrong_{name}_rows_interval"] = [float(end) for end in ends]
+    return facts
+
+
+def _shares(draws: list[Draw], known: Priors, base: Array | None, boundary: Array) -> list[Shares]:
+    """Indices of the boundary's height in each direction, over rows that every draw topples in."""
+    found = []
+    for yaw in range(boundary.shape[1]):
+        own = np.log(boundary[:, yaw, np.isfinite(boundary[:, yaw]).all(axis=0)])
+        height = own.mean(axis=1) if own.size else np.full(len(draws), np.nan)
+        found.append(sensitivity.shares(told.unknowns(draws, known, base, yaw), height))
+    return found
+
+
+def _indices(
+    shares: list[Shares], draws: list[Draw], known: Priors, base: Array | None
+) -> xr.Dataset:
+    names = [unknown.name for unknown in told.unknowns(draws, known, base, 0)]
+    both = ("bound", ["lower", "upper"])
+    whole = sensitivity.joined(shares)
+    parts: dict[str, Any] = {"explained_share": ("yaw", [one.explained for one in shares])}
+    for order in ("first", "total"):
+        values = [getattr(one, order) for one in shares]
+        every = getattr(whole, order)
+        parts |= {
+            f"{order}_index": (("yaw", "unknown"), [one[0] for one in values]),
+            f"{order}_index_interval": (
+                ("yaw", "unknown", "bound"),
+                [sensitivity.interval(one) for one in values],
+            ),
+            f"{order}_index_joined": ("unknown", every[0]),
+            f"{order}_index_joined_interval": (
+                ("unknown", "bound"),
+                sensitivity.interval(every),
+            ),
+        }
+    parts["explained_share_joined"] = ((), whole.explained)
+    return xr.Dataset(parts, {"unknown": names, both[0]: both[1]})

@@ -1,0 +1,176 @@
+"""What the page of the uncertainty says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from pipeline.stages.uncertainty import unknowns
+from pipeline.stages.uncertainty.ensemble import CHECKED
+from pipeline.workflow.datasets import read, rows_of
+from pipeline.workflow.stage import Job
+from vsr_core.outcome import FoundBy
+from vsr_core.uncertainty.probability import chance
+from vsr_core.uncertainty.sensitivity import SUPPORTED
+
+_MATTERS = 0.05
+"""Total index from which on an unknown is named."""
+
+
+def facts(job: Job, found: xr.Dataset, drawn: dict[str, str]) -> dict[str, Any]:
+    """What fills the template.
+
+    Parameters
+    ----------
+    job : Job
+    found : Dataset, as in ``uncertainty.nc``
+    drawn : dict of addresses of pictures by name
+
+    Returns
+    -------
+    dict
+    """
+    config = job.config.uncertainty
+    rock = read(job.path("rock.nc")).attrs
+    by = (
+        np.bincount(found["found_by"].values.ravel(), minlength=len(FoundBy))
+        / found["found_by"].size
+    )
+    return {
+        "site": job.site.name,
+        "source": rock["shape_source"],
+        "surrogate": bool(rock["surrogate"]),
+        "members": found.sizes["member"],
+        "cells": found["probability"].size,
+        "directions": directions(found),
+        "widest": widest(found),
+        "ranked": ranked(found),
+        "matters": _MATTERS,
+        "explained": float(found["explained_share_joined"]),
+        "unsupported": [
+            f"{yaw:g}"
+            for yaw, share in zip(found["yaw"].values, found["explained_share"].values, strict=True)
+            if not share >= SUPPORTED
+        ],
+        "supported": SUPPORTED,
+        "none_topples": float(chance(np.zeros((found.sizes["member"], 1), np.int8)).high[0]),
+        "simulated": by[FoundBy.SIMULATED],
+        "proved": by[FoundBy.PROVED],
+        "spared": by[FoundBy.SPARED],
+        "checked": CHECKED,
+        "tests": tests(found),
+        "undecided": int((found["overturned"] < 0).sum()),
+        "records": rows_of(found) == "record",
+        "assumed": unknowns.assumed(
+            config, box=job.config.rock.shape == "box", replica=config.scan.replica is not None
+        ),
+        "pictures": drawn,
+    }
+
+
+def directions(found: xr.Dataset) -> list[dict[str, float]]:
+    """The boundary of each direction, in the row whose band is the median of all its rows.
+
+    Parameters
+    ----------
+    found : Dataset
+
+    Returns
+    -------
+    list of dict
+    """
+    rows = []
+    for at in range(found.sizes["yaw"]):
+        one = found.isel(yaw=at)
+        ends = [one[f"boundary_{name}"].values for name in ("low", "median", "high")]
+        known = np.asarray(np.isfinite(ends).all(axis=0))
+        spread = np.log(ends[2] / ends[0], where=known, out=np.full(len(known), np.nan))
+        half = found.sizes[rows_of(found)] // 2
+        rows.append(
+            {
+                "yaw": float(one["yaw"]),
+                "low": float(ends[0][half]),
+                "median": float(ends[1][half]),
+                "high": float(ends[2][half]),
+                "ratio": float(np.exp(np.nanmedian(spread))) if known.any() else np.nan,
+                "explained": float(one["explained_share"]),
+            }
+        )
+    return rows
+
+
+def widest(found: xr.Dataset) -> dict[str, float]:
+    """The directions with the widest and the narrowest band."""
+    rows = [row for row in directions(found) if np.isfinite(row["ratio"])]
+    if not rows:
+        return {}
+    by_width = sorted(rows, key=lambda row: row["ratio"])
+    return {
+        "narrow": by_width[0]["ratio"],
+        "narrow_yaw": by_width[0]["yaw"],
+        "wide": by_width[-1]["ratio"],
+        "wide_yaw": by_width[-1]["yaw"],
+        "median": float(np.median([row["ratio"] for row in rows])),
+    }
+
+
+def ranked(found: xr.Dataset) -> list[dict[str, Any]]:
+    """Unknowns by their total index, largest first; none where no index is supported."""
+    total = found["total_index_joined"].values
+    if not np.isfinite(total).all():
+        return []
+    rows = []
+    for at in np.argsort(-total, kind="stable"):
+        one = found.isel(unknown=int(at))
+        rows.append(
+            {
+                "name": str(one["unknown"].item()),
+                "first": float(one["first_index_joined"]),
+                "first_ends": one["first_index_joined_interval"].values.tolist(),
+                "total": float(one["total_index_joined"]),
+                "total_ends": one["total_index_joined_interval"].values.tolist(),
+            }
+        )
+    return rows
+
+
+def tests(found: xr.Dataset) -> list[dict[str, Any]]:
+    """Spared cells that were run all the same, by kind of row."""
+    rows = []
+    for at, name in enumerate(found["rows_kind"].values.tolist()):
+        tested = int(found["spared_tested"][at])
+        ends = found.attrs.get(f"sparing_wrong_{name}_rows_interval", [np.nan, np.nan])
+        rows.append(
+            {
+                "kind": name,
+                "rows": int((found["rough"] == at).sum()),
+                "tested": tested,
+                "wrong": int(found["spared_wrong"][at]),
+                "share": int(found["spared_wrong"][at]) / tested if tested else np.nan,
+                "ends": list(ends),
+            }
+        )
+    return rows
+
+
+def summary(found: xr.Dataset) -> str:
+    """One line for the log.
+
+    Parameters
+    ----------
+    found : Dataset
+
+    Returns
+    -------
+    str
+    """
+    width, order = widest(found), ranked(found)
+    text = (
+        f"{found.sizes['member']} draws; from 5 to 95 % the boundary spans a factor of "
+        f"{width['median']:.2f} in the median direction"
+        if width
+        else f"{found.sizes['member']} draws; no boundary within the grid"
+    )
+    return text + (f"; most of it by {order[0]['name']}" if order else "")

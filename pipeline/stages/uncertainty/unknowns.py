@@ -1,0 +1,188 @@
+"""What was drawn, as numbers: for the dataset, for the indices and for the table of priors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.special import ndtri
+
+from pipeline.config import in_si
+from pipeline.config.priors_schema import UncertaintyConfig
+from pipeline.stages.uncertainty.draws import Draw, base_alone
+from vsr_core.arrays import Array, Mask
+from vsr_core.uncertainty import guess
+from vsr_core.uncertainty.sensitivity import Unknown
+from vsr_core.validation.priors import Priors
+from vsr_core.validation.specimen import Form
+
+
+def is_reversed(draws: Sequence[Draw], known: Priors) -> Mask:
+    """Whether the shaking of each draw points the other way.
+
+    Parameters
+    ----------
+    draws : sequence of Draw
+    known : Priors
+
+    Returns
+    -------
+    ndarray of bool, shape (draws,)
+    """
+    turned = np.array([draw.member.azimuth for draw in draws]) - known.azimuth[0]
+    return np.asarray(turned > 0.5 * math.pi)
+
+
+def base_effects(draws: Sequence[Draw], shape: Form, given: Array) -> Array:
+    """What the drawn base alone does to the static tipping, shape (draws, 2, yaws) [ln].
+
+    Parameters
+    ----------
+    draws : sequence of Draw
+    shape : Form, of the site
+    given : ndarray, shape (4, yaws), static scales of the site's own rock
+
+    Returns
+    -------
+    ndarray, for the side that a pulse pushes the rock to first, and for the other
+    """
+    yaws = np.radians(draws[0].config.yaw)
+    hulls = [base_alone(draw, shape).hull for draw in draws]
+    return np.array([guess.scales(hull, yaws)[1:3] - given[1:3] for hull in hulls])
+
+
+def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int) -> list[Unknown]:
+    """What may decide the boundary in a direction; without what the priors hold fixed.
+
+    Parameters
+    ----------
+    draws : sequence of Draw
+    known : Priors
+    base : ndarray, as ``base_effects`` gives it, or None where draws lie between two scans
+    yaw : int, number of the direction
+
+    Returns
+    -------
+    list of Unknown
+    """
+    members = [draw.member for draw in draws]
+    back = is_reversed(draws, known)
+    azimuth: Array = np.array([member.azimuth for member in members]) - math.pi * back
+    found: list[Unknown] = []
+
+    def add(name: str, values: Array, prior: Callable[[Array], Array]) -> None:
+        if np.ptp(values, axis=0).any():
+            found.append(Unknown(name, values.reshape(len(draws), -1), prior))
+
+    if known.azimuth[1]:
+        add("direction of the shaking", (azimuth - known.azimuth[0]) / known.azimuth[1], ndtri)
+    share = known.reversed_share
+    add("sign of the motion", 2.0 * back - 1.0, lambda u: np.where(u < share, 1.0, -1.0))
+    for name in ("friction", "restitution"):
+        own = np.array([getattr(member, name) for member in members])
+        add(name, _even(own, getattr(known, name)), _unit)
+    mean, gain = known.amplitude
+    if gain:
+        gains = (np.array([member.amplitude for member in members]) - mean) / gain
+        add("gain of the motion", gains, ndtri)
+    if base is None:
+        mixing = np.array([member.mixing for member in members])
+        add("shape between the scans", _even(mixing, known.mixing), _unit)
+    else:
+        effect = base[:, :, yaw] / max(float(base[:, :, yaw].std()), 1e-12)
+        add("base", effect, lambda u: effect[(u[:, 0] * len(effect)).astype(int)])
+    if known.centre:
+        turn = math.radians(draws[0].config.yaw[yaw])
+        x, y, z = np.array([member.centre for member in members]).T / known.centre
+        along = math.cos(turn) * x - math.sin(turn) * y
+        across = math.sin(turn) * x + math.cos(turn) * y
+        add("centre of mass", np.column_stack([along, across, z]), ndtri)
+    return found
+
+
+def _unit(even: Array) -> Array:
+    """From even numbers on (0, 1) to such of unit variance."""
+    return np.asarray((2.0 * even - 1.0) * math.sqrt(3.0))
+
+
+def _even(values: Array, ends: tuple[float, float]) -> Array:
+    """The same of numbers between two ends."""
+    width = ends[1] - ends[0]
+    return _unit((values - ends[0]) / width) if width else np.zeros(len(values))
+
+
+def assumed(config: UncertaintyConfig, *, box: bool, replica: bool) -> list[tuple[str, str, str]]:
+    """The priors in words.
+
+    Parameters
+    ----------
+    config : UncertaintyConfig
+    box : bool, whether the rock is one
+    replica : bool, whether there is a second scan
+
+    Returns
+    -------
+    list of (unknown, prior, key of the configuration)
+    """
+    error = config.base_error * config.scan.error
+    if box:
+        base = "exact, as a box has no scan"
+    elif replica:
+        base = f"between two scans, {_range(config.mixing)} of the way from one to the other"
+    else:
+        base = (
+            f"scan with a normal error of {1e3 * error:g} mm, alike over "
+            f"{1e3 * config.scan.length:g} mm"
+        )
+    azimuth, gain = config.azimuth, config.amplitude
+    return [
+        ("friction", f"even over {_range(config.friction)}", "friction"),
+        ("restitution", f"even over {_range(config.restitution)}", "restitution"),
+        ("base", base, "scan"),
+        (
+            "centre of mass, with uneven density",
+            f"normal, {1e3 * config.centre_of_mass:g} mm along each axis",
+            "centre_of_mass",
+        ),
+        (
+            "direction of the shaking",
+            f"normal about each yaw, {azimuth.mean:g} ± {azimuth.sd:g} deg",
+            "azimuth",
+        ),
+        (
+            "sign of the motion",
+            f"the other way with a probability of {config.reversed_share:g}",
+            "reversed_share",
+        ),
+        ("gain of the motion", f"normal, {gain.mean:g} ± {gain.sd:g}", "amplitude"),
+    ]
+
+
+def _range(pair: tuple[float, float]) -> str:
+    return f"{pair[0]:g}" if pair[0] == pair[1] else f"{pair[0]:g} to {pair[1]:g}"
+
+
+def drawn_values(draws: Sequence[Draw], known: Priors) -> dict[str, tuple[tuple[str, ...], Array]]:
+    """What was drawn, as variables of a dataset on (member).
+
+    Parameters
+    ----------
+    draws : sequence of Draw
+    known : Priors
+
+    Returns
+    -------
+    dict of (dimensions, values) by name
+    """
+    members = [draw.member for draw in draws]
+    back = is_reversed(draws, known)
+    azimuth = np.array([member.azimuth for member in members]) - math.pi * back
+    values = {
+        f"drawn_{name}": (("member",), np.array([getattr(member, name) for member in members]))
+        for name in ("friction", "restitution", "amplitude", "mixing", "seed")
+    }
+    values["drawn_azimuth"] = (("member",), np.array([in_si.in_degrees(a) for a in azimuth]))
+    values["drawn_reversed"] = (("member",), back.astype(np.int8))
+    centre = np.array([member.centre for member in members])
+    return values | {"drawn_centre": (("member", "xyz"), centre)}
