@@ -23,6 +23,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.stats import qmc, sobol_indices
+from threadpoolctl import threadpool_limits
 
 from vsr_core.arrays import Array
 
@@ -134,9 +135,16 @@ def shares(unknowns: Sequence[Unknown], output: Array) -> Shares:
     -------
     Shares
     """
-    count, number = len(unknowns), len(output)
-    if number < FEWEST or not np.isfinite(output).all() or np.ptp(output) == 0.0:
+    count = len(unknowns)
+    if not count or len(output) < FEWEST or not np.isfinite(output).all() or np.ptp(output) == 0.0:
         return _unsupported(count, np.nan)
+    with threadpool_limits(1):  # its matrices are so small that threads only wait for each other
+        return _by_process(unknowns, output)
+
+
+def _by_process(unknowns: Sequence[Unknown], output: Array) -> Shares:
+    """Indices of the mean of a Gaussian process of the output."""
+    count, number = len(unknowns), len(output)
     design = np.hstack([unknown.values for unknown in unknowns])
     kernel, noise = _fitted(design, output)
     explained = _explained(kernel(design), noise, output)

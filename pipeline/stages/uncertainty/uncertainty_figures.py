@@ -65,7 +65,8 @@ def bands(found: xr.Dataset, responses: xr.Dataset) -> Figure:
         axes.set_title(f"yaw {one['yaw'].item():g} deg", fontsize=8.5, pad=3)
     for colour, text in ((style.PROVED, "stands as scanned"), ("#e9aba6", "topples as scanned")):
         panels[0, 0].plot([], [], "s", ms=7, color=colour, label=text)
-    figure.supxlabel(label("pga"), fontsize=9)
+    for axes in panels[-1]:
+        axes.set_xlabel("PGA [g]")
     figure.supylabel(_row_label(found), fontsize=9)
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure

@@ -15,9 +15,6 @@ from vsr_core.outcome import FoundBy
 from vsr_core.uncertainty.probability import chance
 from vsr_core.uncertainty.sensitivity import SUPPORTED
 
-_MATTERS = 0.05
-"""Total index from which on an unknown is named."""
-
 
 def facts(job: Job, found: xr.Dataset, drawn: dict[str, str]) -> dict[str, Any]:
     """What fills the template.
@@ -47,7 +44,7 @@ def facts(job: Job, found: xr.Dataset, drawn: dict[str, str]) -> dict[str, Any]:
         "directions": directions(found),
         "widest": widest(found),
         "ranked": ranked(found),
-        "matters": _MATTERS,
+        "leaders": leaders(ranked(found)),
         "explained": float(found["explained_share_joined"]),
         "unsupported": [
             f"{yaw:g}"
@@ -86,7 +83,7 @@ def directions(found: xr.Dataset) -> list[dict[str, float]]:
         one = found.isel(yaw=at)
         ends = [one[f"boundary_{name}"].values for name in ("low", "median", "high")]
         known = np.asarray(np.isfinite(ends).all(axis=0))
-        spread = np.log(ends[2] / ends[0], where=known, out=np.full(len(known), np.nan))
+        spread = np.log(ends[2][known] / ends[0][known])
         half = found.sizes[rows_of(found)] // 2
         rows.append(
             {
@@ -94,7 +91,7 @@ def directions(found: xr.Dataset) -> list[dict[str, float]]:
                 "low": float(ends[0][half]),
                 "median": float(ends[1][half]),
                 "high": float(ends[2][half]),
-                "ratio": float(np.exp(np.nanmedian(spread))) if known.any() else np.nan,
+                "ratio": float(np.exp(np.median(spread))) if known.any() else np.nan,
                 "explained": float(one["explained_share"]),
             }
         )
@@ -136,6 +133,20 @@ def ranked(found: xr.Dataset) -> list[dict[str, Any]]:
     return rows
 
 
+def leaders(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The unknowns of which none is shown to matter more than another: their intervals meet.
+
+    Parameters
+    ----------
+    rows : list of dict, as ``ranked`` gives them
+
+    Returns
+    -------
+    list of dict, the first of the rows
+    """
+    return [row for row in rows if row["total_ends"][1] >= rows[0]["total_ends"][0]]
+
+
 def tests(found: xr.Dataset) -> list[dict[str, Any]]:
     """Spared cells that were run all the same, by kind of row."""
     rows = []
@@ -173,4 +184,5 @@ def summary(found: xr.Dataset) -> str:
         if width
         else f"{found.sizes['member']} draws; no boundary within the grid"
     )
-    return text + (f"; most of it by {order[0]['name']}" if order else "")
+    first = " and ".join(row["name"] for row in leaders(order))
+    return text + (f"; most of it by {first}" if order else "")

@@ -1,0 +1,64 @@
+"""Indices of functions whose indices are known, and of numbers that say nothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+from vsr_core.arrays import Array
+from vsr_core.uncertainty import sensitivity
+from vsr_core.uncertainty.sensitivity import Unknown
+
+
+def unit(even: Array) -> Array:
+    """Even numbers on (0, 1) as such of unit variance."""
+    return np.asarray((2.0 * even - 1.0) * math.sqrt(3.0))
+
+
+def unknowns(even: Array) -> list[Unknown]:
+    return [Unknown(f"x{k}", unit(even[:, [k]]), unit) for k in range(even.shape[1])]
+
+
+def test_indices_of_ishigami_are_its_own() -> None:
+    """Ishigami & Homma (1990), with a = 7 and b = 0.1, in closed form."""
+    a, b = 7.0, 0.1
+    even = qmc.Sobol(3, rng=3).random(256)
+    x = math.pi * (2.0 * even - 1.0)
+    values = np.sin(x[:, 0]) + a * np.sin(x[:, 1]) ** 2 + b * x[:, 2] ** 4 * np.sin(x[:, 0])
+    found = sensitivity.shares(unknowns(even), values)
+    one = 0.5 * (1.0 + b * math.pi**4 / 5.0) ** 2
+    two, both = a**2 / 8.0, 8.0 * b**2 * math.pi**8 / 225.0
+    whole = one + two + both
+    assert found.explained > 0.99
+    np.testing.assert_allclose(found.first[0], np.array([one, two, 0.0]) / whole, atol=0.02)
+    np.testing.assert_allclose(found.total[0], np.array([one + both, two, both]) / whole, atol=0.02)
+
+
+def test_a_group_of_numbers_counts_as_one_unknown() -> None:
+    """Of a sum of independent numbers each has the share of its variance."""
+    even = qmc.Sobol(4, rng=5).random(32)
+    weights = np.array([3.0, 2.0, 1.0, 1.0])
+    parts = unknowns(even)
+    pair = Unknown("pair", np.hstack([parts[1].values, parts[2].values]), unit)
+    found = sensitivity.shares([parts[0], pair, parts[3]], unit(even) @ weights)
+    shares = np.array([9.0, 5.0, 1.0]) / 15.0
+    np.testing.assert_allclose(found.first[0], shares, atol=0.01)
+    np.testing.assert_allclose(found.total[0], shares, atol=0.01)
+    low, high = sensitivity.interval(found.first).T
+    assert ((low <= found.first[0] + 1e-3) & (found.first[0] - 1e-3 <= high)).all()
+    twice = sensitivity.joined([found, found])
+    np.testing.assert_allclose(twice.first, found.first)
+
+
+@pytest.mark.parametrize("kind", ["noise", "censored", "constant", "few"])
+def test_no_index_without_support(kind: str) -> None:
+    even = qmc.Sobol(5, rng=1).random(4 if kind == "few" else 32)
+    output = np.random.default_rng(0).normal(size=len(even))
+    output = {"censored": np.append(output[1:], np.inf), "constant": 0.0 * output}.get(kind, output)
+    found = sensitivity.shares(unknowns(even), output)
+    assert np.isnan(found.first).all()
+    assert np.isnan(found.total).all()
+    assert not found.explained >= sensitivity.SUPPORTED

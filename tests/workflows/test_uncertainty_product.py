@@ -1,0 +1,156 @@
+"""`vsr run uncertainty` on a block: its own grid, Housner's equation, all cells run, symmetry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from pipeline.stages.studies.validation.recorded_tests import ShakeTableConfig
+from pipeline.stages.uncertainty import draws, ensemble
+from vsr_core import GRAVITY
+from vsr_core.outcome import FoundBy
+from vsr_core.validation.priors import Priors
+from vsr_core.verification import rocking_block
+
+SITE = """
+rock: {shape: box, size: [0.25, 0.8, 1.0], density: 2000}
+contact: {friction: 10}
+motion: {pga: {start: 0.1, stop: 0.7, num: 7}, pgv_pga: {start: 0.1, stop: 0.4, num: 3}}
+yaw: [0, 90]
+simulation: {engine: nonsmooth, time_step: 0.002}
+"""
+
+FIXED = {
+    "friction": "[10, 10]",
+    "restitution": "[0, 0]",
+    "azimuth": "{mean: 0, sd: 0}",
+    "amplitude": "{mean: 1, sd: 0}",
+    "centre_of_mass": "0",
+    "members": "8",
+}
+
+
+def priors(**free: str) -> list[str]:
+    """Settings that hold all unknowns fixed but these."""
+    every = {**FIXED, **free}
+    return [
+        part for key, value in every.items() for part in ("--set", f"uncertainty.{key}={value}")
+    ]
+
+
+def product(ran: Any, derived: Path) -> xr.Dataset:
+    assert ran.code == 0, ran.err
+    return xr.load_dataset(derived / "rock" / "uncertainty.nc", mask_and_scale=False)
+
+
+def test_nothing_unknown_is_the_grid_itself(
+    vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
+) -> None:
+    """Every draw has the outcomes of the responses, and none of its runs is another."""
+    site = write_site(SITE)
+    ran = vsr("run", "uncertainty", "--site", site, *priors())
+    found = product(ran, derived)
+    assert "0 runs of draws done" not in ran.err
+    nominal = xr.load_dataset(derived / "rock" / "responses.nc", mask_and_scale=False)
+    same = np.broadcast_to(nominal["overturned"].values[:, 0], found["overturned"].shape)
+    np.testing.assert_array_equal(found["overturned"].values, same)
+    np.testing.assert_array_equal(found["probability"].values, same[0])
+    assert not list(found["unknown"].values)
+    notes = (derived / "rock").rglob("*")
+    assert any(path.name == "uncertainty.html" for path in notes)
+    again = vsr("run", "uncertainty", "--site", site, *priors())
+    assert "draws" not in again.err.split("->")[0]
+
+
+def test_a_gain_moves_the_boundary_of_housner(
+    vsr: Callable[..., Any],
+    write_site: Callable[..., str],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A block that rocks about an edge and knows its pulse but for a gain, with all cells run."""
+    monkeypatch.setattr(ensemble, "CHECKED", 1.0)
+    ran = vsr(
+        "run", "uncertainty", "--site", write_site(SITE), *priors(amplitude="{mean: 1, sd: 0.1}")
+    )
+    found = product(ran, derived)
+    assert found["unknown"].values.tolist() == ["gain of the motion"]
+    assert not (found["found_by"] == FoundBy.SPARED).any()
+    block = rocking_block.Block(0.125, 0.5)
+    gain, pga = found["drawn_amplitude"].values, found["pga"].values
+    ratio, felt = float(found["pgv_pga"][1]), np.outer(gain, pga) * GRAVITY
+    sides = found["overturned"].values[:, 0, 1]
+    for side, strength in zip(sides.ravel(), felt.ravel(), strict=True):
+        about = {
+            rocking_block.rocking_response(block, share * strength, ratio, rtol=1e-6).overturned
+            for share in (0.98, 1.0, 1.02)
+        }
+        assert side in about
+    assert found["spared_wrong"].values.sum() == 0
+    if np.isfinite(found["explained_share_joined"].item()):
+        assert found["first_index_joined"].values[0] > 0.9
+
+
+def test_what_the_rule_spares_is_counted_where_it_is_wrong(
+    vsr: Callable[..., Any],
+    write_site: Callable[..., str],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The same draws with few cells run and with all: they differ in spared cells only."""
+    given = priors(friction="[0.3, 0.9]", restitution="[0, 0.2]", centre_of_mass="0.02")
+    site = write_site(SITE)
+    monkeypatch.setattr(ensemble, "CHECKED", 0.0)
+    few = product(vsr("run", "uncertainty", "--site", site, *given), derived)
+    assert few["spared_tested"].values.sum() == 0
+    monkeypatch.setattr(ensemble, "CHECKED", 1.0)
+    (derived / "rock" / "uncertainty.nc").unlink()
+    every = product(vsr("run", "uncertainty", "--site", site, *given), derived)
+    differ = few["overturned"].values != every["overturned"].values
+    spared = few["found_by"].values == FoundBy.SPARED
+    assert spared.mean() > 0.2
+    assert not differ[~spared].any()
+    assert differ.sum() == every["spared_wrong"].values.sum()
+    assert every["spared_tested"].values.sum() == spared.sum()
+    assert differ.sum() <= 0.02 * spared.sum()
+    assert (np.diff(every["surface"].values, axis=1) >= 0.0).all()
+
+
+def test_the_sign_is_nothing_to_a_block(
+    vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
+) -> None:
+    """A block is its own mirror image: whichever way a pulse begins, the same cells topple."""
+    ran = vsr("run", "uncertainty", "--site", write_site(SITE), *priors(reversed_share="0.5"))
+    found = product(ran, derived)
+    assert found["drawn_reversed"].values.sum() == 4
+    first = found["overturned"].values[:1]
+    np.testing.assert_array_equal(found["overturned"].values, first.repeat(8, axis=0))
+
+
+def test_priors_of_the_shake_table_are_in_the_same_words() -> None:
+    """The defaults of recorded tests are those of the physics, by the function of all priors."""
+    assert draws.priors(ShakeTableConfig()) == Priors(
+        azimuth=(math.radians(-7.5), math.radians(7.5)), error=1.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("uncertainty.friction=[0.9,0.1]", ("uncertainty.friction", "lower end")),
+        ("uncertainty.members=1", ("uncertainty.members", "2")),
+        ("uncertainty.amplitude={mean: 1, sd: 0.5}", ("uncertainty.amplitude", "gain")),
+        ("uncertainty.scan.replica=none.ply", ("uncertainty.scan.replica", "not there")),
+        ("uncertainty.scan.eror=1", ("uncertainty.scan.eror", "error")),
+    ],
+)
+def test_bad_priors_are_refused(
+    refused: Callable[..., str], write_site: Callable[..., str], setting: str, words: tuple[str]
+) -> None:
+    refused("run", "uncertainty", "--site", write_site(SITE), "--set", setting, words=words)
