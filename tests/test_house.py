@@ -28,10 +28,10 @@ STAGE = [
     "datasets",
     "fragility",
     "displacement",
+    "uncertainty",
     "hazard",
     "replay",
     "reports",
-    "uncertainty",
     "studies",
     "figures",
 ]

@@ -94,7 +94,12 @@ class Draw:
         return Group(yaw - in_si.in_degrees(self.member.azimuth), self.member.friction)
 
     def yaws(self) -> Array:
-        """Directions of its scenes, shape (yaws,) [rad]."""
+        """Directions of its scenes.
+
+        Returns
+        -------
+        ndarray, shape (yaws,) [rad]
+        """
         return np.radians([self.group(yaw).yaw for yaw in self.config.yaw])
 
 

@@ -123,7 +123,16 @@ class Search:
         return np.log(self.motions.pga)
 
     def boundaries(self, tables: Table) -> Array:
-        """Boundaries of completed tables, no further than a step beyond the grid."""
+        """Boundaries of completed tables, no further than a step beyond the grid.
+
+        Parameters
+        ----------
+        tables : ndarray of int, shape (..., rows, pga)
+
+        Returns
+        -------
+        ndarray, shape (..., rows) [ln g]
+        """
         found = search.ln_boundaries(tables, self.ln_pga)
         return np.minimum(found, 2.0 * self.ln_pga[-1] - self.ln_pga[-2:][0])
 

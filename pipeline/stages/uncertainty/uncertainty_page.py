@@ -99,7 +99,16 @@ def directions(found: xr.Dataset) -> list[dict[str, float]]:
 
 
 def widest(found: xr.Dataset) -> dict[str, float]:
-    """The directions with the widest and the narrowest band."""
+    """The directions with the widest and the narrowest band; empty where none has one.
+
+    Parameters
+    ----------
+    found : Dataset
+
+    Returns
+    -------
+    dict
+    """
     rows = [row for row in directions(found) if np.isfinite(row["ratio"])]
     if not rows:
         return {}
@@ -114,7 +123,16 @@ def widest(found: xr.Dataset) -> dict[str, float]:
 
 
 def ranked(found: xr.Dataset) -> list[dict[str, Any]]:
-    """Unknowns by their total index, largest first; none where no index is supported."""
+    """Unknowns by their total index, largest first; none where no index is supported.
+
+    Parameters
+    ----------
+    found : Dataset
+
+    Returns
+    -------
+    list of dict
+    """
     total = found["total_index_joined"].values
     if not np.isfinite(total).all():
         return []
@@ -148,7 +166,16 @@ def leaders(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def tests(found: xr.Dataset) -> list[dict[str, Any]]:
-    """Spared cells that were run all the same, by kind of row."""
+    """Spared cells that were run all the same, by kind of row.
+
+    Parameters
+    ----------
+    found : Dataset
+
+    Returns
+    -------
+    list of dict
+    """
     rows = []
     for at, name in enumerate(found["rows_kind"].values.tolist()):
         tested = int(found["spared_tested"][at])

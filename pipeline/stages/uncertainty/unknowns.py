@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from pipeline.config import in_si
@@ -71,12 +73,13 @@ def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int)
     azimuth: Array = np.array([member.azimuth for member in members]) - math.pi * back
     found: list[Unknown] = []
 
-    def add(name: str, values: Array, prior: Callable[[Array], Array]) -> None:
+    def add(name: str, values: NDArray[np.floating[Any]], prior: Callable[[Array], Array]) -> None:
         if np.ptp(values, axis=0).any():
-            found.append(Unknown(name, values.reshape(len(draws), -1), prior))
+            found.append(Unknown(name, values.reshape(len(draws), -1).astype(np.float64), prior))
 
     if known.azimuth[1]:
-        add("direction of the shaking", (azimuth - known.azimuth[0]) / known.azimuth[1], ndtri)
+        turned = np.asarray((azimuth - known.azimuth[0]) / known.azimuth[1], np.float64)
+        add("direction of the shaking", turned, ndtri)
     share = known.reversed_share
     add("sign of the motion", 2.0 * back - 1.0, lambda u: np.where(u < share, 1.0, -1.0))
     for name in ("friction", "restitution"):
