@@ -33,8 +33,8 @@ help:
 	' Makefile
 
 ## A rock
-.PHONY: fragility displacement hazard study replay prep accuracy stability drive feasible validate
-.PHONY: plan status why index fetch
+.PHONY: fragility uncertainty displacement hazard study replay prep accuracy stability drive feasible
+.PHONY: validate plan status why index fetch
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(vsr) run fragility $(site) $(where)
 
