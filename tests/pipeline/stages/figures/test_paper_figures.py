@@ -184,10 +184,29 @@ def course(kick: float, lasts: float) -> xr.Dataset:
 
 
 @pytest.mark.parametrize(
-    ("kick", "lasts", "found"), [(0.05, 0.05, True), (0.002, 0.05, False), (0.05, 1.0, False)]
+    ("kick", "lasts", "found"), [(0.05, 0.05, True), (0.001, 0.05, False), (0.05, 1.0, False)]
 )
 def test_a_disturbance_stands_out_and_is_over_soon(kick: float, lasts: float, found: bool) -> None:
     assert fig_07._disturbance(course(kick, lasts)).found is found
+
+
+def test_fig_7_draws_both_motions_and_magnifies_the_disturbance() -> None:
+    cases = [course(0.0, 1.0), course(0.05, 0.02)]
+    drive = xr.concat(cases, "sample").assign(
+        row_size=("case", [case.sizes["sample"] for case in cases]),
+        case_motion=("case", ["pulse", "record far"]),
+        case_drive=("case", ["servo", "servo"]),
+    )
+    rock = xr.Dataset(attrs={"shape_source": "made up"})
+    whole, record, near = fig_07.draw({"drive": drive, "rock": rock}).axes
+    assert "0.2 g" in whole.get_title()
+    assert "“far”" in record.get_title()
+    assert {axes.get_ylabel() for axes in (whole, record, near)} == {"velocity [m/s]"}
+    assert near.get_xlim() == pytest.approx((1.95, 2.05))  # the kick is at 2 s
+    measured = [line for line in near.get_lines() if line.get_gid() == "measured"]
+    assert np.ptp(np.asarray(measured[0].get_ydata())) > 0.05
+    (box,) = record.patches
+    assert box.get_bbox().x0 == pytest.approx(1.95)
 
 
 @pytest.mark.parametrize(
