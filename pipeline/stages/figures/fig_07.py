@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Rectangle
 
 from pipeline.drawing import style
@@ -55,8 +56,8 @@ def draw(data: Data) -> Figure:
     Figure
     """
     pulses, record = _cases(data["drive"])
-    figure = Figure(figsize=(7.2, 8.2), layout="constrained")
-    figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 0.975))
+    below_the_note = ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, 0.975))
+    figure = Figure(figsize=(7.2, 8.2), layout=below_the_note)
     panels = figure.subplots(3, 1, height_ratios=(1.2, 1.2, 1.0))
     _velocities(panels[0], pulses[0])
     pga, ratio = PULSE
