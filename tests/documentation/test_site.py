@@ -18,8 +18,6 @@ from pipeline import ROOT
 from scripts import docs
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-QUICK = [path for path in NOTEBOOKS if path.stem in ("first_rock", "error_against_run_time")]
-"""Those that take a second or two."""
 
 
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
@@ -40,8 +38,9 @@ def test_notebooks_are_kept_without_what_they_print() -> None:
         assert f"\n{path.stem}\n" in listed
 
 
-@pytest.mark.parametrize("path", QUICK, ids=lambda path: path.stem)
-def test_quick_notebooks_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In this process, where the engine is loaded already; Housner's block topples at 0.67 g."""
+    path = ROOT / "notebooks" / "first_rock.ipynb"
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": "__main__"}
     with mpl.rc_context({"backend": "Agg"}):
@@ -49,11 +48,8 @@ def test_quick_notebooks_run(path: Path, tmp_path: Path, monkeypatch: pytest.Mon
             if cell["cell_type"] == "code":
                 exec(compile("".join(cell["source"]), path.name, "exec"), names)
     assert not list(tmp_path.iterdir())
-    if path.stem == "first_rock":
-        first = names["first"]
-        assert float(first.sel(pgv_pga=0.25, method="nearest")) == pytest.approx(0.67, abs=0.05)
-    else:
-        assert names["worst"].loc["nonsmooth", "error"].max() < 0.01
+    found = float(names["first"].sel(pgv_pga=0.25, method="nearest"))
+    assert found == pytest.approx(0.67, abs=0.05)
 
 
 @pytest.mark.slow

@@ -1,0 +1,145 @@
+"""Every page in a browser: read on a wide screen, on a phone and in print, and the ways between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlparse
+
+import pytest
+from support.browser import PHONE, Opened, chromium, settle, watched
+
+from pipeline import ROOT, cli
+
+CHECKS = (ROOT / "tests" / "support" / "page_checks.js").read_text(encoding="utf-8")
+PAPER = {"width": 718, "height": 1000}
+"""What is within the margins of a sheet of A4, in pixels of a browser."""
+
+SITE = """\
+rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
+motion: {pga: [0.1, 0.3, 0.5, 0.7], pgv_pga: [0.1, 0.2, 0.3, 0.4]}
+yaw: [0, 90]
+contact: {friction: [0.6]}
+simulation: {time_step: 0.005}
+"""
+STUDY = "sweep: {friction: {contact.friction: [0.4, 0.6]}}\n"
+CURVES = ROOT / "data" / "raw" / "hazard" / "made_up"
+TERRAIN = ("motion.pga=[0.5,0.8]", "motion.pgv_pga=[0.3,0.4]", "simulation.time_step=0.004")
+
+QUICK = {
+    "rock/report.html": ("run", "fragility", "--site", "rock.yaml"),
+    "rock/replays": (
+        *("replay", "--site", "rock.yaml", "--pga", "0.5", "--pgv-pga", "0.3", "--yaw", "0"),
+        *("--friction", "0.6", "--and", "neighbour"),
+    ),
+    "index.html": ("index",),
+}
+SLOW = {
+    "rock/studies/small/study.html": (
+        *("run", "fragility", "--site", "rock.yaml", "--study", "small.yaml"),
+    ),
+    "rock/hazard.html": (
+        *("run", "hazard", "--site", "rock.yaml", "--curves", str(CURVES), "--age", "20000"),
+    ),
+    "rock/drive.html": ("run", "drive", "--site", "rock.yaml"),
+    "double_rock_terrain/displacement.html": (
+        *("run", "displacement", "--site", "double_rock_terrain"),
+        *(word for setting in TERRAIN for word in ("--set", setting)),
+    ),
+    "double_rock_terrain/trajectories.html": ("index",),
+    "double_rock_terrain/prep.html": ("prep", "--site", "double_rock_terrain"),
+    "cuboid_1x1x2/accuracy.html": ("run", "accuracy", "--site", "cuboid_1x1x2"),
+    "cuboid_1x1x2/stability.html": ("run", "stability", "--site", "cuboid_1x1x2"),
+    "figures/claims.html": ("figures", "--fig", "8"),
+}
+"""Pages, each with the command that makes it after those before it."""
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of results, and beside it what is asked of the program."""
+    folder = tmp_path_factory.mktemp("pages")
+    (folder / "rock.yaml").write_text(SITE, encoding="utf-8")
+    (folder / "small.yaml").write_text(STUDY, encoding="utf-8")
+    return folder / "derived"
+
+
+def made(results: Path, page: str, command: tuple[str, ...]) -> Path:
+    """The page that a command makes; of a folder, its one page."""
+    path = results / page
+    if not path.exists() or page == "index.html":
+        words = [str(results.parent / w) if w.endswith(".yaml") else w for w in command]
+        workers = () if command[0] in ("index", "prep") else ("--workers", "0")
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(results.parent)
+            assert cli.main([*words, *workers, "--derived", str(results)]) == cli.DONE
+    if path.is_dir():
+        (path,) = path.glob("*.html")
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture
+def opened(browser: Any) -> Iterator[Opened]:
+    with watched(browser) as open_page:
+        yield open_page
+
+
+def overflow(page: Any) -> list[str]:
+    """What sticks out at the side of a page."""
+    return page.evaluate(
+        """() => document.documentElement.scrollWidth <= innerWidth ? [] :
+        [...document.body.querySelectorAll("*")]
+        .filter((e) => e.getBoundingClientRect().right > innerWidth + 1)
+        .map((e) => `${e.tagName} ${e.className} ${e.textContent.slice(0, 40)}`).slice(0, 5)"""
+    )
+
+
+def check(opened: Opened, path: Path, results: Path) -> None:
+    """A page as its readers meet it."""
+    wide = opened(path)
+    settle(wide)
+    assert wide.evaluate(CHECKS) == []
+    assert overflow(wide) == []
+    links = wide.evaluate("[...document.querySelectorAll('a[href]')].map((a) => a.href)")
+    files = {Path(unquote(urlparse(link).path)) for link in links if link.startswith("file:")}
+    assert [file for file in files if not file.is_file()] == []
+    if path != results / "index.html":
+        assert results / "index.html" in files
+    narrow = opened(path, viewport=PHONE)
+    settle(narrow)
+    assert overflow(narrow) == []
+    assert narrow.evaluate(CHECKS) == []
+    narrow.emulate_media(media="print")
+    narrow.set_viewport_size(PAPER)
+    settle(narrow)
+    assert overflow(narrow) == []
+    assert not narrow.locator(".back").is_visible()
+
+
+@pytest.mark.parametrize("page", QUICK)
+def test_a_page_can_be_read(opened: Opened, results: Path, page: str) -> None:
+    check(opened, made(results, page, QUICK[page]), results)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", SLOW)
+def test_a_costly_page_can_be_read(opened: Opened, results: Path, page: str) -> None:
+    check(opened, made(results, page, SLOW[page]), results)
+
+
+def test_the_checks_see_what_is_wrong(browser: Any) -> None:
+    page = browser.new_page()
+    page.set_content("<p style='color:#999'>pale</p><img src='data:image/png;base64,AAAA'>")
+    found = " ".join(page.evaluate(CHECKS))
+    for fault in ("contrast 2.85", "not there", "without words", "no language", "no title",
+                  "heading", "no viewport"):  # fmt: skip
+        assert fault in found
+    page.set_content("<pre style='width: 3000px'>wide</pre>")
+    assert overflow(page) != []
