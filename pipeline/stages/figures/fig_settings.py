@@ -8,6 +8,7 @@ from dataclasses import replace
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from pipeline.drawing import style
 from pipeline.stages.figures import diagrams, measures
@@ -51,20 +52,21 @@ def draw(data: Data) -> Figure:
     -------
     Figure
     """
-    figure = Figure(figsize=(5.6, 13.2))
+    figure = Figure(figsize=(5.6, 13.8))
     margins = {"left": 0.125, "right": 0.975, "bottom": 0.07, "top": 0.975}
     panels = figure.subplots(
         len(SETTINGS), 2, sharex=True, sharey=True,
-        gridspec_kw={**margins, "hspace": 0.2, "wspace": 0.06},
+        gridspec_kw={**margins, "hspace": 0.27, "wspace": 0.08},
     )  # fmt: skip
     for row, (study, text) in zip(panels, SETTINGS.items(), strict=True):
         for axes, (rock, name) in zip(row, ROCKS.items(), strict=True):
             _panel(axes, data[f"{rock}-{study}"], data[f"{rock}-{BASE}"])
-            axes.set_title(f"{name}: {text}", size=8)
+            axes.set_title(f"{name}:\n{text}", size=8)
+    panels[0, 0].xaxis.set_major_locator(MaxNLocator(5, prune="both"))
     diagrams.labelled(panels)
     lines = panels[0, 0].get_legend_handles_labels()[0]
-    figure.legend(handles=[*diagrams.key(pale=True, undecided=True), *lines], loc="lower center",
-                  ncols=2, bbox_to_anchor=(0.5, 0.004))  # fmt: skip
+    figure.legend(handles=[*diagrams.key(pale=True), *lines], loc="lower center",
+                  ncols=3, bbox_to_anchor=(0.5, 0.004))  # fmt: skip
     return figure
 
 

@@ -54,8 +54,9 @@ HALF_WIDTH = 5.0
 CELLS = 25
 """Squares along the pedestal, of two triangles each, coarser than any scan. A block that slides
 trips over their borders: at a friction of 0.36 the 1x1x2 m block overturns in a cell or does not as
-the squares are wider or narrower, and never on one square, where it only slides. The rock of 1230
-vertices costs 44 us a step on two triangles, 280 us on these, 830 us on squares half as wide."""
+the squares are wider or narrower, in few cells on one wide square, and it falls off a narrow one.
+The rock of 1230 vertices costs 44 us a step on two triangles, 280 us on these, 830 us on squares
+half as wide."""
 
 MARGIN = 0.001
 """Bullet's collision margin [m], around the hull and again around the triangles."""
@@ -84,7 +85,8 @@ def build(scene: Scene, setting: Setting, coefficients: Coefficients | None = No
     Parameters
     ----------
     scene : Scene
-    setting : dict of float, one of ``SWEEP``; perhaps ``cells`` in place of ``CELLS``
+    setting : dict of float, one of ``SWEEP``; perhaps ``cells`` and ``half_width`` in place of
+        ``CELLS`` and ``HALF_WIDTH``
     coefficients : Coefficients or None, for the friction of the scene's pair and no rebound
 
     Returns
@@ -93,13 +95,13 @@ def build(scene: Scene, setting: Setting, coefficients: Coefficients | None = No
     """
     time_step = setting["time_step"]
     told = coefficients or Coefficients((scene.contact.friction, 1.0))
-    cells = int(setting.get("cells", CELLS))
+    table = setting.get("half_width", HALF_WIDTH), int(setting.get("cells", CELLS))
 
     def test(pulse: CosinePulse) -> float:
         steps = math.ceil((REST + pulse.duration + AFTER) / time_step)
         times: Array = time_step * np.arange(steps, dtype=np.float64) - REST
         desired = pulse.velocity(times)
-        world = _World(scene, time_step, told, cells)
+        world = _World(scene, time_step, told, table)
         try:
             return largest_tilt(world.advance, world.tilt, desired, until=math.inf)
         finally:
@@ -111,7 +113,9 @@ def build(scene: Scene, setting: Setting, coefficients: Coefficients | None = No
 class _World:
     """A rock at rest on a table that can be driven."""
 
-    def __init__(self, scene: Scene, time_step: float, told: Coefficients, cells: int) -> None:
+    def __init__(
+        self, scene: Scene, time_step: float, told: Coefficients, table: tuple[float, int]
+    ) -> None:
         self._client = int(pybullet.connect(pybullet.DIRECT))
         self._time_step = time_step
         self._up = scene.rock.axes[2]
@@ -121,7 +125,7 @@ class _World:
         pybullet.setPhysicsEngineParameter(
             numSolverIterations=ITERATIONS, physicsClientId=self._client
         )
-        self._table = self._add_table(told, cells)
+        self._table = self._add_table(told, *table)
         self._rock = self._add_rock(scene, told)
 
     def advance(self, desired: Iterable[float]) -> None:
@@ -149,9 +153,9 @@ class _World:
         """End the connection."""
         pybullet.disconnect(self._client)
 
-    def _add_table(self, told: Coefficients, cells: int) -> int:
+    def _add_table(self, told: Coefficients, half_width: float, cells: int) -> int:
         client = self._client
-        shape = level_sheet(HALF_WIDTH, cells, client)
+        shape = level_sheet(half_width, cells, client)
         table = pybullet.createMultiBody(
             linkMasses=[TABLE_MASS],
             linkCollisionShapeIndices=[shape],

@@ -25,13 +25,15 @@ FRICTION, RESTITUTION, ROLLING = 0.6, 0.38, 0.6
 TIME_STEP = 1e-3
 """Of the public scripts [s]."""
 
-ONE_SQUARE = "friction on both, one square"
-"""The table made of two triangles, without a border over which a sliding block could trip."""
+WIDE = "friction on both, wide table"
+"""On two triangles, with hardly a border to trip over and no edge within reach of a sliding block."""
+
+WIDE_TABLE = {"cells": 1.0, "half_width": 40.0}
 
 SETTINGS = {
     "of the pair": Coefficients((FRICTION, 1.0)),
     "friction on both": Coefficients((FRICTION, FRICTION)),
-    ONE_SQUARE: Coefficients((FRICTION, FRICTION)),
+    WIDE: Coefficients((FRICTION, FRICTION)),
     "restitution on both": Coefficients((FRICTION, 1.0), (RESTITUTION, RESTITUTION)),
     "rolling on both": Coefficients((FRICTION, 1.0), rolling=(ROLLING, ROLLING)),
     "all on both": Coefficients(
@@ -123,7 +125,7 @@ def run_cells(
     list of float or None, 1 overturned, 0 not; None where the simulation diverged
     """
     name, scene = shared
-    table = {"cells": 1.0} if name == ONE_SQUARE else {}
+    table = WIDE_TABLE if name == WIDE else {}
     test = build(scene, {"time_step": TIME_STEP, **table}, SETTINGS[name])
     tilts = [test(CosinePulse.from_g(pga, ratio)) for ratio, pga in cells]
     return [None if math.isnan(tilt) else float(tilt > OVERTURNED) for tilt in tilts]
