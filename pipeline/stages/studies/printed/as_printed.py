@@ -26,7 +26,7 @@ TIME_STEP = 1e-3
 """Of the public scripts [s]."""
 
 WIDE = "friction on both, wide table"
-"""On two triangles, with hardly a border to trip over and no edge within reach of a sliding block."""
+"""On two triangles: hardly a border to trip over, and no edge within reach of a sliding block."""
 
 WIDE_TABLE = {"cells": 1.0, "half_width": 40.0}
 
