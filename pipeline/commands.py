@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
         for other in _others(options, job):
             _log(f"{other.store.folder}:")
             with other.store, other.cluster:
-                graph.make("fragility", other)
+                graph.make(other.stage, other)
     with job.store, job.cluster:
         if sweep is None:
             unresolved = graph.make(wanted.stage, job)
@@ -319,7 +319,8 @@ def _others(options: argparse.Namespace, job: Job) -> Iterator[Job]:
     found = named("pipeline.stages.hazard.others:rocks")(job.site)
     found += compared(job.site, file, options.study, settings)
     for other in found:
-        yield replace(job, site=other.site, store=Store(other.folder(job.store.folder)))
+        store = Store(other.folder(job.store.folder))
+        yield replace(job, site=other.site, store=store, stage=other.stage)
 
 
 def _settings(given: dict[str, Any]) -> tuple[str, ...]:

@@ -107,7 +107,9 @@ class UncertaintyConfig(PriorsConfig):
     centre_of_mass: float = Field(
         0.01, ge=0, le=1, description="error of the centre of mass along each axis [m]"
     )
-    members: int = Field(32, ge=2, le=MOST_MEMBERS, description="number of draws in the ensemble")
+    members: int = Field(
+        32, ge=0, le=MOST_MEMBERS, description="number of draws in the ensemble; 0 for none"
+    )
 
     @field_validator("amplitude")
     @classmethod

@@ -228,6 +228,11 @@ class Config(Section):
         return "bullet" if self.drive == "servo" or rolls else COMPILED
 
     @property
+    def uncertain(self) -> bool:
+        """Whether what is not known of the rock is drawn."""
+        return self.uncertainty.members > 0
+
+    @property
     def in_other_engine(self) -> bool:
         """Whether runs are in another engine than Bullet, which then repeats a sample of them."""
         return self.engine != "bullet"

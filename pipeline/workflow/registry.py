@@ -127,6 +127,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "uncertainty",
         make="pipeline.stages.uncertainty.uncertainty:make",
+        applies="uncertain",
         needs=("rock", "time_step", "motions", "responses"),
         reads=(
             "rock.density",
@@ -152,8 +153,8 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "hazard",
         make="pipeline.stages.hazard.hazard:make",
-        needs=("rock", "fragility"),
-        reads=("hazard",),
+        needs=("rock", "fragility", "uncertainty"),
+        reads=("hazard", "uncertainty.members"),
         inputs="pipeline.stages.hazard.hazard:inputs",
         check="pipeline.stages.hazard.others:changed",
         files=("hazard.html",),

@@ -58,6 +58,34 @@ def gridded_rows(levels: Array, probability: Array) -> RowFragility:
     return rows
 
 
+def continued_rows(rows: RowFragility, tried: Array, beyond: RowFragility) -> RowFragility:
+    """Rows that go on as others do beyond the levels that were tried.
+
+    What stands at the last level falls beyond it with the chance that the others have for what
+    stands there; below the first level what falls is by as much rarer as it is there.
+
+    Parameters
+    ----------
+    rows : RowFragility
+    tried : ndarray, shape (2,) [m/s^2], the first and the last level
+    beyond : RowFragility, whose probabilities rise
+
+    Returns
+    -------
+    RowFragility
+    """
+    first, last = beyond(tried).T[:, :, None]
+
+    def all_rows(level: Array) -> Array:
+        inner, outer = rows(np.clip(level, *tried)), beyond(level)
+        stand = np.divide(1.0 - outer, 1.0 - last, out=np.ones_like(outer), where=last < 1.0)
+        rarer = np.divide(outer, first, out=np.ones_like(outer), where=first > 0.0)
+        above = 1.0 - (1.0 - inner) * np.minimum(stand, 1.0)
+        return np.where(level > tried[1], above, inner * np.minimum(rarer, 1.0))
+
+    return all_rows
+
+
 def averaged(rows: RowFragility, ratios: Array, table: RatioTable, levels: Array) -> Fragility:
     """Probability of toppling given PGA alone.
 

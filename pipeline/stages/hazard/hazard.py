@@ -12,6 +12,7 @@ from pathlib import Path
 from pipeline.config.layers import Site
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
+from pipeline.stages.fragility.products import FILE as FITS
 from pipeline.stages.hazard import curve_folder, disaggregation, others, rock_fragility, sensitivity
 from pipeline.stages.hazard.hazard_dataset import dataset, pga_at, table
 from pipeline.stages.hazard.hazard_page import page
@@ -43,21 +44,26 @@ def make(job: Job) -> Product:
     ratio = of_model(config, model, model.levels[[0, -1]], disaggregated)
     own = job.store.folder
     assert config.age is not None
-    rocks = [DatedRock(site.name, rock_fragility.load(own), ages_of(config.age))]
-    folders = []
+    uncertain = job.config.uncertain
+    rocks = [DatedRock(site.name, rock_fragility.load(own, uncertain), ages_of(config.age))]
+    files_read = []
     for other, given in zip(others.rocks(site), config.rocks, strict=True):
-        folders.append(other.folder(own))
-        fragility = rock_fragility.load(folders[-1])
+        files_read.append(other.file(own))
+        fragility = rock_fragility.load(other.folder(own), other.uncertain)
         rocks.append(DatedRock(other.name, fragility, ages_of(given.age)))
     compared = {}
+    if uncertain:  # beside which settings are compared
+        compared[sensitivity.AS_SCANNED] = rock_fragility.of_fits(own)
     for one in config.compare:
-        folders.append(own / others.folder_of(one.name) / site.name)
-        compared[one.name] = rock_fragility.load(folders[-1])
+        folder = own / others.folder_of(one.name) / site.name
+        files_read.append(folder / FITS)
+        name = f"{sensitivity.AS_SCANNED}, {one.name}" if uncertain else one.name
+        compared[name] = rock_fragility.of_fits(folder)
     question = Question(model, tuple(rocks), ratio.table, config.least_survival)
     cases = sensitivity.cases(question, ratio, compared)
     answer = cases[0].answer
     found = dataset(question, answer, question.survivals(), cases)
-    found.attrs[others.NOTED] = json.dumps(others.digests(own, folders), sort_keys=True)
+    found.attrs[others.NOTED] = json.dumps(others.digests(own, files_read), sort_keys=True)
     facts = page(job, question, ratio, found, shown(curves), curve_folder.about(curves))
     files = {
         FILE: netcdf(described(found, job, "Hazard")),

@@ -13,6 +13,7 @@ from netCDF4 import Dataset
 
 from pipeline.config.layers import Site, load_site
 from pipeline.stages.fragility.products import FILE as FITS
+from pipeline.stages.uncertainty.products import FILE as ENSEMBLE
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.store import Store
 
@@ -29,11 +30,18 @@ class Other:
     name : str, of the rock, or what is changed, in words
     site : Site
     derived : str, folder of derived data relative to that of the site's own products
+    uncertain : bool, whether its fragility is that of an ensemble
     """
 
     name: str
     site: Site
     derived: str
+    uncertain: bool = False
+
+    @property
+    def stage(self) -> str:
+        """Stage that makes its fragility."""
+        return "uncertainty" if self.uncertain else "fragility"
 
     def folder(self, own: Path) -> Path:
         """Folder of its products.
@@ -47,6 +55,19 @@ class Other:
         Path
         """
         return own / self.derived / self.site.name
+
+    def file(self, own: Path) -> Path:
+        """File of its fragility.
+
+        Parameters
+        ----------
+        own : Path, folder of the site's own products
+
+        Returns
+        -------
+        Path
+        """
+        return self.folder(own) / (ENSEMBLE if self.uncertain else FITS)
 
 
 def rocks(site: Site) -> list[Other]:
@@ -66,7 +87,7 @@ def rocks(site: Site) -> list[Other]:
         if name.endswith((".yaml", ".yml")):
             name = str(site.folder_of("hazard.rocks") / name)
         other = load_site(name)
-        found.append(Other(other.name, other, ".."))
+        found.append(Other(other.name, other, "..", other.config.uncertain))
     return found
 
 
@@ -115,19 +136,19 @@ def folder_of(name: str) -> str:
     return "compared/" + re.sub(r"[^A-Za-z0-9._-]", "_", name)
 
 
-def digests(own: Path, folders: list[Path]) -> dict[str, str]:
+def digests(own: Path, files: list[Path]) -> dict[str, str]:
     """Digests of the fragilities that were read, by their paths from the site's own products.
 
     Parameters
     ----------
     own : Path
-    folders : list of Path
+    files : list of Path
 
     Returns
     -------
     dict of str by str
     """
-    return {os.path.relpath(one / FITS, own): digest_file(one / FITS) for one in folders}
+    return {os.path.relpath(one, own): digest_file(one) for one in files}
 
 
 def changed(store: Store) -> str:

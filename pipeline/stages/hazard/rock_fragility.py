@@ -11,9 +11,15 @@ import xarray as xr
 from pipeline.config import in_si
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.fragility.products import FILE as FITS
+from pipeline.stages.uncertainty.products import FILE as ENSEMBLE
 from pipeline.workflow.datasets import read, rows_of
 from vsr_core.arrays import Array
-from vsr_core.hazard.averaging import RowFragility, gridded_rows, lognormal_rows
+from vsr_core.hazard.averaging import (
+    RowFragility,
+    continued_rows,
+    gridded_rows,
+    lognormal_rows,
+)
 
 FITTED, DRAWN = "fits", "members"
 """What the range of a survival comes from: intervals of fits, or members of an ensemble."""
@@ -45,7 +51,22 @@ class RockFragility:
     records: bool
 
 
-def load(folder: Path) -> RockFragility:
+def load(folder: Path, uncertain: bool) -> RockFragility:
+    """Fragility of a rock, with all that is not known of it or as it was scanned.
+
+    Parameters
+    ----------
+    folder : Path, of its products
+    uncertain : bool, whether an ensemble was drawn
+
+    Returns
+    -------
+    RockFragility
+    """
+    return of_members(read(folder / ENSEMBLE)) if uncertain else of_fits(folder)
+
+
+def of_fits(folder: Path) -> RockFragility:
     """Fragility of the fits in a folder of products.
 
     Parameters
@@ -101,26 +122,39 @@ def of_members(data: xr.Dataset) -> RockFragility:
     Parameters
     ----------
     data : Dataset
-        ``surface`` on (pgv_pga, pga), ``probability`` on (yaw, pgv_pga, pga) and ``overturned`` on
-        (member, yaw, pgv_pga, pga), -1 where there is no verdict.
+        ``surface`` on (pgv_pga, pga), ``probability`` on (yaw, pgv_pga, pga), ``overturned`` on
+        (member, yaw, pgv_pga, pga), -1 where there is no verdict, and the lognormal fits ``theta``
+        and ``beta`` on (yaw, pgv_pga), by which all go on beyond the PGA that was tried.
 
     Returns
     -------
     RockFragility
     """
-    levels = in_si.acceleration(data["pga"].values)
+    row = rows_of(data)
+    ratio = "pgv_pga" if row == "pgv_pga" else "record_pgv_pga"
+    data = data.isel({row: np.argsort(data[ratio].values, kind="stable")})
+    data = data.isel(yaw=np.flatnonzero(np.isfinite(data["theta"].values).all(axis=1)))
+    levels, theta = (in_si.acceleration(data[name].values) for name in ("pga", "theta"))
+    beta, tried = data["beta"].values, levels[[0, -1]]
+    beyond = lognormal_rows(theta, beta)
+
+    def rows_of_grid(chance: Array, beyond: RowFragility = beyond) -> RowFragility:
+        return continued_rows(gridded_rows(levels, chance), tried, beyond)
+
     return RockFragility(
-        data["pgv_pga"].values,
-        gridded_rows(levels, data["surface"].values),
+        data[ratio].values,
+        rows_of_grid(data["surface"].values),
         {
-            float(yaw): gridded_rows(levels, probability)
-            for yaw, probability in zip(data["yaw"].values, data["probability"].values, strict=True)
+            float(yaw): rows_of_grid(chance, lognormal_rows(theta[[i]], beta[[i]]))
+            for i, (yaw, chance) in enumerate(
+                zip(data["yaw"].values, data["probability"].values, strict=True)
+            )
         },
-        tuple(gridded_rows(levels, _share(one)) for one in data["overturned"].values),
+        tuple(rows_of_grid(_share(one)) for one in data["overturned"].values),
         DRAWN,
         _span(data),
         (),
-        False,
+        row == "record",
     )
 
 

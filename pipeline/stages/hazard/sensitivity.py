@@ -17,6 +17,9 @@ LARGEST_TO_AVERAGE = 1.2
 """PGA in the direction in which it is largest over that of the average component, RotD100/RotD50:
 1.19 in the median of records (Boore & Kishida 2017, Bull. Seismol. Soc. Am. 107)."""
 
+AS_SCANNED = "the rock as scanned, nothing uncertain"
+"""What is changed where the fits of one rock stand for its ensemble."""
+
 AGES = (5.0, 95.0)
 """Percentiles of the age that stand for a young and an old rock."""
 

@@ -19,6 +19,7 @@ from pipeline.stages.uncertainty import uncertainty_page as page
 from pipeline.stages.uncertainty import unknowns as told
 from pipeline.stages.uncertainty.draws import Draw
 from pipeline.stages.uncertainty.ensemble import Ensemble, Search, outcomes
+from pipeline.stages.uncertainty.products import FILE
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
@@ -29,7 +30,7 @@ from vsr_core.uncertainty import guess, probability, search, sensitivity
 from vsr_core.uncertainty.sensitivity import Shares
 from vsr_core.validation.priors import Priors
 
-FILE, PAGE = "uncertainty.nc", "uncertainty.html"
+PAGE = "uncertainty.html"
 
 
 def make(job: Job) -> Product:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.stats import norm
 
 from pipeline.config.hazard_schema import BoundedAge, LognormalAge, NormalAge, SampledAge
 from pipeline.stages.hazard.hazard_dataset import survival_range
@@ -46,6 +47,8 @@ def ensemble(thresholds: list[float]) -> RockFragility:
                 "overturned": (("member", "yaw", "pgv_pga", "pga"), falls),
                 "probability": (("yaw", "pgv_pga", "pga"), mean),
                 "surface": (("pgv_pga", "pga"), mean.mean(axis=0)),
+                "theta": (("yaw", "pgv_pga"), np.full((2, 3), 0.4)),
+                "beta": (("yaw", "pgv_pga"), np.full((2, 3), 0.3)),
             },
             {"yaw": [0.0, 90.0], "pgv_pga": [0.05, 0.1, 0.2], "pga": pga},
         )
@@ -76,11 +79,41 @@ def test_cells_without_a_verdict_do_not_count() -> None:
             "overturned": (("member", "yaw", "pgv_pga", "pga"), fell),
             "probability": (("yaw", "pgv_pga", "pga"), np.zeros((2, 1, 2))),
             "surface": (("pgv_pga", "pga"), np.zeros((1, 2))),
+            "theta": (("yaw", "pgv_pga"), np.full((2, 1), 1.0)),
+            "beta": (("yaw", "pgv_pga"), np.full((2, 1), 1.0)),
         },
         {"yaw": [0.0, 90.0], "pgv_pga": [0.1], "pga": [0.5, 1.0]},
     )
     (member,) = of_members(data).others
     np.testing.assert_allclose(member(GRAVITY * np.array([0.5, 1.0])), [[0.5, 1.0]])
+
+
+def test_beyond_what_was_tried_half_of_what_stands_falls_where_half_would() -> None:
+    """Tried are 0.5 and 1 g; the fit has 1/2 at 1 g and Phi(1) at e g, Phi(-2) at exp(-2) g."""
+    fell = np.array([[1], [0]], np.int8)  # from one of two directions, at both levels
+    falls = np.broadcast_to(fell[None, :, None, :], (1, 2, 1, 2))
+    share = falls.mean(axis=0)
+    data = xr.Dataset(
+        {
+            "overturned": (("member", "yaw", "pgv_pga", "pga"), falls),
+            "probability": (("yaw", "pgv_pga", "pga"), share),
+            "surface": (("pgv_pga", "pga"), share.mean(axis=0)),
+            "theta": (("yaw", "pgv_pga"), np.ones((2, 1))),
+            "beta": (("yaw", "pgv_pga"), np.ones((2, 1))),
+        },
+        {"yaw": [0.0, 90.0], "pgv_pga": [0.1], "pga": [0.5, 1.0]},
+    )
+    rock = of_members(data)
+    levels = GRAVITY * np.array([np.exp(-2.0), 0.5, 0.7, 1.0, np.e])
+    expected = [
+        0.5 * norm.cdf(-2.0) / norm.cdf(np.log(0.5)),
+        0.5,
+        0.5,
+        0.5,
+        1.0 - 0.5 * norm.cdf(-1.0) / 0.5,
+    ]
+    for rows in (rock.mean, *rock.others):
+        np.testing.assert_allclose(rows(levels)[0], expected)
 
 
 def test_a_kept_and_a_rejected_branch_by_hand() -> None:
