@@ -40,6 +40,8 @@ def run(options: argparse.Namespace) -> int:
     """
     sweep, wanted = _sweep(options), DELIVERABLES[options.product]
     job = _job(options, sweep)
+    if options.product == "uncertainty":
+        _check_drawn(job)
     if options.product == "hazard" and sweep is None:
         for other in _others(options, job):
             _log(f"{other.store.folder}:")
@@ -309,6 +311,17 @@ def fetch(options: argparse.Namespace) -> int:
     path = named("pipeline.stages.mesh.fetch:fetch")(options.name, options.url)
     _log(f"-> {path}")
     return 0
+
+
+def _check_drawn(job: Job) -> None:
+    config = job.config
+    if config.on_terrain:
+        key, given, remedy = "pedestal.shape", "a terrain", "set pedestal.shape: flat"
+    else:
+        key, given, remedy = "uncertainty.members", "0", "give a number of draws, such as 32"
+    if not config.uncertain:
+        rule = "rocks are drawn on a flat pedestal, one a member"
+        raise InputError(Problem(job.site.file, key, given, rule, remedy))
 
 
 def _others(options: argparse.Namespace, job: Job) -> Iterator[Job]:

@@ -229,8 +229,8 @@ class Config(Section):
 
     @property
     def uncertain(self) -> bool:
-        """Whether what is not known of the rock is drawn."""
-        return self.uncertainty.members > 0
+        """Whether what is not known of the rock is drawn, which it is on a flat pedestal only."""
+        return self.uncertainty.members > 0 and not self.on_terrain
 
     @property
     def in_other_engine(self) -> bool:

@@ -33,7 +33,7 @@ AGE, SD, LEAST = 3500.0, 400.0, 0.05
 BOX = "rock: {shape: box, size: [0.25, 0.5, 1.2], density: 2110}\n"
 GRID = (
     "motion: {pga: [0.15, 0.3, 0.45, 0.6], pgv_pga: [0.05, 0.1, 0.2, 0.4]}\nyaw: [0, 90]\n"
-    "simulation: {engine: bullet, time_step: 0.0015}\n"
+    "simulation: {engine: bullet, time_step: 0.0015}\nuncertainty: {members: 0}\n"
 )
 HAZARD = (
     f"hazard: {{curves: {CURVES}, "
@@ -318,6 +318,42 @@ def test_what_is_changed_stands_in_the_table_of_changes(
         row = hazard.sel(case=case)
         cells = f"{shown(row['case_survival'].item())} | {row['case_rejected'].item()} of 9"
         assert f"{case} | {cells}" in page
+
+
+def test_an_ensemble_gives_the_mean_and_its_members_the_range(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+) -> None:
+    """Recomputed from the outcomes of the members: shares of directions, drawn PGV/PGA."""
+    site = write_site(BOX + GRID.replace("members: 0", "members: 6") + HAZARD)
+    ran = vsr("run", "hazard", "--site", site, "--workers", 0)
+    assert ran.code == 0, ran.err
+    found, drawn = (read(derived / "rock" / f"{name}.nc") for name in ("hazard", "uncertainty"))
+    ratios, tried = drawn["pgv_pga"].values, drawn["pga"].values
+    rng, number = np.random.default_rng(1), 200_000
+    for pga in (0.3, 0.45):
+        here = int(np.abs(tried - pga).argmin())
+        at = np.abs(found["pga"].values - pga).argmin()
+        middle, spread = (found[f"pgv_pga_{part}"].values[at] for part in ("median", "log_sd"))
+        logs = np.log(middle) + spread * rng.standard_normal(number)
+        row = np.abs(logs[:, None] - np.log(ratios)).argmin(axis=1)
+        share = np.bincount(row, minlength=len(ratios)) / number
+        members = drawn["overturned"].values[..., here].mean(axis=1) @ share
+        low, high = np.percentile(members, [5.0, 95.0])
+        for name, expected in (("low", low), ("high", high)):
+            probability = found[f"toppling_probability_{name}"].values
+            mine = np.interp(np.log(pga), np.log(found["pga"]), probability)
+            assert mine == pytest.approx(expected, abs=0.02), (pga, name)
+        z = np.log(pga / drawn["theta"].values) / drawn["beta"].values
+        mean = np.interp(np.log(pga), np.log(found["pga"]), found["toppling_probability"])
+        assert mean == pytest.approx(norm.cdf(z).mean(axis=0) @ share, abs=0.02)
+    low, middle, high = (found[f"survival{end}"].values for end in ("_low", "", "_high"))
+    assert ((low <= high) & (low <= middle) & (middle <= high)).all()
+    page = (derived / "rock" / "hazard.html").read_text(encoding="utf-8")
+    assert "5-95 % of the members" in page
+    assert "as scanned, nothing uncertain, slippery" in page
+    ran = vsr("run", "uncertainty", "--site", site, "--set", "uncertainty.members=0")
+    assert ran.code == 2
+    assert "uncertainty.members" in ran.err
 
 
 def test_another_age_or_other_curves_run_nothing(

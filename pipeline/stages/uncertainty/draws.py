@@ -233,17 +233,7 @@ def inputs(site: Site) -> dict[str, str]:
     Returns
     -------
     dict from file name to digest
-
-    Raises
-    ------
-    InputError
-        For a site whose uncertainty is not computed: a rock on a terrain.
     """
-    if site.config.on_terrain:
-        given, rule = "a terrain", "rocks are drawn on a flat pedestal"
-        raise InputError(
-            Problem(site.file, "pedestal.shape", given, rule, "set pedestal.shape: flat")
-        )
     path = replica_path(site)
     return {} if path is None else {path.name: digest_file(path)}
 
