@@ -39,6 +39,7 @@ SLOW = {
     "rock/studies/small/study.html": (
         *("run", "fragility", "--site", "rock.yaml", "--study", "small.yaml"),
     ),
+    "rock/uncertainty.html": ("run", "uncertainty", "--site", "rock.yaml"),
     "rock/hazard.html": (
         *("run", "hazard", "--site", "rock.yaml", "--curves", str(CURVES), "--age", "20000"),
     ),
