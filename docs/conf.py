@@ -42,6 +42,8 @@ napoleon_use_param = False
 napoleon_use_ivar = True
 napoleon_use_rtype = False
 
+linkcheck_timeout, linkcheck_retries = 15, 1
+
 html_theme = "pydata_sphinx_theme"
 html_title = "Virtual shake robot"
 html_static_path = ["_static"]

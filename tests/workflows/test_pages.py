@@ -9,6 +9,7 @@ from urllib.parse import unquote, urlparse
 
 import pytest
 from support.browser import PHONE, Opened, chromium, settle, watched
+from test_validation_product import write_tests
 
 from pipeline import ROOT, cli
 
@@ -43,6 +44,7 @@ SLOW = {
     "rock/hazard.html": (
         *("run", "hazard", "--site", "rock.yaml", "--curves", str(CURVES), "--age", "20000"),
     ),
+    "block_tests/validation.html": ("run", "validation", "--table", "block_tests"),
     "rock/drive.html": ("run", "drive", "--site", "rock.yaml"),
     "double_rock_terrain/displacement.html": (
         *("run", "displacement", "--site", "double_rock_terrain"),
@@ -63,6 +65,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pages")
     (folder / "rock.yaml").write_text(SITE, encoding="utf-8")
     (folder / "small.yaml").write_text(STUDY, encoding="utf-8")
+    write_tests(folder / "block_tests")
     return folder / "derived"
 
 
