@@ -111,6 +111,13 @@ class UncertaintyConfig(PriorsConfig):
         32, ge=0, le=MOST_MEMBERS, description="number of draws in the ensemble; 0 for none"
     )
 
+    @field_validator("members")
+    @classmethod
+    def _differ(cls, members: int) -> int:
+        if members == 1:
+            raise ValueError("an ensemble has 2 draws or more, or none; give 0 or 2 and more")
+        return members
+
     @field_validator("amplitude")
     @classmethod
     def _stays_positive(cls, amplitude: Spread) -> Spread:

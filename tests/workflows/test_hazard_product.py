@@ -23,6 +23,7 @@ from scipy.stats import norm
 
 from pipeline import ROOT, cli
 from pipeline.stages.hazard.others import changed
+from pipeline.stages.hazard.sensitivity import SAME_ROCK
 from pipeline.workflow.datasets import read
 from pipeline.workflow.store import Store
 
@@ -222,7 +223,7 @@ def shown(chance: float) -> str:
     """A chance in percent as a table would round it."""
     if chance < 1e-4:
         return "less than 0.01 %"
-    return f"{100 * chance:.0f} %" if chance >= 0.0995 else f"{100 * chance:.2g} %"
+    return f"{100 * chance:.0f} %" if chance >= 0.0995 else f"{100 * chance:#.2g} %"
 
 
 def test_the_page_says_what_was_found(page: str, hazard: xr.Dataset) -> None:
@@ -237,20 +238,21 @@ def test_the_page_says_what_was_found(page: str, hazard: xr.Dataset) -> None:
     pga = [level_at(1 / 2475, levels, w @ rates) for w in (weight, kept / kept.sum(), new)]
     said = (
         f"Branches {named} leave this rock less than 5 % chance of having survived; without them "
-        f"the 2,475-year PGA falls from {pga[0]:.2f} to {pga[2]:.2f} g."
+        f"the 2,475-year PGA falls from {pga[0]:.2f} to {pga[1]:.2f} g, and with the others "
+        f"weighed by survival it is {pga[2]:.2f} g."
     )
     assert page.index(said) < 200, "the sentence stands first"
-    assert f"{shown(weight[gone].sum())} of the weight, gives {pga[1]:.2f} g" in page
-    assert f"The mean chance of the branches is {shown(weight @ chances)}." in page
+    assert f"The rejected have {shown(weight[gone].sum())} of the weight." in page
+    assert f"the chance of having survived is {shown(weight @ chances)}." in page
     scale = hazard["scale_factor"].item()
-    times = "would have to shake" if scale < 1.0 else "could shake up to"
-    assert f"The mean curve {times} {scale:.3g} times as strongly" in page
+    times = "would have to be" if scale < 1.0 else "of the mean curve up to"
+    assert f"PGA {times} {scale:.3g} times as large" in page
     for years in (475, 2475, 10_000):
         cells = [level_at(1 / years, levels, w @ rates) for w in (weight, kept / kept.sum(), new)]
         row = " | ".join(f"{value:.3f}" for value in cells)
         assert f"{years:,} | {row}" in page
     effective = 1.0 / (weight**2).sum(), 1.0 / (new**2).sum()
-    assert "{:.4g} before, {:.4g} after".format(*effective) in page
+    assert "{:.1f} before, {:.1f} after".format(*effective) in page
     for n, chance in enumerate(chances):
         verdict = "rejected" if chance < LEAST else "kept"
         pattern = rf"{n} \| \S+ \| {weight[n]:.3f} \| {1 / expected[n]:,.0f} years \| "
@@ -273,7 +275,7 @@ def test_the_page_says_what_was_assumed_and_what_is_open(page: str, hazard: xr.D
     total = toppling_rate(hazard, levels, mean)
     assert f"would be larger by {shown(beyond / total)}." in page
     assert f"it topples once in {1.0 / total:,.0f} years" in page
-    for what in ("slippery", "yaw 0°", "yaw 90°", "PGV/PGA a quarter larger", "1.2 times"):
+    for what in ("slippery", "yaw 0°", "yaw 90°", "PGV/PGA: a quarter larger", "1.2 times"):
         assert what in page
 
 
@@ -300,13 +302,13 @@ def test_what_is_changed_stands_in_the_table_of_changes(
     """An age alone is changed by hand; the other rows against the numbers of the dataset."""
     levels, rates = levels_and_rates("PGA")
     nus = np.array([toppling_rate(hazard, levels, row) for row in rates])
-    for word, quantile in (("young", 0.05), ("old", 0.95)):
+    for quantile in (0.05, 0.95):
         age = norm.ppf(quantile, AGE, SD)
         chances = np.exp(-nus * age)
         new = np.where(chances < LEAST, 0.0, weights() * chances)
         after = level_at(1 / 2475, levels, new / new.sum() @ rates)
-        cells = r"([\d,]+) years \| ([^|]*) \| (\d) of 9 \| (\S+)"
-        found = re.search(f"a rock {word} for its dating, {cells}", page)
+        cells = r"\| ([^|]*) \| (\d) of 9 \| (\S+)"
+        found = re.search(rf"age: ([\d,]+) years, its {100 * quantile:g} % value {cells}", page)
         assert found
         assert float(found[1].replace(",", "")) == pytest.approx(age, abs=1.5)
         assert float(found[2].split()[0]) == pytest.approx(100 * weights() @ chances, abs=1.0)
@@ -350,7 +352,12 @@ def test_an_ensemble_gives_the_mean_and_its_members_the_range(
     assert ((low <= high) & (low <= middle) & (middle <= high)).all()
     page = (derived / "rock" / "hazard.html").read_text(encoding="utf-8")
     assert "5-95 % of the members" in page
-    assert "as scanned, nothing uncertain, slippery" in page
+    assert "as scanned, nothing drawn, slippery" in page
+    used, same = (float(found["case_survival"].sel(case=name)) for name in ("as used", SAME_ROCK))
+    assert used < same < 1.0
+    rejected = int(found["case_rejected"].sel(case=SAME_ROCK))
+    said = f"{shown(same)} over all branches in place of {shown(used)}, with {rejected} of 9"
+    assert said in page.replace("\N{NO-BREAK SPACE}", " ")
     ran = vsr("run", "uncertainty", "--site", site, "--set", "uncertainty.members=0")
     assert ran.code == 2
     assert "uncertainty.members" in ran.err

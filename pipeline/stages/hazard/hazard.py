@@ -60,9 +60,10 @@ def make(job: Job) -> Product:
         name = f"{sensitivity.AS_SCANNED}, {one.name}" if uncertain else one.name
         compared[name] = rock_fragility.of_fits(folder)
     question = Question(model, tuple(rocks), ratio.table, config.least_survival)
-    cases = sensitivity.cases(question, ratio, compared)
+    survivals = question.survivals()
+    cases = sensitivity.cases(question, survivals, ratio, compared)
     answer = cases[0].answer
-    found = dataset(question, answer, question.survivals(), cases)
+    found = dataset(question, answer, survivals, cases)
     found.attrs[others.NOTED] = json.dumps(others.digests(own, files_read), sort_keys=True)
     facts = page(job, question, ratio, found, shown(curves), curve_folder.about(curves))
     files = {

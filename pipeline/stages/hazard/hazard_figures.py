@@ -20,6 +20,9 @@ MOST_BARS = 40
 _SOLID = 60
 """Branches that are drawn solid; more are drawn the fainter, the more there are."""
 
+_SHOWN = 0.999
+"""Share of the toppling rate in the rows of PGV/PGA that are drawn; the others are empty to see."""
+
 _BEFORE, _AFTER = style.SERIES[0], style.SERIES[1]
 _KEPT, _REJECTED = style.FAINT, style.OVERTURNED
 
@@ -218,10 +221,10 @@ def shaking(hazard: xr.Dataset, tested: tuple[float, float]) -> Figure:
     above.set_ylabel("share [%]")
     both = hazard["toppling_rate_by_pgv_pga"].values
     total = both.sum()
-    ratios = hazard["pgv_pga"].values
+    borders = style.cell_edges(hazard["pgv_pga"].values)
     image = axes.pcolormesh(
         edges,
-        style.cell_edges(ratios),
+        borders,
         100.0 * both / total if total > 0.0 else both,
         cmap="magma_r",
         rasterized=True,
@@ -236,4 +239,6 @@ def shaking(hazard: xr.Dataset, tested: tuple[float, float]) -> Figure:
     axes.minorticks_off()
     axes.set_xlabel(label("pga"))
     axes.set_ylabel("PGV/PGA [s]")
+    above_all = np.searchsorted(np.cumsum(both.sum(axis=1)), _SHOWN * total) + 1
+    axes.set_ylim(borders[0], borders[min(above_all, len(borders) - 1)])
     return figure

@@ -11,6 +11,7 @@ from pipeline.config.hazard_schema import HazardConfig
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard.question import Question
+from pipeline.stages.hazard.sensitivity import SAME_ROCK
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, ShakingRatio
 from pipeline.stages.hazard.words import listed, of_age, of_place, percent, sentence
 from pipeline.workflow.datasets import read
@@ -81,7 +82,7 @@ def _answer(question: Question, hazard: xr.Dataset, config: HazardConfig) -> dic
     rejected = hazard["rejected"].values == 1
     chances = hazard["survival"].values
     at = hazard.sel(return_period=2475.0)
-    pga = at["pga_before"].item(), at["pga_after"].item()
+    pga = at["pga_before"].item(), at["pga_dropped"].item(), at["pga_after"].item()
     least, number = config.least_survival, len(question.rocks)
     heavy = np.argsort(-hazard["weight"].values, kind="stable")[:MOST_ROWS]
     cases = [
@@ -96,9 +97,7 @@ def _answer(question: Question, hazard: xr.Dataset, config: HazardConfig) -> dic
     ]
     return {
         "sentence": sentence(names, rejected, chances, least, pga, number),
-        "least": percent(least).replace(" ", "\N{NO-BREAK SPACE}"),
-        "dropped": at["pga_dropped"].item(),
-        "after": pga[1],
+        "least": f"{100.0 * least:g}\N{NO-BREAK SPACE}%",
         "none_left": bool(rejected.all()),
         "some_rejected": bool(rejected.any()),
         "fewest": int((hazard["survival_high"].values < least).sum()),
@@ -113,6 +112,7 @@ def _answer(question: Question, hazard: xr.Dataset, config: HazardConfig) -> dic
         "scale": hazard["scale_factor"].item(),
         "effective": [hazard[f"effective_branches_{name}"].item() for name in ("before", "after")],
         "cases": cases,
+        "same_rock": next((case for case in cases if case["what"] == SAME_ROCK), None),
     }
 
 

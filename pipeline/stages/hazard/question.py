@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.config.hazard_schema import Age, BoundedAge, LognormalAge, NormalAge
 from pipeline.stages.hazard.hazard_model import HazardModel
-from pipeline.stages.hazard.rock_fragility import RockFragility
+from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility
 from vsr_core.arrays import Array, Mask
 from vsr_core.hazard.averaging import RowFragility, averaged
 from vsr_core.hazard.branches import mean_curve, reweighed
@@ -145,31 +145,48 @@ class Question:
         -------
         Answer
         """
+        return self.weighed(np.array([self.chance(curve) for curve in self.curves]))
+
+    def weighed(self, survival: Array) -> Answer:
+        """The branches weighed by a survival.
+
+        Parameters
+        ----------
+        survival : ndarray, shape (branches,)
+
+        Returns
+        -------
+        Answer
+        """
         together = any_of([rock.fragility for rock in self.standing])
         rates = np.array([toppling(curve, together).rate for curve in self.curves])
-        chances = np.array([self.chance(curve) for curve in self.curves])
-        new = reweighed(self.weights, chances, self.least)
+        new = reweighed(self.weights, survival, self.least)
         kept = not new.rejected.all()
         after = mean_curve(self.curves, new.weights, self.model.levels) if kept else None
-        return Answer(rates, chances, new.rejected, new.weights, after)
+        return Answer(rates, survival, new.rejected, new.weights, after)
 
     def survivals(self) -> Array:
         """Survival under each branch with each of the other fragilities.
 
-        Several rocks have the others in turn, the fewer again from the first.
+        Several rocks have the others in turn, the fewer again from the first. Of two ensembles the
+        members are paired at random, as what is unknown of two rocks is not the same.
 
         Returns
         -------
         ndarray, shape (others, branches)
         """
         number = max(len(rock.fragility.others) for rock in self.rocks)
+        rng, turns = np.random.default_rng(1), []
+        for rock in self.rocks:
+            turn = np.resize(np.arange(len(rock.fragility.others)), number)
+            paired = rock is self.rocks[0] or rock.fragility.source != DRAWN
+            turns.append(turn if paired else rng.permutation(turn))
         found = []
-        for i in range(number):
-            rocks = []
-            for rock in self.rocks:
-                others = rock.fragility.others
-                fragility = self.one_measure(rock, others[i % len(others)])
-                rocks.append(Standing(fragility, rock.ages))
+        for chosen in zip(*turns, strict=True):
+            rocks = [
+                Standing(self.one_measure(rock, rock.fragility.others[i]), rock.ages)
+                for rock, i in zip(self.rocks, chosen, strict=True)
+            ]
             found.append([survival_of(curve, rocks) for curve in self.curves])
         return np.array(found)
 

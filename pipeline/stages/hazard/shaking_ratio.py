@@ -77,14 +77,15 @@ def of_model(
         pgv_mean = mean_curve(pgv, weights, velocities)
         return _known("curves", ratio_of_curves(pga_mean, pgv_mean, LOG_SD))
     doubts = {
-        f"{_words(one)} in place of {_words(DEFAULT)}": _one(one, at) for one in (SMALLER, LARGER)
+        f"PGV/PGA: of {_words(one)}, not {_words(DEFAULT)}": _one(one, at)
+        for one in (SMALLER, LARGER)
     }
     return ShakingRatio(_one(DEFAULT, at), "default", doubts)
 
 
 def _known(source: str, table: RatioTable) -> ShakingRatio:
     doubts = {
-        f"PGV/PGA a quarter {word}": table.times(factor)
+        f"PGV/PGA: a quarter {word}": table.times(factor)
         for word, factor in (("larger", DOUBT), ("smaller", 1.0 / DOUBT))
     }
     return ShakingRatio(table, source, doubts)

@@ -26,12 +26,12 @@ def percent(share: float) -> str:
 
     Examples
     --------
-    >>> percent(0.4123), percent(0.0523), percent(0.0), percent(1.0)
-    ('41 %', '5.2 %', 'less than 0.01 %', '100 %')
+    >>> percent(0.4123), percent(0.0523), percent(0.02), percent(0.0), percent(1.0)
+    ('41 %', '5.2 %', '2.0 %', 'less than 0.01 %', '100 %')
     """
     if share < 1e-4:
         return "less than 0.01 %"
-    return f"{100.0 * share:.{0 if share >= 0.0995 else 2}{'f' if share >= 0.0995 else 'g'}} %"
+    return f"{100.0 * share:{'.0f' if share >= 0.0995 else '#.2g'}} %"
 
 
 def listed(names: Sequence[str]) -> str:
@@ -58,7 +58,7 @@ def sentence(
     rejected: Mask,
     survival: Array,
     least: float,
-    pga: tuple[float, float],
+    pga: tuple[float, float, float],
     rocks: int = 1,
 ) -> str:
     """What a hazard model is told by a rock.
@@ -69,7 +69,8 @@ def sentence(
     rejected : ndarray of bool, shape (branches,)
     survival : ndarray, shape (branches,)
     least : float, chance of survival below which a branch is rejected
-    pga : tuple of float [g], exceeded once in 2,475 years before and after
+    pga : tuple of float [g]
+        Exceeded once in 2,475 years before, without the rejected, and with the others weighed.
     rocks : int
 
     Returns
@@ -79,14 +80,16 @@ def sentence(
     Examples
     --------
     >>> gone = np.array([False, True, True])
-    >>> sentence(["2", "3", "7"], gone, np.array([0.4, 0.01, 0.02]), 0.05, (0.41, 0.29))[:72]
+    >>> said = sentence(["2", "3", "7"], gone, 0.01 * ~gone, 0.05, (0.41, 0.31, 0.29))
+    >>> said[:72]
     'Branches 3 and 7 leave this rock less than 5 % chance of having survived'
-    >>> sentence(["2", "3", "7"], gone, np.array([0.4, 0.01, 0.02]), 0.05, (0.41, 0.29))[72:]
-    '; without them the 2,475-year PGA falls from 0.41 to 0.29 g.'
+    >>> said[72:132]
+    '; without them the 2,475-year PGA falls from 0.41 to 0.31 g,'
+    >>> said[132:]
+    ' and with the others weighed by survival it is 0.29 g.'
     """
     these = "this rock" if rocks == 1 else f"these {rocks} rocks together"
-    chance = f"less than {percent(least)} chance of having survived"
-    falls = _moved(*pga)
+    chance = f"less than {100.0 * least:g} % chance of having survived"
     if len(names) == 1:
         found = (
             f"The one curve given leaves {these} {percent(survival[0])} chance of having survived"
@@ -98,13 +101,18 @@ def sentence(
     if not rejected.any():
         worst = int(np.argmin(survival))
         found = f"No branch leaves {these} {chance}; branch {names[worst]} leaves the least, "
-        return f"{found}{percent(survival[worst])}. Weighed by it, the 2,475-year PGA {falls}."
+        moved = _moved(pga[0], pga[2])
+        return f"{found}{percent(survival[worst])}. Weighed by it, the 2,475-year PGA {moved}."
     gone = [name for name, out in zip(names, rejected, strict=True) if out]
     if len(gone) > MOST_NAMED:
         subject = f"{len(gone):,} of {len(names):,} branches leave"
     else:
         subject = f"Branch {gone[0]} leaves" if len(gone) == 1 else f"Branches {listed(gone)} leave"
     them = "it" if len(gone) == 1 else "them"
+    falls = _moved(*pga[:2])
+    dropped, after = (f"{value:.2f}" for value in pga[1:])
+    if after not in (dropped, "nan"):
+        falls += f", and with the others weighed by survival it is {after} g"
     return f"{subject} {these} {chance}; without {them} the 2,475-year PGA {falls}."
 
 

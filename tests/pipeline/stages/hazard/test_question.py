@@ -10,10 +10,12 @@ import xarray as xr
 from scipy.stats import norm
 
 from pipeline.config.hazard_schema import BoundedAge, LognormalAge, NormalAge, SampledAge
+from pipeline.stages.hazard import sensitivity
 from pipeline.stages.hazard.hazard_dataset import survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
 from pipeline.stages.hazard.question import DatedRock, Question, ages_of
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_members
+from pipeline.stages.hazard.shaking_ratio import ShakingRatio
 from pipeline.stages.hazard.words import sentence
 from vsr_core import GRAVITY
 from vsr_core.hazard.curve import HazardCurve
@@ -35,9 +37,9 @@ def model(*rates: float) -> HazardModel:
     return HazardModel(branches, (0.0, 50.0))
 
 
-def ensemble(thresholds: list[float]) -> RockFragility:
+def ensemble(thresholds: list[float], number: int = 80) -> RockFragility:
     """Members that topple from a PGA on [g], whatever the direction and PGV/PGA."""
-    pga = np.geomspace(0.05, 2.0, 80)
+    pga = np.geomspace(0.05, 2.0, number)
     falls = np.array([pga >= threshold for threshold in thresholds]).astype(np.int8)
     falls = np.broadcast_to(falls[:, None, None, :], (len(falls), 2, 3, len(pga)))
     mean = falls.mean(axis=0)
@@ -70,6 +72,64 @@ def test_survival_of_members_that_topple_from_a_level_on() -> None:
     mean = -np.log(question.answer().survival) / 2e3
     exact = [rate * (thresholds**-SLOPE).mean() for rate in (1e-5, 1e-4)]
     np.testing.assert_allclose(mean, exact, rtol=0.06)
+
+
+def stand(
+    rate: float, years: float, thresholds: list[float], *, same: bool, number: int = 20_000
+) -> float:
+    """Share of catalogues in which a rock stands that is one of two, or either in each of them."""
+    rng, least = np.random.default_rng(11), min(thresholds)
+    count = rng.poisson(rate * least**-SLOPE * years, number)
+    of = np.repeat(np.arange(number), count)
+    shaking = least * rng.uniform(size=len(of)) ** (-1.0 / SLOPE)
+    rock = rng.choice(thresholds, number)[of] if same else rng.choice(thresholds, len(of))
+    return 1.0 - len(np.unique(of[shaking >= rock])) / number
+
+
+def test_a_rock_that_is_the_same_in_all_earthquakes_stands_more_often() -> None:
+    """Two draws that topple from 0.3 and from 0.6 g, and catalogues over 1,000 years.
+
+    Of the second branch the rates are 5.11e-3 and 1.28e-3: drawn anew in each earthquake the rock
+    survives with exp(-3.19) = 0.041 and rejects it, as one of the two with 0.142 and keeps it.
+    """
+    thresholds, rates, years = [0.3, 0.6], [1e-4, 4.6e-4], 1000.0
+    rock = DatedRock("rock", ensemble(thresholds, 2000), np.array([years]))
+    question = Question(model(*rates), (rock,), TABLE, 0.05)
+    cases = sensitivity.cases(
+        question,
+        question.survivals(),
+        ShakingRatio(TABLE, "table", {}),
+        {"another": rock.fragility},
+    )
+    anew, same = (case.answer for case in cases[:2])
+    assert [case.what for case in cases[:3]] == ["as used", sensitivity.SAME_ROCK, "another"]
+    nu = np.array([[rate * level**-SLOPE for rate in rates] for level in thresholds])
+    np.testing.assert_allclose(same.survival, np.exp(-years * nu).mean(axis=0), rtol=0.01)
+    np.testing.assert_allclose(anew.survival, np.exp(-years * nu.mean(axis=0)), rtol=0.03)
+    for n, rate in enumerate(rates):
+        for answer, alike in ((same, True), (anew, False)):
+            share = stand(rate, years, thresholds, same=alike)
+            assert answer.survival[n] == pytest.approx(share, abs=4.0 * math.sqrt(0.25 / 20_000))
+    assert anew.rejected.tolist() == [False, True]
+    assert same.rejected.tolist() == [False, False]
+    weights = np.exp(-years * nu).mean(axis=0)
+    assert same.after is not None
+    after = math.sqrt(float(weights @ rates / weights.sum()) * 2475.0)
+    assert same.after.level_at(1 / 2475) / GRAVITY == pytest.approx(after, rel=0.01)
+
+
+def test_two_rocks_are_not_drawn_alike() -> None:
+    """Both stand with exp(-T lambda(lower threshold)), whichever members the two are."""
+    thresholds, rate, years = np.linspace(0.2, 0.6, 200), 1e-4, 1000.0
+    rocks = tuple(
+        DatedRock(name, ensemble(thresholds.tolist(), 400), np.array([years]))
+        for name in ("one", "other")
+    )
+    lower = np.minimum(*np.meshgrid(thresholds, thresholds))
+    exact = np.exp(-years * rate * lower**-SLOPE).mean()
+    found = Question(model(rate), rocks, TABLE, 0.05).survivals().mean()
+    assert found == pytest.approx(exact, rel=0.04)
+    assert found < 0.85 * np.exp(-years * rate * thresholds**-SLOPE).mean()
 
 
 def test_cells_without_a_verdict_do_not_count() -> None:
@@ -133,7 +193,7 @@ def test_a_kept_and_a_rejected_branch_by_hand() -> None:
     assert question.before.level_at(1 / 2475) / GRAVITY == pytest.approx(1.167, rel=1e-3)
     assert answer.after is not None
     assert answer.after.level_at(1 / 2475) / GRAVITY == pytest.approx(0.497, rel=2e-3)
-    said = sentence(["0", "1"], answer.rejected, answer.survival, 0.05, (1.167, 0.497))
+    said = sentence(["0", "1"], answer.rejected, answer.survival, 0.05, (1.167, 0.497, 0.497))
     assert said == (
         "Branch 1 leaves this rock less than 5 % chance of having survived; "
         "without it the 2,475-year PGA falls from 1.17 to 0.50 g."
@@ -145,7 +205,7 @@ def test_no_branch_left_is_an_answer_too() -> None:
     answer = Question(model(1e-4, 1e-3), (rock,), TABLE, 0.05).answer()
     assert answer.after is None
     assert answer.weights.tolist() == [0.0, 0.0]
-    said = sentence(["0", "1"], answer.rejected, answer.survival, 0.05, (1.0, math.nan))
+    said = sentence(["0", "1"], answer.rejected, answer.survival, 0.05, (1.0, math.nan, math.nan))
     assert said.startswith("Every branch leaves this rock less than 5 % chance")
 
 
@@ -173,18 +233,20 @@ def test_ages_of_each_kind() -> None:
 @pytest.mark.parametrize(
     ("rejected", "pga", "words"),
     [
-        ([False, False], (0.5, 0.4), "No branch leaves this rock less than 5 %"),
-        ([True, False], (0.5, 0.5), "stays at 0.50 g"),
-        ([True, False], (0.4, 0.5), "rises from 0.40 to 0.50 g"),
-        ([True, False], (0.4, math.nan), "beyond the levels of the curves"),
+        ([False, False], (0.5, 0.5, 0.4), "No branch leaves this rock less than 5 %"),
+        ([False, False], (0.5, 0.5, 0.4), "Weighed by it, the 2,475-year PGA falls from 0.50 to"),
+        ([True, False], (0.5, 0.5, 0.5), "stays at 0.50 g."),
+        ([True, False], (0.5, 0.5, 0.4), "stays at 0.50 g, and with the others weighed by"),
+        ([True, False], (0.4, 0.5, 0.5), "rises from 0.40 to 0.50 g."),
+        ([True, False], (0.4, math.nan, math.nan), "is beyond the levels of the curves."),
     ],
 )
-def test_sentences(rejected: list[bool], pga: tuple[float, float], words: str) -> None:
+def test_sentences(rejected: list[bool], pga: tuple[float, float, float], words: str) -> None:
     chances = np.where(rejected, 0.01, 0.4)
     assert words in sentence(["3", "7"], np.array(rejected), chances, 0.05, pga)
 
 
 def test_many_branches_are_counted_not_named() -> None:
     names, rejected = [str(n) for n in range(1000)], np.arange(1000) < 400
-    said = sentence(names, rejected, np.where(rejected, 0.01, 0.4), 0.05, (0.5, 0.4))
+    said = sentence(names, rejected, np.where(rejected, 0.01, 0.4), 0.05, (0.5, 0.4, 0.4))
     assert said.startswith("400 of 1,000 branches leave this rock less than 5 % chance")
