@@ -6,25 +6,20 @@ A command returns the number of runs without a verdict.
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import shutil
-import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from pipeline.config.layers import STUDIES, TABLES, known, load_site
+from pipeline.config.layers import STUDIES, TABLES, known
 from pipeline.config.problems import InputError, Problem
-from pipeline.config.sweep import Sweep, load_sweep
+from pipeline.config.sweep import Sweep
 from pipeline.workflow import front_page, graph
-from pipeline.workflow.cluster import Cluster, check_settings
+from pipeline.workflow.jobs import check_drawn, cluster_of, job_of, log, others_of, sweep_of
 from pipeline.workflow.owner import LOCK, Ownership
-from pipeline.workflow.products import DELIVERABLES, GRIDDED
+from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.stage import Job, named
-from pipeline.workflow.store import Store, writing
+from pipeline.workflow.store import writing
 
 
 def run(options: argparse.Namespace) -> int:
@@ -38,13 +33,13 @@ def run(options: argparse.Namespace) -> int:
     -------
     int, runs without a verdict
     """
-    sweep, wanted = _sweep(options), DELIVERABLES[options.product]
-    job = _job(options, sweep)
+    sweep, wanted = sweep_of(options), DELIVERABLES[options.product]
+    job = job_of(options, sweep)
     if options.product == "uncertainty":
-        _check_drawn(job)
+        check_drawn(job)
     if options.product == "hazard" and sweep is None:
-        for other in _others(options, job):
-            _log(f"{other.store.folder}:")
+        for other in others_of(options, job):
+            log(f"{other.store.folder}:")
             with other.store, other.cluster:
                 graph.make(other.stage, other)
     with job.store, job.cluster:
@@ -53,9 +48,9 @@ def run(options: argparse.Namespace) -> int:
         else:
             job, unresolved = _swept(sweep, wanted.stage, job)
     for name in wanted.shown if sweep is None else ("study.html", "study.nc"):
-        _log(f"-> {job.path(name)}")
+        log(f"-> {job.path(name)}")
     if unresolved:
-        _log(f"{unresolved} {wanted.unresolved}")
+        log(f"{unresolved} {wanted.unresolved}")
     return unresolved
 
 
@@ -76,19 +71,19 @@ def prep(options: argparse.Namespace) -> int:
     -------
     int, always 0
     """
-    job = _job(options)
+    job = job_of(options)
     if not job.config.on_terrain:
         shape = f"a {job.config.pedestal.shape} pedestal"
         rule, remedy = "rock and terrain are parts of one scan", "set pedestal.shape: mesh"
         raise InputError(Problem(job.site.file, "pedestal.shape", shape, rule, remedy))
     with job.store, job.cluster:
         graph.make("scan", job)
-        _log(f"-> {job.path('prep.html')}")
+        log(f"-> {job.path('prep.html')}")
         if job.config.pedestal.cut is None:
-            _log("the cut is a proposal; to accept it, set pedestal.cut: proposal")
+            log("the cut is a proposal; to accept it, set pedestal.cut: proposal")
             return 0
         graph.make("terrain", job)
-    _log(f"-> {job.path('terrain.nc')}")
+    log(f"-> {job.path('terrain.nc')}")
     return 0
 
 
@@ -135,10 +130,10 @@ def why(options: argparse.Namespace) -> int:
 
 
 def _inspected(question: str, options: argparse.Namespace) -> int:
-    sweep = _sweep(options)
+    sweep = sweep_of(options)
     product = options.product or ("fragility" if sweep is None else "study")
     stage, ask = DELIVERABLES[product].stage, named(f"pipeline.status:{question}")
-    job = _job(options, sweep)
+    job = job_of(options, sweep)
     if sweep is None:
         return _show(ask(stage, job))
     swept = named("pipeline.workflow.sweeps:of_job")(sweep, stage, job)
@@ -157,9 +152,9 @@ def figures(options: argparse.Namespace) -> int:
     int, runs without a verdict
     """
     unresolved = int(
-        named("pipeline.stages.figures.making:make")(options, _cluster(vars(options)), _log)
+        named("pipeline.stages.figures.making:make")(options, cluster_of(vars(options)), log)
     )
-    _log(f"-> {options.derived / 'figures' / 'claims.html'}")
+    log(f"-> {options.derived / 'figures' / 'claims.html'}")
     return unresolved
 
 
@@ -175,12 +170,12 @@ def feasible(options: argparse.Namespace) -> int:
     int, always 0
     """
     make = named("pipeline.stages.studies.capacity.feasible:make")
-    job = replace(_job(options), stage="feasible")
+    job = replace(job_of(options), stage="feasible")
     with job.store, job.cluster:
         job.store.open()
         lines = make(job, options.table, Path(options.export) if options.export else None)
     for name in ("feasible.png", "feasible.csv"):
-        _log(f"-> {job.path(name)}")
+        log(f"-> {job.path(name)}")
     return _show(lines)
 
 
@@ -197,10 +192,10 @@ def replay(options: argparse.Namespace) -> int:
     """
     make = named("pipeline.stages.replay.replay_page:make")
     given = {name: vars(options)[name] for name in ("yaw", "friction", "pgv_pga", "record", "pga")}
-    job = replace(_job(options), stage="replay")
+    job = replace(job_of(options), stage="replay")
     with job.store, job.cluster:
         page = make(job, given, options.beside)
-    _log(f"-> {job.path(page)}")
+    log(f"-> {job.path(page)}")
     return 0
 
 
@@ -226,7 +221,7 @@ def index(options: argparse.Namespace) -> int:
                 "make one, e.g. make fragility SITE=cuboid_1x1x2",
             )
         )
-    _log(f"-> {page}")
+    log(f"-> {page}")
     return 0
 
 
@@ -309,109 +304,10 @@ def fetch(options: argparse.Namespace) -> int:
     int, always 0
     """
     path = named("pipeline.stages.mesh.fetch:fetch")(options.name, options.url)
-    _log(f"-> {path}")
+    log(f"-> {path}")
     return 0
-
-
-def _check_drawn(job: Job) -> None:
-    config = job.config
-    if config.on_terrain:
-        key, given, remedy = "pedestal.shape", "a terrain", "set pedestal.shape: flat"
-    else:
-        key, given, remedy = "uncertainty.members", "0", "give a number of draws, such as 32"
-    if not config.uncertain:
-        rule = "rocks are drawn on a flat pedestal, one a member"
-        raise InputError(Problem(job.site.file, key, given, rule, remedy))
-
-
-def _others(options: argparse.Namespace, job: Job) -> Iterator[Job]:
-    """Jobs of other rocks and other settings, whose fragilities a site's hazard reads."""
-    named("pipeline.stages.hazard.hazard:inputs")(job.site)  # refused before anything is made
-    compared = named("pipeline.stages.hazard.others:compared")
-    file, settings = str(options.site), _settings(vars(options))
-    found = named("pipeline.stages.hazard.others:rocks")(job.site)
-    found += compared(job.site, file, options.study, settings)
-    for other in found:
-        store = Store(other.folder(job.store.folder))
-        yield replace(job, site=other.site, store=store, stage=other.stage)
-
-
-def _settings(given: dict[str, Any]) -> tuple[str, ...]:
-    """Settings of the command line: ``--set``, and what has an option of its own."""
-    found = list(given["settings"])
-    if given.get("curves") is not None:
-        found.append(f"hazard.curves={json.dumps(given['curves'])}")
-    if given.get("age") is not None:
-        age = {"kind": "normal", "mean": given["age"], "sd": given.get("age_sd") or 0.0}
-        found.append(f"hazard.age={json.dumps(age | {'source': ''})}")
-    elif given.get("age_sd") is not None:
-        found.append(f"hazard.age.sd={json.dumps(given['age_sd'])}")
-    return tuple(found)
-
-
-def _sweep(options: argparse.Namespace) -> Sweep | None:
-    """What the study of a command sweeps over."""
-    product = options.product or "study"
-    study, stage = options.study, DELIVERABLES[product].stage
-    found = None
-    if study and product != "validation":
-        site = str(_wanted(vars(options), "site", "a site, or the path of its YAML"))
-        found = load_sweep(site, study, _settings(vars(options)), gridded=stage in GRIDDED)
-    if options.product == "study" and found is None:
-        given = "a study without a sweep" if study else "nothing"
-        rule, remedy = "it says which keys to sweep over", "give one, e.g. friction"
-        raise InputError(Problem("--study", "", given, rule, remedy))
-    return found
-
-
-def _job(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
-    given = vars(options)
-    if given.get("product") == "validation":
-        site_of = named("pipeline.stages.studies.validation.recorded_tests:site_of")
-        site = site_of(_wanted(given, "table", "a folder of shake-table tests"))
-    elif sweep is not None:
-        site = sweep.reference.site
-    else:
-        name = str(_wanted(given, "site", "a site, or the path of its YAML"))
-        site = load_site(name, options.study, _settings(given))
-        if given.get("curves") is not None:  # beside who gives them, not beside the site's YAML
-            site = replace(site, folders={**site.folders, "hazard.curves": Path.cwd()})
-    return Job(site, Store(options.derived / site.name), _cluster(given), "", _log)
-
-
-def _cluster(given: dict[str, Any]) -> Cluster:
-    """The workers that the options name; all cores of this machine by default."""
-    check_settings()
-    cores = (
-        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    )
-    workers = given.get("workers")
-    elsewhere = given.get("scheduler") or given.get("scheduler_file")
-    if elsewhere and workers is not None:
-        rule, remedy = "a scheduler that exists has its own workers", "leave one of the two out"
-        raise InputError(Problem("--workers", "", f"{workers} beside {elsewhere}", rule, remedy))
-    return Cluster(
-        cores if workers is None else workers,
-        given.get("scheduler"),
-        given.get("scheduler_file"),
-        given.get("cluster") == "slurm",
-        _log,
-    )
-
-
-def _wanted(given: dict[str, Any], option: str, what: str) -> Path:
-    value = given.get(option)
-    if not value:
-        raise InputError(
-            Problem(f"--{option}", "", "nothing", f"the product needs {what}", "give it")
-        )
-    return Path(value)
 
 
 def _show(lines: list[str]) -> int:
     print("\n".join(lines), flush=True)
     return 0
-
-
-def _log(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)

@@ -91,7 +91,7 @@ def _numbers(schema: dict[str, Any]) -> list[tuple[str, str]]:
     return [
         (f"{section}.{key}", held["description"])
         for section, of in sections
-        if section != "Range"
+        if section not in ("Range", "Spread")  # of the unit of their key
         for key, held in of["properties"].items()
         if '"type": "number"' in json.dumps(held) or '"type": "integer"' in json.dumps(held)
     ]

@@ -103,8 +103,10 @@ def thinned(values: tuple[float, ...]) -> tuple[float, ...]:
     -------
     tuple of float, ``CELLS`` at the most
 
+    Examples
+    --------
     >>> thinned(tuple(range(15)))
-    (2, 4, 6, 8, 10, 12, 14)
+    (2, 5, 8, 11, 14)
     """
     every = -(-len(values) // CELLS)
     return values[::-1][::every][:CELLS][::-1]

@@ -1,0 +1,195 @@
+"""From the options of a command to the job that it asks for."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pipeline.config.layers import load_site
+from pipeline.config.problems import InputError, Problem
+from pipeline.config.sweep import Sweep, load_sweep
+from pipeline.workflow.cluster import Cluster, check_settings
+from pipeline.workflow.products import DELIVERABLES, GRIDDED
+from pipeline.workflow.stage import Job, named
+from pipeline.workflow.store import Store
+
+
+def check_drawn(job: Job) -> None:
+    """Refuse an ensemble where nothing is drawn.
+
+    Parameters
+    ----------
+    job : Job
+
+    Raises
+    ------
+    InputError
+        On a terrain, or for no members.
+    """
+    config = job.config
+    if config.on_terrain:
+        key, given, remedy = "pedestal.shape", "a terrain", "set pedestal.shape: flat"
+    else:
+        key, given, remedy = "uncertainty.members", "0", "give a number of draws, such as 32"
+    if not config.uncertain:
+        rule = "rocks are drawn on a flat pedestal, one a member"
+        raise InputError(Problem(job.site.file, key, given, rule, remedy))
+
+
+def others_of(options: argparse.Namespace, job: Job) -> Iterator[Job]:
+    """Jobs of other rocks and other settings, whose fragilities a site's hazard reads.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+    job : Job, of the site itself
+
+    Yields
+    ------
+    Job, its stage the one to be made
+
+    Raises
+    ------
+    InputError
+        For curves or an age that hazard cannot use.
+    """
+    named("pipeline.stages.hazard.hazard:inputs")(job.site)  # refused before anything is made
+    compared = named("pipeline.stages.hazard.others:compared")
+    file, settings = str(options.site), _settings(vars(options))
+    found = named("pipeline.stages.hazard.others:rocks")(job.site)
+    found += compared(job.site, file, options.study, settings)
+    for other in found:
+        store = Store(other.folder(job.store.folder))
+        yield replace(job, site=other.site, store=store, stage=other.stage)
+
+
+def _settings(given: dict[str, Any]) -> tuple[str, ...]:
+    """Settings of the command line: ``--set``, and what has an option of its own."""
+    found = list(given["settings"])
+    if given.get("curves") is not None:
+        found.append(f"hazard.curves={json.dumps(given['curves'])}")
+    if given.get("age") is not None:
+        age = {"kind": "normal", "mean": given["age"], "sd": given.get("age_sd") or 0.0}
+        found.append(f"hazard.age={json.dumps(age | {'source': ''})}")
+    elif given.get("age_sd") is not None:
+        found.append(f"hazard.age.sd={json.dumps(given['age_sd'])}")
+    return tuple(found)
+
+
+def sweep_of(options: argparse.Namespace) -> Sweep | None:
+    """What the study of a command sweeps over.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+
+    Returns
+    -------
+    Sweep or None
+
+    Raises
+    ------
+    InputError
+        For the product ``study`` without a sweep.
+    """
+    product = options.product or "study"
+    study, stage = options.study, DELIVERABLES[product].stage
+    found = None
+    if study and product != "validation":
+        site = str(_wanted(vars(options), "site", "a site, or the path of its YAML"))
+        found = load_sweep(site, study, _settings(vars(options)), gridded=stage in GRIDDED)
+    if options.product == "study" and found is None:
+        given = "a study without a sweep" if study else "nothing"
+        rule, remedy = "it says which keys to sweep over", "give one, e.g. friction"
+        raise InputError(Problem("--study", "", given, rule, remedy))
+    return found
+
+
+def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
+    """What a command asks for.
+
+    Parameters
+    ----------
+    options : Namespace, as parsed
+    sweep : Sweep, optional, whose reference is then the site
+
+    Returns
+    -------
+    Job
+
+    Raises
+    ------
+    InputError
+        If the site is missing or cannot be read.
+    """
+    given = vars(options)
+    if given.get("product") == "validation":
+        site_of = named("pipeline.stages.studies.validation.recorded_tests:site_of")
+        site = site_of(_wanted(given, "table", "a folder of shake-table tests"))
+    elif sweep is not None:
+        site = sweep.reference.site
+    else:
+        name = str(_wanted(given, "site", "a site, or the path of its YAML"))
+        site = load_site(name, options.study, _settings(given))
+        if given.get("curves") is not None:  # beside who gives them, not beside the site's YAML
+            site = replace(site, folders={**site.folders, "hazard.curves": Path.cwd()})
+    return Job(site, Store(options.derived / site.name), cluster_of(given), "", log)
+
+
+def cluster_of(given: dict[str, Any]) -> Cluster:
+    """The workers that the options name; all cores of this machine by default.
+
+    Parameters
+    ----------
+    given : dict, options by their names
+
+    Returns
+    -------
+    Cluster
+
+    Raises
+    ------
+    InputError
+        For workers beside a scheduler that has its own.
+    """
+    check_settings()
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
+    workers = given.get("workers")
+    elsewhere = given.get("scheduler") or given.get("scheduler_file")
+    if elsewhere and workers is not None:
+        rule, remedy = "a scheduler that exists has its own workers", "leave one of the two out"
+        raise InputError(Problem("--workers", "", f"{workers} beside {elsewhere}", rule, remedy))
+    return Cluster(
+        cores if workers is None else workers,
+        given.get("scheduler"),
+        given.get("scheduler_file"),
+        given.get("cluster") == "slurm",
+        log,
+    )
+
+
+def _wanted(given: dict[str, Any], option: str, what: str) -> Path:
+    value = given.get(option)
+    if not value:
+        raise InputError(
+            Problem(f"--{option}", "", "nothing", f"the product needs {what}", "give it")
+        )
+    return Path(value)
+
+
+def log(line: str) -> None:
+    """Tell how a command goes on, beside what it prints.
+
+    Parameters
+    ----------
+    line : str
+    """
+    print(line, file=sys.stderr, flush=True)
