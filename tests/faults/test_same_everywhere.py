@@ -28,6 +28,8 @@ from vsr_core.run.proofs import barrier
 from vsr_core.scene import Contact, Scene
 
 ENGINES = ("bullet", "nonsmooth")
+AND_SLOWLY_BULLET = ("nonsmooth", pytest.param("bullet", marks=pytest.mark.slow))
+"""Where processes start again and again."""
 
 GRID = """
 rock: {shape: mesh, mesh: nowhere, fallback: double_rock, density: 2110}
@@ -99,7 +101,7 @@ def test_fifty_thousand_runs_in_one_process(engine: str) -> None:
 # Clusters
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", AND_SLOWLY_BULLET)
 def test_two_clusters_make_one_study(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
@@ -164,7 +166,7 @@ def on_processor(
     return make
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", AND_SLOWLY_BULLET)
 @pytest.mark.parametrize(
     "pretended",
     [
@@ -181,7 +183,7 @@ def test_processor_changes_no_bit_of_a_run(
     assert on_processor(engine, pretended) == on_processor(engine, {})
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", AND_SLOWLY_BULLET)
 def test_library_of_c_changes_no_outcome(on_processor: Callable[..., Any], engine: str) -> None:
     """Its sine may differ by a rounding where a processor cannot multiply and add at once."""
     here, there = (on_processor(engine, kind) for kind in ({}, PLAIN_LIBRARY_OF_C))
