@@ -58,6 +58,14 @@ SLOW = {
 }
 """Pages, each with the command that makes it after those before it."""
 
+FEW = {
+    "pipeline.stages.studies.accuracy.comparison.CELLS": 6,
+    "pipeline.stages.studies.accuracy.comparison.STEPS": (1 / 500, 1 / 1000),
+    "pipeline.stages.studies.accuracy.worker_tasks.BUDGET": 0.2,
+    "vsr_core.verification.peers.names": lambda: ["mujoco_default", "published_setup"],
+}
+"""What makes the comparison of engines quick; its page stays the same."""
+
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -77,6 +85,8 @@ def made(results: Path, page: str, command: tuple[str, ...]) -> Path:
         workers = () if command[0] in ("index", "prep") else ("--workers", "0")
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(results.parent)
+            for name, value in FEW.items():
+                patch.setattr(name, value)
             assert cli.main([*words, *workers, "--derived", str(results)]) == cli.DONE
     if path.is_dir():
         (path,) = path.glob("*.html")
