@@ -52,7 +52,17 @@ html_extra_path = ["extra"]
 html_sidebars = {
     page: []
     for page in (
-        *("index", "quick_start", "concepts", "gallery", "faq", "error", "limits", "validation"),
+        *(
+            "index",
+            "quick_start",
+            "concepts",
+            "gallery",
+            "faq",
+            "error",
+            "uncertainty",
+            "limits",
+            "validation",
+        ),
         *("claims", "reliability", "options", "conventions", "structure"),
         *("CONTRIBUTING", "CHANGELOG"),
     )

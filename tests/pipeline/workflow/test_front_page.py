@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import re
+from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -95,6 +96,10 @@ def test_without_products_there_is_none(results: Path) -> None:
         (folder / ".stages").rename(folder / "gone")
     assert front_page.renew(results) is None
     assert not (results / "index.html").exists()
+
+
+def test_who_asks_for_none_is_told_so(refused: Callable[..., str]) -> None:
+    refused("index", words=("no index of results", "make fragility"))
 
 
 def test_a_folder_that_cannot_be_written_to_is_no_failure(results: Path) -> None:
