@@ -135,7 +135,10 @@ def _inspected(question: str, options: argparse.Namespace) -> int:
     stage, ask = DELIVERABLES[product].stage, named(f"pipeline.status:{question}")
     job = job_of(options, sweep)
     if sweep is None:
-        return _show(ask(stage, job))
+        lines = list(ask(stage, job))
+        for other in _others(options, job) if product == "hazard" else ():
+            lines += [f"{other.store.folder}:", *ask(other.stage, other)]
+        return _show(lines)
     swept = named("pipeline.workflow.sweeps:of_job")(sweep, stage, job)
     return _show(named("pipeline.workflow.sweeps:told")(ask, swept))
 

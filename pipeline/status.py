@@ -106,6 +106,8 @@ def plan(product: str, job: Job) -> list[str]:
         scenes = load_scenes(job.config, _with_rock(job, Path(temporary)).store, level=True)
     measured = not {"motions", "time_step", "terrain"} & set(todo)
     lines += _planned_runs(job, scenes, _kind(product), measured=measured)
+    if "uncertainty" in todo:
+        lines.append(_planned_draws(job.config, motion_grid.of_site(job.site)))
     dropped = left_out(job.config, flat_case(scenes, groups(job.config)[0]))
     lines.append("left out:")
     lines += [f"  {reduction}" for reduction in dropped] or ["  nothing (simulation.reduce: off)"]
@@ -148,6 +150,15 @@ def _planned_runs(job: Job, scenes: Scenes, kind: Kind[Any], *, measured: bool) 
         f"time step: {text or 'measured on the scene first, some seconds'}",
         f"cost: {_cost(job, new - proved, kind)}",
     ]
+
+
+def _planned_draws(config: Config, motions: Shaking) -> str:
+    """The most runs that an ensemble can take; which are spared is known as its draws are found."""
+    cells, members = len(config.yaw) * motion_grid.count(motions), config.uncertainty.members
+    return (
+        f"draws: {members} of {cells} cells, run near their boundaries only: at most "
+        f"{members * cells} runs beside, as a rule a tenth of that"
+    )
 
 
 def _motions(motions: Shaking) -> list[str]:

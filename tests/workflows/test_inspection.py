@@ -28,6 +28,27 @@ def test_every_deliverable_ends_with_a_stage_that_is_there() -> None:
         assert wanted.stage in BY_NAME
 
 
+def test_draws_and_compared_settings_are_planned_too(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+) -> None:
+    """12 cells: 36 runs of 3 draws at most, and 6 of a setting with one direction."""
+    curves = ROOT / "data" / "raw" / "hazard" / "made_up"
+    age, compared = "{kind: samples, values: [900]}", "[{name: one way, set: ['yaw=[0]']}]"
+    hazard = f"hazard: {{curves: {curves}, age: {age}, compare: {compared}}}\n"
+    site = write_site(GRID + "uncertainty: {members: 3}\n" + hazard)
+    own = vsr("plan", "uncertainty", "--site", site).out
+    assert "draws: 3 of 12 cells" in own
+    assert "at most 36 runs" in own
+    planned = vsr("plan", "hazard", "--site", site).out
+    whole, one_way = planned.split(f"{derived / 'rock' / 'compared' / 'one_way' / 'rock'}:\n")
+    assert "runs: 12;" in whole
+    assert "at most 36 runs" in whole
+    assert "runs: 6;" in one_way
+    assert "draws" not in one_way
+    assert "draws" not in vsr("plan", "fragility", "--site", site).out
+    assert not derived.exists()
+
+
 def test_before_between_and_after(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:

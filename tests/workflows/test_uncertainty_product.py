@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 from pipeline.stages.studies.validation.recorded_tests import ShakeTableConfig
-from pipeline.stages.uncertainty import draws, ensemble
+from pipeline.stages.uncertainty import draws, ensemble, uncertainty
 from vsr_core import GRAVITY
 from vsr_core.outcome import FoundBy
 from vsr_core.validation.priors import Priors
@@ -44,6 +44,13 @@ def priors(**free: str) -> list[str]:
     ]
 
 
+@pytest.fixture
+def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw no figure, which is most of the work of a small grid: for tests of the numbers."""
+    monkeypatch.setattr(uncertainty, "pictures", lambda name, figure: {})
+    monkeypatch.setattr(uncertainty, "png_uri", lambda figure: "data:,")
+
+
 def product(ran: Any, derived: Path) -> xr.Dataset:
     assert ran.code == 0, ran.err
     return xr.load_dataset(derived / "rock" / "uncertainty.nc", mask_and_scale=False)
@@ -68,6 +75,7 @@ def test_nothing_unknown_is_the_grid_itself(
     assert "draws" not in again.err.split("->")[0]
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_gain_moves_the_boundary_of_housner(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
@@ -95,6 +103,7 @@ def test_a_gain_moves_the_boundary_of_housner(
     assert found["spared_wrong"].values.sum() == 0
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_what_the_rule_spares_is_counted_where_it_is_wrong(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
@@ -120,6 +129,25 @@ def test_what_the_rule_spares_is_counted_where_it_is_wrong(
     assert (np.diff(every["surface"].values, axis=1) >= 0.0).all()
 
 
+@pytest.mark.usefixtures("without_pictures")
+def test_density_as_a_whole_is_nothing_to_a_rock(
+    vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
+) -> None:
+    """Mass and inertia go together: on a table that moves as prescribed the same cells topple."""
+    given = priors(friction="[0.3, 0.9]", restitution="[0, 0.2]", centre_of_mass="0.02")
+    found = []
+    for density in (2000, 2700):
+        site = write_site(SITE.replace("2000", str(density)))
+        ran = vsr("run", "uncertainty", "--site", site, *given)
+        assert f"{0.25 * 0.8 * density:.0f} kg" in ran.err
+        found.append(product(ran, derived))
+    light, heavy = (one["overturned"].values for one in found)
+    assert 0.1 < light.mean() < 0.9
+    np.testing.assert_array_equal(heavy, light)
+    np.testing.assert_array_equal(*(one["boundary"].values for one in found))
+
+
+@pytest.mark.usefixtures("without_pictures")
 def test_the_sign_is_nothing_to_a_block(
     vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
 ) -> None:

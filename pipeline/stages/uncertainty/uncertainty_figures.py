@@ -65,10 +65,12 @@ def bands(found: xr.Dataset, responses: xr.Dataset) -> Figure:
         axes.set_title(f"yaw {one['yaw'].item():g} deg", fontsize=8.5, pad=3)
     for colour, text in ((style.PROVED, "stands as scanned"), ("#e9aba6", "topples as scanned")):
         panels[0, 0].plot([], [], "s", ms=7, color=colour, label=text)
-    for axes in panels[-1]:
+    for axes in panels.flat[max(count - columns, 0) : count]:  # with no other panel below
+        axes.tick_params(labelbottom=True)
         axes.set_xlabel("PGA [g]")
     figure.supylabel(_row_label(found), fontsize=9)
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    handles = panels[0, 0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=min(columns, 2))
     return figure
 
 

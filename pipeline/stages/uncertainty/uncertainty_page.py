@@ -42,6 +42,8 @@ def facts(job: Job, found: xr.Dataset, drawn: dict[str, str]) -> dict[str, Any]:
         "members": found.sizes["member"],
         "cells": found["probability"].size,
         "directions": directions(found),
+        "step": float(np.diff(found["pga"].values).max(initial=0.0)),
+        "middle_ratio": float(found[_ratios(found)][_middle(found)]),
         "widest": widest(found),
         "ranked": ranked(found),
         "leaders": leaders(ranked(found)),
@@ -68,7 +70,7 @@ def facts(job: Job, found: xr.Dataset, drawn: dict[str, str]) -> dict[str, Any]:
 
 
 def directions(found: xr.Dataset) -> list[dict[str, float]]:
-    """The boundary of each direction, in the row whose band is the median of all its rows.
+    """The boundary of each direction in the middle row, and how wide it is in the median row.
 
     Parameters
     ----------
@@ -84,7 +86,7 @@ def directions(found: xr.Dataset) -> list[dict[str, float]]:
         ends = [one[f"boundary_{name}"].values for name in ("low", "median", "high")]
         known = np.asarray(np.isfinite(ends).all(axis=0))
         spread = np.log(ends[2][known] / ends[0][known])
-        half = found.sizes[rows_of(found)] // 2
+        half = _middle(found)
         rows.append(
             {
                 "yaw": float(one["yaw"]),
@@ -96,6 +98,14 @@ def directions(found: xr.Dataset) -> list[dict[str, float]]:
             }
         )
     return rows
+
+
+def _middle(found: xr.Dataset) -> int:
+    return found.sizes[rows_of(found)] // 2
+
+
+def _ratios(found: xr.Dataset) -> str:
+    return "record_pgv_pga" if rows_of(found) == "record" else "pgv_pga"
 
 
 def widest(found: xr.Dataset) -> dict[str, float]:
