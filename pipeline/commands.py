@@ -136,7 +136,7 @@ def _inspected(question: str, options: argparse.Namespace) -> int:
     job = job_of(options, sweep)
     if sweep is None:
         lines = list(ask(stage, job))
-        for other in _others(options, job) if product == "hazard" else ():
+        for other in others_of(options, job) if product == "hazard" else ():
             lines += [f"{other.store.folder}:", *ask(other.stage, other)]
         return _show(lines)
     swept = named("pipeline.workflow.sweeps:of_job")(sweep, stage, job)
