@@ -7,6 +7,7 @@ the runs anew.
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 from pipeline.config.layers import Site
@@ -72,11 +73,14 @@ def make(job: Job) -> Product:
         PAGE: writers.text(pages.filled(PAGE, facts)),
     }
     rejected = int(answer.rejected.sum())
-    before, after = (pga_at(one, 2475.0) for one in (question.before, answer.after))
+    before, after = (
+        "none" if math.isnan(pga) else f"{pga:.3g} g"
+        for pga in (pga_at(one, 2475.0) for one in (question.before, answer.after))
+    )
     return Product(
         files,
-        f"{rejected} of {len(model.branches)} branches rejected; 2,475-year PGA {before:.3g} g "
-        f"before and {after:.3g} g after",
+        f"{rejected} of {len(model.branches)} branches rejected; 2,475-year PGA {before} before "
+        f"and {after} after",
     )
 
 

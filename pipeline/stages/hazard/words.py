@@ -96,8 +96,8 @@ def sentence(
         )
         return f"{found}; {'it is rejected' if rejected[0] else 'it is kept'}."
     if rejected.all():
-        wrong = "the model as a whole, the age or the fragility is wrong"
-        return f"Every branch leaves {these} {chance}: {wrong}."
+        unfit = "the model as a whole, the age and the fragility do not go together"
+        return f"Every branch leaves {these} {chance}: {unfit}."
     if not rejected.any():
         worst = int(np.argmin(survival))
         found = f"No branch leaves {these} {chance}; branch {names[worst]} leaves the least, "

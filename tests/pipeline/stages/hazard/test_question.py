@@ -207,6 +207,7 @@ def test_no_branch_left_is_an_answer_too() -> None:
     assert answer.weights.tolist() == [0.0, 0.0]
     said = sentence(["0", "1"], answer.rejected, answer.survival, 0.05, (1.0, math.nan, math.nan))
     assert said.startswith("Every branch leaves this rock less than 5 % chance")
+    assert said.endswith("do not go together.")
 
 
 def test_a_component_moves_the_rock_along_the_curve() -> None:
