@@ -51,7 +51,7 @@ MOST_LINES = 400
 STILL_LONG = {"vsr_core.verification.rocking_block"}
 """Modules that have yet to be parted; none may come to these."""
 
-UNDOCUMENTED = 101
+UNDOCUMENTED = 99
 """Public functions that do not yet say what they take and give; lower it as they learn to."""
 
 

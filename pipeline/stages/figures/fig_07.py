@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Rectangle
 
+from pipeline.config import in_si
 from pipeline.drawing import style
 from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.paper import RECORDED, Data, Finding, Source
@@ -129,7 +130,7 @@ def _push(case: xr.Dataset) -> int:
 def _peak(case: xr.Dataset) -> float:
     """Largest desired acceleration [g]."""
     rates = np.gradient(case["wanted_velocity"].values, case["time"].values)
-    return float(np.abs(rates).max() / 9.80665)
+    return float(in_si.in_g(np.abs(rates).max()))
 
 
 def findings(data: Data) -> list[Finding]:
@@ -189,24 +190,35 @@ def _disturbance(record: xr.Dataset) -> Finding:
 
 def _outcomes(data: Data, kind: str, motion: str) -> Finding:
     """What the motions of one kind do on flat ground and on the terrain."""
-    flat, terrain = (_named(data[f"{kind} {where}"]) for where in ("on flat ground",
-                                                                    "on the terrain"))  # fmt: skip
-    told = "; ".join(f"{name}: {flat[name]} on flat ground, {terrain[name]} on the terrain"
-                     for name in flat)  # fmt: skip
-    fell = Outcome.OVERTURNED.name.lower()
+    flat, terrain = _named(data[f"{kind} on flat ground"]), _named(data[f"{kind} on the terrain"])
+    told = "; ".join(
+        f"{name}: {outcome.name.lower()} on flat ground, {terrain[name].name.lower()} on the "
+        "terrain"
+        for name, outcome in flat.items()
+    )
+    at_least = ", one record at least" if kind == "records" else ""
     return Finding(
         "Fig. 7b, sections 4.1 and 6.1",
         f"A motion of 0.4 g that topples Double Rock on flat ground leaves it standing on the "
         f"terrain, at yaw 0° (here {motion}).",
-        "it topples on flat ground and not on the terrain" + (", one record at least"
-                                                              if kind == "records" else ""),
+        f"it topples on flat ground and not on the terrain{at_least}",
         f"{told}; the terrain is a surrogate",
-        any(flat[name] == fell and terrain[name] != fell for name in flat),
-    )  # fmt: skip
+        _topples_on_flat_ground_alone(flat, terrain),
+    )
 
 
-def _named(responses: xr.Dataset) -> dict[str, str]:
+def _topples_on_flat_ground_alone(
+    flat: dict[str, Outcome], terrain: dict[str, Outcome]
+) -> bool | None:
+    """Whether a motion does; None where only one without a verdict may."""
+    sides = [(flat[name].overturned, terrain[name].overturned) for name in flat]
+    if (1, 0) in sides:
+        return True
+    return None if {(1, -1), (-1, 0), (-1, -1)} & set(sides) else False
+
+
+def _named(responses: xr.Dataset) -> dict[str, Outcome]:
     """Outcome of each motion, by its name."""
     codes = responses["outcome"].values[0, 0, :, 0]
     names = responses["record"].values if "record" in responses.dims else ["pulse"]
-    return {str(name): Outcome(code).name.lower() for name, code in zip(names, codes, strict=True)}
+    return {str(name): Outcome(code) for name, code in zip(names, codes, strict=True)}

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing import style
 from pipeline.stages.figures import diagrams, measures, robot
-from pipeline.stages.figures.paper import Data, Finding, Source
+from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 
 TITLE = "PETG print of Double Rock, 12.8 cm high"
 
@@ -55,24 +55,10 @@ def draw(data: Data) -> Figure:
               label="that of the full-size rock, periods by √size", **dotted)  # fmt: skip
     axes.set_xlabel(diagrams.PGA)
     axes.set_ylabel(diagrams.RATIO)
-    diagrams.note(figure, robot_note(data))
+    diagrams.note(figure, robot.note(data["rock"]))
     lines = axes.get_legend_handles_labels()[0]
     figure.legend(handles=[*diagrams.key(pale=True), *lines], loc="lower center", ncols=2)
     return figure
-
-
-def robot_note(data: Data) -> str:
-    """Say what the rock is, and that the physical results are not public.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    str
-    """
-    return f"{data['rock'].attrs['shape_source']}; the robot's own results are not public"
 
 
 def findings(data: Data) -> list[Finding]:
@@ -92,7 +78,8 @@ def findings(data: Data) -> list[Finding]:
         ratios, math.sqrt(SIZE) * full["pgv_pga"].values, diagrams.median(full),
         left=math.nan, right=math.nan,
     )  # fmt: skip
-    off = np.abs(measures.apart(diagrams.median(data["fit"]), similar))
+    off = measures.apart(diagrams.median(data["fit"]), similar)
+    median = measures.middle(off)
     can = robot.can(pga, ratios)
     toppled = measures.grid(responses)[can] == 1
     return [
@@ -111,7 +98,7 @@ def findings(data: Data) -> list[Finding]:
             "The print overturns as the rock itself does at full size, of chert.",
             f"median distance of their logistic boundaries, periods scaled by the square root of "
             f"the size, at most {100 * CLOSE:g} %",
-            f"{100 * np.median(off):.1f} % in {len(off)} rows",
-            bool(np.median(off) <= CLOSE),
+            f"{100 * median:.1f} % in {len(off)} rows",
+            by_rule(median <= CLOSE, median),
         ),
     ]

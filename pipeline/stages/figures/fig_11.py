@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing import style
 from pipeline.stages.figures import diagrams, measures, robot
-from pipeline.stages.figures.paper import Data, Finding, Source
+from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from vsr_core.arrays import Mask
 
 TITLE = "PLA print of Double Rock, 12.0 cm high, from two sides"
@@ -54,8 +54,7 @@ def draw(data: Data) -> Figure:
                               gid=f"logistic-{YAWS[place]:g}", **look)  # fmt: skip
         axes.set_title(f"yaw {yaw:g}°")
     diagrams.labelled(panels)
-    source = data["rock"].attrs["shape_source"]
-    diagrams.note(figure, f"{source}; the robot's own results are not public")
+    diagrams.note(figure, robot.note(data["rock"]))
     lines = panels[0, 0].get_legend_handles_labels()[0]
     figure.legend(handles=[*diagrams.key(pale=True), *lines], loc="lower center", ncols=3)
     return figure
@@ -94,5 +93,5 @@ def _compared(data: Data, cells: Mask, which: str) -> Finding:
         "rows",
         f"{share[0]:.1f} % of the runs overturn against {share[1]:.1f} %; lower in "
         f"{100 * rows:.0f} % of the rows",
-        share[0] > share[1] and rows >= MOST_ROWS,
+        by_rule(share[0] > share[1] and rows >= MOST_ROWS, *share, rows),
     )

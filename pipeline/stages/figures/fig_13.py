@@ -14,7 +14,7 @@ from scipy.stats import spearmanr
 
 from pipeline.drawing import style
 from pipeline.stages.figures import diagrams, measures
-from pipeline.stages.figures.paper import Data, Finding, Source
+from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from pipeline.stages.fragility.summary import static_pga
 from vsr_core.arrays import Array
 from vsr_core.fragility.boundary import locate
@@ -125,7 +125,7 @@ def findings(data: Data) -> list[Finding]:
             f"more than {100 * DIFFERENT:g} % of the cells differ, for 0° and 180° and for 90° "
             "and 270°",
             told,
-            min(opposite.values()) > DIFFERENT,
+            by_rule(min(opposite.values()) > DIFFERENT, *opposite.values()),
         ),
         Finding(
             "Fig. 13, section 5.2",
@@ -133,14 +133,14 @@ def findings(data: Data) -> list[Finding]:
             "fewer runs overturn at 90° than at either",
             f"{share[90.0]:.1f} % overturn at 90°, {share[0.0]:.1f} % at 0°, "
             f"{share[180.0]:.1f} % at 180°",
-            share[90.0] < min(share[0.0], share[180.0]),
+            by_rule(share[90.0] < min(share[0.0], share[180.0]), *share.values()),
         ),
         Finding(
             "section 6.1",
             "At full size, too, yaw 0° is more fragile than 270°.",
             "more runs overturn at 0°",
             f"{share[0.0]:.1f} % against {share[270.0]:.1f} %",
-            share[0.0] > share[270.0],
+            by_rule(share[0.0] > share[270.0], share[0.0], share[270.0]),
         ),
         _cluster(sizes),
         _returns({yaw: before_balanced(grid) for yaw, grid in grids.items()}),
@@ -225,5 +225,5 @@ def _static(rock: xr.Dataset, yaws: list[float], share: dict[float, float]) -> F
         "over the twelve yaws the toppled share falls with the static tipping acceleration, "
         "p below 0.05",
         f"rank correlation {found.statistic:.2f}, p = {found.pvalue:.2g}",
-        bool(found.statistic < 0.0 and found.pvalue < 0.05),
+        by_rule(found.statistic < 0.0 and found.pvalue < 0.05, found.pvalue),
     )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline.stages.datasets.displaced_runs import overturned_runs, toppled
+from pipeline.stages.datasets.displaced_runs import toppled
 from pipeline.stages.displacement import trajectory_maps
 from pipeline.stages.figures import terrain_note
-from pipeline.stages.figures.paper import Data, Finding, Source
+from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 
 TITLE = "Trajectories of the toppled rock"
 
@@ -57,15 +59,16 @@ def findings(data: Data) -> list[Finding]:
     list of Finding
     """
     displacement = data["displacement"]
-    number, share = int(toppled(displacement).sum()), float(toppled(displacement).mean())
-    runs = overturned_runs(displacement)
-    inside = [runs[(runs["pga"] > low) & (runs["pga"] <= high)] for low, high in RANGES]
-    tested = displacement["pga"].values
-    rates = [
-        len(part) / max(int(((tested > low) & (tested <= high)).sum()), 1)
-        for part, (low, high) in zip(inside, RANGES, strict=True)
+    fell = toppled(displacement)
+    number, share = int(fell.sum()), float(fell.mean())
+    pga, speed = displacement["pga"].values, displacement["largest_speed"].values
+    inside = [(pga > low) & (pga <= high) for low, high in RANGES]
+    rates = [float(fell[part].mean()) if part.any() else math.nan for part in inside]
+    counts = [int((fell & part).sum()) for part in inside]
+    speeds = [
+        float(np.median(speed[fell & part])) if count else math.nan
+        for part, count in zip(inside, counts, strict=True)
     ]
-    speeds = [float(np.median(part["largest_speed"])) if len(part) else 0.0 for part in inside]
     names = [f"({low:g}, {high:g}] g" for low, high in RANGES]
     return [
         Finding(
@@ -81,15 +84,15 @@ def findings(data: Data) -> list[Finding]:
             "Fig. 15c-f, section 5.4",
             "More runs overturn, and so more trajectories there are, the larger the PGA.",
             f"a larger share overturns in {names[1]} than in {names[0]}",
-            f"{100 * rates[0]:.0f} % of the runs ({len(inside[0])}) in {names[0]}, "
-            f"{100 * rates[1]:.0f} % ({len(inside[1])}) in {names[1]}",
-            rates[1] > rates[0],
+            f"{100 * rates[0]:.0f} % of the runs ({counts[0]}) in {names[0]}, "
+            f"{100 * rates[1]:.0f} % ({counts[1]}) in {names[1]}",
+            by_rule(rates[1] > rates[0], *rates),
         ),
         Finding(
             "Fig. 15, section 5.4",
             "The speed along the trajectories changes with PGA.",
             f"the median of the largest speeds is higher in {names[1]}",
             f"{speeds[0]:.2f} m/s in {names[0]}, {speeds[1]:.2f} m/s in {names[1]}",
-            speeds[1] > speeds[0],
+            by_rule(speeds[1] > speeds[0], *speeds),
         ),
     ]

@@ -11,7 +11,7 @@ from matplotlib.ticker import MultipleLocator
 
 from pipeline.drawing import style
 from pipeline.stages.figures import diagrams, measures
-from pipeline.stages.figures.paper import Data, Finding, Source
+from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from vsr_core.arrays import Array
 
 TITLE = "Friction and its thresholds"
@@ -94,6 +94,7 @@ def findings(data: Data) -> list[Finding]:
     """
     shares = {rock: _shares(responses) for rock, responses in data.items()}
     steps = {rock: np.abs(np.diff(share)) for rock, share in shares.items()}
+    known = np.concatenate(list(shares.values()))
     friction = data["double_rock"]["friction"].values
     ends = "; ".join(
         f"{name}: {100 * shares[rock][0]:.1f} % of the runs overturn at {friction[0]:g}, "
@@ -112,14 +113,16 @@ def findings(data: Data) -> list[Finding]:
             "A rock is more fragile with a very high friction than with a very low one.",
             "both rocks overturn in more runs at the highest friction than at the lowest",
             ends,
-            all(share[-1] > share[0] for share in shares.values()),
+            by_rule(all(share[-1] > share[0] for share in shares.values()), *known),
         ),
         Finding(
             "section 6.3",
             "Friction has thresholds: between them it matters little.",
             f"the toppled share jumps by more than {100 * PLATEAU:g} points between two "
-            "frictions, and changes by less between all from 0.6 on",
+            f"frictions, and changes by less between all from {friction[-4]:g} on",
             jumps,
-            all(step.max() > PLATEAU >= step[-3:].max() for step in steps.values()),
+            by_rule(
+                all(step.max() > PLATEAU >= step[-3:].max() for step in steps.values()), *known
+            ),
         ),
     ]

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing import style
 from pipeline.stages.figures import diagrams, measures
-from pipeline.stages.figures.paper import Data, Finding, Source
+from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from pipeline.stages.studies.printed.as_printed import FRICTION, RESTITUTION, ROLLING, WIDE
 
 TITLE = "The published set-up rebuilt, its coefficients read in several ways"
@@ -117,5 +117,5 @@ def _reading(
         "at least half as many runs overturn as with the friction of the pair alone",
         f"{100 * share:.0f} % of the runs overturn{more}; {100 * pair:.0f} % with the friction of "
         "the pair alone, in the published set-up rebuilt at 1 ms",
-        share >= 0.5 * pair,
+        by_rule(share >= 0.5 * pair, share, pair),
     )

@@ -18,7 +18,7 @@ from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import read
 from pipeline.workflow.graph import Identity
 from pipeline.workflow.registry import upstream
-from pipeline.workflow.stage import Job, Stage
+from pipeline.workflow.stage import Job, Product, Stage
 from pipeline.workflow.store import Store
 
 FOLDER = "figures"
@@ -138,9 +138,8 @@ def _draw(
         told: read(asked.derived / source.folder / source.file)
         for told, source in figure.SOURCES.items()
     }
-    told = {"title": figure.TITLE, "findings": [asdict(one) for one in figure.findings(data)]}
+    found = {"title": figure.TITLE, "findings": [asdict(one) for one in figure.findings(data)]}
     files = pictures(name, figure.draw(data), KINDS)
-    files[f"{name}.json"] = writers.text(json.dumps(told, indent=1, ensure_ascii=False))
-    facts = {"key": identity.key, "facts": identity.facts, "unresolved": 0, "retry": 0}
-    store.publish(name, facts, files)
+    files[f"{name}.json"] = writers.text(json.dumps(found, indent=1, ensure_ascii=False))
+    graph.keep(stage, identity, Product(files, figure.TITLE), store)
     asked.log(f"{FOLDER}: {name}")

@@ -45,13 +45,12 @@ def toppled_share(outcomes: Array) -> float:
 
     Returns
     -------
-    float
+    float, nan where none is decided
 
     >>> toppled_share(np.array([[1, 0], [-1, 0]]))
     0.3333333333333333
     """
-    decided = outcomes >= 0
-    return float((outcomes == 1).sum() / decided.sum())
+    return _share((outcomes == 1)[outcomes >= 0])
 
 
 def differing(one: Array, other: Array) -> float:
@@ -63,13 +62,17 @@ def differing(one: Array, other: Array) -> float:
 
     Returns
     -------
-    float
+    float, nan where no cell is
 
     >>> differing(np.array([1, 0, -1]), np.array([1, 1, 1]))
     0.5
     """
     both = (one >= 0) & (other >= 0)
-    return float((one != other)[both].mean())
+    return _share((one != other)[both])
+
+
+def _share(which: Mask) -> float:
+    return float(which.mean()) if which.size else math.nan
 
 
 def first_overturning(pga: Array, outcomes: Array) -> Array:
@@ -102,13 +105,13 @@ def lower_in(one: Array, other: Array) -> float:
 
     Returns
     -------
-    float
+    float, nan where no row counts
 
     >>> lower_in(np.array([0.1, 0.3, np.nan]), np.array([0.2, 0.2, np.nan]))
     0.5
     """
     known = np.isfinite(one) | np.isfinite(other)
-    return float((np.nan_to_num(one, nan=np.inf) <= np.nan_to_num(other, nan=np.inf))[known].mean())
+    return _share((np.nan_to_num(one, nan=np.inf) <= np.nan_to_num(other, nan=np.inf))[known])
 
 
 def housner(width: float, height: float, ratios: Array, highest: float) -> Array:
@@ -134,6 +137,24 @@ def _exact(width: float, height: float, ratio: float, highest: float) -> float:
     return found / GRAVITY if math.isfinite(found) else math.nan
 
 
+def from_housner(responses: xr.Dataset, width: float, height: float) -> Array:
+    """Relative distance of a block's first overturning from that by Housner's equation.
+
+    Parameters
+    ----------
+    responses : Dataset
+        As in ``responses.nc``.
+    width, height : float [m]
+
+    Returns
+    -------
+    ndarray, shape (rows in which both are known,)
+    """
+    pga, ratios = responses["pga"].values, responses["pgv_pga"].values
+    first = first_overturning(pga, grid(responses))
+    return apart(first, housner(width, height, ratios, pga[-1]))
+
+
 def apart(boundary: Array, reference: Array) -> Array:
     """Relative difference of two boundaries in the rows where both are known.
 
@@ -148,3 +169,20 @@ def apart(boundary: Array, reference: Array) -> Array:
     known: Mask = np.isfinite(boundary) & np.isfinite(reference)
     difference: Array = boundary[known] / reference[known] - 1.0
     return difference
+
+
+def middle(differences: Array) -> float:
+    """Median of the absolute values of differences.
+
+    Parameters
+    ----------
+    differences : ndarray, from ``apart``
+
+    Returns
+    -------
+    float, nan where there is none
+
+    >>> middle(np.array([-0.3, 0.1, 0.2])), middle(np.array([]))
+    (0.2, nan)
+    """
+    return float(np.median(np.abs(differences))) if differences.size else math.nan

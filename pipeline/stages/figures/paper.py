@@ -12,6 +12,7 @@ A figure is a module ``fig_*`` or ``table_*`` of this room; it is found by its n
 from __future__ import annotations
 
 import importlib
+import math
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -80,6 +81,24 @@ class Finding:
         if self.found is None:
             return NOT_TESTABLE
         return FOUND if self.found else NOT_FOUND
+
+
+def by_rule(holds: bool, *measures: float) -> bool | None:
+    """Whether a claim is found, unless a measure that its rule compares is not known.
+
+    Parameters
+    ----------
+    holds : bool, what the rule says
+    *measures : float, what it compares; nan where no run tells
+
+    Returns
+    -------
+    bool or None
+
+    >>> by_rule(0.2 < 0.5, 0.2), by_rule(math.nan < 0.5, math.nan)
+    (True, None)
+    """
+    return None if any(map(math.isnan, measures)) else bool(holds)
 
 
 class PaperFigure(Protocol):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 
 from pipeline.config import table_limits_schema
@@ -54,6 +55,21 @@ def limits(axes: Axes, highest: float) -> None:
               label="limit of the mini shake robot")  # fmt: skip
     axes.fill_betweenx(ratios, np.minimum(end, right), right, facecolor="none", hatch="////",
                        edgecolor="#8a8a8a", lw=0.0, gid="beyond")  # fmt: skip
+
+
+def note(rock: xr.Dataset) -> str:
+    """Say what the rock is, and that the physical results are not public.
+
+    Parameters
+    ----------
+    rock : Dataset
+        As in ``rock.nc``.
+
+    Returns
+    -------
+    str
+    """
+    return f"{rock.attrs['shape_source']}; the robot's own results are not public"
 
 
 def _largest(ratios: Array) -> Array:

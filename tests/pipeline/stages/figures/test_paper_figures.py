@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from pipeline.config.layers import load_site
 from pipeline.stages.figures import (
     fig_07,
+    fig_08,
     fig_11,
     fig_12,
     fig_13,
     fig_14,
+    fig_15,
     fig_friction,
     measures,
     paper,
@@ -150,6 +152,73 @@ def test_fig_14_puts_runs_on_their_grid() -> None:
     expected = beyond(0.55)
     expected[0, 0] = -1
     np.testing.assert_array_equal(outcomes, expected)
+
+
+def test_fig_8_tells_a_rise_from_a_block_that_never_overturns() -> None:
+    grid = beyond(0.35)
+    grid[0] = 0
+    assert fig_08._rise(responses(grid), "").found  # the shortest pulse is beyond the grid
+    assert fig_08._rise(responses(beyond(0.35)), "").found is False
+    assert fig_08._rise(responses(beyond(2.0)), "").found is None
+
+
+def moved(codes: dict[float, list[Outcome]]) -> xr.Dataset:
+    """Runs over terrain, their outcomes by PGA; the speeds are the PGA in m/s."""
+    pga = [level for level, outcomes in codes.items() for _ in outcomes]
+    every = [code for outcomes in codes.values() for code in outcomes]
+    return xr.Dataset(
+        {"pga": ("run", pga), "outcome": ("run", every), "largest_speed": ("run", pga)}
+    )
+
+
+def test_fig_15_compares_speeds_only_where_rocks_toppled() -> None:
+    up, over = Outcome.BALANCED, Outcome.OVERTURNED
+    _, more, faster = fig_15.findings(
+        {"displacement": moved({0.6: [up, up, over], 0.75: [up, over, over]})}
+    )
+    assert (more.found, faster.found) == (True, True)
+    _, more, faster = fig_15.findings({"displacement": moved({0.6: [up], 0.75: [over]})})
+    assert (more.found, faster.found) == (True, None)
+    _, more, faster = fig_15.findings({"displacement": moved({0.75: [over]})})
+    assert (more.found, faster.found) == (None, None)
+
+
+def test_fig_14_finds_nothing_where_flat_ground_topples_nothing() -> None:
+    pga, ratio = (axis.ravel() for axis in np.meshgrid(PGA, RATIOS))
+    runs = xr.Dataset(
+        {"pga": ("run", pga), "pgv_pga": ("run", ratio),
+         "outcome": ("run", np.full(pga.size, Outcome.OVERTURNED))}
+    )  # fmt: skip
+    flat = responses(beyond(2.0), beyond(2.0), yaw=(0.0, 90.0))
+    found = fig_14.findings({"0": runs, "90": runs, "flat": flat})
+    assert [one.found for one in found] == [None, None, None]
+
+
+@pytest.mark.parametrize(
+    ("flat", "terrain", "found"),
+    [
+        (Outcome.OVERTURNED, Outcome.DISPLACED, True),
+        (Outcome.OVERTURNED, Outcome.OVERTURNED, False),
+        (Outcome.BALANCED, Outcome.UNSTABLE, False),
+        (Outcome.OVERTURNED, Outcome.UNSTABLE, None),
+        (Outcome.CRASHED, Outcome.BALANCED, None),
+    ],
+)
+def test_fig_7_takes_no_failed_run_for_a_rock_that_stands(
+    flat: Outcome, terrain: Outcome, found: bool | None
+) -> None:
+    def of(outcome: Outcome) -> xr.Dataset:
+        dims = ("yaw", "friction", "pgv_pga", "pga")
+        return xr.Dataset({"outcome": (dims, np.full((1, 1, 1, 1), outcome))})
+
+    data = {"pulse on flat ground": of(flat), "pulse on the terrain": of(terrain)}
+    assert fig_07._outcomes(data, "pulse", "a pulse").found is found
+
+
+def test_without_a_decided_run_nothing_is_found() -> None:
+    unknown = {name: responses(np.full((10, 10), -1)) for name in fig_12.SIZES}
+    found = [one.found for one in fig_12.findings(unknown)]
+    assert found == [None, None, None, False, None]  # there is no island among no cells
 
 
 def test_friction_has_a_threshold_where_the_share_jumps() -> None:
