@@ -19,6 +19,11 @@ from pipeline.workflow.code_roots import (
 )
 from pipeline.workflow.stage import Stage
 
+SCENE_SCRIPTS = tuple(
+    f"{part}.js" for part in ("geometry", "samples", "drawing", "controls", "playing")
+)
+"""What every page that plays a run in three dimensions is made of."""
+
 
 def _modules(room: str) -> list[str]:
     """Modules of a room of ``vsr_core.verification`` that are found by their names."""
@@ -177,7 +182,8 @@ STAGES: tuple[Stage, ...] = (
         code=(*TERRAIN_CODE, *MOTION_CODE, *ENGINE_CODE),
         files=(
             "report.html",
-            *(f"{part}.js" for part in ("geometry", "samples", "drawing", "controls", "stage")),
+            *SCENE_SCRIPTS,
+            "stage.js",
             "cells.js",
             "reduction_gains.yaml",
             "catalogue.yaml",
@@ -198,10 +204,7 @@ STAGES: tuple[Stage, ...] = (
         files=(
             "displacement.html",
             "scene3d.html",
-            "geometry.js",
-            "samples.js",
-            "drawing.js",
-            "controls.js",
+            *SCENE_SCRIPTS,
             "page.js",
             "catalogue.yaml",
         ),

@@ -202,8 +202,8 @@ function pointsOf(gl) {
 }
 
 // A function that draws a moment {camera, pose, run, all, bearing} and returns the number of
-// triangles. Without samples there are no paths; of several runs `all` draws the paths of the others too; `bearing` are points of
-// contact [m], one after the other.
+// triangles. Without samples there are no paths; of several runs `all` draws the paths of the
+// others, too; `bearing` are points of contact [m], one after the other.
 function drawingOf(gl, { terrain, rock, samples, radius, contour, grid = 0, colours }) {
   const mesh = built(gl, MESH), line = built(gl, LINE);
   const ground = meshOf(gl, mesh, terrain), stone = meshOf(gl, mesh, rock);

@@ -5,11 +5,10 @@
 // playing, triangles drawn last, and error, the last one of WebGL (0 for none).
 "use strict";
 
-const byId = (id) => document.getElementById(id);
 const canvas = byId("scene");
 const data = unpacked(JSON.parse(byId("data").textContent));
 const { runs, samples } = data;
-const state = { run: runs.length ? 0 : null, time: 0, playing: false, view: null, triangles: 0, error: 0 };
+const state = { run: runs.length ? 0 : null, view: null, triangles: 0, error: 0 };
 let draw = null, controls = null;
 
 function unpacked(packed) {
@@ -35,42 +34,21 @@ function unpacked(packed) {
 
 const placeOf = (sample) => placeIn(samples, sample);
 const startOf = (run) => run === null ? data.start : placeOf(samples.first[run]);
-const spanOf = (run) => run === null
-  ? [0, 0] : [samples.time[samples.first[run]], samples.time[samples.first[run + 1] - 1]];
+const endOf = (run) => run === null ? 0 : samples.time[samples.first[run + 1] - 1];
+const request = oncePerPicture(show);
+const clock = clockOf(() => endOf(state.run), request), showTime = transportOf(clock);
 
 function poseNow() {
   if (state.run === null) return { position: data.start, quaternion: [0, 0, 0, 1], speed: 0 };
   const [first, next] = [samples.first[state.run], samples.first[state.run + 1]];
-  return poseIn(samples, first, next - 1, state.time);
+  return poseIn(samples, first, next - 1, clock.time);
 }
 
 function choose(run) {
   state.run = run;
   byId("run").value = run;
-  [byId("time").min, byId("time").max] = spanOf(run);
-  setTime(spanOf(run)[0]);
-}
-
-function setTime(time) {
-  const [start, end] = spanOf(state.run);
-  state.time = Math.min(Math.max(time, start), end);
-  request();
-}
-
-function play(on) {
-  const [start, end] = spanOf(state.run);
-  state.playing = on && state.run !== null;
-  if (state.playing && state.time >= end) setTime(start);
-  let last = performance.now();
-  const tick = (now) => {
-    if (!state.playing) return;
-    setTime(state.time + Math.max(now - last, 0) / 1000);
-    last = now;
-    state.playing = state.time < spanOf(state.run)[1];
-    requestAnimationFrame(tick);
-  };
-  requestAnimationFrame(tick);
-  request();
+  byId("time").max = endOf(run);
+  clock.set(0);
 }
 
 // ---- The picture and what is written around it
@@ -83,17 +61,11 @@ function firstView() {
   return viewOf(data.view, points, data.radius, aspect());
 }
 
-let asked = false;
-function request() {
-  if (asked) return;
-  asked = true;
-  requestAnimationFrame(() => {
-    asked = false;
-    const pose = poseNow(), camera = cameraOf(state.view, aspect());
-    state.triangles = draw({ camera, pose, run: state.run, all: byId("others").checked });
-    state.error = gl.getError();
-    write(pose, camera);
-  });
+function show() {
+  const pose = poseNow(), camera = cameraOf(state.view, aspect());
+  state.triangles = draw({ camera, pose, run: state.run, all: byId("others").checked });
+  state.error = gl.getError();
+  write(pose, camera);
 }
 
 const metres = (value) => `${value.toFixed(2)} m`;
@@ -108,9 +80,7 @@ function write(pose, camera) {
   byId("speed").textContent = `${pose.speed.toFixed(2)} m/s`;
   byId("height").textContent = metres(pose.position[2]);
   byId("distance").textContent = metres(Math.hypot(...add(pose.position, startOf(state.run), -1)));
-  byId("now").textContent = `${state.time.toFixed(2)} of ${spanOf(state.run)[1].toFixed(2)} s`;
-  byId("time").value = state.time;
-  byId("play").textContent = state.playing ? "Pause" : "Play";
+  showTime();
   const power = 10 ** Math.floor(Math.log10(100 * controls.pixel()));
   const length = [5, 2, 1].map((step) => step * power).find((value) => value <= 100 * controls.pixel());
   byId("ruler").style.width = `${length / controls.pixel()}px`;
@@ -192,19 +162,14 @@ function listen() {
   on(canvas, "keydown", (event) => {
     if (event.key !== " ") return;
     event.preventDefault();
-    play(!state.playing);
+    clock.play(!clock.playing);
   });
   on(canvas, "webglcontextlost", () => trouble("The browser lost access to the graphics card. Please reload the page."));
-  on(byId("play"), "click", () => play(!state.playing));
-  on(byId("time"), "input", (event) => {
-    state.playing = false;
-    setTime(event.target.valueAsNumber);
-  });
   on(byId("time"), "keydown", (event) => {
     const step = { ArrowRight: 0.05, ArrowUp: 0.05, ArrowLeft: -0.05, ArrowDown: -0.05 }[event.key];
     if (!step) return;
     event.preventDefault();
-    setTime(state.time + step);
+    clock.set(clock.time + step);
   });
   on(byId("run"), "change", (event) => choose(+event.target.value));
   on(byId("others"), "change", request);
@@ -235,12 +200,12 @@ function begin() {
 }
 
 window.vsr = Object.freeze({
-  get time() { return state.time; },
+  get time() { return clock.time; },
   get position() { return poseNow().position; },
   get quaternion() { return poseNow().quaternion; },
   get run() { return state.run; },
   get view() { return { ...state.view }; },
-  get playing() { return state.playing; },
+  get playing() { return clock.playing; },
   get triangles() { return state.triangles; },
   get error() { return state.error; },
 });

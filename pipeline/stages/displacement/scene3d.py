@@ -20,7 +20,9 @@ from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import StopReason
 
 PAGE = "scene3d.html"
-SCRIPTS = tuple(f"{part}.js" for part in ("geometry", "samples", "drawing", "controls", "page"))
+SCRIPTS = tuple(
+    f"{part}.js" for part in ("geometry", "samples", "drawing", "controls", "playing", "page")
+)
 """Templates, the scripts in the order in which they build on each other."""
 
 MOST_SAMPLES = 200_000

@@ -19,7 +19,9 @@ from pipeline.workflow.pages import source as text_of
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array, Indices
 
-SCRIPTS = tuple(f"{part}.js" for part in ("geometry", "samples", "drawing", "controls", "stage"))
+SCRIPTS = tuple(
+    f"{part}.js" for part in ("geometry", "samples", "drawing", "controls", "playing", "stage")
+)
 """What plays a run, in the order in which the scripts build on each other."""
 
 SHOWN_AFTER = 1.5

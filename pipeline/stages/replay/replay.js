@@ -4,7 +4,6 @@
 // points of contact [m], triangles drawn last and error, the last one of WebGL (0 for none).
 "use strict";
 
-const byId = (id) => document.getElementById(id);
 const { scene: packedScene, films: packedFilms } = JSON.parse(byId("data").textContent);
 const scene = sceneOf(packedScene), films = packedFilms.map(filmOf);
 const end = Math.max(...films.map((film) => film.time.at(-1)));
@@ -14,7 +13,7 @@ const boxes = [...document.querySelectorAll(".stage")];
 const part = (run, name) => boxes[run].querySelector(name);
 
 const changed = oncePerPicture(show);
-const clock = clockOf(() => end, changed);
+const clock = clockOf(() => end, changed), showTime = transportOf(clock);
 const stages = films.map((film, run) => stageOf(part(run, "canvas"), scene, shared, { changed, reset }));
 const panels = panelsOf(byId("panels"));
 
@@ -69,9 +68,7 @@ function show() {
     arrow(part(run, ".arrow"), film, camera, time);
   });
   for (const panel of panels) panel.show(time);
-  byId("now").textContent = `${time.toFixed(2)} of ${end.toFixed(2)} s`;
-  byId("time").value = time;
-  byId("play").textContent = clock.playing ? "Pause" : "Play";
+  showTime();
 }
 
 // The acceleration of the table as it is seen: as long as its share of the largest in the run.
@@ -104,11 +101,6 @@ const KEYS = {
 };
 
 function listen() {
-  byId("play").addEventListener("click", () => clock.play(!clock.playing));
-  byId("time").addEventListener("input", (event) => {
-    clock.playing = false;
-    clock.set(event.target.valueAsNumber);
-  });
   byId("pace").addEventListener("change", (event) => { clock.pace = +event.target.value; });
   document.addEventListener("keydown", (event) => {
     const own = event.target.matches("button, select") || (event.target.matches("canvas") && event.key !== " ");

@@ -5,7 +5,6 @@
 // [m], triangles drawn last and error, the last one of WebGL (0 for none).
 "use strict";
 
-const byId = (id) => document.getElementById(id);
 const { axes, diagrams, watched } = JSON.parse(byId("data").textContent);
 const figures = [...document.querySelectorAll(".diagram")];
 
@@ -97,7 +96,7 @@ const shared = { view: null }, shown = { triangles: 0, error: 0 };
 let run = null, stage = null;
 
 const changed = oncePerPicture(show);
-const clock = clockOf(() => films[run].time.at(-1), changed);
+const clock = clockOf(() => films[run].time.at(-1), changed), showTime = transportOf(clock);
 
 function reset() {
   shared.view = viewOfFilms(scene, films, fitted(byId("stage")));
@@ -126,19 +125,12 @@ function show() {
   if (run === null) return;
   const film = films[run], { time } = clock, count = bearingOf(film, time).length / 3;
   if (stage) Object.assign(shown, stage.show(film, time));
-  byId("now").textContent = `${time.toFixed(2)} of ${film.time.at(-1).toFixed(2)} s`;
   byId("state").textContent = `tilt ${valueOf(film, film.tilt, time).toFixed(1)}° · ${count} ${count === 1 ? "point" : "points"} of contact`
     + (time > film.decided ? " · outcome decided" : "");
-  byId("time").value = time;
-  byId("play").textContent = clock.playing ? "Pause" : "Play";
+  showTime();
 }
 
 function listen() {
-  byId("play").addEventListener("click", () => clock.play(!clock.playing));
-  byId("time").addEventListener("input", (event) => {
-    clock.playing = false;
-    clock.set(event.target.valueAsNumber);
-  });
   byId("stage").addEventListener("keydown", (event) => {
     if (event.key !== " ") return;
     event.preventDefault();

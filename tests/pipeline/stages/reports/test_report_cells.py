@@ -184,18 +184,20 @@ def test_a_cell_tells_under_the_pointer_and_a_finger(
         assert area.locator(".told").inner_text() == told(responses, 1, row, column)
 
 
+PAUSE = "(document.getElementById('play').click(), true)"
+
+
 def test_a_run_is_played_in_its_diagram(opened: Opened, made: Path, data: dict[str, Any]) -> None:
     page = opened(made / "report.html", viewport=PHONE)
     assert not page.locator("#player").is_visible()
     for number, place in enumerate(data["watched"]["places"]):
         page.locator(".spot").nth(0).wait_for()
         page.locator(f'[data-watch="{number}"]').press("Enter")
-        until(page, "window.vsr.time > 0.05")
+        until(page, f"window.vsr.time > 0.05 && {PAUSE}")
         assert page.evaluate("window.vsr.run") == number
         until(page, "window.vsr.triangles > 0")
         assert page.evaluate("window.vsr.error") == 0
         assert page.locator(".diagram").nth(place["diagram"]).locator("#player").is_visible()
-        page.locator("#play").click()
         now = page.evaluate("window.vsr.time")
         page.wait_for_timeout(100)
         assert page.evaluate("window.vsr.time") == now
@@ -205,3 +207,14 @@ def test_a_run_is_played_in_its_diagram(opened: Opened, made: Path, data: dict[s
         assert page.evaluate("window.vsr.position") != before
         assert page.locator("#state").inner_text().startswith("tilt ")
     assert page.evaluate("document.documentElement.scrollWidth") == PHONE["width"]
+
+
+def test_a_run_chosen_again_goes_at_the_pace_of_the_clock(opened: Opened, made: Path) -> None:
+    page = opened(made / "report.html")
+    at = "[performance.now() / 1000, window.vsr.time]"
+    for _ in range(3):
+        page.locator('[data-watch="0"]').press("Enter")
+    first = page.evaluate(at)
+    page.wait_for_timeout(300)
+    later = page.evaluate(at)
+    assert 0.0 < later[1] - first[1] < 1.3 * (later[0] - first[0])
