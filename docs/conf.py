@@ -55,6 +55,7 @@ html_sidebars = {
         *(
             "index",
             "quick_start",
+            "tasks",
             "concepts",
             "gallery",
             "faq",
@@ -63,7 +64,7 @@ html_sidebars = {
             "limits",
             "validation",
         ),
-        *("claims", "reliability", "options", "conventions", "structure"),
+        *("claims", "reliability", "options", "results", "conventions", "structure"),
         *("CONTRIBUTING", "CHANGELOG"),
     )
 }

@@ -95,7 +95,7 @@ def gather(source: Path) -> None:
         shutil.copy(ROOT / name, source / name)
     for page in source.rglob("*.md"):
         text = page.read_text(encoding="utf-8")
-        for name in BESIDE:
+        for name in (*BESIDE, "notebooks/"):
             text = text.replace(f"](../{name}", f"]({name}")
         if page.name in BESIDE:
             text = text.replace("](docs/", "](")

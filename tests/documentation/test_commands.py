@@ -169,7 +169,8 @@ def test_a_wrong_command_is_noticed() -> None:
 
 def test_enough_commands_are_found() -> None:
     found = {page.name: len(list(commands(page))) for page in PAGES}
-    assert found["README.md"] > 20
+    assert found["README.md"] > 8
+    assert found["tasks.md"] > 20
     assert found["quick_start.md"] > 4
 
 
