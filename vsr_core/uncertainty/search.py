@@ -5,7 +5,7 @@ A table holds the outcomes of one draw on (row, PGA), rows one below the other: 
 expected, by steps that double and then by halving, until a cell that stands is next to one that
 topples. In a row that may be ragged, cells are run on above it until `CALM` in a row topple, and
 `CALM_BELOW` below it. What is then unknown is taken to topple above the first cell that toppled,
-and to stand below.
+and to stand below. A cell without a verdict guides the search as if it stood, and stays without.
 """
 
 from __future__ import annotations

@@ -65,7 +65,8 @@ class Shares:
 
     Attributes
     ----------
-    explained : float, share of the variance of draws left out that the process explains
+    explained : float, share of the variance of draws left out that the process explains; NaN where
+        none was tried
     variance : float, of the number over the draws
     first, total : ndarray, shape (1 + REPLICATES, unknowns)
         From all draws, then from bootstrap samples of them, with the process refitted at its
@@ -97,27 +98,27 @@ def joined(parts: Sequence[Shares]) -> Shares:
 
     Parameters
     ----------
-    parts : sequence of Shares; those without indices are passed over
+    parts : sequence of Shares
 
     Returns
     -------
     Shares
+        Indices of those that have any; the share explained is of all for which a process was tried.
 
     References
     ----------
     Gamboa, F. et al. (2014), Electronic Journal of Statistics 8, 575-603.
     """
-    known = [part for part in parts if np.isfinite(part.first).all()]
-    if not known:
+    tried = [part for part in parts if np.isfinite(part.explained)]
+    if not tried:
         return parts[0]
-    weights = np.array([part.variance for part in known])
-    weights /= weights.sum()
+    weights = np.array([part.variance for part in tried])
     explained, variance = (
-        float(weights @ [getattr(part, name) for part in known])
+        float(np.average([getattr(part, name) for part in tried], weights=weights))
         for name in ("explained", "variance")
     )
     first, total = (
-        np.tensordot(weights, np.array([getattr(part, name) for part in known]), axes=1)
+        _mean_of_known(np.array([getattr(part, name) for part in tried]), weights)
         for name in ("first", "total")
     )
     return Shares(explained, variance, first, total)
@@ -137,7 +138,7 @@ def shares(unknowns: Sequence[Unknown], output: Array) -> Shares:
     """
     count = len(unknowns)
     if not count or len(output) < FEWEST or not np.isfinite(output).all() or np.ptp(output) == 0.0:
-        return _unsupported(count, np.nan)
+        return _unsupported(count, np.nan, np.nan)
     with threadpool_limits(1):  # its matrices are so small that threads only wait for each other
         return _by_process(unknowns, output)
 
@@ -147,9 +148,9 @@ def _by_process(unknowns: Sequence[Unknown], output: Array) -> Shares:
     count, number = len(unknowns), len(output)
     design = np.hstack([unknown.values for unknown in unknowns])
     kernel, noise = _fitted(design, output)
-    explained = _explained(kernel(design), noise, output)
+    explained, variance = _explained(kernel(design), noise, output), float(output.var())
     if explained < SUPPORTED:
-        return _unsupported(count, explained)
+        return _unsupported(count, explained, variance)
     samples = _samples(unknowns)
     across = kernel(samples.reshape(-1, samples.shape[-1]), design)
     rng = np.random.default_rng(SEED)
@@ -157,12 +158,20 @@ def _by_process(unknowns: Sequence[Unknown], output: Array) -> Shares:
     covariance = kernel(design)
     predicted = np.array([across[:, p] @ _weights(covariance, noise, output, p) for p in picks])
     values = predicted.reshape(len(picks), count + 2, POINTS)
-    return Shares(explained, float(output.var()), *_indices(values))
+    return Shares(explained, variance, *_indices(values))
 
 
-def _unsupported(count: int, explained: float) -> Shares:
+def _mean_of_known(indices: Array, weights: Array) -> Array:
+    """Weighted mean of the parts that have indices, NaN if none has; shape without the parts."""
+    known = np.isfinite(indices).all(axis=(1, 2))
+    if not known.any():
+        return indices[0]
+    return np.asarray(np.average(indices[known], axis=0, weights=weights[known]))
+
+
+def _unsupported(count: int, explained: float, variance: float) -> Shares:
     none = np.full((1 + REPLICATES, count), np.nan)
-    return Shares(explained, np.nan, none, none)
+    return Shares(explained, variance, none, none)
 
 
 def _fitted(design: Array, output: Array) -> tuple[Callable[..., Array], float]:

@@ -47,16 +47,18 @@ class Priors:
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """One draw; see ``Priors``. ``azimuth`` includes a reversed drive.
+    """One draw; see ``Priors``.
 
     Attributes
     ----------
     azimuth, friction, restitution, amplitude, mixing, error : float
+    reversed : bool, whether the drive points against its azimuth
     centre : ndarray, shape (3,) [m], offset of the centre of mass
     seed : int, of the error of the base
     """
 
     azimuth: float
+    reversed: bool
     friction: float
     restitution: float
     amplitude: float
@@ -64,6 +66,11 @@ class Member:
     error: float
     centre: Array
     seed: int
+
+    @property
+    def direction(self) -> float:
+        """Where a positive acceleration points [rad], from the scan's +x, counter-clockwise."""
+        return self.azimuth + math.pi * self.reversed
 
 
 def draws(priors: Priors, count: int) -> list[Member]:
@@ -124,11 +131,12 @@ def extremes(priors: Priors, *, replica: bool) -> dict[str, tuple[Member, Member
     """
     guess = best_guess(priors)
     azimuth, turn, (mean, gain) = guess.azimuth, priors.azimuth[1], priors.amplitude
-    along = priors.centre * np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
+    drive = np.array([math.cos(guess.direction), math.sin(guess.direction), 0.0])
+    along = priors.centre * drive
     up = priors.centre * np.array([0.0, 0.0, 1.0])
     ends: dict[str, tuple[str, Any, Any]] = {
         "azimuth": ("azimuth", azimuth - turn, azimuth + turn),
-        "sign of the drive": ("azimuth", azimuth, azimuth + math.pi),
+        "sign of the drive": ("reversed", guess.reversed, not guess.reversed),
         "friction": ("friction", *_percentiles(priors.friction)),
         "restitution": ("restitution", *_percentiles(priors.restitution)),
         "amplitude": ("amplitude", mean - gain, mean + gain),
@@ -151,9 +159,8 @@ def extremes(priors: Priors, *, replica: bool) -> dict[str, tuple[Member, Member
 def _member(priors: Priors, u: Array, z: Array, *, error: float, seed: int) -> Member:
     """The member at nine numbers each, uniform on (0, 1) and the same as standard normal ones."""
     return Member(
-        azimuth=float(
-            priors.azimuth[0] + priors.azimuth[1] * z[0] + math.pi * (u[1] < priors.reversed_share)
-        ),
+        azimuth=float(priors.azimuth[0] + priors.azimuth[1] * z[0]),
+        reversed=bool(u[1] < priors.reversed_share),
         friction=_within(priors.friction, u[2]),
         restitution=_within(priors.restitution, u[3]),
         amplitude=float(priors.amplitude[0] + priors.amplitude[1] * z[4]),

@@ -38,7 +38,7 @@ def standing_case(rock: Rock, member: Member) -> Case:
     Case
     """
     contact = Contact(member.friction, member.restitution)
-    return prepare(Scene(rock, contact, -member.azimuth), proofs.barrier(rock), reduce=True)
+    return prepare(Scene(rock, contact, -member.direction), proofs.barrier(rock), reduce=True)
 
 
 def shaken(

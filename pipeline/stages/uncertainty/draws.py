@@ -91,7 +91,7 @@ class Draw:
         -------
         Group
         """
-        return Group(yaw - in_si.in_degrees(self.member.azimuth), self.member.friction)
+        return Group(yaw - in_si.in_degrees(self.member.direction), self.member.friction)
 
     def yaws(self) -> Array:
         """Directions of its scenes.

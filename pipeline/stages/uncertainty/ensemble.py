@@ -281,7 +281,8 @@ class _Runner:
 
     def _digests(self, draw: Draw) -> list[bytes]:
         if draw.number not in self._scenes:
-            told = Scenes(draw.config, draw.rock, draw.given[1], None)  # of any barrier: its rock's
+            # any barrier will do: it follows from the rock and is no part of the identity
+            told = Scenes(draw.config, draw.rock, draw.given[1], None)
             shared = shared_identity(told, self._wanted.motions)
             step = self._wanted.settings.time_step
             self._scenes[draw.number] = [

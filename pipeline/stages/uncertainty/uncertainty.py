@@ -47,20 +47,20 @@ def make(job: Job) -> Product:
     """
     shape = drawing.surface(job.site, job.store)
     draws = drawing.draws(job.site, job.store, shape)
-    responses = read(job.path(RESPONSES))
     friction = nearest_friction(job.config)
-    wanted = _search(job, draws, responses.isel(friction=friction)["overturned"].values)
+    responses = read(job.path(RESPONSES)).isel(friction=friction)
+    step = time_steps(job.config, job.store)[job.config.contact.friction[friction]]
+    wanted = _search(job, draws, responses["overturned"].values, step)
     job.log(f"uncertainty: {len(draws)} draws of {wanted.nominal.size} cells")
     found = outcomes(wanted)
     known = drawing.priors(job.config.uncertainty)
     base = None if shape.replica else told.base_effects(draws, shape, wanted.given)
-    dataset = _dataset(wanted, found, known)
+    dataset = _dataset(wanted, found)
     shares = _shares(draws, known, base, dataset["boundary"].values)
     dataset = dataset.merge(_indices(shares, draws, known, base))
     dataset = described(dataset, job, "Overturning with its uncertainty")
-    at_friction = responses.isel(friction=friction)
     drawn = {
-        "uncertainty_bands": figures.bands(dataset, at_friction),
+        "uncertainty_bands": figures.bands(dataset, responses),
         "uncertainty_shares": figures.shares(dataset),
         "uncertainty_surface": figures.surface(dataset),
     }
@@ -87,17 +87,15 @@ def nearest_friction(config: Config) -> int:
     return int(np.abs(np.array(config.contact.friction) - middle).argmin())
 
 
-def _search(job: Job, draws: list[Draw], nominal: Array) -> Search:
+def _search(job: Job, draws: list[Draw], nominal: Array, step: float) -> Search:
     config = job.config
-    friction = config.contact.friction[nearest_friction(config)]
-    step = time_steps(config, job.store)[friction]
     settings = Settings(step, config.simulation.reduce, config.engine)
     motions = motion_grid.of_store(config, job.store)
     given = guess.scales(draws[0].given[0].hull, np.radians(config.yaw))
     return Search(job, draws, given, motions, settings, nominal.astype(np.int8))
 
 
-def _dataset(wanted: Search, found: Ensemble, known: Priors) -> xr.Dataset:
+def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
     """Outcomes, probabilities, boundaries and surfaces."""
     motions, config = wanted.motions, wanted.job.config
     row = motions.dimension
@@ -127,7 +125,7 @@ def _dataset(wanted: Search, found: Ensemble, known: Priors) -> xr.Dataset:
             "rough": (row, found.rough.astype(np.int8)),
             "spared_tested": ("rows_kind", found.checked),
             "spared_wrong": ("rows_kind", found.wrong),
-            **told.drawn_values(wanted.draws, known),
+            **told.drawn_values(wanted.draws),
         },
         {
             "member": np.arange(len(wanted.draws)),
@@ -169,7 +167,6 @@ def _indices(
     shares: list[Shares], draws: list[Draw], known: Priors, base: Array | None
 ) -> xr.Dataset:
     names = [unknown.name for unknown in told.unknowns(draws, known, base, 0)]
-    both = ("bound", ["lower", "upper"])
     whole = sensitivity.joined(shares)
     parts: dict[str, Any] = {"explained_share": ("yaw", [one.explained for one in shares])}
     for order in ("first", "total"):
@@ -188,4 +185,4 @@ def _indices(
             ),
         }
     parts["explained_share_joined"] = ((), whole.explained)
-    return xr.Dataset(parts, {"unknown": names, both[0]: both[1]})
+    return xr.Dataset(parts, {"unknown": names, "bound": ["lower", "upper"]})

@@ -13,27 +13,11 @@ from scipy.special import ndtri
 from pipeline.config import in_si
 from pipeline.config.priors_schema import UncertaintyConfig
 from pipeline.stages.uncertainty.draws import Draw, base_alone
-from vsr_core.arrays import Array, Mask
+from vsr_core.arrays import Array
 from vsr_core.uncertainty import guess
 from vsr_core.uncertainty.sensitivity import Unknown
 from vsr_core.validation.priors import Priors
 from vsr_core.validation.specimen import Form
-
-
-def is_reversed(draws: Sequence[Draw], known: Priors) -> Mask:
-    """Whether the shaking of each draw points the other way.
-
-    Parameters
-    ----------
-    draws : sequence of Draw
-    known : Priors
-
-    Returns
-    -------
-    ndarray of bool, shape (draws,)
-    """
-    turned = np.array([draw.member.azimuth for draw in draws]) - known.azimuth[0]
-    return np.asarray(turned > 0.5 * math.pi)
 
 
 def base_effects(draws: Sequence[Draw], shape: Form, given: Array) -> Array:
@@ -69,8 +53,6 @@ def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int)
     list of Unknown
     """
     members = [draw.member for draw in draws]
-    back = is_reversed(draws, known)
-    azimuth: Array = np.array([member.azimuth for member in members]) - math.pi * back
     found: list[Unknown] = []
 
     def add(name: str, values: NDArray[np.floating[Any]], prior: Callable[[Array], Array]) -> None:
@@ -78,10 +60,10 @@ def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int)
             found.append(Unknown(name, values.reshape(len(draws), -1).astype(np.float64), prior))
 
     if known.azimuth[1]:
-        turned = np.asarray((azimuth - known.azimuth[0]) / known.azimuth[1], np.float64)
-        add("direction of the shaking", turned, ndtri)
-    share = known.reversed_share
-    add("sign of the motion", 2.0 * back - 1.0, lambda u: np.where(u < share, 1.0, -1.0))
+        azimuth = np.array([member.azimuth for member in members])
+        add("direction of the shaking", (azimuth - known.azimuth[0]) / known.azimuth[1], ndtri)
+    share, signs = known.reversed_share, np.array([1.0 if m.reversed else -1.0 for m in members])
+    add("sign of the motion", signs, lambda u: np.where(u < share, 1.0, -1.0))
     for name in ("friction", "restitution"):
         own = np.array([getattr(member, name) for member in members])
         add(name, _even(own, getattr(known, name)), _unit)
@@ -166,26 +148,25 @@ def _range(pair: tuple[float, float]) -> str:
     return f"{pair[0]:g}" if pair[0] == pair[1] else f"{pair[0]:g} to {pair[1]:g}"
 
 
-def drawn_values(draws: Sequence[Draw], known: Priors) -> dict[str, tuple[tuple[str, ...], Array]]:
+def drawn_values(draws: Sequence[Draw]) -> dict[str, tuple[tuple[str, ...], Array]]:
     """What was drawn, as variables of a dataset on (member).
 
     Parameters
     ----------
     draws : sequence of Draw
-    known : Priors
 
     Returns
     -------
     dict of (dimensions, values) by name
     """
     members = [draw.member for draw in draws]
-    back = is_reversed(draws, known)
-    azimuth = np.array([member.azimuth for member in members]) - math.pi * back
     values = {
         f"drawn_{name}": (("member",), np.array([getattr(member, name) for member in members]))
         for name in ("friction", "restitution", "amplitude", "mixing", "seed")
     }
-    values["drawn_azimuth"] = (("member",), np.array([in_si.in_degrees(a) for a in azimuth]))
-    values["drawn_reversed"] = (("member",), back.astype(np.int8))
+    azimuth = np.array([in_si.in_degrees(member.azimuth) for member in members])
+    values["drawn_azimuth"] = (("member",), azimuth)
+    back = np.array([member.reversed for member in members], np.int8)
+    values["drawn_reversed"] = (("member",), back)
     centre = np.array([member.centre for member in members])
     return values | {"drawn_centre": (("member", "xyz"), centre)}

@@ -53,6 +53,22 @@ def test_a_group_of_numbers_counts_as_one_unknown() -> None:
     np.testing.assert_allclose(twice.first, found.first)
 
 
+def test_directions_together_have_the_indices_of_those_that_have_any() -> None:
+    def part(explained: float, variance: float, index: float) -> sensitivity.Shares:
+        indices = np.full((1 + sensitivity.REPLICATES, 1), index)
+        return sensitivity.Shares(explained, variance, indices, indices)
+
+    one, other = part(0.9, 3.0, 0.4), part(0.7, 1.0, 0.8)
+    doubtful, untried = part(0.1, 4.0, np.nan), part(np.nan, np.nan, np.nan)
+    found = sensitivity.joined([untried, doubtful, one, other])
+    np.testing.assert_allclose(found.first, 0.5)  # (3 x 0.4 + 1 x 0.8) / 4
+    assert found.explained == pytest.approx(0.475)  # (4 x 0.1 + 3 x 0.9 + 1 x 0.7) / 8
+    found = sensitivity.joined([untried, doubtful])
+    assert np.isnan(found.first).all()
+    assert found.explained == pytest.approx(0.1)
+    assert np.isnan(sensitivity.joined([untried, untried]).explained)
+
+
 @pytest.mark.parametrize("kind", ["noise", "censored", "constant", "few"])
 def test_no_index_without_support(kind: str) -> None:
     even = qmc.Sobol(5, rng=1).random(4 if kind == "few" else 32)
