@@ -75,7 +75,7 @@ def _distinct(values: tuple[float, ...]) -> tuple[float, ...]:
     if not values:
         raise ValueError("an empty grid has no runs; give at least one value")
     if len(set(values)) != len(values):
-        raise ValueError("values repeat; give each once")
+        raise ValueError("no value repeats; give each once")
     return values
 
 

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
@@ -138,10 +139,10 @@ def load_sweep(
     layers = read_layers(site, study, settings)
     if layers.sweep is None:
         return None
-    file, path = layers.files[-1][0], list(layers.parents)[-1]
+    file = layers.files[-1][0]
     dimensions = _dimensions(layers, file, gridded=gridded)
     members = _members(layers, dimensions, file)
-    return Sweep(re.sub(r"\.ya?ml$", "", path.rpartition("/")[2]), file, dimensions, members)
+    return Sweep(Path(file).stem, file, dimensions, members)
 
 
 def _dimensions(layers: Layers, file: str, *, gridded: bool) -> tuple[Dimension, ...]:
@@ -182,7 +183,7 @@ def _dimension(
     if twice := [place for n, place in enumerate(places) if place in places[:n]]:
         given = ", ".join(map(_label, twice[0]))
         raise InputError(
-            Problem(file, f"sweep.{name}", f"{given} twice", "values repeat", "give each once")
+            Problem(file, f"sweep.{name}", f"{given} twice", "no value repeats", "give each once")
         )
     own = tuple(_at(base, key) for key in values)
     grid = gridded and len(values) == 1 and next(iter(values)) in GRIDS

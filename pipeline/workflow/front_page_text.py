@@ -72,7 +72,7 @@ def text(derived: Path, folders: list[Path], known: Facts) -> tuple[str, Facts]:
                 if name.endswith(_DATA) and (folder / name).is_file()
             ],
             "undecided": max((int(one["unresolved"]) for one in manifests), default=0),
-            **_dataset(folder, made, known, read),
+            **_dataset(derived, folder, made, known, read),
         }
         sites.setdefault(place.parts[0], []).append(entry)
     groups = [
@@ -143,15 +143,15 @@ def _small(content: str) -> str:
     return ""
 
 
-def _dataset(folder: Path, made: dict[str, str], known: Facts, read: Facts) -> Facts:
+def _dataset(derived: Path, folder: Path, made: dict[str, str], known: Facts, read: Facts) -> Facts:
     """Source of the rock's shape, error of the boundary, and the date of the inputs."""
     facts: Facts = {"source": "", "errors": [], "inputs": ""}
     if "config.yaml" in made and (folder / "config.yaml").is_file():
         facts["inputs"] = _day(folder / "config.yaml")
     for name, take in (("rock.nc", _source), ("responses.nc", _errors)):
         if name in made:
-            key = f"{folder} {name} {made[name]}"
-            with suppress(OSError, KeyError):
+            key = f"{(folder / name).relative_to(derived)} {made[name]}"
+            with suppress(OSError, LookupError, AttributeError):  # it has no such variable, or fact
                 read[key] = known.get(key) or take(folder / name)
                 facts |= read[key]
     return facts

@@ -32,14 +32,14 @@ def check_drawn(job: Job) -> None:
     InputError
         On a terrain, or for no members.
     """
-    config = job.config
-    if config.on_terrain:
+    if job.config.uncertain:
+        return
+    if job.config.on_terrain:
         key, given, remedy = "pedestal.shape", "a terrain", "set pedestal.shape: flat"
     else:
         key, given, remedy = "uncertainty.members", "0", "give a number of draws, such as 32"
-    if not config.uncertain:
-        rule = "rocks are drawn on a flat pedestal, one a member"
-        raise InputError(Problem(job.site.file, key, given, rule, remedy))
+    rule = "rocks are drawn on a flat pedestal, one a member"
+    raise InputError(Problem(job.site.file, key, given, rule, remedy))
 
 
 def others_of(options: argparse.Namespace, job: Job) -> Iterator[Job]:
@@ -76,7 +76,8 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
         found.append(f"hazard.curves={json.dumps(given['curves'])}")
     if given.get("age") is not None:
         age = {"kind": "normal", "mean": given["age"], "sd": given.get("age_sd") or 0.0}
-        found.append(f"hazard.age={json.dumps(age | {'source': ''})}")
+        age["source"] = ""  # that of the configuration is of another age
+        found.append(f"hazard.age={json.dumps(age)}")
     elif given.get("age_sd") is not None:
         found.append(f"hazard.age.sd={json.dumps(given['age_sd'])}")
     return tuple(found)

@@ -73,6 +73,18 @@ def test_each_product_is_listed_with_what_its_page_says(results: Path) -> None:
     assert Image.open(io.BytesIO(base64.b64decode(shown[1]))).size == (320, 107)
 
 
+def test_a_dataset_that_lacks_what_is_asked_for_is_listed_all_the_same(results: Path) -> None:
+    facts = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0}
+    with Store(results / "older") as store:
+        store.open()
+        store.publish("rock", facts, {"rock.nc": netcdf(xr.Dataset())})
+        store.publish("responses", facts, {"responses.nc": netcdf(xr.Dataset())})
+    text = index(results)
+    assert "older/rock.nc" in text
+    assert "older/responses.nc" in text
+    assert str(results) not in (results / ".index.json").read_text(encoding="utf-8")
+
+
 def test_every_link_leads_to_a_product(results: Path) -> None:
     links = set(re.findall(r'href="([^"#]+)"', index(results)))
     assert len(links) == 4

@@ -195,7 +195,14 @@ def test_an_extreme_changes_one_unknown(replica: bool) -> None:
         names = [k for k, value in vars(low).items() if not np.array_equal(value, vars(high)[k])]
         assert len(names) == 1
         changed += names
-    expected = {"azimuth", "reversed", "friction", "amplitude", "centre", "mixing" if replica else "seed"}
+    expected = {
+        "azimuth",
+        "reversed",
+        "friction",
+        "amplitude",
+        "centre",
+        "mixing" if replica else "seed",
+    }
     assert set(changed) == expected
 
 

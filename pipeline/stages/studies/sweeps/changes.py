@@ -103,16 +103,16 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
     return Change(
         label,
         same,
-        float(np.expm1(np.log1p(known).mean())) if known.size else np.nan,
-        float(low),
-        float(high),
-        int(apart.sum()),
-        int(compared.sum()),
-        int((there["boundary"].notnull() & np.isinf(here[ENDS[1]])).sum()),
-        (here["overturned"] == 1).sum().item() / decided if decided else np.nan,
-        _largest(here["time_step"]),
-        _largest(here["boundary_error"]),
-        float(_median(half.values)),
+        mean=float(np.expm1(np.log1p(known).mean())) if known.size else np.nan,
+        low=float(low),
+        high=float(high),
+        apart=int(apart.sum()),
+        rows=int(compared.sum()),
+        lost=int((there["boundary"].notnull() & np.isinf(here[ENDS[1]])).sum()),
+        toppled=(here["overturned"] == 1).sum().item() / decided if decided else np.nan,
+        time_step=_largest(here["time_step"]),
+        error=_largest(here["boundary_error"]),
+        spacing=_median(half.values),
     )
 
 

@@ -43,12 +43,10 @@ def make(swept: Swept, key: str) -> Product:
     page = {
         "study": swept.sweep.study,
         "site": job.site.name,
-        "stage": swept.stage,
         "headline": headline(swept.sweep, [part["sentence"] for part in compared], job.site.name),
         "dimensions": compared,
         "members": _members(swept),
         "sizes": dict(data.sizes),
-        "variables": sorted(map(str, data.data_vars)),
         "surrogate": _surrogate(swept),
         "yaws": data.sizes.get("yaw", 1),
         "up": job.store.up,
