@@ -29,12 +29,11 @@ help:
 	@awk -F ' *## *' ' \
 	  /^## / { printf "\n%s\n", $$2 } \
 	  /^#:/ { sub(/^#: ?/, ""); printf "  %s\n", $$0 } \
-	  /^[a-z-]+:.*## / { sub(/:.*/, "", $$1); printf "  make %-11s %s\n", $$1, $$2 } \
+	  /^[a-z-]+:.*## / { sub(/:.*/, "", $$1); printf "  make %-12s  %s\n", $$1, $$2 } \
 	' Makefile
 
 ## A rock
-.PHONY: fragility uncertainty displacement hazard study replay prep accuracy stability drive feasible
-.PHONY: validate plan status why index fetch
+.PHONY: fragility uncertainty displacement hazard study replay prep
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(vsr) run fragility $(site) $(where)
 
@@ -44,22 +43,24 @@ uncertainty: setup ## how certain that is, when rock and shaking are known withi
 displacement: setup ## where the rock of SITE goes over its terrain: trajectories and report
 	$(vsr) run displacement $(site) $(where)
 
-replay: setup ## a page that plays the run of SITE at YAW, PGA and PGV_PGA, or two with AND
-	$(vsr) replay $(study) $(cell) $(where)
-
-hazard: setup ## which branches of the hazard curves in CURVES leave SITE's rock to stand for AGE years
+hazard: setup ## which branches of a hazard model let SITE's rock stand for its age
 	$(vsr) run hazard $(site) $(call flag,--curves,CURVES) $(call flag,--age,AGE) \
 	  $(call flag,--age-sd,AGE_SD) $(where)
-
-prep: setup ## rock and terrain from SITE's scan, with a page of every step
-	$(vsr) prep $(site)
-
-accuracy: setup-dev ## error of SITE's boundary against run time, beside other ways of computing it
-	$(vsr) run accuracy $(site) $(where)
 
 study: PRODUCT ?= study
 study: setup ## what changes in SITE, or in another PRODUCT of it, along the sweep of STUDY
 	$(vsr) run $(call quoted,$(value PRODUCT)) $(site) $(where)
+
+replay: setup ## a page that plays the run of SITE at YAW, PGA and PGV_PGA, or two with AND
+	$(vsr) replay $(study) $(cell) $(where)
+
+prep: setup ## rock and terrain from SITE's scan, with a page of every step
+	$(vsr) prep $(site)
+
+## How good the method is
+.PHONY: accuracy stability drive feasible validate
+accuracy: setup-dev ## error of SITE's boundary against run time, beside other ways of computing it
+	$(vsr) run accuracy $(site) $(where)
 
 stability: SITE ?= cuboid_1x1x2
 stability: setup-dev ## stiff and extreme cases, each with its verdict
@@ -75,6 +76,8 @@ feasible: setup ## what a table of hardware can do of SITE's pulses
 validate: setup ## predict the shake-table tests in the folder TABLE, beside their outcomes
 	$(vsr) run validation --table $(call quoted,$(value TABLE)) $(derived) $(where)
 
+## Before and after
+.PHONY: plan status why index fetch
 plan: setup ## what would run for SITE, and what it costs
 	$(vsr) plan $(site)
 
@@ -90,9 +93,9 @@ index: setup ## a page that leads to all results
 fetch: setup ## download the public original NAME into data/raw
 	$(vsr) fetch $(call quoted,$(value NAME))
 
-#:
+## What they take
 #: SITE=double_rock       a site in configs/sites, or any YAML file
-#: STUDY=name             a study in configs/studies, or any YAML file; those with a sweep: make study
+#: STUDY=friction         a study in configs/studies, or any YAML file; those with a sweep: make study
 #: PRODUCT=fragility      what make study makes of each member
 #: YAW=0,90               directions of shaking [degree]
 #: FRICTION=0.4,0.6       friction of rock on pedestal
@@ -101,7 +104,7 @@ fetch: setup ## download the public original NAME into data/raw
 #: SET='a.b=1 c.d=2'      any other keys of the configuration
 #: CURVES=folder          hazard curves of OpenQuake or nshmp-haz, or OpenQuake's calc_N.hdf5
 #: AGE=20000 AGE_SD=3000  how long the rock has stood, and the standard deviation of that [years]
-#: LIMITS=mini_shake_robot a table in configs/tables, or any YAML file
+#: LIMITS=my_table.yaml   a table in configs/tables, or any YAML file
 #: TABLE=folder           recorded shake-table tests
 #: WORKERS=4              worker processes; 0 for none
 #: SCHEDULER=tcp://h:8786 a running Dask scheduler
@@ -157,7 +160,7 @@ lock: ## renew both locks from pyproject.toml; UPGRADE=1 for the newest versions
 clean: setup ## remove derived data, of SITE or of all; asks first, unless YES=1
 	$(vsr) clean $(call flag,--site,SITE) $(derived) $(if $(value YES),--yes)
 
-setup: ## make .venv now, with what a run needs; every target does so when it is missing or stale
+setup: ## make .venv now, as every target does when it is missing or stale
 	@scripts/setup.sh
 
 setup-dev: ## add to .venv what tests and checks need, and MuJoCo

@@ -47,7 +47,7 @@ def make(job: Job) -> Product:
         FILE: netcdf(described(dataset, job, "Fragility")),
         TABLE: writers.table(table),
     }
-    return Product(files, f"{len(fits)} grids fitted; recommended: {best}")
+    return Product(files, f"grids fitted: {len(fits)}; recommended: {best}")
 
 
 def _fit(data: xr.Dataset, workers: int) -> _Fits:

@@ -73,7 +73,7 @@ def make(job: Job) -> Product:
     text = pages.filled(FILE, facts | {"up": job.store.up})
     lost = facts["unresolved"]["total"]
     verdict = f"{lost} runs WITHOUT a verdict" if lost else "every run has a verdict"
-    note = f"{len(facts['diagrams'])} diagrams, {len(text) / 1e6:.2f} MB; {verdict}"
+    note = f"{len(text) / 1e6:.2f} MB, diagrams: {len(facts['diagrams'])}; {verdict}"
     return Product({FILE: writers.text(text)}, note)
 
 
