@@ -15,9 +15,9 @@ from typing import Any, cast
 import numpy as np
 import threadpoolctl
 import xarray as xr
-import yaml
 from xarray.backends import NetCDF4DataStore
 
+from pipeline.config.yaml_text import parse
 from pipeline.workflow.keys import installed_version
 from pipeline.workflow.stage import Job
 from pipeline.workflow.writers import Writer
@@ -48,7 +48,7 @@ def catalogue() -> dict[str, dict[str, str]]:
     -------
     dict from name to its ``units``, ``long_name`` and perhaps ``flags``
     """
-    return dict(yaml.safe_load(_CATALOGUE.read_text(encoding="utf-8")))
+    return dict(parse(_CATALOGUE.read_text(encoding="utf-8")))  # refuses a name given twice
 
 
 def label(name: str) -> str:

@@ -144,7 +144,7 @@ def test_density_as_a_whole_is_nothing_to_a_rock(
     light, heavy = (one["overturned"].values for one in found)
     assert 0.1 < light.mean() < 0.9
     np.testing.assert_array_equal(heavy, light)
-    np.testing.assert_array_equal(*(one["boundary"].values for one in found))
+    np.testing.assert_array_equal(*(one["member_boundary"].values for one in found))
 
 
 @pytest.mark.usefixtures("without_pictures")

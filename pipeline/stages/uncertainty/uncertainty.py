@@ -56,7 +56,7 @@ def make(job: Job) -> Product:
     known = drawing.priors(job.config.uncertainty)
     base = None if shape.replica else told.base_effects(draws, shape, wanted.given)
     dataset = _dataset(wanted, found)
-    shares = _shares(draws, known, base, dataset["boundary"].values)
+    shares = _shares(draws, known, base, dataset["member_boundary"].values)
     dataset = dataset.merge(_indices(shares, draws, known, base))
     dataset = described(dataset, job, "Overturning with its uncertainty")
     drawn = {
@@ -114,7 +114,7 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
             "probability_low": (grid, chance.low),
             "probability_high": (grid, chance.high),
             "spared_share": (grid, (found.found_by == FoundBy.SPARED).mean(axis=0)),
-            "boundary": (("member", "yaw", row), edges),
+            "member_boundary": (("member", "yaw", row), edges),
             "boundary_low": (("yaw", row), low),
             "boundary_median": (("yaw", row), middle),
             "boundary_high": (("yaw", row), high),
