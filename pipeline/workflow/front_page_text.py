@@ -83,7 +83,9 @@ def text(derived: Path, folders: list[Path], known: Facts) -> tuple[str, Facts]:
         }
         for site, entries in sorted(sites.items())
     ]
-    return pages.filled(TEMPLATE, {"groups": groups, "up": ""}), read
+    with_page = [one for one in groups if any(entry["pages"] for entry in one["entries"])]
+    without = [entry for one in groups if one not in with_page for entry in one["entries"]]
+    return pages.filled(TEMPLATE, {"groups": with_page, "runs": without, "up": ""}), read
 
 
 def _manifests(folder: Path) -> list[Facts]:
@@ -163,10 +165,11 @@ def _source(path: Path) -> Facts:
 
 
 def _errors(path: Path) -> Facts:
-    """Errors of the boundary [%], one for each friction; a dash in place of what is not known."""
+    """Least and largest error of the boundary [%] over frictions, of those that are known."""
     with netCDF4.Dataset(path) as data:
-        errors = data["boundary_error"][:].filled(float("nan")).ravel()
-        return {"errors": [f"{100 * e:.2g}" if e == e else "\N{EN DASH}" for e in errors.tolist()]}
+        errors = data["boundary_error"][:].filled(float("nan")).ravel().tolist()
+    known = sorted(100.0 * error for error in errors if error == error)
+    return {"errors": list(dict.fromkeys(f"{error:.2g}" for error in (*known[:1], *known[-1:])))}
 
 
 def _day(path: Path) -> str:
