@@ -8,8 +8,10 @@ import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+from support.browser import Opened, chromium, watched
 
 from pipeline import ROOT, cli
 from pipeline.workflow import keys
@@ -43,6 +45,20 @@ def write_site(tmp_path: Path) -> Callable[..., str]:
         return str(path)
 
     return write
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A browser; the test is skipped where there is none."""
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture
+def opened(browser: Any) -> Iterator[Opened]:
+    """Open files in a browser; at the end they have said no error and asked for nothing else."""
+    with watched(browser) as open_page:
+        yield open_page
 
 
 @pytest.fixture

@@ -37,7 +37,7 @@ def watched(browser: Any) -> Iterator[Opened]:
     asked: list[str] = []
     contexts = []
 
-    def open_page(file: Path, **options: Any) -> Any:
+    def open_page(file: Path, script: str = "", **options: Any) -> Any:
         context = browser.new_context(**{"viewport": WIDE, **options})
         contexts.append(context)
         page = context.new_page()
@@ -45,6 +45,8 @@ def watched(browser: Any) -> Iterator[Opened]:
         page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
         page.on("pageerror", lambda error: said.append(str(error)))
         page.on("request", lambda request: asked.append(request.url))
+        if script:  # which runs before those of the page
+            page.add_init_script(script)
         page.goto(file.as_uri())
         return page
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlparse
 
 import pytest
-from support.browser import PHONE, Opened, chromium, settle, watched
+from support.browser import PHONE, Opened, settle
 from test_validation_product import write_tests
 
 from pipeline import ROOT, cli
@@ -91,18 +90,6 @@ def made(results: Path, page: str, command: tuple[str, ...]) -> Path:
     if path.is_dir():
         (path,) = path.glob("*.html")
     return path
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as running:
-        yield running
-
-
-@pytest.fixture
-def opened(browser: Any) -> Iterator[Opened]:
-    with watched(browser) as open_page:
-        yield open_page
 
 
 def overflow(page: Any) -> list[str]:

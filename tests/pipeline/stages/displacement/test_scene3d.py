@@ -7,7 +7,6 @@ import io
 import json
 import math
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
 from support import tumbling
-from support.browser import Opened, chromium, settle, until
+from support.browser import Opened, settle, until
 
 from pipeline.stages.displacement import scene3d
 from pipeline.stages.displacement.track import SPEEDS
@@ -141,41 +140,19 @@ def test_names_are_escaped(displacement: xr.Dataset) -> None:
 # ---- In a browser
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as running:
-        yield running
-
-
 @pytest.fixture
-def opened(browser: Any, text: str, tmp_path: Path) -> Iterator[Opened]:
-    """Open a page, and see at the end that it said no error and asked for nothing."""
-    said: list[str] = []
-    asked: list[str] = []
-    contexts = []
+def opened(opened: Opened, text: str, tmp_path: Path) -> Opened:
+    """Open a page from its text, and wait until it is drawn."""
 
-    def open_page(html: str = text, script: str = "", **options: Any) -> Any:
+    def open_text(html: str = text, script: str = "", **options: Any) -> Any:
         file = tmp_path / "page.html"
         file.write_text(html, encoding="utf-8")
-        context = browser.new_context(**{"viewport": WIDE, **options})
-        contexts.append(context)
-        page = context.new_page()
-        page.set_default_timeout(15_000)
-        page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
-        page.on("pageerror", lambda error: said.append(str(error)))
-        page.on("request", lambda request: asked.append(request.url))
-        if script:
-            page.add_init_script(script)
-        page.goto(file.as_uri())
+        page = opened(file, script, **{"viewport": WIDE, **options})
         if not script:
             until(page, "window.vsr.triangles > 0")
         return page
 
-    yield open_page
-    for context in contexts:
-        context.close()
-    assert said == []
-    assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
+    return open_text
 
 
 def vsr(page: Any, name: str) -> Any:

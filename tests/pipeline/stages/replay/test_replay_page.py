@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from scipy.spatial.transform import Rotation, Slerp
-from support.browser import PHONE, Opened, chromium, settle, until, watched
+from support.browser import PHONE, Opened, settle, until
 
 from pipeline import cli
 from pipeline.config.layers import load_site
@@ -206,18 +206,6 @@ def test_the_page_tells_what_the_study_found(alone: Path, responses: xr.Dataset)
 
 
 # ---- In a browser
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as running:
-        yield running
-
-
-@pytest.fixture
-def opened(browser: Any) -> Iterator[Opened]:
-    with watched(browser) as open_page:
-        yield open_page
 
 
 def drawn(page: Any) -> Any:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
-from support.browser import PHONE, Opened, chromium, settle, until, watched
+from support.browser import PHONE, Opened, settle, until
 
 from pipeline import cli
 from pipeline.stages.fragility.response_diagram import cell_borders, overturning_diagram
@@ -49,18 +48,6 @@ def data(made: Path) -> dict[str, Any]:
     assert found
     packed: dict[str, Any] = json.loads(found[1])
     return packed
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as running:
-        yield running
-
-
-@pytest.fixture
-def opened(browser: Any) -> Iterator[Opened]:
-    with watched(browser) as open_page:
-        yield open_page
 
 
 def told(responses: xr.Dataset, diagram: int, row: int, column: int) -> str:
