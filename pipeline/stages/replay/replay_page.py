@@ -27,6 +27,9 @@ PAGE, OWN_SCRIPTS = "replay.html", ("panels.js", "replay.js")
 FOLDER = "replays"
 """Of the pages, in the folder of the site's products."""
 
+LONGEST_NAME = 120
+"""Letters of a file name; of a longer one a digest tells what is cut off."""
+
 MOST_ROCK_FACES = 20_000
 
 
@@ -59,10 +62,11 @@ def make(job: Job, given: Mapping[str, str | None], wanted: str | None) -> str:
         choices.append(neighbour(responses, choices[0]))
     runs = [played(study, responses, choice) for choice in choices]
     text = page(job, runs, study.motions)
-    name = f"{FOLDER}/{_slug(runs, study.motions)}.html"
+    slug = _slug(runs, study.motions)
+    name = f"{FOLDER}/{slug}.html"
     facts = {"choices": [repr(choice) for choice in choices]}
     manifest = {"key": keys.digest(facts), "facts": facts, "unresolved": 0, "retry": 0}
-    job.store.publish("replay", manifest, {name: writers.text(text)})
+    job.store.publish(f"replay-{slug}", manifest, {name: writers.text(text)})
     return name
 
 
@@ -143,7 +147,10 @@ def _slug(runs: list[Played], shaking: Shaking) -> str:
             said += f" {shaking.dimension} {_row(choice.cell.row, shaking)}"
         if choice.cell.pga != first.cell.pga:
             said += f" pga {choice.cell.pga:.6g}"
-    return re.sub(r"[^A-Za-z0-9.]+", "-", said)[:120].strip("-.")
+    slug = re.sub(r"[^A-Za-z0-9.]+", "-", said).strip("-.")
+    if len(slug) <= LONGEST_NAME:
+        return slug
+    return f"{slug[:LONGEST_NAME]}-{keys.digest(said)[:8]}"
 
 
 def _row(row: int, shaking: Shaking) -> str:

@@ -115,11 +115,9 @@ def test_who_asks_for_none_is_told_so(refused: Callable[..., str]) -> None:
 
 
 def test_a_folder_that_cannot_be_written_to_is_no_failure(results: Path) -> None:
-    results.chmod(0o500)
-    try:
-        front_page.renew(results)
-    finally:
-        results.chmod(0o700)
+    (results / "index.html").mkdir()  # in the way of it, whoever writes
+    assert front_page.renew(results) is None
+    assert not list(results.glob(".part-*"))
 
 
 @pytest.mark.parametrize("below", ["", "studies/size/1 m"])

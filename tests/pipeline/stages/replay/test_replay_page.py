@@ -19,6 +19,7 @@ from pipeline import cli
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.motions import motion_grid
+from pipeline.stages.replay import replay_page
 from pipeline.stages.replay.choice import chosen, neighbour
 from pipeline.stages.replay.played import played
 from pipeline.stages.runs.study import Study, load_study
@@ -203,6 +204,24 @@ def test_the_page_tells_what_the_study_found(alone: Path, responses: xr.Dataset)
     for said in ("small", "yaw 40°", "PGA 0.6 g", "PGV/PGA 0.3 s", outcome, how):
         assert said in text
     assert len(text) < 1_000_000
+
+
+def test_the_index_leads_to_every_page(alone: Path, pair: Path) -> None:
+    derived = alone.parents[2]
+    text = (derived / "index.html").read_text(encoding="utf-8")
+    for page in (alone, pair):
+        assert f'href="{page.relative_to(derived).as_posix()}"' in text
+
+
+def test_records_of_long_names_have_pages_of_their_own(
+    study: Study, responses: xr.Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(replay_page, "LONGEST_NAME", 20)
+    cells = (CELL, CELL | {"pga": "0.8"})
+    choices = [chosen(study.scenes.config, study.motions, cell) for cell in cells]
+    runs = [played(study, responses, choice) for choice in choices]
+    names = {replay_page._slug([run], study.motions) for run in runs}
+    assert len(names) == 2
 
 
 # ---- In a browser
