@@ -76,9 +76,9 @@ def wanted(table: Table, expected: Indices, may_be_ragged: Mask) -> Mask:
     first = first_toppled(table)
     stands = ((table == 0) | (table == -1)) & (column < first[:, None])
     has_stood, has_fallen = stands.any(axis=1), first < number
-    last = np.where(has_stood, number - 1 - stands[:, ::-1].argmax(axis=1), -1)
+    last = _last(stands)
     lowest = np.where(has_stood, np.maximum(stands.argmax(axis=1), expected - 1), 0)
-    highest = np.where(has_fallen, number - 1 - (table == 1)[:, ::-1].argmax(axis=1), number)
+    highest = np.where(has_fallen, _last(table == 1), number)
     up = np.maximum(last + 1 + 2 * np.maximum(last - lowest, 0), expected)
     down = first - 1 - 2 * (highest - first)
     probe = np.select(
@@ -88,13 +88,17 @@ def wanted(table: Table, expected: Indices, may_be_ragged: Mask) -> Mask:
     )
     found = first - last == 1
     ask = (column == probe[:, None]) & ~found[:, None]
-    top = np.where((table == 0).any(axis=1), number - 1 - (table == 0)[:, ::-1].argmax(axis=1), -1)
-    calm = np.maximum(top, first - 1)[:, None]
+    calm = np.maximum(_last(table == 0), first - 1)[:, None]
     near = ((column > calm) & (column <= calm + CALM)) | (
         (column < first[:, None]) & (column >= first[:, None] - CALM_BELOW)
     )
     ask |= near & (found & may_be_ragged)[:, None]
     return ask & (table == UNKNOWN)
+
+
+def _last(cells: Mask) -> Indices:
+    """Column of the last of some cells in each row, -1 where there is none."""
+    return np.where(cells.any(axis=1), cells.shape[1] - 1 - cells[:, ::-1].argmax(axis=1), -1)
 
 
 def completed(table: Table) -> Table:

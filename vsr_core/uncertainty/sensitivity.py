@@ -51,7 +51,7 @@ class Unknown:
     ----------
     name : str
     values : ndarray, shape (draws, k), its numbers in each draw, of about unit variance
-    prior : callable, from evenly distributed numbers, shape (n, k), to its numbers, of that shape
+    prior : callable, from uniform numbers on (0, 1), shape (n, k), to its numbers, of that shape
     """
 
     name: str

@@ -66,14 +66,14 @@ def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int)
     add("sign of the motion", signs, lambda u: np.where(u < share, 1.0, -1.0))
     for name in ("friction", "restitution"):
         own = np.array([getattr(member, name) for member in members])
-        add(name, _even(own, getattr(known, name)), _unit)
+        add(name, _scaled(own, getattr(known, name)), _unit)
     mean, gain = known.amplitude
     if gain:
         gains = (np.array([member.amplitude for member in members]) - mean) / gain
         add("gain of the motion", gains, ndtri)
     if base is None:
         mixing = np.array([member.mixing for member in members])
-        add("shape between the scans", _even(mixing, known.mixing), _unit)
+        add("shape between the scans", _scaled(mixing, known.mixing), _unit)
     else:
         effect = base[:, :, yaw] / max(float(base[:, :, yaw].std()), 1e-12)
         add("base", effect, lambda u: effect[(u[:, 0] * len(effect)).astype(int)])
@@ -86,13 +86,13 @@ def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int)
     return found
 
 
-def _unit(even: Array) -> Array:
-    """From even numbers on (0, 1) to such of unit variance."""
-    return np.asarray((2.0 * even - 1.0) * math.sqrt(3.0))
+def _unit(uniform: Array) -> Array:
+    """From uniform numbers on (0, 1) to uniform numbers of zero mean and unit variance."""
+    return np.asarray((2.0 * uniform - 1.0) * math.sqrt(3.0))
 
 
-def _even(values: Array, ends: tuple[float, float]) -> Array:
-    """The same of numbers between two ends."""
+def _scaled(values: Array, ends: tuple[float, float]) -> Array:
+    """From uniform numbers between two ends to those; zeros where the ends are one."""
     width = ends[1] - ends[0]
     return _unit((values - ends[0]) / width) if width else np.zeros(len(values))
 
@@ -122,8 +122,8 @@ def assumed(config: UncertaintyConfig, *, box: bool, replica: bool) -> list[tupl
         )
     azimuth, gain = config.azimuth, config.amplitude
     return [
-        ("friction", f"even over {_range(config.friction)}", "friction"),
-        ("restitution", f"even over {_range(config.restitution)}", "restitution"),
+        ("friction", f"uniform over {_range(config.friction)}", "friction"),
+        ("restitution", f"uniform over {_range(config.restitution)}", "restitution"),
         ("base", base, "scan"),
         (
             "centre of mass, with uneven density",

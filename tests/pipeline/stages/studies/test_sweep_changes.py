@@ -1,0 +1,101 @@
+"""How far boundaries move along a dimension of a sweep, on rows whose answers are plain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from pipeline.config.sweep import Dimension
+from pipeline.stages.studies.sweeps.changes import Change, changes, collapsed, spread
+from pipeline.stages.studies.sweeps.sentences import about
+from vsr_core import GRAVITY
+
+PGA = np.linspace(0.1, 1.0, 10)
+RATIO = [0.1, 0.2, 0.4, 0.8]
+SIZE = Dimension("size", {"rock.radius": (1, 4)}, ("1", "4"), 0, gridded=False)
+
+AT_ONCE, NEVER = (np.nan, 0.1), (1.0, np.inf)
+
+
+def study(*places: list[tuple[float, float]], error: float = np.nan) -> xr.Dataset:
+    """Rows by the last PGA that leaves the rock standing and the first that topples it [g]."""
+    last, first = np.moveaxis(np.array(places), -1, 0)
+    overturned = (first[..., None] <= PGA + 1e-9).astype(int)
+    middle, dims = 0.5 * (last + first), ("size", "pgv_pga")
+    return xr.Dataset(
+        {
+            "last_balanced_pga": (dims, last),
+            "first_overturning_pga": (dims, first),
+            "boundary": (dims, np.where(np.isfinite(middle), middle, np.nan)),
+            "overturned": ((*dims, "pga"), overturned),
+            "outcome": ((*dims, "pga"), overturned),
+            "boundary_error": ("size", np.full(len(places), error)),
+            "time_step": ("size", np.full(len(places), 0.001)),
+        },
+        {"pgv_pga": RATIO, "pga": PGA},
+    )
+
+
+def compared(*places: list[tuple[float, float]], error: float = np.nan) -> list[Change]:
+    return changes(study(*places, error=error), SIZE)
+
+
+def test_rows_are_apart_where_their_intervals_are() -> None:
+    same, above, beside = (0.3, 0.4), (0.5, 0.6), (0.4, 0.5)
+    reference, other = compared([same] * 4, [same, above, beside, NEVER])
+    assert reference.is_reference
+    assert (reference.mean, reference.apart, reference.rows) == (0.0, 0, 4)
+    assert (other.apart, other.rows, other.lost) == (2, 4, 1)
+    ratios = np.array([1.0, 0.55 / 0.35, 0.45 / 0.35])  # no row that never topples has one
+    assert other.mean == pytest.approx(ratios.prod() ** (1.0 / 3.0) - 1.0)
+    assert reference.toppled == pytest.approx(0.7)
+    assert other.toppled == pytest.approx((7 + 5 + 6) / 40)
+    assert reference.spacing == pytest.approx(0.05 / 0.35)
+    assert np.isnan(reference.error)
+
+
+def test_an_error_of_the_time_step_widens_the_intervals() -> None:
+    """0.5 g less 15 % lies below 0.4 g and 15 %."""
+    places = [(0.3, 0.4)] * 4, [(0.5, 0.6)] * 3 + [NEVER]
+    assert compared(*places)[1].apart == 4
+    assert compared(*places, error=0.15)[1].apart == 1
+
+
+def test_a_row_that_topples_at_once_lies_below_the_grid() -> None:
+    other = compared([(0.3, 0.4)] * 4, [AT_ONCE] * 4)[1]
+    assert (other.apart, other.rows, other.lost, other.toppled) == (4, 4, 0, 1.0)
+    assert np.isnan(other.mean)
+    assert "No row has a boundary both at size 1 and at another." in about(SIZE, [other], None)
+
+
+def test_sentences_tell_a_change_from_its_error() -> None:
+    same = [(0.3, 0.4)] * 4
+    said = about(SIZE, compared(same, same), None)
+    assert "does not move" in said
+    assert "In no row is a change beyond" in said
+    said = about(SIZE, compared(same, [(0.5, 0.6)] * 2 + same[:2]), None)
+    assert "moves by +25 % at 4" in said  # the square root of 0.55 / 0.35, less 1
+    assert "in at least half of the rows at 4" in said
+    said = about(SIZE, compared(same, [NEVER] * 4), None)
+    assert "At 4 nothing topples within the grid." in said
+
+
+def test_similar_rocks_have_one_curve_in_their_own_units() -> None:
+    """Four times the radius: the same boundary at twice the PGV/PGA."""
+    level = 0.3 / np.array(RATIO)
+    rock = study([(0.3, 0.4)] * 4, [(0.3, 0.4)] * 4)
+    curves = np.array([level, 2.0 * level])
+    alike = rock.assign(
+        boundary=(("size", "pgv_pga"), curves),
+        rock_radius=("size", [GRAVITY, 4.0 * GRAVITY]),
+        static_pga=0.5,
+    )
+    own = collapsed(alike)
+    assert own is not None
+    assert own["time"].values.tolist() == [1.0, 2.0]
+    assert spread(own, SIZE) == pytest.approx((0.0, 0.0), abs=1e-12)
+    other = collapsed(alike.assign(boundary=(("size", "pgv_pga"), [level, 2.2 * level])))
+    assert other is not None
+    assert spread(other, SIZE) == pytest.approx((0.1, 0.1))
+    assert collapsed(rock.assign(rock_radius=("size", [1.0, 1.0]))) is None
