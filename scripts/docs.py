@@ -93,10 +93,11 @@ def gather(source: Path) -> None:
     (source / "extra").mkdir()
     for name in BESIDE:
         shutil.copy(ROOT / name, source / name)
-    for page in source.rglob("*.md"):
+    for page in (*source.rglob("*.md"), *source.rglob("*.ipynb")):
         text = page.read_text(encoding="utf-8")
         for name in (*BESIDE, "notebooks/"):
             text = text.replace(f"](../{name}", f"]({name}")
+        text = text.replace("](../docs/", "](../")
         if page.name in BESIDE:
             text = text.replace("](docs/", "](")
         page.write_text(text, encoding="utf-8")

@@ -10,7 +10,7 @@ BODY = np.array([[-0.5, 0.0], [0.5, 0.0], [0.5, 2.0], [-0.5, 2.0]])
 figure, axes = plt.subplots(1, 4, figsize=(9.4, 2.9), layout="constrained")
 told = (
     ("balanced", "upright, where it was", 0.0, 0.0, "#2b66ad"),
-    ("displaced", "upright, slid by a tenth\nof its radius or more", 0.0, 0.7, "#2b66ad"),
+    ("displaced", "upright, slid by more than\na tenth of its radius", 0.0, 0.7, "#2b66ad"),
     ("overturned", "lies, or can no longer\nbe stopped from falling", 90.0, 0.5, "#c7362f"),
     ("unsettled", "time ran out, and neither\ncould be proved: no verdict", 18.0, 0.0, "#595959"),
 )

@@ -1,4 +1,4 @@
-"""Every command in the documentation is one that the program, its Makefile and the tree know."""
+"""Every command and link in the documentation is known to the program, its Makefile or the tree."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from conftest import Ran
 from pipeline import ROOT, cli
 from pipeline.config.layers import known, load_site
 from pipeline.config.problems import InputError
+from scripts import docs
 
 PAGES = sorted(
     [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "notebooks").glob("*.md")]
@@ -194,3 +195,15 @@ def test_scripts_of_the_gallery_say_what_they_show() -> None:
         text = script.read_text(encoding="utf-8")
         assert ast.get_docstring(ast.parse(text)), script
         assert f'savefig("{script.stem}.png"' in text, script
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files_of_the_repository(page: Path) -> None:
+    """As a visitor follows them who has built no site; pictures are drawn with it."""
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text)]
+    files = [link for link in links if link and "://" not in link]
+    drawn = {f"pictures/{name}.png" for name in docs.SHOWN}
+    drawn |= {f"pictures/{path.stem}.png" for path in docs.scripts(ROOT / "docs")}
+    gone = [file for file in files if file not in drawn and not (page.parent / file).exists()]
+    assert gone == []
