@@ -22,6 +22,7 @@ from pipeline.stages.datasets.displaced_runs import (
 )
 from pipeline.stages.displacement.correlation_figures import (
     NAMES,
+    TABLE_1,
     ensemble_means,
     power,
     trajectory_lengths,
@@ -38,16 +39,6 @@ from vsr_core.outcome import Outcome, StopReason
 Row = dict[str, Any]
 
 TEMPLATE = "displacement.html"
-
-TABLE_1 = {
-    ("trajectory_length", "pga"): (0.90, 2.3e-11),
-    ("trajectory_length", "pgv_pga"): (0.92, 3.2e-22),
-    ("largest_speed", "pga"): (0.82, 5.5e-9),
-    ("largest_speed", "pgv_pga"): (0.78, 1.0e-13),
-    ("terminal_distance", "pga"): (0.73, 3.5e-7),
-    ("terminal_distance", "pgv_pga"): (0.87, 3.9e-18),
-}
-"""R2 and p of the ensembles' means, as Chen et al. (2024) give them in Table 1."""
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import xarray as xr
@@ -13,7 +14,7 @@ from pipeline.stages.datasets.displaced_runs import ends, overturned_runs, toppl
 from pipeline.stages.displacement import correlation_figures
 from pipeline.stages.figures import terrain_note
 from pipeline.stages.figures.fig_15 import SOURCES as SOURCES
-from pipeline.stages.figures.paper import Data, Finding
+from pipeline.stages.figures.paper import Data, Finding, by_rule
 from vsr_core.arrays import Array
 
 TITLE = "Lengths of the trajectories"
@@ -57,7 +58,8 @@ def findings(data: Data) -> list[Finding]:
     length = runs["trajectory_length"]
     long = runs[length >= length.quantile(1.0 - LONGEST)]
     middle = runs[["pga", "pgv_pga"]].median()
-    above = (long[["pga", "pgv_pga"]] >= middle).all(axis=1)
+    both = (long[["pga", "pgv_pga"]] >= middle).all(axis=1)
+    above = float(both.mean()) if len(both) else math.nan
     trends = {name: spearmanr(runs[name], length) for name in ("pga", "pgv_pga")}
     told = "; ".join(
         f"{correlation_figures.NAMES[name]}: {one.statistic:.2f}, p = "
@@ -70,15 +72,18 @@ def findings(data: Data) -> list[Finding]:
             "Trajectories are long only where both PGA and PGV/PGA are large.",
             f"of the longest {100 * LONGEST:g} %, {100 * BOTH:g} % have both above the median of "
             "the toppled runs",
-            f"{100 * above.mean():.0f} % of {len(long)}, on a surrogate terrain",
-            bool(above.mean() >= BOTH),
+            f"{100 * above:.0f} % of {len(long)}, on a surrogate terrain",
+            by_rule(above >= BOTH, above),
         ),
         Finding(
             "Fig. 16b, c, section 5.4",
             "Length grows with PGA and with PGV/PGA.",
             "rank correlations over the runs above 0, p below 0.001",
             told,
-            all(one.statistic > 0.0 and one.pvalue < 1e-3 for one in trends.values()),
+            by_rule(
+                all(one.statistic > 0.0 and one.pvalue < 1e-3 for one in trends.values()),
+                *(one.pvalue for one in trends.values()),
+            ),
         ),
         _niche(data["displacement"], data["terrain"]),
     ]
@@ -98,6 +103,8 @@ def _niche(displacement: xr.Dataset, terrain: xr.Dataset) -> Finding:
         return Finding(where, claim, rule, "the site names no niche", None)
     place = np.array(found["place"]) - np.asarray(terrain.attrs["origin_in_scan"])[:2]
     chosen = toppled(displacement)
+    if not chosen.any():
+        return Finding(where, claim, rule, "nothing topples", None)
     apart: Array = np.linalg.norm(ends(displacement)[chosen] - place, axis=1)
     inside = apart <= NICHE * found["sigma"]
     length = displacement["trajectory_length"].values[chosen][inside]

@@ -80,7 +80,7 @@ def make(options: argparse.Namespace, cluster: Cluster, log: Callable[[str], Non
     with asked.cluster:
         for folder in dict.fromkeys(source.folder for source in sites):
             there = [source for source in sites if source.folder == folder]
-            unresolved = max(unresolved, _bring(there, sites[there[0]], asked))
+            unresolved += _bring(there, sites[there[0]], asked)
     store = Store(asked.derived / FOLDER)
     with store:
         for name, figure in figures.items():

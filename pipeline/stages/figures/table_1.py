@@ -6,23 +6,13 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing import style
 from pipeline.stages.datasets.displaced_runs import overturned_runs
-from pipeline.stages.displacement.correlation_figures import power
+from pipeline.stages.displacement.correlation_figures import TABLE_1, power
 from pipeline.stages.figures import diagrams, terrain_note
 from pipeline.stages.figures.fig_15 import SOURCES as SOURCES
-from pipeline.stages.figures.paper import Data, Finding
+from pipeline.stages.figures.paper import Data, Finding, by_rule
 from vsr_core.displacement.correlation import Correlation, correlations
 
 TITLE = "Correlation of displacement with ground motion"
-
-PUBLISHED = {
-    ("trajectory_length", "pga"): (0.90, 2.3e-11),
-    ("trajectory_length", "pgv_pga"): (0.92, 3.2e-22),
-    ("largest_speed", "pga"): (0.82, 5.5e-9),
-    ("largest_speed", "pgv_pga"): (0.78, 1.0e-13),
-    ("terminal_distance", "pga"): (0.73, 3.5e-7),
-    ("terminal_distance", "pgv_pga"): (0.87, 3.9e-18),
-}
-"""R2 and p by statistic and regressor."""
 
 NAMES = {
     "trajectory_length": "mean trajectory length",
@@ -57,7 +47,7 @@ def draw(data: Data) -> Figure:
     _rule(figure, 0.73)
     for number, found in enumerate(correlations(overturned_runs(data["displacement"]))):
         height = 0.64 - 0.1 * number
-        r2, p = PUBLISHED[found.statistic, found.regressor]
+        r2, p = TABLE_1[found.statistic, found.regressor]
         line = found.line
         row = (f"{NAMES[found.statistic]} on {NAMES[found.regressor]}", f"{line.r2:.2f}",
                f"{r2:.2f}", power(line.p), power(p))  # fmt: skip
@@ -89,7 +79,7 @@ def findings(data: Data) -> list[Finding]:
 
 
 def _compared(found: Correlation) -> Finding:
-    r2, p = PUBLISHED[found.statistic, found.regressor]
+    r2, p = TABLE_1[found.statistic, found.regressor]
     line = found.line
     return Finding(
         "Table 1, Fig. 17",
@@ -99,5 +89,5 @@ def _compared(found: Correlation) -> Finding:
         found.reason
         or f"slope {line.slope:.2g}, R² {line.r2:.2f}, p = {power(line.p)}, "
         f"{line.n_groups} ensembles, on a surrogate terrain",
-        bool(line.slope > 0.0 and line.p < SIGNIFICANT),
+        by_rule(line.slope > 0.0 and line.p < SIGNIFICANT, line.slope, line.p),
     )

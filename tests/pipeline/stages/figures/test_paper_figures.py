@@ -17,10 +17,12 @@ from pipeline.stages.figures import (
     fig_13,
     fig_14,
     fig_15,
+    fig_16,
     fig_friction,
     measures,
     paper,
     robot,
+    table_1,
 )
 from pipeline.workflow.registry import BY_NAME
 from vsr_core.outcome import Outcome
@@ -181,6 +183,18 @@ def test_fig_15_compares_speeds_only_where_rocks_toppled() -> None:
     assert (more.found, faster.found) == (True, None)
     _, more, faster = fig_15.findings({"displacement": moved({0.75: [over]})})
     assert (more.found, faster.found) == (None, None)
+
+
+@pytest.mark.filterwarnings("ignore:One or more sample arguments is too small")
+def test_of_trajectories_that_there_are_not_nothing_is_found() -> None:
+    stood = moved({0.6: [Outcome.BALANCED] * 3})
+    names = ("pgv_pga", "trajectory_length", "terminal_distance")
+    stood = stood.assign({name: ("run", np.ones(3)) for name in names})
+    stood.attrs["vsr_config_json"] = '{"found": {"place": [0, 0], "sigma": 1}}'
+    terrain = xr.Dataset(attrs={"origin_in_scan": [0.0, 0.0, 0.0]})
+    found = fig_16.findings({"displacement": stood, "terrain": terrain})
+    found += table_1.findings({"displacement": stood})
+    assert [one.found for one in found] == [None] * 9
 
 
 def test_fig_14_finds_nothing_where_flat_ground_topples_nothing() -> None:
