@@ -96,23 +96,8 @@ def _parser() -> argparse.ArgumentParser:
         )
         return sub
 
-    def add_site(sub: argparse.ArgumentParser, required: bool = True) -> None:
-        sub.add_argument("--site", required=required, metavar="NAME_OR_YAML")
-        sub.add_argument("--study", metavar="NAME_OR_YAML")
-        sub.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
-
-    run = add("run", "make a product and all that it needs")
-    run.add_argument(
-        "product", choices=DELIVERABLES, metavar="PRODUCT", help=", ".join(DELIVERABLES)
-    )
-    add_site(run, required=False)
-    run.add_argument("--table", metavar="FOLDER", help="recorded shake-table tests to predict")
-    run.add_argument("--curves", metavar="FOLDER", help="hazard curves, or OpenQuake's calc_N.hdf5")
-    run.add_argument("--age", type=float, metavar="YEARS", help="how long the rock has stood")
-    run.add_argument("--age-sd", type=float, metavar="YEARS", help="standard deviation of the age")
-    prep = add("prep", "rock and terrain of a scan, with a page of every step to look at")
-    add_site(prep)
-    _add_where(run)
+    _add_run(add("run", "make a product and all that it needs"))
+    _add_site(add("prep", "rock and terrain of a scan, with a page of every step to look at"))
     for name, text in (
         ("plan", "what would run and what it costs"),
         ("status", "what is done"),
@@ -120,18 +105,42 @@ def _parser() -> argparse.ArgumentParser:
     ):
         sub = add(name, text)
         sub.add_argument("product", nargs="?", choices=DELIVERABLES, metavar="PRODUCT")
-        add_site(sub)
+        _add_site(sub)
     figures = add("figures", "every figure of the paper, and which of its claims were found")
     figures.add_argument("--fig", default="", metavar="NAME", help="one of them, e.g. 12")
     figures.add_argument("--record", default="", metavar="FILE", help="recorded motion for Fig. 7")
-    figures.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
+    _add_settings(figures)
     _add_where(figures)
     feasible = add("feasible", "what a shake table can do of a site's motions")
-    add_site(feasible)
+    _add_site(feasible)
     feasible.add_argument("--table", required=True, metavar="NAME_OR_YAML")
     feasible.add_argument("--export", metavar="DIR", help="write the table's commands there")
-    replay = add("replay", "a page that plays one run of a study")
-    add_site(replay)
+    _add_replay(add("replay", "a page that plays one run of a study"))
+    add("index", "a page that leads to all results")
+    add("list", "sites, studies, tables and products")
+    clean = add("clean", "remove derived data, of one site or all; never data/raw")
+    clean.add_argument("--site", metavar="NAME")
+    clean.add_argument("--yes", action="store_true", help="do not ask")
+    fetch = add("fetch", "download a public original into data/raw")
+    fetch.add_argument("name", metavar="NAME")
+    fetch.add_argument("--url", help="another place that serves the same file")
+    return parser
+
+
+def _add_run(run: argparse.ArgumentParser) -> None:
+    run.add_argument(
+        "product", choices=DELIVERABLES, metavar="PRODUCT", help=", ".join(DELIVERABLES)
+    )
+    _add_site(run, required=False)
+    run.add_argument("--table", metavar="FOLDER", help="recorded shake-table tests to predict")
+    run.add_argument("--curves", metavar="FOLDER", help="hazard curves, or OpenQuake's calc_N.hdf5")
+    run.add_argument("--age", type=float, metavar="YEARS", help="how long the rock has stood")
+    run.add_argument("--age-sd", type=float, metavar="YEARS", help="standard deviation of the age")
+    _add_where(run)
+
+
+def _add_replay(replay: argparse.ArgumentParser) -> None:
+    _add_site(replay)
     for name, what in (
         ("yaw", "direction of shaking [degree]"),
         ("friction", "friction of rock on pedestal"),
@@ -147,15 +156,16 @@ def _parser() -> argparse.ArgumentParser:
         help="a run beside it: neighbour, or what differs, such as engine=bullet or yaw=30,pga=0.5",
     )
     _add_where(replay)
-    add("index", "a page that leads to all results")
-    add("list", "sites, studies, tables and products")
-    clean = add("clean", "remove derived data, of one site or all; never data/raw")
-    clean.add_argument("--site", metavar="NAME")
-    clean.add_argument("--yes", action="store_true", help="do not ask")
-    fetch = add("fetch", "download a public original into data/raw")
-    fetch.add_argument("name", metavar="NAME")
-    fetch.add_argument("--url", help="another place that serves the same file")
-    return parser
+
+
+def _add_site(sub: argparse.ArgumentParser, required: bool = True) -> None:
+    sub.add_argument("--site", required=required, metavar="NAME_OR_YAML")
+    sub.add_argument("--study", metavar="NAME_OR_YAML")
+    _add_settings(sub)
+
+
+def _add_settings(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
 
 
 def _add_where(sub: argparse.ArgumentParser) -> None:
