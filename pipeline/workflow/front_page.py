@@ -39,7 +39,9 @@ def renew(derived: Path) -> Path | None:
             for path in (page, derived / KNOWN):
                 path.unlink(missing_ok=True)
             return None
-        stamp = digest([str(path.relative_to(derived)) + _stamp(path) for path in files(folders)])
+        stamp = digest(
+            [str(path.relative_to(derived)) + _stamp(path) for path in manifests(folders)]
+        )
         known = _known(derived)
         if known.get("stamp") != stamp or not page.is_file():
             text, facts = named("pipeline.workflow.front_page_text:text")(
@@ -71,8 +73,8 @@ def product_folders(derived: Path) -> Iterator[Path]:
             yield folder
 
 
-def files(folders: list[Path]) -> list[Path]:
-    """Manifests, which tell what was made when, and whether it has a verdict.
+def manifests(folders: list[Path]) -> list[Path]:
+    """Files that tell what was made, and whether it has a verdict.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline.config import in_si
-from pipeline.stages.motions.motion_grid import Cell, Pulses, Shaking
+from pipeline.stages.motions.motion_grid import Cell, Pulses, Shaking, TablePulses
 from pipeline.stages.runs import overturning_runs
 from pipeline.stages.runs.runner import Kind, Run, run_missing
 from pipeline.stages.runs.scenes import Scenes, flat_case
@@ -189,7 +189,8 @@ def _proved(wanted: Search, draws: Sequence[Draw]) -> Mask:
     """Cells in which a draw provably stands, shape (draws, yaws, rows, pga)."""
     shape = (len(draws), *wanted.nominal.shape)
     config = wanted.job.config
-    if type(wanted.motions) is not Pulses or config.drive == "servo":
+    along_x = isinstance(wanted.motions, Pulses) and not isinstance(wanted.motions, TablePulses)
+    if not along_x or config.drive == "servo":  # the peak of what the rock feels is not the PGA
         return np.zeros(shape, dtype=bool)
     still = np.zeros((len(draws), shape[1], shape[3]), dtype=bool)
     for at, draw in enumerate(draws):

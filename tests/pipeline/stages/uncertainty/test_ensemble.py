@@ -1,0 +1,48 @@
+"""Which cells of a draw need no run."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from pipeline.config.layers import load_site
+from pipeline.config.motion_schema import AxisPulseConfig
+from pipeline.stages.motions.motion_grid import Pulses, Shaking, ShapedPulses, TablePulses
+from pipeline.stages.uncertainty import ensemble
+from pipeline.stages.uncertainty.draws import Draw
+from pipeline.workflow.stage import Job
+from vsr_core.rock.solid import block
+from vsr_core.run.cases import Settings
+from vsr_core.run.proofs import barrier
+from vsr_core.validation.priors import Priors, best_guess
+
+PGA, RATIO = (0.2, 0.39, 0.41, 0.6), (0.1, 0.4)
+
+
+@pytest.mark.parametrize(
+    ("motions", "drive", "still"),
+    [
+        (Pulses(RATIO, PGA), "table_frame", [1, 1, 0, 0]),
+        (ShapedPulses(RATIO, PGA, "sine_pulse"), "table_frame", [1, 1, 0, 0]),
+        (ShapedPulses(RATIO, PGA, "ricker_pulse"), "table_frame", [1, 1, 0, 0]),
+        (Pulses(RATIO, PGA), "servo", [0, 0, 0, 0]),
+        (TablePulses(RATIO, PGA, (AxisPulseConfig(axis="z"),)), "table_frame", [0, 0, 0, 0]),
+    ],
+)
+def test_a_block_stands_below_its_width_over_height(
+    motions: Shaking, drive: str, still: list[int]
+) -> None:
+    """A block of 1:2 moves from 0.5 g on, with a gain of 1.25 from 0.4 g on the grid."""
+    config = load_site("cuboid_1x1x2", None, (f"drive={drive}",)).config
+    rock = block((1.0, 1.0, 2.0), 2000.0)
+    member = best_guess(Priors((0.0, 0.0), 0.0, friction=(0.7, 0.7), amplitude=(1.25, 0.0)))
+    draw = Draw(0, member, rock, config, (rock, barrier(rock)))
+    nominal = np.zeros((len(config.yaw), len(RATIO), len(PGA)), np.int8)
+    job = cast(Job, SimpleNamespace(config=config))
+    given = np.zeros((4, len(config.yaw)))
+    wanted = ensemble.Search(job, [draw], given, motions, Settings(1e-3), nominal)
+    found = ensemble._proved(wanted, [draw])
+    np.testing.assert_array_equal(found, np.broadcast_to(np.array(still, bool), found.shape))
