@@ -107,7 +107,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
         subprocess.run(["umount", "--lazy", str(place)], check=True)
 
 
-@pytest.mark.parametrize("step", [5, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("step", [10, pytest.param(1, marks=pytest.mark.slow)])
 def test_disk_full_at_each_write(run: Command, small_disk: Path, tmp_path: Path, step: int) -> None:
     """The room is 0, 1, 2 ... pages, until it is enough: each write is once the one too many."""
     assert run(into=tmp_path / "calm").code == 0

@@ -140,8 +140,15 @@ def test_a_run_without_a_solution_is_refused(monkeypatch: pytest.MonkeyPatch) ->
         replay(case(), ROCKS, FINE)
 
 
-@pytest.mark.parametrize("engine", ["nonsmooth", "bullet"])
-@pytest.mark.parametrize("pga", [0.3, 0.8])
+@pytest.mark.parametrize(
+    ("engine", "pga"),
+    [
+        ("nonsmooth", 0.8),
+        ("bullet", 0.3),
+        pytest.param("nonsmooth", 0.3, marks=pytest.mark.slow),
+        pytest.param("bullet", 0.8, marks=pytest.mark.slow),
+    ],
+)
 def test_on_a_terrain_it_is_the_run_of_the_study_and_goes_on(engine: str, pga: float) -> None:
     seat = grounds.site(rock(), grounds.level(), yaw=0.5).seat
     place = TerrainCase(seat, seat, barrier(rock()).toppled_tilt)
