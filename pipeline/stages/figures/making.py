@@ -138,8 +138,15 @@ def _draw(
         told: read(asked.derived / source.folder / source.file)
         for told, source in figure.SOURCES.items()
     }
-    found = {"title": figure.TITLE, "findings": [asdict(one) for one in figure.findings(data)]}
-    files = pictures(name, figure.draw(data), KINDS)
+    try:
+        found = {"title": figure.TITLE, "findings": [asdict(one) for one in figure.findings(data)]}
+        files = pictures(name, figure.draw(data), KINDS)
+    except KeyError as missing:
+        if not asked.settings:
+            raise
+        given, rule = " ".join(asked.settings), f"{figure.TITLE!r} needs what they leave out"
+        remedy = f"leave them out, or give another figure (it looks for {missing})"
+        raise InputError(Problem("--set", "", given, rule, remedy)) from missing
     files[f"{name}.json"] = writers.text(json.dumps(found, indent=1, ensure_ascii=False))
     graph.keep(stage, identity, Product(files, figure.TITLE), store)
     asked.log(f"{FOLDER}: {name}")
