@@ -18,7 +18,7 @@ from typing import Any
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.journal import settle
 from pipeline.workflow.keys import digest_file
-from pipeline.workflow.owner import Ownership
+from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.writers import Writer, text
 
 LOG = "log.jsonl"
@@ -67,6 +67,9 @@ class Store:
         return self
 
     def __exit__(self, *error: object) -> None:
+        if self._home is None and not self._owned and (self.folder / LOCK).exists():
+            with suppress(InputError):  # there was nothing to do: what a killed owner left goes
+                self.open()
         if self._owned:
             self._owned.end()
             self._owned, self._is_open = None, False
@@ -95,7 +98,7 @@ class Store:
                 self._owned, just_owned = Ownership(self.folder), True
             with tempfile.NamedTemporaryFile(dir=self.folder, prefix=".try-") as probe:
                 probe.write(b"x" * ROOM)
-            for left in self.folder.glob(".part-*"):
+            for left in (*self.folder.glob(".part-*"), *self.folder.glob(".try-*")):
                 left.unlink()
         self._is_open = True
         return just_owned

@@ -92,6 +92,22 @@ def test_second_command_says_who_is_at_work(
     assert not made.exists()
 
 
+def test_what_a_killed_owner_left_goes_though_nothing_is_to_do(
+    made: Path, vsr: Callable[..., Any], write_site: Callable[..., str]
+) -> None:
+    """Killed when all was made, and before the folder was given back."""
+    before = stamps(made)
+    with held(made) as process:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        for name in (".part-1-rock.nc", ".try-abc"):
+            (made / name).write_text("x")
+        assert vsr("status", "--site", write_site(GRID)).code == 0
+        assert (made / LOCK).exists()
+        assert vsr("run", "responses", "--site", write_site(GRID)).code == 0
+    assert stamps(made) == before
+
+
 def test_two_commands_at_once_do_everything_once(
     write_site: Callable[..., str], derived: Path, vsr: Callable[..., Any], tmp_path: Path
 ) -> None:
