@@ -75,7 +75,7 @@ def text(derived: Path, folders: list[Path], known: Facts) -> tuple[str, Facts]:
             **_dataset(derived, folder, made, known, read),
         }
         sites.setdefault(place.parts[0], []).append(entry)
-    groups = [
+    groups: list[Facts] = [
         {
             "site": site,
             "entries": [one for one in entries if one["pages"] or one["name"] == site],
