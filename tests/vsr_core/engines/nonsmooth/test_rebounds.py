@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import quad
@@ -53,6 +53,14 @@ def landed(rock: Rock, contact: Contact, start: State, step: float, steps: int =
     return world.state()
 
 
+def moment_unknown(start: State, after: State, step: float) -> float:
+    """Energy by which a rock is too high, of first order in the step [J/kg].
+
+    It lands in one step, and its velocity changes by the next: two steps at the new speed.
+    """
+    return GRAVITY * 2.0 * step * abs(float(after.velocity[2] - start.velocity[2]))
+
+
 def hull_of(seed: int) -> Rock:
     corners = np.random.default_rng(seed).normal(size=(12, 3)) * [0.6, 0.45, 0.35]
     return hull(corners, as_scanned=True)
@@ -68,17 +76,19 @@ def test_a_cube_never_gains_energy(
     start = thrown(rock, seed, step, flat)
     after = landed(rock, Contact(mu, e, energetic=energetic), start, step)
     held = energy(rock, start)
+    held += moment_unknown(start, after, step)
     assert energy(rock, after) <= held * (1.0 + (1e-3 if long else 1e-7))
 
 
 @settings(deadline=None, max_examples=200)
 @given(seed=SEEDS, e=SHARES, mu=st.floats(0.0, 1.5), energetic=LAWS)
+@example(seed=1, e=1.0, mu=0.0, energetic=False)
 def test_a_hull_never_gains_energy(seed: int, e: float, mu: float, energetic: bool) -> None:
     """In steps so short that its pose is that of the moment of touching."""
     rock, step = hull_of(seed % 40), 1e-5
     start = thrown(rock, seed, step)
     after = landed(rock, Contact(mu, e, energetic=energetic), start, step)
-    held = energy(rock, start)
+    held = energy(rock, start) + moment_unknown(start, after, step)
     assert energy(rock, after) <= held * (1.0 + 1e-7)
 
 
