@@ -75,7 +75,8 @@ def prep(options: argparse.Namespace) -> int:
     if not job.config.on_terrain:
         shape = f"a {job.config.pedestal.shape} pedestal"
         rule, remedy = "rock and terrain are parts of one scan", "set pedestal.shape: mesh"
-        raise InputError(Problem(job.site.file, "pedestal.shape", shape, rule, remedy))
+        file = job.site.file_of("pedestal.shape")
+        raise InputError(Problem(file, "pedestal.shape", shape, rule, remedy))
     with job.store, job.cluster:
         graph.make("scan", job)
         log(f"-> {job.path('prep.html')}")

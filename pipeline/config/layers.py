@@ -14,7 +14,7 @@ from pipeline.config.motion_schema import PULSES
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.recorded_tests_schema import ShakeTableConfig
-from pipeline.config.refusals import problem
+from pipeline.config.refusals import nearest, problem
 from pipeline.config.schema import Config
 from pipeline.config.yaml_text import DEEPEST, LONGEST, parse
 
@@ -37,14 +37,15 @@ class Site:
         shake-table tests
     file : str, where they stand, as a reader would write it
     folder : Path, which the settings' paths are relative to
-    folders : dict, from a dotted key to the folder of the file that set it
+    places : dict, from the parts of a key to where it was set above the base, as a reader would
+        write it, and the folder which a path there is relative to
     """
 
     name: str
     settings: Config | ShakeTableConfig
     file: str
     folder: Path
-    folders: dict[str, Path] = field(default_factory=dict)
+    places: dict[tuple[str, ...], tuple[str, Path]] = field(default_factory=dict)
 
     @property
     def config(self) -> Config:
@@ -68,7 +69,21 @@ class Site:
         -------
         Path
         """
-        return self.folders.get(key, self.folder)
+        return self.places.get(tuple(key.split(".")), (self.file, self.folder))[1]
+
+    def file_of(self, key: str) -> str:
+        """Where a key stands, or else the nearest section above it, for messages.
+
+        Parameters
+        ----------
+        key : str, dotted
+
+        Returns
+        -------
+        str, a file as a reader would write it, or an option of the command line
+        """
+        found = nearest(self.places, tuple(key.split(".")))
+        return self.file if found is None else found[0]
 
 
 def known(folder: Path = SITES) -> list[str]:
@@ -153,9 +168,13 @@ class Layers:
             problems = [problem(item, origin, file) for item in error.errors()]
             by_key = {(one.file, one.key): one for one in problems}
             raise InputError(*by_key.values()) from None
-        parents = self.parents
-        folders = {".".join(key): parents[at] for key, at in origin.items() if at in parents}
-        return Site(self.path.stem, config, file, self.path.parent, folders)
+        folder = self.path.parent
+        places = {
+            key: (at, self.parents.get(at, folder))
+            for key, at in origin.items()
+            if at != shown(BASE)  # what is to be other than in the base is set by the site
+        }
+        return Site(self.path.stem, config, file, folder, places)
 
     def merged(self, *more: dict[str, Any]) -> tuple[dict[str, Any], dict[tuple[str, ...], str]]:
         """Merge them, unchecked.

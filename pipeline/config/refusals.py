@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import difflib
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel
 
 from pipeline.config.problems import Problem
 from pipeline.config.schema import Config
+
+Known = TypeVar("Known")
 
 
 def problem(
@@ -35,9 +37,7 @@ def problem(
     if error["type"] == "union_tag_invalid":
         place, models = (*place, "kind"), [*models, None]
         given = error["ctx"]["tag"]
-    source = next(
-        (origin[place[:n]] for n in range(len(place), 0, -1) if place[:n] in origin), site
-    )
+    source = nearest(origin, place) or site
     key = ".".join(place)
     if error["type"] == "extra_forbidden":
         names = list(models[-1].model_fields) if models[-1] else ["start", "stop", "num"]
@@ -54,6 +54,27 @@ def problem(
         return Problem(source, key, given, f"it is {error['ctx']['expected_tags']}", "correct it")
     rule = error["msg"][0].lower() + error["msg"][1:]
     return Problem(source, key, given, rule, _description(place, models))
+
+
+def nearest(origin: dict[tuple[str, ...], Known], place: tuple[str, ...]) -> Known | None:
+    """What is known of a key, or else of the nearest section above it.
+
+    Parameters
+    ----------
+    origin : dict, by the parts of a key
+    place : tuple of str, the parts of a key
+
+    Returns
+    -------
+    what is known, or None
+
+    Examples
+    --------
+    >>> nearest({("motion",): "site.yaml", ("motion", "pga"): "--set"}, ("motion", "files"))
+    'site.yaml'
+    """
+    above = (place[:n] for n in range(len(place), 0, -1))
+    return next((origin[part] for part in above if part in origin), None)
 
 
 Sections = dict[str, type[BaseModel]]

@@ -39,7 +39,7 @@ def check_drawn(job: Job) -> None:
     else:
         key, given, remedy = "uncertainty.members", "0", "give a number of draws, such as 32"
     rule = "rocks are drawn on a flat pedestal, one a member"
-    raise InputError(Problem(job.site.file, key, given, rule, remedy))
+    raise InputError(Problem(job.site.file_of(key), key, given, rule, remedy))
 
 
 def others_of(options: argparse.Namespace, job: Job) -> Iterator[Job]:
@@ -139,7 +139,7 @@ def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
         name = str(_wanted(given, "site", "a site, or the path of its YAML"))
         site = load_site(name, options.study, _settings(given))
         if given.get("curves") is not None:  # beside who gives them, not beside the site's YAML
-            site = replace(site, folders={**site.folders, "hazard.curves": Path.cwd()})
+            site.places["hazard", "curves"] = ("--curves", Path.cwd())
     return Job(site, Store(options.derived / site.name), cluster_of(given), "", log)
 
 

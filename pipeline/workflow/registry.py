@@ -104,7 +104,7 @@ STAGES: tuple[Stage, ...] = (
             *ENGINE_CODE,
         ),
         made_elsewhere=True,
-        inputs="pipeline.stages.runs.scenes:engine_version",
+        inputs="pipeline.stages.runs.displacement_runs:inputs",
         check="pipeline.stages.runs.runner:database_is_there",
     ),
     Stage(

@@ -121,6 +121,41 @@ def test_plan_of_many_runs_is_arithmetic(vsr: Callable[..., Any]) -> None:
     assert "runs: 1000000000; 0 stored, 1000000000 to do, 499990000 of them proved" in ran.out
 
 
+RECORDS = "motion: {kind: record, files: nowhere, pga: 1, processing: "
+RECORDS += "{order: none, highpass: null, lowpass: null}}"
+
+STANDS = {
+    "records in the site": (RECORDS, "", "", "site.yaml", "motion.files"),
+    "records in the study": ("", RECORDS, "", "study.yaml", "motion.files"),
+    "records in a setting": (RECORDS, RECORDS, "motion.files=none", "--set", "motion.files"),
+    "another key of records": (RECORDS, "motion: {pga: 2}", "", "site.yaml", "motion.files"),
+    "a scan": ("", "rock: {shape: mesh, mesh: a.ply}", "", "study.yaml", "rock.mesh"),
+    "a replica": ("", "uncertainty: {scan: {replica: a.ply}}", "", "study.yaml", "scan.replica"),
+    "a servo": ("drive: servo", "servo: {kp: 1.0e+9}", "", "study.yaml", "servo"),
+    "a step": ("", "simulation: {time_step: 0.02}", "", "study.yaml", "simulation.time_step"),
+    "a key of the base": ("", "yaw: 3", "", "site.yaml", "pedestal.shape"),
+}
+
+
+@pytest.mark.parametrize("case", STANDS)
+def test_problem_names_the_file_in_which_the_key_stands(
+    tmp_path: Path, refused: Refused, case: str
+) -> None:
+    site, study, setting, file, key = STANDS[case]
+    (tmp_path / "site.yaml").write_text(BOX + site)
+    (tmp_path / "study.yaml").write_text(study)
+    product = {
+        "a scan": "rock",
+        "a replica": "uncertainty",
+        "a step": "responses",
+        "a key of the base": "displacement",
+    }.get(case, "motions")
+    given = ("--set", setting) if setting else ()
+    layers = ("--site", tmp_path / "site.yaml", "--study", tmp_path / "study.yaml", *given)
+    said = refused("run", product, *layers, "--workers", 0, words=(key,))
+    assert said.split(": ")[1].endswith(file), said
+
+
 @pytest.mark.parametrize("name", ["x" * 300 + ".yaml", "x" * 5000, "a\0b.yaml", "...yaml", ""])
 def test_name_of_a_site_is_a_name(refused: Refused, name: str) -> None:
     said = refused("plan", f"--site={name}", words=())

@@ -145,4 +145,4 @@ def _paths(site: Site) -> tuple[Path, Path | None]:
 
 def _located(site: Site, key: str, name: str) -> Path:
     key = f"hazard.{key}"
-    return located(site.folder_of(key), name, site.file, key)
+    return located(site.folder_of(key), name, site.file_of(key), key)

@@ -40,7 +40,7 @@ def make(job: Job) -> Product:
     if rolling > 0.05 * radius:
         raise InputError(
             Problem(
-                job.site.file,
+                job.site.file_of("contact.rolling_friction"),
                 "contact.rolling_friction",
                 f"{rolling} m on a rock of radius {radius:.3g} m",
                 "it is a length, at most a twentieth of the rock's radius",
@@ -83,7 +83,7 @@ def _solid(job: Job) -> tuple[Solid, Rock, Origin, tuple[str, ...]]:
 def _from_file(job: Job) -> tuple[trimesh.Trimesh, Origin, str, str]:
     """The mesh of the rock alone, where it is from, and what to name if it is refused."""
     source = sources.find(job.site)
-    where = f"{job.site.file}: rock.mesh" if source.path else job.site.file
+    where = f"{job.site.file_of('rock.mesh')}: rock.mesh" if source.path else job.site.file
     return sources.load(source, job.site), source.attributes, where, source.name
 
 
@@ -93,7 +93,7 @@ def _from_scan(job: Job) -> tuple[trimesh.Trimesh, Origin, str, str]:
     if not scan.attrs["accepted"]:
         raise InputError(
             Problem(
-                job.site.file,
+                job.site.file_of("pedestal.cut"),
                 "pedestal.cut",
                 "nothing",
                 "it says what of the scan is the rock",
@@ -104,7 +104,7 @@ def _from_scan(job: Job) -> tuple[trimesh.Trimesh, Origin, str, str]:
     faces = scan["rock_face"].values.astype(np.int64)
     mesh = trimesh.Trimesh(scan["rock_vertex"].values, faces, process=False)
     origin: Origin = {name: scan.attrs[name] for name in ("shape_source", "surrogate")}
-    return mesh, origin, f"{job.site.file}: rock.mesh", str(origin["shape_source"])
+    return mesh, origin, f"{job.site.file_of('rock.mesh')}: rock.mesh", str(origin["shape_source"])
 
 
 def _dataset(made: Solid, level: Rock) -> xr.Dataset:

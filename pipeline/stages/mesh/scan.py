@@ -78,9 +78,11 @@ def _prepared(job: Job, source: sources.Source) -> Prepared:
             clearance=config.pedestal.clearance,
         )
     except Miscut as error:
-        raise InputError.from_invalid(job.site.file, "pedestal.cut", error) from None
+        raise InputError.from_invalid(
+            job.site.file_of("pedestal.cut"), "pedestal.cut", error
+        ) from None
     except InvalidInput as error:
-        where = f"{job.site.file}: rock.mesh"
+        where = f"{job.site.file_of('rock.mesh')}: rock.mesh"
         raise InputError.from_invalid(where, source.name, error) from None
 
 

@@ -74,7 +74,7 @@ def find(site: Site) -> Source:
     """
     rock = site.config.rock
     assert rock.mesh is not None
-    path = located(site.folder, rock.mesh, site.file, "rock.mesh")
+    path = located(site.folder_of("rock.mesh"), rock.mesh, site.file_of("rock.mesh"), "rock.mesh")
     if path.is_dir() or (not path.exists() and rock.fallback):
         scans = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
         if len(scans) > 1:
@@ -162,7 +162,13 @@ def _surrogate(site: Site, folder: Path) -> Source:
     if name not in known:
         names = ", ".join(known)
         raise InputError(
-            Problem(site.file, "rock.fallback", repr(name), f"it is one of {names}", "correct it")
+            Problem(
+                site.file_of("rock.fallback"),
+                "rock.fallback",
+                repr(name),
+                f"it is one of {names}",
+                "correct it",
+            )
         )
     return Source(None, name, "surrogate made from published figures (no scan found)")
 
@@ -179,4 +185,4 @@ def _label(path: Path) -> str:
 
 
 def _problem(site: Site, given: str, rule: str, remedy: str) -> InputError:
-    return InputError(Problem(site.file, "rock.mesh", given, rule, remedy))
+    return InputError(Problem(site.file_of("rock.mesh"), "rock.mesh", given, rule, remedy))

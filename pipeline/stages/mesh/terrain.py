@@ -56,7 +56,7 @@ def make(job: Job) -> Product:
             friction: _rest(terrain, job, friction) for friction in job.config.contact.friction
         }
     except InvalidInput as error:
-        raise InputError.from_invalid(job.site.file, "pedestal", error) from None
+        raise InputError.from_invalid(job.site.file_of("pedestal"), "pedestal", error) from None
     dataset = _dataset(whole, terrain, starts)
     dataset.attrs["origin_in_scan"] = scan.attrs["origin_in_scan"]
     fewer = f"{len(terrain.light.faces)} of which stand for it, " if terrain.light else ""

@@ -28,6 +28,8 @@ from vsr_core.motions.records.trace import Trace
 
 Loaded = TypeVar("Loaded")
 
+_FILES, _RESPONSE = "motion.files", "motion.response.file"
+
 LARGEST_FILE = 256 * 1024**2
 """Bytes of a file of motions: of ten million samples in text."""
 
@@ -71,10 +73,11 @@ def find(site: Site, files: tuple[str, ...]) -> list[Path]:
     """
     found: list[Path] = []
     for name in files:
-        path = located(site.folder_of("motion.files"), name, site.file, "motion.files")
+        path = located(site.folder_of(_FILES), name, site.file_of(_FILES), _FILES)
         inside = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
         if not path.exists():
-            raise _problem(site, f"{shown(path)}, which is not there", "it exists", "correct it")
+            given, rule = f"{shown(path)}, which is not there", "it is a record or a folder of them"
+            raise _problem(site, given, rule, "correct the path")
         if path.is_dir() and not inside:
             raise _problem(
                 site,
@@ -83,7 +86,7 @@ def find(site: Site, files: tuple[str, ...]) -> list[Path]:
                 "put records there",
             )
         found += inside if path.is_dir() else [path]
-    each(site.file, found, check_file)
+    each(site.file_of(_FILES), found, check_file)
     twice = [name for name, times in Counter(p.stem for p in found).items() if times > 1]
     if twice:
         raise _problem(
@@ -100,8 +103,7 @@ def each(file: str, paths: list[Path], load: Callable[[Path], Loaded]) -> list[L
 
     Parameters
     ----------
-    file : str
-        The site's, for messages.
+    file : str, in which the key stands, for messages
     paths : list of Path
     load : function of a Path that raises InvalidInput for what cannot be used
 
@@ -120,7 +122,7 @@ def each(file: str, paths: list[Path], load: Callable[[Path], Loaded]) -> list[L
             found.append(load(path))
         except InvalidInput as error:
             given = f"{shown(path)}, {error.given}"
-            problems.append(Problem(file, "motion.files", given, error.rule, error.remedy))
+            problems.append(Problem(file, _FILES, given, error.rule, error.remedy))
     if problems:
         raise InputError(*problems)
     return found
@@ -190,7 +192,7 @@ def load(site: Site, motion: RecordConfig) -> tuple[Ready, ...]:
     """
     files = tuple((path, digest_file(path)) for path in find(site, motion.files))
     response = None if motion.response is None else _response(site, motion).read_bytes()
-    return _loaded(site.file, files, response, motion)
+    return _loaded(site.file_of(_FILES), files, response, motion)
 
 
 @lru_cache(maxsize=4)
@@ -204,7 +206,7 @@ def _loaded(
             raise InputError(
                 Problem(
                     file,
-                    "motion.files",
+                    _FILES,
                     f"{one.file} and {other.file}, which are one motion at two scales",
                     "each record is scaled to every PGA",
                     "leave one out",
@@ -233,20 +235,13 @@ def _same(one: Trace, other: Trace) -> bool:
 
 def _response(site: Site, motion: RecordConfig) -> Path:
     assert motion.response is not None
-    folder, name = site.folder_of("motion.response.file"), motion.response.file
-    path = located(folder, name, site.file, "motion.response.file")
+    file = site.file_of(_RESPONSE)
+    path = located(site.folder_of(_RESPONSE), motion.response.file, file, _RESPONSE)
     if not path.is_file():
-        raise InputError(
-            Problem(
-                site.file,
-                "motion.response.file",
-                f"{shown(path)}, which is not there",
-                "it is the instruments' StationXML",
-                "correct the path",
-            )
-        )
+        given, rule = f"{shown(path)}, which is not there", "it is the instruments' StationXML"
+        raise InputError(Problem(file, _RESPONSE, given, rule, "correct the path"))
     return path
 
 
 def _problem(site: Site, given: str, rule: str, remedy: str) -> InputError:
-    return InputError(Problem(site.file, "motion.files", given, rule, remedy))
+    return InputError(Problem(site.file_of(_FILES), _FILES, given, rule, remedy))

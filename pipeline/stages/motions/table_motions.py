@@ -60,7 +60,8 @@ def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
     """
     assert motion.files is not None
     paths = record_inputs.find(site, motion.files)
-    motions = record_inputs.each(site.file, paths, lambda path: _moving(table_files.load(path)))
+    file = site.file_of("motion.files")
+    motions = record_inputs.each(file, paths, lambda path: _moving(table_files.load(path)))
     found = dict(zip((path.stem for path in paths), motions, strict=True))
     ratios = {name: one.peak_velocity / one.peak_acceleration for name, one in found.items()}
     names = tuple(sorted(found, key=lambda name: (ratios[name], name)))

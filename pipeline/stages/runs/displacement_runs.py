@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from pipeline.config.layers import Site
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.runner import Kind
-from pipeline.stages.runs.scenes import terrain_case
+from pipeline.stages.runs.scenes import engine_version, terrain_case
 from pipeline.stages.runs.study import run_study
 from pipeline.stages.runs.trajectory_packing import pack
 from pipeline.workflow.rows import DisplacementRow
@@ -49,23 +50,32 @@ def make(job: Job) -> Product:
     Returns
     -------
     Product
+    """
+    return run_study(job, KIND, terrain_case)
+
+
+def inputs(site: Site) -> dict[str, str]:
+    """Tell the version of the engine; a rock that has no terrain is refused before any work.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    dict of str
 
     Raises
     ------
     InputError
-        If the rock does not stand on a terrain.
+        If the rock does not stand on a terrain, or the engine is not installed.
     """
-    if not job.config.on_terrain:
-        raise InputError(
-            Problem(
-                job.site.file,
-                "pedestal.shape",
-                job.config.pedestal.shape,
-                "a rock travels over a terrain",
-                "set pedestal.shape: mesh, with the terrain in the rock's scan",
-            )
-        )
-    return run_study(job, KIND, terrain_case)
+    shape = site.config.pedestal.shape
+    if shape != "mesh":
+        file, rule = site.file_of("pedestal.shape"), "a rock travels over a terrain"
+        remedy = "set pedestal.shape: mesh, with the terrain in the rock's scan"
+        raise InputError(Problem(file, "pedestal.shape", shape, rule, remedy))
+    return engine_version(site)
 
 
 KIND = Kind("displacement_runs", "displacement runs", DisplacementRow, follow_batch, batch=4)

@@ -277,7 +277,7 @@ def check_scenes(site: Site, scenes: Scenes) -> None:
     if (count := motion_grid.count(shaking)) > MOST_RUNS:
         rule = f"a direction and friction has at most {MOST_RUNS:,}, which are held in memory"
         remedy = "part the study in several, or thin out its grid"
-        raise InputError(Problem(site.file, "motion", f"{count:,} runs", rule, remedy))
+        raise InputError(Problem(site.file_of("motion"), "motion", f"{count:,} runs", rule, remedy))
     cases = [flat_case(scenes, group) for group in groups(scenes.config)]
     strongest = motion_grid.strongest(shaking)
     key = "simulation.engine"
@@ -292,7 +292,7 @@ def check_scenes(site: Site, scenes: Scenes) -> None:
                 check(case, settings, motion)
         check_unshaken(cases[0], settings, strongest[0])
     except InvalidInput as error:
-        raise InputError.from_invalid(site.file, key, error) from None
+        raise InputError.from_invalid(site.file_of(key), key, error) from None
 
 
 def engine_version(site: Site) -> dict[str, str]:
@@ -317,7 +317,8 @@ def engine_version(site: Site) -> dict[str, str]:
     try:
         version = engines.load(name).VERSION
     except InvalidInput as error:
-        raise InputError.from_invalid(site.file, "simulation.engine", error) from None
+        file = site.file_of("simulation.engine")
+        raise InputError.from_invalid(file, "simulation.engine", error) from None
     _check_step_of_block(site)
     return {f"engine {name}": version}
 
@@ -336,4 +337,5 @@ def _check_step_of_block(site: Site) -> None:
             for motion in strongest:
                 check_step(Scene(rock, contact, in_si.angle(yaw), drive=drive), settings, motion)
     except InvalidInput as error:
-        raise InputError.from_invalid(site.file, "simulation.time_step", error) from None
+        file = site.file_of("simulation.time_step")
+        raise InputError.from_invalid(file, "simulation.time_step", error) from None

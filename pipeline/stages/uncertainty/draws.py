@@ -131,7 +131,9 @@ def draws(site: Site, store: Store, shape: Form) -> list[Draw]:
         try:
             rock = _rock(given[0], shape, member, config.rock.density)
         except InvalidInput as error:
-            raise InputError.from_invalid(site.file, "uncertainty", error) from None
+            raise InputError.from_invalid(
+                site.file_of("uncertainty"), "uncertainty", error
+            ) from None
         found.append(Draw(number, member, rock, own_config, given))
     return found
 
@@ -216,7 +218,7 @@ def replica_path(site: Site) -> Path | None:
     name = site.config.uncertainty.scan.replica
     if name is None:
         return None
-    path = located(site.folder_of(_REPLICA), name, site.file, _REPLICA)
+    path = located(site.folder_of(_REPLICA), name, site.file_of(_REPLICA), _REPLICA)
     if not path.is_file():
         given = f"{shown(path)}, which is not there"
         raise _refused(site, given, "the scan exists", "check the path")
@@ -239,4 +241,4 @@ def inputs(site: Site) -> dict[str, str]:
 
 
 def _refused(site: Site, given: str, rule: str, remedy: str) -> InputError:
-    return InputError(Problem(site.file, _REPLICA, given, rule, remedy))
+    return InputError(Problem(site.file_of(_REPLICA), _REPLICA, given, rule, remedy))

@@ -46,7 +46,7 @@ def make(job: Job) -> Product:
     if job.config.on_terrain:
         raise InputError(
             Problem(
-                job.site.file,
+                job.site.file_of("pedestal.shape"),
                 "pedestal.shape",
                 "a terrain",
                 "other ways of running are compared on a flat pedestal",
@@ -56,7 +56,7 @@ def make(job: Job) -> Product:
     if not isinstance(job.config.motion, PulseConfig):
         raise InputError(
             Problem(
-                job.site.file,
+                job.site.file_of("motion.kind"),
                 "motion.kind",
                 job.config.motion.kind,
                 "other ways of running are compared under pulses",

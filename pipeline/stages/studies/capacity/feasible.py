@@ -65,7 +65,8 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
     motion = job.config.motion
     if not isinstance(motion, PulseConfig):
         rule, remedy = "the grid is one of cosine pulses", "use a site or study of cosine pulses"
-        raise InputError(Problem(job.site.file, "motion.kind", repr(motion.kind), rule, remedy))
+        file = job.site.file_of("motion.kind")
+        raise InputError(Problem(file, "motion.kind", repr(motion.kind), rule, remedy))
     graph.make("rock", job)
     rock, _ = load_rock(job.store)
     label = Path(file).stem

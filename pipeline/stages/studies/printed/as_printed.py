@@ -69,7 +69,8 @@ def make(job: Job) -> Product:
     motion = job.config.motion
     if not isinstance(motion, PulseConfig):
         rule, remedy = "the grid is one of cosine pulses", "use a site or study of cosine pulses"
-        raise InputError(Problem(job.site.file, "motion.kind", repr(motion.kind), rule, remedy))
+        file = job.site.file_of("motion.kind")
+        raise InputError(Problem(file, "motion.kind", repr(motion.kind), rule, remedy))
     pga, ratios = thinned(motion.pga), thinned(motion.pgv_pga)
     scene = flat_scene(load_scenes(job.config, job.store), groups(job.config)[0])
     batches = (Batch(name, ((ratio, level),)) for name in SETTINGS for ratio in ratios

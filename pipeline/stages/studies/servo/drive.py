@@ -155,5 +155,5 @@ def inputs(site: Site) -> dict[str, str]:
     try:
         check(servo)
     except InvalidInput as error:
-        raise InputError.from_invalid(site.file, "servo", error) from None
+        raise InputError.from_invalid(site.file_of("servo"), "servo", error) from None
     return {"servo": repr(sorted(asdict(servo).items())), **record_inputs.digests(site)}
