@@ -10,19 +10,29 @@ MAKEFLAGS += --no-builtin-rules --no-print-directory
 unexport PYTHONDONTWRITEBYTECODE PYTHONHOME PYTHONPATH
 
 python := .venv/bin/python
-vsr := @$(python) -m pipeline
+
+# A recipe notes each variable that it reads; what else is given on the command line is refused.
+given := $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name)))
+read = $(eval taken += $1)$(value $1)
+unread = $(firstword $(filter-out PYTHON $(taken),$(given)))
+checked = $(if $(unread),$(error `make $@` has no variable $(unread); \
+  it takes $(or $(sort $(taken)),none)$(call near,$(unread),$(taken))))
+near = $(addprefix ; did you mean ,$(addsuffix ?,$(shell $(python) -c 'import difflib, sys; \
+  print(*difflib.get_close_matches(sys.argv[1].upper(), sys.argv[2:], 1))' $(call quoted,$1) $2)))
+run = @$(python) -m $1$(checked)
+vsr = $(call run,pipeline $1)
 
 # Values reach the program as they were given: one argument each, whatever characters are in them.
 quoted = '$(subst ','\'',$1)'
-flag = $(if $(value $2),$1 $(call quoted,$(value $2)))
-list = $(if $(value $2),--set $(call quoted,$1=[$(value $2)]))
-derived = $(call flag,--derived,DERIVED)
-set = $(foreach item,$(value SET),--set $(call quoted,$(item)))
-study = --site $(call quoted,$(value SITE)) $(call flag,--study,STUDY) $(set) $(derived)
-site = $(study) $(call list,yaw,YAW) $(call list,contact.friction,FRICTION)
-cell = $(call flag,--yaw,YAW) $(call flag,--friction,FRICTION) $(call flag,--pga,PGA) \
+argument = $(call quoted,$(call read,$1))
+flag = $(if $(call read,$2),$1 $(call argument,$2))
+list = $(if $(call read,$2),--set $(call quoted,$1=[$(value $2)]))
+derived-flag = $(call flag,--derived,DERIVED)
+study-flags = --site $(call argument,SITE) $(call flag,--study,STUDY) $(call flag,--set,SET) $(derived-flag)
+site-flags = $(study-flags) $(call list,yaw,YAW) $(call list,contact.friction,FRICTION)
+cell-flags = $(call flag,--yaw,YAW) $(call flag,--friction,FRICTION) $(call flag,--pga,PGA) \
   $(call flag,--pgv-pga,PGV_PGA) $(call flag,--record,RECORD) $(call flag,--and,AND)
-where = $(call flag,--workers,WORKERS) $(call flag,--scheduler,SCHEDULER)
+where-flags = $(call flag,--workers,WORKERS) $(call flag,--scheduler,SCHEDULER)
 
 .PHONY: help
 help:
@@ -32,66 +42,72 @@ help:
 	  /^[a-z-]+:.*## / { sub(/:.*/, "", $$1); printf "  make %-12s  %s\n", $$1, $$2 } \
 	' Makefile
 
+# What is no target is refused, a folder too.
+folders := $(filter-out docs,$(patsubst %/,%,$(wildcard */)))
+.PHONY: $(folders)
+.DEFAULT $(folders):
+	$(error no target `$@`; `make` alone lists those there are)
+
 ## A rock
 .PHONY: fragility uncertainty displacement hazard study replay prep
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
-	$(vsr) run fragility $(site) $(where)
+	$(call vsr,run fragility $(site-flags) $(where-flags))
 
 uncertainty: setup ## how certain that is, when rock and shaking are known within ranges
-	$(vsr) run uncertainty $(site) $(where)
+	$(call vsr,run uncertainty $(site-flags) $(where-flags))
 
 displacement: setup ## where the rock of SITE goes over its terrain: trajectories and report
-	$(vsr) run displacement $(site) $(where)
+	$(call vsr,run displacement $(site-flags) $(where-flags))
 
 hazard: setup ## which branches of a hazard model let SITE's rock stand for its age
-	$(vsr) run hazard $(site) $(call flag,--curves,CURVES) $(call flag,--age,AGE) \
-	  $(call flag,--age-sd,AGE_SD) $(where)
+	$(call vsr,run hazard $(site-flags) $(call flag,--curves,CURVES) $(call flag,--age,AGE) \
+	  $(call flag,--age-sd,AGE_SD) $(where-flags))
 
 study: PRODUCT ?= study
 study: setup ## what changes in SITE, or in another PRODUCT of it, along the sweep of STUDY
-	$(vsr) run $(call quoted,$(value PRODUCT)) $(site) $(where)
+	$(call vsr,run $(call argument,PRODUCT) $(site-flags) $(where-flags))
 
 replay: setup ## a page that plays the run of SITE at YAW, PGA and PGV_PGA, or two with AND
-	$(vsr) replay $(study) $(cell) $(where)
+	$(call vsr,replay $(study-flags) $(cell-flags) $(where-flags))
 
 prep: setup ## rock and terrain from SITE's scan, with a page of every step
-	$(vsr) prep $(site)
+	$(call vsr,prep $(site-flags))
 
 ## How good the method is
 .PHONY: accuracy stability drive feasible validate
 accuracy: setup-dev ## error of SITE's boundary against run time, beside other ways of computing it
-	$(vsr) run accuracy $(site) $(where)
+	$(call vsr,run accuracy $(site-flags) $(where-flags))
 
 stability: SITE ?= cuboid_1x1x2
 stability: setup-dev ## stiff and extreme cases, each with its verdict
-	$(vsr) run stability $(site) $(where)
+	$(call vsr,run stability $(site-flags) $(where-flags))
 
 drive: setup ## how a servo's table follows its motions, and what that does to SITE's boundary
-	$(vsr) run drive $(site) $(where)
+	$(call vsr,run drive $(site-flags) $(where-flags))
 
 feasible: LIMITS ?= mini_shake_robot
 feasible: setup ## what a table of hardware can do of SITE's pulses
-	$(vsr) feasible $(site) --table $(call quoted,$(value LIMITS))
+	$(call vsr,feasible $(site-flags) --table $(call argument,LIMITS))
 
 validate: setup ## predict the shake-table tests in the folder TABLE, beside their outcomes
-	$(vsr) run validation --table $(call quoted,$(value TABLE)) $(derived) $(where)
+	$(call vsr,run validation --table $(call argument,TABLE) $(derived-flag) $(where-flags))
 
 ## Before and after
 .PHONY: plan status why index fetch
 plan: setup ## what would run for SITE, and what it costs
-	$(vsr) plan $(site)
+	$(call vsr,plan $(site-flags))
 
 status: setup ## what is done for SITE
-	$(vsr) status $(site)
+	$(call vsr,status $(site-flags))
 
 why: setup ## why something of SITE would run again
-	$(vsr) why $(site)
+	$(call vsr,why $(site-flags))
 
 index: setup ## a page that leads to all results
-	$(vsr) index $(derived)
+	$(call vsr,index $(derived-flag))
 
 fetch: setup ## download the public original NAME into data/raw
-	$(vsr) fetch $(call quoted,$(value NAME))
+	$(call vsr,fetch $(call argument,NAME))
 
 ## What they take
 #: SITE=double_rock       a site in configs/sites, or any YAML file
@@ -113,8 +129,8 @@ fetch: setup ## download the public original NAME into data/raw
 ## The paper
 .PHONY: figures
 figures: setup ## every figure of the paper and its table, and which of its claims were found
-	$(vsr) figures $(call flag,--fig,FIG) $(call flag,--record,RECORD) $(derived) $(where) \
-	  $(foreach item,$(value SET),--set $(call quoted,$(item)))
+	$(call vsr,figures $(call flag,--fig,FIG) $(call flag,--record,RECORD) $(derived-flag) $(where-flags) \
+	  $(call flag,--set,SET))
 
 #:
 #: FIG=12                 one of them: 7, 8, 10 to 17, table_1, friction, settings, printed
@@ -123,42 +139,43 @@ figures: setup ## every figure of the paper and its table, and which of its clai
 ## The project
 .PHONY: setup setup-dev test coverage test-slow lint check format options docs docs-links bench lock clean
 test: setup-dev ## tests of some minutes at most
-	@$(python) -m pytest -n auto --dist loadfile
+	$(call run,pytest -n auto --dist loadfile)
 
 coverage: setup-dev ## the same tests, in half as much time again, and which lines none reaches
-	@$(python) -m pytest -n auto --dist loadfile --cov --cov-report=term:skip-covered
+	$(call run,pytest -n auto --dist loadfile --cov --cov-report=term:skip-covered)
 
 test-slow: setup-dev ## tests that take many minutes
-	@$(python) -m pytest -m slow
+	$(call run,pytest -m slow)
 
 check: lint test ## lint, format, types and tests
 
 lint: setup-dev ## lint, format and types only
-	@$(python) -m ruff check
-	@$(python) -m ruff format --check
-	@$(python) -m mypy
+	$(call run,ruff check)
+	$(call run,ruff format --check)
+	$(call run,mypy)
 
 format: setup-dev ## put the code in the project's format
-	@$(python) -m ruff check --fix
-	@$(python) -m ruff format
+	$(call run,ruff check --fix)
+	$(call run,ruff format)
 
 options: setup-dev ## docs/options.md and the schemas in configs/, from the models
-	@$(python) -m scripts.options --write
+	$(call run,scripts.options --write)
 
 docs: setup-dev ## the documentation as a site, in build/docs/html, readable offline
-	@$(python) -m scripts.docs
+	$(call run,scripts.docs)
 
 docs-links: setup-dev ## try every link of the documentation to elsewhere
-	@$(python) -m scripts.docs --links
+	$(call run,scripts.docs --links)
 
 bench: setup-dev ## performance benchmarks, as ratios in one run
-	@$(python) -m benchmarks $(call flag,--tests,TABLE)
+	$(call run,benchmarks $(call flag,--tests,TABLE))
 
 lock: ## renew both locks from pyproject.toml; UPGRADE=1 for the newest versions
-	@scripts/setup.sh lock $(if $(value UPGRADE),--upgrade)
+	@scripts/setup.sh lock $(if $(call read,UPGRADE),--upgrade)$(checked)
 
 clean: setup ## remove derived data, of SITE or of all; asks first, unless YES=1
-	$(vsr) clean $(call flag,--site,SITE) $(derived) $(if $(value YES),--yes)
+	$(call vsr,clean $(if $(filter undefined,$(origin SITE)),,--site $(call argument,SITE)) $(derived-flag) \
+	  $(if $(call read,YES),--yes))
 
 setup: ## make .venv now, as every target does when it is missing or stale
 	@scripts/setup.sh

@@ -131,7 +131,7 @@ def _add_run(run: argparse.ArgumentParser) -> None:
     run.add_argument(
         "product", choices=DELIVERABLES, metavar="PRODUCT", help=", ".join(DELIVERABLES)
     )
-    _add_site(run, required=False)
+    _add_site(run)
     run.add_argument("--table", metavar="FOLDER", help="recorded shake-table tests to predict")
     run.add_argument("--curves", metavar="FOLDER", help="hazard curves, or OpenQuake's calc_N.hdf5")
     run.add_argument("--age", type=float, metavar="YEARS", help="how long the rock has stood")
@@ -158,8 +158,8 @@ def _add_replay(replay: argparse.ArgumentParser) -> None:
     _add_where(replay)
 
 
-def _add_site(sub: argparse.ArgumentParser, required: bool = True) -> None:
-    sub.add_argument("--site", required=required, metavar="NAME_OR_YAML")
+def _add_site(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--site", default="", metavar="NAME_OR_YAML")
     sub.add_argument("--study", metavar="NAME_OR_YAML")
     _add_settings(sub)
 
@@ -184,7 +184,9 @@ def _workers(text: str) -> int:
 
 
 def _folder(text: str) -> Path:
-    located(Path.cwd(), text, "--derived", "")
+    if located(Path.cwd(), text, "--derived", "").is_file():
+        rule = "it is the folder for results"
+        raise InputError(Problem("--derived", "", f"{text}, a file", rule, "give another"))
     return Path(text)
 
 

@@ -259,11 +259,13 @@ def clean(options: argparse.Namespace) -> int:
     int, always 0
     """
     site, derived = options.site, options.derived
-    if site is not None and (site in ("", "..") or site != Path(site).name):
-        rule = "it is the name of a folder of derived data"
-        raise InputError(Problem("--site", "", repr(site), rule, "leave it out to remove all"))
-    targets = [derived / site] if site else sorted(derived.glob("*/"))
-    targets = [target for target in targets if (target / ".stages").is_dir()]
+    targets = [target for target in sorted(derived.glob("*/")) if (target / ".stages").is_dir()]
+    if site is not None:
+        there = [target.name for target in targets]
+        targets = [target for target in targets if target.name == site]
+        if not targets and site not in known():
+            rule = f"results are here of {', '.join(there) or 'no site'}"
+            raise InputError(Problem("SITE", "", repr(site), rule, "leave it out to remove all"))
     if not targets:
         print("nothing derived to remove")
         return 0

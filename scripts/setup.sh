@@ -206,6 +206,11 @@ case ${1-} in
 esac
 ready && exit
 
+if [[ ! -w . || (-e .venv && ! -w .venv) ]]; then
+  say "$PWD cannot be written to, so .venv cannot be made there; copy it to a folder of your own"
+  exit 2
+fi
+
 # One at a time; where there is no flock, two at once are the user's to avoid.
 if command -v flock >/dev/null; then
   exec 9<scripts/setup.sh

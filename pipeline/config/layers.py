@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -214,7 +215,8 @@ def read_layers(site: str, study: str | None, settings: tuple[str, ...]) -> Laye
     files = tuple((shown(file), _read(file)) for file in paths)
     sweep = files[-1][1].pop("sweep", None) if study else None
     parents = {shown(file): file.parent for file in paths}
-    return Layers(path, files, parents, tuple(map(_setting, settings)), sweep)
+    parted = [one for given in settings for one in _parted(given)]
+    return Layers(path, files, parents, tuple(map(_setting, parted)), sweep)
 
 
 def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple[Checked, str]:
@@ -256,10 +258,13 @@ def _find(name: str, folder: Path, what: str) -> Path:
         )
     if name in known(folder):
         return folder / f"{name}.yaml"
-    near = difflib.get_close_matches(name, known(folder), 1)
+    names, option = known(folder), what.upper()
+    near = difflib.get_close_matches(name, names, 1)
     hint = f"did you mean {near[0]}?" if near else "give one of them, or a path ending in .yaml"
-    rule = f"the known ones are {', '.join(known(folder)) or 'none'}"
-    raise InputError(Problem(what.upper(), "", repr(name), rule, hint))
+    if not name:
+        hint = f"give one, e.g. {option}={names[0]}, or a path ending in .yaml"
+    rule = f"the known ones are {', '.join(names)}"
+    raise InputError(Problem(option, "", repr(name) if name else "nothing", rule, hint))
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -285,6 +290,33 @@ def _read(path: Path) -> dict[str, Any]:
             )
         )
     return content
+
+
+_NEXT = re.compile(r"\s+(?=[^\s=\[\]{}\"',]+=)")
+"""Blanks before what may be the next setting."""
+
+
+def _parted(given: str) -> list[str]:
+    """Settings in a text, each beginning where the value before it is whole.
+
+    >>> _parted("yaw=[0, 90] motion.pga={start: 0.1, stop: 1, num: 5} found.place=[a b=1, c]")
+    ['yaw=[0, 90]', 'motion.pga={start: 0.1, stop: 1, num: 5}', 'found.place=[a b=1, c]']
+    """
+    found: list[str] = []
+    for part in _NEXT.split(given.strip()):
+        if found and not _is_whole(found[-1]):
+            found[-1] += f" {part}"
+        else:
+            found.append(part)
+    return found
+
+
+def _is_whole(setting: str) -> bool:
+    try:
+        parse(setting.partition("=")[2])
+    except ValueError:
+        return False
+    return True
 
 
 def _setting(item: str) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import Any
 
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError, Problem
+from pipeline.config.slips import warnings
 from pipeline.config.sweep import Sweep, load_sweep
 from pipeline.workflow.cluster import Cluster, check_settings
 from pipeline.workflow.products import DELIVERABLES, GRIDDED
@@ -103,12 +104,11 @@ def sweep_of(options: argparse.Namespace) -> Sweep | None:
     study, stage = options.study, DELIVERABLES[product].stage
     found = None
     if study and product != "validation":
-        site = str(_wanted(vars(options), "site", "a site, or the path of its YAML"))
-        found = load_sweep(site, study, _settings(vars(options)), gridded=stage in GRIDDED)
+        found = load_sweep(options.site, study, _settings(vars(options)), gridded=stage in GRIDDED)
     if options.product == "study" and found is None:
-        given = "a study without a sweep" if study else "nothing"
-        rule, remedy = "it says which keys to sweep over", "give one, e.g. friction"
-        raise InputError(Problem("--study", "", given, rule, remedy))
+        given = f"{study}, which has no sweep" if study else "nothing"
+        rule, remedy = "it says which keys to sweep over", "give one, e.g. STUDY=friction"
+        raise InputError(Problem("STUDY", "", given, rule, remedy))
     return found
 
 
@@ -132,14 +132,19 @@ def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
     given = vars(options)
     if given.get("product") == "validation":
         site_of = named("pipeline.stages.studies.validation.recorded_tests:site_of")
-        site = site_of(_wanted(given, "table", "a folder of shake-table tests"))
+        if not options.table:
+            rule, remedy = "it is a folder of shake-table tests", "give one, e.g. TABLE=my_tests"
+            raise InputError(Problem("TABLE", "", "nothing", rule, remedy))
+        site = site_of(Path(options.table))
     elif sweep is not None:
         site = sweep.reference.site
     else:
-        name = str(_wanted(given, "site", "a site, or the path of its YAML"))
-        site = load_site(name, options.study, _settings(given))
+        site = load_site(options.site, options.study, _settings(given))
         if given.get("curves") is not None:  # beside who gives them, not beside the site's YAML
             site.places["hazard", "curves"] = ("--curves", Path.cwd())
+    sites = [site] if sweep is None else [member.site for member in sweep.members]
+    for warning in dict.fromkeys(str(one) for each in sites for one in warnings(each)):
+        log(f"vsr: warning: {warning}")
     return Job(site, Store(options.derived / site.name), cluster_of(given), "", log)
 
 
@@ -175,15 +180,6 @@ def cluster_of(given: dict[str, Any]) -> Cluster:
         given.get("cluster") == "slurm",
         log,
     )
-
-
-def _wanted(given: dict[str, Any], option: str, what: str) -> Path:
-    value = given.get(option)
-    if not value:
-        raise InputError(
-            Problem(f"--{option}", "", "nothing", f"the product needs {what}", "give it")
-        )
-    return Path(value)
 
 
 def log(line: str) -> None:

@@ -43,7 +43,18 @@ def start(*arguments: object, **environment: str) -> subprocess.Popen[str]:
 LINES = {
     "no command": ((), "required: COMMAND"),
     "unknown command": (("go",), "invalid choice: 'go'"),
-    "no site": (("plan",), "required: --site"),
+    "no site": (("plan",), "SITE: got nothing", "double_rock", "e.g. SITE="),
+    "an empty site": (("run", "fragility", "--site", ""), "SITE: got nothing", "double_rock"),
+    "no study": (("run", "study", *SITE), "STUDY: got nothing", "STUDY=friction"),
+    "no such study": (("plan", *SITE, "--study", "frictoin"), "STUDY", "did you mean friction?"),
+    "no sweep": (("run", "study", *SITE, "--study", "records"), "records, which has no sweep"),
+    "no table": (("run", "validation"), "TABLE: got nothing", "TABLE="),
+    "no original": (("fetch", ""), "NAME: got ''", "double_rock"),
+    "no figure": (("figures", "--fig", "99"), "--fig: got '99'", "table_1"),
+    "a comma in an age": (("run", "hazard", *SITE, "--age", "20,000"), "--age", "'20,000'"),
+    "an age below zero": (("run", "hazard", *SITE, "--age", "-5"), "hazard.age.mean: got -5"),
+    "no curves": (("run", "hazard", *SITE, "--curves", "", "--age", "9e3"), "--curves: hazard."),
+    "off the grid": (("replay", *SITE, "--pgv-pga", "0.3"), "--pgv-pga: got 0.3", "0.292857"),
     "unknown option": (("plan", *SITE, "--fast"), "unrecognized arguments: --fast"),
     "unknown product": (("plan", "toppling", *SITE), "invalid choice: 'toppling'"),
     "option without its value": (("plan", "--site"), "expected one argument"),
@@ -51,10 +62,13 @@ LINES = {
         ("run", "rock", "--scheduler", "h:1", "--cluster", "slurm", *SITE),
         "not allowed",
     ),
+    "workers in words": (("run", "rock", *SITE, "--workers", "two"), "--workers: got 'two'"),
+    "workers below none": (("run", "rock", *SITE, "--workers", "-1"), "--workers: got '-1'"),
     "many workers": (("run", "rock", *SITE, "--workers", "1" + "0" * 5000), "0 to 10000"),
     "other digits": (("run", "rock", *SITE, "--workers", "\u0663"), "whole number"),
     "no folder to keep things in": (("plan", *SITE, "--derived", ""), "--derived", "empty name"),
     "a folder that cannot be": (("plan", *SITE, "--derived", "x" * 300), "--derived", "too long"),
+    "a file for a folder": (("plan", *SITE, "--derived", __file__), "--derived", "a file"),
     "a folder that is a device": (("plan", *SITE, "--derived", "/dev/null/x"), "Not a directory"),
 }
 
@@ -70,9 +84,14 @@ def test_command_line_is_refused_in_a_line(capsys: pytest.CaptureFixture[str], c
     assert [word for word in words if word not in line] == []
 
 
-@pytest.mark.parametrize("name", ["", ".", "..", "../raw", "/", "a/b"])
+@pytest.mark.parametrize("name", ["", ".", "..", "../raw", "/", "a/b", "nowhere"])
 def test_clean_takes_the_name_of_a_folder(refused: Refused, name: str) -> None:
-    refused("clean", "--yes", "--site", name, words=("--site", repr(name), "leave it out"))
+    refused("clean", "--yes", "--site", name, words=("SITE", repr(name), "leave it out"))
+
+
+def test_clean_of_what_is_not_made_yet_has_nothing_to_do(vsr: Vsr) -> None:
+    ran = vsr("clean", "--yes", *SITE)
+    assert (ran.code, ran.out) == (cli.DONE, "nothing derived to remove\n")
 
 
 def test_folder_that_is_a_loop(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -214,8 +214,8 @@ def poisson(vertices: Array, normals: Array) -> tuple[Array, Indices]:
     except ImportError as error:
         raise InvalidInput(
             "a closing by Poisson's equation without Open3D",
-            "it needs the package open3d",
-            "install it, or close with caps or hull",
+            "it needs the extra poisson",
+            "install it: .venv/bin/pip install -e '.[poisson]', or set rock.closing: caps or hull",
         ) from error
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(vertices))
     cloud.normals = open3d.utility.Vector3dVector(normals)

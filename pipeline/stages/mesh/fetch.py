@@ -70,9 +70,8 @@ def fetch(name: str, url: str | None = None, raw: Path = ROOT / "data" / "raw") 
         the published file. Nothing is left behind then.
     """
     if name not in ORIGINALS:
-        raise _problem(
-            name, repr(name), f"originals are known of {', '.join(ORIGINALS)}", "give one"
-        )
+        rule = f"originals are known of {', '.join(ORIGINALS)}"
+        raise InputError(Problem("NAME", "", repr(name), rule, "give one of them"))
     folder = raw / name
     there = [p.name for p in folder.glob("*") if p.suffix.lower() in SUFFIXES]
     if there:

@@ -1,0 +1,167 @@
+"""Values that a slip of unit or of typing leaves within their range: taken, but with a warning."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.config.layers import Site
+from pipeline.config.problems import Problem
+
+Values = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A usual slip.
+
+    Attributes
+    ----------
+    keys : dotted keys of a site, or of what is assumed of recorded tests, apart by blanks
+    suspect : callable, whether the values under a key are such as the slip gives
+    rule : str, what is usual
+    remedy : str, what may have been meant
+    """
+
+    keys: str
+    suspect: Callable[[Values], bool]
+    rule: str
+    remedy: str
+
+
+def _above(limit: float) -> Callable[[Values], bool]:
+    return lambda values: max(values) > limit
+
+
+def _below(limit: float) -> Callable[[Values], bool]:
+    return lambda values: min(values) < limit
+
+
+def _between(low: float, high: float) -> Callable[[Values], bool]:
+    return lambda values: any(low < value < high for value in values)
+
+
+def _in_a_turn(values: Values) -> bool:
+    whole = all(value == round(value) for value in values)
+    return not whole and max(map(abs, values)) <= round(2.0 * math.pi, 1)
+
+
+def _beside_zero(values: Values) -> bool:
+    return 0.0 in values and any(value >= 1.0 and value == round(value) for value in values)
+
+
+NO_SLIDING = 10.0
+"""The friction that stands for no sliding."""
+
+SLIPS = (
+    Slip(
+        "yaw",
+        _in_a_turn,
+        "yaw is in degrees",
+        "radians? write 45 for 0.785",
+    ),
+    Slip(
+        "uncertainty.azimuth.sd azimuth.sd",
+        _between(0.0, 0.5),
+        "it is in degrees, and directions are known to some",
+        "radians? write 5 for 0.087",
+    ),
+    Slip(
+        "motion.pga hazard.pgv_pga.pga",
+        _above(4.0),
+        "PGA is in g, and hardly any record has 4 g",
+        "m/s2? write 1 for 9.81 m/s2",
+    ),
+    Slip(
+        "motion.pgv_pga hazard.pgv_pga.median",
+        _above(2.0),
+        "PGV/PGA is in seconds, and that of records is 0.02 to 0.5 s",
+        "cm/s per g? write 0.1 for 98 cm/s per g; Hz? a pulse of f Hz has 1/(2 pi f) s",
+    ),
+    Slip(
+        "contact.friction uncertainty.friction friction",
+        _beside_zero,
+        "these are two coefficients, one of them frictionless",
+        "a comma for a point? write 0.6",
+    ),
+    Slip(
+        "contact.friction uncertainty.friction friction",
+        lambda values: any(value > 2.0 and value != NO_SLIDING for value in values),
+        f"it is a coefficient, of rock on rock about 0.6; {NO_SLIDING:g} is for no sliding",
+        "degrees? write 0.70 for 35 degrees",
+    ),
+    Slip(
+        "rock.density",
+        _between(15.0, 35.0),
+        "it is in kg m-3, of rock 1500 to 3500",
+        "kN/m3? write 2650 for 26 kN/m3",
+    ),
+    Slip(
+        "rock.density",
+        _between(100.0, 220.0),
+        "it is in kg m-3, of rock 1500 to 3500",
+        "lb/ft3? write 2640 for 165 lb/ft3",
+    ),
+    Slip(
+        "rock.size",
+        _above(15.0),
+        "lengths are in metres",
+        "cm? write 0.12 for 12 cm",
+    ),
+    Slip(
+        "uncertainty.centre_of_mass uncertainty.scan.error",
+        _above(0.2),
+        "it is in metres, and known to centimetres",
+        "cm? write 0.01 for 1 cm",
+    ),
+    Slip(
+        "motion.processing.highpass",
+        _above(2.0),
+        "it is a frequency in Hz, usually below 0.5",
+        "a period in seconds? write 0.1 for 10 s",
+    ),
+    Slip(
+        "motion.processing.lowpass",
+        _below(5.0),
+        "it is a frequency in Hz, usually above 10",
+        "a period in seconds? write 25 for 0.04 s",
+    ),
+    Slip(
+        "hazard.age.mean hazard.age.median hazard.age.low hazard.age.values",
+        _below(150.0),
+        "it is in years",
+        "thousands of years? write 20000 for 20 ka",
+    ),
+)
+
+
+def warnings(site: Site) -> Iterator[Problem]:
+    """Values of a site that look like a usual slip.
+
+    Parameters
+    ----------
+    site : Site
+
+    Yields
+    ------
+    Problem, no more than one a key
+    """
+    settings = site.settings.model_dump()
+    warned = set()
+    for slip in SLIPS:
+        for key in slip.keys.split():
+            values = _values(settings, key)
+            if values and key not in warned and slip.suspect(values):
+                warned.add(key)
+                given = ", ".join(f"{value:g}" for value in values[:3])
+                given += f" to {values[-1]:g}" if len(values) > 3 else ""
+                yield Problem(site.file_of(key), key, given, slip.rule, slip.remedy)
+
+
+def _values(settings: Any, key: str) -> Values:
+    for part in key.split("."):
+        settings = settings.get(part) if isinstance(settings, dict) else None
+    found = settings if isinstance(settings, tuple) else (settings,)
+    return tuple(value for value in found if isinstance(value, float | int))

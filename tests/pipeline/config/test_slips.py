@@ -1,0 +1,93 @@
+"""Usual slips of unit or typing are warned of; what is shipped, or usual, is not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import pytest
+
+from pipeline import cli
+from pipeline.config.layers import SITES, STUDIES, known, load_site
+from pipeline.config.problems import InputError
+from pipeline.config.slips import SLIPS, warnings
+from pipeline.config.sweep import load_sweep
+
+SITE = "cuboid_1x1x2"
+AGE = "hazard.age={kind: normal, mean: 20, sd: 1}"
+FILTERED = "motion={kind: record, files: x, pga: 1, processing: {order: paper, "
+
+SUSPECT = {
+    "yaw=[0.785, 1.57]": "45 for 0.785",
+    "yaw=[0, 1.5708, 3.1416, 4.7124]": "radians?",
+    "uncertainty.azimuth.sd=0.087": "radians?",
+    "motion.pga=9.81": "m/s2?",
+    "motion.pga={start: 0.5, stop: 5, num: 10}": "m/s2?",
+    "motion.pgv_pga={start: 1, stop: 5, num: 5}": "Hz?",
+    "contact.friction=35": "degrees?",
+    "uncertainty.friction=[24, 37]": "degrees?",
+    "contact.friction=[0, 6]": "a comma for a point?",
+    "rock.density=26": "kN/m3?",
+    "rock.density=165": "lb/ft3?",
+    "rock.size=[10, 10, 20]": "cm?",
+    "uncertainty.scan.error=0.5": "cm?",
+    FILTERED + "highpass: 10, lowpass: null}}": "a period in seconds?",
+    FILTERED + "highpass: null, lowpass: 0.04}}": "a period in seconds?",
+    AGE: "20 ka",
+}
+
+
+def told(setting: str) -> list[str]:
+    return [str(one) for one in warnings(load_site(SITE, None, (setting,)))]
+
+
+@pytest.mark.parametrize("setting", SUSPECT)
+def test_a_usual_slip_is_warned_of_once(setting: str) -> None:
+    (line,) = told(setting)
+    assert line.startswith(f"--set: {setting.partition('=')[0]}")
+    assert SUSPECT[setting] in line
+
+
+def test_each_slip_has_a_case() -> None:
+    said = "\n".join(line for setting in SUSPECT for line in told(setting))
+    assert [slip.remedy for slip in SLIPS if slip.remedy not in said] == []
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        *("yaw=[0, 1, 2]", "yaw=[22.5, 45]", "yaw=0", "yaw=[-30, 30]"),
+        *("motion.pga={start: 0.02, stop: 2.5, num: 9}", "motion.pgv_pga=[0.02, 1]"),
+        *("contact.friction=[0, 0.6]", "contact.friction=0", "contact.friction=[0.4, 10]"),
+        *("rock.density=1050", "rock.density=450", "rock.size=[0.05, 0.05, 0.12]"),
+        *(AGE.replace("20", "2000"), FILTERED + "highpass: 0.1, lowpass: 25}}"),
+    ],
+)
+def test_what_is_usual_is_taken_without_a_word(setting: str) -> None:
+    assert told(setting) == []
+
+
+def test_nothing_that_is_shipped_is_suspect() -> None:
+    found = []
+    for site, study in product(known(SITES), [None, *known(STUDIES)]):
+        try:
+            sweep = load_sweep(site, study, (), gridded=True)
+            members = [one.site for one in sweep.members] if sweep else [load_site(site, study)]
+        except InputError:  # a study that is not for this site
+            continue
+        found += [str(one) for member in members for one in warnings(member)]
+    assert found == []
+
+
+def test_a_warning_is_a_line_and_changes_no_exit_code(vsr: Callable[..., Any]) -> None:
+    ran = vsr("plan", "--site", SITE, "--set", "motion.pga=9.81")
+    assert ran.code == cli.DONE
+    (line,) = ran.err.splitlines()
+    assert line.startswith("vsr: warning: --set: motion.pga: got 9.81; PGA is in g")
+
+
+def test_a_sweep_is_warned_of_once(vsr: Callable[..., Any]) -> None:
+    ran = vsr("plan", "study", "--site", SITE, "--study", "yaw", "--set", "motion.pga=9.81")
+    assert ran.code == cli.DONE, ran.err
+    assert ran.err.count("warning") == 1
