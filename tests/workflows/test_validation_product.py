@@ -6,6 +6,7 @@ import csv
 import json
 import math
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,27 +20,51 @@ from pipeline.stages.studies.validation import predictions, recorded_tests
 from pipeline.stages.studies.validation.recorded_runs import Draw, Role
 from pipeline.workflow.rows import RunRow
 from vsr_core import GRAVITY
+from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome
-from vsr_core.validation import specimen
+from vsr_core.validation import priors, specimen
 from vsr_core.verification import rocking_block
 
 INTERVAL, RATIO = 0.005, 0.3
 SHARED = ROOT.parent / "shared" / "data" / "shake_table"
 
-SHARES = (0.3, 0.6, 0.8, 1.3, 1.6, 2.0)
-"""PGA of each test, in units of the first that overturns the block."""
+WIDTHS = {1: 0.25, 2: 0.3}
+"""Along the drive [m], of two blocks of the same height."""
+
+SHARES = (0.3, 0.75, 0.97, 1.25, 1.5, 2.3)
+"""PGA of each test, in units of the first that overturns the narrower block."""
+
+MEMBERS, SPREAD = 4, 0.3
+"""Draws, and the standard deviation of the gain, all of it that is unknown."""
+
+
+@cache
+def limit(number: int) -> float:
+    """The lowest PGA that overturns a specimen [m/s2], by Housner's equation."""
+    block = rocking_block.Block(WIDTHS[number] / 2.0, 0.375)
+    return rocking_block.first_overturning_pga(block, RATIO, 2.0 * GRAVITY, 0.02 * GRAVITY)
+
+
+def fell(number: int, gain: float = 1.0) -> list[int]:
+    """Whether each test overturns a specimen at a gain: a stronger pulse always does, too."""
+    strength = gain * np.array(SHARES) * limit(1) / limit(number)
+    assert (np.abs(strength - 1.0) > 0.02).all(), "none so near that the solver decides"
+    return (strength > 1.0).astype(int).tolist()
+
+
+def share(number: int) -> Array:
+    """Share of the members in which each test overturns a specimen, counted gain by gain."""
+    members = priors.draws(priors.Priors(amplitude=(1.0, SPREAD)), MEMBERS)
+    return np.mean([fell(number, member.amplitude) for member in members], axis=0)
 
 
 def write_tests(folder: Path, **changes: object) -> Path:
-    """Six pulses along the thin side of a block twice scanned, with Housner's outcomes."""
+    """Six pulses along the thin sides of two blocks, with Housner's outcomes for both."""
     folder.mkdir(exist_ok=True)
-    limit = rocking_block.first_overturning_pga(
-        rocking_block.Block(0.125, 0.375), RATIO, 2.0 * GRAVITY, 0.02 * GRAVITY
-    )
     rows = []
-    for share in SHARES:
-        motion = CosinePulse(share * limit, RATIO)
+    for strength in SHARES:
+        motion = CosinePulse(strength * limit(1), RATIO)
         rows.append(motion.acceleration(np.arange(0.0, motion.duration + INTERVAL, INTERVAL)))
     counts = [len(row) for row in rows]
     table = np.full((len(rows), max(counts) + 7), np.nan)
@@ -50,16 +75,19 @@ def write_tests(folder: Path, **changes: object) -> Path:
         {"acceleration": (("test", "time"), table), "n_samples": ("test", counts)},
         {"test": np.arange(1, 7), "time": INTERVAL * np.arange(table.shape[1])},
     ).to_netcdf(folder / "records.nc")
-    lines = ["test,ground_motion,pga_g,pgv_pga_s,specimen1,dem_s1_soft,has_record"]
-    for k, share in enumerate(SHARES):
-        pga, over = share * limit / GRAVITY, int(share > 1.0)
-        lines.append(f"{k + 1},motion {k // 2},{pga:.4f},{RATIO},{over},{int(k > 1)},1")
-    lines.append(f"99,motion 9,0.3,{RATIO},1,1,0")
+    lines = ["test,ground_motion,pga_g,pgv_pga_s,specimen1,specimen2,dem_s1_soft,has_record"]
+    for k, (one, two) in enumerate(zip(fell(1), fell(2), strict=True)):
+        pga = SHARES[k] * limit(1) / GRAVITY
+        lines.append(f"{k + 1},motion {k // 2},{pga:.4f},{RATIO},{one},{two},{int(k > 1)},1")
+    lines.append(f"99,motion 9,0.3,{RATIO},1,1,1,0")
     text = str(changes.get("outcomes", "\n".join(lines)))
     (folder / "outcomes.csv").write_text(text + "\n", encoding="utf-8")
-    for number in (1, 2):
-        trimesh.creation.box([0.25, 0.4, 0.75]).export(folder / f"sp{number}.ply")
-    assumed = "members: 3\nazimuth: {mean: 0, sd: 1}\nfriction: [1.5, 2.0]\ncentre_of_mass: 0.001\n"
+    for number, width in WIDTHS.items():
+        trimesh.creation.box([width, 0.4, 0.75]).export(folder / f"sp{number}.ply")
+    assumed = (
+        f"members: {MEMBERS}\namplitude: {{mean: 1, sd: {SPREAD}}}\nazimuth: {{mean: 0, sd: 1}}\n"
+        "friction: [1.5, 2.0]\ncentre_of_mass: 0\nbase_error: 0\n"
+    )
     (folder / "table.yaml").write_text(str(changes.get("assumed", assumed)), encoding="utf-8")
     return folder
 
@@ -75,52 +103,69 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return folder, derived / "block_tests"
 
 
-def test_tests_of_a_block_are_predicted(made: tuple[Path, Path]) -> None:
+def test_each_specimen_is_predicted_by_counting_its_members(made: tuple[Path, Path]) -> None:
     with xr.open_dataset(made[1] / "validation.nc") as data:
         assert data["probability"].dims == data["predicted"].dims == ("specimen", "test")
         assert data["specimen"].values.tolist() == [1, 2]
         assert data["test"].values.tolist() == [1, 2, 3, 4, 5, 6]
-        expected = [int(share > 1.0) for share in SHARES]
-        for number in (1, 2):  # the second one has no outcomes
+        for number in (1, 2):
             one = data.sel(specimen=number)
-            np.testing.assert_allclose(one["probability"], expected)
-            assert one["predicted"].values.tolist() == expected
-            assert one["best_guess"].values.tolist() == expected
-        assert data["happened"].sel(specimen=1).values.tolist() == expected
-        assert (
-            np.isnan(data["happened"].sel(specimen=2)).all()
-            or (data["happened"].sel(specimen=2) == -1).all()
-        )
-        assert (data["members"] == 3).all()
+            np.testing.assert_array_equal(one["probability"], share(number))
+            sides = share(number) >= share(number).mean()
+            assert one["predicted"].values.tolist() == sides.astype(int).tolist()
+            assert one["best_guess"].values.tolist() == fell(number)
+            assert one["happened"].values.tolist() == fell(number)
+        assert (data["members"] == MEMBERS).all()
         assert data.attrs["Conventions"] == "CF-1.11"
         settings = json.loads(data.attrs["vsr_config_json"])
         assert set(settings) == set(ShakeTableConfig.model_fields)
-        assert (settings["members"], settings["friction"]) == (3, [1.5, 2.0])
+        assert (settings["members"], settings["friction"]) == (MEMBERS, [1.5, 2.0])
         assert data.attrs["history"] == "made by stage validation from block_tests"
+
+
+def test_each_specimen_is_in_doubt_about_tests_of_its_own(made: tuple[Path, Path]) -> None:
+    """Between none and all of its members, a gain one standard deviation off decides."""
+    with (made[1] / "validation_unknowns.csv").open(encoding="utf-8") as file:
+        rows = {(int(r["specimen"]), r["unknown"]): r for r in csv.DictReader(file)}
+    counts = []
+    for number in (1, 2):
+        open_ones = (share(number) > 0.0) & (share(number) < 1.0)
+        low, high = (np.array(fell(number, 1.0 + at * SPREAD))[open_ones] for at in (-1.0, 1.0))
+        row = rows[number, "amplitude"]
+        counts.append(int(row["tests"]))
+        assert counts[-1] == open_ones.sum()
+        assert (int(row["overturned_low"]), int(row["overturned_high"])) == (low.sum(), high.sum())
+        assert float(row["changed"]) == pytest.approx((low != high).mean(), abs=1e-5)
+        assert float(rows[number, "friction"]["changed"]) == 0.0
+    assert counts[0] != counts[1]
 
 
 def test_scores_are_of_each_predictor_and_subset(made: tuple[Path, Path]) -> None:
     with (made[1] / "validation.csv").open(encoding="utf-8") as file:
         rows = {(r["specimen"], r["predictor"], r["subset"]): r for r in csv.DictReader(file)}
     assert {key[2] for key in rows} == {"all", "calibration half", "other half"}
-    ours, soft = rows["1", "ensemble", "all"], rows["1", "dem soft", "all"]
-    assert (ours["n"], ours["accuracy"], ours["matthews"]) == ("6", "1", "1")
+    for number in (1, 2):
+        ours, happened = rows[str(number), "ensemble", "all"], np.array(fell(number))
+        sides = share(number) >= share(number).mean()
+        assert ours["n"] == "6"
+        assert float(ours["accuracy"]) == pytest.approx((sides == happened).mean(), abs=1e-5)
+        brier = ((share(number) - happened) ** 2).mean()
+        assert float(ours["brier"]) == pytest.approx(brier, abs=1e-5)
+    # said to fall from the third test on, when it did from the fourth on
+    soft = rows["1", "dem soft", "all"]
     assert float(soft["accuracy"]) == pytest.approx(5 / 6, abs=1e-5)
     assert float(rows["1", "always balanced", "all"]["balanced_accuracy"]) == 0.5
+    alike = (np.array(fell(1)) == fell(2)).mean()
+    other = rows["2", "outcome of specimen 1", "all"]
+    assert float(other["accuracy"]) == pytest.approx(alike, abs=1e-5)
     halves = [int(rows["1", "ensemble", part]["n"]) for part in ("calibration half", "other half")]
     assert sum(halves) == 6
-    assert not [key for key in rows if key[0] == "2"]
 
 
 def test_page_shows_its_pictures_and_what_was_assumed(made: tuple[Path, Path]) -> None:
     page = (made[1] / "validation.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 4
-    for word in (
-        "McNemar",
-        "azimuth",
-        "sign of the drive",
-        "no observed outcomes, predicted all the same",
-    ):
+    for word in ("McNemar", "azimuth", "sign of the drive"):
         assert word in page
     for name in ("reliability", "roc", "fragility", "tests"):
         assert (made[1] / f"validation_{name}.png").stat().st_size > 10_000
@@ -133,8 +178,11 @@ def test_a_folder_without_outcomes_is_predicted(tmp_path: Path) -> None:
     arguments = ["run", "validation", "--table", str(folder), "--derived", str(tmp_path / "to")]
     assert cli.main([*arguments, "--workers", "0"]) == cli.DONE
     with xr.open_dataset(tmp_path / "to" / "unknown" / "validation.nc") as data:
-        sides = data["probability"].sel(specimen=1)
-        np.testing.assert_allclose(sides, [int(share > 1.0) for share in SHARES])
+        for number in (1, 2):
+            np.testing.assert_array_equal(data["probability"].sel(specimen=number), share(number))
+        assert data["happened"].isnull().all()
+    page = (tmp_path / "to" / "unknown" / "validation.html").read_text(encoding="utf-8")
+    assert page.count("no observed outcomes, predicted all the same") == 2
 
 
 def test_a_test_that_no_draw_took_near_toppling_is_decided(made: tuple[Path, Path]) -> None:
