@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 import xarray as xr
+from shapely.geometry import Polygon
 
 from pipeline.stages.studies.validation.recorded_tests import ShakeTableConfig
 from pipeline.stages.uncertainty import draws, ensemble, uncertainty
@@ -147,16 +150,79 @@ def test_density_as_a_whole_is_nothing_to_a_rock(
     np.testing.assert_array_equal(*(one["member_boundary"].values for one in found))
 
 
+WEDGE = """
+rock: {shape: mesh, mesh: wedge.ply, density: 2000}
+contact: {friction: 0.8}
+motion: {pga: {start: 0.1, stop: 1.2, num: 12}, pgv_pga: [0.15, 0.4]}
+yaw: [0, 30, 180, 210]
+simulation: {engine: nonsmooth, time_step: 0.002}
+uncertainty: {scan: {error: 0}}
+"""
+
+
 @pytest.mark.usefixtures("without_pictures")
-def test_the_sign_is_nothing_to_a_block(
-    vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
+def test_the_direction_drawn_is_that_in_which_a_rock_without_symmetry_is_shaken(
+    vsr: Callable[..., Any],
+    write_site: Callable[..., str],
+    derived: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A block is its own mirror image: whichever way a pulse begins, the same cells topple."""
-    ran = vsr("run", "uncertainty", "--site", write_site(SITE), *priors(reversed_share="0.5"))
-    found = product(ran, derived)
-    assert found["drawn_reversed"].values.sum() == 4
-    first = found["overturned"].values[:1]
-    np.testing.assert_array_equal(found["overturned"].values, first.repeat(8, axis=0))
+    """A prism on a right-angled triangle, with all cells run.
+
+    Shaken 30 degrees counter-clockwise of +x at a yaw of 30 degrees, it is shaken along the +x of
+    its scan, as at a yaw of 0; and against it, as at 180, in every other draw.
+    """
+    monkeypatch.setattr(ensemble, "CHECKED", 1.0)
+    triangle = Polygon([(0.0, 0.0), (0.6, 0.0), (0.0, 0.25)])
+    trimesh.creation.extrude_polygon(triangle, 0.8).export(tmp_path / "wedge.ply")
+    given = priors(
+        azimuth="{mean: 30, sd: 0}", reversed_share="0.5", friction="[0.8, 0.8]", members="4"
+    )
+    found = product(vsr("run", "uncertainty", "--site", write_site(WEDGE), *given), derived)
+    nominal = xr.load_dataset(derived / "rock" / "responses.nc", mask_and_scale=False)
+    along = nominal["overturned"].isel(friction=0)
+    sides = [along.sel(yaw=yaw).values for yaw in (0, 30, 180)]
+    assert min((one != other).sum() for one, other in itertools.combinations(sides, 2)) >= 2
+    backward = found["drawn_reversed"].values
+    assert sorted(backward) == [0, 0, 1, 1]
+    for draw, turned in zip(found["overturned"], backward.tolist(), strict=True):
+        for yaw in (30, 210):
+            expected = along.sel(yaw=(yaw - 30 + 180 * turned) % 360)
+            np.testing.assert_array_equal(draw.sel(yaw=yaw), expected)
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_draws_are_searched_from_the_site_at_the_friction_nearest_to_theirs(
+    vsr: Callable[..., Any],
+    write_site: Callable[..., str],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """At a friction of 0.1 nothing topples, so that the table at hand tells which one was taken."""
+    asked, shown = [], []
+
+    def outcomes(wanted: ensemble.Search) -> ensemble.Ensemble:
+        asked.append(wanted)
+        return ensemble.outcomes(wanted)
+
+    def bands(dataset: xr.Dataset, responses: xr.Dataset) -> None:
+        shown.append(responses)
+
+    monkeypatch.setattr(uncertainty, "outcomes", outcomes)
+    monkeypatch.setattr(uncertainty.figures, "bands", bands)
+    site = write_site(SITE.replace("friction: 10", "friction: [0.1, 10]"))
+    found = product(vsr("run", "uncertainty", "--site", site, *priors(members="2")), derived)
+    nominal = xr.load_dataset(derived / "rock" / "responses.nc", mask_and_scale=False)
+    slippery, rough = (nominal["overturned"].sel(friction=one).values for one in (0.1, 10.0))
+    assert not slippery.any()
+    assert rough.any()
+    np.testing.assert_array_equal(asked[0].nominal, rough)
+    assert float(shown[0]["friction"]) == 10.0
+    # g times width over height of the block along x, then along y; either way the same
+    expected = np.log([0.25 / 1.0, 0.8 / 1.0])
+    np.testing.assert_allclose(np.exp(asked[0].given[1:]), np.exp(np.tile(expected, (3, 1))))
+    np.testing.assert_array_equal(found["overturned"].values, np.stack([rough, rough]))
 
 
 def test_priors_of_the_shake_table_are_in_the_same_words() -> None:

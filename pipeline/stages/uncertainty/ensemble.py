@@ -181,8 +181,7 @@ def _rough(wanted: Search) -> Mask:
     own: Mask = np.asarray(search.ragged(wanted.nominal).any(axis=0))
     if wanted.motions.dimension != "pgv_pga":
         return own
-    beside = np.convolve(own, np.ones(3), mode="same") > 0
-    return np.asarray(beside)
+    return np.asarray(np.convolve(own, np.ones(3))[1:-1] > 0)
 
 
 def _proved(wanted: Search, draws: Sequence[Draw]) -> Mask:
