@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
@@ -196,7 +196,7 @@ def test_settled_rock_stands_on_what_its_centre_does_not_overhang(seed: int) -> 
     try:
         rotation, turned = settle(hull)
     except InvalidInput:
-        return
+        reject()
     assert turned <= MAX_SETTLING_TURN
     rest = hull.turned(rotation)
     base = base_polygon(rest.vertices, 1e-9)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import nnls
@@ -205,13 +205,11 @@ def no_bead_passes(
         tilt = limits.edge_tilt * tilt
         top, floor = GRAVITY * limits.edge_height, GRAVITY * limits.upright_floor
         claim = cannot_topple
-    if not top > floor:
-        return
+    assume(top > floor)
     now = floor + energy * (top - floor)
     left = impulse * (math.sqrt(2.0 * (top - floor)) - math.sqrt(2.0 * (now - floor)))
     left = max(left, 0.0)
-    if not claim(limits, tilt, now, left):
-        return
+    assume(claim(limits, tilt, now, left))
     for depth, slope, share, loss in pushes:
         place = floor + depth * (now - floor)
         speed = math.sqrt(2.0 * max(now - place, 0.0)) + slope * share * left

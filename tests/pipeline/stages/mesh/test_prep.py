@@ -268,6 +268,7 @@ def test_a_cut_on_the_page_is_where_the_rock_is(shown: Shown) -> None:
 
 def test_alternatives_tell_the_truth_about_themselves() -> None:
     """Each is tried again here; an honest one that gives the rock gives its volume too."""
+    assert prepared().alternatives
     for other in prepared().alternatives:
         again = prepare_scan(survey(), other.cut, closing="caps", density=DENSITY, clearance=0.001)
         area = again.rock.area_faces[~again.added].sum()
