@@ -105,7 +105,7 @@ def plan(product: str, job: Job) -> list[str]:
     with tempfile.TemporaryDirectory() as temporary:
         scenes = load_scenes(job.config, _with_rock(job, Path(temporary)).store, level=True)
     measured = not {"motions", "time_step", "terrain"} & set(todo)
-    lines += _planned_runs(job, scenes, _kind(product), measured=measured)
+    lines += _planned_runs(job, scenes, _kind(product, job.config), measured=measured)
     if "uncertainty" in todo:
         lines.append(_planned_draws(job.config, motion_grid.of_site(job.site)))
     dropped = left_out(job.config, flat_case(scenes, groups(job.config)[0]))
@@ -114,10 +114,12 @@ def plan(product: str, job: Job) -> list[str]:
     return lines
 
 
-def _kind(product: str) -> Kind[Any]:
+def _kind(product: str, config: Config) -> Kind[Any]:
     """Displacement runs, or runs whose outcome alone is wanted."""
     names = {stage.name for stage in upstream(product)}
-    return displacement_runs.KIND if "displacement_runs" in names else overturning_runs.KIND
+    if "displacement_runs" in names:
+        return displacement_runs.KIND
+    return overturning_runs.kind(config)
 
 
 def _planned_runs(job: Job, scenes: Scenes, kind: Kind[Any], *, measured: bool) -> list[str]:

@@ -32,6 +32,28 @@ class Outcome(IntEnum):
         return 0 if self in (Outcome.BALANCED, Outcome.DISPLACED) else -1
 
 
+class Movement(IntEnum):
+    """How a rock left its seat; told by ``vsr_core.run.movement``.
+
+    Attributes
+    ----------
+    words : str
+    """
+
+    STAYED = 0, "stayed"
+    ROLLED_OVER = 1, "rolled over"
+    FELL = 2, "fell"
+    SLID = 3, "slid"
+
+    words: str
+
+    def __new__(cls, value: int, words: str) -> Movement:
+        """A movement with its words."""
+        movement = int.__new__(cls, value)
+        movement._value_, movement.words = value, words
+        return movement
+
+
 class DecidedBy(IntEnum):
     """The rule that ended a run, or kept it from starting.
 

@@ -13,6 +13,7 @@ RUN_CODE = (
 TERRAIN_CODE = (
     *RUN_CODE,
     "vsr_core.run.displacement:displace",
+    "vsr_core.run.movement:air_share",
     "pipeline.stages.runs.scenes:terrain_case",
 )
 """The same on a terrain."""

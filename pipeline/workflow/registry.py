@@ -85,6 +85,7 @@ STAGES: tuple[Stage, ...] = (
         code=(
             *TERRAIN_CODE,
             "pipeline.stages.runs.overturning_runs:simulate_batch",
+            "pipeline.stages.runs.overturning_runs:respond_batch",
             *MOTION_CODE,
             *ENGINE_CODE,
         ),

@@ -10,7 +10,7 @@ from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
 
 from vsr_core.outcome import DecidedBy, StopReason
 
-Row = TypeVar("Row", bound="RunRow | DisplacementRow")
+Row = TypeVar("Row", bound="RunRow | TerrainRow | DisplacementRow")
 
 
 class RunRow(NamedTuple):
@@ -28,6 +28,22 @@ class RunRow(NamedTuple):
     steps: int = 0
 
 
+class TerrainRow(NamedTuple):
+    """A stored run on a terrain, up to where its outcome is decided: a ``RunRow`` and what follows.
+
+    ``air_share`` is as ``vsr_core.run.movement`` says.
+    """
+
+    key: bytes
+    outcome: int
+    decided_by: int = int(DecidedBy.SIMULATION)
+    peak_tilt: float | None = None
+    final_tilt: float | None = None
+    slip: float | None = None
+    steps: int = 0
+    air_share: float | None = None
+
+
 class DisplacementRow(NamedTuple):
     """A stored displacement run, with its trajectory as ``trajectory_packing`` packs it.
 
@@ -43,7 +59,11 @@ class DisplacementRow(NamedTuple):
     trajectory: bytes = b""
 
 
-TABLES: dict[type, str] = {RunRow: "runs", DisplacementRow: "displacement_runs"}
+TABLES: dict[type, str] = {
+    RunRow: "runs",
+    TerrainRow: "terrain_runs",
+    DisplacementRow: "displacement_runs",
+}
 """Table of the database for each kind of row."""
 
 _COLUMNS: dict[Any, str] = {bytes: "BLOB", int: "INTEGER", float | None: "REAL"}

@@ -108,6 +108,8 @@ class RunStore(Generic[Row]):
         database, table = self._database, self._layout.table
         query = f"SELECT {table}.* FROM wanted CROSS JOIN {table} USING (key)"  # noqa: S608
         with self._using(), _whole(database, "BEGIN"):
+            if self._layout.schema not in _tables(database):  # none of the kind was ever done
+                return
             database.execute(
                 "CREATE TEMP TABLE IF NOT EXISTS wanted (key BLOB PRIMARY KEY) WITHOUT ROWID"
             )

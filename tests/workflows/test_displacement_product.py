@@ -210,5 +210,5 @@ def test_table_1_of_the_page_is_that_of_the_runs(folder: Path, runs: xr.Dataset)
 
 def test_the_page_counts_the_runs_beside_the_scene(folder: Path, runs: xr.Dataset) -> None:
     page = (folder / "displacement.html").read_text(encoding="utf-8")
-    assert f"{toppled(runs).sum()} of 12 runs topple" in page
+    assert f"In <strong>{toppled(runs).sum()}</strong> of 12 runs the rock left its seat" in page
     assert (folder / "trajectories.html").stat().st_size > 10_000

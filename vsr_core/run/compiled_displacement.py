@@ -148,6 +148,8 @@ def displace(
     if follow and shared.flying is not None and found[:2] == _TOPPLED:
         found = _follow(shared, travel, room, found)
     outcome, stop, steps, kept = found
+    if not follow and found[:2] == _TOPPLED:
+        kept = tracking.end(track, kept)
     response = Response(
         Outcome(outcome),
         DecidedBy.SIMULATION,

@@ -1,4 +1,4 @@
-"""Runs of ``displacement.nc`` as figures and pages take them: paths, ends, and who toppled."""
+"""Runs of ``displacement.nc`` as figures and pages take them: paths, ends, which left the seat."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ STOPS = {
 """What ended a run, in words."""
 
 
-def toppled(displacement: xr.Dataset) -> Mask:
-    """Find the runs whose rock overturned.
+def left_seat(displacement: xr.Dataset) -> Mask:
+    """Find the runs whose rock left its seat: those with the outcome overturned.
 
     Parameters
     ----------
@@ -88,12 +88,12 @@ def overturned_runs(displacement: xr.Dataset) -> pd.DataFrame:
         See ``vsr_core.displacement.correlation``.
     """
     names = [*correlation.REGRESSORS, *correlation.STATISTICS]
-    table = displacement[names].isel(run=toppled(displacement)).to_dataframe()
+    table = displacement[names].isel(run=left_seat(displacement)).to_dataframe()
     return table[names].astype(float)
 
 
 def typical(displacement: xr.Dataset) -> int | None:
-    """Place of the run of median length among those that toppled and came to rest.
+    """Place of the run of median length among those that left the seat and came to rest.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def typical(displacement: xr.Dataset) -> int | None:
     -------
     int or None, where there is none
     """
-    rested = toppled(displacement) & (displacement["stop_reason"].values == StopReason.REST)
+    rested = left_seat(displacement) & (displacement["stop_reason"].values == StopReason.REST)
     runs = np.flatnonzero(rested)
     if not len(runs):
         return None

@@ -7,15 +7,16 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.stages.datasets.displaced_runs import overturned_runs
-from pipeline.stages.datasets.stored_runs import stored, tally
-from pipeline.stages.motions.motion_grid import Shaking
+from pipeline.stages.datasets.kinds_of_end import ways
+from pipeline.stages.datasets.stored_runs import moved, stored, tally
 from pipeline.stages.runs.displacement_runs import KIND
-from pipeline.stages.runs.study import load_study
+from pipeline.stages.runs.study import Study, load_study
 from pipeline.stages.runs.trajectory_packing import SAMPLE, unpack
 from pipeline.workflow import writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
 from vsr_core.displacement.correlation import correlations, row
+from vsr_core.run.movement import air_share
 
 FILE, TABLE = "displacement.nc", "correlation.csv"
 
@@ -34,27 +35,34 @@ def make(job: Job) -> Product:
     """
     study = load_study(job.config, job.store)
     runs = stored(job, KIND, study)
-    dataset = _dataset(runs, study.motions)
+    dataset = _dataset(job, runs, study)
     found = correlations(overturned_runs(dataset))
+    counts = ways(dataset["outcome"].values, dataset["movement"].values)
+    moved_so = {f"n_{way.name.lower()}": count for way, count in counts.items()}
     text, unresolved = tally(runs["outcome"])
     files = {
         FILE: netcdf(described(dataset, job, "Large displacement")),
-        TABLE: writers.table(pd.DataFrame(map(row, found))),
+        TABLE: writers.table(pd.DataFrame([row(one) | moved_so for one in found])),
     }
     return Product(files, f"{text}; {dataset.sizes['sample']} samples", unresolved=unresolved)
 
 
-def _dataset(runs: pd.DataFrame, motions: Shaking) -> xr.Dataset:
+def _dataset(job: Job, runs: pd.DataFrame, study: Study) -> xr.Dataset:
     """Every run, then the samples of their trajectories one after the other."""
     tracks = [unpack(packed) if packed else np.empty(0, SAMPLE) for packed in runs["trajectory"]]
     samples = np.concatenate(tracks)
     speed = np.linalg.norm(samples["velocity"], axis=1)
     length, largest, distance = np.array([_statistics(track) for track in tracks]).T
+    motions, radius = study.motions, study.scenes.rock.radius
+    in_air = [air_share(track["position"][:, 2], track["contact"], radius) for track in tracks]
     number = runs["motion"].to_numpy()
     dataset = xr.Dataset(
         {
             "row_size": ("run", np.array([len(track) for track in tracks], np.int32)),
             "outcome": ("run", runs["outcome"].to_numpy(np.int8)),
+            "movement": ("run", moved(job, runs, np.array(in_air)).astype(np.int8)),
+            "largest_tilt": ("run", runs["peak_tilt"].to_numpy(float)),
+            "air_share": ("run", np.array(in_air)),
             "stop_reason": ("run", runs["stop_reason"].to_numpy(np.int8)),
             "steps": ("run", runs["steps"].to_numpy(np.int32)),
             "trajectory_length": ("run", length),
@@ -79,6 +87,7 @@ def _dataset(runs: pd.DataFrame, motions: Shaking) -> xr.Dataset:
         dataset = dataset.assign_coords(record=("run", np.array(motions.rows)[number]))
     dataset["run"].attrs["cf_role"] = "trajectory_id"
     dataset["row_size"].attrs["sample_dimension"] = "sample"
+    dataset["movement"].encoding["_FillValue"] = np.int8(-1)
     return dataset
 
 

@@ -9,11 +9,11 @@ import pandas as pd
 import xarray as xr
 import yaml
 
-from pipeline.stages.datasets.stored_runs import stored, tally
+from pipeline.stages.datasets.stored_runs import moved, stored, tally
 from pipeline.stages.motions.motion_grid import FILE as MOTIONS
 from pipeline.stages.motions.motion_grid import Shaking
 from pipeline.stages.motions.motions import MEASURES
-from pipeline.stages.runs.overturning_runs import KIND
+from pipeline.stages.runs.overturning_runs import kind
 from pipeline.stages.runs.scenes import flat_case, left_out
 from pipeline.stages.runs.step_choice import FILE as TIME_STEP
 from pipeline.stages.runs.study import Study, load_study
@@ -26,6 +26,7 @@ FILE = "responses.nc"
 
 _TYPES = {
     "outcome": "i1",
+    "movement": "i1",
     "decided_by": "i1",
     "peak_tilt": "f8",
     "final_tilt": "f8",
@@ -48,7 +49,9 @@ def make(job: Job) -> Product:
     """
     config = job.config
     study = load_study(config, job.store)
-    runs = stored(job, KIND, study)
+    runs = stored(job, kind(config), study)
+    in_air = runs.pop("air_share") if config.on_terrain else np.full(len(runs), np.nan)
+    runs = runs.assign(movement=moved(job, runs, np.asarray(in_air, dtype=float)))
     summary, unresolved = tally(runs["outcome"])
     dataset = _dataset(study, runs).assign_coords(_measures(job, study.motions))
     measured = read(job.path(TIME_STEP))

@@ -7,11 +7,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.stages.mesh.products import ROCK
 from pipeline.stages.runs import runner
 from pipeline.stages.runs.runner import Kind
 from pipeline.stages.runs.study import Study
+from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job
+from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import Outcome
+from vsr_core.run.movement import movements, no_return_tilt
 
 
 def stored(job: Job, kind: Kind[Any], study: Study) -> pd.DataFrame:
@@ -42,6 +46,27 @@ def stored(job: Job, kind: Kind[Any], study: Study) -> pd.DataFrame:
     pga = np.tile(motions.pga, len(runs) // len(motions.pga))
     motion = np.repeat(np.arange(len(motions.rows)), len(motions.pga))
     return runs.assign(motion=np.tile(motion, len(study.groups)), pga=pga)
+
+
+def moved(job: Job, runs: pd.DataFrame, air_share: Array) -> Indices:
+    """How the rock of a site moved in each of its runs.
+
+    Parameters
+    ----------
+    job : Job
+    runs : DataFrame, of ``stored``
+    air_share : ndarray, of each run
+
+    Returns
+    -------
+    ndarray of int, see ``vsr_core.run.movement.movements``
+    """
+    rock = read(job.path(ROCK))
+    angles = np.radians(rock["tipping_angle"].values)
+    limit = no_return_tilt(angles, float(rock.attrs["barrier_toppled_tilt"]))
+    return movements(
+        runs["outcome"].to_numpy(), runs["peak_tilt"].to_numpy(float), air_share, limit
+    )
 
 
 def tally(outcome: pd.Series) -> tuple[str, int]:

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.drawing import style
-from pipeline.stages.datasets.displaced_runs import overturned_runs, toppled
+from pipeline.stages.datasets.displaced_runs import left_seat, overturned_runs
 from pipeline.stages.displacement.trajectory_maps import WIDTH, named
 from pipeline.workflow.datasets import label
 from vsr_core.displacement.correlation import STATISTICS, Correlation, correlations
@@ -45,7 +45,7 @@ def trajectory_lengths(displacement: xr.Dataset, source: str) -> Figure:
     Parameters
     ----------
     displacement : Dataset
-        As in ``displacement.nc``; runs that did not topple are grey in the first panel.
+        As in ``displacement.nc``; runs that stayed on the seat are grey in the first panel.
     source : str
         What the terrain is.
 
@@ -53,12 +53,12 @@ def trajectory_lengths(displacement: xr.Dataset, source: str) -> Figure:
     -------
     Figure
     """
-    runs, standing = overturned_runs(displacement), displacement.isel(run=~toppled(displacement))
+    runs, standing = overturned_runs(displacement), displacement.isel(run=~left_seat(displacement))
     figure = Figure(figsize=(WIDTH, 3.4))
     margins = {"left": 0.06, "right": 0.97, "bottom": 0.15, "top": 0.91, "wspace": 0.34}
     panels = figure.subplots(1, 3, gridspec_kw=margins)
     grey: Any = {"ms": 1.6, "color": "#bdbdbd", "rasterized": True, "gid": "standing"}
-    panels[0].plot(standing["pga"], standing["pgv_pga"], ".", label="did not topple", **grey)
+    panels[0].plot(standing["pga"], standing["pgv_pga"], ".", label="stayed on the seat", **grey)
     length = "trajectory_length"
     axes_and_colour = (("pga", "pgv_pga", length), ("pga", length, "pgv_pga"),
                        ("pgv_pga", length, "pga"))  # fmt: skip
@@ -71,7 +71,7 @@ def trajectory_lengths(displacement: xr.Dataset, source: str) -> Figure:
             bar = figure.colorbar(dots, ax=axes, location="top", pad=0.03, aspect=35)
             bar.set_label(NAMES[colour])
         else:
-            axes.text(0.5, 0.5, "no run toppled", transform=axes.transAxes, ha="center")
+            axes.text(0.5, 0.5, "no run left the seat", transform=axes.transAxes, ha="center")
         if up == length:
             _from_zero(axes)
     if standing.sizes["run"]:

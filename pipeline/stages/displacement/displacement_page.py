@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from pipeline.drawing.style import png_uri
@@ -17,9 +16,10 @@ from pipeline.stages.datasets.displaced_runs import (
     ends,
     forward,
     groups,
+    left_seat,
     overturned_runs,
-    toppled,
 )
+from pipeline.stages.datasets.kinds_of_end import kinds, told, ways
 from pipeline.stages.displacement.correlation_figures import (
     NAMES,
     TABLE_1,
@@ -34,7 +34,7 @@ from pipeline.workflow.pages import filled
 from vsr_core.displacement.correlation import STATISTICS, Correlation, correlations
 from vsr_core.displacement.least_shaking import lower_bound
 from vsr_core.displacement.origin import Found, trace
-from vsr_core.outcome import Outcome, StopReason
+from vsr_core.outcome import StopReason
 
 Row = dict[str, Any]
 
@@ -108,8 +108,9 @@ def _answer(displacement: xr.Dataset) -> Row:
     runs, stop = overturned_runs(displacement), displacement["stop_reason"].values
     answer: Row = {
         "runs": displacement.sizes["run"],
-        "toppled": len(runs),
-        "cut": int((toppled(displacement) & (stop != StopReason.REST)).sum()),
+        "left": len(runs),
+        "ways": _ways(displacement),
+        "cut": int((left_seat(displacement) & (stop != StopReason.REST)).sum()),
         "undone": int((stop == StopReason.UNDONE).sum()),
     }
     for name in STATISTICS:
@@ -117,14 +118,24 @@ def _answer(displacement: xr.Dataset) -> Row:
     return answer
 
 
+def _ways(displacement: xr.Dataset) -> str:
+    """How many runs left the seat by rolling over, by falling and by sliding."""
+    return told(ways(displacement["outcome"].values, displacement["movement"].values))
+
+
 def _counts(displacement: xr.Dataset) -> Row:
-    """Runs by outcome and by how they ended."""
-    table = pd.crosstab(displacement["stop_reason"].values, displacement["outcome"].values)
+    """Runs by kind of end and by what ended them."""
+    stop = displacement["stop_reason"].values
+    found = kinds(displacement["outcome"].values, displacement["movement"].values)
     return {
-        "kinds": [Outcome(kind).name.lower() for kind in table.columns.to_numpy()],
-        "rows": [{"stop": STOPS[StopReason(reason)], "runs": list(runs)}
-                 for reason, *runs in table.itertuples()],
-        "total": table.sum().tolist(),
+        "kinds": list(found),
+        "rows": [
+            {"stop": STOPS[reason], "runs": [int((runs & (stop == reason)).sum())
+                                             for runs in found.values()]}
+            for reason in StopReason
+            if (stop == reason).any()
+        ],
+        "total": [int(runs.sum()) for runs in found.values()],
     }  # fmt: skip
 
 
@@ -132,7 +143,8 @@ def _group(name: str, runs: xr.Dataset, terrain: xr.Dataset, source: str) -> Row
     """Table 1 and the figures of one direction and friction."""
     return {
         "name": name,
-        "toppled": int(toppled(runs).sum()),
+        "left": int(left_seat(runs).sum()),
+        "ways": _ways(runs),
         "runs": runs.sizes["run"],
         "table": [_line(found) for found in correlations(overturned_runs(runs))],
         "trajectories": png_uri(trajectories(runs, terrain, source)),
@@ -166,7 +178,7 @@ def _origin(displacement: xr.Dataset, terrain: xr.Dataset, source: str, found: F
         for name, unit, values, inside in axes
         if inside.any()
     ]
-    mask = toppled(displacement)
+    mask = left_seat(displacement)
     far, distance = np.hypot(*ends(displacement)[mask].T), math.hypot(*found.place)
     bounds = [
         lower_bound(displacement[name].values[mask].astype(float), far, distance, name)

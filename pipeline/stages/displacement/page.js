@@ -180,9 +180,9 @@ function listen() {
 }
 
 function begin() {
-  runs.forEach((run, k) => byId("run").add(new Option(`${k + 1}: ${nameOf(run)}, ${run.stop}`, k)));
+  runs.forEach((run, k) => byId("run").add(new Option(`${k + 1}: ${nameOf(run)}, ${run.movement}, ${run.stop}`, k)));
   if (!runs.length) {
-    byId("run").add(new Option("no run toppled"));
+    byId("run").add(new Option("no run left the seat"));
     byId("shaking").remove();
     byId("along").remove();
   }

@@ -1,4 +1,4 @@
-"""Terrain, rock and all toppled runs in three dimensions, as one page that works offline."""
+"""Terrain, rock and runs that left the seat in three dimensions, in a page that works offline."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from markupsafe import Markup
 from pipeline.drawing.packing import packed, packed_mesh
 from pipeline.drawing.rendering import clearest, thinned
 from pipeline.drawing.view import contour_step, reach
-from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, toppled
+from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, left_seat
+from pipeline.stages.datasets.kinds_of_end import told, ways
 from pipeline.stages.displacement.track import SPEEDS
 from pipeline.workflow.pages import filled
 from pipeline.workflow.pages import source as text_of
 from vsr_core.arrays import Array, Indices
-from vsr_core.outcome import StopReason
+from vsr_core.outcome import Movement, StopReason
 
 PAGE = "scene3d.html"
 SCRIPTS = tuple(
@@ -39,7 +40,7 @@ _VIEW_POINTS = 500  # of all paths, to choose where to look from
 def page(
     displacement: xr.Dataset, terrain: xr.Dataset, rock: xr.Dataset, title: str, source: str
 ) -> str:
-    """Page with the paths of all toppled runs, one of which is played.
+    """Page with the paths of all runs that left the seat, one of which is played.
 
     Positions are kept to a 65,535th of the extent of their run.
 
@@ -56,7 +57,7 @@ def page(
     str
         HTML that holds all it needs.
     """
-    fallen = toppled(displacement)
+    fallen = left_seat(displacement)
     runs = chosen(displacement, fallen & (displacement["row_size"].values > 1))
     corners = rock["vertex"].values.astype(float)
     radius = float(np.linalg.norm(corners, axis=1).max())
@@ -86,7 +87,8 @@ def page(
         {
             "title": title,
             "source": source,
-            "toppled": int(fallen.sum()),
+            "left": int(fallen.sum()),
+            "ways": told(ways(displacement["outcome"].values, displacement["movement"].values)),
             "total": displacement.sizes["run"],
             "contour": contour,
             "error": error,
@@ -104,6 +106,7 @@ def _table(runs: xr.Dataset) -> list[dict[str, Any]]:
     """What tells the runs apart, one entry a run."""
     names = ("pga", "pgv_pga", "yaw", "friction", "trajectory_length")
     columns = {name: runs[name].values.astype(float).round(6).tolist() for name in names}
+    columns["movement"] = [Movement(int(kind)).words for kind in runs["movement"]]
     columns["stop"] = [STOPS[StopReason(int(reason))] for reason in runs["stop_reason"]]
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import around, relief
-from pipeline.stages.datasets.displaced_runs import chosen, ends, toppled
+from pipeline.stages.datasets.displaced_runs import chosen, ends, left_seat
 from pipeline.stages.displacement.trajectory_maps import SPEEDS, WIDTH, named, paths, speeds
 from vsr_core.arrays import Array
 
@@ -33,7 +33,7 @@ def side_view(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> Fig
     -------
     Figure
     """
-    runs = chosen(displacement, toppled(displacement))
+    runs = chosen(displacement, left_seat(displacement))
     points = np.column_stack([runs["x"].values, runs["y"].values])
     along = _mean_direction(ends(runs))
     distance, aside = points @ along, points @ np.array([-along[1], along[0]])
@@ -65,7 +65,7 @@ def side_view(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> Fig
     turn = np.round(np.degrees(np.arctan2(along[1], along[0]))) % 360.0
     axes.set_xlabel(f"distance from the start, at {turn:.0f}° counter-clockwise from +x [m]")
     axes.set_ylabel("height of the\ncentre of mass [m]")
-    axes.set_title(f"all toppled runs, N = {runs.sizes['run']}")
+    axes.set_title(f"all runs that left the seat, N = {runs.sizes['run']}")
     axes.legend(loc="upper right")
     figure.colorbar(ScalarMappable(speed, SPEEDS), ax=axes, label="speed [m/s]", shrink=0.9)
     named(figure, source)

@@ -1,4 +1,4 @@
-"""One toppled run in one picture, as several poses of the rock, and as a short animation."""
+"""One run that left the seat: several poses of the rock in one picture, and a short animation."""
 
 from __future__ import annotations
 

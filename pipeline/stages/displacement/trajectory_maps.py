@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import Window, around, draw, relief
-from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, toppled
-from vsr_core.arrays import Array
-from vsr_core.outcome import StopReason
+from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, left_seat
+from vsr_core.arrays import Array, Indices
+from vsr_core.outcome import Movement, StopReason
 
 PGA_EDGES = (0.0, 0.5, 0.7, 0.8, 1.0)
 """Ends of the ranges of PGA [g], open below and closed above; the middle two are the paper's."""
@@ -32,10 +32,16 @@ WIDTH = 9.4
 
 _FINEST = 3.0 / style.DPI  # inch: a shorter piece of a path is not seen
 _MARKS = {
-    StopReason.REST: ("o", style.SERIES[0]),
-    StopReason.LEFT_TERRAIN: ("^", style.SERIES[1]),
-    StopReason.TIME: ("s", style.SERIES[3]),
-    StopReason.UNDONE: ("X", style.INK),
+    StopReason.REST: "o",
+    StopReason.LEFT_TERRAIN: "^",
+    StopReason.TIME: "s",
+    StopReason.UNDONE: "X",
+}
+_COLOURS = {
+    Movement.STAYED: style.SERIES[4],
+    Movement.ROLLED_OVER: style.SERIES[1],
+    Movement.FELL: style.SERIES[3],
+    Movement.SLID: style.SERIES[0],
 }
 
 
@@ -54,13 +60,13 @@ def trajectories(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> 
     -------
     Figure
     """
-    runs = chosen(displacement, toppled(displacement))
+    runs = chosen(displacement, left_seat(displacement))
     window = around(np.column_stack([runs["x"].values, runs["y"].values]), terrain)
     ground = relief(terrain, window)
     pga, speed = runs["pga"].values, speeds(runs)
     edges = [*PGA_EDGES[:-1], max(PGA_EDGES[-1], float(pga.max(initial=0.0)))]
     figure, large, panels, bar = _panels(window.size[1] / window.size[0])
-    titles = [f"all toppled runs, N = {runs.sizes['run']}"]
+    titles = [f"all runs that left the seat, N = {runs.sizes['run']}"]
     parts = [runs]
     for low, high in itertools.pairwise(edges):
         parts.append(chosen(runs, (pga > low) & (pga <= high)))
@@ -82,7 +88,7 @@ def trajectories(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> 
 
 @style.styled
 def end_positions(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> Figure:
-    """Where every run ended, and why it did.
+    """Where every run ended, by how the rock moved and what ended the run.
 
     Parameters
     ----------
@@ -105,19 +111,34 @@ def end_positions(displacement: xr.Dataset, terrain: xr.Dataset, source: str) ->
     draw(axes, relief(terrain, window), window)
     dots: Any = {"s": 13, "edgecolors": "white", "linewidths": 0.3, "alpha": 0.85,
                  "rasterized": True, "zorder": 3}  # fmt: skip
-    for reason, (marker, colour) in _MARKS.items():
+    movement = displacement["movement"].values
+    colours = np.full(len(stop), style.INK, dtype=object)
+    for kind, colour in _COLOURS.items():
+        colours[movement == kind] = colour
+    for reason, marker in _MARKS.items():
         runs = stop == reason
         if runs.any():
-            name = f"{STOPS[reason]} ({runs.sum()})"
-            axes.scatter(*places[runs].T, marker=marker, color=colour, label=name,
+            axes.scatter(*places[runs].T, marker=marker, c=colours[runs].tolist(),
                          gid=reason.name.lower(), **dots)  # fmt: skip
     _start(axes, label="start")
     _shaking(axes, np.unique(displacement["yaw"].values), window)
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.set_title(f"end positions of all {displacement.sizes['run']} runs")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+    _key_to_ends(axes, movement, stop)
     named(figure, source)
     return figure
+
+
+def _key_to_ends(axes: Axes, movement: Indices, stop: Indices) -> None:
+    """Key beside the map: colours of the movements, then marks of what ended the runs."""
+    for kind, colour in _COLOURS.items():
+        if count := int((movement == kind).sum()):
+            axes.plot([], [], "o", color=colour, label=f"{kind.words} ({count})")
+    for reason, marker in _MARKS.items():
+        if count := int((stop == reason).sum()):
+            look: Any = {"mfc": "none", "mec": style.INK, "ls": "none"}
+            axes.plot([], [], marker, label=f"{STOPS[reason]} ({count})", **look)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
 
 
 def named(figure: Figure, source: str) -> None:
@@ -163,7 +184,7 @@ def paths(
     """
     if runs.sizes["run"] == 0:
         middle: Any = {"transform": axes.transAxes, "ha": "center", "gid": "empty"}
-        axes.text(0.5, 0.5, "no run toppled", path_effects=style.HALO, **middle)
+        axes.text(0.5, 0.5, "no run left the seat", path_effects=style.HALO, **middle)
         return
     points = np.column_stack([runs[name].values for name in names]).astype(float)
     run = np.repeat(np.arange(runs.sizes["run"]), runs["row_size"].values)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline.stages.datasets.displaced_runs import toppled
+from pipeline.stages.datasets.displaced_runs import left_seat
 from pipeline.stages.displacement import trajectory_maps
 from pipeline.stages.figures import terrain_note
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
@@ -59,7 +59,7 @@ def findings(data: Data) -> list[Finding]:
     list of Finding
     """
     displacement = data["displacement"]
-    fell = toppled(displacement)
+    fell = left_seat(displacement)
     number, share = int(fell.sum()), float(fell.mean())
     pga, speed = displacement["pga"].values, displacement["largest_speed"].values
     inside = [(pga > low) & (pga <= high) for low, high in RANGES]

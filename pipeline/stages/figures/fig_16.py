@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from scipy.stats import spearmanr
 
-from pipeline.stages.datasets.displaced_runs import ends, overturned_runs, toppled
+from pipeline.stages.datasets.displaced_runs import ends, left_seat, overturned_runs
 from pipeline.stages.displacement import correlation_figures
 from pipeline.stages.figures import terrain_note
 from pipeline.stages.figures.fig_15 import SOURCES as SOURCES
@@ -102,7 +102,7 @@ def _niche(displacement: xr.Dataset, terrain: xr.Dataset) -> Finding:
     if found is None:
         return Finding(where, claim, rule, "the site names no niche", None)
     place = np.array(found["place"]) - np.asarray(terrain.attrs["origin_in_scan"])[:2]
-    chosen = toppled(displacement)
+    chosen = left_seat(displacement)
     if not chosen.any():
         return Finding(where, claim, rule, "nothing topples", None)
     apart: Array = np.linalg.norm(ends(displacement)[chosen] - place, axis=1)

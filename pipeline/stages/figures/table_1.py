@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing import style
 from pipeline.stages.datasets.displaced_runs import overturned_runs
+from pipeline.stages.datasets.kinds_of_end import told, ways
 from pipeline.stages.displacement.correlation_figures import TABLE_1, power
 from pipeline.stages.figures import diagrams, terrain_note
 from pipeline.stages.figures.fig_15 import SOURCES as SOURCES
@@ -54,7 +55,9 @@ def draw(data: Data) -> Figure:
         for left, text in zip(_LEFT, row, strict=True):
             figure.text(left, height, text, size=9)
     _rule(figure, 0.09)
-    diagrams.note(figure, terrain_note.source(data["rock"]))
+    runs = data["displacement"]
+    moved = told(ways(runs["outcome"].values, runs["movement"].values))
+    diagrams.note(figure, f"{terrain_note.source(data['rock'])}; {moved}")
     return figure
 
 

@@ -15,7 +15,7 @@ from pipeline.drawing import style
 from pipeline.stages.fragility.summary import undecided
 from pipeline.workflow.datasets import label, rows_of
 from vsr_core.arrays import Array, Indices
-from vsr_core.outcome import DecidedBy, Outcome
+from vsr_core.outcome import DecidedBy, Movement, Outcome
 
 PROVED, UPRIGHT, OVERTURNED, UNDECIDED = range(4)
 """What a cell of the diagram shows."""
@@ -136,12 +136,7 @@ def _cells(axes: Axes, runs: xr.Dataset) -> None:
         if text and (kinds == kind).any():
             axes.plot([], [], "s", ms=7, color=colour, label=text)
     size = 220.0 / max(pga.size, ratio.size)  # of a cell, in points
-    row, column = np.nonzero(runs["outcome"].values == Outcome.DISPLACED)
-    if row.size:
-        dot: Any = {"ls": "", "marker": ".", "color": "white", "mew": 0, "gid": "displaced"}
-        axes.plot(pga[column], ratio[row], ms=float(np.clip(0.6 * size, 1.8, 6.0)), **dot)
-        key: Any = {"ms": 5, "mfc": "white", "mec": style.UPRIGHT, "mew": 2.5}
-        axes.plot([], [], "s", label="upright, but slid", **key)
+    _not_rolled_over(axes, runs, pga, ratio, float(np.clip(0.6 * size, 1.8, 6.0)))
     row, column = np.nonzero(kinds == UNDECIDED)
     if row.size:
         axes.plot(
@@ -156,6 +151,21 @@ def _cells(axes: Axes, runs: xr.Dataset) -> None:
             label=f"UNDECIDED ({row.size})",
             gid="undecided",
         )
+
+
+def _not_rolled_over(axes: Axes, runs: xr.Dataset, pga: Array, ratio: Array, size: float) -> None:
+    """Dots on the runs whose rock slid or fell: still on its seat, or off it."""
+    standing = runs["movement"].values != Movement.ROLLED_OVER
+    for outcome, colour, text in (
+        (Outcome.DISPLACED, style.UPRIGHT, "upright, but slid"),
+        (Outcome.OVERTURNED, style.OVERTURNED, "slid or fell off its seat"),
+    ):
+        row, column = np.nonzero(standing & (runs["outcome"].values == outcome))
+        if row.size:
+            dot: Any = {"ls": "", "marker": ".", "color": "white", "mew": 0, "ms": size}
+            axes.plot(pga[column], ratio[row], gid=outcome.name.lower(), **dot)
+            key: Any = {"ms": 5, "mfc": "white", "mec": colour, "mew": 2.5}
+            axes.plot([], [], "s", label=text, **key)
 
 
 def _boundary(axes: Axes, fit: xr.Dataset) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pipeline.stages.datasets.kinds_of_end import kinds, told, ways
 from pipeline.stages.fragility.summary import (
     between,
     groups,
@@ -229,13 +230,20 @@ def counts(responses: xr.Dataset) -> Row:
     dict
     """
     outcome, rule = responses["outcome"].values.ravel(), responses["decided_by"].values.ravel()
-    kinds = [kind for kind in Outcome if (outcome == kind).any()]
-    rules = [code for code in DecidedBy if (rule == code).any()]
-    table = pd.crosstab(rule, outcome).reindex(index=rules, columns=kinds).to_numpy().tolist()
+    movement = responses["movement"].values.ravel()
+    found, left = kinds(outcome, movement), ways(outcome, movement)
     decided = ~undecided(responses).ravel()
     return {
-        "kinds": [kind.name.lower() for kind in kinds],
-        "table": [{"how": code.how, "runs": runs} for code, runs in zip(rules, table, strict=True)],
+        "kinds": list(found),
+        "table": [
+            {
+                "how": code.how,
+                "runs": [int((runs & (rule == code)).sum()) for runs in found.values()],
+            }
+            for code in DecidedBy
+            if (rule == code).any()
+        ],
+        "ways": told(left),
         "total": outcome.size,
         "toppled": float((outcome == Outcome.OVERTURNED).sum() / max(decided.sum(), 1)),
         "proved": int((decided & (rule == DecidedBy.NO_UPLIFT_BOUND)).sum()),

@@ -4,26 +4,28 @@ from __future__ import annotations
 
 from typing import Any
 
+from pipeline.config.schema import Config
 from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.runner import Kind
 from pipeline.stages.runs.scenes import flat_case, terrain_case
 from pipeline.stages.runs.study import run_study
-from pipeline.workflow.rows import RunRow
+from pipeline.workflow.rows import RunRow, TerrainRow
 from pipeline.workflow.stage import Job, Product
 from vsr_core.outcome import Response
 from vsr_core.run.cases import Case, Settings, TerrainCase
-from vsr_core.run.displacement import respond
+from vsr_core.run.displacement import displace
+from vsr_core.run.movement import air_share
 from vsr_core.run.overturning import simulate_all
 
 
 def simulate_batch(
-    shared: tuple[Case | TerrainCase, Settings, Shaking], cells: tuple[Cell, ...]
+    shared: tuple[Case, Settings, Shaking], cells: tuple[Cell, ...]
 ) -> list[tuple[Any, ...]]:
-    """Simulate the responses to some cells, on a worker.
+    """Simulate the responses to some cells on a flat pedestal, on a worker.
 
     Parameters
     ----------
-    shared : Case or TerrainCase, Settings, and the motions
+    shared : Case, Settings, and the motions
     cells : tuple of Cell
 
     Returns
@@ -32,9 +34,31 @@ def simulate_batch(
     """
     place, settings, motions = shared
     moved = [motions.motion(cell) for cell in cells]
-    if isinstance(place, Case):
-        return [values(response) for response in simulate_all(place, moved, settings)]
-    return [values(respond(place, motion, settings)) for motion in moved]
+    return [values(response) for response in simulate_all(place, moved, settings)]
+
+
+def respond_batch(
+    shared: tuple[TerrainCase, Settings, Shaking], cells: tuple[Cell, ...]
+) -> list[tuple[Any, ...]]:
+    """Simulate the responses to some cells on a terrain, on a worker.
+
+    Parameters
+    ----------
+    shared : TerrainCase, Settings, and the motions
+    cells : tuple of Cell
+
+    Returns
+    -------
+    list of tuple, values of a ``TerrainRow`` after its key
+    """
+    place, settings, motions = shared
+    rows = []
+    for cell in cells:
+        found = displace(place, motions.motion(cell), settings, follow=False)
+        path, radius = found.trajectory, place.seat.rock.radius
+        in_air = air_share(path.position[:, 2], path.contact, radius)
+        rows.append((*values(found.response), in_air))
+    return rows
 
 
 def values(response: Response) -> tuple[Any, ...]:
@@ -63,7 +87,22 @@ def make(job: Job) -> Product:
     -------
     Product
     """
-    return run_study(job, KIND, terrain_case if job.config.on_terrain else flat_case)
+    return run_study(job, kind(job.config), terrain_case if job.config.on_terrain else flat_case)
+
+
+def kind(config: Config) -> Kind[Any]:
+    """Runs on a flat pedestal or on a terrain, as a configuration has it.
+
+    Parameters
+    ----------
+    config : Config
+
+    Returns
+    -------
+    Kind
+    """
+    return ON_TERRAIN if config.on_terrain else KIND
 
 
 KIND = Kind("runs", "runs", RunRow, simulate_batch, batch=40)
+ON_TERRAIN = Kind("runs", "runs", TerrainRow, respond_batch, batch=40)

@@ -15,6 +15,7 @@ import pytest
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from numpy.typing import NDArray
@@ -22,12 +23,13 @@ from PIL import Image
 
 from pipeline.drawing import ground_map, style
 from pipeline.stages.datasets.displaced_runs import (
+    STOPS,
     chosen,
     ends,
     forward,
     groups,
+    left_seat,
     overturned_runs,
-    toppled,
 )
 from pipeline.stages.displacement.correlation_figures import (
     ensemble_means,
@@ -42,7 +44,7 @@ from pipeline.workflow.datasets import catalogue
 from vsr_core import outcome
 from vsr_core.displacement.correlation import correlations
 from vsr_core.displacement.origin import Found, trace
-from vsr_core.outcome import Outcome, StopReason
+from vsr_core.outcome import Movement, Outcome, StopReason
 
 Array = NDArray[np.float64]
 
@@ -112,8 +114,9 @@ def falls(
     stop = np.where(left, StopReason.LEFT_TERRAIN, StopReason.REST)
     stop[np.flatnonzero(fallen)[::17]] = StopReason.TIME
     outcome = np.where(fallen, Outcome.OVERTURNED, Outcome.BALANCED)
+    movement = np.where(fallen, 1 + np.arange(pgv.size) % 7 % 3, Movement.STAYED)
     undone = np.flatnonzero(~fallen)[-2:]
-    outcome[undone], stop[undone] = Outcome.UNSTABLE, StopReason.UNDONE
+    outcome[undone], stop[undone], movement[undone] = Outcome.UNSTABLE, StopReason.UNDONE, -1
     ones = np.ones(pgv.size)
     end = np.stack([x, y, z])[:, last]
     return xr.Dataset(
@@ -124,6 +127,7 @@ def falls(
             "friction": ("run", 0.6 * ones),
             "row_size": ("run", size),
             "outcome": ("run", outcome.astype("i1")),
+            "movement": ("run", movement.astype("i1")),
             "stop_reason": ("run", stop.astype("i1")),
             "trajectory_length": ("run", np.add.reduceat(step, first)),
             "largest_speed": ("run", np.maximum.reduceat(speed, first)),
@@ -201,7 +205,7 @@ def texts(figure: Figure) -> str:
 
 
 def test_some_runs_keep_their_own_samples(runs: xr.Dataset) -> None:
-    mask = toppled(runs)
+    mask = left_seat(runs)
     assert 10 < mask.sum() < runs.sizes["run"] - 10
     some = chosen(runs, mask)
     for place, number in enumerate(np.flatnonzero(mask)):
@@ -214,7 +218,7 @@ def test_ends_are_last_samples_or_the_start(runs: xr.Dataset) -> None:
     found = ends(runs)
     for number in range(runs.sizes["run"]):
         np.testing.assert_array_equal(found[number], [of(runs, number, n)[-1] for n in "xy"])
-    standing = int(np.flatnonzero(~toppled(runs))[5])
+    standing = int(np.flatnonzero(~left_seat(runs))[5])
     size = runs["row_size"].values.copy()
     keep = np.repeat(np.arange(len(size)) != standing, size)
     size[standing] = 0
@@ -300,7 +304,7 @@ def test_window_holds_its_points_and_is_no_strip() -> None:
 
 def test_every_path_is_drawn_whole(runs: xr.Dataset, ground: xr.Dataset) -> None:
     figure = trajectories(runs, ground, SOURCE)
-    fallen = chosen(runs, toppled(runs))
+    fallen = chosen(runs, left_seat(runs))
     lines = artist(figure.axes[0], "paths")
     segments = np.array(lines.get_segments())
     # no line joins two runs, and what is left out cannot be seen
@@ -325,8 +329,8 @@ def test_ranges_of_pga_part_the_paths(runs: xr.Dataset, ground: xr.Dataset) -> N
     strong = runs.assign(pga=("run", np.where((pga > 0.7) & (pga <= 0.8), 0.65, pga)))
     figure = trajectories(strong, ground, SOURCE)
     whole, *panels = figure.axes[:5]
-    fallen = toppled(strong)
-    assert whole.get_title() == f"all toppled runs, N = {fallen.sum()}"
+    fallen = left_seat(strong)
+    assert whole.get_title() == f"all runs that left the seat, N = {fallen.sum()}"
     counts = [int(axes.get_title().split("N = ")[1]) for axes in panels]
     pga = strong["pga"].values[fallen]
     edges = [*PGA_EDGES[:-1], pga.max()]
@@ -354,7 +358,7 @@ def test_side_view_turns_with_the_site(runs: xr.Dataset) -> None:
     wide = plane(reach=16.0)
     axes = side_view(runs, wide, SOURCE).axes[0]
     base = np.array(artist(axes, "paths").get_segments())
-    fallen = chosen(runs, toppled(runs))
+    fallen = chosen(runs, left_seat(runs))
     assert base[:, :, 1].min() == pytest.approx(fallen["z"].values.min())
     middle = ends(fallen).mean(axis=0)
     furthest = (ends(fallen) @ middle / np.hypot(*middle)).max()
@@ -371,7 +375,7 @@ def test_side_view_turns_with_the_site(runs: xr.Dataset) -> None:
 def test_ground_beside_the_paths(runs: xr.Dataset) -> None:
     """On a plane that falls askew the band is as high as the paths are wide, times its slope."""
     askew = 0.5
-    fallen = chosen(runs, toppled(runs))
+    fallen = chosen(runs, left_seat(runs))
     axes = side_view(runs, turned(plane(reach=16.0), askew), SOURCE).axes[0]
     middle = ends(fallen).mean(axis=0) / np.hypot(*ends(fallen).mean(axis=0))
     left = np.array([-middle[1], middle[0]])
@@ -385,13 +389,30 @@ def test_ground_beside_the_paths(runs: xr.Dataset) -> None:
     assert band[here, 1].max() == pytest.approx(max(heights), abs=1e-3)
 
 
-def test_ends_by_what_ended_them(runs: xr.Dataset, ground: xr.Dataset) -> None:
+def test_ends_by_how_the_rock_moved_and_what_ended_the_run(
+    runs: xr.Dataset, ground: xr.Dataset
+) -> None:
     figure = end_positions(runs, ground, SOURCE)
-    stop = runs["stop_reason"].values
+    stop, movement = runs["stop_reason"].values, runs["movement"].values
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    key = {
+        text.get_text(): line
+        for text, line in zip(legend.texts, legend.legend_handles, strict=True)
+    }
+    colour = {
+        kind: to_rgb(key[f"{kind.words} ({(movement == kind).sum()})"].get_color())  # type: ignore
+        for kind in Movement
+    }
+    assert len(set(colour.values())) == len(Movement)
     for reason in StopReason:
         dots = artist(figure.axes[0], reason.name.lower())
-        np.testing.assert_allclose(dots.get_offsets(), ends(runs)[stop == reason])
-        assert f"({(stop == reason).sum()})" in dots.get_label()
+        of_it = stop == reason
+        np.testing.assert_allclose(dots.get_offsets(), ends(runs)[of_it])
+        assert f"{STOPS[reason]} ({of_it.sum()})" in key
+        painted = [tuple(shade[:3]) for shade in dots.get_facecolors()]
+        ink = to_rgb(style.INK)
+        assert painted == [colour.get(kind, ink) for kind in movement[of_it]]
 
 
 # way and shaking
@@ -514,7 +535,7 @@ def test_figures_say_whose_terrain_it_is_whatever_they_hold(
 ) -> None:
     monkeypatch.setitem(style._SAVED["png"], "dpi", style.DPI / 4)
     runs = falls(5, samples=10, least=least)
-    assert (least < 1.0) == (toppled(runs).sum() > 1)
+    assert (least < 1.0) == (left_seat(runs).sum() > 1)
     for figure in every_figure(runs, ground):
         assert [text.get_text() for text in figure.texts if text.get_gid() == "source"] == [SOURCE]
         picture = Image.open(io.BytesIO(style.png(figure)))
@@ -623,22 +644,26 @@ def test_page_holds_all_it_shows(text: str) -> None:
 
 def test_page_has_the_numbers(text: str, runs: xr.Dataset) -> None:
     made = Page(text)
-    mask = toppled(runs)
+    mask = left_seat(runs)
     stop = runs["stop_reason"].values
     median = np.median(runs["trajectory_length"].values[mask])
+    rolled, fell, slid = np.bincount(runs["movement"].values[mask], minlength=4)[1:]
+    assert len({rolled, fell, slid}) == 3
     assert (
-        f"{mask.sum()} of 144 runs topple the rock. In half of these it travels at least "
-        f"{median:.3g} m" in made.text
+        f"In {mask.sum()} of 144 runs the rock left its seat: {rolled} rolled over, {fell} fell, "
+        f"{slid} slid. In half of these it travels at least {median:.3g} m" in made.text
     )
     cut = int((mask & (stop != StopReason.REST)).sum())
-    assert f"{cut} of the toppled runs ended before the rock came to rest" in made.text
+    assert f"{cut} of these runs ended before the rock came to rest" in made.text
     assert "2 of 144 runs have no verdict" in made.text
-    counts = {row[0]: row[1:] for row in made.cells if len(row) == 4}
-    assert counts["how the run ended"] == ["balanced", "overturned", "unstable"]
-    fallen = runs["outcome"].values == Outcome.OVERTURNED
-    left = int((fallen & (stop == StopReason.LEFT_TERRAIN)).sum())
-    assert counts["left the terrain"] == ["0", str(left), "0"]
-    assert counts["total"] == [str(144 - mask.sum() - 2), str(mask.sum()), "2"]
+    counts = {row[0]: row[1:] for row in made.cells if len(row) == 6}
+    ways = [f"overturned: {way}" for way in ("rolled over", "fell", "slid")]
+    assert counts["how the run ended"] == ["balanced", *ways, "unstable"]
+    out = runs["movement"].values[mask & (stop == StopReason.LEFT_TERRAIN)]
+    left = [str((out == way).sum()) for way in (1, 2, 3)]
+    assert counts["left the terrain"] == ["0", *left, "0"]
+    total = [144 - mask.sum() - 2, rolled, fell, slid, 2]
+    assert counts["total"] == [str(number) for number in total]
     rows = [row for row in made.cells if row and row[0].startswith("mean ")]
     assert [row[3] for row in rows] == ["0.90", "0.92", "0.82", "0.78", "0.73", "0.87"]
     for row, one in zip(rows, correlations(overturned_runs(runs)), strict=True):
@@ -666,8 +691,8 @@ def test_page_says_what_the_terrain_is(runs: xr.Dataset, ground: xr.Dataset) -> 
 def test_page_of_directions_that_topple_nothing(ground: xr.Dataset) -> None:
     both = joined(falls(4, 5, least=99.0), falls(4, 5, least=99.0, yaw=90.0))
     made = Page(page("rock", both, ground, SOURCE, Found((7.0, 0.0), 0.8), surrogate=True))
-    assert "None of 32 runs topples the rock" in made.text
-    assert "yaw 90 deg: 0 of 16 runs topple" in made.text
+    assert "In none of 32 runs did the rock leave its seat" in made.text
+    assert "yaw 90 deg: the rock left its seat in 0 of 16 runs" in made.text
     assert "No line: no run overturned." in made.text
     assert "No answer" in made.text
     assert "nan" not in made.text.lower()

@@ -1,0 +1,107 @@
+"""How a rock left its seat: it rolled over, fell or slid.
+
+The three are those of Cruden & Varnes (1996): what topples turns about a point below its centre of
+mass, what falls descends mainly through the air, what slides keeps to the ground. The outcome says
+whether a rock left its seat and is not changed by this. All is told from what is recorded of a run.
+
+References
+----------
+Cruden, D. M. & Varnes, D. J. (1996). Landslide types and processes. Transportation Research Board
+Special Report 247, 36-75.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.outcome import Movement, Outcome
+from vsr_core.run.displacement_rules import DROPPED_SHARE
+
+MAINLY = 0.5
+"""Share of its way down off its seat that a rock which fell made through the air, at least."""
+
+
+def no_return_tilt(tipping_angle: Array, toppled_tilt: float) -> float:
+    """Tilt [rad] from which no rock comes back to the face that it stood on.
+
+    Beyond its largest static tipping angle the centre of mass is past every edge of the base. A
+    squat rock counts as overturned on a flat pedestal before that; then it is the tilt at which
+    it does.
+
+    Parameters
+    ----------
+    tipping_angle : ndarray [rad], in every direction, from the face that the rock stands on
+    toppled_tilt : float [rad], beyond which the rock has overturned on a flat pedestal
+
+    Returns
+    -------
+    float [rad]
+    """
+    return min(float(tipping_angle.max()), toppled_tilt)
+
+
+def air_share(height: Array, touched: Mask, radius: float) -> float:
+    """Share of a rock's way down off its seat that it made without touching the ground.
+
+    The way is that to where its centre is ``DROPPED_SHARE`` of its radius lower than at the start,
+    which makes a rock overturned on a terrain.
+
+    Parameters
+    ----------
+    height : ndarray, shape (n,) [m], of the centre of mass, at the samples of a trajectory
+    touched : ndarray of bool, shape (n,), whether it touched the ground since the sample before
+    radius : float [m]
+
+    Returns
+    -------
+    float, NaN for a rock that did not get so low
+
+    Examples
+    --------
+    >>> height = np.array([1.0, 0.98, 0.91, 0.6, 0.1])
+    >>> round(air_share(height, np.array([True, True, False, True, False]), 0.5), 2)
+    0.78
+    """
+    lower = height[:1] - height > DROPPED_SHARE * radius
+    if not lower.any():
+        return math.nan
+    steps = np.diff(height[: int(np.argmax(lower)) + 1].astype(np.float64))
+    in_air = steps[~touched[1 : len(steps) + 1].astype(bool)]
+    return float(in_air.sum() / steps.sum())
+
+
+def movements(outcome: Indices, peak_tilt: Array, in_air: Array, no_return: float) -> Indices:
+    """How the rock moved in each of many runs.
+
+    A rock that overturned rolled over if it was tilted, from its pose of rest, beyond
+    ``no_return``; else it fell if ``MAINLY`` of its way down off its seat was through the air, and
+    slid if not. One that was displaced slid; one that is balanced stayed.
+
+    Parameters
+    ----------
+    outcome : ndarray of int, any shape, of ``Outcome``
+    peak_tilt : ndarray of that shape [rad], largest tilt from the pose of rest
+    in_air : ndarray of that shape, of ``air_share``
+    no_return : float [rad], of ``no_return_tilt``
+
+    Returns
+    -------
+    ndarray of int, of that shape, of ``Movement``; -1 without a verdict
+
+    Examples
+    --------
+    >>> one = int(Outcome.OVERTURNED)
+    >>> found = movements(np.array([one, one, one, 0]), np.array([1.2, 0.2, 0.2, 0.2]),
+    ...                   np.array([0.0, 0.9, 0.1, np.nan]), 0.6)
+    >>> [Movement(kind).name for kind in found]
+    ['ROLLED_OVER', 'FELL', 'SLID', 'STAYED']
+    """
+    overturned = outcome == Outcome.OVERTURNED
+    rolled, fell = overturned & (peak_tilt > no_return), overturned & (in_air >= MAINLY)
+    slid = overturned | (outcome == Outcome.DISPLACED)
+    kinds = (Movement.ROLLED_OVER, Movement.FELL, Movement.SLID, Movement.STAYED)
+    found: Indices = np.select([rolled, fell, slid, outcome == Outcome.BALANCED], kinds, -1)
+    return found
