@@ -83,12 +83,15 @@ def site_of(rock: str, ground: str, yaw: float = 0.0, restitution: float = 0.0) 
     return TerrainCase(scene, scene, limits.toppled_tilt)
 
 
-def usual(rock: Rock, share: float = 0.002, *, reduce: bool = True) -> Settings:
-    return Settings(share * step_unit(rock), reduce)
+def usual(
+    rock: Rock, share: float = 0.002, *, reduce: bool = True, engine: str = "bullet"
+) -> Settings:
+    return Settings(share * step_unit(rock), reduce, engine)
 
 
-def run(site: TerrainCase, pga_g: float, ratio: float) -> DisplacementRun:
-    return displacement.displace(site, CosinePulse.from_g(pga_g, ratio), usual(site.seat.rock))
+def run(site: TerrainCase, pga_g: float, ratio: float, engine: str = "bullet") -> DisplacementRun:
+    settings = usual(site.seat.rock, engine=engine)
+    return displacement.displace(site, CosinePulse.from_g(pga_g, ratio), settings)
 
 
 def cells(seed: int, count: int, low: float, high: float, longest: float = 0.5) -> Array:
@@ -303,6 +306,19 @@ def test_turned_site_and_shaking(pga: float, ratio: float, yaw: float) -> None:
     turn = grounds.turn_z(0.8)
     other = seen_from(site, turn, yaw - 0.8)
     early(known(pga, ratio, yaw), run(other, pga, ratio), turn.T, site.seat.rock.radius)
+
+
+@pytest.mark.parametrize("yaw", [0.7, 2.0, 4.4])
+def test_a_compiled_run_turns_with_its_site(yaw: float) -> None:
+    """The rock turned by +yaw with all that surrounds it, and then shaken along +x."""
+    site = site_of("lump", "perch parts", yaw)
+    turn = grounds.turn_z(yaw)
+    turned = seen_from(site, turn, 0.0)
+    one, other = (run(scene, 0.5, 0.2, "nonsmooth") for scene in (site, turned))
+    early(one, other, turn.T, site.seat.rock.radius)
+    first = place(one, np.linspace(0.0, 0.15, 2))
+    push = (turn @ (first[1] - first[0]))[:2]
+    assert push[0] < -0.9 * np.linalg.norm(push) < -1e-3  # first towards -x, once it is turned
 
 
 def test_reversed_motion_is_a_site_turned_round() -> None:
@@ -707,12 +723,16 @@ def test_packed_trajectories_come_back() -> None:
 # How runs stop
 
 
-def test_leaves_a_small_terrain() -> None:
-    """Sliding off a table top is no toppling, and falling off its end is no rest."""
+@pytest.mark.parametrize(("engine", "pga"), [("bullet", 0.6), ("nonsmooth", 1.8)])
+def test_leaves_a_small_terrain(engine: str, pga: float) -> None:
+    """Sliding off a table top is no toppling, and falling off its end is no rest.
+
+    In compiled runs a border holds nothing: the block has to be fast not to sink meanwhile.
+    """
     block = solid.box((0.6, 0.6, 0.3), 2000.0).rock
     small = grounds.level(0.8, 4)
     for yaw in (0.0, 1.2):
-        found = run(grounds.site(block, small, friction=0.02, yaw=yaw), 0.6, 0.5)
+        found = run(grounds.site(block, small, friction=0.02, yaw=yaw), pga, 0.5, engine)
         path = found.trajectory
         assert found.stop is StopReason.LEFT_TERRAIN
         assert found.response.outcome is Outcome.UNSETTLED

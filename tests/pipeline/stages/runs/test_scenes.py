@@ -1,0 +1,64 @@
+"""What a run on a terrain depends on is in its identity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support import grounds
+
+from pipeline.config.layers import load_site
+from pipeline.stages.mesh.products import Ground
+from pipeline.stages.runs import scenes
+from pipeline.stages.runs.scenes import Scenes
+from vsr_core.rock import solid
+from vsr_core.run.proofs import barrier
+from vsr_core.scene import State
+
+ROCK = solid.box((0.3, 0.3, 0.6), 2000.0).rock
+SEAT = grounds.in_parts(grounds.bumpy(1, 0.1, 1.0, 2.0, 6), 0.01, 0.1)
+SEAT = replace(SEAT, light=grounds.level(2.0, 2))
+CONFIG = load_site("double_rock_terrain").config
+
+
+def standing(height: float, lean: float = 0.0) -> State:
+    return grounds.at_rest(height, grounds.turn_z(lean))
+
+
+def told(ground: Ground) -> object:
+    return scenes.identity(Scenes(CONFIG, ROCK, barrier(ROCK), ground))["pedestal"]
+
+
+def shifted(points: np.ndarray) -> np.ndarray:
+    """The points, the last one moved by a micrometre."""
+    moved = points.copy()
+    moved[-1, 2] += 1e-6
+    return moved
+
+
+CHANGES: dict[str, Callable[[Ground], Ground]] = {
+    "place of rest": lambda g: replace(g, starts=g.starts | {0.6: standing(0.300001)}),
+    "pose of rest": lambda g: replace(g, starts=g.starts | {0.6: standing(0.3, 1e-6)}),
+    "rest at another friction": lambda g: replace(g, starts=g.starts | {0.4: standing(0.300001)}),
+    "a corner": lambda g: replace(
+        g, terrain=replace(g.terrain, vertices=shifted(g.terrain.vertices))
+    ),
+    "a triangle": lambda g: replace(
+        g, terrain=replace(g.terrain, faces=np.roll(g.terrain.faces, 1, axis=1))
+    ),
+    "a part": lambda g: replace(
+        g,
+        terrain=replace(g.terrain, parts=(*g.terrain.parts[:-1], shifted(g.terrain.parts[-1]))),
+    ),
+    "no light ground": lambda g: replace(g, terrain=replace(g.terrain, light=None)),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_runs_on_other_ground_are_other_runs(change: str) -> None:
+    known = Ground(SEAT, {0.4: standing(0.3), 0.6: standing(0.3)})
+    again = Ground(replace(SEAT), {0.4: standing(0.3), 0.6: standing(0.3)})
+    assert told(again) == told(known)
+    assert told(CHANGES[change](known)) != told(known)
