@@ -50,7 +50,7 @@ def why(product: str, job: Job) -> list[str]:
         if not reasons:
             lines.append(f"{name}: up to date")
         lines += [f"{name}: {reason}" for reason in reasons]
-    counts, total = _runs(job, _kind(product))
+    counts, total = _runs(job, _kind(product, job.config))
     if total:
         kept = counts.total()
         lines.append(f"runs: {kept} of {total} are stored and stay; {total - kept} to do")
@@ -73,7 +73,7 @@ def status(product: str, job: Job) -> list[str]:
     for name, identity in graph.identities(product, job.site).items():
         reasons = list(graph.why(BY_NAME[name], identity, job.store))
         lines.append(f"  {name:<20}{'done' if not reasons else 'to do: ' + reasons[0]}")
-    counts, total = _runs(job, _kind(product))
+    counts, total = _runs(job, _kind(product, job.config))
     if total:
         lines.append(f"  {counts.total()} of {total} runs stored")
         lines += [

@@ -33,25 +33,17 @@ class Outcome(IntEnum):
 
 
 class Movement(IntEnum):
-    """How a rock left its seat; told by ``vsr_core.run.movement``.
+    """How a rock left its seat; told by ``vsr_core.run.movement``."""
 
-    Attributes
-    ----------
-    words : str
-    """
+    STAYED = 0
+    ROLLED_OVER = 1
+    FELL = 2
+    SLID = 3
 
-    STAYED = 0, "stayed"
-    ROLLED_OVER = 1, "rolled over"
-    FELL = 2, "fell"
-    SLID = 3, "slid"
-
-    words: str
-
-    def __new__(cls, value: int, words: str) -> Movement:
-        """A movement with its words."""
-        movement = int.__new__(cls, value)
-        movement._value_, movement.words = value, words
-        return movement
+    @property
+    def words(self) -> str:
+        """The same for a sentence."""
+        return self.name.lower().replace("_", " ")
 
 
 class DecidedBy(IntEnum):

@@ -128,6 +128,7 @@ def _run(
         "friction": 0.6,
         "row_size": len(time),
         "outcome": np.int8(outcome),
+        "movement": np.int8(outcome),  # rolled over, or stayed
         "trajectory_length": float(np.linalg.norm(np.diff(where, axis=0), axis=1).sum()),
         "largest_speed": float(speed.max()),
         "terminal_distance": float(np.linalg.norm(where[-1] - where[0])),

@@ -134,6 +134,40 @@ def test_statistics_are_those_of_the_samples(runs: xr.Dataset) -> None:
         assert float(run["terminal_distance"]) == pytest.approx(apart, rel=1e-6, abs=1e-9)
 
 
+def test_each_rock_that_left_its_seat_rolled_over_fell_or_slid(
+    folder: Path, runs: xr.Dataset
+) -> None:
+    """By the tilts and heights of the samples, and the angles of ``rock.nc``."""
+    rock = read(folder / "rock.nc")
+    radius = np.linalg.norm(rock["vertex"].values, axis=1).max()
+    limit = math.radians(float(rock["tipping_angle"].max()))
+    limit = min(limit, rock.attrs["barrier_toppled_tilt"])
+    left = {"rolled_over": 0, "fell": 0, "slid": 0}
+    for number, (track, overturned) in enumerate(zip(tracks(runs), toppled(runs), strict=True)):
+        run = runs.isel(run=number)
+        up = Rotation.from_quat(track["quaternion"].values).inv().apply([0.0, 0.0, 1.0])
+        tilt = math.acos(np.clip((up @ up[0]).min(), -1.0, 1.0))
+        assert float(run["largest_tilt"]) > tilt - 1e-3  # it is looked at more often than kept
+        flags = dict(
+            zip(run["movement"].flag_values, run["movement"].flag_meanings.split(), strict=True)
+        )
+        told = flags[int(run["movement"])]
+        if not overturned:
+            assert told == ("slid" if int(run["outcome"]) == Outcome.DISPLACED else "stayed")
+            continue
+        left[told] += 1
+        z, flies = track["z"].values.astype(float), track["contact"].values == 0
+        end = np.flatnonzero(z[0] - z > 0.116 * radius)[:1].sum()
+        sunk_in_air = sum(z[k - 1] - z[k] for k in range(1, end + 1) if flies[k])
+        if tilt > limit:
+            assert told == "rolled_over"
+        else:
+            assert told == ("fell" if sunk_in_air >= 0.5 * (z[0] - z[end]) else "slid")
+    with (folder / "correlation.csv").open(newline="") as file:
+        for row in csv.DictReader(file):
+            assert {way: int(row[f"n_{way}"]) for way in left} == left
+
+
 def correlated(runs: xr.Dataset, statistic: str, regressor: str) -> dict[str, float]:
     """A line through the means of the runs that have one value of the regressor."""
     fell = toppled(runs)

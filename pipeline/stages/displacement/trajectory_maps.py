@@ -118,8 +118,8 @@ def end_positions(displacement: xr.Dataset, terrain: xr.Dataset, source: str) ->
     for reason, marker in _MARKS.items():
         runs = stop == reason
         if runs.any():
-            axes.scatter(*places[runs].T, marker=marker, c=colours[runs].tolist(),
-                         gid=reason.name.lower(), **dots)  # fmt: skip
+            dots |= {"c": colours[runs].tolist(), "gid": reason.name.lower()}
+            axes.scatter(*places[runs].T, marker=marker, **dots)
     _start(axes, label="start")
     _shaking(axes, np.unique(displacement["yaw"].values), window)
     axes.set(xlabel="x [m]", ylabel="y [m]")

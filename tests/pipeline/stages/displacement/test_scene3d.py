@@ -455,7 +455,8 @@ def test_nothing_overlaps_or_sticks_out(opened: Opened, size: dict[str, int]) ->
 def test_the_page_says_what_it_is(opened: Opened) -> None:
     page = opened()
     words = page.locator("body").inner_text()
-    for said in ("A rock", "surrogate", f"{TOPPLED} of {TOPPLED + 1} runs toppled", "speed [m/s]",
+    for said in ("A rock", "surrogate", f"In {TOPPLED} of {TOPPLED + 1} runs the rock left",
+                 f"{TOPPLED} rolled over, 0 fell, 0 slid", "speed [m/s]",
                  "Metres, z up", "shaking"):  # fmt: skip
         assert said in words
     assert page.title() == "A rock"
@@ -468,7 +469,7 @@ def test_without_a_run_that_toppled_the_rock_stands(opened: Opened) -> None:
     assert vsr(page, "error") == 0
     assert vsr(page, "position") == pytest.approx([0.0, 0.0, 0.5 * tumbling.SIZE[2]])
     assert page.locator("#play").is_disabled()
-    assert "0 of 1 runs toppled" in page.locator("header").inner_text()
+    assert "In 0 of 1 runs the rock left its seat" in page.locator("header").inner_text()
 
 
 def test_without_webgl_the_page_says_so(opened: Opened) -> None:
