@@ -23,6 +23,7 @@ def kinds(outcome: Indices, movement: Indices) -> dict[str, Mask]:
 
     Examples
     --------
+    >>> import numpy as np
     >>> found = kinds(np.array([0, 1, 1, 2]), np.array([0, 1, 3, 3]))
     >>> {name: int(runs.sum()) for name, runs in found.items()}
     {'balanced': 1, 'overturned: rolled over': 1, 'overturned: slid': 1, 'displaced': 1}
