@@ -41,12 +41,12 @@ def tapered(at: tuple[float, float] = (0.0, 0.0), slope: float = 4.0) -> scan_sh
     )
 
 
-@lru_cache(maxsize=1)
-def survey() -> trimesh.Trimesh:
-    """The tapered rock as a scan sees it, with colours."""
+@lru_cache(maxsize=2)
+def survey(edge: float = EDGE) -> trimesh.Trimesh:
+    """The tapered rock as a scan of triangles with this edge [m] sees it, with colours."""
     truth = tapered()
-    mesh = scan_shapes.scan(truth, EDGE)
-    above = np.array(mesh.vertices) @ truth.up > 0.3 * EDGE
+    mesh = scan_shapes.scan(truth, edge)
+    above = np.array(mesh.vertices) @ truth.up > 0.3 * edge
     mesh = scan_shapes.noisy(mesh, NOISE)
     mesh.visual.vertex_colors = np.where(above[:, None], STONE, SOIL).astype(np.uint8)
     return mesh

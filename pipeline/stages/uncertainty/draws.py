@@ -20,11 +20,13 @@ from pipeline.stages.runs.scenes import Group, Scenes
 from pipeline.workflow.datasets import read
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.store import Store
+from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
-from vsr_core.rock.solid import checked
+from vsr_core.rock.solid import block, checked
 from vsr_core.run.proofs import Barrier, barrier
+from vsr_core.scene import Scene
 from vsr_core.validation import priors as physics
 from vsr_core.validation.priors import Member, Priors
 from vsr_core.validation.specimen import Form, drawn, form
@@ -235,10 +237,29 @@ def inputs(site: Site) -> dict[str, str]:
     Returns
     -------
     dict from file name to digest
+
+    Raises
+    ------
+    InputError
+        If there is no second scan, or the engine cannot represent the contact of some draw.
     """
     path = replica_path(site)
+    _check_contact(site)
     return {} if path is None else {path.name: digest_file(path)}
 
 
 def _refused(site: Site, given: str, rule: str, remedy: str) -> InputError:
     return InputError(Problem(site.file_of(_REPLICA), _REPLICA, given, rule, remedy))
+
+
+def _check_contact(site: Site) -> None:
+    """Refuse restitutions that the engine does not have, before the first draw."""
+    config, most = site.config, site.config.uncertainty.restitution[1]
+    own = config.contact.model_copy(update={"restitution": most})
+    scene = Scene(block((0.5, 0.5, 1.0), 1.0), in_si.contact(own, config.contact.friction[0]), 0.0)
+    try:
+        engines.load(config.engine).build(scene, 1e-3, 1)
+    except InvalidInput as error:
+        key = "uncertainty.restitution"
+        remedy = f"set {key}: [0, 0], or simulation.engine: auto"
+        raise InputError(Problem(site.file_of(key), key, error.given, error.rule, remedy)) from None

@@ -160,6 +160,11 @@ def boundaries(data: xr.Dataset, dimension: Dimension, own: xr.Dataset | None) -
         panels[1].set_xlabel("boundary / static toppling acceleration")
         panels[1].set_ylabel(r"PGV/PGA / $\sqrt{R/g}$")
     for axes in panels:
+        if not np.isfinite(curves).any():  # for which there is no scale
+            axes.text(
+                0.5, 0.5, "no boundary within the grid", transform=axes.transAxes, ha="center"
+            )
+            continue
         axes.set_yscale("log")
         axes.set_xscale("log")
         for scale in (axes.xaxis, axes.yaxis):

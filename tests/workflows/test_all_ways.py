@@ -1,0 +1,136 @@
+"""Every way through the program ends with a product that opens, or with a line that says why not.
+
+A way is a product of a ground, shaken by a motion, in an engine, on some workers. Here go ways that
+hold each pair of these; the slow suite goes all of them.
+"""
+
+from __future__ import annotations
+
+import csv
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from conftest import Ran
+from support import ways
+from support.dask_processes import Farm
+from support.ways import Way
+
+from pipeline import ROOT
+from pipeline.drawing import style
+from pipeline.workflow.products import DELIVERABLES
+
+SCENES = {
+    "ground": tuple(ways.GROUNDS),
+    "motion": tuple(ways.MOTIONS),
+    "engine": ways.ENGINES,
+    "workers": ("none", "default", "scheduler"),
+}
+QUICK = ("fragility", "displacement", "uncertainty", "study", "replay")
+SLOW = ("hazard", "accuracy", "drive", "feasible")
+
+CURVES = ROOT / "data" / "raw" / "hazard" / "made_up"
+SWEEP = "sweep: {friction: {contact.friction: [0.4, 0.6]}}\n"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the scans, the record and the sweep that all ways use."""
+    place = tmp_path_factory.mktemp("ways")
+    ways.write_scans(place)
+    (place / "sweep.yaml").write_text(SWEEP)
+    return place
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of a scheduler with a worker."""
+    with Farm(tmp_path_factory.mktemp("farm")) as farm:
+        farm.worker()
+        yield farm.address
+
+
+@pytest.fixture
+def go(
+    vsr: Callable[..., Ran], folder: Path, derived: Path, scheduler: str
+) -> Callable[[Way, str], None]:
+    """Go a way at a time step; what is made of a terrain's scan is made once for each engine."""
+
+    def to_the_end(way: Way, time_step: str) -> None:
+        site = folder / "rock.yaml"
+        site.write_text(ways.site(way, time_step))
+        if way["ground"] == "terrain" and not ways.refusal(way):
+            prepared = folder / way["engine"]
+            if not prepared.exists():
+                assert vsr("prep", "--site", site, into=prepared).code == 0
+            shutil.copytree(prepared, derived)
+        ran = vsr(*command(way, site, scheduler))
+        key = ways.refusal(way)
+        if key:
+            assert ran.code == 2, ran.err
+            last = ran.err.splitlines()[-1]
+            assert last.startswith(f"vsr: {site}: {key}"), ran.err
+            assert last.count("; ") >= 2
+        else:
+            assert ran.code in (0, 1), ran.err
+            opens(way, derived / "rock")
+
+    return to_the_end
+
+
+def command(way: Way, site: Path, scheduler: str) -> list[str]:
+    """The command line of a way."""
+    product, cell = way["product"], ["--yaw", "30", "--pga", "0.5"]
+    row = ["--record", "shaking"] if way["motion"] == "record" else ["--pgv-pga", "0.2"]
+    more = {
+        "study": ["--study", str(site.with_name("sweep.yaml"))],
+        "hazard": ["--curves", str(CURVES), "--age", "5000"],
+        "replay": cell + row,
+        "feasible": ["--table", "mini_shake_robot"],
+    }.get(product, [])
+    where = {"none": ["--workers", "0"], "scheduler": ["--scheduler", scheduler]}
+    asked = [product] if product in ("replay", "feasible") else ["run", product]
+    workers = [] if product == "feasible" else where.get(way["workers"], [])
+    return [*asked, "--site", str(site), *more, *workers]
+
+
+def opens(way: Way, made: Path) -> None:
+    """Open what a way has made."""
+    product = way["product"]
+    if product in ("replay", "feasible"):
+        shown = [
+            path.name for path in made.rglob({"replay": "*.html", "feasible": "*.csv"}[product])
+        ]
+        assert shown
+    else:
+        shown = ["study.html", "study.nc"] if product == "study" else DELIVERABLES[product].shown
+    for name in shown:
+        (path,) = made.rglob(name)
+        if path.suffix == ".nc":
+            with xr.open_dataset(path) as data:
+                assert data.data_vars
+        elif path.suffix == ".csv":
+            head, *rows = csv.reader(path.read_text(encoding="utf-8").splitlines())
+            assert {len(row) for row in rows} <= {len(head)}
+        else:
+            assert path.stat().st_size > 1000
+
+
+def told(way: Way) -> str:
+    return "-".join(way.values())
+
+
+@pytest.mark.parametrize("way", ways.pairwise({"product": QUICK, **SCENES}), ids=told)
+def test_each_pair_has_a_way(
+    way: Way, go: Callable[[Way, str], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(style._SAVED["png"], "dpi", 40)
+    go(way, "0.0015")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ways.every({"product": QUICK + SLOW, **SCENES}), ids=told)
+def test_every_way(way: Way, go: Callable[[Way, str], None]) -> None:
+    go(way, "auto")
