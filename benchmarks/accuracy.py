@@ -70,6 +70,7 @@ def _step(case: Case, tolerance: float) -> float:
     rows = [time_step.measure(case, r, settings) for r in time_step.periods(rock)]
     shares = load(ENGINE).LADDER.shares
     error, steps = np.array([row.error for row in rows]), np.array([row.steps for row in rows])
-    measured, unit = time_step.front(shares, error, steps), time_step.step_unit(rock)
-    most = time_step.longest(rock, ENGINE, tolerance)
-    return time_step.choose(measured, tolerance, unit, most).time_step
+    toppled = time_step.front(shares, error, steps)
+    displaced = time_step.front(shares, error[:0], steps[:0])
+    unit, most = time_step.step_unit(rock), time_step.longest(rock, ENGINE)
+    return time_step.choose(toppled, displaced, tolerance, unit, most).time_step

@@ -75,6 +75,7 @@ def quick_time_step() -> Iterator[None]:
         for engine, shares in (("bullet", (0.006, 0.003)), ("nonsmooth", (0.02, 0.01))):
             path = f"vsr_core.engines.{engine}.LADDER"
             patch.setattr(path, replace(load(engine).LADDER, shares=shares))
+        patch.setattr(f"{module}.ENOUGH", 1)
         patch.setattr(f"{module}.BOX_PERIODS", (0.6,))
         patch.setattr(f"{module}.HULL_PERIODS", (0.45,))
         yield

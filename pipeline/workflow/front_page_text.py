@@ -147,10 +147,10 @@ def _small(content: str) -> str:
 
 def _dataset(derived: Path, folder: Path, made: dict[str, str], known: Facts, read: Facts) -> Facts:
     """Source of the rock's shape, error of the boundary, and the date of the inputs."""
-    facts: Facts = {"source": "", "errors": [], "inputs": ""}
+    facts: Facts = {"source": "", "error": "", "inputs": ""}
     if "config.yaml" in made and (folder / "config.yaml").is_file():
         facts["inputs"] = _day(folder / "config.yaml")
-    for name, take in (("rock.nc", _source), ("responses.nc", _errors)):
+    for name, take in (("rock.nc", _source), ("responses.nc", _error)):
         if name in made:
             key = f"{(folder / name).relative_to(derived)} {made[name]}"
             with suppress(OSError, LookupError, AttributeError):  # it has no such variable, or fact
@@ -164,12 +164,16 @@ def _source(path: Path) -> Facts:
         return {"source": str(data.getncattr("shape_source"))}
 
 
-def _errors(path: Path) -> Facts:
-    """Least and largest error of the boundary [%] over frictions, of those that are known."""
+def _error(path: Path) -> Facts:
+    """Least and largest error of the boundary over frictions, and whether all were measured."""
     with netCDF4.Dataset(path) as data:
         errors = data["boundary_error"][:].filled(float("nan")).ravel().tolist()
     known = sorted(100.0 * error for error in errors if error == error)
-    return {"errors": list(dict.fromkeys(f"{error:.2g}" for error in (*known[:1], *known[-1:])))}
+    if not known:
+        return {"error": "not measured"}
+    span = " to ".join(dict.fromkeys(f"{error:.2g}" for error in (known[0], known[-1])))
+    missing = len(errors) - len(known)
+    return {"error": f"{span} %" + f", not measured at {missing} of {len(errors)}" * bool(missing)}
 
 
 def _day(path: Path) -> str:

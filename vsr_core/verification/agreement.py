@@ -35,6 +35,9 @@ halved."""
 STRONGEST = 4.0 * GRAVITY
 """Strongest pulse tried [m/s^2]."""
 
+HIGHEST = 0.9 * STRONGEST
+"""Highest boundary told [m/s^2]: pulses around it are no stronger than that."""
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -84,6 +87,24 @@ def answer(
             exact=True,
             spread=0.0,
         )
+    return by_references(case, coarse, searched, asked)
+
+
+def by_references(
+    case: Case, coarse: Topples, searched: Sequence[Topples], asked: Sequence[Topples]
+) -> Answer:
+    """Tell what is right on a row by references alone, of toppling or of what else they look for.
+
+    Parameters
+    ----------
+    case : Case
+    coarse : Topples, as of ``answer``
+    searched, asked : sequence of Topples, as of ``answer``
+
+    Returns
+    -------
+    Answer
+    """
     limits = case.static_limits
     near = halved(coarse, 0.9 * min(-limits[0], limits[1]), STRONGEST, 9).middle
     ends = (1.0 - WINDOW) * near, (1.0 + WINDOW) * near
@@ -99,8 +120,8 @@ def answer(
 
 
 def _reached(boundary: float) -> float:
-    """The boundary [m/s^2], or nan where even the strongest pulses hardly topple the rock."""
-    return boundary if boundary < 0.9 * STRONGEST else math.nan
+    """The boundary [m/s^2], or nan where it is above ``HIGHEST`` if there is one."""
+    return boundary if boundary < HIGHEST else math.nan
 
 
 def levels(boundary: float) -> list[tuple[float, float]]:

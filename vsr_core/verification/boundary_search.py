@@ -57,6 +57,23 @@ def verdict(outcome: Outcome) -> bool | None:
     return None if outcome.overturned < 0 else outcome is Outcome.OVERTURNED
 
 
+def left_its_place(outcome: Outcome) -> bool | None:
+    """Tell whether a run toppled or displaced the rock.
+
+    Parameters
+    ----------
+    outcome : Outcome
+
+    Returns
+    -------
+    bool or None, without a verdict
+
+    >>> [left_its_place(o) for o in (Outcome.BALANCED, Outcome.DISPLACED, Outcome.UNSTABLE)]
+    [False, True, None]
+    """
+    return None if outcome.overturned < 0 else outcome is not Outcome.BALANCED
+
+
 def halved(
     topples: Topples, low: float, high: float, halvings: int, tolerance: float = 0.0
 ) -> Bracket:

@@ -4,14 +4,20 @@ A row is one direction and one PGV/PGA. The reference is Housner's equation wher
 edge, else the same scene at the reference step of the engine's ladder. Every step of the ladder is
 compared with it. A pulse on which the reference itself changes its mind with its step has no right
 answer, and either outcome passes.
+
+Where too few rows topple, longer pulses and directions between are tried, and then the boundary
+from which on the rock is displaced. Where too few have that, too, nothing is said of the error.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from functools import cache
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,21 +25,51 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.engines import load
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.outcome import Outcome
 from vsr_core.rock.body import Rock
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.input_checks import longest_step
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.agreement import agrees_from, answer
-from vsr_core.verification.boundary_search import verdict
+from vsr_core.verification.agreement import agrees_from, answer, by_references
+from vsr_core.verification.boundary_search import left_its_place, verdict
 
 BOX_PERIODS, HULL_PERIODS = (0.45, 0.6, 0.75), (0.45, 0.9)
 """PGV/PGA of the rows in units of sqrt(radius / g). Housner's block topples there after at most
 three impacts; longer pulses rock it until the smallest difference decides."""
 
+LONGER_PERIODS = (1.2, 1.8)
+"""PGV/PGA of more rows where those topple nothing, in the same units."""
+
+ENOUGH = 3
+"""Rows with a reference that an error is stated from: fewer say little of the others."""
+
 KEPT_BY = 0.8
 """Share of the rows that keep the error stated. The others are those where many impacts decide:
 there the outcome changes with the last digit, at any step."""
+
+
+class Boundary(IntEnum):
+    """What a rock does from the boundary of a row on."""
+
+    TOPPLED = 0
+    DISPLACED = 1
+    """Its base slides further than a balanced rock's may, or it topples."""
+
+
+class Place(NamedTuple):
+    """A row before it is measured.
+
+    Attributes
+    ----------
+    yaw : float [rad]
+    pgv_pga : float [s]
+    boundary : Boundary
+    """
+
+    yaw: float
+    pgv_pga: float
+    boundary: Boundary
 
 
 @dataclass(frozen=True)
@@ -43,7 +79,7 @@ class Row:
     Attributes
     ----------
     pgv_pga : float [s]
-    reference : float [m/s^2], the boundary at the reference; nan if nothing topples the rock
+    reference : float [m/s^2], the boundary at the reference; infinite if no pulse gets there
     exact : bool, whether the reference is Housner's equation
     error : ndarray, shape (k,), relative: no run further from the boundary differs
     steps : ndarray, shape (k,), mean time steps of a run
@@ -64,7 +100,8 @@ class Front:
     ----------
     shares : ndarray, shape (k,), time steps in units of sqrt(radius / g), falling
     error : ndarray, shape (k,), relative error of the boundary that ``KEPT_BY`` of the rows keep
-    worst : ndarray, shape (k,), the largest of them
+    worst : ndarray, shape (k,), the largest of them; nan, as all but ``shares``, where fewer than
+        ``ENOUGH`` rows have a reference
     steps : ndarray, shape (k,), mean time steps of a run near the boundary
     """
 
@@ -81,14 +118,17 @@ class Choice:
     Attributes
     ----------
     time_step : float [s]
-    error : float, relative error of the boundary at that step, kept by ``KEPT_BY`` of the rows
+    error : float, relative error of the overturning boundary at that step, kept by ``KEPT_BY`` of
+        the rows; nan where it was not measured
     worst : float, the largest among the rows measured
-    within : bool, whether ``error`` is within the tolerance asked for
+    displaced : float, as ``error`` of the boundary from which on the rock is displaced
+    within : bool, whether an error was measured, and what was is within the tolerance asked for
     """
 
     time_step: float
     error: float
     worst: float
+    displaced: float
     within: bool
 
 
@@ -124,6 +164,45 @@ def periods(rock: Rock) -> tuple[float, ...]:
     return tuple(unit * x for x in (BOX_PERIODS if rock.shape == "box" else HULL_PERIODS))
 
 
+def lots(rock: Rock) -> tuple[tuple[Place, ...], ...]:
+    """List the rows of a rock; a lot is measured where those before it have too few references.
+
+    Parameters
+    ----------
+    rock : Rock
+
+    Returns
+    -------
+    tuple of tuple of Place
+        The usual rows; those of longer pulses, between the directions unless the rock is a box; the
+        usual ones again, of displacement.
+    """
+    ways, unit = directions(rock), step_unit(rock)
+    between = ways if rock.shape == "box" else tuple(way + 0.25 * math.pi for way in ways)
+    longer = tuple(unit * x for x in LONGER_PERIODS)
+    toppled, displaced = (Boundary.TOPPLED,), (Boundary.DISPLACED,)
+    rows = (
+        (ways, periods(rock), toppled),
+        (between, longer, toppled),
+        (ways, periods(rock), displaced),
+    )
+    return tuple(tuple(Place(*row) for row in product(*lot)) for lot in rows)
+
+
+def enough(rows: Sequence[Row]) -> bool:
+    """Tell whether so many rows have a reference that an error can be stated.
+
+    Parameters
+    ----------
+    rows : sequence of Row, all of one boundary
+
+    Returns
+    -------
+    bool
+    """
+    return sum(math.isfinite(row.reference) for row in rows) >= ENOUGH
+
+
 def step_unit(rock: Rock) -> float:
     """Unit of the time steps, sqrt(radius / g) [s].
 
@@ -138,7 +217,9 @@ def step_unit(rock: Rock) -> float:
     return math.sqrt(rock.radius / GRAVITY)
 
 
-def measure(case: Case, pgv_pga: float, settings: Settings) -> Row:
+def measure(
+    case: Case, pgv_pga: float, settings: Settings, boundary: Boundary = Boundary.TOPPLED
+) -> Row:
     """Error of one row at every step of the ladder; of ``settings`` all but the time step counts.
 
     Parameters
@@ -146,34 +227,47 @@ def measure(case: Case, pgv_pga: float, settings: Settings) -> Row:
     case : Case, of the direction to be measured
     pgv_pga : float [s]
     settings : Settings
+    boundary : Boundary
 
     Returns
     -------
     Row
     """
     ladder = load(settings.engine).LADDER
-    fine, second, coarse = (
-        _Trial(case, pgv_pga, settings, share)
-        for share in (ladder.reference, ladder.second, ladder.coarse)
-    )
-    known = answer(case, pgv_pga, coarse, (fine,), (fine, second))
+    is_beyond = verdict if boundary is Boundary.TOPPLED else left_its_place
+
+    def trial(share: float) -> _Trial:
+        return _Trial(case, pgv_pga, settings, share, is_beyond)
+
+    fine, second, coarse = map(trial, (ladder.reference, ladder.second, ladder.coarse))
+    if boundary is Boundary.TOPPLED:
+        known = answer(case, pgv_pga, coarse, (fine,), (fine, second))
+    else:
+        known = by_references(case, coarse, (fine,), (fine, second))
     if math.isnan(known.boundary):
         nothing = np.full(len(ladder.shares), math.nan)
-        return Row(pgv_pga, math.nan, known.exact, nothing, nothing)
+        return Row(pgv_pga, math.inf, known.exact, nothing, nothing)
     passing = cache(known.passing)
     error, steps = [], []
     for share in ladder.shares:
-        trial = _Trial(case, pgv_pga, settings, share)
-        error.append(agrees_from(trial, passing, known.boundary))
-        steps.append(trial.steps / trial.runs)
+        tried = trial(share)
+        error.append(agrees_from(tried, passing, known.boundary))
+        steps.append(tried.steps / tried.runs)
     return Row(pgv_pga, known.boundary, known.exact, np.array(error), np.array(steps))
 
 
 class _Trial:
-    """Whether a pulse topples the rock at one time step, counting runs and steps."""
+    """Whether a pulse is beyond the boundary at one time step, counting runs and steps."""
 
-    def __init__(self, case: Case, pgv_pga: float, settings: Settings, share: float) -> None:
-        self.case, self.pgv_pga = case, pgv_pga
+    def __init__(
+        self,
+        case: Case,
+        pgv_pga: float,
+        settings: Settings,
+        share: float,
+        is_beyond: Callable[[Outcome], bool | None],
+    ) -> None:
+        self.case, self.pgv_pga, self.is_beyond = case, pgv_pga, is_beyond
         self.settings = replace(settings, time_step=share * step_unit(case.full.rock))
         self.runs = self.steps = 0
 
@@ -181,75 +275,75 @@ class _Trial:
         response = simulate(self.case, CosinePulse(pga, self.pgv_pga), self.settings)
         self.runs += 1
         self.steps += response.steps
-        return verdict(response.outcome)
+        return self.is_beyond(response.outcome)
 
 
 def front(shares: Sequence[float], error: Array, steps: Array) -> Front:
-    """Error against time step over the rows that something topples.
+    """Error against time step over the rows that have a reference.
 
     Parameters
     ----------
     shares : sequence of float, time steps in units of sqrt(radius / g), falling
-    error, steps : ndarray, shape (rows, k), as in ``Row``; nan where nothing topples it
+    error, steps : ndarray, shape (rows, k), as in ``Row``; nan where there is no reference
 
     Returns
     -------
     Front
     """
-    toppled = np.isfinite(error).all(axis=1)
+    known = np.isfinite(error).all(axis=1)
     tried = np.array(shares, dtype=np.float64)
-    if not toppled.any():
+    if known.sum() < ENOUGH:
         nothing = np.full(len(tried), math.nan)
         return Front(tried, nothing, nothing, nothing)
-    error, steps = error[toppled], steps[toppled]
+    error, steps = error[known], steps[known]
     most = np.quantile(error, KEPT_BY, axis=0, method="inverted_cdf")
     return Front(tried, most, error.max(axis=0), steps.mean(axis=0))
 
 
-def longest(rock: Rock, engine: str, tolerance: float) -> float:
-    """Longest time step [s] for a tolerance, whatever the boundaries say.
+def longest(rock: Rock, engine: str) -> float:
+    """Longest time step [s] for a tolerance of 1 %, whatever the boundaries say.
 
-    ``precheck.longest_step`` holds for a tolerance of 1 %, and the error of a swing grows with the
-    step: a boundary may be right by luck where many impacts would not be.
+    The error of a swing grows with the step: a boundary may be right by luck where many impacts
+    would not be.
 
     Parameters
     ----------
     rock : Rock
     engine : str
-    tolerance : float, of the boundary
 
     Returns
     -------
     float [s]
     """
-    ways = (Scene(rock, Contact(1.0), yaw) for yaw in directions(rock))
-    return min(longest_step(way, engine) for way in ways) * tolerance / 0.01
+    return min(longest_step(Scene(rock, Contact(1.0), yaw), engine) for yaw in directions(rock))
 
 
-def choose(measured: Front, tolerance: float, unit: float, most: float) -> Choice:
-    """Coarsest step from which on, to all finer ones, the error is within ``tolerance``.
+def choose(toppled: Front, displaced: Front, tolerance: float, unit: float, most: float) -> Choice:
+    """Coarsest step from which on, to all finer ones, the errors are within ``tolerance``.
 
-    If there is none it is the finest, and the choice says so. ``unit`` is ``step_unit`` and
-    ``most`` the ``longest`` step [s].
+    If there is none, or no error was measured, it is the finest, and the choice says so.
 
     Parameters
     ----------
-    measured : Front
+    toppled, displaced : Front of either boundary, at the same steps
     tolerance : float
-    unit, most : float [s]
+    unit : float [s], ``step_unit``
+    most : float [s], the ``longest`` step for a tolerance of 1 %
 
     Returns
     -------
     Choice
     """
-    steps = measured.shares * unit
-    short = np.nonzero(steps <= most * (1.0 + 1e-9))[0]
-    first = int(short[0]) if short.size else len(steps) - 1
-    if not np.isfinite(measured.error).any():  # nothing topples it, at any step
-        return Choice(float(steps[first]), math.nan, math.nan, within=True)
-    largest = np.maximum.accumulate(measured.error[::-1])[::-1]
-    good = np.nonzero((largest <= tolerance) & (np.arange(len(steps)) >= first))[0]
+    steps = toppled.shares * unit
+    short = steps <= most * tolerance / 0.01 * (1.0 + 1e-9)
+    error = np.fmax(toppled.error, displaced.error)
+    largest = np.maximum.accumulate(error[::-1])[::-1]
+    good = np.flatnonzero(short & (largest <= tolerance))
     at = int(good[0]) if good.size else len(steps) - 1
     return Choice(
-        float(steps[at]), float(measured.error[at]), float(measured.worst[at]), bool(good.size)
+        time_step=float(steps[at]),
+        error=float(toppled.error[at]),
+        worst=float(toppled.worst[at]),
+        displaced=float(displaced.error[at]),
+        within=bool(good.size),
     )

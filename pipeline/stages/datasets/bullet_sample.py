@@ -163,12 +163,12 @@ def _explained(
     """Probability by which the errors of both boundaries make each run differ, shape (n,).
 
     A boundary lies somewhere in its interval of the grid, so that a run at one of its ends differs
-    as often as the errors are a share of that interval.
+    as often as the errors are a share of that interval; nan where the own one was not measured.
     """
     errors = responses["boundary_error"].values
     frictions = list(study.scenes.config.contact.friction)
     own = np.array([errors[frictions.index(group.friction)] for group in groups])
     levels = np.array(study.motions.pga)
     spacing = np.diff(levels).min() if len(levels) > 1 else np.inf
-    share = (np.nan_to_num(own, nan=BULLET_ERROR) + BULLET_ERROR) * pga / spacing
+    share = (own + BULLET_ERROR) * pga / spacing
     return np.where(near, np.minimum(share, 1.0), 0.0)

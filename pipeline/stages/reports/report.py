@@ -30,6 +30,7 @@ from pipeline.stages.motions.record_figure import record_figure
 from pipeline.stages.replay import film
 from pipeline.stages.reports import report_tables, teaching_runs
 from pipeline.stages.reports.diagram_cells import axes_of, cells_of
+from pipeline.stages.runs.step_choice import FILE as TIME_STEP
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job, Product
@@ -102,7 +103,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
             responses, yaml.safe_load(GAINS.read_text(encoding="utf-8"))
         ),
         "other_engine": _other_engine(job),
-        "time_steps": report_tables.time_steps(responses),
+        "time_steps": report_tables.time_steps(read(job.path(TIME_STEP))),
         "simulation": job.config.simulation,
         "settings": _settings(job.config),
         "command": command(job.site),

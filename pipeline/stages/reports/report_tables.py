@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pipeline.config import in_si
 from pipeline.stages.datasets.kinds_of_end import kinds, told, ways
 from pipeline.stages.fragility.summary import (
     between,
@@ -19,6 +20,7 @@ from pipeline.stages.fragility.summary import (
 from pipeline.workflow.datasets import rows_of
 from vsr_core.arrays import Array
 from vsr_core.outcome import DecidedBy, Outcome
+from vsr_core.verification.agreement import HIGHEST
 
 Row = dict[str, Any]
 
@@ -87,11 +89,12 @@ def other_engine(sample: xr.Dataset) -> Row:
     Returns
     -------
     dict
-        With ``odd``, whether more of them differ than the errors of both boundaries explain.
+        With ``expected``, how many the errors of both boundaries explain, nan where one was not
+        measured; and ``odd``, whether more differ.
     """
     near = sample["next_to_boundary"].values == 1
     differs = sample["overturned"].values != sample["overturned_in_bullet"].values
-    expected = float(sample["explained"].sum())
+    expected = float(sample["explained"].sum(skipna=False))
     most = expected + 2.0 * expected**0.5 + 1.0  # two standard deviations of a count, and one
     listed = [
         {
@@ -119,20 +122,30 @@ def other_engine(sample: xr.Dataset) -> Row:
 _SIDES = {1: "toppled", 0: "upright", -1: "no verdict"}
 
 
-def time_steps(responses: xr.Dataset) -> list[Row]:
-    """Time step of each friction and the measured error of the boundary.
+def time_steps(measured: xr.Dataset) -> list[Row]:
+    """Time step of each friction, the measured error of the boundary, and what it is measured on.
 
     Parameters
     ----------
-    responses : Dataset
-        As in ``responses.nc``.
+    measured : Dataset
+        As in ``time_step.nc``.
 
     Returns
     -------
     list of dict
+        With ``rows``, for overturning and for displacement: how many have a boundary below
+        ``highest`` [g], and how many were tried; empty where the step was given.
     """
-    names = ["time_step", "boundary_error", "boundary_error_worst"]
-    return _rows(responses[names].to_dataframe())
+    names = ["time_step", "boundary_error", "boundary_error_worst", "displaced_error"]
+    rows = _rows(measured[names].to_dataframe())
+    for at, row in enumerate(rows):
+        row["rows"], row["highest"] = [], in_si.in_g(HIGHEST)
+        if "row_reference" in measured:
+            reference = measured["row_reference"].isel(friction=at).values
+            for kind in (0, 1):
+                own = reference[measured["row_displaced"].values == kind]
+                row["rows"].append((int(np.isfinite(own).sum()), int((~np.isnan(own)).sum())))
+    return rows
 
 
 def records(motions: xr.Dataset) -> list[Row]:

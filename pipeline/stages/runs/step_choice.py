@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -34,15 +35,33 @@ from vsr_core.rock.body import Rock
 from vsr_core.run.cases import Case, Settings
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification import time_step as ladder
-from vsr_core.verification.time_step import Choice, Row, longest, step_unit
+from vsr_core.verification.time_step import (
+    Boundary,
+    Choice,
+    Front,
+    Place,
+    Row,
+    longest,
+    step_unit,
+)
 
 FILE = "time_step.nc"
 
 FEW = 4
 """Rows up to this number are measured without starting worker processes."""
 
-Place = tuple[float, float]
-"""Yaw [degree] and PGV/PGA [s] of a row."""
+
+class Rows(NamedTuple):
+    """What the rows of one direction and friction share.
+
+    Attributes
+    ----------
+    group : Group
+    boundary : Boundary
+    """
+
+    group: Group
+    boundary: Boundary
 
 
 def load_engine(site: Site) -> None:
@@ -103,7 +122,7 @@ def make(job: Job) -> Product:
         return Product({FILE: netcdf(described(dataset, job, "Time step"))}, note)
     dataset = _measured(job, scenes)
     dataset.attrs["step_unit_s"] = step_unit(scenes.level_rock)
-    dataset.attrs["longest_step_s"] = longest(scenes.level_rock, job.config.engine, 0.01)
+    dataset.attrs["longest_step_s"] = longest(scenes.level_rock, job.config.engine)
     choices = [
         _choice(dataset.isel(friction=at), simulation.tolerance) for at in range(len(frictions))
     ]
@@ -116,103 +135,112 @@ _CHOSEN = {
     "time_step": "time_step",
     "boundary_error": "error",
     "boundary_error_worst": "worst",
+    "displaced_error": "displaced",
     "within_tolerance": "within",
 }
 """Variables of what is chosen, and what they are in a ``Choice``."""
 
 
-def rows_of(rock: Rock) -> tuple[Place, ...]:
-    """List the rows on which the boundary of a rock is measured.
+def measure_rows(shared: tuple[Case, Settings, Boundary], items: tuple[float, ...]) -> list[Row]:
+    """Measure rows of one direction, friction and boundary, on a worker.
 
     Parameters
     ----------
-    rock : Rock
-
-    Returns
-    -------
-    tuple of (yaw [degree], PGV/PGA [s])
-    """
-    yaws = [in_si.in_degrees(yaw) for yaw in ladder.directions(rock)]
-    return tuple((yaw, period) for yaw in yaws for period in ladder.periods(rock))
-
-
-def measure_rows(shared: tuple[Case, Settings], items: tuple[float, ...]) -> list[Row]:
-    """Measure rows of one direction and friction, on a worker.
-
-    Parameters
-    ----------
-    shared : Case and Settings
+    shared : Case, Settings and Boundary
     items : tuple of float, PGV/PGA [s]
 
     Returns
     -------
     list of Row
     """
-    case, settings = shared
-    return [ladder.measure(case, pgv_pga, settings) for pgv_pga in items]
+    case, settings, boundary = shared
+    return [ladder.measure(case, pgv_pga, settings, boundary) for pgv_pga in items]
 
 
 def _measured(job: Job, scenes: Scenes) -> xr.Dataset:
     """What was measured for each friction, now or before."""
-    places, names, before = rows_of(scenes.level_rock), _names(scenes), _measured_before(job.store)
+    names, before = _names(scenes), _measured_before(job.store)
     frictions = job.config.contact.friction
     shares = engines.load(job.config.engine).LADDER.shares
-    new = _measure(job, scenes, [f for f in frictions if names[f] not in before], places)
+    new = _measure(job, scenes, [f for f in frictions if names[f] not in before])
     parts = [
         before[names[friction]]
         if names[friction] in before
-        else _rows(
-            names[friction],
-            len(shares),
-            [new[Group(yaw, friction), ratio] for yaw, ratio in places],
-        )
+        else _rows(names[friction], new[friction], shares)
         for friction in frictions
     ]
-    yaws, ratios = zip(*places, strict=True)
-    dataset = xr.concat(parts, "friction", combine_attrs="drop").drop_encoding()
-    dataset = dataset.assign(row_yaw=("row", list(yaws)), row_pgv_pga=("row", list(ratios)))
-    return dataset.assign_coords(friction=list(frictions), step_share=list(shares))
+    return xr.concat(
+        parts, xr.IndexVariable("friction", list(frictions)), coords="minimal", combine_attrs="drop"
+    ).drop_encoding()
 
 
-def _rows(name: str, steps: int, rows: Sequence[Row | None]) -> xr.Dataset:
-    """Rows of one friction; nothing is known of one that killed its worker."""
-    unknown = np.full(steps, math.nan)
-    known = [row or Row(math.nan, math.nan, False, unknown, unknown) for row in rows]
+def _rows(name: str, rows: dict[Place, Row], shares: Sequence[float]) -> xr.Dataset:
+    """Rows of one friction."""
+    yaws, ratios, boundaries = zip(*rows, strict=True)
+    known = rows.values()
     return xr.Dataset(
         {
             "measurement": name,
             "row_reference": ("row", [in_si.in_g(row.reference) for row in known]),
             "row_error": (("row", "step_share"), [row.error for row in known]),
             "row_steps": (("row", "step_share"), [row.steps for row in known]),
-        }
+        },
+        {
+            "row_yaw": ("row", [in_si.in_degrees(yaw) for yaw in yaws]),
+            "row_pgv_pga": ("row", list(ratios)),
+            "row_displaced": ("row", np.array(boundaries, "i1")),
+            "step_share": list(shares),
+        },
     )
 
 
-def _measure(
-    job: Job, scenes: Scenes, frictions: Sequence[float], places: Sequence[Place]
-) -> dict[tuple[Group, float], Row | None]:
-    """Rows by group and PGV/PGA; None for one that killed its worker."""
+def _measure(job: Job, scenes: Scenes, frictions: Sequence[float]) -> dict[float, dict[Place, Row]]:
+    """All rows of each friction; nan in those not needed, or that killed their worker."""
+    shares = engines.load(job.config.engine).LADDER.shares
+    unknown = np.full(len(shares), math.nan)
+    found: dict[float, dict[Place, Row]] = {friction: {} for friction in frictions}
+    for lot in ladder.lots(scenes.level_rock):
+        wanting = [f for f in frictions if not ladder.enough(list(found[f].values()))]
+        if wanting:
+            of_sliding = " of sliding" * (lot[0].boundary is Boundary.DISPLACED)
+            told = f"{len(lot)} boundaries{of_sliding} at {len(shares)} time steps"
+            job.log(f"time_step: measuring {told}")
+        known = _measure_lot(job, scenes, wanting, lot)
+        for friction in frictions:
+            for place in lot:
+                found[friction][place] = known.get((friction, place)) or Row(
+                    place.pgv_pga, math.nan, False, unknown, unknown
+                )
+    return found
 
-    def shared(group: Group) -> tuple[Case, Settings]:
-        return flat_case(scenes, group), Settings(
-            math.nan, job.config.simulation.reduce, job.config.engine
-        )
 
-    if frictions:
-        tried = len(engines.load(job.config.engine).LADDER.shares)
-        job.log(f"time_step: measuring {len(places)} boundaries at {tried} time steps")
-    batches = [Batch(Group(yaw, f), (pgv_pga,)) for f in frictions for yaw, pgv_pga in places]
+def _measure_lot(
+    job: Job, scenes: Scenes, frictions: Sequence[float], lot: Sequence[Place]
+) -> dict[tuple[float, Place], Row | None]:
+    """Rows of a lot by friction and place; None for one that killed its worker."""
+
+    def shared(rows: Rows) -> tuple[Case, Settings, Boundary]:
+        settings = Settings(math.nan, job.config.simulation.reduce, job.config.engine)
+        return flat_case(scenes, rows.group), settings, rows.boundary
+
+    wanted = {
+        (Rows(Group(in_si.in_degrees(place.yaw), f), place.boundary), place.pgv_pga): (f, place)
+        for f in frictions
+        for place in lot
+    }
+    batches = [Batch(rows, (pgv_pga,)) for rows, pgv_pga in wanted]
     cluster = job.cluster.in_process() if len(batches) <= FEW else job.cluster
     if job.config.engine == COMPILED:
         cluster = cluster.in_threads()
     done = cluster.each(measure_rows, iter(batches), shared)
-    return {(group, pgv_pga): row for group, pgv_pga, row in done}
+    return {wanted[rows, pgv_pga]: row for rows, pgv_pga, row in done}
 
 
 def _names(scenes: Scenes) -> dict[float, str]:
     """Identity of what is measured for each friction, on a flat pedestal whatever the site's is."""
     assert scenes.ground is None
-    code = keys.digest(keys.code(("vsr_core.verification.time_step:measure",)))
+    parts = ("measure", "lots", "enough")
+    code = keys.digest(keys.code(tuple(f"vsr_core.verification.time_step:{p}" for p in parts)))
     common = identity(scenes)
     frictions = scenes.config.contact.friction
     return {friction: keys.digest([common, friction, code]) for friction in frictions}
@@ -232,17 +260,26 @@ def _measured_before(store: Store) -> dict[str, xr.Dataset]:
 
 def _choice(dataset: xr.Dataset, tolerance: float) -> Choice:
     """Choice from what was measured for one friction."""
-    rows = dataset["row_error"].values, dataset["row_steps"].values
-    measured = ladder.front(dataset["step_share"].values.tolist(), *rows)
+    shares = dataset["step_share"].values.tolist()
+
+    def front(boundary: Boundary) -> Front:
+        rows = dataset.isel(row=dataset["row_displaced"].values == boundary)
+        return ladder.front(shares, rows["row_error"].values, rows["row_steps"].values)
+
     unit, most = (float(dataset.attrs[name]) for name in ("step_unit_s", "longest_step_s"))
-    return ladder.choose(measured, tolerance, unit, most * tolerance / 0.01)
+    toppled, displaced = map(front, (Boundary.TOPPLED, Boundary.DISPLACED))
+    return ladder.choose(toppled, displaced, tolerance, unit, most)
 
 
 def _summary(choices: Sequence[Choice]) -> str:
-    texts = {
-        f"{1e3 * choice.time_step:.3g} ms"
-        + (f", boundary right to {choice.error:.2%}" if choice.error == choice.error else "")
-        + ("" if choice.within else ": NOT within the tolerance at any step tried")
-        for choice in choices
-    }
-    return "time step " + "; ".join(sorted(texts))
+    return "time step " + "; ".join(sorted({_told(choice) for choice in choices}))
+
+
+def _told(choice: Choice) -> str:
+    known = {"boundary": choice.error, "boundary of sliding": choice.displaced}
+    parts = [f"{1e3 * choice.time_step:.3g} ms"]
+    parts += [f"{what} right to {error:.2%}" for what, error in known.items() if error == error]
+    if len(parts) == 1:
+        why = "too few of the pulses tried topple or displace the rock"
+        return f"{parts[0]}, the finest; its error was NOT MEASURED: {why}"
+    return ", ".join(parts) + ("" if choice.within else ": NOT within the tolerance at any step")

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from support.sliding import rigid_plastic_slip
 
 from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import SOLVER
@@ -266,19 +268,6 @@ def test_sliding_starts_at_friction_times_gravity(friction: float) -> None:
     )
 
 
-def rigid_plastic_slip(pulse: CosinePulse, friction: float) -> float:
-    """Largest travel on the table of a sliding mass: x'' = -a - mu g sgn(x'), or stuck."""
-    steps = 200_000
-    dt = 1.3 * pulse.duration / steps + 2.0 / steps
-    grip, x, v, farthest = friction * GRAVITY, 0.0, 0.0, 0.0
-    for a in pulse.acceleration((np.arange(steps) + 0.5) * dt).tolist():
-        free = v - a * dt
-        v = math.copysign(max(abs(free) - grip * dt, 0.0), free)
-        x += v * dt
-        farthest = max(farthest, abs(x))
-    return farthest
-
-
 @pytest.mark.parametrize(("pga", "ratio"), [(0.5, 0.3), (0.9, 0.2), (0.4, 0.8)])
 def test_slip_of_a_squat_block(pga: float, ratio: float) -> None:
     case = case_of((2.0, 2.0, 0.5), 0.3)
@@ -286,6 +275,41 @@ def test_slip_of_a_squat_block(pga: float, ratio: float) -> None:
     expected = rigid_plastic_slip(CosinePulse.from_g(pga, ratio), 0.3)
     assert response.slip == pytest.approx(expected, rel=0.02)
     assert response.peak_tilt < 0.01
+
+
+@pytest.mark.parametrize("engine", ["nonsmooth", "bullet"])
+@pytest.mark.parametrize(("pga", "ratio"), [(0.5, 0.22), (0.9, 0.12)])
+def test_a_block_is_displaced_beyond_a_tenth_of_its_radius(
+    engine: str, pga: float, ratio: float
+) -> None:
+    """Blocks of two sizes, of whose radius a sliding mass slides 9 and 11 %."""
+    slip = rigid_plastic_slip(CosinePulse.from_g(pga, ratio), 0.3)
+    for share, outcome in ((0.09, Outcome.BALANCED), (0.11, Outcome.DISPLACED)):
+        width = 2.0 * slip / share / math.sqrt(2.0 + 0.25**2)  # its radius: half the diagonal
+        case = case_of((width, width, 0.25 * width), 0.3)
+        settings = Settings(0.002 * step_unit(case.full.rock), engine=engine)
+        response = simulate(case, CosinePulse.from_g(pga, ratio), settings)
+        assert response.outcome is outcome
+
+
+@pytest.mark.parametrize("engine", ["nonsmooth", "bullet"])
+def test_a_block_that_hesitates_on_its_edge_is_not_at_rest(engine: str) -> None:
+    """Let go 4 mrad before its balance, its angle to that grows as cosh(p t), p^2 = 3 g / (4 R).
+
+    For 0.4 sqrt(R/g) it has less energy than a rock at rest may have, but creeps: by 1.2 times
+    what that may by 0.2 sqrt(R/g), and by 2.4 times by the 0.28 for which it is watched.
+    """
+    case = case_of((1.0, 1.0, 3.0))
+    lean = math.atan(1.0 / 3.0) - 0.004
+    turn = Rotation.from_euler("y", lean).as_matrix()
+    place = np.array([0.5, 0.0, 0.0]) + turn @ [-0.5, 0.0, 1.5]
+    start = State(place, turn, np.zeros(3), np.zeros(3))
+    leaning = prepare(replace(case.full, start=start), case.limits, reduce=False)
+    settings = Settings(0.002 * step_unit(case.full.rock), reduce=False, engine=engine)
+    response = simulate(leaning, CosinePulse(1e-6, 5e-4), settings)
+    assert response.outcome is Outcome.BALANCED
+    assert response.peak_tilt == pytest.approx(lean, abs=1e-3)
+    assert response.final_tilt < 0.001
 
 
 def test_density_does_not_matter() -> None:

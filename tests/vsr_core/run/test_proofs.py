@@ -217,6 +217,44 @@ def test_reachable_energy_is_the_work_on_a_free_mass(
     assert reachable_energy(-1.0, push * duration) == pytest.approx(from_rest, abs=1e-12)
 
 
+BY_HAND = Barrier(
+    np.array([0.0, 0.5, 1.0, 1.5]), np.array([1.0, 1.3, 1.1, 0.6]), 1.0, 0.5, 1.3, 0.9, 0.4
+)
+"""The centre stands 1 m high, must reach 1.3 m to topple, and may sink to 0.9 m and, lying, 0.4."""
+
+
+@given(st.floats(0.0, 0.399), st.sampled_from([0.99999, 1.00001]))
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_a_push_that_just_lifts_it_over_the_edge_is_the_least_that_might(
+    above: float, share: float
+) -> None:
+    """A free fall from 1.3 m to its lowest has the speed that a push needs to undo it."""
+    tilt, energy = 0.4, GRAVITY * (0.9 + above)
+    needed = math.sqrt(2.0 * GRAVITY * 0.4) - math.sqrt(2.0 * GRAVITY * above)
+    stays = proofs.cannot_topple(BY_HAND, tilt, energy, share * needed)
+    assert stays is (share < 1.0)
+    assert not proofs.cannot_topple(BY_HAND, 0.51, energy, 0.0)
+
+
+@pytest.mark.parametrize("share", [0.99999, 1.00001])
+def test_a_push_that_just_lifts_it_back_is_the_least_that_might(share: float) -> None:
+    """From 1.5 rad and 0.6 m, the lowest but 0.2 m, back over 1.1 m at the toppled tilt."""
+    needed = math.sqrt(2.0 * GRAVITY * 0.7) - math.sqrt(2.0 * GRAVITY * 0.2)
+    lies = proofs.cannot_return(BY_HAND, 1.5, GRAVITY * 0.6, share * needed)
+    assert lies is (share < 1.0)
+
+
+def test_a_rock_has_toppled_beyond_the_tilt_that_is_documented() -> None:
+    """1 rad; three quarters of the way to the first lying pose if that is less; or the barrier."""
+    assert rock_of("box 1x1x2")[1].toppled_tilt == 1.0
+    turn = np.radians(30.0 + 60.0 * np.arange(6))  # a prism of six sides lies at 60 deg
+    corners = [(x, math.cos(a), math.sin(a)) for x in (-1.0, 1.0) for a in turn + math.pi / 6.0]
+    prism = solid.from_mesh(trimesh.convex.convex_hull(np.array(corners)), 2000.0).rock
+    assert barrier(prism).toppled_tilt == pytest.approx(math.radians(45.0))
+    squat = barrier(solid.box((4.0, 4.0, 1.0), 2000.0).rock)
+    assert squat.toppled_tilt == pytest.approx(math.atan(4.0), abs=math.radians(0.5))
+
+
 @pytest.mark.parametrize("friction", [0.8, 0.3])
 def test_a_box_does_not_move_inside_the_still_range(friction: float) -> None:
     """Complete runs just inside both ends of the range: neither tilt nor slip."""

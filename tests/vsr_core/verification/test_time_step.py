@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.sliding import rigid_plastic_slip
 
 from vsr_core import GRAVITY
 from vsr_core.engines import load
@@ -20,7 +21,16 @@ from vsr_core.table import servo
 from vsr_core.verification import time_step, work_precision
 from vsr_core.verification.agreement import OFFSETS, WORST, rocking_block
 from vsr_core.verification.rocking_block import Block, rocking_response
-from vsr_core.verification.time_step import Front, choose, front, measure
+from vsr_core.verification.time_step import (
+    Boundary,
+    Front,
+    Row,
+    choose,
+    enough,
+    front,
+    lots,
+    measure,
+)
 from vsr_core.verification.work_precision import Score, Target
 
 
@@ -128,6 +138,49 @@ def test_housners_block_is_no_reference_for_a_servo() -> None:
     assert rocking_block(replace(SLENDER, full=full)) is None
 
 
+def test_a_squat_block_is_displaced_where_a_sliding_mass_is() -> None:
+    """It topples at no PGA; from a tenth of its radius on it is displaced: a mass on a plane."""
+    case, friction, ratio = box((2.0, 2.0, 0.5), Contact(0.3)), 0.3, 0.2
+    limit = 0.1 * math.sqrt(1.0 + 1.0 + 0.0625)
+    low, high = friction * GRAVITY, 2.0 * GRAVITY
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        slid = rigid_plastic_slip(CosinePulse(middle, ratio), friction) > limit
+        low, high = (low, middle) if slid else (middle, high)
+    settings = Settings(math.nan, engine="nonsmooth")
+    row = measure(case, ratio, settings, Boundary.DISPLACED)
+    assert row.reference == pytest.approx(low, rel=0.01)
+    assert row.error[-1] <= 0.01
+    toppled = measure(case, ratio, settings)
+    assert toppled.reference == math.inf
+    assert np.isnan(toppled.error).all()
+
+
+def test_rows_that_are_tried_in_turn() -> None:
+    """Longer pulses and ways between before displacement, which has the usual rows again."""
+    rock = hull(5.0).full.rock
+    usual, more, displaced = lots(rock)
+    assert [place[:2] for place in displaced] == [place[:2] for place in usual]
+    assert {place.boundary for place in (*usual, *more)} == {Boundary.TOPPLED}
+    assert {place.boundary for place in displaced} == {Boundary.DISPLACED}
+    assert min(place.pgv_pga for place in more) > max(place.pgv_pga for place in usual)
+    assert not {place.yaw for place in more} & {place.yaw for place in usual}
+
+
+def test_two_rows_are_not_enough_for_an_error() -> None:
+    nothing = np.full(len(SHARES), math.nan)
+    rows = [Row(0.3, 5.0, False, nothing, nothing)] * 2 + [
+        Row(0.3, none, False, nothing, nothing) for none in (math.inf, math.nan)
+    ]
+    assert not enough(rows)
+    assert enough([*rows, rows[0]])
+    error = np.full((4, len(SHARES)), 0.001)
+    error[2:] = math.nan
+    assert np.isnan(front(SHARES, error, error).error).all()
+    error[2] = 0.001
+    assert (front(SHARES, error, error).error == 0.001).all()
+
+
 def test_front_keeps_what_four_rows_in_five_keep() -> None:
     error = np.outer([1.0, 2.0, 3.0, 4.0, 50.0, math.nan], np.linspace(2.0, 1.0, len(SHARES)))
     steps = np.outer([1.0, 1.0, 1.0, 3.0, 4.0, math.nan], np.arange(len(SHARES)) + 1.0)
@@ -144,36 +197,66 @@ def test_front_keeps_what_four_rows_in_five_keep() -> None:
         ((0.08, 0.04, 0.02, 0.01), 0.02, 2.0, True),
         ((0.01, 0.04, 0.02, 0.01), 0.02, 2.0, True),  # good by luck above a bad one
         ((0.08, 0.04, 0.02, 0.01), 0.005, 1.0, False),
-        ((math.nan,) * 4, 0.01, None, True),
     ],
 )
 def test_choice_is_the_coarsest_from_which_on_all_keep_the_tolerance(
-    error: tuple[float, ...], tolerance: float, step: float | None, within: bool
+    error: tuple[float, ...], tolerance: float, step: float, within: bool
 ) -> None:
-    shares = np.array([8.0, 4.0, 2.0, 1.0])
-    chosen = choose(Front(shares, np.array(error), np.array(error), shares), tolerance, 0.5, 99.0)
+    chosen = choose(front_of(*error), UNKNOWN, tolerance, 0.5, 99.0)
     assert chosen.within is within
-    if step is not None:
-        assert chosen.time_step == 0.5 * step
-        assert chosen.error == error[list(shares).index(step)]
+    assert chosen.time_step == 0.5 * step
+    assert chosen.error == error[TRIED.index(step)]
+    assert math.isnan(chosen.displaced)
 
 
-def test_no_step_is_longer_than_the_longest() -> None:
-    shares = np.array([8.0, 4.0, 2.0, 1.0])
-    for error in (np.full(4, 0.001), np.full(4, math.nan)):
-        chosen = choose(Front(shares, error, error, shares), 0.01, 0.5, 1.3)
-        assert chosen.time_step == 1.0
-        assert chosen.within
+TRIED = [8.0, 4.0, 2.0, 1.0]
+
+
+def front_of(*error: float) -> Front:
+    return Front(np.array(TRIED), np.array(error), np.array(error), np.array(TRIED))
+
+
+UNKNOWN = front_of(*[math.nan] * 4)
+
+
+def test_where_nothing_was_measured_the_step_is_the_finest_and_nothing_is_claimed() -> None:
+    chosen = choose(UNKNOWN, UNKNOWN, 0.5, 0.5, 99.0)
+    assert chosen.time_step == 0.5 * TRIED[-1]
+    assert not chosen.within
+    assert math.isnan(chosen.error)
+    assert math.isnan(chosen.displaced)
+
+
+def test_displacement_stands_in_for_toppling_and_is_not_taken_for_it() -> None:
+    """With both, the coarsest step is that at which both are right."""
+    slid = front_of(0.08, 0.02, 0.01, 0.01)
+    chosen = choose(UNKNOWN, slid, 0.02, 0.5, 99.0)
+    assert (chosen.time_step, chosen.displaced, chosen.within) == (2.0, 0.02, True)
+    assert math.isnan(chosen.error)
+    chosen = choose(front_of(0.01, 0.01, 0.04, 0.01), slid, 0.02, 0.5, 99.0)
+    assert (chosen.time_step, chosen.error, chosen.displaced) == (0.5, 0.01, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "step", "within"),
+    [(0.02, 8.0, True), (0.01, 4.0, True), (0.005, 2.0, True), (0.001, 1.0, False)],
+)
+def test_the_longest_step_goes_with_the_tolerance(
+    tolerance: float, step: float, within: bool
+) -> None:
+    """It is 2.4 s for 1 % here: steps of 4, 2, 1 and 0.5 s are tried. 0.24 s is none of them."""
+    chosen = choose(front_of(*[0.001] * 4), UNKNOWN, tolerance, 0.5, 2.4)
+    assert (chosen.time_step, chosen.within) == (0.5 * step, within)
 
 
 def test_doubled_tolerance_is_cheaper() -> None:
     rows = [measure(SLENDER, r, Settings(1.0)) for r in time_step.periods(SLENDER.full.rock)]
     error, steps = (np.array([getattr(r, what) for r in rows]) for what in ("error", "steps"))
-    measured = front(SHARES, error, steps)
+    measured, nothing = front(SHARES, error, steps), front(SHARES, error[:0], steps[:0])
     unit = time_step.step_unit(SLENDER.full.rock)
     rock = SLENDER.full.rock
     steps = [
-        choose(measured, wanted, unit, time_step.longest(rock, "bullet", wanted)).time_step
+        choose(measured, nothing, wanted, unit, time_step.longest(rock, "bullet")).time_step
         for wanted in (0.005, 0.01, 0.02)
     ]
     assert steps == sorted(steps)

@@ -58,6 +58,7 @@ def facts(
     return {
         "site": site,
         "tolerance": tolerance,
+        "by_hand": config.simulation.time_step != "auto",
         "choice": {name: float(chosen[name].values[0]) for name in _CHOICE},
         "friction": config.contact.friction[0],
         "rows": _rows(targets),
@@ -76,7 +77,7 @@ def facts(
             for name, own in suite.groupby("method")
         ],
         "work_precision": svg_uri(diagram),
-        "front": svg_uri(_front(chosen, tolerance)) if "row_error" in chosen else "",
+        "front": _front(chosen, tolerance),
         "convergence": png_uri(suite_convergence(suite)) if len(suite) else "",
     }
 
@@ -105,8 +106,12 @@ def _better(found: pd.DataFrame) -> list[str]:
     ]
 
 
-def _front(chosen: xr.Dataset, tolerance: float) -> Figure:
+def _front(chosen: xr.Dataset, tolerance: float) -> str:
+    """Error of each row that topples against the time step; empty where it was not measured."""
     first = chosen.isel(friction=0)
+    if np.isnan(first["boundary_error"]):
+        return ""
+    first = first.isel(row=first["row_displaced"].values == 0)
     errors = [
         (f"yaw {row['row_yaw'].item():g} deg, PGV/PGA {row['row_pgv_pga'].item():.2g} s", error)
         for row in (first.isel(row=at) for at in range(first.sizes["row"]))
@@ -116,4 +121,5 @@ def _front(chosen: xr.Dataset, tolerance: float) -> Figure:
     most = time_step.front(shares.tolist(), first["row_error"].values, first["row_steps"].values)
     errors.append(("not exceeded in four of five rows", most.error))
     steps = shares * (1e3 * float(chosen.attrs["step_unit_s"]))
-    return boundary_convergence(steps, errors, 1e3 * float(first["time_step"]), tolerance)
+    figure = boundary_convergence(steps, errors, 1e3 * float(first["time_step"]), tolerance)
+    return svg_uri(figure)

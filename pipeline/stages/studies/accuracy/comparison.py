@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,6 @@ import numpy as np
 from pipeline.config import in_si
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.stages.runs.scenes import Group, flat_case
-from pipeline.stages.runs.step_choice import rows_of
 from pipeline.stages.runs.study import Study
 from pipeline.stages.studies.accuracy import worker_tasks
 from pipeline.stages.studies.accuracy.worker_tasks import Way
@@ -87,11 +86,10 @@ def installed() -> tuple[str, ...]:
 
 def _places(rock: Rock) -> list[Place]:
     """At most ``MOST_ROWS`` rows: each direction once, short and long pulses in turn."""
-    rows = rows_of(rock)
-    if len(rows) <= MOST_ROWS:
-        return list(rows)
-    yaws = sorted({yaw for yaw, _ in rows})
+    yaws = [in_si.in_degrees(yaw) for yaw in ladder.directions(rock)]
     periods = ladder.periods(rock)
+    if len(yaws) * len(periods) <= MOST_ROWS:
+        return list(product(yaws, periods))
     return [(yaw, periods[at % len(periods)]) for at, yaw in enumerate(yaws)][:MOST_ROWS]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pipeline.config.sweep import Dimension, Sweep
@@ -95,6 +97,8 @@ def _beyond(changes: list[Change]) -> str:
     if not others:
         return ""
     beyond = "beyond the numerical errors and the spacing of the grid"
+    if any(math.isnan(one.error) for one in changes):
+        beyond = "beyond the spacing of the grid (not all numerical errors were measured)"
     touched = max(others, key=lambda one: one.share)
     where = f"{touched.apart} of {touched.rows} rows at {touched.label}"
     if strong:

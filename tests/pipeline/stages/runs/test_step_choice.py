@@ -7,13 +7,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import netCDF4
+import numpy as np
+import pytest
+
 from pipeline.config.layers import load_site
 from pipeline.stages.runs import step_choice
 from pipeline.stages.runs.scenes import Scenes
 from pipeline.workflow.datasets import read
 from pipeline.workflow.store import Store
+from vsr_core import GRAVITY
 from vsr_core.rock import solid
 from vsr_core.run.proofs import barrier
+from vsr_core.verification.rocking_block import Block, first_overturning_pga
 
 GRID = """
 motion: {pga: [0.01, 0.02], pgv_pga: 0.3}
@@ -53,3 +59,85 @@ def test_code_of_terrains_decides_no_time_step(
     assert step_choice._names(scenes) == before
     edit_function("vsr_core/run/proofs.py", "cannot_topple", "str(1)")
     assert step_choice._names(scenes) != before
+
+
+def test_a_reference_is_told_in_g_and_a_tighter_tolerance_takes_a_shorter_step(
+    write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
+) -> None:
+    """Housner's block of 0.25 m and 1 m; half the tolerance, at most half the longest step."""
+    site = write_site(GRID)
+    assert vsr("run", "responses", "--site", site, "--workers", 0).code == 0
+    made = read(derived / "rock" / step_choice.FILE).isel(friction=0)
+    first = made.isel(row=0)
+    assert (first["row_yaw"].item(), first["row_displaced"].item()) == (0.0, 0)
+    exact = first_overturning_pga(
+        Block(0.25, 1.0), first["row_pgv_pga"].item(), 4.0 * GRAVITY, 0.005 * GRAVITY
+    )
+    assert first["row_reference"].item() == pytest.approx(exact / GRAVITY, rel=1e-9)
+    longest = made.attrs["longest_step_s"]
+    assert made["time_step"].item() <= longest
+    tight = load_site(site, settings=("simulation.tolerance=0.005",)).config
+    step = step_choice.time_steps(tight, Store(derived / "rock"))[0.6]
+    assert 0.0 < step <= 0.5 * longest * (1.0 + 1e-9)
+    assert step < made["time_step"].item()
+
+
+def test_a_measurement_that_was_damaged_is_not_believed(
+    write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
+) -> None:
+    """A sound file with other numbers in it: what it says of the error is worth nothing."""
+    site = write_site(GRID)
+    assert vsr("run", "responses", "--site", site, "--workers", 0).code == 0
+    path, config = derived / "rock" / step_choice.FILE, load_site(site).config
+    made = read(path)
+    assert step_choice.time_steps(config, Store(derived / "rock"))[0.6] > 0.0
+    with netCDF4.Dataset(path, "a") as data:
+        data["row_error"][:] = 0.11
+    assert math.isnan(step_choice.time_steps(config, Store(derived / "rock"))[0.6])
+    again = vsr("run", "responses", "--site", site, "--workers", 0)
+    assert again.code == 0
+    assert "measuring 2 boundaries" in again.err
+    assert read(path).drop_attrs().equals(made.drop_attrs())
+
+
+def test_a_rock_that_nothing_moves_has_no_measured_error(
+    write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
+) -> None:
+    """A slab of 4 m x 4 m x 0.5 m, whose tan(alpha) and friction are 8: it stays at 3.6 g."""
+    slab = "rock: {shape: box, size: [4.0, 4.0, 0.5], density: 2110}\n"
+    site = write_site(slab + GRID.replace("0.6", "8.0"))
+    ran = vsr("run", "fragility", "--site", site, "--workers", 0)
+    assert ran.code == 0
+    made = read(derived / "rock" / step_choice.FILE).isel(friction=0)
+    assert np.isposinf(made["row_reference"].values).all()
+    assert set(made["row_displaced"].values.tolist()) == {0, 1}
+    assert made["within_tolerance"].item() == 0
+    assert np.isnan(made["boundary_error"].item())
+    assert np.isnan(made["displaced_error"].item())
+    finest = made["step_share"].values.min() * made.attrs["step_unit_s"]
+    assert made["time_step"].item() == pytest.approx(finest)
+    assert "error was NOT MEASURED" in ran.err
+    page = (derived / "rock" / "report.html").read_text(encoding="utf-8")
+    assert "the error of the overturning boundary was not measured" in page
+    assert "the finest step was taken" in page
+    assert "accurate to" not in page
+
+
+def test_a_rock_that_slides_is_measured_by_its_sliding(
+    write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
+) -> None:
+    """Friction 0.1 is below both slendernesses of the block, 1/4 and 1/2: nothing topples it."""
+    site = write_site(GRID.replace("0.6", "0.1"))
+    ran = vsr("run", "fragility", "--site", site, "--workers", 0)
+    assert ran.code == 0
+    made = read(derived / "rock" / step_choice.FILE).isel(friction=0)
+    slides = made["row_displaced"].values == 1
+    assert np.isposinf(made["row_reference"].values[~slides]).all()
+    assert (made["row_reference"].values[slides] > 0.1).all()
+    assert np.isnan(made["boundary_error"].item())
+    assert 0.0 < made["displaced_error"].item() <= 0.01
+    assert made["within_tolerance"].item() == 1
+    assert np.isnan(read(derived / "rock" / "responses.nc")["boundary_error"].item())
+    page = (derived / "rock" / "report.html").read_text(encoding="utf-8")
+    assert "the error of the overturning boundary was not measured" in page
+    assert "from which on the rock is displaced" in page
