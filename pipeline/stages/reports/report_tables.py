@@ -21,6 +21,7 @@ from pipeline.workflow.datasets import rows_of
 from vsr_core.arrays import Array
 from vsr_core.outcome import DecidedBy, Outcome
 from vsr_core.verification.agreement import HIGHEST
+from vsr_core.verification.time_step import ENOUGH
 
 Row = dict[str, Any]
 
@@ -134,12 +135,13 @@ def time_steps(measured: xr.Dataset) -> list[Row]:
     -------
     list of dict
         With ``rows``, for overturning and for displacement: how many have a boundary below
-        ``highest`` [g], and how many were tried; empty where the step was given.
+        ``highest`` [g], of which an error takes ``enough``, and how many were tried; empty where
+        the step was given.
     """
     names = ["time_step", "boundary_error", "boundary_error_worst", "displaced_error"]
     rows = _rows(measured[names].to_dataframe())
     for at, row in enumerate(rows):
-        row["rows"], row["highest"] = [], in_si.in_g(HIGHEST)
+        row |= {"rows": [], "highest": in_si.in_g(HIGHEST), "enough": ENOUGH}
         if "row_reference" in measured:
             reference = measured["row_reference"].isel(friction=at).values
             for kind in (0, 1):

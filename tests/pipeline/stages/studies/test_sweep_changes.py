@@ -73,7 +73,9 @@ def test_sentences_tell_a_change_from_its_error() -> None:
     same = [(0.3, 0.4)] * 4
     said = about(SIZE, compared(same, same), None)
     assert "does not move" in said
-    assert "In no row is a change beyond" in said
+    assert "In no row is a change beyond the spacing of the grid (not all" in said
+    said = about(SIZE, compared(same, same, error=0.01), None)
+    assert "In no row is a change beyond the numerical errors and the spacing" in said
     said = about(SIZE, compared(same, [(0.5, 0.6)] * 2 + same[:2]), None)
     assert "moves by +25 % at 4" in said  # the square root of 0.55 / 0.35, less 1
     assert "in at least half of the rows at 4" in said
