@@ -97,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
         return sub
 
     _add_run(add("run", "make a product and all that it needs"))
-    _add_site(add("prep", "rock and terrain of a scan, with a page of every step to look at"))
+    _add_site(add("prep", "rock, and terrain, of a scan, with a page of every step to look at"))
     for name, text in (
         ("plan", "what would run and what it costs"),
         ("status", "what is done"),

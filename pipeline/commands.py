@@ -61,7 +61,7 @@ def _swept(sweep: Sweep, stage: str, job: Job) -> tuple[Job, int]:
 
 
 def prep(options: argparse.Namespace) -> int:
-    """Make rock and terrain of a scan, and the page of every step.
+    """Make a rock, and its terrain, of a scan, and the page of every step.
 
     Parameters
     ----------
@@ -72,19 +72,19 @@ def prep(options: argparse.Namespace) -> int:
     int, always 0
     """
     job = job_of(options)
-    if not job.config.on_terrain:
-        shape = f"a {job.config.pedestal.shape} pedestal"
-        rule, remedy = "rock and terrain are parts of one scan", "set pedestal.shape: mesh"
-        file = job.site.file_of("pedestal.shape")
-        raise InputError(Problem(file, "pedestal.shape", shape, rule, remedy))
+    alone = job.config.rock_alone
+    if not alone and not job.config.on_terrain:
+        rule, remedy = "what is prepared is a scan", "set rock.shape: mesh and name it in rock.mesh"
+        file = job.site.file_of("rock.shape")
+        raise InputError(Problem(file, "rock.shape", "a box", rule, remedy))
     with job.store, job.cluster:
-        graph.make("scan", job)
+        graph.make("closed_rock" if alone else "scan", job)
         log(f"-> {job.path('prep.html')}")
-        if job.config.pedestal.cut is None:
+        if job.config.on_terrain and job.config.pedestal.cut is None:
             log("the cut is a proposal; to accept it, set pedestal.cut: proposal")
             return 0
-        graph.make("terrain", job)
-    log(f"-> {job.path('terrain.nc')}")
+        graph.make("rock" if alone else "terrain", job)
+    log(f"-> {job.path('rock.nc' if alone else 'terrain.nc')}")
     return 0
 
 

@@ -191,7 +191,8 @@ def _with_rock(job: Job, folder: Path) -> Job:
     """The job with its rock at hand: as stored, or made in a temporary folder."""
     if not _is_stale("rock", job):
         return job
-    aside = replace(job, store=Store(folder), cluster=Cluster(0), log=lambda line: None)
+    quiet = replace(job, log=lambda line: None, shows=False)
+    aside = replace(quiet, store=Store(folder), cluster=Cluster(0))
     with aside.store:
         graph.make("rock", aside)
     return aside

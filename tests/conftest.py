@@ -101,12 +101,15 @@ def vsr(
 
 @pytest.fixture
 def refused(vsr: Callable[..., Ran], derived: Path) -> Callable[..., str]:
-    """Run a command that must be refused in one line holding all ``words``, leaving no file."""
+    """Run a command that must be refused in one line holding all ``words``.
 
-    def run(*arguments: object, words: tuple[str, ...]) -> str:
+    It leaves no file, but for a page that shows why and that the line names.
+    """
+
+    def run(*arguments: object, words: tuple[str, ...], page: str = "") -> str:
         ran = vsr(*arguments)
         assert ran.code == cli.REFUSED, ran.err
-        lines = ran.err.splitlines()
+        lines = [line for line in ran.err.splitlines() if not line.endswith(" s so far")]
         assert len(lines) == 1, ran.err
         assert lines[0].startswith("vsr: ")
         assert "Traceback" not in lines[0]
@@ -114,7 +117,10 @@ def refused(vsr: Callable[..., Ran], derived: Path) -> Callable[..., str]:
         # where: got what was given; the rule; the remedy
         assert ": got " in lines[0]
         assert lines[0].count("; ") >= 2
-        assert not [path for path in derived.rglob("*") if path.is_file()]
+        left = [path for path in derived.rglob("*") if path.is_file()]
+        left = [path for path in left if path.parent.name != ".stages"]
+        assert [path.name for path in left] == [page] * bool(page)
+        assert all(f"; {path} shows it" in lines[0] for path in left)
         return lines[0]
 
     return run

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 
 class InvalidInput(ValueError):
     """Input that breaks a rule; the message says what was given, the rule and the remedy.
@@ -20,6 +22,23 @@ class InvalidInput(ValueError):
 
     def __reduce__(self) -> tuple[type[InvalidInput], tuple[str, str, str]]:
         return (InvalidInput, (self.given, self.rule, self.remedy))
+
+
+class InvalidPlace(InvalidInput):
+    """Input that breaks a rule at known places.
+
+    Parameters
+    ----------
+    given, rule, remedy : str
+        As of ``InvalidInput``; where it is, is added by who knows the user's coordinates.
+    places : k points of three floats [m]
+    """
+
+    def __init__(
+        self, given: str, rule: str, remedy: str, places: Iterable[Iterable[float]]
+    ) -> None:
+        super().__init__(given, rule, remedy)
+        self.places = places
 
 
 def reason(error: Exception) -> str:

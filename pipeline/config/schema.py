@@ -53,7 +53,7 @@ class RockConfig(Section):
     )
     scale: float = Field(1.0, ge=1e-6, le=1e6, description="length of the mesh file's unit [m]")
     closing: Literal["caps", "hull", "poisson"] = Field(
-        "caps", description="how the open underside of a rock in a terrain scan is closed"
+        "caps", description="how the underside of a rock is closed, where no scan saw it"
     )
     density: Density = Field(description="density of the rock [kg m-3]")
 
@@ -217,6 +217,11 @@ class Config(Section):
     def on_terrain(self) -> bool:
         """Whether the rock stands on a terrain."""
         return self.pedestal.shape == "mesh"
+
+    @property
+    def rock_alone(self) -> bool:
+        """Whether the rock is scanned without its ground."""
+        return self.rock.shape == "mesh" and not self.on_terrain
 
     @property
     def engine(self) -> str:

@@ -9,11 +9,12 @@ from functools import partial
 from typing import Any
 
 from pipeline.config.layers import Site
+from pipeline.config.problems import InputError
 from pipeline.workflow import aside, keys
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.run_store import RunsLost
-from pipeline.workflow.stage import Job, Product, Stage
+from pipeline.workflow.stage import Job, Product, Refusal, Stage
 from pipeline.workflow.store import Store
 
 
@@ -179,7 +180,13 @@ def _make(stage: Stage, identity: Identity, job: Job) -> str:
     """Make and keep a stage's products; returns a line that says so."""
     if lender := job.store.borrow(stage.name, identity.key):
         return f"{stage.name}: as in {lender}"
-    product = stage.product(replace(job, key=identity.key, stage=stage.name))
+    try:
+        product = stage.product(replace(job, key=identity.key, stage=stage.name))
+    except Refusal as refusal:
+        if not job.shows:
+            raise InputError(*refusal.problems) from None
+        job.store.show(stage.name, refusal.files)
+        raise refusal.shown_in(job.store.folder) from None
     keep(stage, identity, product, job.store)
     return f"{stage.name}: {product.summary}"
 

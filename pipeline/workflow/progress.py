@@ -1,8 +1,9 @@
-"""One line for long work: runs done, rate, time left, outcomes so far."""
+"""Lines for long work: runs done, rate, time left, outcomes so far; or what is being done."""
 
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -12,6 +13,50 @@ from vsr_core.outcome import Outcome
 
 _QUIET_SECONDS = 5.0
 _SCREEN_SECONDS = 0.2
+_SILENT_SECONDS, _PATIENT_SECONDS = 2.0, 10.0  # before what is being done is told, and told again
+
+
+class Steps:
+    """Says what is being done once it takes two seconds, and every ten seconds from then on.
+
+    Parameters
+    ----------
+    name : str, of the stage
+    log : function of one line
+    """
+
+    def __init__(self, name: str, log: Callable[[str], None]) -> None:
+        self._name, self._log, self._end = name, log, threading.Event()
+        self._now: tuple[str, float] = ("", time.monotonic())
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Steps:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._end.set()
+        self._thread.join()
+
+    def tell(self, what: str) -> None:
+        """Say what begins.
+
+        Parameters
+        ----------
+        what : str, in a few words
+        """
+        self._now = (what, time.monotonic())
+
+    def _watch(self) -> None:
+        told, due = self._now, _SILENT_SECONDS
+        while not self._end.wait(0.1):
+            now = self._now
+            if now is not told:
+                told, due = now, _SILENT_SECONDS
+            what, since = now
+            if (taken := time.monotonic() - since) >= due:
+                self._log(f"{self._name}: {what}, {taken:.0f} s so far")
+                due += _PATIENT_SECONDS
 
 
 class Progress:

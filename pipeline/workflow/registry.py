@@ -39,7 +39,17 @@ STAGES: tuple[Stage, ...] = (
         reads=("rock", "pedestal"),
         code=("pipeline.stages.mesh.sources:load", "vsr_core.surrogates.raw_scan:scan"),
         inputs="pipeline.stages.mesh.sources:digests",
-        files=("prep.html",),
+        files=("prep.html", "refused.html"),
+        versions=("trimesh", "scipy"),
+    ),
+    Stage(
+        "closed_rock",
+        make="pipeline.stages.mesh.closed_rock:make",
+        applies="rock_alone",
+        reads=("rock",),
+        code=("pipeline.stages.mesh.sources:load", "vsr_core.surrogates.double_rock:double_rock"),
+        inputs="pipeline.stages.mesh.sources:digests",
+        files=("closed_rock.html", "refused.html"),
         versions=("trimesh", "scipy"),
     ),
     Stage(

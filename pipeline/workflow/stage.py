@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
 
 from pipeline.config.layers import Site
+from pipeline.config.problems import InputError, Problem
 from pipeline.config.schema import Config
 from pipeline.workflow import pages
 from pipeline.workflow.cluster import Cluster
@@ -36,6 +37,34 @@ class Product:
     retry: int = 0
 
 
+class Refusal(InputError):
+    """Input refused, with files that show why.
+
+    Parameters
+    ----------
+    problem : Problem
+    files : dict, from file name to a function that writes it to a given path
+    """
+
+    def __init__(self, problem: Problem, files: dict[str, Writer]) -> None:
+        super().__init__(problem)
+        self.files = files
+
+    def shown_in(self, folder: Path) -> InputError:
+        """The same in a line that names the first of the files.
+
+        Parameters
+        ----------
+        folder : Path
+
+        Returns
+        -------
+        InputError
+        """
+        (problem,), (name, *_) = self.problems, self.files
+        return InputError(replace(problem, remedy=f"{problem.remedy}; {folder / name} shows it"))
+
+
 @dataclass(frozen=True)
 class Job:
     """What a stage's function is given.
@@ -49,6 +78,7 @@ class Job:
     log : function of one line
     stage : str, name of the stage, for provenance
     awaited : function of the name of a stage, which ends when that stage is made
+    shows : bool, whether a refusal leaves files that show why
     """
 
     site: Site
@@ -58,6 +88,7 @@ class Job:
     log: Callable[[str], None]
     stage: str = ""
     awaited: Callable[[str], None] = lambda name: None
+    shows: bool = True
 
     @property
     def config(self) -> Config:

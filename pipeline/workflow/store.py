@@ -150,7 +150,28 @@ class Store:
         with writing(self.folder):
             files = {name: self._put(self.folder / name, write) for name, write in writers.items()}
             manifest = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
+            with suppress(FileNotFoundError):
+                for name in set(json.loads(self._shown(stage).read_text())) - files.keys():
+                    (self.folder / name).unlink(missing_ok=True)
+                self._shown(stage).unlink()
             self._put(self._manifests / f"{stage}.json", text(manifest))
+
+    def show(self, stage: str, writers: dict[str, Writer]) -> None:
+        """Write files that show why a stage's input is refused, until it is made.
+
+        Parameters
+        ----------
+        stage : str
+        writers : dict of Writer by file name
+        """
+        with writing(self.folder):
+            self._put(self._shown(stage), text(json.dumps([*writers])))
+            for name, write in writers.items():
+                self._put(self.folder / name, write)
+
+    def _shown(self, stage: str) -> Path:
+        """Names of the files that show why a stage's input was refused."""
+        return self._manifests / f"{stage}.refused"
 
     def lends(self, stages: Iterable[str]) -> None:
         """Let the others that share its lenders take what it has of some stages.

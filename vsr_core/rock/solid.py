@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vsr_core.arrays import Array, Indices, matrix_product
-from vsr_core.errors import InvalidInput
+from vsr_core.errors import InvalidInput, InvalidPlace
 from vsr_core.rock.body import Rock, check_size
 from vsr_core.rock.hull import convex_hull
 from vsr_core.rock.tipping import settle
@@ -33,7 +33,13 @@ CROSSING_SHARE = 0.001
 """Share of the surface that may cross itself: a real scan holds a few folded faces, whose volume
 is nothing to its mass; a surface that passes through itself has no inside."""
 
+_SHOWN = 50  # crossing faces whose places are told
+
 _SWEEPS = 12  # of Jacobi's rotations; each squares what is left beside the diagonal
+
+
+class NoSolidYet(InvalidInput):
+    """A surface that is open, inside out, in pieces or without some vertices: it may be mended."""
 
 
 @dataclass(frozen=True)
@@ -223,9 +229,12 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
 
     Raises
     ------
+    NoSolidYet
+        If the mesh is not finite, open, inside out or of several bodies.
     InvalidInput
-        If the mesh is empty, not finite, of an unlikely size, open, flat, inside out, of several
-        bodies, or intersects itself.
+        If it is empty, of an unlikely size or flat.
+    InvalidPlace
+        If it intersects itself.
     """
     repaired = []
     _require_a_rock(mesh)
@@ -241,7 +250,7 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
         repaired.append(f"{before - len(mesh.vertices)} split vertices merged")
     edges = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)[1]
     if (edges != 2).any():
-        raise InvalidInput(
+        raise NoSolidYet(
             f"{int((edges == 1).sum())} open and {int((edges > 2).sum())} branching edges",
             "a solid is closed: each edge joins two faces",
             "close the scan, base included, before use",
@@ -250,13 +259,13 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
         mesh.fix_normals(multibody=True)
         repaired.append("faces wound against their neighbours turned")
     if mesh.body_count > 1:
-        raise InvalidInput(
+        raise NoSolidYet(
             f"{mesh.body_count} separate bodies", "one rock is one body", "keep the rock alone"
         )
     if abs(mesh.volume) <= FLAT * size**3:
         raise _flat(mesh.volume)
     if mesh.volume <= 0.0:
-        raise InvalidInput(
+        raise NoSolidYet(
             f"a mesh that is inside out (volume {mesh.volume:.3g} m3)",
             "faces look outward",
             "flip all faces and save it again",
@@ -264,10 +273,11 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     crossing = self_intersections(np.array(mesh.vertices), np.array(mesh.faces))
     share = float(mesh.area_faces[np.unique(crossing)].sum() / mesh.area)
     if share > CROSSING_SHARE:
-        raise InvalidInput(
+        raise InvalidPlace(
             f"a mesh that intersects itself ({len(crossing)} pairs of faces)",
             f"faces that cross make up at most {CROSSING_SHARE:.1%} of the surface",
             "remesh the scan",
+            np.array(mesh.triangles_center)[crossing[:_SHOWN, 0]],
         )
     if len(crossing):
         repaired.append(
@@ -288,7 +298,7 @@ def _require_a_rock(mesh: trimesh.Trimesh) -> None:
     if len(mesh.faces) == 0:
         raise InvalidInput("a mesh without faces", "a rock has a surface", "export the scan again")
     if not np.isfinite(mesh.vertices).all():
-        raise InvalidInput(
+        raise NoSolidYet(
             "vertices that are not finite", "coordinates are numbers", "clean the scan"
         )
     if (far := float(np.abs(mesh.vertices).max())) > FARTHEST:

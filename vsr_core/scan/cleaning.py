@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trimesh.graph import connected_component_labels
 
 from vsr_core.arrays import Array, Indices
-from vsr_core.errors import InvalidInput
+from vsr_core.errors import InvalidInput, InvalidPlace
 from vsr_core.rock.triangles import areas, chunks, cross_products
 from vsr_core.scan.topology import edges, ends, split_fans
 
@@ -50,12 +50,13 @@ class Cleaned:
     notes: tuple[str, ...]
 
 
-def clean(mesh: trimesh.Trimesh) -> Cleaned:
+def clean(mesh: trimesh.Trimesh, *, alone: bool = False) -> Cleaned:
     """Clean copy of a raw scan; colours of vertices are kept.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh [m], z up
+    alone : bool, whether it holds a rock alone, closed but for holes, and no ground
 
     Returns
     -------
@@ -71,11 +72,16 @@ def clean(mesh: trimesh.Trimesh) -> Cleaned:
     notes: list[str] = []
     colours = colours_of(mesh)
     vertices, offset, faces = _near_origin(mesh, notes)
+    if not alone:
+        _require_size(vertices)
+        if offset.any():
+            moved = ", ".join(f"{-x:.0f}" for x in offset)
+            notes.append(f"moved by ({moved}) m to near the origin")
     origin, faces = _merged(vertices, faces, notes)
     vertices = vertices[origin]
-    faces = _with_area(vertices, faces, notes)
+    faces = with_area(vertices, faces, notes)
     faces = _manifold(vertices, faces, notes)
-    faces = _one_piece(vertices, faces, notes)
+    faces = _one_piece(vertices, faces, notes, alone)
     faces, copied = split_fans(faces, len(vertices))
     if len(copied):
         notes.append(f"{len(copied)} vertices where the surface only touched itself split")
@@ -139,16 +145,17 @@ def _near_origin(mesh: trimesh.Trimesh, notes: list[str]) -> tuple[Array, Array,
     _require_precision(vertices, float(max(-low.min(), high.max())))
     offset = np.round(0.5 * (low + high))
     vertices -= offset
-    if offset.any():
-        notes.append(f"moved by ({', '.join(f'{-x:.0f}' for x in offset)}) m to near the origin")
-    size = float((high - low).max())
+    return vertices, offset, faces
+
+
+def _require_size(vertices: Array) -> None:
+    size = float(np.ptp(vertices, axis=0).max())
     if not SIZES[0] <= size <= SIZES[1]:
         raise InvalidInput(
             f"a scan {size:.3g} m large",
             f"scans here are {SIZES[0]} to {SIZES[1]:.0f} m",
             "scale it to metres, or crop it around the rock",
         )
-    return vertices, offset, faces
 
 
 def _require_precision(vertices: Array, largest: float) -> None:
@@ -184,8 +191,19 @@ def _merged(vertices: Array, faces: Indices, notes: list[str]) -> tuple[Indices,
     return origin, faces
 
 
-def _with_area(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
-    """Faces that lie on a line turned about their longest side, into the face beyond it."""
+def with_area(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
+    """Faces that lie on a line turned about their longest side, into the face beyond it.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+    notes : list of str, to which what was done is added
+
+    Returns
+    -------
+    ndarray of int, shape (k, 3)
+    """
     flat = np.flatnonzero(areas(vertices, faces) <= SAME_POINT**2)
     if len(flat) == 0:
         return faces
@@ -246,7 +264,7 @@ def _manifold(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     return faces
 
 
-def _one_piece(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
+def _one_piece(vertices: Array, faces: Indices, notes: list[str], alone: bool) -> Indices:
     """The largest piece, all faces wound alike and outward."""
     found = edges(faces)
     pairs, rim = found.pairs, found.open // 3
@@ -273,16 +291,19 @@ def _one_piece(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     keep = piece[patch] == int(np.argmax(whole))
     loose = float(whole.sum() - whole.max())
     if loose > LOOSE_SHARE * whole.sum():
-        raise InvalidInput(
+        second = piece[patch] == int(np.argsort(whole)[-2])
+        raise InvalidPlace(
             f"a scan in {int((whole > 0).sum())} pieces ({loose:.2g} m2 beside the largest)",
-            f"rock and ground hang together; loose pieces make up at most {LOOSE_SHARE:.0%}",
-            "join the pieces or crop the scan",
+            ("one rock is one body" if alone else "rock and ground hang together")
+            + f"; loose pieces make up at most {LOOSE_SHARE:.0%} of the surface",
+            "keep the rock alone" if alone else "join the pieces or crop the scan",
+            vertices[faces[second]].mean(axis=(0, 1))[None],
         )
     if loose > 0.0:
         notes.append(f"{int((whole > 0).sum()) - 1} loose pieces dropped ({loose:.2g} m2)")
     turned = min(float(area[keep & against].sum()), float(area[keep & ~against].sum()))
     faces = faces[keep]
-    if _looks_in(vertices, faces, bool(keep[rim].any())):
+    if _looks_in(vertices, faces, sheet=not alone and bool(keep[rim].any())):
         faces = faces[:, ::-1]
         notes.append("all faces turned outward")
     if turned > 0.0:
@@ -290,11 +311,12 @@ def _one_piece(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     return np.ascontiguousarray(faces)
 
 
-def _looks_in(vertices: Array, faces: Indices, sheet: bool) -> bool:
-    """Whether an open sheet faces down, or a closed surface inward."""
+def _looks_in(vertices: Array, faces: Indices, *, sheet: bool) -> bool:
+    """Whether an open sheet faces down, or a surface that is closed but for holes inward."""
     up = volume = 0.0
+    middle = vertices[faces[:, 0]].mean(axis=0)
     for chunk in chunks(len(faces)):
         cross = cross_products(vertices, faces[chunk])
         up += float(cross[:, 2].sum())
-        volume += float(np.einsum("ij,ij->", vertices[faces[chunk, 0]], cross))
+        volume += float(np.einsum("ij,ij->", vertices[faces[chunk, 0]] - middle, cross))
     return (up if sheet else volume) < 0.0

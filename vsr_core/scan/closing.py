@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-import shapely
 import trimesh
+from scipy.spatial import cKDTree
 
-from vsr_core.arrays import Array, Indices
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.solid import checked
 from vsr_core.rock.triangles import self_intersections
 from vsr_core.scan.concave import smoothed_normals
-from vsr_core.scan.fill import Frame, across, area_vector, frame
+from vsr_core.scan.fill import Frame, across, area_vector, frame, uncrossed
 from vsr_core.scan.rim import laid, planes_beside
 from vsr_core.scan.separation import Separation
 from vsr_core.scan.topology import means_beside, rims, touching
@@ -26,7 +26,7 @@ Closing = Literal["caps", "hull", "poisson"]
 _SNAP = 4.0  # times its scatter about a cap, or an edge: a rim's vertices so near move onto the cap
 _ABOVE = 0.1  # of a rim's edge, that a vertex beside the rim lies above the cap at least
 _UNFOLDING = 10  # rounds of smoothing folded faces
-_UNCROSSING = 20  # rounds of smoothing a rim along itself
+_SAME_FACE = 1e-6  # m: faces whose middles agree to this are one
 _STEEPEST = 0.2  # cosine between a rim's normal and the ground's, below which the slope is capped
 
 
@@ -66,19 +66,43 @@ class Closed:
     caps: tuple[Cap, ...]
     notes: tuple[str, ...]
 
+    @property
+    def added(self) -> Mask:
+        """Which faces of the rock are of its caps."""
+        return at(self.rock, self.vertices[np.concatenate([cap.faces for cap in self.caps])])
+
+
+def at(mesh: trimesh.Trimesh, triangles: Array) -> Mask:
+    """Which faces of a mesh are given triangles, by their middles.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh [m]
+    triangles : ndarray, shape (k, 3, 3) [m]
+
+    Returns
+    -------
+    ndarray of bool
+    """
+    if not len(triangles):
+        return np.zeros(len(mesh.faces), dtype=bool)
+    known = cKDTree(triangles.mean(axis=1))
+    return np.asarray(known.query(mesh.triangles_center)[0] < _SAME_FACE)
+
 
 class _Rim(NamedTuple):
     """A rim to close, seen in its own frame.
 
     ``frame`` has h along the rim's normal, into the rock; ``edge`` [m] is the mean length of its
     edges; ``points``, shape (n, 3) [m], are its u, v and h; ``slope``, shape (n, 2), is that of
-    the ground beside along u and v.
+    the ground beside along u and v, or 0 where there is none; ``against`` says which.
     """
 
     frame: Frame
     edge: float
     points: Array
     slope: Array
+    against: str
 
 
 class _Surface(NamedTuple):
@@ -100,7 +124,8 @@ def close(separation: Separation, closing: Closing) -> Closed:
     ----------
     separation : Separation, settled (see ``rim``)
     closing : "caps", "hull" or "poisson"
-        caps: each rim by planes through it, with the slope of the joint surface where it is open.
+        caps: each rim by planes through it, with the slope of the joint surface, or of the rim's
+        mean plane without any ground, where it is open.
         The rim's vertices that scatter about the planes are moved onto them, so that a base
         stands on its plane and not on the three lowest points of noise. hull: by the lower side
         of the convex hull of its vertices, which stay. poisson: by the surface that Poisson's
@@ -147,8 +172,8 @@ def _cap_of_planes(rim: _Rim) -> _Surface:
     far = np.linalg.norm(placed - rim.points, axis=1).max()
     tilt = np.degrees(np.arctan(np.linalg.norm(found.rows[:, :2] - rim.slope.mean(axis=0), axis=1)))
     note = (
-        f"{len(found.rows)} plane(s), {', '.join(f'{t:.0f}' for t in tilt)} deg from the "
-        f"ground beside; the rim scatters by {1e3 * found.scatter:.1f} mm; "
+        f"{len(found.rows)} plane(s), {', '.join(f'{t:.0f}' for t in tilt)} deg from "
+        f"{rim.against}; the rim scatters by {1e3 * found.scatter:.1f} mm; "
         f"{int(near.sum())} of {len(near)} vertices moved onto them, by at most "
         f"{1e3 * far:.1f} mm"
     )
@@ -202,8 +227,10 @@ def _cap(vertices: Array, separation: Separation, rim: Indices, shape: _Shape) -
     faces = separation.faces[separation.rock]
     given = _rim(vertices, separation, rim)
     height, flat, placed, note = shape(given)
-    placed, smoothing = _uncrossed(placed)
-    note += smoothing
+    apart = uncrossed(placed)
+    if (far := float(np.linalg.norm(apart - placed, axis=1).max())) > 0.0:
+        note += f"; it crossed itself and was smoothed by {1e3 * far:.1f} mm"
+    placed = apart
     side = _mean_side(placed)
     inner, triangles = across(placed[:, :2], np.inf if flat else side)
     step = given.frame.back(placed) - vertices[rim]
@@ -223,25 +250,16 @@ def _rim(vertices: Array, separation: Separation, loop: Indices) -> _Rim:
     points = vertices[loop]
     own, edge = frame(points, area_vector(points)), _mean_side(points)
     ground = separation.faces[~separation.rock]
+    if not len(ground):
+        return _Rim(own, edge, own.into(points), np.zeros((len(loop), 2)), "its mean plane")
     up = planes_beside(vertices, ground, loop, points, edge)[1] @ own.axes.T
-    return _Rim(own, edge, own.into(points), -up[:, :2] / np.maximum(up[:, 2:], _STEEPEST))
+    slope = -up[:, :2] / np.maximum(up[:, 2:], _STEEPEST)
+    return _Rim(own, edge, own.into(points), slope, "the ground beside")
 
 
 def _mean_side(loop: Array) -> float:
     """Mean distance of the points of a closed loop from the next [m]."""
     return float(np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).mean())
-
-
-def _uncrossed(rim: Array) -> tuple[Array, str]:
-    """A rim smoothed along itself, level, until it does not cross itself; and a note."""
-    placed = rim.copy()
-    for _ in range(_UNCROSSING):
-        if shapely.Polygon(placed[:, :2]).is_valid:
-            break
-        beside = 0.5 * (np.roll(placed, 1, axis=0) + np.roll(placed, -1, axis=0))
-        placed = 0.5 * (placed + beside)
-    far = float(np.linalg.norm(placed - rim, axis=1).max())
-    return placed, f"; it crossed itself and was smoothed by {1e3 * far:.1f} mm" if far else ""
 
 
 def _raise_onto(

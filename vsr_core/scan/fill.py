@@ -12,6 +12,7 @@ from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.scan.topology import border, rims, touching
 
+_UNCROSSING = 20  # rounds of smoothing a rim along itself
 _STRIP = 0.6  # width of the strip along the rim, of the spacing, that holds no inner vertex
 
 
@@ -96,6 +97,27 @@ def area_vector(loop: Array) -> Array:
     """
     middle = loop - loop.mean(axis=0)
     return 0.5 * np.cross(middle, np.roll(middle, -1, axis=0)).sum(axis=0)
+
+
+def uncrossed(rim: Array) -> Array:
+    """A rim smoothed along itself until, seen along h, it does not cross itself.
+
+    Parameters
+    ----------
+    rim : ndarray, shape (n, 3) [m], u, v and h of its points
+
+    Returns
+    -------
+    ndarray, shape (n, 3) [m]
+        As it was, where it does not; crossing still, where that does not help.
+    """
+    placed = rim.copy()
+    for _ in range(_UNCROSSING):
+        if shapely.Polygon(placed[:, :2]).is_valid:
+            break
+        beside = 0.5 * (np.roll(placed, 1, axis=0) + np.roll(placed, -1, axis=0))
+        placed = 0.5 * (placed + beside)
+    return placed
 
 
 def across(rim: Array, spacing: float) -> tuple[Array, Indices]:

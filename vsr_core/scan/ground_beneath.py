@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 
 from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.errors import InvalidInput
+from vsr_core.errors import InvalidPlace
 from vsr_core.scan.closing import Closed
 from vsr_core.scan.distance import signed_distance
 from vsr_core.scan.separation import Separation
@@ -14,6 +14,8 @@ from vsr_core.terrain.surface import Terrain
 
 _LARGEST_PUSH = 0.1  # of the rock's size: ground that reaches deeper into the rock is no noise
 _ROUNDS = 12  # of pushing ground out of the rock
+
+_REMEDY = "move pedestal.cut, or set rock.closing to another of caps, hull and poisson"
 
 
 def ground_beneath(
@@ -39,7 +41,7 @@ def ground_beneath(
 
     Raises
     ------
-    InvalidInput
+    InvalidPlace
         If ground reaches into the rock by more than a tenth of its size, or stays there.
     """
     vertices = closed.vertices
@@ -97,16 +99,19 @@ def _pushed_out(
         ground[corners, 2] -= clearance
         moved = float(np.linalg.norm(ground - given, axis=1).max())
         if moved > largest:
-            raise InvalidInput(
+            deepest = int(np.argmax(np.linalg.norm(ground - given, axis=1)))
+            raise InvalidPlace(
                 f"ground that reaches {moved:.3g} m into the rock",
                 f"rock and ground touch, to {_LARGEST_PUSH:.0%} of the rock's size",
-                "move the cut, or close the rock in another way",
+                _REMEDY,
+                given[deepest : deepest + 1],
             )
     else:
-        raise InvalidInput(
+        raise InvalidPlace(
             "ground that stays in the rock however it is moved",
             "rock and ground touch along a seam",
-            "move the cut, or close the rock in another way",
+            _REMEDY,
+            given[np.union1d(near[close], corners)],
         )
     away = np.linalg.norm(ground - given, axis=1)
     return ground, float(away.max()), int((away > 0.0).sum())

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import get_args
 
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
 
 from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
@@ -20,38 +20,26 @@ from vsr_core.scan.closing import Closed, Closing, close
 from vsr_core.scan.cuts import Cut
 from vsr_core.scan.distance import hausdorff
 from vsr_core.scan.ground_beneath import depth_in, ground_beneath
-from vsr_core.scan.proposal import propose
+from vsr_core.scan.proposal import Undecided, propose
+from vsr_core.scan.refusal import Refused, Seen, refusing
 from vsr_core.scan.rim import settled
 from vsr_core.scan.separation import Separation, by_cut
-from vsr_core.scan.weighing import Measure, Step, largest_change, measured, tipping_angles
+from vsr_core.scan.weighing import (
+    Measure,
+    Step,
+    Tell,
+    Trial,
+    measured,
+    tipping_angles,
+    tried,
+)
 from vsr_core.terrain.surface import Terrain
 
 _START_TOLERANCE = 1e-6  # m: a rock this deep in the ground is rounding and no interpenetration
-_SAME_FACE = 1e-6  # m: faces whose middles agree to this are one
 
 
-class Miscut(InvalidInput):
+class Miscut(Refused):
     """A refusal that another cut may cure."""
-
-
-@dataclass(frozen=True)
-class Trial:
-    """Another closing, to see what an unseen underside does to the result.
-
-    Attributes
-    ----------
-    closing : str
-    measure : Measure, or None where it failed
-    moved : float [m], of the centre of mass from that of the closing chosen
-    tipping_change : float [rad], largest change of a static tipping angle against it
-    reason : str, why it failed
-    """
-
-    closing: str
-    measure: Measure | None
-    moved: float
-    tipping_change: float
-    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +86,7 @@ def prepare_scan(
     closing: Closing,
     density: float,
     clearance: float,
+    tell: Tell,
 ) -> Prepared:
     """Rock and terrain from a raw scan in metres, z up.
 
@@ -109,6 +98,7 @@ def prepare_scan(
     closing : "caps", "hull" or "poisson"
     density : float [kg/m^3]
     clearance : float [m], between the rock and the ground beneath it
+    tell : function of what is being done
 
     Returns
     -------
@@ -118,48 +108,48 @@ def prepare_scan(
     ------
     Miscut
         If rock and ground cannot be separated so; see ``by_cut`` and ``propose``.
-    InvalidInput
+    Refused
         If another step cannot be done; see ``clean``, ``close``, ``ground_beneath``.
     """
-    cleaned = clean(mesh)
-    try:
-        separation = settled(_separated(cleaned, cut, near))
-    except InvalidInput as error:
-        raise Miscut(error.given, error.rule, error.remedy) from error
-    closed = close(separation, closing)
-    terrain, seat, notes = ground_beneath(separation, closed, clearance)
-    depth = depth_in(terrain, closed.rock)
-    if depth > _START_TOLERANCE:
-        raise InvalidInput(
-            f"a rock that starts {1e3 * depth:.3g} mm inside the ground",
-            "rock and ground do not overlap",
-            "move the cut, or widen pedestal.clearance",
-        )
+    tell("cleaning the scan")
+    with refusing(Seen.nothing_of(mesh)):
+        cleaned = clean(mesh)
+    tell("telling rock and ground apart")
+    separation = _separated(cleaned, cut, near)
+    tell(f"closing the rock with {closing}")
+    with refusing(_two_parts(separation, cleaned.offset)):
+        closed = close(separation, closing)
+    tell("laying the ground beneath the rock")
+    with refusing(_three_parts(separation, closed, cleaned.offset)):
+        terrain, seat, notes = ground_beneath(separation, closed, clearance)
+        _require_apart(terrain, closed)
+    tell("weighing what each step changed")
     shift = -np.append(closed.rock.center_mass[:2], closed.rock.vertices[:, 2].min())
     rock = closed.rock.copy()
     rock.apply_translation(shift)
     steps = tuple(_steps(mesh, cleaned, separation, closed, density, closing))
     solid = steps[2].after
+    tell("trying other cuts")
+    others = alternatives(cleaned.mesh, separation)
+    tell("trying other closings")
+    trials = tuple(
+        tried(name, partial(_rock, separation, name), solid, density)
+        for name in get_args(Closing)
+        if name != closing
+    )
     return Prepared(
         rock=rock,
-        added=_added(closed),
+        added=closed.added,
         terrain=Terrain(terrain.vertices + shift, terrain.faces),
         seat=seat,
         origin=cleaned.offset - shift,
         separation=separation,
         proposed=cut is None,
-        alternatives=tuple(
-            replace(other, cut=other.cut.moved(cleaned.offset))
-            for other in alternatives(cleaned.mesh, separation)
-        ),
+        alternatives=tuple(replace(other, cut=other.cut.moved(cleaned.offset)) for other in others),
         closing=closing,
         shift=shift,
         steps=steps,
-        trials=tuple(
-            _trial(name, separation, solid, density)
-            for name in get_args(Closing)
-            if name != closing
-        ),
+        trials=trials,
         notes=(*cleaned.notes, *closed.notes, *notes),
     )
 
@@ -167,16 +157,46 @@ def prepare_scan(
 def _separated(
     cleaned: Cleaned, cut: Cut | None, near: tuple[float, float, float] | None
 ) -> Separation:
-    if cut is None:
-        return propose(cleaned.mesh, near, cleaned.offset)
-    return by_cut(cleaned.mesh, cut.moved(-cleaned.offset))
+    """Rock and ground, their seam settled."""
+    mesh, offset = cleaned.mesh, cleaned.offset
+    seen = Seen(np.array(mesh.vertices), np.array(mesh.faces, np.int64), offset, {})
+    with refusing(seen, Miscut):
+        try:
+            found = propose(mesh, near, offset) if cut is None else by_cut(mesh, cut.moved(-offset))
+        except Undecided as error:
+            raise Miscut(error, replace(seen, parts=error.rocks)) from error
+        return settled(found)
 
 
-def _added(closed: Closed) -> Mask:
-    """Which faces of a closed rock are of its caps."""
+def _two_parts(separation: Separation, offset: Array) -> Seen:
+    parts = {"rock": separation.rock, "ground": ~separation.rock}
+    return Seen(separation.vertices, separation.faces, offset, parts)
+
+
+def _three_parts(separation: Separation, closed: Closed, offset: Array) -> Seen:
+    """What of a closed rock and the ground beside it is seen, and what was added."""
     caps = np.concatenate([cap.faces for cap in closed.caps])
-    middle = closed.vertices[caps].mean(axis=1)
-    return np.asarray(cKDTree(middle).query(closed.rock.triangles_center)[0] < _SAME_FACE)
+    rock, none = separation.rock, np.zeros(len(caps), dtype=bool)
+    parts = {
+        "rock": np.append(rock, none),
+        "ground": np.append(~rock, none),
+        "added": np.append(np.zeros(len(rock), dtype=bool), ~none),
+    }
+    return Seen(closed.vertices, np.concatenate([separation.faces, caps]), offset, parts)
+
+
+def _require_apart(terrain: Terrain, closed: Closed) -> None:
+    depth = depth_in(terrain, closed.rock)
+    if depth > _START_TOLERANCE:
+        raise InvalidInput(
+            f"a rock that starts {1e3 * depth:.3g} mm inside the ground",
+            "rock and ground do not overlap",
+            "move pedestal.cut, or widen pedestal.clearance",
+        )
+
+
+def _rock(separation: Separation, closing: Closing) -> trimesh.Trimesh:
+    return close(separation, closing).rock
 
 
 def _steps(
@@ -223,12 +243,3 @@ def _hulls(rock: trimesh.Trimesh, solid: Measure) -> Iterator[Step]:
         )
         yield Step(name, before, after, hausdorff(surface, hull), (note,))
         before, surface = after, hull
-
-
-def _trial(name: Closing, separation: Separation, chosen: Measure, density: float) -> Trial:
-    try:
-        other = measured(close(separation, name).rock, density)
-    except InvalidInput as error:
-        return Trial(name, None, np.nan, np.nan, error.given)
-    moved = float(np.linalg.norm(other.centre_of_mass - chosen.centre_of_mass))
-    return Trial(name, other, moved, largest_change(chosen, other), "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.triangles import areas
 from vsr_core.scan.concave import Turns, cheapest_cut, turns
+from vsr_core.scan.refusal import place
 from vsr_core.scan.separation import Separation, at_border, seams, whole
 from vsr_core.scan.topology import border
 
@@ -25,6 +27,20 @@ _RIVAL_SIZE, _RIVAL_COST = 4.0, 0.15
 
 _LEVELS = np.linspace(0.9, 0.1, 9)  # heights above the ground of the seeds, of the highest
 _STANDS_OUT = 0.15  # of the highest, by which a seed's top must rise above its foot
+
+
+class Undecided(InvalidInput):
+    """Several rocks, or no clear one.
+
+    Parameters
+    ----------
+    given, rule, remedy : str
+    rocks : dict of ndarray of bool, the faces of each candidate, by where its top is
+    """
+
+    def __init__(self, given: str, rule: str, remedy: str, rocks: dict[str, Mask]) -> None:
+        super().__init__(given, rule, remedy)
+        self.rocks = rocks
 
 
 @dataclass(frozen=True)
@@ -65,7 +81,7 @@ def propose(
 
     Raises
     ------
-    InvalidInput
+    Undecided
         If no part of the scan is set off by a hollow, or several are.
     """
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
@@ -74,11 +90,12 @@ def propose(
     cuts = _candidates(vertices, faces, found, outer, offset)
     good = [cut for cut in cuts if cut.concave >= _CONCAVE_SHARE]
     if not good:
-        raise InvalidInput(
+        raise Undecided(
             "a scan in which no hollow runs around a rock"
             + (f" (at best {max(c.concave for c in cuts):.0%} of a seam)" if cuts else ""),
             f"{_CONCAVE_SHARE:.0%} of the seam between rock and ground is a hollow",
-            "give a cut: a plane, a box, a polygon or a colour",
+            "give pedestal.cut: a plane, a box, a polygon or a colour",
+            _told(cuts),
         )
     best = _the_one(good, vertices[faces].mean(axis=1) + offset, near)
     inside = [cut for cut in cuts if (cut.rock & best.rock).any()]
@@ -86,7 +103,7 @@ def propose(
     rock, notes = whole(vertices, faces, best.rock)
     others = [c for c in good if c is not best and (c.rock & best.rock).any()]
     notes += tuple(
-        f"another hollow is possible, around {c.area:.2g} m2 with its top at {_place(c.top)}"
+        f"another hollow is possible, around {c.area:.2g} m2 with its top at {place(c.top)}"
         for c in others
     )
     return Separation(
@@ -141,28 +158,53 @@ def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float]
         nearest = int(np.argmin(np.linalg.norm(middle - np.array(near), axis=1)))
         held = [cut for cut in good if cut.rock[nearest]]
         if not held:
-            raise InvalidInput(
-                f"no rock at {_place(np.array(near))}",
+            raise Undecided(
+                f"no rock at {place(np.array(near))}",
                 "the point lies on the rock",
-                f"tops found: {', '.join(_place(cut.top) for cut in good)}",
+                f"set pedestal.near to one of the tops found: "
+                f"{', '.join(place(cut.top) for cut in good)}",
+                _told(good),
             )
         return min(held, key=lambda cut: cut.cost)
     best = min(good, key=lambda cut: cut.cost)
-    apart = [cut for cut in good if not (cut.rock & best.rock).any()]
-    rivals = [
+    rivals = _rivals(best, good)
+    if not rivals:
+        return best
+    around = [
         cut
-        for cut in apart
-        if best.area / _RIVAL_SIZE < cut.area < best.area * _RIVAL_SIZE
-        and cut.cost < max(_RIVAL_COST, 3.0 * best.cost)
+        for cut in good
+        if cut.area < _RIVAL_SIZE * best.area and all(_within(c, cut) for c in (best, *rivals))
     ]
-    if rivals:
-        places = [_place(cut.top) for cut in (best, *rivals)]
-        raise InvalidInput(
-            f"{len(places)} rocks, their tops at {', '.join(places)}",
-            "one rock stands on the ground",
-            "say near which point, or crop the scan",
-        )
-    return best
+    if around:  # they are bumps of one rock
+        return min(around, key=lambda cut: cut.cost)
+    found = (best, *rivals)
+    raise Undecided(
+        f"{len(found)} rocks, their tops at {', '.join(place(cut.top) for cut in found)}",
+        "one rock stands on the ground",
+        "set pedestal.near to one of these points, give pedestal.cut, or crop the scan",
+        _told(found),
+    )
+
+
+def _rivals(best: _Found, good: list[_Found]) -> list[_Found]:
+    """Other rocks than the best; of cuts that overlap, which are of one rock, the cheapest."""
+    rivals: list[_Found] = []
+    for cut in sorted(good, key=lambda cut: cut.cost):
+        alike = best.area / _RIVAL_SIZE < cut.area < best.area * _RIVAL_SIZE
+        cheap = cut.cost < max(_RIVAL_COST, 3.0 * best.cost)
+        if alike and cheap and not any((cut.rock & c.rock).any() for c in (best, *rivals)):
+            rivals.append(cut)
+    return rivals
+
+
+def _within(one: _Found, other: _Found) -> bool:
+    """Whether a cut's rock is part of another's, but for a few faces at its seam."""
+    return one is not other and (one.rock & other.rock).sum() > _SAME * one.rock.sum()
+
+
+def _told(cuts: Iterable[_Found]) -> dict[str, Mask]:
+    """Rocks of cuts by the places of their tops, the largest first: others may lie within."""
+    return {place(cut.top): cut.rock for cut in sorted(cuts, key=lambda cut: -cut.area)}
 
 
 def _above_ground(vertices: Array, faces: Indices) -> Array:
@@ -171,7 +213,3 @@ def _above_ground(vertices: Array, faces: Indices) -> Array:
     rows = np.column_stack([vertices[:, :2], np.ones(len(vertices))])
     plane = np.linalg.lstsq(rows[open_], vertices[open_, 2], rcond=None)[0]
     return (vertices[:, 2] - rows @ plane)[faces].mean(axis=1)
-
-
-def _place(point: Array) -> str:
-    return f"({', '.join(f'{x:.2f}' for x in point)})"

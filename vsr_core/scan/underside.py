@@ -20,6 +20,7 @@ _FLAT = 0.02  # of its width: a rim that scatters about its plane by less is fla
 _BETTER = 0.6  # another plane is worth it if the scatter falls below this share
 _SLOPE_SCATTER = 0.2  # tangent of the angle by which a joint's slope differs from its neighbours'
 _LEAST_SCATTER = 1e-3  # m, below which points are not trusted against each other
+_ROUNDING = 1e-9  # m, by which a point may lie outside an outline
 _DEPTH = 9  # of the octree of Poisson's surface
 
 
@@ -161,7 +162,7 @@ def lower_hull(points: Array) -> Height:
 
     Returns
     -------
-    Height
+    Height, -inf beside the points, where their hull has no lower side
 
     Raises
     ------
@@ -182,11 +183,13 @@ def lower_hull(points: Array) -> Height:
             "its hull has a lower side of its own",
             "close it with caps",
         ) from error
+    outline = ConvexHull(points[:, :2]).equations
     below = sides[sides[:, 2] < -1e-9]
     rows = -np.column_stack([below[:, :2], below[:, 3]]) / below[:, 2:3]
 
     def height(at: Array) -> Array:
-        return (at @ rows[:, :2].T + rows[:, 2]).max(axis=1)
+        outside = (at @ outline[:, :2].T + outline[:, 2] > _ROUNDING).any(axis=1)
+        return np.where(outside, -np.inf, (at @ rows[:, :2].T + rows[:, 2]).max(axis=1))
 
     return height
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,10 @@ from vsr_core.rock.tipping import settle, tipping
 
 DIRECTIONS = np.radians(np.arange(0.0, 360.0, 5.0))
 """Directions [rad] in which tipping is compared."""
+
+
+Tell = Callable[[str], None]
+"""Takes what is being done, in a few words: scans of millions of faces take minutes."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,50 @@ class Step:
     def tipping_change(self) -> float:
         """Largest change of a static tipping angle [rad]; nan where one of the two is open."""
         return largest_change(self.before, self.after)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Another closing, to see what an unseen underside does to the result.
+
+    Attributes
+    ----------
+    closing : str
+    measure : Measure, or None where it failed
+    moved : float [m], of the centre of mass from that of the closing chosen
+    tipping_change : float [rad], largest change of a static tipping angle against it
+    reason : str, why it failed
+    """
+
+    closing: str
+    measure: Measure | None
+    moved: float
+    tipping_change: float
+    reason: str
+
+
+def tried(
+    closing: str, make: Callable[[], trimesh.Trimesh], chosen: Measure, density: float
+) -> Trial:
+    """Another closing weighed against the one chosen.
+
+    Parameters
+    ----------
+    closing : str
+    make : function that closes the rock so
+    chosen : Measure
+    density : float [kg/m^3]
+
+    Returns
+    -------
+    Trial
+    """
+    try:
+        other = measured(make(), density)
+    except InvalidInput as error:
+        return Trial(closing, None, np.nan, np.nan, error.given)
+    moved = float(np.linalg.norm(other.centre_of_mass - chosen.centre_of_mass))
+    return Trial(closing, other, moved, largest_change(chosen, other), "")
 
 
 def measured(mesh: trimesh.Trimesh, density: float) -> Measure:

@@ -12,6 +12,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.stages.mesh import sources
 from pipeline.stages.mesh.products import BARRIER_SCALARS, ROCK, SCAN, SCAN_PAGE
 from pipeline.workflow.datasets import described, netcdf, read
+from pipeline.workflow.progress import Steps
 from pipeline.workflow.stage import Job, Product
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import solid
@@ -70,9 +71,8 @@ def _solid(job: Job) -> tuple[Solid, Rock, Origin, tuple[str, ...]]:
         assert rock.size is not None
         made = solid.box(rock.size, rock.density)
         return made, made.rock, {"shape_source": "box", "surrogate": 0}, ()
-    mesh, origin, where, file = _from_scan(job) if terrain else _from_file(job)
+    mesh, origin, repaired, where, file = _from_scan(job) if terrain else _from_file(job)
     try:
-        mesh, repaired = solid.checked(mesh)
         made = solid.from_mesh(mesh, rock.density, as_scanned=terrain)
         level = solid.standing(made.rock) if terrain else made.rock
     except InvalidInput as error:
@@ -80,15 +80,21 @@ def _solid(job: Job) -> tuple[Solid, Rock, Origin, tuple[str, ...]]:
     return made, level, origin, repaired
 
 
-def _from_file(job: Job) -> tuple[trimesh.Trimesh, Origin, str, str]:
-    """The mesh of the rock alone, where it is from, and what to name if it is refused."""
+_Given = tuple[trimesh.Trimesh, Origin, tuple[str, ...], str, str]
+"""A closed mesh, where it is from, what was repaired, and what to name if it is refused."""
+
+
+def _from_file(job: Job) -> _Given:
+    """The rock of a scan of it alone."""
     source = sources.find(job.site)
     where = f"{job.site.file_of('rock.mesh')}: rock.mesh" if source.path else job.site.file
-    return sources.load(source, job.site), source.attributes, where, source.name
+    with Steps(job.stage, job.log) as steps:
+        whole = sources.closed(source, job.site, steps.tell)
+    return whole.rock, source.attributes, whole.repaired, where, source.name
 
 
-def _from_scan(job: Job) -> tuple[trimesh.Trimesh, Origin, str, str]:
-    """The same of the rock in the pose in which it stands on its terrain."""
+def _from_scan(job: Job) -> _Given:
+    """The rock in the pose in which it stands on its terrain."""
     scan = read(job.path(SCAN))
     if not scan.attrs["accepted"]:
         raise InputError(
@@ -104,7 +110,9 @@ def _from_scan(job: Job) -> tuple[trimesh.Trimesh, Origin, str, str]:
     faces = scan["rock_face"].values.astype(np.int64)
     mesh = trimesh.Trimesh(scan["rock_vertex"].values, faces, process=False)
     origin: Origin = {name: scan.attrs[name] for name in ("shape_source", "surrogate")}
-    return mesh, origin, f"{job.site.file_of('rock.mesh')}: rock.mesh", str(origin["shape_source"])
+    mesh, repaired = solid.checked(mesh)
+    where = f"{job.site.file_of('rock.mesh')}: rock.mesh"
+    return mesh, origin, repaired, where, str(origin["shape_source"])
 
 
 def _dataset(made: Solid, level: Rock) -> xr.Dataset:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from pipeline.config.problems import InputError
 from pipeline.config.schema import Config
-from pipeline.stages.mesh import scan_page, sources
+from pipeline.stages.mesh import refusal_page, scan_page, sources
 from pipeline.stages.mesh.products import SCAN, SCAN_PAGE
 from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.progress import Steps
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.writers import text
-from vsr_core.errors import InvalidInput
 from vsr_core.scan import cuts
 from vsr_core.scan.preparation import Miscut, Prepared, prepare_scan
+from vsr_core.scan.refusal import Refused
 
 
 def make(job: Job) -> Product:
@@ -69,21 +69,20 @@ def _prepared(job: Job, source: sources.Source) -> Prepared:
     config = job.config
     mesh = sources.load(source, job.site)
     try:
-        return prepare_scan(
-            mesh,
-            _cut_of(config),
-            near=config.pedestal.near,
-            closing=config.rock.closing,
-            density=config.rock.density,
-            clearance=config.pedestal.clearance,
-        )
+        with Steps(job.stage, job.log) as steps:
+            return prepare_scan(
+                mesh,
+                _cut_of(config),
+                near=config.pedestal.near,
+                closing=config.rock.closing,
+                density=config.rock.density,
+                clearance=config.pedestal.clearance,
+                tell=steps.tell,
+            )
     except Miscut as error:
-        raise InputError.from_invalid(
-            job.site.file_of("pedestal.cut"), "pedestal.cut", error
-        ) from None
-    except InvalidInput as error:
-        where = f"{job.site.file_of('rock.mesh')}: rock.mesh"
-        raise InputError.from_invalid(where, source.name, error) from None
+        raise refusal_page.shown(job.site, source, "pedestal.cut", error) from None
+    except Refused as error:
+        raise refusal_page.shown(job.site, source, "rock.mesh", error) from None
 
 
 def _dataset(prepared: Prepared) -> xr.Dataset:

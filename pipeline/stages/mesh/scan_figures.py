@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import cycle
 
 import numpy as np
 import trimesh
@@ -29,14 +30,27 @@ from pipeline.stages.mesh.scan_views import (
     show,
     visible,
 )
-from vsr_core.arrays import Array, Mask
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.scan.preparation import Prepared
-from vsr_core.scan.weighing import DIRECTIONS
+from vsr_core.scan.refusal import Seen
+from vsr_core.scan.weighing import DIRECTIONS, Trial
 
 ROCK, ADDED = "#7fa8d6", "#f0a030"
 """Colours of the rock, and of what no scan saw."""
 
 WIDTH = 9.6  # inches
+
+NOTHING = "#c4c4c4"
+"""Colour of what was taken for neither rock nor ground."""
+
+_SIDES = {
+    "above": ("from above", ABOVE),
+    "+y": ("along +y", axes_of(math.radians(-90.0), math.radians(12.0))),
+    "-x": ("along -x", axes_of(0.0, math.radians(12.0))),
+    "oblique": ("from below, oblique", axes_of(math.radians(-60.0), math.radians(-40.0))),
+    "below": ("from below", BELOW),
+}
+"""Titles and axes of views."""
 
 _BOTH = np.array([-1.0, 1.0])
 
@@ -73,7 +87,6 @@ def separation(prepared: Prepared, source: str) -> Figure:
     return figure
 
 
-@style.styled
 def closed_rock(prepared: Prepared, source: str) -> Figure:
     """Draw the closed rock, what the scan saw and what was added, from the sides and below.
 
@@ -86,19 +99,92 @@ def closed_rock(prepared: Prepared, source: str) -> Figure:
     -------
     Figure
     """
-    colours = np.where(prepared.added[:, None], to_rgb(ADDED), to_rgb(ROCK))
-    rock = Painted(np.array(prepared.rock.vertices), np.array(prepared.rock.faces), colours)
-    eyes = {
-        "along +y": axes_of(math.radians(-90.0), math.radians(12.0)),
-        "along -x": axes_of(0.0, math.radians(12.0)),
-        "from below, oblique": axes_of(math.radians(-60.0), math.radians(-40.0)),
-        "from below": BELOW,
-    }
-    figure, panels = _panels(1, 4)
-    for panel, (title, axes) in zip(panels, eyes.items(), strict=True):
-        show(panel, fit(axes, rock.vertices, 0.12), rock, [], title)
-    _key(figure, {"seen by the scan": ROCK, "added": ADDED}, source)
+    return rock_from_sides(
+        np.array(prepared.rock.vertices),
+        np.array(prepared.rock.faces),
+        prepared.added,
+        np.empty((0, 3)),
+        source,
+    )
+
+
+@style.styled
+def rock_from_sides(
+    vertices: Array, faces: Indices, added: Mask, marks: Array, source: str
+) -> Figure:
+    """Draw a closed rock, what the scan saw and what was added, from the sides and below.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+    added : ndarray of bool, shape (m,)
+    marks : ndarray, shape (k, 3) [m], places to ring, with their numbers
+    source : str
+        Where the scan comes from.
+
+    Returns
+    -------
+    Figure
+    """
+    parts = {"seen by the scan": (~added, ROCK), "added": (added, ADDED)}
+    return _from_sides(vertices, faces, parts, marks, source, ("+y", "-x", "oblique", "below"))
+
+
+@style.styled
+def scan_from_sides(seen: Seen, marks: Array, source: str) -> Figure:
+    """Draw a scan that was refused, and what was taken for what, from above and two sides.
+
+    Parameters
+    ----------
+    seen : Seen
+    marks : ndarray, shape (k, 3) [m], places to ring, with their numbers
+    source : str
+        Where the scan comes from.
+
+    Returns
+    -------
+    Figure
+    """
+    known = {"rock": ROCK, "ground": GROUND, "added": ADDED}
+    rest = np.ones(len(seen.faces), dtype=bool)
+    parts = {}
+    for (name, mask), colour in zip(seen.parts.items(), cycle(style.SERIES), strict=False):
+        parts[name] = mask, known.get(name, colour)
+        rest &= ~mask
+    if rest.any():
+        parts = {"taken for nothing yet": (rest, NOTHING), **parts}
+    return _from_sides(seen.vertices, seen.faces, parts, marks, source, ("above", "+y", "-x"))
+
+
+def _from_sides(
+    vertices: Array,
+    faces: Indices,
+    parts: dict[str, tuple[Mask, str]],
+    marks: Array,
+    source: str,
+    sides: tuple[str, ...],
+) -> Figure:
+    """Draw a surface, its parts in their colours, from some sides; of overlaps the last is seen."""
+    colours = np.empty((len(faces), 3))
+    for mask, colour in parts.values():
+        colours[mask] = to_rgb(colour)
+    surface = Painted(vertices, faces, colours)
+    figure, panels = _panels(1, len(sides))
+    for panel, side in zip(panels, sides, strict=True):
+        title, axes = _SIDES[side]
+        view = fit(axes, vertices, 0.12)
+        show(panel, view, surface, [], title)
+        _number(panel, view, marks)
+    _key(figure, {name: colour for name, (_, colour) in parts.items()}, source)
     return figure
+
+
+def _number(panel: Axes, view: View, marks: Array) -> None:
+    """Ring places in a view and number them."""
+    for number, (x, y) in enumerate(view.project(marks)[:, :2] / SMOOTH, 1):
+        panel.add_patch(Circle((x, y), 13.0, fill=False, ec=SEAM, lw=1.5, gid="ring"))
+        panel.text(x + 16.0, y, str(number), color=SEAM, va="center", path_effects=style.HALO)
 
 
 @style.styled
@@ -130,21 +216,23 @@ def seat(prepared: Prepared, source: str) -> Figure:
 
 
 @style.styled
-def tippings(prepared: Prepared, source: str) -> Figure:
+def tippings(closing: str, chosen: Array, trials: tuple[Trial, ...], source: str) -> Figure:
     """Draw the static tipping angle against direction for every closing that stands.
 
     Parameters
     ----------
-    prepared, source
-        As for ``separation``.
+    closing : str, the one chosen
+    chosen : ndarray, shape (72,) [rad], its static tipping angles in ``DIRECTIONS``
+    trials : tuple of Trial, the others
+    source : str
+        Where the scan comes from.
 
     Returns
     -------
     Figure
     """
-    chosen = prepared.steps[-1].after.tipping
-    angles = {f"{prepared.closing} (chosen)": chosen}
-    angles |= {t.closing: t.measure.tipping for t in prepared.trials if t.measure is not None}
+    angles = {f"{closing} (chosen)": chosen}
+    angles |= {t.closing: t.measure.tipping for t in trials if t.measure is not None}
     figure = Figure(figsize=(WIDTH, 4.6), layout="constrained")
     polar = figure.add_subplot(1, 2, 1, projection="polar")
     lines = figure.add_subplot(1, 2, 2)

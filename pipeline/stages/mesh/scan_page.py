@@ -14,7 +14,7 @@ from vsr_core.arrays import Array
 from vsr_core.scan.alternatives import Alternative
 from vsr_core.scan.cuts import Cut
 from vsr_core.scan.preparation import Prepared
-from vsr_core.scan.weighing import DIRECTIONS, Measure, Step
+from vsr_core.scan.weighing import DIRECTIONS, Measure, Step, Trial
 
 Row = dict[str, Any]
 
@@ -62,23 +62,21 @@ def page(site: str, source: str, prepared: Prepared, *, accepted: bool, surrogat
         "size": size.tolist(),
         "volume": solid.volume,
         "mass": solid.mass,
-        "least": _least(solid),
+        "least": least(solid),
         "added": float(prepared.rock.area_faces[prepared.added].sum() / prepared.rock.area),
         "top": _place(_top(prepared)),
         "others": [_alternative(other, float(size.max())) for other in prepared.alternatives],
         "steps": [_step(step, prepared) for step in prepared.steps],
-        "closings": [
-            _closing(prepared.closing, solid, 0.0, 0.0) | {"chosen": True},
-            *(_closing(t.closing, t.measure, t.moved, t.tipping_change, t.reason)
-              for t in prepared.trials),
-        ],
-        "spread": _spread(prepared),
+        "closings": closings(prepared.closing, solid, prepared.trials),
+        "spread": spread(prepared.trials),
         "notes": _notes(prepared),
         "pictures": {
             "separation": png_uri(scan_figures.separation(prepared, source)),
             "closed": png_uri(scan_figures.closed_rock(prepared, source)),
             "seat": png_uri(scan_figures.seat(prepared, source)),
-            "tippings": svg_uri(scan_figures.tippings(prepared, source)),
+            "tippings": svg_uri(
+                scan_figures.tippings(prepared.closing, solid.tipping, prepared.trials, source)
+            ),
         },
     }  # fmt: skip
     return filled(TEMPLATE, facts)
@@ -90,8 +88,17 @@ def _sure(confidence: float) -> str:
     return "to be checked closely" if confidence >= DOUBTFUL else "doubtful"
 
 
-def _least(solid: Measure) -> Row | None:
-    """Least static tipping angle and its direction [degree]; None for a rock that falls over."""
+def least(solid: Measure) -> Row | None:
+    """Least static tipping angle and its direction [degree]; None for a rock that falls over.
+
+    Parameters
+    ----------
+    solid : Measure
+
+    Returns
+    -------
+    dict or None
+    """
     if np.isnan(solid.tipping).any():
         return None
     weakest = int(np.argmin(solid.tipping))
@@ -154,6 +161,23 @@ def _step(step: Step, prepared: Prepared) -> Row:
     }
 
 
+def closings(chosen: str, solid: Measure, trials: tuple[Trial, ...]) -> list[Row]:
+    """Rows of the closing chosen and of the others.
+
+    Parameters
+    ----------
+    chosen : str
+    solid : Measure, of the rock closed so
+    trials : tuple of Trial
+
+    Returns
+    -------
+    list of dict
+    """
+    others = [_closing(t.closing, t.measure, t.moved, t.tipping_change, t.reason) for t in trials]
+    return [_closing(chosen, solid, 0.0, 0.0) | {"chosen": True}, *others]
+
+
 def _closing(
     name: str, solid: Measure | None, moved: float, tipping: float, reason: str = ""
 ) -> Row:
@@ -163,14 +187,23 @@ def _closing(
         "volume": solid.volume if solid else np.nan,
         "moved": 1e3 * moved,
         "tipping": float(np.degrees(tipping)),
-        "least": _least(solid) if solid else None,
+        "least": least(solid) if solid else None,
         "reason": reason,
     }
 
 
-def _spread(prepared: Prepared) -> float:
-    """Largest change of a static tipping angle among the closings that stand [degree]."""
-    changes = [trial.tipping_change for trial in prepared.trials]
+def spread(trials: tuple[Trial, ...]) -> float:
+    """Largest change of a static tipping angle among the closings that stand.
+
+    Parameters
+    ----------
+    trials : tuple of Trial
+
+    Returns
+    -------
+    float [degree], nan where no other closing stands
+    """
+    changes = [trial.tipping_change for trial in trials]
     known = [change for change in changes if np.isfinite(change)]
     return float(np.degrees(max(known))) if known else np.nan
 

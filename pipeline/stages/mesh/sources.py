@@ -12,7 +12,11 @@ from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.mesh import mesh_files
 from pipeline.workflow.keys import digest_file
+from pipeline.workflow.stage import named
 from vsr_core.errors import InvalidInput
+from vsr_core.scan.refusal import Refused
+from vsr_core.scan.weighing import Tell
+from vsr_core.scan.whole_rock import WholeRock, whole_rock
 from vsr_core.surrogates import GENERATORS, SITES
 from vsr_core.surrogates.raw_scan import scan
 
@@ -150,6 +154,31 @@ def load(source: Source, site: Site) -> trimesh.Trimesh:
         raise _problem(site, given, error.rule, error.remedy) from None
     mesh.apply_scale(site.config.rock.scale)
     return mesh
+
+
+def closed(source: Source, site: Site, tell: Tell) -> WholeRock:
+    """The rock of a scan of it alone, as a closed solid.
+
+    Parameters
+    ----------
+    source : Source
+    site : Site
+    tell : function of what is being done
+
+    Returns
+    -------
+    WholeRock
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or holds no rock that can be closed.
+    """
+    try:
+        return whole_rock(load(source, site), site.config.rock.closing, tell)
+    except Refused as error:
+        shown = named("pipeline.stages.mesh.refusal_page:shown")  # with figures, if need be
+        raise shown(site, source, "rock.mesh", error) from None
 
 
 def _surrogate(site: Site, folder: Path) -> Source:

@@ -46,6 +46,7 @@ Array = np.ndarray
 Refused = Callable[..., str]
 
 DENSITY = 2000.0
+NOBODY = str  # told what is being done
 MASS, PLACE, INERTIA = 0.03, 0.01, 0.05
 """What such a coarse, noisy scan gives of the rock: shares of its mass and its largest moment of
 inertia, centre of mass [m]."""
@@ -53,7 +54,9 @@ inertia, centre of mass [m]."""
 
 @lru_cache(maxsize=1)
 def prepared() -> Prepared:
-    return prepare_scan(survey(), None, closing="caps", density=DENSITY, clearance=0.001)
+    return prepare_scan(
+        survey(), None, closing="caps", density=DENSITY, clearance=0.001, tell=NOBODY
+    )
 
 
 def site(folder: Path, pedestal: str = "", rock: str = "mesh: scan.ply", more: str = "") -> Path:
@@ -105,6 +108,12 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Shown:
 @pytest.fixture(autouse=True)
 def _few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(distance, "SAMPLES", 100)
+
+
+@pytest.fixture(autouse=True)
+def _no_pictures_of_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
+    """``test_closed_rock.py`` looks at one."""
+    monkeypatch.setattr(scan_figures, "scan_from_sides", lambda *given: Figure(figsize=(0.1, 0.1)))
 
 
 @pytest.fixture
@@ -270,7 +279,9 @@ def test_alternatives_tell_the_truth_about_themselves() -> None:
     """Each is tried again here; an honest one that gives the rock gives its volume too."""
     assert prepared().alternatives
     for other in prepared().alternatives:
-        again = prepare_scan(survey(), other.cut, closing="caps", density=DENSITY, clearance=0.001)
+        again = prepare_scan(
+            survey(), other.cut, closing="caps", density=DENSITY, clearance=0.001, tell=NOBODY
+        )
         area = again.rock.area_faces[~again.added].sum()
         known = prepared().rock.area_faces[~prepared().added].sum()
         assert other.reason == ""
@@ -315,7 +326,7 @@ def refuse(
 ) -> None:
     write_ply(folder / "scan.ply", mesh)
     where = site(folder, pedestal)
-    refused("prep", "--site", where, words=(str(where), *words))
+    refused("prep", "--site", where, words=(str(where), *words), page="prep.html")
 
 
 def branching() -> trimesh.Trimesh:
@@ -355,7 +366,7 @@ SCANS = {
     "branching": (branching, ("rock.mesh", "scan.ply", "edges branch", "remesh")),
     "nowhere": (nowhere, ("rock.mesh", "scan.ply", "0 m large")),
     "no hollow": (smooth_ground, ("pedestal.cut", "no hollow", "give a cut")),
-    "two rocks": (two_rocks, ("2 rocks", "say near which point")),
+    "two rocks": (two_rocks, ("2 rocks", "set pedestal.near")),
 }
 
 
@@ -388,7 +399,8 @@ def test_unfit_cut(tmp_path: Path, refused: Refused, name: str) -> None:
 def test_colour_of_a_scan_without_colours(tmp_path: Path, refused: Refused) -> None:
     (tmp_path / "scan.stl").write_bytes(without_colours().export(file_type="stl"))
     where = site(tmp_path, "cut: {kind: colour, rgb: [0, 0, 0]}", "mesh: scan.stl")
-    refused("prep", "--site", where, words=("pedestal.cut", "without colours", "another cut"))
+    words = ("pedestal.cut", "without colours", "another cut")
+    refused("prep", "--site", where, words=words, page="prep.html")
 
 
 def test_point_beside_every_rock(tmp_path: Path, refused: Refused) -> None:
@@ -397,7 +409,7 @@ def test_point_beside_every_rock(tmp_path: Path, refused: Refused) -> None:
 
 def test_places_of_rocks_are_in_the_scans_own_coordinates(tmp_path: Path, refused: Refused) -> None:
     write_ply(tmp_path / "scan.ply", two_rocks(), FAR)
-    said = refused("prep", "--site", site(tmp_path), words=("2 rocks",))
+    said = refused("prep", "--site", site(tmp_path), words=("2 rocks",), page="prep.html")
     places = re.findall(r"\((\S+), (\S+), (\S+)\)", said)
     tops = [np.array([float(x) for x in place]) - FAR for place in places]
     for at in ((-0.55, 0.0), (0.55, 0.1)):
@@ -411,7 +423,13 @@ def test_one_of_two_rocks() -> None:
         true = tapered(at).solid
         near = tuple(np.array(true.vertices)[np.argmax(true.vertices[:, 2])])
         found = prepare_scan(
-            two_rocks(), None, near=near, closing="caps", density=DENSITY, clearance=0.001
+            two_rocks(),
+            None,
+            near=near,
+            closing="caps",
+            density=DENSITY,
+            clearance=0.001,
+            tell=NOBODY,
         )
         place = np.array(found.rock.center_mass) + found.origin
         np.testing.assert_allclose(place, true.center_mass, atol=0.03)
@@ -424,8 +442,8 @@ def test_file_that_is_no_scan(tmp_path: Path, refused: Refused, content: bytes) 
     refused("prep", "--site", where, words=(str(where), "rock.mesh", "scan.ply"))
 
 
-def test_flat_pedestal(refused: Refused, write_site: Callable[..., str]) -> None:
-    words = ("pedestal.shape", "a flat pedestal", "set pedestal.shape: mesh")
+def test_box(refused: Refused, write_site: Callable[..., str]) -> None:
+    words = ("rock.shape", "a box", "set rock.shape: mesh")
     refused("prep", "--site", write_site(), words=words)
 
 
@@ -463,7 +481,10 @@ def test_a_refused_scan_leaves_the_products_of_the_last_good_one(
     before = {p: p.read_bytes() for p in shown.products.rglob("*") if p.is_file()}
     ran = run("prep", "--site", site(tmp_path), "--derived", shown.derived)
     assert ran.code == 2
-    assert {p: p.read_bytes() for p in shown.products.rglob("*") if p.is_file()} == before
+    page = shown.products / "prep.html"
+    assert "is refused" in page.read_text()
+    del before[page]
+    assert {p: p.read_bytes() for p in before} == before
 
 
 # What is repaired
@@ -485,7 +506,9 @@ def test_scan_with_the_usual_faults() -> None:
     broken = trimesh.Trimesh(
         vertices, np.concatenate([faces, flat, lost, faces[100:103]]), process=False
     )
-    found = prepare_scan(broken, None, closing="caps", density=DENSITY, clearance=0.001)
+    found = prepare_scan(
+        broken, None, closing="caps", density=DENSITY, clearance=0.001, tell=NOBODY
+    )
     said = " ".join(found.notes)
     for word in ("not finite", "split vertices merged", "fewer than three points", "turned"):
         assert word in said
@@ -533,7 +556,9 @@ def test_surrogate_sites(tmp_path: Path, name: str) -> None:
 
 def test_ground_follows_the_rock_at_the_clearance() -> None:
     for clearance in (0.001, 0.02):
-        found = prepare_scan(survey(), None, closing="caps", density=DENSITY, clearance=clearance)
+        found = prepare_scan(
+            survey(), None, closing="caps", density=DENSITY, clearance=clearance, tell=NOBODY
+        )
         terrain, rock = found.terrain, found.rock
         under = terrain.vertices[np.unique(terrain.faces[found.seat])]
         away = trimesh.proximity.closest_point(rock, under)[1]
@@ -633,7 +658,9 @@ def test_page_of_an_accepted_and_of_a_given_cut(quick: None) -> None:
     assert "This is a surrogate, not a scan." in page
     up = tapered().up
     cut = Plane(tuple(0.02 * up), tuple(up))
-    given = prepare_scan(survey(), cut, closing="hull", density=DENSITY, clearance=0.001)
+    given = prepare_scan(
+        survey(), cut, closing="hull", density=DENSITY, clearance=0.001, tell=NOBODY
+    )
     page = scan_page.page("<hill>", "scan of <mine>", given, accepted=True, surrogate=False)
     assert "The cut is the one that the site" in page
     assert "confidence" not in page

@@ -1,0 +1,37 @@
+"""Closed rock: what was made of the scan of a rock alone, on a page to look at."""
+
+from __future__ import annotations
+
+from pipeline.stages.mesh import closed_rock_page, sources
+from pipeline.stages.mesh.products import SCAN_PAGE
+from pipeline.workflow.progress import Steps
+from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.writers import text
+from vsr_core.scan.weighing import measured
+from vsr_core.scan.whole_rock import other_closings, unseen
+
+
+def make(job: Job) -> Product:
+    """Close the rock, weigh it, and say what the unseen leaves uncertain.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Product
+    """
+    source = sources.find(job.site)
+    with Steps(job.stage, job.log) as steps:
+        whole = sources.closed(source, job.site, steps.tell)
+        density, closing = job.config.rock.density, job.config.rock.closing
+        solid = measured(whole.rock, density)
+        steps.tell("asking what the holes leave uncertain")
+        unknown = tuple(unseen(whole, solid))
+        steps.tell("trying other closings")
+        trials = other_closings(whole, closing, solid, density)
+        steps.tell("drawing the page")
+        page = closed_rock_page.page(job.site.name, source, whole, solid, unknown, closing, trials)
+    holes = f"{len(whole.holes)} holes closed" if whole.holes else "closed as scanned"
+    return Product({SCAN_PAGE: text(page)}, f"rock of {solid.volume:.4g} m3, {holes}")
