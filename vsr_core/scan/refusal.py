@@ -44,7 +44,7 @@ class Seen:
         """
         vertices = np.array(mesh.vertices, dtype=np.float64)
         faces = np.array(mesh.faces, dtype=np.int64)
-        whole = np.isfinite(vertices).all(axis=1)[faces].all(axis=1)
+        whole = np.isfinite(vertices[faces]).all(axis=(1, 2))
         used, local = np.unique(faces[whole], return_inverse=True)
         middle = vertices[used].mean(axis=0) if len(used) else np.zeros(3)
         return cls(vertices[used] - middle, local.reshape(-1, 3), middle, {})

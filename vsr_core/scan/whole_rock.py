@@ -86,8 +86,8 @@ def whole_rock(mesh: trimesh.Trimesh, closing: Closing, tell: Tell) -> WholeRock
     vertices, faces = without_chords(
         np.array(cleaned.mesh.vertices), np.array(cleaned.mesh.faces, dtype=np.int64)
     )
-    rock = {"rock": np.ones(len(faces), dtype=bool)}
-    with refusing(Seen(vertices, faces, cleaned.offset, rock)):
+    all_rock = {"rock": np.ones(len(faces), dtype=bool)}
+    with refusing(Seen(vertices, faces, cleaned.offset, all_rock)):
         holes = _closable(vertices, faces)
         tell(f"closing the rock, holes: {len(holes)}")
         solid, added, notes = _closed(vertices, faces, holes, closing)

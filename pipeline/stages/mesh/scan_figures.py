@@ -148,9 +148,9 @@ def scan_from_sides(seen: Seen, marks: Array, source: str) -> Figure:
     """
     known = {"rock": ROCK, "ground": GROUND, "added": ADDED}
     rest = np.ones(len(seen.faces), dtype=bool)
-    parts = {}
+    parts: dict[str, tuple[Mask, str]] = {}
     for (name, mask), colour in zip(seen.parts.items(), cycle(style.SERIES), strict=False):
-        parts[name] = mask, known.get(name, colour)
+        parts[name] = mask, str(known.get(name, colour))
         rest &= ~mask
     if rest.any():
         parts = {"taken for nothing yet": (rest, NOTHING), **parts}

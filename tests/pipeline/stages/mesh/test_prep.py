@@ -326,7 +326,8 @@ def refuse(
 ) -> None:
     write_ply(folder / "scan.ply", mesh)
     where = site(folder, pedestal)
-    refused("prep", "--site", where, words=(str(where), *words), page="prep.html")
+    page = "prep.html" if np.isfinite(mesh.vertices).any() else ""  # where there is much to see
+    refused("prep", "--site", where, words=(str(where), *words), page=page)
 
 
 def branching() -> trimesh.Trimesh:
