@@ -153,7 +153,7 @@ def _add(cuts: list[_Found], rock: Mask, area: Array, found: Turns, top: Array) 
 
 
 def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float] | None) -> _Found:
-    """The cheapest cut, or of those that hold the face nearest to a point."""
+    """The cheapest cut, or of those with the face nearest to a point; bumps are of one rock."""
     if near is not None:
         nearest = int(np.argmin(np.linalg.norm(middle - np.array(near), axis=1)))
         held = [cut for cut in good if cut.rock[nearest]]
@@ -170,14 +170,11 @@ def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float]
     rivals = _rivals(best, good)
     if not rivals:
         return best
-    around = [
-        cut
-        for cut in good
-        if cut.area < _RIVAL_SIZE * best.area and all(_within(c, cut) for c in (best, *rivals))
-    ]
-    if around:  # they are bumps of one rock
-        return min(around, key=lambda cut: cut.cost)
     found = (best, *rivals)
+    largest = _RIVAL_SIZE * sum(cut.area for cut in found)
+    around = [c for c in good if c.area < largest and all(_within(bump, c) for bump in found)]
+    if around:  # they are bumps of one rock
+        return max(around, key=lambda cut: cut.concave)
     raise Undecided(
         f"{len(found)} rocks, their tops at {', '.join(place(cut.top) for cut in found)}",
         "one rock stands on the ground",

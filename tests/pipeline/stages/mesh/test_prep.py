@@ -366,7 +366,7 @@ SCANS = {
     "closed": (lambda: tapered().solid, ("pedestal.cut", "without a rim", "closed rock")),
     "branching": (branching, ("rock.mesh", "scan.ply", "edges branch", "remesh")),
     "nowhere": (nowhere, ("rock.mesh", "scan.ply", "0 m large")),
-    "no hollow": (smooth_ground, ("pedestal.cut", "no hollow", "give a cut")),
+    "no hollow": (smooth_ground, ("pedestal.cut", "no hollow", "give pedestal.cut")),
     "two rocks": (two_rocks, ("2 rocks", "set pedestal.near")),
 }
 
@@ -679,8 +679,13 @@ def tipping_towards(solid: trimesh.Trimesh, up: Array, away: Array) -> float:
     return float(np.degrees(np.arctan2(reach, np.array(solid.center_mass) @ up)))
 
 
+def tippings_of(found: Prepared) -> Figure:
+    chosen = found.steps[-1].after.tipping
+    return scan_figures.tippings(found.closing, chosen, found.trials, "scan")
+
+
 def test_tipping_angles_are_drawn_in_degrees_by_direction() -> None:
-    figure = scan_figures.tippings(prepared(), "scan")
+    figure = tippings_of(prepared())
     polar, change = figure.axes
     lines = [line for line in polar.get_lines() if line.get_gid() == "tipping"]
     wide = max(lines, key=lambda line: line.get_linewidth())
@@ -704,7 +709,7 @@ def test_a_rock_that_falls_is_said_to(quick: None) -> None:
     page = scan_page.page("hill", "scan", found, accepted=False, surrogate=False)
     assert "does not stand on level ground" in page
     assert "smallest static tipping angle" not in page
-    figure = scan_figures.tippings(found, "scan")
+    figure = tippings_of(found)
     labels = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]
     assert labels[0] == "caps (chosen): does not stand"
 
