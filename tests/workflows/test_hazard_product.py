@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from pipeline import ROOT, cli
+from pipeline.stages.hazard.hazard_figures import shaking
 from pipeline.stages.hazard.sensitivity import SAME_ROCK
 from pipeline.workflow.datasets import read
 
@@ -238,6 +239,12 @@ def test_the_rate_is_told_by_pga_and_pgv_pga(made: Path, hazard: xr.Dataset) -> 
     assert by_pga.sum() == pytest.approx(total, rel=5e-3)
     assert (by_pga > 0.01 * total).sum() > 5
     np.testing.assert_allclose(hazard["pga_bin_end"], np.append(starts[1:], np.inf))
+
+
+def test_shaking_that_topples_is_drawn_on_its_axes(hazard: xr.Dataset) -> None:
+    _, axes, _ = shaking(hazard, (0.1, 1.0)).axes
+    assert axes.get_xlabel() == "peak ground acceleration [g]"
+    assert axes.get_ylabel() == "PGV/PGA [s]"
 
 
 def test_every_variable_is_described(hazard: xr.Dataset) -> None:

@@ -173,6 +173,18 @@ def test_cells_are_the_outcomes(products: dict[str, xr.Dataset]) -> None:
     assert red[0] > 2 * red[2]
 
 
+def test_axes_of_a_diagram_are_those_of_its_cells(products: dict[str, xr.Dataset]) -> None:
+    responses = products["responses"]
+    figure = overturning_diagram(responses, products["fragility"], (0, 0))
+    (axes,) = figure.axes
+    said = (axes.get_xlabel(), axes.get_ylabel())
+    assert said == ("peak ground acceleration [g]", "PGV/PGA [s]")
+    x, y = np.moveaxis(np.asarray(artist(figure, "cells").get_coordinates()), -1, 0)
+    for borders, name in ((x[0], "pga"), (y[:, 0], "pgv_pga")):
+        assert (borders[:-1] < responses[name].values).all()
+        assert (responses[name].values < borders[1:]).all()
+
+
 def test_undecided_and_displaced_cells_are_marked(products: dict[str, xr.Dataset]) -> None:
     responses = products["responses"].copy(deep=True)
     for column, outcome in enumerate((Outcome.UNSETTLED, Outcome.CRASHED, Outcome.DISPLACED)):
