@@ -27,6 +27,10 @@ REFUSED = {
 }
 
 
+READY = ("-o", "setup", "-o", "setup-dev")
+"""What runs the tests is installed, whatever has been edited since."""
+
+
 def make(
     *words: str, folder: Path = ROOT, user: tuple[str, ...] = ()
 ) -> subprocess.CompletedProcess[str]:
@@ -47,7 +51,7 @@ def see_that_it_is_refused(done: subprocess.CompletedProcess[str], words: tuple[
 @pytest.mark.parametrize("line", REFUSED)
 def test_make_refuses_in_a_line(tmp_path: Path, line: str) -> None:
     own = [f"DERIVED={tmp_path}"] if line.startswith(("clean", "fragility")) else []
-    see_that_it_is_refused(make(*shlex.split(line), *own), REFUSED[line])
+    see_that_it_is_refused(make(*READY, *shlex.split(line), *own), REFUSED[line])
 
 
 SETTINGS = {
@@ -59,12 +63,12 @@ SETTINGS = {
 
 @pytest.mark.parametrize("given", SETTINGS)
 def test_settings_are_parted_where_a_key_begins(tmp_path: Path, given: str) -> None:
-    done = make("plan", "SITE=cuboid_1x1x2", f"SET={given}", f"DERIVED={tmp_path}")
+    done = make(*READY, "plan", "SITE=cuboid_1x1x2", f"SET={given}", f"DERIVED={tmp_path}")
     assert f"runs: {SETTINGS[given]}; 0 stored" in done.stdout, done.stderr
 
 
 def test_several_targets_share_their_variables() -> None:
-    done = make("-n", "replay", "plan", "SITE=double_rock", "PGA=0.4")
+    done = make(*READY, "-n", "replay", "plan", "SITE=double_rock", "PGA=0.4")
     assert done.returncode == 0, done.stderr
 
 

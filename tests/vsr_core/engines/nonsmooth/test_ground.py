@@ -228,18 +228,6 @@ def test_only_what_stands_out_is_a_feature() -> None:
     assert len(features.of_rock(cube).edges) == 12
 
 
-def test_a_triangle_is_on_the_inward_side_of_its_own_sides() -> None:
-    terrain = hilly(1)
-    made = features.of_terrain(terrain)
-    corners = terrain.vertices[terrain.faces]
-    assert len(made.edges) > 20  # convex ones, whose sides are no normals of the triangle
-    for face, three in zip(made.faces, corners, strict=True):
-        own = made.sides[face["first"] : face["first"] + face["count"]]
-        within = own["inward"] @ three.T - own["limit"][:, None]
-        assert within.min() > -1e-9
-        assert (within.max(axis=1) > 1e-3).all()
-
-
 def test_boxes_of_the_tree_hold_their_triangles() -> None:
     made = ground(box(0.4, 0.4, 0.2), hilly(1))
     boxes, links = made.tree.boxes, made.tree.links
