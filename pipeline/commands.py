@@ -15,6 +15,7 @@ from pipeline.config.layers import STUDIES, TABLES, known
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sweep import Sweep
 from pipeline.workflow import front_page, graph
+from pipeline.workflow.grammar import form
 from pipeline.workflow.jobs import check_drawn, cluster_of, job_of, log, others_of, sweep_of
 from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.products import DELIVERABLES
@@ -50,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     for name in wanted.shown if sweep is None else ("study.html", "study.nc"):
         log(f"-> {job.path(name)}")
     if unresolved:
-        log(f"{unresolved} {wanted.unresolved}")
+        log(f"{unresolved} {form(unresolved, *wanted.unresolved)}")
     return unresolved
 
 

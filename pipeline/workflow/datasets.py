@@ -66,8 +66,42 @@ def label(name: str) -> str:
     'peak ground acceleration [g]'
     """
     entry = catalogue()[name]
-    unit = {"1": "", "degree": " [deg]"}.get(entry["units"], f" [{entry['units']}]")
-    return entry["long_name"] + unit
+    return labelled(entry["long_name"], entry["units"])
+
+
+def labelled(text: str, units: str) -> str:
+    """Label of what has a name and a unit.
+
+    Parameters
+    ----------
+    text, units : str
+
+    Returns
+    -------
+    str
+
+    >>> labelled("speed", "m s-1"), labelled("friction", "1")
+    ('speed [m s-1]', 'friction')
+    """
+    unit = spelled(units)
+    return f"{text} [{unit}]" if unit else text
+
+
+def spelled(units: str) -> str:
+    """A unit as figures and sentences spell it; nothing for a pure number.
+
+    Parameters
+    ----------
+    units : str, of a dataset
+
+    Returns
+    -------
+    str
+
+    >>> spelled("degree"), spelled("1")
+    ('deg', '')
+    """
+    return {"1": "", "degree": "deg"}.get(units, units)
 
 
 def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:

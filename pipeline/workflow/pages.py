@@ -10,6 +10,7 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined, meta
 
 from pipeline import ROOT
+from pipeline.workflow import grammar
 from pipeline.workflow.keys import digest_bytes
 
 _DASH = "\N{EN DASH}"
@@ -78,7 +79,9 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= {"number": _number, "fixed": _fixed, "many": _many, "up": "../"}
+    environment.globals |= {"number": _number, "fixed": _fixed, "up": "../"}
+    words = (grammar.many, grammar.counted, grammar.form, grammar.listed)
+    environment.globals |= {word.__name__: word for word in words}
     return environment
 
 
@@ -98,12 +101,3 @@ def _fixed(value: float, digits: int = 3) -> str:
     ('0.500', '–')
     """
     return _DASH if math.isnan(value) else f"{value:.{digits}f}"
-
-
-def _many(count: int) -> str:
-    """A count with narrow spaces between thousands.
-
-    >>> _many(12345).split()
-    ['12', '345']
-    """
-    return f"{count:,}".replace(",", "\u202f")

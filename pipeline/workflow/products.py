@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-WITHOUT_VERDICT = "runs are without a verdict; the report and responses.nc say which"
+_WHERE = "without a verdict; the report and responses.nc say which"
+WITHOUT_VERDICT = (f"run is {_WHERE}", f"runs are {_WHERE}")
 
 
 @dataclass(frozen=True)
@@ -15,12 +16,12 @@ class Deliverable:
     ----------
     stage : str, the stage that ends it: fragility and displacement come with their reports
     shown : files that are named when it is done
-    unresolved : what an exit code of 1 means, after a number
+    unresolved : what an exit code of 1 means, after 1 and after any other number
     """
 
     stage: str
     shown: tuple[str, ...] = ()
-    unresolved: str = WITHOUT_VERDICT
+    unresolved: tuple[str, str] = WITHOUT_VERDICT
 
 
 DELIVERABLES = {
@@ -33,7 +34,10 @@ DELIVERABLES = {
     "uncertainty": Deliverable(
         "uncertainty",
         ("uncertainty.html", "uncertainty.nc"),
-        "runs of draws are without a verdict; uncertainty.nc says which",
+        (
+            "run of a draw is without a verdict; uncertainty.nc says which",
+            "runs of draws are without a verdict; uncertainty.nc says which",
+        ),
     ),
     "displacement": Deliverable(
         "displacement_report", ("displacement.html", "trajectories.html", "correlation.csv")
@@ -43,7 +47,10 @@ DELIVERABLES = {
     "stability": Deliverable(
         "stability",
         ("stability.html", "stability.csv", "stability_map.png"),
-        "cases are silently wrong; stability.html says which",
+        (
+            "case is silently wrong; stability.html says which",
+            "cases are silently wrong; stability.html says which",
+        ),
     ),
     "drive": Deliverable("drive", ("drive.html", "drive.csv", "drive.nc")),
     "validation": Deliverable("validation", ("validation.html", "validation.csv", "validation.nc")),

@@ -15,6 +15,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.config.sweep import GRIDS, Member, Sweep
 from pipeline.workflow import graph
 from pipeline.workflow.datasets import catalogue
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.graph import Identity
 from pipeline.workflow.keys import code, installed_version
 from pipeline.workflow.registry import BY_NAME, upstream
@@ -133,7 +134,7 @@ def told(question: Callable[[str, Job], list[str]], swept: Swept) -> list[str]:
     """
     wanted = _wanted(swept)
     reasons = list(graph.why(COMPARISON, wanted, swept.job.store))
-    members = f"{len(swept.jobs)} member" + "s" * (len(swept.jobs) > 1)
+    members = counted(len(swept.jobs), "member")
     lines = [f"{members} in {swept.job.store.folder}"]
     for member in swept.sweep.members:
         lines.append(f"{member.name}:")

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlparse
 
+import numpy as np
 import pytest
+from PIL import Image
 from support.browser import PHONE, Opened, settle
 from test_validation_product import write_tests
 
 from pipeline import ROOT, cli
+from pipeline.workflow import pages
 
 CHECKS = (ROOT / "tests" / "support" / "page_checks.js").read_text(encoding="utf-8")
 PAPER = {"width": 718, "height": 1000}
@@ -102,6 +106,17 @@ def overflow(page: Any) -> list[str]:
     )
 
 
+def silent(page: Any) -> list[str]:
+    """What can be scrolled sideways on a page and does not look so."""
+    return page.evaluate(
+        """() => [...document.body.querySelectorAll("*")]
+        .filter((e) => e.scrollWidth > e.clientWidth + 1)
+        .filter((e) => /auto|scroll/.test(getComputedStyle(e).overflowX))
+        .filter((e) => !getComputedStyle(e).backgroundImage.includes("gradient"))
+        .map((e) => `${e.tagName} ${e.className} ${e.textContent.slice(0, 40)}`)"""
+    )
+
+
 def check(opened: Opened, path: Path, results: Path) -> None:
     """A page as its readers meet it."""
     wide = opened(path)
@@ -116,6 +131,7 @@ def check(opened: Opened, path: Path, results: Path) -> None:
     narrow = opened(path, viewport=PHONE)
     settle(narrow)
     assert overflow(narrow) == []
+    assert silent(narrow) == []
     assert narrow.evaluate(CHECKS) == []
     narrow.emulate_media(media="print")
     narrow.set_viewport_size(PAPER)
@@ -135,6 +151,27 @@ def test_a_costly_page_can_be_read(opened: Opened, results: Path, page: str) -> 
     check(opened, made(results, page, SLOW[page]), results)
 
 
+def test_a_shadow_lies_on_the_side_that_hides_more(browser: Any) -> None:
+    """A wide table and a wide picture, all white: what is dark at a side is the shadow."""
+    white = "data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' width='900' height='90'>"
+    white += "<rect width='900' height='90' fill='white'/></svg>"
+    page = browser.new_page(viewport=PHONE)
+    wide = "<table><tr><td style='min-width: 900px; height: 90px; border: 0'></td></tr></table>"
+    for inside in (wide, f'<img style="width: 900px; max-width: none" src="{white}" alt="white">'):
+        page.set_content(
+            f"<style>{pages.source('page.css')}</style><div class='wide'>{inside}</div>"
+        )
+        box = page.locator(".wide")
+        seen = []
+        for at in (0, 250, 10_000):
+            box.evaluate("(element, at) => element.scrollLeft = at", at)
+            settle(page)
+            grey = np.asarray(Image.open(io.BytesIO(box.screenshot())).convert("L"), dtype=float)
+            row = grey[grey.shape[0] // 2]
+            seen.append((row[1] < 200.0, row[len(row) // 2] < 250.0, row[-2] < 200.0))
+        assert seen == [(False, False, True), (True, False, True), (True, False, False)]
+
+
 def test_the_checks_see_what_is_wrong(browser: Any) -> None:
     page = browser.new_page()
     page.set_content("<p style='color:#999'>pale</p><img src='data:image/png;base64,AAAA'>")
@@ -144,3 +181,5 @@ def test_the_checks_see_what_is_wrong(browser: Any) -> None:
         assert fault in found
     page.set_content("<pre style='width: 3000px'>wide</pre>")
     assert overflow(page) != []
+    page.set_content("<div style='width: 9rem; overflow: auto'><pre>one line, wider than it</pre>")
+    assert silent(page) != []

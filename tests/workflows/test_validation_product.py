@@ -165,8 +165,14 @@ def test_scores_are_of_each_predictor_and_subset(made: tuple[Path, Path]) -> Non
 def test_page_shows_its_pictures_and_what_was_assumed(made: tuple[Path, Path]) -> None:
     page = (made[1] / "validation.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 4
-    for word in ("McNemar", "azimuth", "sign of the drive"):
+    for word in (
+        "McNemar",
+        "normal, 0 ± 1 deg from the scan&#39;s +x",
+        "uniform from 1.5 to 2",
+        "sign of the drive",
+    ):
         assert word in page
+    assert "{" not in page.partition("<body>")[2]  # nothing as Python writes it
     for name in ("reliability", "roc", "fragility", "tests"):
         assert (made[1] / f"validation_{name}.png").stat().st_size > 10_000
 

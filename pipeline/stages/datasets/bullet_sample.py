@@ -19,6 +19,7 @@ from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
 from pipeline.stages.runs.study import Study, load_study
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.datasets import described, netcdf, read
+from pipeline.workflow.grammar import counted, form
 from pipeline.workflow.stage import Job, Product
 from vsr_core.arrays import Array, Indices
 from vsr_core.run.cases import Case, Settings, TerrainCase
@@ -79,10 +80,9 @@ def make(job: Job) -> Product:
         },
     )
     same = int((dataset["overturned"] == dataset["overturned_in_bullet"]).sum())
-    note = f"{same} of {len(at)} runs end in Bullet as here, {int(sample.near.sum())} of them next "
-    return Product(
-        {FILE: netcdf(described(dataset, job, "Sample in Bullet"))}, f"{note}to the boundary"
-    )
+    told = f"{same} of {counted(len(at), 'run')} {form(same, 'ends', 'end')} in Bullet as here"
+    note = f"{told}; next to the boundary: {int(sample.near.sum())}"
+    return Product({FILE: netcdf(described(dataset, job, "Sample in Bullet"))}, note)
 
 
 def chosen(overturned: Array, half: int = HALF) -> Sample:

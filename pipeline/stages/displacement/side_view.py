@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import around, relief
 from pipeline.stages.datasets.displaced_runs import chosen, ends, left_seat
-from pipeline.stages.displacement.trajectory_maps import SPEEDS, WIDTH, named, paths, speeds
+from pipeline.stages.displacement.trajectory_maps import NOTE, SPEEDS, WIDTH, named, paths, speeds
 from vsr_core.arrays import Array
 
 
@@ -43,7 +43,7 @@ def side_view(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> Fig
     below, beside = _profiles(relief(terrain, around(points, terrain)), at, along, aside)
     low, high = _span(np.concatenate([below, beside.ravel(), runs["z"].values]))
     height = float(np.clip(6.9 * (high - low) / np.ptp(at), 1.2, 6.0))
-    figure = Figure(figsize=(WIDTH, height + 1.0), layout="constrained")
+    figure = Figure(figsize=(WIDTH, height + 1.0 + NOTE), layout="constrained")
     axes = figure.add_subplot()
     known = ~np.isnan(beside).all(axis=0)
     axes.fill_between(

@@ -15,10 +15,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import Window, around, draw, relief
 from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, left_seat
+from pipeline.workflow.grammar import counted
 from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import Movement, StopReason
 
@@ -27,8 +29,8 @@ PGA_EDGES = (0.0, 0.5, 0.7, 0.8, 1.0)
 
 SPEEDS = "plasma"
 
-WIDTH = 9.4
-"""Of a figure [inch]."""
+WIDTH, NOTE = 9.4, 0.18
+"""Width of a figure, and height of the note at its top [inch]."""
 
 _FINEST = 3.0 / style.DPI  # inch: a shorter piece of a path is not seen
 _MARKS = {
@@ -105,7 +107,7 @@ def end_positions(displacement: xr.Dataset, terrain: xr.Dataset, source: str) ->
     window = around(places, terrain)
     width, left, below = 6.1, 0.6, 0.5
     height = width * window.size[1] / window.size[0]
-    tall = height + below + 0.3
+    tall = height + below + 0.25 + NOTE
     figure = Figure(figsize=(WIDTH, tall))
     axes = figure.add_axes((left / WIDTH, below / tall, width / WIDTH, height / tall))
     draw(axes, relief(terrain, window), window)
@@ -123,7 +125,7 @@ def end_positions(displacement: xr.Dataset, terrain: xr.Dataset, source: str) ->
     _start(axes, label="start")
     _shaking(axes, np.unique(displacement["yaw"].values), window)
     axes.set(xlabel="x [m]", ylabel="y [m]")
-    axes.set_title(f"end positions of all {displacement.sizes['run']} runs")
+    axes.set_title(f"end positions, {counted(displacement.sizes['run'], 'run')}")
     _key_to_ends(axes, movement, stop)
     named(figure, source)
     return figure
@@ -142,13 +144,16 @@ def _key_to_ends(axes: Axes, movement: Indices, stop: Indices) -> None:
 
 
 def named(figure: Figure, source: str) -> None:
-    """Say in the upper left corner what the terrain is.
+    """Say in the upper left corner, above all else, what the terrain is.
 
     Parameters
     ----------
     figure : Figure
     source : str
     """
+    layout = figure.get_layout_engine()
+    if isinstance(layout, ConstrainedLayoutEngine):
+        layout.set(rect=(0.0, 0.0, 1.0, 1.0 - NOTE / figure.get_figheight()))
     figure.text(0.006, 0.992, source, ha="left", va="top", size=7.5, color="#5a5a5a", gid="source")
 
 
@@ -184,7 +189,7 @@ def paths(
     """
     if runs.sizes["run"] == 0:
         middle: Any = {"transform": axes.transAxes, "ha": "center", "gid": "empty"}
-        axes.text(0.5, 0.5, "no run left the seat", path_effects=style.HALO, **middle)
+        axes.text(0.5, 0.1, "no run left the seat", path_effects=style.HALO, **middle)
         return
     points = np.column_stack([runs[name].values for name in names]).astype(float)
     run = np.repeat(np.arange(runs.sizes["run"]), runs["row_size"].values)

@@ -21,6 +21,7 @@ from pipeline.stages.hazard.question import DatedRock, Question, ages_of
 from pipeline.stages.hazard.shaking_ratio import of_model
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Job, Product
 
@@ -79,8 +80,8 @@ def make(job: Job) -> Product:
     )
     return Product(
         files,
-        f"{rejected} of {len(model.branches)} branches rejected; 2,475-year PGA {before} before "
-        f"and {after} after",
+        f"{rejected} of {counted(len(model.branches), 'branch', 'branches')} rejected; "
+        f"2,475-year PGA {before} before and {after} after",
     )
 
 

@@ -13,8 +13,9 @@ from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard.question import Question
 from pipeline.stages.hazard.sensitivity import SAME_ROCK
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, ShakingRatio
-from pipeline.stages.hazard.words import listed, of_age, of_place, percent, sentence
+from pipeline.stages.hazard.words import of_age, of_place, percent, sentence
 from pipeline.workflow.datasets import read
+from pipeline.workflow.grammar import listed
 from pipeline.workflow.stage import Job
 from vsr_core.arrays import Array
 from vsr_core.hazard.ground_motion import CORRELATION, LOG_SD
@@ -49,9 +50,10 @@ def page(
     drawn = {
         "curves": figures.curves(hazard, rock.tested),
         "survival": figures.survival(hazard, config.least_survival),
-        "weights": figures.weights(hazard),
         "shaking": figures.shaking(hazard, rock.tested),
     }
+    if hazard.sizes["branch"] > 1:
+        drawn["weights"] = figures.weights(hazard)
     return {
         "site": job.site.name,
         "curves": curves,

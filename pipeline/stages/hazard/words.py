@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.config.hazard_schema import Age, BoundedAge, LognormalAge, NormalAge
+from pipeline.workflow.grammar import form, listed
 from vsr_core.arrays import Array, Mask
 
 MOST_NAMED = 8
@@ -32,25 +33,6 @@ def percent(share: float) -> str:
     if share < 1e-4:
         return "less than 0.01 %"
     return f"{100.0 * share:{'.0f' if share >= 0.0995 else '#.2g'}} %"
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names in a sentence.
-
-    Parameters
-    ----------
-    names : sequence of str
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> listed(["3"]), listed(["3", "7"]), listed(["3", "7", "9"])
-    ('3', '3 and 7', '3, 7 and 9')
-    """
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
 def sentence(
@@ -107,8 +89,8 @@ def sentence(
     if len(gone) > MOST_NAMED:
         subject = f"{len(gone):,} of {len(names):,} branches leave"
     else:
-        subject = f"Branch {gone[0]} leaves" if len(gone) == 1 else f"Branches {listed(gone)} leave"
-    them = "it" if len(gone) == 1 else "them"
+        subject = form(len(gone), "Branch {} leaves", "Branches {} leave").format(listed(gone))
+    them = form(len(gone), "it", "them")
     falls = _moved(*pga[:2])
     dropped, after = (f"{value:.2f}" for value in pga[1:])
     if after not in (dropped, "nan"):

@@ -16,6 +16,7 @@ from pipeline.stages.motions import record_inputs, table_motions
 from pipeline.stages.motions.motion_grid import FILE, SHAPES
 from pipeline.stages.motions.record_inputs import Ready
 from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Job, Product
 from vsr_core.motions.records.measures import spectrum
 from vsr_core.motions.records.trace import Trace
@@ -113,7 +114,7 @@ def _records(job: Job, motion: RecordConfig) -> tuple[xr.Dataset, str]:
     dataset["raw_size"].attrs["sample_dimension"] = "raw_sample"
     repaired = sum(bool(one.record.repairs) for one in ready)
     shaking = len(motion.pga) * sum(one.trace.duration for one in ready)
-    summary = f"{len(ready)} records x {len(motion.pga)} PGA, {shaking:.0f} s of shaking"
+    summary = f"{counted(len(ready), 'record')} x {len(motion.pga)} PGA, {shaking:.0f} s of shaking"
     return dataset, summary + (f"; {repaired} records were repaired" if repaired else "")
 
 

@@ -33,6 +33,7 @@ from pipeline.stages.reports.diagram_cells import axes_of, cells_of
 from pipeline.stages.runs.step_choice import FILE as TIME_STEP
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import read
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Job, Product
 
 FILE = "report.html"
@@ -73,7 +74,7 @@ def make(job: Job) -> Product:
     facts = _facts(job, rock, responses, fragility)
     text = pages.filled(FILE, facts | {"up": job.store.up})
     lost = facts["unresolved"]["total"]
-    verdict = f"{lost} runs WITHOUT a verdict" if lost else "every run has a verdict"
+    verdict = f"{counted(lost, 'run')} WITHOUT a verdict" if lost else "every run has a verdict"
     note = f"{len(text) / 1e6:.2f} MB, diagrams: {len(facts['diagrams'])}; {verdict}"
     return Product({FILE: writers.text(text)}, note)
 

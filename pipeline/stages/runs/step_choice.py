@@ -28,6 +28,7 @@ from pipeline.stages.runs.scenes import (
 from pipeline.workflow import keys
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.datasets import described, netcdf, read
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import Store
 from vsr_core import engines
@@ -203,7 +204,8 @@ def _measure(job: Job, scenes: Scenes, frictions: Sequence[float]) -> dict[float
         wanting = [f for f in frictions if not ladder.enough(list(found[f].values()))]
         if wanting:
             of_sliding = " of sliding" * (lot[0].boundary is Boundary.DISPLACED)
-            told = f"{len(lot)} boundaries{of_sliding} at {len(shares)} time steps"
+            boundaries = counted(len(lot), "boundary", "boundaries") + of_sliding
+            told = f"{boundaries} at {counted(len(shares), 'time step')}"
             job.log(f"time_step: measuring {told}")
         known = _measure_lot(job, scenes, wanting, lot)
         for friction in frictions:

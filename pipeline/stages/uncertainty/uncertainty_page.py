@@ -10,6 +10,7 @@ import xarray as xr
 from pipeline.stages.uncertainty import unknowns
 from pipeline.stages.uncertainty.ensemble import CHECKED
 from pipeline.workflow.datasets import read, rows_of
+from pipeline.workflow.grammar import listed
 from pipeline.workflow.stage import Job
 from vsr_core.outcome import FoundBy
 from vsr_core.uncertainty.probability import chance
@@ -221,5 +222,5 @@ def summary(found: xr.Dataset) -> str:
         if width
         else f"{found.sizes['member']} draws; no boundary within the grid"
     )
-    first = " and ".join(row["name"] for row in leaders(order))
+    first = listed([row["name"] for row in leaders(order)])
     return text + (f"; most of it by {first}" if order else "")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from pipeline.config import in_si
-from pipeline.config.priors_schema import UncertaintyConfig
+from pipeline.config.priors_schema import PriorsConfig, UncertaintyConfig
 from pipeline.stages.uncertainty.draws import Draw, base_alone
 from vsr_core.arrays import Array
 from vsr_core.uncertainty import guess
@@ -114,17 +114,32 @@ def assumed(config: UncertaintyConfig, *, box: bool, replica: bool) -> list[tupl
     if box:
         base = "exact, as a box has no scan"
     elif replica:
-        base = f"between two scans, {_range(config.mixing)} of the way from one to the other"
+        base = f"between two scans, share of the second: {uniform(config.mixing)}"
     else:
         base = (
             f"scan with a normal error of {1e3 * error:g} mm, alike over "
             f"{1e3 * config.scan.length:g} mm"
         )
+    return [("base", base, "scan"), *in_words(config, "from each yaw")]
+
+
+def in_words(config: PriorsConfig, azimuth_from: str) -> list[tuple[str, str, str]]:
+    """The priors that a site and a series of tests have in common.
+
+    Parameters
+    ----------
+    config : PriorsConfig
+    azimuth_from : str, what the direction of the shaking is told from
+
+    Returns
+    -------
+    list of (unknown, prior, key of the configuration)
+    """
     azimuth, gain = config.azimuth, config.amplitude
+    mean = f"{azimuth.mean:g}".replace("-", "\N{MINUS SIGN}")
     return [
-        ("friction", f"uniform over {_range(config.friction)}", "friction"),
-        ("restitution", f"uniform over {_range(config.restitution)}", "restitution"),
-        ("base", base, "scan"),
+        ("friction", uniform(config.friction), "friction"),
+        ("restitution", uniform(config.restitution), "restitution"),
         (
             "centre of mass, with uneven density",
             f"normal, {1e3 * config.centre_of_mass:g} mm along each axis",
@@ -132,7 +147,7 @@ def assumed(config: UncertaintyConfig, *, box: bool, replica: bool) -> list[tupl
         ),
         (
             "direction of the shaking",
-            f"normal about each yaw, {azimuth.mean:g} ± {azimuth.sd:g} deg",
+            f"normal, {mean} ± {azimuth.sd:g} deg {azimuth_from}",
             "azimuth",
         ),
         (
@@ -144,8 +159,22 @@ def assumed(config: UncertaintyConfig, *, box: bool, replica: bool) -> list[tupl
     ]
 
 
-def _range(pair: tuple[float, float]) -> str:
-    return f"{pair[0]:g}" if pair[0] == pair[1] else f"{pair[0]:g} to {pair[1]:g}"
+def uniform(ends: tuple[float, float]) -> str:
+    """A uniform prior in words.
+
+    Parameters
+    ----------
+    ends : (low, high)
+
+    Returns
+    -------
+    str
+
+    >>> uniform((0.5, 0.9)), uniform((0.0, 0.0))
+    ('uniform from 0.5 to 0.9', '0, taken as known')
+    """
+    low, high = ends
+    return f"{low:g}, taken as known" if low == high else f"uniform from {low:g} to {high:g}"
 
 
 def drawn_values(draws: Sequence[Draw]) -> dict[str, tuple[tuple[str, ...], Array]]:

@@ -19,6 +19,7 @@ from pipeline.stages.runs.study import Study
 from pipeline.stages.studies.accuracy import worker_tasks
 from pipeline.stages.studies.accuracy.worker_tasks import Way
 from pipeline.workflow.batches import Batch
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Job
 from vsr_core import engines
 from vsr_core.errors import InvalidInput
@@ -139,7 +140,8 @@ def score_ways(job: Job, study: Study, targets: dict[Place, Target]) -> list[Rec
     def shared(place: Place) -> tuple[Case, Target, Settings]:
         return _case(study, place[0]), targets[place], study.settings(friction)
 
-    job.log(f"accuracy: {len(ways)} ways of running on {len(targets)} boundaries")
+    boundaries = counted(len(targets), "boundary", "boundaries")
+    job.log(f"accuracy: {counted(len(ways), 'way')} of running on {boundaries}")
     batches = (Batch(place, (way,)) for way in ways for place in targets)
     scored: dict[Way, list[Score]] = defaultdict(list)
     for _, _, results in job.cluster.each(worker_tasks.score, batches, shared):

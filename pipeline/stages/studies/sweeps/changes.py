@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config.sweep import Dimension, Sweep
+from pipeline.stages.studies.sweeps.quantities import places
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 
@@ -83,11 +84,11 @@ def changes(data: xr.Dataset, dimension: Dimension) -> list[Change]:
     list of Change
     """
     name = dimension.name
-    places = [data.isel({name: n}) for n in range(data.sizes[name])]
-    reference = filled(places[dimension.reference])
+    members = [data.isel({name: n}) for n in range(data.sizes[name])]
+    reference = filled(members[dimension.reference])
     return [
-        _change(place, reference, dimension.labels[n], same=n == dimension.reference)
-        for n, place in enumerate(places)
+        _change(place, reference, label, same=n == dimension.reference)
+        for n, (place, label) in enumerate(zip(members, places(dimension), strict=True))
     ]
 
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from pipeline.config.sweep import Dimension, Sweep
 from pipeline.stages.studies.sweeps.changes import Change
+from pipeline.stages.studies.sweeps.quantities import places, quantity
+from pipeline.workflow.grammar import counted, listed
 
 HALF = 0.5
 """Share of the rows that must be apart before a change is called one."""
@@ -33,8 +35,11 @@ def headline(sweep: Sweep, found: list[str], site: str) -> str:
     str
     """
     if not found:
-        sizes = " and ".join(f"{len(one.labels)} values of {one.key}" for one in sweep.dimensions)
-        return f"{site} at {sizes}."
+        sizes = [
+            f"{counted(len(one.labels), 'value')} of {quantity(one.key)[0]}"
+            for one in sweep.dimensions
+        ]
+        return f"{site} at {listed(sizes)}."
     return " ".join(found)
 
 
@@ -63,7 +68,7 @@ def about(dimension: Dimension, changes: list[Change], spread: tuple[float, floa
 
 def _moved(dimension: Dimension, changes: list[Change]) -> str:
     """Largest shifts of the boundary, averaged over its rows."""
-    reference = dimension.labels[dimension.reference]
+    reference = places(dimension)[dimension.reference]
     known = [one for one in changes if not one.is_reference and np.isfinite(one.mean)]
     if not known:
         return f"No row has a boundary both at {dimension.name} {reference} and at another."
@@ -81,7 +86,7 @@ def _none(changes: list[Change]) -> str:
     """Where nothing topples."""
     safe = [one.label for one in changes if one.toppled == 0.0]
     if safe:
-        return f"At {_listed(safe)} nothing topples within the grid."
+        return f"At {_named(safe)} nothing topples within the grid."
     most = max(changes, key=lambda one: one.lost)
     if most.lost == 0:
         return ""
@@ -100,9 +105,9 @@ def _beyond(changes: list[Change]) -> str:
     if any(math.isnan(one.error) for one in changes):
         beyond = "beyond the spacing of the grid (not all numerical errors were measured)"
     touched = max(others, key=lambda one: one.share)
-    where = f"{touched.apart} of {touched.rows} rows at {touched.label}"
+    where = f"{touched.apart} of {counted(touched.rows, 'row')} at {touched.label}"
     if strong:
-        return f"The change is {beyond} in at least half of the rows at {_listed(strong)}."
+        return f"The change is {beyond} in at least half of the rows at {_named(strong)}."
     if touched.apart == 0:
         return f"In no row is a change {beyond}."
     if touched.share < RARE:
@@ -110,15 +115,9 @@ def _beyond(changes: list[Change]) -> str:
     return f"The change is {beyond} in up to {where}."
 
 
-def _listed(names: list[str]) -> str:
-    """Names in a sentence; of many, the first and the number.
-
-    >>> _listed(["a"]), _listed(["a", "b", "c"])
-    ('a', 'a, b and c')
-    """
-    if len(names) > MOST_NAMED:
-        return f"{len(names)} values"
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+def _named(labels: list[str]) -> str:
+    """Values in a sentence; of many, their number."""
+    return f"{len(labels)} values" if len(labels) > MOST_NAMED else listed(labels)
 
 
 def _percent(share: float) -> str:

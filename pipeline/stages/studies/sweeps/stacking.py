@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pipeline.config.refusals import meaning
 from pipeline.config.sweep import GRIDS, Dimension, Sweep
 from pipeline.stages.datasets.responses import FILE as RESPONSES
 from pipeline.stages.fragility.products import FILE as FRAGILITY
 from pipeline.stages.mesh.products import load_rock
+from pipeline.stages.studies.sweeps.quantities import quantity
 from pipeline.workflow.datasets import described, read
 from pipeline.workflow.registry import upstream
 from pipeline.workflow.stage import Job
@@ -125,7 +125,7 @@ def _named(data: xr.Dataset, sweep: Sweep) -> xr.Dataset:
         if one.gridded and one.name != GRIDS[one.key]:
             data = data.rename({GRIDS[one.key]: one.name})
         values = list(one.values[one.key]) if one.is_numeric else list(one.labels)
-        text, unit = meaning(one.key)
+        text, unit = quantity(one.key)
         attributes = {"long_name": text, "units": unit, "keys": ", ".join(one.values)}
         data = data.assign_coords({one.name: (one.name, values, attributes)})
     told = {one.name: {key: list(v) for key, v in one.values.items()} for one in sweep.dimensions}

@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pipeline.config.refusals import meaning
 from pipeline.config.sweep import Dimension
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.mesh.products import ROCK
 from pipeline.stages.studies.sweeps import sweep_figures as figures
 from pipeline.stages.studies.sweeps.changes import Change, along, changes, collapsed, spread
+from pipeline.stages.studies.sweeps.quantities import places, quantity
 from pipeline.stages.studies.sweeps.sentences import about, headline
 from pipeline.stages.studies.sweeps.stacking import stacked
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import netcdf, read
+from pipeline.workflow.grammar import listed
 from pipeline.workflow.stage import Product
 from pipeline.workflow.sweeps import DATA, PAGE, Swept
 
@@ -48,7 +49,6 @@ def make(swept: Swept, key: str) -> Product:
         "members": _members(swept),
         "sizes": dict(data.sizes),
         "surrogate": _surrogate(swept),
-        "yaws": data.sizes.get("yaw", 1),
         "up": job.store.up,
     }
     files = {DATA: netcdf(data), PAGE: writers.text(pages.filled(PAGE, page))}
@@ -69,13 +69,14 @@ def _compared(swept: Swept, data: xr.Dataset, dimension: Dimension) -> dict[str,
     }
     return {
         "name": dimension.name,
-        "keys": [(key, meaning(key)[0]) for key in dimension.values],
+        "keys": [(key, quantity(key)[0]) for key in dimension.values],
+        "over": _over(part, dimension),
         "changes": found,
-        "reference": dimension.labels[dimension.reference],
+        "reference": places(dimension)[dimension.reference],
         "sentence": about(dimension, found, apart),
         "gaps": bool((data["outcome"] < 0).any()),
         "others": [
-            f"{one.name} {one.labels[one.reference]}"
+            f"{one.name} {places(one)[one.reference]}"
             for one in swept.sweep.dimensions
             if one is not dimension
         ],
@@ -84,6 +85,17 @@ def _compared(swept: Swept, data: xr.Dataset, dimension: Dimension) -> dict[str,
         "spread": apart,
         "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
     }
+
+
+def _over(part: xr.Dataset, dimension: Dimension) -> str:
+    """What curves along a dimension are medians over; nothing where there is one of each."""
+    grids = {"yaw": "directions", "friction": "frictions"}
+    names = [
+        name
+        for grid, name in grids.items()
+        if part.sizes.get(grid, 1) > 1 and grid != dimension.name
+    ]
+    return listed(names) if names else ""
 
 
 def _members(swept: Swept) -> list[dict[str, str]]:

@@ -14,8 +14,9 @@ from matplotlib.ticker import LogLocator, NullLocator
 from pipeline.config.sweep import Dimension
 from pipeline.drawing import style
 from pipeline.stages.studies.sweeps.changes import ENDS, filled, never_as_infinite
+from pipeline.stages.studies.sweeps.quantities import axis_label, places
 from pipeline.workflow.datasets import label
-from vsr_core.arrays import Array, Indices
+from vsr_core.arrays import Array, Indices, Mask
 
 MOST_PANELS, ACROSS = 12, 4
 """Panels of small multiples, and how many stand side by side."""
@@ -56,21 +57,21 @@ def multiples(data: xr.Dataset, dimension: Dimension) -> Figure:
     -------
     Figure
     """
-    places = shown(len(dimension.labels), MOST_PANELS)
-    across = min(ACROSS, len(places))
-    down = -(-len(places) // across)
+    picked, names = shown(len(dimension.labels), MOST_PANELS), places(dimension)
+    across = min(ACROSS, len(picked))
+    down = -(-len(picked) // across)
     figure = Figure(figsize=(2.1 * across + 0.7, 2.15 * down + 0.5), layout="constrained")
     panels = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False)
-    reference = _curve(data.isel({dimension.name: dimension.reference}))
-    for axes, place in zip(panels.flat, places, strict=False):
+    reference = data.isel({dimension.name: dimension.reference})
+    for axes, place in zip(panels.flat, picked, strict=False):
         one = data.isel({dimension.name: place})
         cells = _cells(axes, one)
-        for curve, line in ((reference, ":"), (_curve(one), "-")):
-            known = np.isfinite(curve)
-            axes.plot(curve[known], data["pgv_pga"].values[known], color=style.INK, lw=1.2, ls=line)
+        for member, line in ((reference, ":"), (one, "-")):
+            curve, ran = _curve(member), _ran(member)
+            axes.plot(curve[ran], data["pgv_pga"].values[ran], color=style.INK, lw=1.2, ls=line)
         mark = " (reference)" if place == dimension.reference else ""
-        axes.set_title(f"{dimension.labels[place]}{mark}", fontsize=8.5)
-    for axes in panels.flat[len(places) :]:
+        axes.set_title(f"{names[place]}{mark}", fontsize=8.5)
+    for axes in panels.flat[len(picked) :]:
         axes.set_visible(False)
     figure.supxlabel(label("pga"), fontsize=9.0)
     figure.supylabel("PGV/PGA [s]", fontsize=9.0)
@@ -94,7 +95,7 @@ def over_key(data: xr.Dataset, dimension: Dimension) -> Figure:
     """
     figure = Figure(figsize=(6.2, 4.2), layout="constrained")
     axes = figure.add_subplot()
-    places = _positions(axes, dimension)
+    positions = _positions(axes, dimension)
     curves = _typical(_completed(data, dimension.name), dimension.name)
     rows = np.flatnonzero(np.isfinite(curves["boundary"].values).sum(axis=0) > 1)
     picked = rows[shown(len(rows), MOST_ROWS)] if len(rows) else rows
@@ -102,13 +103,12 @@ def over_key(data: xr.Dataset, dimension: Dimension) -> Figure:
         one = curves.isel(pgv_pga=row)
         middle = one["boundary"].values
         ends = [np.abs(middle - one[end].values) for end in ENDS]
-        known = np.isfinite(middle) & np.isfinite(ends[0]) & np.isfinite(ends[1])
         axes.errorbar(
-            places[known],
-            middle[known],
-            yerr=np.array(ends)[:, known],
+            positions,
+            middle,
+            yerr=np.array(ends),
             lw=1.2,
-            ms=4.0 if len(places) < 20 else 0.0,
+            ms=4.0 if len(positions) < 20 else 2.0,
             elinewidth=0.8,
             label=f"{one['pgv_pga'].item():.3g} s",
             color=style.SERIES[number],
@@ -139,21 +139,21 @@ def boundaries(data: xr.Dataset, dimension: Dimension, own: xr.Dataset | None) -
     panels = figure.subplots(1, 1 if own is None else 2, squeeze=False)[0]
     curves = _typical(data, dimension.name)["boundary"].values
     ratio = data["pgv_pga"].values
-    picked = shown(len(dimension.labels), MOST_CURVES)
+    picked, names = shown(len(dimension.labels), MOST_CURVES), places(dimension)
     colours = _colours(dimension, picked)
     for place, colour in zip(picked, colours, strict=True):
-        known = np.isfinite(curves[place])
+        ran = _ran(data.isel({dimension.name: place}))
         line = {
             "color": colour,
             "lw": 2.0 if place == dimension.reference else 1.2,
             "marker": style.MARKERS[place % len(style.MARKERS)],
             "ms": 3.5,
         }
-        panels[0].plot(curves[place][known], ratio[known], label=dimension.labels[place], **line)
+        panels[0].plot(curves[place][ran], ratio[ran], label=names[place], **line)
         if own is not None:
             scaled = _typical(own, dimension.name)["boundary"].values[place]
             time = own["time"].values[place]
-            panels[1].plot(scaled[known], ratio[known] / time, **line)
+            panels[1].plot(scaled[ran], ratio[ran] / time, **line)
     panels[0].set_xlabel(f"boundary: {label('pga')}")
     panels[0].set_ylabel("PGV/PGA [s]")
     if own is not None:
@@ -172,8 +172,15 @@ def boundaries(data: xr.Dataset, dimension: Dimension, own: xr.Dataset | None) -
             scale.set_major_formatter("{x:g}")
             scale.set_minor_locator(NullLocator())
         axes.grid(visible=True)
-    figure.legend(loc="outside lower center", ncols=4)
+    figure.legend(loc="outside lower center", ncols=4, title=dimension.name)
     return figure
+
+
+def _ran(one: xr.Dataset) -> Mask:
+    """Rows of PGV/PGA that a member was run on; in these a line has a gap where nothing topples."""
+    others = [dim for dim in one["outcome"].dims if dim != "pgv_pga"]
+    ran: Mask = (one["outcome"] >= 0).any(others).values
+    return ran
 
 
 def _cells(axes: Axes, one: xr.Dataset) -> QuadMesh:
@@ -189,11 +196,11 @@ def _cells(axes: Axes, one: xr.Dataset) -> QuadMesh:
 
 
 def _curve(one: xr.Dataset) -> Array:
-    """Boundary at each PGV/PGA, the median of all directions and frictions [g]."""
+    """Boundary at each PGV/PGA, the median of all else [g]; nan where nothing topples."""
     boundary = never_as_infinite(one)
     others = [dim for dim in boundary.dims if dim != "pgv_pga"]
     values: Array = boundary.median(others).values
-    return values
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _typical(data: xr.Dataset, name: str) -> xr.Dataset:
@@ -219,15 +226,18 @@ def _completed(data: xr.Dataset, name: str) -> xr.Dataset:
 
 
 def _positions(axes: Axes, dimension: Dimension) -> Array:
-    """Where the places of a dimension stand on an axis, which is labelled."""
+    """Where the places of a dimension stand on an axis, which is labelled and holds them all."""
+    axes.set_xlabel(axis_label(dimension))
     if dimension.is_numeric:
-        axes.set_xlabel(dimension.key)
-        return np.array(dimension.values[dimension.key], dtype=np.float64)
-    places = np.arange(len(dimension.labels), dtype=np.float64)
+        at = np.array(dimension.values[dimension.key], dtype=np.float64)
+        margin = 0.05 * np.ptp(at) or 0.5
+        axes.set_xlim(at.min() - margin, at.max() + margin)
+        return at
+    at = np.arange(len(dimension.labels), dtype=np.float64)
     turned = max(map(len, dimension.labels)) > 8
-    axes.set_xticks(places, dimension.labels, rotation=20 if turned else 0)
-    axes.set_xlabel(dimension.name)
-    return places
+    axes.set_xticks(at, dimension.labels, rotation=20 if turned else 0)
+    axes.set_xlim(-0.5, len(at) - 0.5)
+    return at
 
 
 def _colours(dimension: Dimension, picked: Indices) -> list[object]:

@@ -31,6 +31,7 @@ from pipeline.stages.studies.validation.recorded_tests import (
 from pipeline.stages.uncertainty.draws import priors
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Job, Product
 from vsr_core.outcome import Outcome
@@ -85,7 +86,8 @@ def make(job: Job) -> Product:
         "tests": len(tests.number),
         "forms": forms,
         "compared": tests.observed,
-        "assumed": tests.config.model_dump(mode="json"),
+        "members": tests.config.members,
+        "assumed": validation_tables.assumed(tests.config),
         "scores": list(scores.itertuples()),
         "calibration": predicted.calibration,
         "classes": validation_tables.confusions(tests, predicted),
@@ -120,7 +122,8 @@ def _predict(job: Job, series: Series) -> tuple[Outcomes, Predictions]:
     }
     guesses = {Draw(specimen, Role.BEST_GUESS): best_guess(drawn) for specimen in tests.specimens}
     first = [draw for draw in members if int(draw.of) < _FIRST]
-    job.log(f"validation: {len(tests.number)} tests, {len(tests.specimens)} specimens")
+    specimens = counted(len(tests.specimens), "specimen")
+    job.log(f"validation: {counted(len(tests.number), 'test')}, {specimens}")
     every = dict.fromkeys([*guesses, *first], tests.number)
     found = outcomes(job, series, guesses | members, every)
     open_ones = {

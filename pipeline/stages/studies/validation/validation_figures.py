@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,28 +15,40 @@ from pipeline.stages.studies.validation.recorded_tests import Tests
 from vsr_core.validation import curves, scores
 
 
-def _panels(tests: Tests) -> tuple[Figure, list[Axes]]:
-    """A panel for each specimen that has outcomes; one that says so if there is none."""
+def _panels(tests: Tests, heights: tuple[float, ...]) -> tuple[Figure, Any]:
+    """Panels of these heights for each specimen that has outcomes; they say so if there is none.
+
+    The panels are an array on (height, specimen).
+    """
     count = max(len(tests.observed), 1)
-    figure = Figure(figsize=(4.6 * count, 4.2), layout="constrained")
-    axes = [figure.add_subplot(1, count, k + 1) for k in range(count)]
+    figure = Figure(figsize=(4.6 * count, sum(heights)), layout="constrained")
+    panels = figure.subplots(
+        len(heights), count, squeeze=False, sharex="col", height_ratios=heights
+    )
     if not tests.observed:
-        place = axes[0].transAxes
-        axes[0].text(0.5, 0.5, "no outcomes to compare with", ha="center", transform=place)
-    return figure, axes
+        place = panels[0, 0].transAxes
+        panels[0, 0].text(0.5, 0.5, "no outcomes to compare with", ha="center", transform=place)
+    return figure, panels
 
 
-def _square(axes: Axes, specimen: int, margin: float, names: Sequence[str]) -> None:
+def _shares(axes: Axes, specimen: int, margin: float) -> None:
     """Shares against shares, with the diagonal."""
     axes.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
     ends = (-margin, 1.0 + margin)
-    axes.set(xlim=ends, ylim=ends, xlabel=names[0], ylabel=names[1], aspect="equal")
-    axes.set_title(f"specimen {specimen}")
+    axes.set(xlim=ends, ylim=ends, title=f"specimen {specimen}")
+
+
+def _legend_under(axes: Axes, columns: int, **given: Any) -> None:
+    """A legend below the label of x, where it covers nothing that is drawn."""
+    # the layout makes room; the anchor is a share of the panel's height, too little on a low one
+    inch = axes.get_position().height * axes.figure.get_figheight()
+    below = (0.5, -0.5 / inch)
+    axes.legend(loc="upper center", bbox_to_anchor=below, ncols=columns, **given)
 
 
 @styled
 def reliability(tests: Tests, made: Predictions) -> Figure:
-    """Share of tests that overturned against predicted probability, in classes.
+    """Share of tests that overturned against predicted probability, in classes, and their sizes.
 
     Parameters
     ----------
@@ -48,10 +59,12 @@ def reliability(tests: Tests, made: Predictions) -> Figure:
     -------
     Figure
     """
-    figure, panels = _panels(tests)
-    for axes, (row, specimen, observed) in zip(panels, predictions.compared(tests), strict=False):
-        names = ("predicted probability of overturning", "share of tests that overturned")
-        _square(axes, specimen, 0.03, names)
+    figure, panels = _panels(tests, (4.2, 1.3))
+    known = list(predictions.compared(tests))
+    for (above, below), (row, specimen, observed) in zip(panels.T, known, strict=False):
+        _shares(above, specimen, 0.03)
+        above.set_ylabel("share of tests that overturned")
+        below.set(xlabel="predicted probability of overturning", ylabel="tests", yscale="log")
         kinds = (
             ("priors only, all tests", made.share[row], np.ones(len(observed), dtype=bool)),
             ("calibrated, other half", made.calibrated[row], ~made.half),
@@ -59,7 +72,7 @@ def reliability(tests: Tests, made: Predictions) -> Figure:
         for k, (label, probability, inside) in enumerate(kinds):
             found = scores.reliability(observed[inside], probability[inside])
             shift = 0.008 * (2 * k - 1)
-            axes.errorbar(
+            above.errorbar(
                 found.predicted + shift,
                 found.observed,
                 yerr=np.clip([found.observed - found.low, found.high - found.observed], 0.0, None),
@@ -69,12 +82,11 @@ def reliability(tests: Tests, made: Predictions) -> Figure:
                 lw=0.8,
                 label=label,
             )
-            for x, y, n in zip(found.predicted, found.observed, found.count, strict=True):
-                axes.annotate(
-                    str(n), (x + shift, y), xytext=(4, -9 + 14 * k), fontsize=6.5,
-                    textcoords="offset points", color=SERIES[k],
-                )  # fmt: skip
-        axes.legend(loc="upper left")
+            below.bar(found.predicted + shift, found.count, 0.014, bottom=0.5, color=SERIES[k])
+        below.set_ylim(0.5, None)
+    if known:
+        handles = panels[0, 0].get_legend_handles_labels()
+        figure.legend(*handles, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -93,10 +105,15 @@ def roc(tests: Tests, made: Predictions) -> Figure:
     """
     from sklearn.metrics import roc_auc_score, roc_curve
 
-    figure, panels = _panels(tests)
-    for axes, (row, specimen, observed) in zip(panels, predictions.compared(tests), strict=False):
-        names = ("balanced tests", "overturned tests")
-        _square(axes, specimen, 0.02, [f"share of {one} predicted to overturn" for one in names])
+    figure, panels = _panels(tests, (5.2,))
+    for axes, (row, specimen, observed) in zip(
+        panels[0], predictions.compared(tests), strict=False
+    ):
+        _shares(axes, specimen, 0.02)
+        names = [
+            f"share of {one} tests predicted to overturn" for one in ("balanced", "overturned")
+        ]
+        axes.set(xlabel=names[0], ylabel=names[1])
         points = 0
         for k, (name, known) in enumerate(predictions.predictors(tests, made, row).items()):
             sides, probability = known.sides, known.probability
@@ -110,7 +127,7 @@ def roc(tests: Tests, made: Predictions) -> Figure:
                 look: Any = {"mfc": "none", "color": INK, "lw": 0, "label": name}
                 axes.plot(*place, MARKERS[points % 6], ms=5, **look)
                 points += 1
-        axes.legend(loc="lower right", fontsize=6.5)
+        _legend_under(axes, 2, fontsize=6.5)
     return figure
 
 
@@ -128,7 +145,7 @@ def fragility(tests: Tests, made: Predictions) -> Figure:
     Figure
     """
     known = list(predictions.compared(tests))
-    figure = Figure(figsize=(9.2, 3.4 * max(len(known), 1)), layout="constrained")
+    figure = Figure(figsize=(9.2, 3.8 * max(len(known), 1)), layout="constrained")
     motions = np.array(tests.motion)
     pga, ratio = np.array(tests.pga), np.array(tests.pgv_pga)
     measures = (("peak ground acceleration [g]", pga), ("peak ground velocity [g s]", pga * ratio))
@@ -147,7 +164,7 @@ def fragility(tests: Tests, made: Predictions) -> Figure:
             axes.set_xscale("log")
             axes.set(xlabel=label, ylabel="probability of overturning", ylim=(-0.02, 1.02))
             axes.set_title(f"specimen {specimen}")
-            axes.legend(loc="upper left")
+            _legend_under(axes, 1)
     return figure
 
 
@@ -164,7 +181,7 @@ def map_of_tests(tests: Tests, made: Predictions) -> Figure:
     -------
     Figure
     """
-    figure = Figure(figsize=(5.0 * len(tests.specimens), 4.2), layout="constrained")
+    figure = Figure(figsize=(5.0 * len(tests.specimens), 4.5), layout="constrained")
     drawn = None
     for row, specimen in enumerate(tests.specimens):
         axes = figure.add_subplot(1, len(tests.specimens), row + 1)
@@ -190,7 +207,7 @@ def map_of_tests(tests: Tests, made: Predictions) -> Figure:
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set(title=f"specimen {specimen}", xlabel="PGV/PGA [s]", ylabel="PGA [g]")
-        axes.legend(loc="lower left")
+        _legend_under(axes, 2)
     if drawn is not None:
         figure.colorbar(drawn, ax=figure.axes, label="predicted probability of overturning")
     return figure

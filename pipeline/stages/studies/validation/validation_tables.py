@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.config.recorded_tests_schema import ShakeTableConfig
 from pipeline.stages.studies.validation.predictions import Origin, Predictions, compared, predictors
 from pipeline.stages.studies.validation.recorded_tests import Tests
+from pipeline.stages.uncertainty.unknowns import in_words, uniform
 from vsr_core.validation import scores
 
 _SCORES = ["specimen", "predictor", "subset", "n", "accuracy", "balanced_accuracy", "f1",
@@ -110,3 +112,24 @@ def confusions(tests: Tests, made: Predictions) -> list[dict[str, Any]]:
                 counted = dict(zip(names, count.tolist(), strict=True))
                 rows.append({**about, "low": low, "high": high, **counted})
     return rows
+
+
+def assumed(config: ShakeTableConfig) -> list[tuple[str, str, str]]:
+    """What was assumed of the tests, in words.
+
+    Parameters
+    ----------
+    config : ShakeTableConfig
+
+    Returns
+    -------
+    list of (unknown, prior, key in the folder's file)
+    """
+    record = config.acceleration or "the merged record, or else that of the accelerometer"
+    return [
+        *in_words(config, "from the scan's +x"),
+        ("base with a replica", f"share of the replica: {uniform(config.mixing)}", "mixing"),
+        ("base without one", f"{config.base_error:g} times the error below", "base_error"),
+        ("density", f"{config.density:g} kg/m³, taken as known", "density"),
+        ("acceleration of the table", record, "acceleration"),
+    ]

@@ -547,8 +547,11 @@ def test_text_lies_inside_the_figures(runs: xr.Dataset, ground: xr.Dataset) -> N
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         frame = figure.bbox
+        (note,) = (text for text in figure.texts if text.get_gid() == "source")
+        foot = note.get_window_extent(canvas.get_renderer()).y0
         for axes in figure.axes:
             box = axes.get_tightbbox(canvas.get_renderer())
+            assert box is None or box.y1 <= foot, axes.get_title()  # however long the note is
             assert box is None or (
                 box.x0 >= frame.x0 and box.x1 <= frame.x1 and box.y0 >= frame.y0
                 and box.y1 <= frame.y1
