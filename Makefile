@@ -164,7 +164,7 @@ options: setup-dev ## docs/options.md and the schemas in configs/, from the mode
 docs: setup-dev ## the documentation as a site, in build/docs/html, readable offline
 	$(call run,scripts.docs)
 
-docs-links: setup-dev ## try every link of the documentation to elsewhere
+docs-links: setup-dev ## the same, and try every link to elsewhere
 	$(call run,scripts.docs --links)
 
 bench: setup-dev ## performance benchmarks, as ratios in one run

@@ -1,8 +1,9 @@
 """The documentation as a site that is read offline: its sources gathered, its pictures drawn.
 
-    python -m scripts.docs            build it, in build/docs/html
+    python -m scripts.docs            build it, in build/docs/html, where every link leads somewhere
     python -m scripts.docs --quick    without the code's reference, running nothing
-    python -m scripts.docs --links    try every link to elsewhere, and list those that fail
+    python -m scripts.docs --links    and try every link to elsewhere
+    python -m scripts.docs --pictures draw those that the checkout shows, small, into docs/pictures
 
 Small studies are run for it, so that what it shows is what the program makes today.
 """
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
+import re
 import runpy
 import shutil
 import subprocess
@@ -20,9 +22,11 @@ from pathlib import Path
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from pipeline import ROOT
+from scripts import links
 
 BUILD = ROOT / "build" / "docs"
 GRID = ("--set", "motion.pga.num=25", "--set", "motion.pgv_pga.num=25")
@@ -42,11 +46,17 @@ SHOWN = {
 BESIDE = ("CHANGELOG.md", "CONTRIBUTING.md", "paper.md")
 """Pages that stand in the root, where visitors of a repository look for them."""
 
+MADE = "examples/"
+"""Where links lead that a quick build has no pages for."""
+
+WIDEST, COLOURS = 1000, 64
+"""Longer side [px] and colours of a picture that the checkout holds."""
+
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Build the site; returns the exit code of Sphinx.
+    """Build the site; returns 0 if nothing is wrong with it, nor with the pages of the checkout.
 
     Parameters
     ----------
@@ -58,25 +68,34 @@ def main(arguments: list[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(description="Build the documentation.")
     parser.add_argument("--quick", action="store_true", help="without code, running nothing")
-    parser.add_argument("--links", action="store_true", help="try links to elsewhere")
+    parser.add_argument("--links", action="store_true", help="try links to elsewhere, too")
+    parser.add_argument("--pictures", action="store_true", help="draw those of the checkout")
     parser.add_argument("--build", type=Path, default=BUILD, metavar="DIR")
     options = parser.parse_args(arguments)
     source, examples = options.build / "source", options.build / "examples"
     gather(source)
     write_gallery(source)
-    if options.quick or options.links:
+    if options.quick:
         for name in (*SHOWN, *(script.stem for script in scripts(source))):
             blank(source / "pictures" / f"{name}.png")
     else:
         draw(source)
         make_examples(examples)
         picture_pages(examples, source / "pictures")
-        shutil.copytree(examples, source / "extra" / "examples", ignore=data)
-    kind = "linkcheck" if options.links else "html"
-    given = ["-t", "quick"] if options.quick or options.links else []
-    code = sphinx(source, options.build / kind, kind, given)
-    if not code and kind == "html":
-        print(f"-> {options.build / kind / 'index.html'}")
+        shutil.copytree(examples, source / "extra" / "examples", ignore=unseen)
+    if options.pictures:
+        return ship(source / "pictures")
+    given, site = ["-t", "quick"] if options.quick else [], options.build / "html"
+    code = sphinx(source, site, "html", given)
+    if options.links:
+        code |= sphinx(source, options.build / "linkcheck", "linkcheck", given)
+    dead = [*links.dead_in_checkout(ROOT), *links.dead_in_site(site)]
+    for line in dead:
+        if not (options.quick and line.partition(": ")[2].startswith(MADE)):
+            print(f"leads nowhere: {line}", file=sys.stderr)
+            code |= 1
+    if not code:
+        print(f"-> {site / 'index.html'}")
     return code
 
 
@@ -175,20 +194,28 @@ def make_examples(folder: Path) -> None:
         subprocess.run(command, check=True, cwd=ROOT)
 
 
-def data(folder: str, names: list[str]) -> list[str]:
-    """What of a folder of results is no page.
+unseen = shutil.ignore_patterns(".*", "runs.sqlite*", "log.jsonl")
+"""What of a folder of results no page leads to."""
+
+
+def ship(pictures: Path) -> int:
+    """Put small copies of the pictures that pages show beside these, for readers of the checkout.
 
     Parameters
     ----------
-    folder : str
-    names : list of str, of the files and folders in it
+    pictures : Path, folder in which they are drawn
 
     Returns
     -------
-    list of str
+    int, 0
     """
-    files = (name for name in names if not Path(folder, name).is_dir())
-    return [name for name in files if not name.endswith(".html")]
+    for page in (ROOT / "docs").glob("*.md"):
+        for name in re.findall(r"\]\(pictures/(\w+\.png)\)", page.read_text(encoding="utf-8")):
+            with Image.open(pictures / name) as picture:
+                picture.thumbnail((WIDEST, WIDEST))
+                few = picture.convert("RGB").quantize(COLOURS)
+            few.save(ROOT / "docs" / "pictures" / name, optimize=True)
+    return 0
 
 
 def picture_pages(examples: Path, pictures: Path) -> None:

@@ -7,46 +7,23 @@ import re
 import shlex
 import subprocess
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
 
 import pytest
 from conftest import Ran
+from support.printed_commands import OPEN, PAGES, REFUSED, commands
 
 from pipeline import ROOT, cli
 from pipeline.config.layers import known, load_site
 from pipeline.config.problems import InputError
-from scripts import docs
 
-PAGES = sorted(
-    [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "notebooks").glob("*.md")]
-)
-FENCE = re.compile(r"^ *```(\w+)\n(.*?)^ *```$", re.DOTALL | re.MULTILINE)
-SPAN = re.compile(r"(?<!`)`([^`]+)`(?!`)")
-BEGINNINGS = ("make ", "vsr ", ".venv/bin/", "python ")
 ELSEWHERE = ("podman", "git", ".venv/bin/dask", ".venv/bin/pre-commit", "apptainer", "sbatch", "cd")
 """Programs that are not ours: their command lines are not checked."""
 
 VERBS = set(cli._parser()._subparsers._group_actions[0].choices)
-OPEN = re.compile(r"\.\.\.|[<>…]|^\[-|\]$")
-"""What stands for a value that the reader puts in."""
-
-
-def commands(page: Path) -> Iterator[str]:
-    """Command lines of a page, in fences and in the text."""
-    text = page.read_text(encoding="utf-8")
-    for kind, body in FENCE.findall(text):
-        lines = re.sub(r"\\\n\s*", " ", body).splitlines()
-        if kind == "bash":
-            yield from (line.strip() for line in lines)
-        elif kind == "console":
-            yield from (line.strip()[2:] for line in lines if line.strip().startswith("$ "))
-    if page.name != "CHANGELOG.md":  # which tells of commands of its day
-        for span in SPAN.findall(FENCE.sub("", text)):
-            if span.startswith(BEGINNINGS) and " " in span.strip():
-                yield " ".join(span.split())
 
 
 @cache
@@ -124,17 +101,6 @@ def wrong_python(words: list[str]) -> str:
     return "" if path.with_suffix(".py").is_file() or path.is_dir() else f"no module {words[1]}"
 
 
-def refusals() -> list[tuple[str, str]]:
-    """Commands on the page of errors, each with the line that it is said to end with."""
-    text = (ROOT / "docs" / "faq.md").read_text(encoding="utf-8")
-    fences = [body for kind, body in FENCE.findall(text) if kind == "console"]
-    lines = [line for body in fences for line in body.splitlines()]
-    return list(zip(lines[::2], lines[1::2], strict=True))
-
-
-REFUSED = dict(refusals())
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_commands_are_known(page: Path) -> None:
     found = {line: fault for line in commands(page) if (fault := wrong(line))}
@@ -183,15 +149,3 @@ def test_scripts_of_the_gallery_say_what_they_show() -> None:
         text = script.read_text(encoding="utf-8")
         assert ast.get_docstring(ast.parse(text)), script
         assert f'savefig("{script.stem}.png"' in text, script
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_lead_to_files_of_the_repository(page: Path) -> None:
-    """As a visitor follows them who has built no site; pictures are drawn with it."""
-    text = FENCE.sub("", page.read_text(encoding="utf-8"))
-    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text)]
-    files = [link for link in links if link and "://" not in link]
-    drawn = {f"pictures/{name}.png" for name in docs.SHOWN}
-    drawn |= {f"pictures/{path.stem}.png" for path in docs.scripts(ROOT / "docs")}
-    gone = [file for file in files if file not in drawn and not (page.parent / file).exists()]
-    assert gone == []

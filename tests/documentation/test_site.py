@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import re
@@ -15,7 +16,7 @@ import nbformat
 import pytest
 
 from pipeline import ROOT
-from scripts import docs
+from scripts import docs, links
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 
@@ -28,6 +29,37 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     assert re.findall(r'<(?:script|link)[^>]*(?:src|href)="https?://', front) == []  # read offline
 
 
+def test_links_of_the_checkout_lead_to_files() -> None:
+    """As a visitor follows them who has built no site."""
+    assert links.dead_in_checkout(ROOT) == []
+
+
+def test_what_leads_nowhere_is_told(tmp_path: Path) -> None:
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "notebooks").mkdir()
+    page = "[a](docs/there.md#part) ![b](docs/gone.png) [c](https://example.org)\n"
+    (tmp_path / "README.md").write_text(page, encoding="utf-8")
+    (tmp_path / "docs" / "there.md").write_text("```\n[d](no_link)\n```\n", encoding="utf-8")
+    (tmp_path / "notebooks" / "one.ipynb").write_text('"[e](../docs/away.md)"', encoding="utf-8")
+    assert links.dead_in_checkout(tmp_path) == [
+        "README.md: docs/gone.png",
+        "notebooks/one.ipynb: ../docs/away.md",
+    ]
+    (tmp_path / "index.html").write_text(
+        "<a href='two.html#here'>1</a><a href='two.html#away'>2</a><a href='#top'>3</a>"
+        "<img src='data:image/png;base64,AA'><img src='gone.png'><script src='a%20b.js'></script>"
+        "<a href='data.nc'>4</a><a href='mailto:a@example.org'>5</a><h1 id='top'>6</h1>",
+        encoding="utf-8",
+    )
+    (tmp_path / "two.html").write_text("<h2 id='here'>7</h2>", encoding="utf-8")
+    (tmp_path / "a b.js").touch()
+    assert links.dead_in_site(tmp_path) == [
+        "index.html: two.html#away",
+        "index.html: gone.png",
+        "index.html: data.nc",
+    ]
+
+
 def test_notebooks_are_kept_without_what_they_print() -> None:
     assert len(NOTEBOOKS) == 5
     listed = (ROOT / "notebooks" / "index.md").read_text(encoding="utf-8")
@@ -36,6 +68,13 @@ def test_notebooks_are_kept_without_what_they_print() -> None:
         code = [cell for cell in cells if cell["cell_type"] == "code"]
         assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code), path
         assert f"\n{path.stem}\n" in listed
+
+
+def test_a_kernel_comes_with_what_the_page_of_notebooks_says_to_run() -> None:
+    page = (ROOT / "notebooks" / "index.md").read_text(encoding="utf-8")
+    assert "`make setup-dev`" in page
+    assert importlib.util.find_spec("ipykernel")
+    assert "\nipykernel==" in (ROOT / "requirements-dev.lock").read_text(encoding="utf-8")
 
 
 def test_the_first_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -69,5 +108,6 @@ def test_the_whole_site_builds(tmp_path: Path) -> None:
     html = tmp_path / "html"
     assert (html / "examples" / "double_rock" / "report.html").is_file()
     assert (html / "api" / "vsr_core.run.proofs.html").is_file()
+    assert links.dead_in_site(html) == []
     if any(map(shutil.which, docs.BROWSERS)):
         assert (html / "_images" / "page_index.png").stat().st_size > 20_000

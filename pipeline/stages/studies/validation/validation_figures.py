@@ -41,7 +41,7 @@ def _shares(axes: Axes, specimen: int, margin: float) -> None:
 def _legend_under(axes: Axes, columns: int, **given: Any) -> None:
     """A legend below the label of x, where it covers nothing that is drawn."""
     # the layout makes room; the anchor is a share of the panel's height, too little on a low one
-    inch = axes.get_position().height * axes.figure.get_figheight()
+    inch = axes.get_window_extent().height / axes.figure.dpi
     below = (0.5, -0.5 / inch)
     axes.legend(loc="upper center", bbox_to_anchor=below, ncols=columns, **given)
 
