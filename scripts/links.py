@@ -11,6 +11,8 @@ from urllib.parse import unquote, urlsplit
 
 _FENCE = re.compile(r"^ *```.*?^ *```$", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
+_TEMPLATES = "_static"
+"""Folder of a site with the theme's own files, whose places are not filled in."""
 _CARRYING = {"a": "href", "link": "href", "img": "src", "script": "src", "source": "src"}
 
 
@@ -57,6 +59,7 @@ def dead_in_site(site: Path) -> list[str]:
     return [
         f"{page.relative_to(site)}: {link}"
         for page in sorted(site.rglob("*.html"))
+        if _TEMPLATES not in page.parts
         for link in dict.fromkeys(_read(page)[0])
         if not _leads(page, link)
     ]
