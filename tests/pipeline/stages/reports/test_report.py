@@ -152,7 +152,7 @@ def test_undecided_runs_cannot_be_missed(made: Path, tmp_path: Path) -> None:
     data.to_netcdf(file)
     text = remade(tmp_path / "copy", made.parents[1] / f"{HOSTILE}.yaml")
     page = Page(text)
-    assert "1 of 72 runs are WITHOUT A VERDICT" in page.text
+    assert "1 of 72 runs is WITHOUT A VERDICT" in page.text
     assert "Every run has a verdict" not in page.text
     alarm = text[text.index('id="unresolved"') :]
     row = Page(alarm[: alarm.index("</section>")]).text
