@@ -148,7 +148,7 @@ state() { # what a step was done for; written when it is done
   case $1 in
     environment) printf '%s %s\n' "$(cksum <requirements.lock)" "$PWD" ;;
     project) cksum <pyproject.toml ;;
-    engine) cat vsr_core/engines/nonsmooth/*.py vsr_core/run/*.py requirements.lock | cksum ;;
+    engine) find vsr_core requirements.lock -name '*.py' -o -name '*.lock' | LC_ALL=C sort | xargs cat | cksum ;;
     dev) cksum <requirements-dev.lock ;;
   esac
 }

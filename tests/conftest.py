@@ -14,8 +14,8 @@ import pytest
 from support.browser import Opened, chromium, watched
 
 from pipeline import ROOT, cli
-from pipeline.workflow import keys
 from vsr_core.engines import load
+from vsr_core.source import tracing
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 """Before NumPy is loaded: threads that share the small matrices of these tests only spin."""
@@ -128,12 +128,12 @@ def refused(vsr: Callable[..., Ran], derived: Path) -> Callable[..., str]:
 
 @pytest.fixture
 def code_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A copy of the packages whose code ``keys`` digests in place of the real one."""
+    """A copy of the packages whose code is traced in place of the real one."""
     folder = tmp_path / "code"
     skip = shutil.ignore_patterns("__pycache__")
-    for package in keys.PACKAGES:
+    for package in tracing.PACKAGES:
         shutil.copytree(ROOT / package, folder / package, ignore=skip)
-    monkeypatch.setattr(keys, "ROOT", folder)
+    monkeypatch.setattr(tracing, "ROOT", folder)
     forget_code()
     yield folder
     monkeypatch.undo()
@@ -142,8 +142,8 @@ def code_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
 
 def forget_code() -> None:
     """Digests of code are kept for the life of a process; drop them after an edit."""
-    keys._definition.cache_clear()
-    keys._parse.cache_clear()
+    tracing._definition.cache_clear()
+    tracing._parse.cache_clear()
 
 
 @pytest.fixture

@@ -18,9 +18,9 @@ from pipeline import ROOT
 from pipeline.workflow.registry import STAGES
 
 CORE = [
-    "errors", "arrays", "outcome", "rock", "terrain", "scan", "surrogates", "motions", "table",
-    "scene", "engines", "run", "verification", "fragility", "hazard", "displacement", "validation",
-    "uncertainty",
+    "source", "errors", "arrays", "outcome", "rock", "terrain", "scan", "surrogates", "motions",
+    "table", "scene", "engines", "run", "verification", "fragility", "hazard", "displacement",
+    "validation", "uncertainty",
 ]  # fmt: skip
 PIPELINE = ["config", "workflow", "drawing", "stages", "status", "cli", "commands"]
 STAGE = [

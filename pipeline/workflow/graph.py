@@ -16,6 +16,7 @@ from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.run_store import RunsLost
 from pipeline.workflow.stage import Job, Product, Refusal, Stage
 from pipeline.workflow.store import Store
+from vsr_core.source import tracing
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ def identities(name: str, site: Site) -> dict[str, Identity]:
         found[stage.name] = Identity(
             {
                 "config": stage.settings(site.settings),
-                "code": keys.code(stage.roots()),
+                "code": tracing.reached(stage.roots()),
                 "inputs": stage.input_digests(site),
                 "versions": {
                     library: keys.installed_version(library) for library in stage.versions

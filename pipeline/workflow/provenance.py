@@ -8,6 +8,7 @@ from functools import cache, cached_property
 
 from pipeline import ROOT
 from pipeline.workflow import keys
+from vsr_core.source.tracing import PACKAGES
 
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "pybullet", "mujoco", "trimesh")
 """Those that runs are computed with."""
@@ -69,7 +70,7 @@ def here() -> Provenance:
     """
     code = {
         path.relative_to(ROOT).as_posix(): keys.digest_bytes(path.read_bytes())
-        for package in keys.PACKAGES
+        for package in PACKAGES
         for path in sorted((ROOT / package).rglob("*.py"))
     }
     libraries = {name: keys.installed_version(name) for name in LIBRARIES}

@@ -152,7 +152,7 @@ class Stage:
 
         Returns
         -------
-        tuple of str, as ``keys.code`` takes them
+        tuple of str, as ``tracing.reached`` takes them
         """
         return self.code if self.made_elsewhere else (self.make, *self.code)
 

@@ -17,10 +17,11 @@ from pipeline.workflow import graph
 from pipeline.workflow.datasets import catalogue
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.graph import Identity
-from pipeline.workflow.keys import code, installed_version
+from pipeline.workflow.keys import installed_version
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.stage import Job, Product, Stage, named
 from pipeline.workflow.store import Store
+from vsr_core.source import tracing
 
 FOLDER = "studies"
 """Of the sweeps of a site, in its own folder."""
@@ -168,7 +169,7 @@ def _wanted(swept: Swept) -> Identity:
     return Identity(
         {
             "config": {"sweep": dimensions, "product": swept.stage},
-            "code": code(COMPARISON.roots()),
+            "code": tracing.reached(COMPARISON.roots()),
             "inputs": COMPARISON.input_digests(swept.job.site),
             "versions": versions,
             "needs": needs,

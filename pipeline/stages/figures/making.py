@@ -20,6 +20,7 @@ from pipeline.workflow.graph import Identity
 from pipeline.workflow.registry import upstream
 from pipeline.workflow.stage import Job, Product, Stage
 from pipeline.workflow.store import Store
+from vsr_core.source import tracing
 
 FOLDER = "figures"
 """Of the derived data, where the figures go."""
@@ -125,7 +126,7 @@ def _draw(
     identity = Identity(
         {
             "config": {},
-            "code": keys.code(stage.roots()),
+            "code": tracing.reached(stage.roots()),
             "inputs": {path.name: keys.digest_file(path) for path in paper.inputs(figure)},
             "versions": {library: keys.installed_version(library) for library in _LIBRARIES},
             "needs": needs,

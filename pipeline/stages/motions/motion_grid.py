@@ -35,6 +35,7 @@ from vsr_core.motions.ricker_pulse import RickerPulse
 from vsr_core.motions.sampled import SampledMotion
 from vsr_core.motions.sine_pulse import SinePulse
 from vsr_core.motions.six_axes import AxisPulse, AxisPulses
+from vsr_core.source import tracing
 
 FILE = "motions.nc"
 
@@ -202,7 +203,7 @@ class ShapedPulses(Pulses):
         list
         """
         shape = SHAPES[self.kind]
-        code = keys.code((f"{shape.__module__}:{shape.__name__}",))
+        code = tracing.reached((f"{shape.__module__}:{shape.__name__}",))
         return [self.kind, keys.digest(code)]
 
 
@@ -223,7 +224,7 @@ class TablePulses(Pulses):
 
     def identity(self) -> Any:
         parts = [pulse.model_dump(mode="json") for pulse in self.pulses]
-        return ["table_pulses", parts, keys.digest(keys.code(AXIS_CODE))]
+        return ["table_pulses", parts, keys.digest(tracing.reached(AXIS_CODE))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,7 +246,7 @@ class Records:
         return keys.digest_bytes(step, trace.acceleration.tobytes()).encode()
 
     def identity(self) -> Any:
-        return ["record", keys.digest(keys.code(RECORD_CODE))]
+        return ["record", keys.digest(tracing.reached(RECORD_CODE))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,7 +268,7 @@ class Tables:
         return keys.digest_bytes(motion.time.tobytes(), motion.samples.tobytes()).encode()
 
     def identity(self) -> Any:
-        return ["table", keys.digest(keys.code(TABLE_CODE))]
+        return ["table", keys.digest(tracing.reached(TABLE_CODE))]
 
 
 def of_store(config: Config, store: Store) -> Shaking:

@@ -26,6 +26,7 @@ from vsr_core.run.input_checks import check, check_step, check_unshaken, longest
 from vsr_core.run.proofs import Barrier
 from vsr_core.run.reductions import PROOFS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.scene import Scene
+from vsr_core.source import tracing
 from vsr_core.table.servo import Servo
 from vsr_core.verification.time_step import step_unit
 
@@ -177,7 +178,7 @@ def code(engine: str, *, terrain: bool) -> tuple[str, ...]:
 
     Returns
     -------
-    tuple of str, as ``pipeline.workflow.keys.code`` takes them
+    tuple of str, as ``tracing.reached`` takes them
     """
     return (*(TERRAIN_CODE if terrain else RUN_CODE), f"vsr_core.engines.{engine}:build")
 
@@ -210,7 +211,7 @@ def identity(scenes: Scenes) -> dict[str, Any]:
         "drive": config.servo.model_dump() if config.drive == "servo" else config.drive,
         "simulation": [engine, config.simulation.reduce],
         "engine": engines.load(engine).VERSION,
-        "code": keys.digest(keys.code(code(engine, terrain=ground is not None))),
+        "code": keys.digest(tracing.reached(code(engine, terrain=ground is not None))),
     }
 
 

@@ -35,6 +35,7 @@ from vsr_core import engines
 from vsr_core.rock.body import Rock
 from vsr_core.run.cases import Case, Settings
 from vsr_core.scene import Contact, Scene
+from vsr_core.source import tracing
 from vsr_core.verification import time_step as ladder
 from vsr_core.verification.time_step import (
     Boundary,
@@ -242,7 +243,8 @@ def _names(scenes: Scenes) -> dict[float, str]:
     """Identity of what is measured for each friction, on a flat pedestal whatever the site's is."""
     assert scenes.ground is None
     parts = ("measure", "lots", "enough")
-    code = keys.digest(keys.code(tuple(f"vsr_core.verification.time_step:{p}" for p in parts)))
+    roots = [f"vsr_core.verification.time_step:{part}" for part in parts]
+    code = keys.digest(tracing.reached(roots))
     common = identity(scenes)
     frictions = scenes.config.contact.friction
     return {friction: keys.digest([common, friction, code]) for friction in frictions}

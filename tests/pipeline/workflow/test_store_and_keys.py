@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support import grounds
-from support.following import following
+from support.following import compiled_beneath, following
 
 from pipeline import ROOT
 from pipeline.config.layers import load_site
@@ -33,6 +33,7 @@ from pipeline.workflow.run_store import RUNS, RunStore
 from pipeline.workflow.store import Store
 from vsr_core.outcome import Outcome
 from vsr_core.run.displacement import displace
+from vsr_core.source import tracing
 
 SMALL = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2, 0.5]}\n"
 FACTS = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0}
@@ -385,136 +386,6 @@ def test_key_does_not_depend_on_the_order_or_spelling_in_yaml(
 
 # Keys of code
 
-TREE = {
-    "vsr_core/__init__.py": 'G = 9.8\n"""text"""\n',
-    "vsr_core/helper.py": (
-        "LIMIT = 3\n"
-        "TABLE: dict = {1: 2}\n"
-        "def used(x):\n    return deeper(x) + LIMIT\n"
-        "def deeper(x):\n    return x\n"
-        "def unused(x):\n    return x\n"
-    ),
-    "vsr_core/attribute.py": "def reached(x):\n    return x\ndef not_reached(x):\n    return x\n",
-    "vsr_core/front.py": "from vsr_core.behind import hidden as shown\n",
-    "vsr_core/behind.py": "def hidden(x):\n    return x\n",
-    "vsr_core/late.py": "def inside(x):\n    return x\n",
-    "vsr_core/kinds.py": (
-        "class Base:\n    def low(self):\n        return 1\n"
-        "class Kind(Base):\n    def act(self):\n        return 1\n"
-    ),
-    "vsr_core/wraps.py": "def mark(f):\n    return f\n",
-    "pipeline/__init__.py": "",
-    "pipeline/main.py": (
-        "import numpy as np\n"
-        "import vsr_core.attribute\n"
-        "from vsr_core import G, attribute\n"
-        "from vsr_core.helper import used as renamed\n"
-        "from vsr_core.front import shown\n"
-        "from vsr_core.kinds import Kind\n"
-        "from vsr_core.wraps import mark\n"
-        "@mark\n"
-        "def root(x):\n"
-        '    """What it does."""\n'
-        "    from vsr_core import late\n"
-        "    # why\n"
-        "    return renamed(x) + attribute.reached(x) + shown(x) + late.inside(x) * G * np.pi\n"
-        "def second(x, kind: Kind):\n    return kind.act()\n"
-    ),
-}
-
-
-@pytest.fixture
-def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A small project whose code ``keys`` digests in place of the real one."""
-    for name, text in TREE.items():
-        path = tmp_path / name
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text)
-    monkeypatch.setattr(keys, "ROOT", tmp_path)
-    forget()
-    yield tmp_path
-    monkeypatch.undo()
-    forget()
-
-
-def forget() -> None:
-    keys._definition.cache_clear()
-    keys._parse.cache_clear()
-
-
-def closure(*roots: str) -> dict[str, str]:
-    forget()
-    return keys.code(roots or ("pipeline.main:root",))
-
-
-def edit(path: Path, old: str, new: str) -> None:
-    text = path.read_text()
-    assert text.count(old) == 1
-    path.write_text(text.replace(old, new))
-
-
-def test_closure_is_what_is_reached(tree: Path) -> None:
-    assert set(closure()) == {
-        "pipeline.main:root",
-        "vsr_core:G",
-        "vsr_core.helper:used",
-        "vsr_core.helper:deeper",
-        "vsr_core.helper:LIMIT",
-        "vsr_core.attribute:reached",
-        "vsr_core.behind:hidden",
-        "vsr_core.late:inside",
-        "vsr_core.wraps:mark",
-    }
-    both = set(closure("pipeline.main:second"))
-    assert both == {"pipeline.main:second", "vsr_core.kinds:Kind", "vsr_core.kinds:Base"}
-
-
-@pytest.mark.parametrize(
-    ("file", "old", "new", "changed"),
-    [
-        ("vsr_core/helper.py", "LIMIT = 3", "LIMIT = 4", "vsr_core.helper:LIMIT"),
-        ("vsr_core/helper.py", "def deeper(x):\n", "def deeper(x, y=1):\n",
-         "vsr_core.helper:deeper"),
-        ("vsr_core/attribute.py", "def reached(x):\n    return x", "def reached(x):\n    return -x",
-         "vsr_core.attribute:reached"),
-        ("vsr_core/behind.py", "return x", "return 2 * x", "vsr_core.behind:hidden"),
-        ("vsr_core/late.py", "return x", "return 2 * x", "vsr_core.late:inside"),
-        ("vsr_core/wraps.py", "return f", "return f or 1", "vsr_core.wraps:mark"),
-        ("vsr_core/__init__.py", "G = 9.8", "G = 9.81", "vsr_core:G"),
-        ("pipeline/main.py", "@mark\n", "", "pipeline.main:root"),
-    ],
-)  # fmt: skip
-def test_edit_of_what_is_used_is_noticed(
-    tree: Path, file: str, old: str, new: str, changed: str
-) -> None:
-    before = closure()
-    edit(tree / file, old, new)
-    after = closure()
-    assert after.get(changed) != before[changed]
-    assert {name for name in after if after[name] != before.get(name)} == {changed}
-
-
-@pytest.mark.parametrize(
-    ("file", "old", "new"),
-    [
-        ("pipeline/main.py", "    # why\n", ""),
-        ("pipeline/main.py", '"""What it does."""', '"""Something else,\n\n    at length."""'),
-        ("pipeline/main.py", '    """What it does."""\n', ""),
-        ("pipeline/main.py", "def root(x):\n", "\n\n\ndef root( x ):\n\n"),
-        ("pipeline/main.py", "def second(x, kind: Kind):\n", "def second(x, kind: Kind, z=1):\n"),
-        ("vsr_core/helper.py", "def unused(x):\n    return x\n", ""),
-        ("vsr_core/helper.py", "TABLE: dict = {1: 2}", "TABLE: dict = {1: 3}"),
-        ("vsr_core/helper.py", "LIMIT = 3\n", "LIMIT = 3  # of a kind\n"),
-        ("vsr_core/attribute.py", "def not_reached(x):", "def not_reached(x, y):"),
-        ("vsr_core/__init__.py", '"""text"""', '"""another text"""'),
-    ],
-)
-def test_edit_of_what_is_not_used_is_not(tree: Path, file: str, old: str, new: str) -> None:
-    before = closure()
-    edit(tree / file, old, new)
-    assert closure() == before
-
-
 DECIDES = {
     "vsr_core.run.proofs:barrier": {"rock", "runs"},
     "vsr_core.rock.tipping:rest_tilts": {"rock", "runs"},
@@ -551,7 +422,8 @@ def test_stages_decided_by_a_function(edit_function: Callable[[str, str, str], N
     assert {name for name, _ in touched} <= set(DECIDES)
 
 
-def test_every_function_that_a_run_enters_is_in_its_key() -> None:
+@pytest.mark.parametrize("engine", ["bullet", "nonsmooth"])
+def test_every_function_that_a_run_enters_is_in_its_key(engine: str) -> None:
     """Followed while it runs, so that a call the syntax does not show would be found."""
     from vsr_core import GRAVITY
     from vsr_core.motions.cosine_pulse import CosinePulse
@@ -568,14 +440,17 @@ def test_every_function_that_a_run_enters_is_in_its_key() -> None:
     with following() as entered:
         for reduce in (True, False):
             case = prepare(Scene(rock, Contact(0.6), 0.3), proofs.barrier(rock), reduce=reduce)
-            settings = Settings(step, reduce)
+            settings = Settings(step, reduce, engine)
             for ratio, pga in cells:
                 simulate(case, CosinePulse(pga * GRAVITY, ratio), settings)
+    entered |= (beneath := compiled_beneath(entered))
     assert len(entered) > 15
-    assert entered - set(keys.code(run_code("bullet", terrain=False))) == set()
+    assert ("vsr_core.engines.nonsmooth.stepping:step" in beneath) == (engine == "nonsmooth")
+    assert entered - set(tracing.reached(run_code(engine, terrain=False))) == set()
 
 
-def test_every_function_that_a_displacement_run_enters_is_in_its_key() -> None:
+@pytest.mark.parametrize("engine", ["bullet", "nonsmooth"])
+def test_every_function_that_a_displacement_run_enters_is_in_its_key(engine: str) -> None:
     from vsr_core.motions.cosine_pulse import CosinePulse
     from vsr_core.run.cases import Settings
 
@@ -586,10 +461,11 @@ def test_every_function_that_a_displacement_run_enters_is_in_its_key() -> None:
     with following() as entered:
         for place in places:
             motion, follow = CosinePulse.from_g(0.7, 0.15), place is places[0]
-            displace(place, motion, Settings(0.004), follow=follow)
+            displace(place, motion, Settings(0.004, engine=engine), follow=follow)
+    entered |= (beneath := compiled_beneath(entered))
     assert len(entered) > 15
-    roots = run_code("bullet", terrain=True)
-    assert entered - set(keys.code(roots)) == set()
+    assert ("vsr_core.run.travelling:go_on" in beneath) == (engine == "nonsmooth")
+    assert entered - set(tracing.reached(run_code(engine, terrain=True))) == set()
 
 
 def test_manifest_holds_a_checksum_of_every_product(

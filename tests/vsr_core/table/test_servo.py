@@ -17,7 +17,6 @@ from pipeline.config import in_si
 from pipeline.config.layers import load_site
 from pipeline.stages.runs.scenes import code as run_code
 from pipeline.stages.runs.study import load_study
-from pipeline.workflow import keys
 from pipeline.workflow.graph import identities
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
@@ -33,6 +32,7 @@ from vsr_core.run.overturning import simulate
 from vsr_core.run.proofs import Barrier, barrier, reachable_energy
 from vsr_core.run.sampling import samples, sampling
 from vsr_core.scene import Contact, Scene, State, resting
+from vsr_core.source import tracing
 from vsr_core.table.servo import (
     PUBLISHED,
     Servo,
@@ -532,7 +532,7 @@ def test_run_keys_hold_the_servo_that_drives(
         "vsr_core.engines.bullet.driven:BulletDrivenWorld",
         "vsr_core.run.sampling:samples",
         "vsr_core.table.servo:check",
-    } <= set(keys.code(run_code("bullet", terrain=False)))
+    } <= set(tracing.reached(run_code("bullet", terrain=False)))
     reads = {name: i.facts["config"] for name, i in identities("report", load_site(site)).items()}
     assert {name for name in reads if "drive" in reads[name]} == {
         name for name in reads if "servo" in reads[name]

@@ -20,7 +20,6 @@ from pipeline.stages.studies.stability import stability as stage
 from pipeline.stages.studies.stability.stability_figure import stability_map
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
-from pipeline.workflow.keys import code
 from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
@@ -36,6 +35,7 @@ from vsr_core.run.guards import HALVINGS
 from vsr_core.run.overturning import simulate
 from vsr_core.run.proofs import Barrier, barrier
 from vsr_core.scene import Contact, Scene, State
+from vsr_core.source import tracing
 from vsr_core.table.servo import PUBLISHED
 from vsr_core.verification import stability
 from vsr_core.verification.families import modules
@@ -230,7 +230,7 @@ def test_figures_are_the_same_bytes_every_time(tmp_path: Path) -> None:
 
 
 def test_an_edit_of_a_case_makes_the_stage_again() -> None:
-    reached = code(BY_NAME["stability"].roots())
+    reached = tracing.reached(BY_NAME["stability"].roots())
     for name in (
         "vsr_core.verification.stability.servo_gains:_tracks",
         "vsr_core.verification.stability.long_rest:_drift",

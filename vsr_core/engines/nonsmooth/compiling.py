@@ -1,8 +1,9 @@
 """Compilation of the engine, and where its machine code is kept.
 
-Machine code is kept beside the source, in a folder named by the digest of all that it was compiled
-from: Numba itself looks at the file of the function called only, and would go on using code whose
-other parts were edited.
+Machine code is kept in a folder named by the digest of all that it was compiled from, constants and
+functions of other modules included: Numba itself looks at the file of the function called only, and
+would go on using code whose other parts were edited. The folder is beside the source or, where
+nothing can be written there, among the user's caches.
 """
 
 from __future__ import annotations
@@ -10,35 +11,50 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
 
+from vsr_core.source import tracing
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_CORE = Path(__file__).parents[2]
+_BESIDE = Path(__file__).parents[2] / "__pycache__"
 
 
-def _digest() -> str:
-    whole = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
-    for path in sorted(_CORE.rglob("*.py")):
-        if b"compiled" in (text := path.read_bytes()):
-            whole.update(text)
-    return whole.hexdigest()
+def compiled_from() -> dict[str, str]:
+    """Digest of every definition of this project that compiled functions are made from.
+
+    Returns
+    -------
+    dict
+        From ``"package.module:name"`` to the digest of that definition.
+    """
+    return tracing.reached(tracing.users(__name__, ("compiled", "inlined")))
 
 
-_FOLDER = _CORE / "__pycache__" / f"compiled-{_digest()}"
-
-if "NUMBA_CACHE_DIR" not in os.environ:
-    config.CACHE_DIR = str(_FOLDER)  # type: ignore[attr-defined]
+def _folder() -> Path:
+    """Folder of the machine code; one for this process alone where nothing can be kept."""
+    source = repr([numba.__version__, compiled_from()]).encode()
+    name = f"compiled-{hashlib.blake2b(source, digest_size=8).hexdigest()}"
+    caches = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    for place in (os.environ.get("NUMBA_CACHE_DIR") or _BESIDE, Path(caches, "vsr")):
+        with suppress(OSError, RuntimeError):  # the latter without a home
+            folder = Path(place).expanduser() / name
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return folder
+    return Path(tempfile.mkdtemp(prefix="vsr-"))
 
 
 def forget_others() -> None:
     """Remove machine code of sources that are no more."""
-    for folder in _FOLDER.parent.glob("compiled-*"):
+    for folder in _BESIDE.glob("compiled-*"):
         if folder != _FOLDER:
             shutil.rmtree(folder, ignore_errors=True)
 
@@ -79,3 +95,7 @@ def inlined(function: Function) -> Function:
     callable
     """
     return cast(Function, numba.njit(forceinline=True, **_OPTIONS)(function))
+
+
+_FOLDER = _folder()
+config.CACHE_DIR = str(_FOLDER)  # type: ignore[attr-defined]

@@ -17,6 +17,7 @@ from pipeline.workflow.rows import RunRow
 from pipeline.workflow.stage import Job
 from vsr_core import engines
 from vsr_core.run.cases import Case
+from vsr_core.source import tracing
 from vsr_core.validation.priors import Member
 from vsr_core.validation.recorded_test import shaken, standing_case
 from vsr_core.validation.specimen import Form, drawn
@@ -144,7 +145,8 @@ def outcomes(
 def _identities(series: Series, members: Mapping[Draw, Member]) -> dict[Draw, str]:
     """What the runs of each draw share: scan, member, engine and the code that they reach."""
     config = series.tests.config
-    code, version = keys.digest(keys.code(VALIDATION_CODE)), engines.load(config.engine).VERSION
+    code = keys.digest(tracing.reached(VALIDATION_CODE))
+    version = engines.load(config.engine).VERSION
     shapes = {specimen: _digest(form) for specimen, form in series.forms.items()}
     common = [repr(config.density), series.tests.interval, code, version]
     return {

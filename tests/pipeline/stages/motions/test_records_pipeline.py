@@ -20,11 +20,11 @@ from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.record_figure import record_figure
 from pipeline.stages.motions.record_inputs import find
 from pipeline.stages.runs import scenes
-from pipeline.workflow import keys
 from pipeline.workflow.datasets import read
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.source import tracing
 
 Refused = Callable[..., str]
 Vsr = Callable[..., object]
@@ -188,7 +188,7 @@ def test_every_function_that_a_recorded_motion_enters_is_in_its_key(folder: Path
             simulate(case, motions.motion(cell), Settings(0.0014))
     recorded = {name for name in entered if name.startswith("vsr_core.motions.records")}
     assert len(recorded) >= 3
-    in_key = keys.code((*scenes.code("bullet", terrain=False), *motion_grid.RECORD_CODE))
+    in_key = tracing.reached((*scenes.code("bullet", terrain=False), *motion_grid.RECORD_CODE))
     assert entered - set(in_key) == set()
 
 

@@ -40,7 +40,7 @@ class Facts(NamedTuple):
     imports: list[tuple[str, str, str]]
 
 
-def facts(module: str, text: bytes) -> Facts:
+def of(module: str, text: bytes) -> Facts:
     """What a module's text says.
 
     Parameters
@@ -117,7 +117,7 @@ def _defined(node: ast.stmt) -> Iterator[str]:
     elif isinstance(node, ast.Assign):
         for target in node.targets:
             yield from (n.id for n in ast.walk(target) if isinstance(n, ast.Name))
-    elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+    elif isinstance(node, (ast.AnnAssign, ast.AugAssign)) and isinstance(node.target, ast.Name):
         yield node.target.id
 
 
