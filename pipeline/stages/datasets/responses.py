@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 import yaml
 
+from pipeline.config.schema import Config
 from pipeline.stages.datasets.stored_runs import moved, stored, tally
 from pipeline.stages.motions.motion_grid import FILE as MOTIONS
 from pipeline.stages.motions.motion_grid import Shaking
@@ -23,6 +24,9 @@ from pipeline.workflow.stage import Job, Product
 from vsr_core.outcome import Outcome
 
 FILE = "responses.nc"
+
+_ASKED_OF_RUNS = {"found", "hazard", "uncertainty"}
+"""Sections that change no run: the products that they decide hold them."""
 
 _TYPES = {
     "outcome": "i1",
@@ -60,12 +64,27 @@ def make(job: Job) -> Product:
     reductions = left_out(config, flat_case(study.scenes, study.groups[0]))
     dataset.attrs["left_out"] = "\n".join(map(str, reductions))
     dataset.attrs["left_out_names"] = " ".join(r.reduction.name.lower() for r in reductions)
-    settings = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)
+    settings = settings_of_runs(config)
     files = {
         FILE: netcdf(described(dataset, job, "Overturning responses")),
         "config.yaml": writers.text(f"# resolved configuration of {job.site.origin}\n{settings}"),
     }
     return Product(files, summary, unresolved=unresolved)
+
+
+def settings_of_runs(config: Config) -> str:
+    """Every setting that decides runs, or what is said of them, as YAML.
+
+    Parameters
+    ----------
+    config : Config
+
+    Returns
+    -------
+    str
+    """
+    settings = config.model_dump(mode="json", exclude=_ASKED_OF_RUNS)
+    return yaml.safe_dump(settings, sort_keys=False)
 
 
 def _dataset(study: Study, runs: pd.DataFrame) -> xr.Dataset:

@@ -17,17 +17,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from support import grounds
 from support.following import compiled_beneath, following
 
 from pipeline import ROOT
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
+from pipeline.stages.hazard.others import NOTED
 from pipeline.stages.runs.runner import Run, missing
 from pipeline.stages.runs.scenes import code as run_code
 from pipeline.workflow import keys, store
-from pipeline.workflow.graph import identities
+from pipeline.workflow.graph import Identity, identities, why
 from pipeline.workflow.owner import LOCK
+from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.rows import DisplacementRow, RunRow
 from pipeline.workflow.run_store import RUNS, RunStore
 from pipeline.workflow.store import Store
@@ -94,6 +97,49 @@ def test_half_of_the_products_is_damage(shelf: Store) -> None:
     with pytest.raises(ValueError, match=r"^$"):
         shelf.publish("stage", FACTS, {"a.txt": lambda p: p.write_text("new"), "b.txt": fails})
     assert shelf.damage("stage") == "a.txt is not what was written"
+
+
+@pytest.mark.parametrize("damage", ["other text", None])
+def test_a_damaged_product_is_not_lent(tmp_path: Path, damage: str | None) -> None:
+    lenders: dict[tuple[str, str], Store] = {}
+    lender, borrower = (Store(tmp_path / name, None, lenders) for name in ("lender", "borrower"))
+    for each in (lender, borrower):
+        each.open()
+    lender.publish("stage", FACTS, {"a.txt": lambda path: path.write_text("whole")})
+    lender.lends(["stage"])
+    assert borrower.borrow("stage", "k") == "lender"
+    borrower.forget("stage")
+    (borrower.folder / "a.txt").unlink()
+    lender.lends(["stage"])
+    if damage is None:
+        (lender.folder / "a.txt").unlink()
+    else:
+        (lender.folder / "a.txt").write_text(damage)
+    assert borrower.borrow("stage", "k") == ""
+    assert borrower.manifest("stage") is None
+    assert not (borrower.folder / "a.txt").exists()
+
+
+@pytest.mark.parametrize("stage", ["runs", "displacement_runs"])
+def test_runs_without_their_database_are_not_fresh(shelf: Store, stage: str) -> None:
+    identity = Identity({"config": {}})
+    shelf.publish(stage, {**FACTS, "key": identity.key}, {})
+    assert list(why(BY_NAME[stage], identity, shelf)) != []
+    with closing(RunStore(shelf.folder, RunRow)) as runs:
+        runs.add([row(1)])
+    assert list(why(BY_NAME[stage], identity, shelf)) == []
+
+
+def test_hazard_is_not_fresh_when_what_it_read_of_another_rock_changed(shelf: Store) -> None:
+    other = shelf.folder / "fragility.nc"
+    other.write_text("as it was read")
+    noted = {NOTED: json.dumps({other.name: keys.digest_file(other)})}
+    identity = Identity({"config": {}})
+    writer = xr.Dataset(attrs=noted).to_netcdf
+    shelf.publish("hazard", {**FACTS, "key": identity.key}, {"hazard.nc": writer})
+    assert list(why(BY_NAME["hazard"], identity, shelf)) == []
+    other.write_text("made anew")
+    assert list(why(BY_NAME["hazard"], identity, shelf)) == ["fragility.nc changed"]
 
 
 def test_left_parts_go_when_the_store_opens(shelf: Store) -> None:

@@ -1,0 +1,382 @@
+"""Every setting is in the keys of all that depends on it, whatever a stage declares.
+
+The settings are those of the models; what each decides is stated here, in the words of the work
+that is done: a rock is shaken, its runs make responses, these a fragility, and so on.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Literal, NamedTuple, get_args, get_origin
+
+import numpy as np
+import pytest
+from pydantic import BaseModel, ValidationError
+
+from pipeline import ROOT
+from pipeline.config.layers import Site, load_site
+from pipeline.config.recorded_tests_schema import ShakeTableConfig
+from pipeline.config.schema import Config
+from pipeline.stages.datasets.responses import settings_of_runs
+from pipeline.stages.runs import study
+from pipeline.stages.runs.scenes import Scenes
+from pipeline.stages.studies.validation import recorded_runs
+from pipeline.workflow import graph, keys, pages
+from pipeline.workflow.registry import STAGES
+from pipeline.workflow.stage import Stage
+from pipeline.workflow.store import Store
+from vsr_core.rock.solid import block
+from vsr_core.source import tracing
+
+# What depends on what
+
+RUNS = {"runs", "responses", "bullet_sample", "fragility", "report"}
+MOVED = {"displacement_runs", "displacement", "displacement_report"}
+DRAWN = {"uncertainty", "hazard"}
+STUDIES = {"accuracy", "drive"}
+AFTER_MOTIONS = RUNS | MOVED | DRAWN | STUDIES
+
+DECIDES = {
+    "rock": {"rock", "time_step", "terrain", "as_printed"} | AFTER_MOTIONS,
+    "pedestal": {"rock", "time_step", "terrain", "as_printed"} | AFTER_MOTIONS,
+    "contact": {"time_step", "terrain", "as_printed"} | AFTER_MOTIONS,
+    "contact.rolling_friction": {"rock"},
+    "motion": {"motions", "as_printed"} | AFTER_MOTIONS,
+    "yaw": AFTER_MOTIONS,
+    "drive": {"time_step", "accuracy"} | RUNS | DRAWN,
+    "servo": {"time_step", "accuracy", "drive"} | RUNS | DRAWN,
+    "simulation": {"time_step", "accuracy"} | RUNS | MOVED | DRAWN,
+    "simulation.engine": {"terrain"},
+    "simulation.reduce": {"terrain"},
+    "found": {"displacement_report"},
+    "hazard": {"hazard"},
+    "uncertainty": DRAWN,
+}
+"""Stages whose products a setting decides, by the beginnings of dotted keys."""
+
+NO_RUN = {
+    "rock.mesh": "a block has no scan",
+    "rock.fallback": "a block has no scan",
+    "rock.scale": "a block has no scan",
+    "rock.closing": "a block has no scan",
+    "pedestal.near": "level ground is cut from no scan",
+    "pedestal.clearance": "a rock on level ground does not settle",
+    "simulation.tolerance": "it chooses a time step, which is given here",
+    "found": "it is asked of runs that are done",
+    "hazard": "it is asked of runs that are done",
+    "uncertainty": "draws have runs of their own",
+}
+"""Settings of a block on level ground that change no run on its grid, and why."""
+
+
+# Configurations in which each setting counts
+
+
+class Base(NamedTuple):
+    """A configuration, and the products that are asked for."""
+
+    site: str
+    products: tuple[str, ...]
+    settings: tuple[str, ...] = ()
+    reads_files: bool = False  # else the files that it names need not be there
+
+
+STEP = "simulation.time_step=0.001"
+FLAT = ("report", "hazard", "accuracy", "drive", "as_printed")
+ROCKS = "hazard.rocks=[{site: other, age: {kind: normal, mean: 1000, sd: 10}}]"
+RATIO = "hazard.pgv_pga={pga: [0.1, 0.5], median: [0.1, 0.2], log_sd: [0.3, 0.4]}"
+COMPARE = "hazard.compare=[{name: friction, study: friction, set: []}]"
+ASKED = ("hazard.curves=curves", "hazard.age={kind: normal, mean: 10000, sd: 1000}")
+PULSES = "[{axis: x}, {axis: z, share: 0.3, pgv_pga: 0.1}]"
+RECORD = (
+    "{kind: record, files: [a.csv], pga: [0.1, 0.3], processing: {order: standard, highpass: 0.1, "
+    "lowpass: 25.0}, response: {file: a.xml, corners: [0.1, 0.2, 20.0, 25.0]}}"
+)
+
+
+def on_terrain(cut: str = "proposal") -> Base:
+    settings = (STEP, f"pedestal.cut={cut}", "found.area=1000.0")
+    return Base("double_rock_terrain", ("displacement_report", "report"), settings)
+
+
+def of_age(age: str) -> Base:
+    return Base("cuboid_1x1x2", ("hazard",), (STEP, "hazard.curves=curves", f"hazard.age={age}"))
+
+
+def shaken(motion: str) -> Base:
+    return Base("cuboid_1x1x2", ("report", "accuracy", "drive"), (STEP, f"motion={motion}"))
+
+
+BASES = {
+    "block": Base("cuboid_1x1x2", FLAT, (STEP, "rock.mesh=a.ply", *ASKED, ROCKS, RATIO, COMPARE)),
+    "bullet": Base("cuboid_1x1x2", ("report",), (STEP, "simulation.engine=bullet")),
+    "servo": Base(
+        "cuboid_1x1x2", ("report", "accuracy", "drive"), (STEP, "drive=servo"), reads_files=True
+    ),
+    "idle servo": Base("cuboid_1x1x2", ("drive",), (STEP,), reads_files=True),
+    "terrain": on_terrain(),
+    "plane": on_terrain("{kind: plane, point: [0, 0, 1], normal: [0, 0, 1]}"),
+    "box": on_terrain("{kind: box, low: [0, 0, 0], high: [1, 1, 1]}"),
+    "polygon": on_terrain("{kind: polygon, corners: [[0, 0], [1, 0], [0, 1]]}"),
+    "colour": on_terrain("{kind: colour, rgb: [200, 10, 10]}"),
+    "lognormal": of_age("{kind: lognormal, median: 10000, log_sd: 0.3}"),
+    "bounds": of_age("{kind: bounds, low: 9000, high: 20000}"),
+    "samples": of_age("{kind: samples, values: [9000, 10000]}"),
+    "sine": shaken("{kind: sine_pulse, pga: [0.2, 0.4], pgv_pga: [0.1, 0.2]}"),
+    "ricker": shaken("{kind: ricker_pulse, pga: [0.2, 0.4], pgv_pga: [0.1, 0.2]}"),
+    "record": shaken(RECORD),
+    "table": shaken("{kind: table, files: [a.csv], pga: [0.1, 0.3]}"),
+    "pulses": shaken(f"{{kind: table, pulses: {PULSES}, pga: [0.1, 0.3], pgv_pga: [0.1, 0.2]}}"),
+}
+
+GRIDS_OF_RUNS = ("block", "bullet", "servo", "sine", "ricker", "pulses")
+"""Those whose runs are told by the configuration alone."""
+
+
+@cache
+def site_of(base: str) -> Site:
+    given = BASES[base]
+    return load_site(given.site, None, given.settings)
+
+
+# Settings and other values of them
+
+
+def leaves(model: BaseModel) -> Iterator[tuple[tuple[Any, ...], Any, tuple[str, str]]]:
+    """Each setting of a configuration: its key in parts, its value, its model and name there."""
+    for name in type(model).model_fields:
+        value = getattr(model, name)
+        parts = enumerate(value) if isinstance(value, tuple) else [(None, value)]
+        models = [(at, part) for at, part in parts if isinstance(part, BaseModel)]
+        for at, part in models:
+            above = (name,) if at is None else (name, at)
+            yield from (((*above, *key), found, leaf) for key, found, leaf in leaves(part))
+        if not models:
+            yield (name,), value, (type(model).__name__, name)
+
+
+def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from models_in(part)
+
+
+def settings_in(model: type[BaseModel]) -> Iterator[tuple[str, str]]:
+    """Model and name of every setting there is, but for kinds, which choose among models."""
+    for name, field in model.model_fields.items():
+        inner = list(models_in(field.annotation))
+        one = get_origin(field.annotation) is Literal and len(get_args(field.annotation)) == 1
+        if not inner and not one:
+            yield model.__name__, name
+        for part in inner:
+            yield from settings_in(part)
+
+
+def set_to(model: Any, key: tuple[Any, ...], value: Any) -> Any:
+    """The same with another value, checked as one of a file is."""
+    if not key:
+        return value
+    if isinstance(model, tuple):
+        return (*model[: key[0]], set_to(model[key[0]], key[1:], value), *model[key[0] + 1 :])
+    inner = {name: getattr(model, name) for name in type(model).model_fields}
+    return type(model).model_validate(inner | {key[0]: set_to(inner[key[0]], key[1:], value)})
+
+
+def others(value: Any, name: str) -> Iterator[Any]:
+    """Other values that a setting may have; those that it may not are refused."""
+    if name == "engine":
+        yield "bullet"
+    if isinstance(value, bool):
+        yield not value
+    elif isinstance(value, int):
+        yield from (value + 1, value - 1)
+    elif isinstance(value, float):
+        yield from (1.1 * value, 0.9 * value, 0.5 * value, value + 0.1)
+    elif isinstance(value, str):
+        yield from ("servo", "energetic", "caps", "hull", "mesh", "flat", "paper", "larger", "yaw")
+        yield f"{value}2"
+    elif value:
+        yield from ((*value[:-1], last) for last in others(value[-1], ""))
+    yield from (None, "other", 0.5, 100.0, (1.0, 2.0, 3.0), ("yaw=90",))
+
+
+@dataclass(frozen=True)
+class Change:
+    """A configuration with one setting changed."""
+
+    base: str
+    key: tuple[Any, ...]
+    leaf: tuple[str, str]
+    config: Config
+
+    @property
+    def dotted(self) -> str:
+        return ".".join(map(str, self.key))
+
+    def among(self, keys: Any) -> bool:
+        return any(f"{self.dotted}.".startswith(f"{key}.") for key in keys)
+
+
+@cache
+def changes() -> tuple[Change, ...]:
+    found = []
+    for base in BASES:
+        config = site_of(base).config
+        for key, value, leaf in leaves(config):
+            for other in others(value, key[-1]):
+                try:
+                    changed = set_to(config, key, other)
+                except ValidationError:
+                    continue
+                if other != value:
+                    found.append(Change(base, key, leaf, changed))
+                    break
+    return tuple(found)
+
+
+def test_every_setting_is_changed_in_a_configuration_at_least() -> None:
+    assert set(settings_in(Config)) - {change.leaf for change in changes()} == set()
+
+
+# Keys
+
+
+@pytest.fixture
+def only_settings(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """Keys without code and versions, which other tests are about."""
+    monkeypatch.setattr(tracing, "reached", lambda roots: {})
+    monkeypatch.setattr(keys, "installed_version", lambda name: "1")
+    return monkeypatch
+
+
+def stage_keys(base: str, config: Config) -> dict[str, str]:
+    site = replace(site_of(base), settings=config)
+    return {
+        stage: identity.key
+        for product in BASES[base].products
+        for stage, identity in graph.identities(product, site).items()
+    }
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_stages_change_with_every_setting_that_decides_them(
+    only_settings: pytest.MonkeyPatch, base: str
+) -> None:
+    if not BASES[base].reads_files:
+        only_settings.setattr(Stage, "input_digests", lambda stage, site: {})
+    before = stage_keys(base, site_of(base).config)
+    stale = {}
+    for change in (one for one in changes() if one.base == base):
+        after = stage_keys(base, change.config)
+        same = {stage for stage in before if after.get(stage) == before[stage]}
+        wanted = set().union(*(DECIDES[key] for key in DECIDES if change.among((key,))))
+        if change.key[0] == "servo" and change.config.drive != "servo":
+            wanted = {"drive"} if BASES[base].reads_files else set()  # it drives nothing else
+        if left := wanted & same:
+            stale[change.dotted] = left
+    assert stale == {}
+
+
+def run_keys(config: Config, monkeypatch: pytest.MonkeyPatch, folder: Path) -> set[bytes]:
+    """Keys of all runs on the grid of a block."""
+    assert config.rock.size is not None
+    scenes = Scenes(config, block(config.rock.size, config.rock.density), None, None)
+    monkeypatch.setattr(study, "load_scenes", lambda *_: scenes)
+    asked = study.load_study(config, Store(folder))
+    return {run.key for group in asked.groups for run in asked.wanted(group)}
+
+
+@pytest.mark.parametrize("base", GRIDS_OF_RUNS)
+def test_runs_change_with_every_setting_but_those_that_cannot_count(
+    only_settings: pytest.MonkeyPatch, tmp_path: Path, base: str
+) -> None:
+    before = run_keys(site_of(base).config, only_settings, tmp_path)
+    wrong = {}
+    for change in (one for one in changes() if one.base == base):
+        if change.config.rock.shape == "mesh":
+            continue
+        idle = change.among(NO_RUN) or (change.key[0] == "servo" and change.config.drive != "servo")
+        idle |= change.leaf[1] == "engine" and change.config.engine == site_of(base).config.engine
+        same = run_keys(change.config, only_settings, tmp_path) == before
+        if same != idle:
+            wrong[change.dotted] = same
+    assert wrong == {}
+
+
+def test_pulses_of_other_shapes_and_axes_are_other_runs(
+    only_settings: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    grid = "pga: [0.2, 0.4], pgv_pga: [0.1, 0.2]"
+    kinds = ["cosine_pulse", "sine_pulse", "ricker_pulse"]
+    motions = [f"{{kind: {kind}, {grid}}}" for kind in kinds]
+    motions += [f"{{kind: table, pulses: [{{axis: {axis}}}], {grid}}}" for axis in ("x", "y", "z")]
+    found = []
+    for motion in motions:
+        config = load_site("cuboid_1x1x2", None, (STEP, f"motion={motion}")).config
+        found.append(run_keys(config, only_settings, tmp_path))
+    assert len(set().union(*found)) == sum(map(len, found)) == 4 * len(motions)
+
+
+@pytest.mark.parametrize("base", ["block", "servo", "terrain", "record", "pulses"])
+def test_the_settings_beside_the_runs_are_those_of_the_runs(
+    only_settings: pytest.MonkeyPatch, base: str
+) -> None:
+    """What ``config.yaml`` says cannot change and leave the file as it was."""
+    only_settings.setattr(Stage, "input_digests", lambda stage, site: {})
+    config = site_of(base).config
+    before, said = stage_keys(base, config)["responses"], settings_of_runs(config)
+    stale = {
+        change.dotted
+        for change in changes()
+        if change.base == base
+        and settings_of_runs(change.config) != said
+        and stage_keys(base, change.config)["responses"] == before
+    }
+    assert stale == set()
+    assert str(config.contact.friction[0]) in said
+
+
+@pytest.mark.parametrize("change", [{"density": 2600.0}, {"interval": 0.01}, {"friction": 0.7}])
+def test_runs_of_recorded_tests_change_with_what_they_are_of(change: dict[str, float]) -> None:
+    draw = recorded_runs.Draw(1, recorded_runs.Role.BEST_GUESS)
+
+    def told(density: float = 2700.0, interval: float = 0.005, friction: float = 0.6) -> str:
+        tests = SimpleNamespace(config=ShakeTableConfig(density=density), interval=interval)
+        arrays = {name: np.zeros(3) for name in ("vertices", "normals", "faces", "other")}
+        series = SimpleNamespace(tests=tests, forms={1: SimpleNamespace(**arrays, spread=0.1)})
+        members = {draw: SimpleNamespace(friction=friction)}
+        return recorded_runs._identities(series, members)[draw]
+
+    assert told() == told()
+    assert told(**change) != told()
+
+
+# Templates, and what is checked besides
+
+
+def templates_in(room: str) -> set[str]:
+    """Templates that the code of a room names, which are those of its pages."""
+    trees = [ast.parse(path.read_bytes()) for path in (ROOT / room).glob("*.py")]
+    texts = {n.value for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Constant)}
+    return {name for name in pages._files() if name in texts and Path(name).suffix != ".yaml"}
+
+
+def test_pages_change_with_every_template_that_the_code_of_their_room_names(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(pages, "digest", lambda name: "another text")
+    changed: dict[str, set[str]] = {}
+    for stage in STAGES:
+        digests = replace(stage, inputs="").input_digests(site_of("block"))
+        told = {name for name, digest in digests.items() if digest == "another text"}
+        room = stage.make.rpartition(".")[0].replace(".", "/")
+        changed[room] = changed.get(room, set()) | told
+    unnoticed = {room: left for room in changed if (left := templates_in(room) - changed[room])}
+    assert unnoticed == {}
+    assert sum(map(bool, map(templates_in, changed))) > 6
