@@ -137,7 +137,7 @@ figures: setup ## every figure of the paper and its table, and which of its clai
 #: RECORD=file            recorded motion for Fig. 7, in place of the samples
 
 ## The project
-.PHONY: setup setup-dev test coverage test-slow lint check format options docs docs-links bench lock clean
+.PHONY: setup setup-dev test coverage test-slow mutants lint check format options docs docs-links bench lock clean
 test: setup-dev ## tests of some minutes at most
 	$(call run,pytest -n auto --dist loadfile)
 
@@ -146,6 +146,9 @@ coverage: setup-dev ## the same tests, in half as much time again, and which lin
 
 test-slow: setup-dev ## tests that take many minutes
 	$(call run,pytest -m slow)
+
+mutants: setup-dev ## which of some 100 faults, put in one by one, the tests notice; an hour
+	$(call run,scripts.mutants)
 
 check: lint test ## lint, format, types and tests
 

@@ -97,6 +97,7 @@ def test_closure_is_what_is_reached(tree: Path) -> None:
     ("file", "old", "new", "changed"),
     [
         ("vsr_core/helper.py", "LIMIT = 3", "LIMIT = 4", "vsr_core.helper:LIMIT"),
+        ("vsr_core/helper.py", "LIMIT = 3\n", "LIMIT = 3\nLIMIT += 1\n", "vsr_core.helper:LIMIT"),
         ("vsr_core/helper.py", "def deeper(x):\n", "def deeper(x, y=1):\n",
          "vsr_core.helper:deeper"),
         ("vsr_core/attribute.py", "def reached(x):\n    return x", "def reached(x):\n    return -x",
