@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import re
-import sys
-import tomllib
 from functools import cache
 
 import numpy as np
 import pytest
 import trimesh
 
-from pipeline import ROOT
-from vsr_core.errors import InvalidInput
-from vsr_core.scan import underside
 from vsr_core.scan.ground_beneath import depth_in
 from vsr_core.scan.preparation import Prepared, prepare_scan
 from vsr_core.scan.weighing import measured
@@ -99,12 +93,3 @@ def test_the_seam_is_where_the_scan_says() -> None:
     middles = made.separation.vertices[made.separation.faces[made.separation.rock]].mean(axis=1)
     true = (raw.vertices[raw.faces[raw.rock]].mean(axis=1)) - (made.origin + made.shift)
     assert len(middles) == pytest.approx(len(true), rel=0.03)
-
-
-def test_poisson_without_its_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "open3d", None)
-    with pytest.raises(InvalidInput) as refused:
-        underside.poisson(np.zeros((3, 3)), np.zeros((3, 3)))
-    (extra,) = re.findall(r"pip install -e '\.\[(\w+)\]'", refused.value.remedy)
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert any("open3d" in needed for needed in project["optional-dependencies"][extra])
