@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from pipeline import ROOT, cli
+from pipeline.stages.hazard import hazard_page
 from pipeline.stages.hazard.hazard_figures import shaking
 from pipeline.stages.hazard.sensitivity import SAME_ROCK
 from pipeline.workflow.datasets import read
@@ -33,7 +34,7 @@ AGE, SD, LEAST = 3500.0, 400.0, 0.05
 BOX = "rock: {shape: box, size: [0.25, 0.5, 1.2], density: 2110}\n"
 GRID = (
     "motion: {pga: [0.15, 0.3, 0.45, 0.6], pgv_pga: [0.05, 0.1, 0.2, 0.4]}\nyaw: [0, 90]\n"
-    "simulation: {engine: bullet, time_step: 0.0015}\nuncertainty: {members: 0}\n"
+    "simulation: {engine: nonsmooth, time_step: 0.0015}\nuncertainty: {members: 0}\n"
 )
 HAZARD = (
     f"hazard: {{curves: {CURVES}, "
@@ -117,6 +118,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     given = ["run", "hazard", "--site", str(folder / "rock.yaml"), "--workers", "0"]
     assert cli.main([*given, "--derived", str(folder / "derived")]) == 0
     return folder / "derived" / "rock"
+
+
+@pytest.fixture
+def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw no figure, which is most of the work of a page: for tests of the numbers."""
+    monkeypatch.setattr(hazard_page, "svg_uri", lambda figure: "data:,")
 
 
 @pytest.fixture(scope="module")
@@ -361,6 +368,7 @@ def test_what_is_changed_stands_in_the_table_of_changes(
         assert f"{case} | {cells}" in page
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_an_ensemble_gives_the_mean_and_its_members_the_range(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -402,6 +410,7 @@ def test_an_ensemble_gives_the_mean_and_its_members_the_range(
     assert "uncertainty.members" in ran.err
 
 
+@pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize("given", ["age", "curves"])
 def test_another_age_or_other_curves_run_nothing(
     made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], given: str
@@ -434,6 +443,7 @@ def test_another_age_or_other_curves_run_nothing(
     assert "runs done" not in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_rocks_of_one_place_are_asked_together(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
