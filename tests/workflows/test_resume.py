@@ -396,7 +396,8 @@ def test_clean_leaves_what_is_no_site(
     project: dict[str, Path], vsr: Callable[..., object], name: str
 ) -> None:
     ran = vsr("clean", "--site", name, "--yes")
-    assert "nothing derived to remove" in ran.out
+    assert ran.code == 2
+    assert ran.err.startswith(f"vsr: SITE: got '{name}'; ")
     assert (project["product"] / "rock.nc").is_file()
     assert project["raw"].is_file()
     assert project["mine"].is_file()
