@@ -17,11 +17,12 @@ from pipeline.stages.fragility.summary import (
     undecided,
     weak_directions,
 )
+from pipeline.stages.runs.step_choice import kept
 from pipeline.workflow.datasets import rows_of
 from vsr_core.arrays import Array
 from vsr_core.outcome import DecidedBy, Outcome
 from vsr_core.verification.agreement import HIGHEST
-from vsr_core.verification.time_step import ENOUGH
+from vsr_core.verification.time_step import ENOUGH, Boundary
 
 Row = dict[str, Any]
 
@@ -135,17 +136,18 @@ def time_steps(measured: xr.Dataset) -> list[Row]:
     -------
     list of dict
         With ``rows``, for overturning and for displacement: how many have a boundary below
-        ``highest`` [g], of which an error takes ``enough``, and how many were tried; empty where
-        the step was given.
+        ``highest`` [g], of which an error takes ``enough``, and how many were tried; and with
+        ``kept``, in how many the error is kept, and of how many. Empty where the step was given.
     """
     names = ["time_step", "boundary_error", "boundary_error_worst", "displaced_error"]
     rows = _rows(measured[names].to_dataframe())
     for at, row in enumerate(rows):
-        row |= {"rows": [], "highest": in_si.in_g(HIGHEST), "enough": ENOUGH}
+        row |= {"rows": [], "kept": [], "highest": in_si.in_g(HIGHEST), "enough": ENOUGH}
         if "row_reference" in measured:
             reference = measured["row_reference"].isel(friction=at).values
             for kind in (0, 1):
                 own = reference[measured["row_displaced"].values == kind]
+                row["kept"].append(kept(measured.isel(friction=at), Boundary(kind)))
                 row["rows"].append((int(np.isfinite(own).sum()), int((~np.isnan(own)).sum())))
     return rows
 

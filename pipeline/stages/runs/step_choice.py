@@ -143,6 +143,27 @@ _CHOSEN = {
 """Variables of what is chosen, and what they are in a ``Choice``."""
 
 
+def kept(measured: xr.Dataset, boundary: Boundary) -> tuple[int, int]:
+    """Count the rows that keep to the error stated for the step chosen, and those measured.
+
+    Parameters
+    ----------
+    measured : Dataset
+        As in ``time_step.nc``, of one friction.
+    boundary : Boundary
+
+    Returns
+    -------
+    kept, rows : int
+    """
+    stated = measured["displaced_error" if boundary is Boundary.DISPLACED else "boundary_error"]
+    errors = measured["row_error"].values[measured["row_displaced"].values == boundary]
+    errors = errors[np.isfinite(errors).all(axis=1)]
+    steps = measured["step_share"].values * measured.attrs["step_unit_s"]
+    at = int(np.abs(steps - float(measured["time_step"])).argmin())
+    return int((errors[:, at] <= float(stated)).sum()), len(errors)
+
+
 def measure_rows(shared: tuple[Case, Settings, Boundary], items: tuple[float, ...]) -> list[Row]:
     """Measure rows of one direction, friction and boundary, on a worker.
 

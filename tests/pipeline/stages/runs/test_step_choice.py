@@ -10,6 +10,7 @@ from typing import Any
 import netCDF4
 import numpy as np
 import pytest
+import xarray as xr
 
 from pipeline.config.layers import load_site
 from pipeline.stages.runs import step_choice
@@ -141,3 +142,33 @@ def test_a_rock_that_slides_is_measured_by_its_sliding(
     page = (derived / "rock" / "report.html").read_text(encoding="utf-8")
     assert "the error of the overturning boundary was not measured" in page
     assert "from which on the rock is displaced" in page
+
+
+@pytest.mark.parametrize(
+    ("errors", "stated", "counts"),
+    [
+        ([0.001, 0.002, 0.02], 0.02, (3, 3)),  # four in five of three are all
+        ([0.001, 0.002, 0.02, 0.003, 0.004], 0.004, (4, 5)),
+        ([0.001, math.nan, 0.002, 0.003], 0.003, (3, 3)),  # one without a reference
+    ],
+)
+@pytest.mark.parametrize("boundary", step_choice.Boundary)
+def test_rows_that_keep_to_the_stated_error_are_counted(
+    boundary: step_choice.Boundary, errors: list[float], stated: float, counts: tuple[int, int]
+) -> None:
+    """At the second of two steps; rows of the other boundary are none of it."""
+    own = [[1.0 + error, error] for error in errors]
+    kinds = [int(boundary)] * len(own) + [1 - int(boundary)] * 2
+    measured = xr.Dataset(
+        {
+            "time_step": 0.02,
+            "boundary_error": 1.0,
+            "displaced_error": 1.0,
+            "row_error": (("row", "step_share"), [*own, [0.0, 0.0], [0.0, 0.0]]),
+            "row_displaced": ("row", kinds),
+        },
+        {"step_share": [0.4, 0.2]},
+        {"step_unit_s": 0.1},
+    )
+    name = ("boundary_error", "displaced_error")[boundary]
+    assert step_choice.kept(measured.assign({name: stated}), boundary) == counts
