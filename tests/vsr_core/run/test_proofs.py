@@ -244,6 +244,21 @@ def test_a_push_that_just_lifts_it_back_is_the_least_that_might(share: float) ->
     assert lies is (share < 1.0)
 
 
+@pytest.mark.parametrize("share", [0.99999, 1.00001])
+@pytest.mark.parametrize("azimuth", [0.0, 1.1, -2.5])
+def test_friction_has_no_hold_from_the_edge_of_its_cone_on(share: float, azimuth: float) -> None:
+    """The steepest force of a cone of 0.6, 1 m below the centre, 0.1 m of rolling beside it.
+
+    It passes through the centre if the point lies 0.6 m + 0.1 m behind, and turns the rock back
+    if it lies nearer. The rock turns about the horizontal axis across its fall.
+    """
+    fall = np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
+    axis = np.cross([0.0, 0.0, 1.0], fall)
+    lever = share * 0.7 * fall + np.array([0.0, 0.0, 1.0])
+    assert proofs.cannot_be_stopped(lever, axis, np.eye(3), 0.6, 0.1) is (share > 1.0)
+    assert not proofs.cannot_be_stopped(lever, -axis, np.eye(3), 0.6, 0.1)
+
+
 def test_a_rock_has_toppled_beyond_the_tilt_that_is_documented() -> None:
     """1 rad; three quarters of the way to the first lying pose if that is less; or the barrier."""
     assert rock_of("box 1x1x2")[1].toppled_tilt == 1.0
