@@ -11,10 +11,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from pipeline.config.layers import load_site
 from pipeline.stages.datasets import bullet_sample
 from pipeline.stages.reports import report_tables
 from pipeline.stages.runs.scenes import Group
 from pipeline.workflow.datasets import read
+from pipeline.workflow.jobs import cluster_of
+from pipeline.workflow.stage import Job
+from pipeline.workflow.store import Store
 
 SITE = """
 motion: {pga: [0.2, 0.6], pgv_pga: [0.2]}
@@ -31,8 +35,11 @@ def test_each_run_is_repeated_at_its_own_yaw_and_friction(
 
     Its friction of 0.1 is less than both slendernesses, 1/4 and 1/2.
     """
-    assert vsr("run", "fragility", "--site", write_site(SITE), "--workers", 0).code == 0
-    sample = read(derived / "rock" / bullet_sample.FILE)
+    site = write_site(SITE)
+    assert vsr("run", "responses", "--site", site, "--workers", 0).code == 0
+    job = Job(load_site(site), Store(derived / "rock"), cluster_of({"workers": 0}), "", print)
+    bullet_sample.make(job).files[bullet_sample.FILE](derived / bullet_sample.FILE)
+    sample = read(derived / bullet_sample.FILE)
     toppled = sample["overturned_in_bullet"].values == 1
     assert sample.sizes["sample"] == 8
     expected = (sample["friction"] == 0.8) & (sample["yaw"] == 0) & (sample["pga"] == 0.6)
