@@ -480,7 +480,7 @@ def test_the_band_of_a_curve_leaves_a_fortieth_on_either_side(fitted):
 
 
 def test_unit_of_pga_moves_b0_and_theta_only():
-    axis, grid = logistic_grid(9)
+    axis, grid = logistic_grid(9, n=12)
     scale = 9.80665
     both = {
         kind: [kind(counted(unit * axis, axis, grid)) for unit in (1.0, scale)] for kind in MODELS
