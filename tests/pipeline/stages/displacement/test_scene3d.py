@@ -469,7 +469,7 @@ def test_without_a_run_that_toppled_the_rock_stands(opened: Opened) -> None:
     assert vsr(page, "error") == 0
     assert vsr(page, "position") == pytest.approx([0.0, 0.0, 0.5 * tumbling.SIZE[2]])
     assert page.locator("#play").is_disabled()
-    assert "In 0 of 1 runs the rock left its seat" in page.locator("header").inner_text()
+    assert "In 0 of 1 run the rock left its seat" in page.locator("header").inner_text()
 
 
 def test_without_webgl_the_page_says_so(opened: Opened) -> None:
