@@ -11,6 +11,7 @@ import trimesh
 
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput, InvalidPlace
+from vsr_core.rock.solid import FARTHEST
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +33,7 @@ class Seen:
 
     @classmethod
     def nothing_of(cls, mesh: trimesh.Trimesh) -> Seen:
-        """Nothing yet but the scan itself, as far as it has places.
+        """Nothing yet but the scan itself, as far as it can be drawn.
 
         Parameters
         ----------
@@ -44,7 +45,7 @@ class Seen:
         """
         vertices = np.array(mesh.vertices, dtype=np.float64)
         faces = np.array(mesh.faces, dtype=np.int64)
-        whole = np.isfinite(vertices[faces]).all(axis=(1, 2))
+        whole = (np.abs(vertices[faces]) < FARTHEST).all(axis=(1, 2))
         used, local = np.unique(faces[whole], return_inverse=True)
         middle = vertices[used].mean(axis=0) if len(used) else np.zeros(3)
         return cls(vertices[used] - middle, local.reshape(-1, 3), middle, {})

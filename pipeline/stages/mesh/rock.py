@@ -57,6 +57,8 @@ def make(job: Job) -> Product:
         "turned_to_rest_deg": turned,
     }
     note = f"{origin['shape_source']}; {made.rock.mass:.4g} kg, turned {turned:.2f} deg to rest"
+    if repaired:
+        note += "; repaired, as `vsr prep` shows"
     return Product({ROCK: netcdf(described(dataset, job, "Rock"))}, note)
 
 
