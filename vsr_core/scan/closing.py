@@ -11,7 +11,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.errors import InvalidInput
+from vsr_core.errors import InvalidInput, InvalidPlace
 from vsr_core.rock.solid import checked
 from vsr_core.rock.triangles import self_intersections
 from vsr_core.scan.concave import smoothed_normals
@@ -248,7 +248,15 @@ def _cap(vertices: Array, separation: Separation, rim: Indices, shape: _Shape) -
 def _rim(vertices: Array, separation: Separation, loop: Indices) -> _Rim:
     """A rim of the rock in its frame, with the slope of the ground beside it."""
     points = vertices[loop]
-    own, edge = frame(points, area_vector(points)), _mean_side(points)
+    inward = area_vector(points)
+    if not np.linalg.norm(inward) > 0.0:
+        raise InvalidPlace(
+            f"a rim of {len(loop)} edges that encloses no area",
+            "a rim is filled across the plane it lies in",
+            "smooth or crop the scan there",
+            points[:1],
+        )
+    own, edge = frame(points, inward), _mean_side(points)
     ground = separation.faces[~separation.rock]
     if not len(ground):
         return _Rim(own, edge, own.into(points), np.zeros((len(loop), 2)), "its mean plane")

@@ -87,6 +87,27 @@ def _width(points: Array) -> float:
     return width
 
 
+def without_slits(vertices: Array, faces: Indices) -> Indices:
+    """Faces on one vertex where two of a rim without area lie at the same point.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+
+    Returns
+    -------
+    ndarray of int, shape (m, 3)
+    """
+    name = np.arange(len(vertices))
+    for rim in rims(faces):
+        points = vertices[rim]
+        if np.linalg.norm(area_vector(points)) <= _SLIT * _width(points) ** 2:
+            _, first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)
+            name[rim] = rim[first[same.ravel()]]
+    return name[faces]
+
+
 def without_chords(vertices: Array, faces: Indices) -> tuple[Array, Indices]:
     """The same surface with a vertex in the middle of each edge between two vertices of rims.
 

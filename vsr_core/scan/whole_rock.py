@@ -23,6 +23,7 @@ from vsr_core.scan.holes import (
     holes_of,
     triangles_across,
     without_chords,
+    without_slits,
 )
 from vsr_core.scan.refusal import Seen, refusing
 from vsr_core.scan.separation import Separation
@@ -83,9 +84,8 @@ def whole_rock(mesh: trimesh.Trimesh, closing: Closing, tell: Tell) -> WholeRock
             return WholeRock(rock, none, repaired, np.array(rock.vertices), faces, (), np.zeros(3))
         except NoSolidYet:
             cleaned = clean(mesh, alone=True)
-    vertices, faces = without_chords(
-        np.array(cleaned.mesh.vertices), np.array(cleaned.mesh.faces, dtype=np.int64)
-    )
+    vertices, faces = np.array(cleaned.mesh.vertices), np.array(cleaned.mesh.faces, dtype=np.int64)
+    vertices, faces = without_chords(vertices, without_slits(vertices, faces))
     all_rock = {"rock": np.ones(len(faces), dtype=bool)}
     with refusing(Seen(vertices, faces, cleaned.offset, all_rock)):
         holes = _closable(vertices, faces)

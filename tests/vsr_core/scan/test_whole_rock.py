@@ -11,8 +11,9 @@ import pytest
 import trimesh
 
 from vsr_core.scan.closing import Closing
-from vsr_core.scan.holes import LARGEST_HOLE, without_chords
+from vsr_core.scan.holes import LARGEST_HOLE, without_chords, without_slits
 from vsr_core.scan.refusal import Refused
+from vsr_core.scan.topology import border
 from vsr_core.scan.weighing import measured
 from vsr_core.scan.whole_rock import WholeRock, other_closings, unseen, whole_rock
 
@@ -213,6 +214,18 @@ def test_a_hole_in_a_base_that_was_seen_is_filled_without_moving_it() -> None:
     base = stone().triangles_center[:, :2]
     given = less(stone(), (np.hypot(*base.T) < 0.05) & (stone().triangles_center[:, 2] < 0.0))
     see_that_it_is(made(given), stone())
+
+
+def test_a_slit_closes_where_its_sides_lie() -> None:
+    """A vertex doubled, the faces about it shared out between the two: a hole without an area."""
+    faces, vertex = np.array(stone().faces), int(stone().faces[700, 0])
+    about = np.flatnonzero((faces == vertex).any(axis=1))
+    middle = stone().triangles_center[about] - stone().vertices[vertex]
+    half = about[middle @ middle[0] > 0.0]
+    points = np.concatenate([stone().vertices, stone().vertices[[vertex]]])
+    faces[half] = np.where(faces[half] == vertex, len(points) - 1, faces[half])
+    assert len(border(faces)) == 4
+    assert len(border(without_slits(points, faces))) == 0
 
 
 def test_edges_from_rim_to_rim_are_divided() -> None:
