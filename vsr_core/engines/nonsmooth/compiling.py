@@ -8,6 +8,7 @@ nothing can be written there, among the user's caches.
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
 import shutil
@@ -49,7 +50,9 @@ def _folder() -> Path:
             folder.mkdir(parents=True, exist_ok=True)
             if os.access(folder, os.W_OK):
                 return folder
-    return Path(tempfile.mkdtemp(prefix="vsr-"))
+    own = tempfile.mkdtemp(prefix="vsr-")
+    atexit.register(shutil.rmtree, own, ignore_errors=True)
+    return Path(own)
 
 
 def forget_others() -> None:
