@@ -126,8 +126,8 @@ def test_a_setting_of_a_swept_key_is_refused(
 
 def test_a_study_without_a_sweep_is_a_layer_only(write_site: WriteSite, refused: Refused) -> None:
     site = write_site()
-    refused("run", "study", "--site", site, words=("--study", "which keys"))
+    refused("run", "study", "--site", site, words=("STUDY", "which keys"))
     line = ("run", "study", "--site", site, "--study", STUDIES / "records.yaml")
-    refused(*line, words=("without a sweep",))
+    refused(*line, words=("has no sweep",))
     line = ("prep", "--site", site, "--study", "friction")
     refused(*line, words=("sweep", "one site"))
