@@ -64,13 +64,13 @@ def listed(names: Sequence[str]) -> str:
 
     Parameters
     ----------
-    names : sequence of str, one or more
+    names : sequence of str
 
     Returns
     -------
     str
 
-    >>> listed(["3"]), listed(["3", "7"]), listed(["3", "7", "9"])
-    ('3', '3 and 7', '3, 7 and 9')
+    >>> listed([]), listed(["3"]), listed(["3", "7"]), listed(["3", "7", "9"])
+    ('', '3', '3 and 7', '3, 7 and 9')
     """
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))

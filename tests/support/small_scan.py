@@ -42,12 +42,12 @@ def tapered(at: tuple[float, float] = (0.0, 0.0), slope: float = 4.0) -> scan_sh
 
 
 @lru_cache(maxsize=2)
-def survey(edge: float = EDGE) -> trimesh.Trimesh:
-    """The tapered rock as a scan of triangles with this edge [m] sees it, with colours."""
+def survey(edge: float = EDGE, noise: float = NOISE) -> trimesh.Trimesh:
+    """The tapered rock as a scan of this edge of triangles and noise [m] sees it, with colours."""
     truth = tapered()
     mesh = scan_shapes.scan(truth, edge)
     above = np.array(mesh.vertices) @ truth.up > 0.3 * edge
-    mesh = scan_shapes.noisy(mesh, NOISE)
+    mesh = scan_shapes.noisy(mesh, noise)
     mesh.visual.vertex_colors = np.where(above[:, None], STONE, SOIL).astype(np.uint8)
     return mesh
 

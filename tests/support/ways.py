@@ -38,7 +38,7 @@ ENGINES = ("auto", "nonsmooth", "bullet", "mujoco")
 
 def write_scans(folder: Path) -> None:
     """Write the scans and the record that the sites name."""
-    write_ply(folder / "scan.ply", survey(0.12), FAR)
+    write_ply(folder / "scan.ply", survey(0.12, 0.0), FAR)
     trimesh.creation.cylinder(0.3, 1.4, sections=7).export(folder / "rock.ply")
     (folder / "shaking.at2").write_text(at2(shaking(1, 100.0, 6.0, 5.0, 0.5), 0.01))
 
@@ -64,12 +64,12 @@ def refusal(way: Mapping[str, str]) -> str:
         ("motion", ground == "terrain" and motion == "six_axes"),
         ("drive", ground == "terrain" and motion == "servo"),
         ("simulation", ground == "terrain" and engine == "mujoco"),
-        ("simulation.time_step", motion == "six_axes" and engine == "mujoco"),
-        ("uncertainty.restitution", product == "uncertainty" and engine == "mujoco"),
         ("simulation", motion == "servo" and engine in ("nonsmooth", "mujoco")),
         ("pedestal.shape", ground == "terrain" and product in FLAT),
         ("pedestal.shape", ground != "terrain" and product == "displacement"),
         ("motion.kind", motion not in ("cosine", "servo") and product in OF_COSINES),
+        ("uncertainty.restitution", product == "uncertainty" and engine == "mujoco"),
+        ("simulation.time_step", motion == "six_axes" and engine == "mujoco"),
     ]
     return next((key for key, holds in refusals if holds), "")
 

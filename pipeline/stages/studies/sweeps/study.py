@@ -95,7 +95,7 @@ def _over(part: xr.Dataset, dimension: Dimension) -> str:
         for grid, name in grids.items()
         if part.sizes.get(grid, 1) > 1 and grid != dimension.name
     ]
-    return listed(names) if names else ""
+    return listed(names)
 
 
 def _members(swept: Swept) -> list[dict[str, str]]:
