@@ -250,7 +250,7 @@ def test_what_is_wrong_is_told_in_one_line(
 
 
 def test_a_folder_is_needed(refused: Callable[..., str], tmp_path: Path) -> None:
-    refused("run", "validation", words=("--table",))
+    refused("run", "validation", words=("TABLE=",))
     refused("run", "validation", "--table", tmp_path / "none", words=("none", "not there"))
     refused("run", "validation", "--table", tmp_path, words=("records.nc",))
 
