@@ -17,7 +17,7 @@ from pydantic import (
 from pipeline.config import in_si
 from pipeline.config.bounds import MOST_SCENES, SHORTEST_STEP, Coordinate, Density
 from pipeline.config.hazard_schema import HazardConfig
-from pipeline.config.motion_schema import MotionConfig, TableMotionConfig
+from pipeline.config.motion_schema import MotionConfig, RecordConfig, TableMotionConfig
 from pipeline.config.priors_schema import UncertaintyConfig
 from pipeline.config.scene_schema import ContactConfig, ServoConfig
 from pipeline.config.sections import Lax, Range, Section, Values, as_values
@@ -241,6 +241,12 @@ class Config(Section):
     def in_other_engine(self) -> bool:
         """Whether runs are in another engine than Bullet, which then repeats a sample of them."""
         return self.engine != "bullet"
+
+    @property
+    def long_runs(self) -> bool:
+        """Whether a hundred runs in Bullet are work for several processes."""
+        from_files = isinstance(self.motion, RecordConfig | TableMotionConfig) and self.motion.files
+        return self.on_terrain or bool(from_files)
 
     @field_validator("pedestal")
     @classmethod

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -11,7 +10,6 @@ from typing import Any
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError
 from pipeline.workflow import aside, keys
-from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.run_store import RunsLost
 from pipeline.workflow.stage import Job, Product, Refusal, Stage
@@ -123,19 +121,17 @@ def make(name: str, job: Job) -> int:
     wanted = identities(name, job.site)
     _forget_crashed(name, job.store)
     try:
-        with ExitStack() as end:
-            _make_all(wanted, job, end)
+        _make_all(wanted, job)
     except RunsLost as lost:
         for problem in lost.problems:
             job.log(f"{problem.file}: {problem.given}; they are done again")
-        with ExitStack() as end:
-            _make_all(wanted, job, end)
+        _make_all(wanted, job)
     manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
     return max(int(manifest["unresolved"]) for manifest in manifests)
 
 
-def _make_all(wanted: dict[str, Identity], job: Job, end: ExitStack) -> None:
-    """Make the stages that are not fresh, some of them beside others until the end at most."""
+def _make_all(wanted: dict[str, Identity], job: Job) -> None:
+    """Make the stages that are not fresh, some of them beside others."""
     under_way: dict[str, Callable[[], str]] = {}
     ahead = list(wanted)
     waited_for = {need for needed in wanted for need in BY_NAME[needed].late}
@@ -154,19 +150,15 @@ def _make_all(wanted: dict[str, Identity], job: Job, end: ExitStack) -> None:
             awaited(other)
         if not _is_ours_to_make(stage, identity, job.store):
             continue
-        work = partial(_make, stage, identity, replace(job, awaited=awaited))
-        if stage.aside and aside.POSSIBLE and job.cluster.free:
-            under_way[needed] = aside.begin(partial(_with_workers, job.cluster, work), end)
+        own = replace(job, awaited=awaited)
+        if aside.POSSIBLE and job.cluster.free and stage.is_made_aside(job.site.settings):
+            # A copy of a process that once had workers cannot have any: Dask's threads are gone.
+            own = replace(own, cluster=job.cluster.in_process())
+            under_way[needed] = aside.begin(partial(_make, stage, identity, own))
         else:
-            job.log(work())
+            job.log(_make(stage, identity, own))
     for needed in tuple(under_way):
         awaited(needed)
-
-
-def _with_workers(cluster: Cluster, work: Callable[[], str]) -> str:
-    """Do work that may start workers, which end with it."""
-    with cluster:
-        return work()
 
 
 def _is_ours_to_make(stage: Stage, identity: Identity, store: Store) -> bool:

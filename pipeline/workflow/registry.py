@@ -132,6 +132,7 @@ STAGES: tuple[Stage, ...] = (
         reads=("pedestal", "contact", "motion", "yaw", "drive", "simulation"),
         code=(*TERRAIN_CODE, *MOTION_CODE, "vsr_core.engines.bullet:build"),
         aside=True,
+        workers="long_runs",
         versions=("pybullet",),
     ),
     Stage(

@@ -123,6 +123,8 @@ class Stage:
     reads : dotted keys of the configuration that decide its product
     code : roots of the code that decides it, besides ``make``
     aside : whether it is made in a process of its own, beside the stages that do not need it
+    workers : name of a property of the configuration; where it is true the stage has work for
+        workers, and is not made aside
     made_elsewhere : whether ``make`` only arranges for ``code`` to run and is no root itself
     inputs : path of a function from Site to digests of files outside the configuration, by name
     files : names of the templates and tables in this package that its pages are made from
@@ -140,6 +142,7 @@ class Stage:
     reads: tuple[str, ...] = ()
     code: tuple[str, ...] = ()
     aside: bool = False
+    workers: str = ""
     made_elsewhere: bool = False
     inputs: str = ""
     files: tuple[str, ...] = ()
@@ -168,6 +171,19 @@ class Stage:
         bool
         """
         return not self.applies or bool(getattr(settings, self.applies))
+
+    def is_made_aside(self, settings: BaseModel) -> bool:
+        """Whether it is made in a process of its own.
+
+        Parameters
+        ----------
+        settings : as for ``is_for``
+
+        Returns
+        -------
+        bool
+        """
+        return self.aside and not (self.workers and getattr(settings, self.workers))
 
     def settings(self, settings: BaseModel) -> dict[str, Any]:
         """The part of the settings that it reads, by dotted key.

@@ -123,11 +123,23 @@ def opens(way: Way, made: Path) -> None:
             assert path.stat().st_size > 1000
 
 
+LONG_RUNS: list[Way] = [
+    {"ground": ground, "motion": motion, "engine": "auto", "workers": "default"}
+    for ground, motion in (("block", "record"), ("terrain", "cosine"))
+]
+"""Scenes whose sample in Bullet is work for workers, which start while other stages are made."""
+
+
 def told(way: Way) -> str:
     return "-".join(way.values())
 
 
-@pytest.mark.parametrize("way", ways.pairwise({"product": QUICK, **SCENES}), ids=told)
+QUICK_WAYS = ways.pairwise({"product": QUICK, **SCENES}) + [
+    {"product": "fragility", **scene} for scene in LONG_RUNS
+]
+
+
+@pytest.mark.parametrize("way", QUICK_WAYS, ids=told)
 def test_each_pair_has_a_way(
     way: Way, go: Callable[[Way, str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:

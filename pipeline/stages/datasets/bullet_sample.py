@@ -151,8 +151,7 @@ def _repeated(job: Job, study: Study, places: list[tuple[Group, Cell]]) -> list[
         return case, Settings(step, config.simulation.reduce, ENGINE), study.motions
 
     batches = (Batch(group, (cell,)) for group, cell in places)
-    pulses = study.motions.dimension == "pgv_pga" and not config.on_terrain
-    cluster = job.cluster.in_process() if pulses else job.cluster
+    cluster = job.cluster if config.long_runs else job.cluster.in_process()
     found = {(group, cell): result for group, cell, result in cluster.each(repeat, batches, shared)}
     return [-1 if found[place] is None else found[place] for place in places]
 

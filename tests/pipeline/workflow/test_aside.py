@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,24 +12,16 @@ import pytest
 from pipeline.cli import main
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import aside
-from pipeline.workflow.batches import Batch
-from pipeline.workflow.cluster import Cluster
 
 pytestmark = pytest.mark.skipif(not aside.POSSIBLE, reason="no copies of a process here")
 
 
-@pytest.fixture
-def end() -> Iterator[ExitStack]:
-    with ExitStack() as stack:
-        yield stack
-
-
-def test_the_result_comes_from_another_process(end: ExitStack) -> None:
-    wait = aside.begin(os.getpid, end)
+def test_the_result_comes_from_another_process() -> None:
+    wait = aside.begin(os.getpid)
     assert wait() != os.getpid()
 
 
-def test_it_goes_on_beside_what_follows(tmp_path: Path, end: ExitStack) -> None:
+def test_it_goes_on_beside_what_follows(tmp_path: Path) -> None:
     first, second = (tmp_path / name for name in ("first", "second"))
     os.mkfifo(first)
     os.mkfifo(second)
@@ -40,73 +30,26 @@ def test_it_goes_on_beside_what_follows(tmp_path: Path, end: ExitStack) -> None:
         second.write_text("from aside")  # each waits for the other to read
         return first.read_text()
 
-    wait = aside.begin(work, end)
+    wait = aside.begin(work)
     assert second.read_text() == "from aside"
     first.write_text("from here")
     assert wait() == "from here"
 
 
-def test_a_refusal_comes_back_whole(end: ExitStack) -> None:
+def test_a_refusal_comes_back_whole() -> None:
     problem = Problem("site.yaml", "rock.mesh", "nothing", "a rock has a shape", "give one")
 
     def work() -> None:
         raise InputError(problem)
 
     with pytest.raises(InputError) as caught:
-        aside.begin(work, end)()
+        aside.begin(work)()
     assert caught.value.problems == (problem,)
 
 
-def test_death_is_an_error(end: ExitStack) -> None:
+def test_death_is_an_error() -> None:
     with pytest.raises(RuntimeError, match="died"):
-        aside.begin(lambda: os._exit(9), end)()
-
-
-def _process_of_worker(shared: None, items: tuple[int, ...]) -> list[int]:
-    return [os.getpid() for _ in items]
-
-
-def test_it_may_have_workers(end: ExitStack) -> None:
-    def work() -> list[int]:
-        with Cluster(1, log=lambda line: None) as cluster:
-            batches = iter([Batch(None, (1, 2))])
-            found = list(cluster.each(_process_of_worker, batches, lambda name: None))
-        return [os.getpid(), *(pid for _, _, pid in found)]
-
-    aside_itself, *workers = aside.begin(work, end)()
-    assert len(set(workers)) == 1
-    assert aside_itself not in {os.getpid(), *workers}
-
-
-def _until_told_to_end(writing: int) -> Callable[[], None]:
-    def work() -> None:
-        try:
-            os.write(writing, b"begun")
-            signal.pause()
-        finally:  # where workers are ended
-            os.write(writing, b"ended")
-
-    return work
-
-
-def test_what_nobody_waits_for_is_ended() -> None:
-    reading, writing = os.pipe()
-    with ExitStack() as end:
-        aside.begin(_until_told_to_end(writing), end)
-        assert os.read(reading, 5) == b"begun"
-    assert os.read(reading, 5) == b"ended"
-
-
-def test_it_ends_when_the_process_that_waits_is_killed() -> None:
-    reading, writing = os.pipe()
-    waiting = os.fork()
-    if waiting == 0:
-        aside.begin(_until_told_to_end(writing), ExitStack())
-        signal.pause()
-    assert os.read(reading, 5) == b"begun"
-    os.kill(waiting, signal.SIGKILL)
-    os.waitpid(waiting, 0)
-    assert os.read(reading, 5) == b"ended"
+        aside.begin(lambda: os._exit(9))()
 
 
 SMALL = """\
@@ -121,7 +64,7 @@ def test_products_are_the_same_as_in_turn(
 ) -> None:
     site, begun, made = write_site(SMALL), [], []
     begin = aside.begin
-    monkeypatch.setattr(aside, "begin", lambda *given: begun.append(given) or begin(*given))
+    monkeypatch.setattr(aside, "begin", lambda work: begun.append(work) or begin(work))
     for possible in (True, False):
         monkeypatch.setattr(aside, "POSSIBLE", possible)
         derived = tmp_path / str(possible)
