@@ -47,7 +47,7 @@ def test_verdicts_table_page_and_exit_code(
 ) -> None:
     ran = vsr(*COMMAND)
     assert ran.code == 1
-    assert "1 cases are silently wrong; stability.html says which" in ran.err
+    assert "1 case is silently wrong; stability.html says which" in ran.err
     folder = derived / "cuboid_1x1x2"
     with (folder / "stability.csv").open(newline="") as file:
         rows = {row["case"]: row for row in csv.DictReader(file)}
