@@ -38,7 +38,7 @@ ENGINES = ("auto", "nonsmooth", "bullet", "mujoco")
 
 def write_scans(folder: Path) -> None:
     """Write the scans and the record that the sites name."""
-    write_ply(folder / "scan.ply", survey(0.12, 0.0), FAR)
+    write_ply(folder / "scan.ply", survey(0.2, 0.0), FAR)
     trimesh.creation.cylinder(0.3, 1.4, sections=7).export(folder / "rock.ply")
     (folder / "shaking.at2").write_text(at2(shaking(1, 100.0, 6.0, 5.0, 0.5), 0.01))
 

@@ -22,6 +22,7 @@ from support.ways import Way
 from pipeline import ROOT
 from pipeline.drawing import style
 from pipeline.stages.displacement import timelapse
+from pipeline.stages.mesh import scan_figures
 from pipeline.workflow.products import DELIVERABLES
 
 SCENES = {
@@ -144,6 +145,9 @@ def test_each_pair_has_a_way(
     way: Way, go: Callable[[Way, str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(style._SAVED["png"], "dpi", 40)
+    monkeypatch.setattr("vsr_core.scan.distance.SAMPLES", 100)
+    for name in ("separation", "closed_rock", "seat"):
+        monkeypatch.setattr(scan_figures, name, lambda *given: EMPTY)
     monkeypatch.setattr(timelapse, "timelapse", lambda *given: EMPTY)
     monkeypatch.setattr(timelapse, "animation", lambda *given: style.png(EMPTY))
     go(way, "0.0015")
