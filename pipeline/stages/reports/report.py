@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 from pathlib import Path
 from typing import Any
@@ -173,6 +174,9 @@ def _settings(config: Config) -> str:
     return str(yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, width=90))
 
 
+_PATHS = {"rock.mesh", "motion.files", "motion.response.file", "uncertainty.scan.replica"}
+
+
 def command(site: Site) -> list[str]:
     """Arguments that make the report again, as a shell takes them.
 
@@ -192,8 +196,14 @@ def command(site: Site) -> list[str]:
         return [shlex.quote(name)]
     given = _leaves(site.config.model_dump(mode="json"))
     own = _leaves(plain)
-    changed = (f"{key}={_flow(value)}" for key, value in given.items() if value != own.get(key))
-    return [shlex.quote(name), *map(shlex.quote, changed)]
+    changed = {key: value for key, value in given.items() if value != own.get(key, own)}
+    for key in _PATHS & changed.keys():  # as the site's own file would name them
+        names, folder = changed[key], site.folder_of(key)
+        listed = [names] if isinstance(names, str) else names or []
+        moved = [os.path.relpath(folder / name, site.folder) for name in listed]
+        changed[key] = moved[0] if isinstance(names, str) else moved or None
+    settings = (f"{key}={_flow(value)}" for key, value in changed.items())
+    return [shlex.quote(name), *map(shlex.quote, settings)]
 
 
 def _leaves(tree: dict[str, Any], above: str = "") -> dict[str, Any]:

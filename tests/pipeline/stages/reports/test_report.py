@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import shlex
 import shutil
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
@@ -341,6 +342,23 @@ def test_command_names_what_was_set() -> None:
     name, *settings = report.command(changed)
     again = load_site(name, None, tuple(text.strip("'") for text in settings))
     assert again.config == changed.config
+
+
+def test_command_finds_the_records_of_a_study_in_another_folder(tmp_path: Path) -> None:
+    for folder in ("rocks", "studies/quakes"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "rocks" / "tor.yaml").write_text(
+        "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}"
+    )
+    (tmp_path / "studies" / "mine.yaml").write_text(
+        "motion: {kind: record, files: quakes, pga: 0.3, "
+        "processing: {order: none, highpass: null, lowpass: null}}"
+    )
+    study = load_site(str(tmp_path / "rocks/tor.yaml"), str(tmp_path / "studies/mine.yaml"))
+    name, *settings = report.command(study)
+    again = load_site(name, None, tuple(shlex.split(text)[0] for text in settings))
+    (file,) = again.config.motion.files
+    assert (again.folder_of("motion.files") / file).resolve() == tmp_path / "studies" / "quakes"
 
 
 def test_same_bytes_every_time(products: dict[str, xr.Dataset]) -> None:
