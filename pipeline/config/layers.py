@@ -254,7 +254,13 @@ def _find(name: str, folder: Path, what: str) -> Path:
         if path.is_file() and path.stem.strip("."):
             return path
         raise InputError(
-            Problem(name, "", "no file there", "what ends in .yaml is a path", "check the path")
+            Problem(
+                name,
+                "",
+                "a file that is not there",
+                "what ends in .yaml is a path",
+                "check the path",
+            )
         )
     if name in known(folder):
         return folder / f"{name}.yaml"

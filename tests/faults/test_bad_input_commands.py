@@ -185,7 +185,7 @@ def test_surroundings_change_nothing(
     process = start("plan", "--site", "é.yaml", "--derived", tmp_path / "é", **environment)
     (line,) = process.communicate(timeout=60)[0].splitlines()
     assert process.returncode == code
-    assert "got no file there" in line
+    assert "a file that is not there" in line
 
 
 def test_settings_of_dask_that_are_no_yaml(tmp_path: Path) -> None:

@@ -235,7 +235,7 @@ def test_unknown_site_lists_the_known(refused: Refused) -> None:
     said = refused("run", "responses", "--site", "double_rok", words=("'double_rok'", *known()))
     assert "did you mean double_rock?" in said
     refused("why", "--site", "zzz", words=("SITE", "'zzz'", *known()))
-    refused("why", "--site", "missing.yaml", words=("missing.yaml", "no file there", "path"))
+    refused("why", "--site", "missing.yaml", words=("missing.yaml", "not there", "path"))
 
 
 def test_unknown_study(write_site: WriteSite, refused: Refused) -> None:
