@@ -35,8 +35,9 @@ def make(
     *words: str, folder: Path = ROOT, user: tuple[str, ...] = ()
 ) -> subprocess.CompletedProcess[str]:
     command = [*user, "make", *words]
+    own = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
     return subprocess.run(
-        command, capture_output=True, text=True, cwd=folder, check=False, timeout=60
+        command, capture_output=True, text=True, cwd=folder, check=False, timeout=60, env=own
     )
 
 
