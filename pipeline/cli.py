@@ -29,14 +29,6 @@ def main(arguments: list[str] | None = None) -> int:
 
     0 done; 1 some runs are without a verdict, or not done as the scheduler was lost; 2 usage or
     input; 3 a fault of the program; 130 stopped by Ctrl-C or SIGTERM.
-
-    Parameters
-    ----------
-    arguments : list of str, in place of those of the process
-
-    Returns
-    -------
-    int
     """
     try:
         options = _parser().parse_args(arguments)
@@ -74,12 +66,7 @@ class _Parser(argparse.ArgumentParser):
     """Parser that refuses a command line in one line, as everything else is refused."""
 
     def error(self, message: str) -> NoReturn:
-        """Refuse it.
-
-        Parameters
-        ----------
-        message : str, what is wrong
-        """
+        """Refuse it."""
         given, rule = "a command line that it does not know", message
         raise InputError(Problem(self.prog, "", given, rule, f"see {self.prog} --help"))
 

@@ -24,16 +24,7 @@ from pipeline.workflow.store import writing
 
 
 def run(options: argparse.Namespace) -> int:
-    """Make a product and all that it needs.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, runs without a verdict
-    """
+    """Make a product and all that it needs."""
     sweep, wanted = sweep_of(options), DELIVERABLES[options.product]
     job = job_of(options, sweep)
     if options.product == "uncertainty":
@@ -62,16 +53,7 @@ def _swept(sweep: Sweep, stage: str, job: Job) -> tuple[Job, int]:
 
 
 def prep(options: argparse.Namespace) -> int:
-    """Make a rock, and its terrain, of a scan, and the page of every step.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, always 0
-    """
+    """Make a rock, and its terrain, of a scan, and the page of every step."""
     job = job_of(options)
     alone = job.config.rock_alone
     if not alone and not job.config.on_terrain:
@@ -90,44 +72,17 @@ def prep(options: argparse.Namespace) -> int:
 
 
 def plan(options: argparse.Namespace) -> int:
-    """Print what would run and what it costs.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, always 0
-    """
+    """Print what would run and what it costs."""
     return _inspected("plan", options)
 
 
 def status(options: argparse.Namespace) -> int:
-    """Print what is done.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, always 0
-    """
+    """Print what is done."""
     return _inspected("status", options)
 
 
 def why(options: argparse.Namespace) -> int:
-    """Print why something would run again.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, always 0
-    """
+    """Print why something would run again."""
     return _inspected("why", options)
 
 
@@ -146,16 +101,7 @@ def _inspected(question: str, options: argparse.Namespace) -> int:
 
 
 def figures(options: argparse.Namespace) -> int:
-    """Make figures of the paper, and the page of its claims.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, runs without a verdict
-    """
+    """Make figures of the paper, and the page of its claims."""
     unresolved = int(
         named("pipeline.stages.figures.making:make")(options, cluster_of(vars(options)), log)
     )
@@ -164,16 +110,7 @@ def figures(options: argparse.Namespace) -> int:
 
 
 def feasible(options: argparse.Namespace) -> int:
-    """Print and write what a table of hardware can do of a site's motions.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, always 0
-    """
+    """Print and write what a table of hardware can do of a site's motions."""
     make = named("pipeline.stages.studies.capacity.feasible:make")
     job = replace(job_of(options), stage="feasible")
     with job.store, job.cluster:
@@ -185,16 +122,7 @@ def feasible(options: argparse.Namespace) -> int:
 
 
 def replay(options: argparse.Namespace) -> int:
-    """Make a page that plays one run of a study, and the study as far as it needs it.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, always 0
-    """
+    """Make a page that plays one run of a study, and the study as far as it needs it."""
     make = named("pipeline.stages.replay.replay_page:make")
     given = {name: vars(options)[name] for name in ("yaw", "friction", "pgv_pga", "record", "pga")}
     job = replace(job_of(options), stage="replay")
@@ -205,16 +133,7 @@ def replay(options: argparse.Namespace) -> int:
 
 
 def index(options: argparse.Namespace) -> int:
-    """Write the page that leads to all results.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, always 0
-    """
+    """Write the page that leads to all results."""
     page = front_page.renew(options.derived)
     if page is None:
         raise InputError(
@@ -231,16 +150,7 @@ def index(options: argparse.Namespace) -> int:
 
 
 def list_all(options: argparse.Namespace) -> int:
-    """Print sites, studies, tables and products.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, always 0
-    """
+    """Print sites, studies, tables and products."""
     print("sites:   ", *known())
     print("studies: ", *(known(STUDIES) or ["none"]))
     print("tables:  ", *known(TABLES))
@@ -249,16 +159,7 @@ def list_all(options: argparse.Namespace) -> int:
 
 
 def clean(options: argparse.Namespace) -> int:
-    """Remove derived data; never data/raw.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, always 0
-    """
+    """Remove derived data; never data/raw."""
     site, derived = options.site, options.derived
     targets = [target for target in sorted(derived.glob("*/")) if (target / ".stages").is_dir()]
     if site is not None:
@@ -300,16 +201,7 @@ def _agreed(question: str) -> bool:
 
 
 def fetch(options: argparse.Namespace) -> int:
-    """Download a public original.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    int, always 0
-    """
+    """Download a public original."""
     path = named("pipeline.stages.mesh.fetch:fetch")(options.name, options.url)
     log(f"-> {path}")
     return 0

@@ -33,17 +33,7 @@ TYPICAL_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 150.0
 
 
 def why(product: str, job: Job) -> list[str]:
-    """Each stage that would be made again, with every reason.
-
-    Parameters
-    ----------
-    product : str, name of a stage
-    job : Job
-
-    Returns
-    -------
-    list of str, lines
-    """
+    """Each stage that would be made again, with every reason."""
     lines = []
     for name, identity in graph.identities(product, job.site).items():
         reasons = list(graph.why(BY_NAME[name], identity, job.store))
@@ -58,17 +48,7 @@ def why(product: str, job: Job) -> list[str]:
 
 
 def status(product: str, job: Job) -> list[str]:
-    """What is done: stages, runs and their outcomes.
-
-    Parameters
-    ----------
-    product : str, name of a stage
-    job : Job
-
-    Returns
-    -------
-    list of str, lines
-    """
+    """What is done: stages, runs and their outcomes."""
     lines = [f"{job.site.name} in {job.store.folder}"]
     for name, identity in graph.identities(product, job.site).items():
         reasons = list(graph.why(BY_NAME[name], identity, job.store))
@@ -83,17 +63,7 @@ def status(product: str, job: Job) -> list[str]:
 
 
 def plan(product: str, job: Job) -> list[str]:
-    """What would run, what it costs, and what is left out of the scene.
-
-    Parameters
-    ----------
-    product : str, name of a stage
-    job : Job
-
-    Returns
-    -------
-    list of str, lines
-    """
+    """What would run, what it costs, and what is left out of the scene."""
     todo = [
         name
         for name, identity in graph.identities(product, job.site).items()

@@ -44,10 +44,6 @@ class InvalidPlace(InvalidInput):
 def reason(error: Exception) -> str:
     """What an error of a library says, on one line.
 
-    Parameters
-    ----------
-    error : Exception
-
     Returns
     -------
     str

@@ -47,12 +47,7 @@ class Movement(IntEnum):
 
 
 class DecidedBy(IntEnum):
-    """The rule that ended a run, or kept it from starting.
-
-    Attributes
-    ----------
-    how : str, in words
-    """
+    """The rule that ended a run, or kept it from starting."""
 
     SIMULATION = 0, "simulated until at rest, or until the time simulated ran out"
     NO_UPLIFT_BOUND = 1, "not run: provably too weak to lift or slide the rock"
@@ -91,8 +86,6 @@ class Response:
 
     Attributes
     ----------
-    outcome : Outcome
-    decided_by : DecidedBy
     peak_tilt, final_tilt : float [rad]
         Of the rock's vertical axis, up to the moment the outcome was decided.
     slip : float [m]

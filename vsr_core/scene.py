@@ -21,7 +21,6 @@ class Contact:
     Attributes
     ----------
     friction : float, Coulomb's coefficient
-    restitution : float, normal coefficient of restitution
     energetic : bool, whether an impact gives back no more than the square of that of the energy
         that it takes
     rolling_friction : float [m], offset of the contact force that resists rolling
@@ -65,8 +64,6 @@ class Scene:
 
     Attributes
     ----------
-    rock : Rock
-    contact : Contact
     yaw : float [rad], counter-clockwise seen from above
     pedestal : "plane", "box", "mesh", "none" or "terrain"
         A half-space, a slab of finite size as the user would draw it, a level surface of triangles,
@@ -92,16 +89,7 @@ class Scene:
 
 
 def resting(scene: Scene) -> State:
-    """State of the rock at rest on the pedestal, turned by the scene's yaw.
-
-    Parameters
-    ----------
-    scene : Scene, on a level pedestal
-
-    Returns
-    -------
-    State
-    """
+    """State of the rock at rest on the pedestal, turned by the scene's yaw."""
     cos, sin = np.cos(scene.yaw), np.sin(scene.yaw)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return State(np.array([0.0, 0.0, scene.rock.height]), turn, np.zeros(3), np.zeros(3))

@@ -25,9 +25,6 @@ def angle(degrees: float) -> float:
     Returns
     -------
     float [rad]
-
-    >>> angle(180.0) == math.pi
-    True
     """
     return math.radians(degrees)
 
@@ -42,9 +39,6 @@ def in_degrees(radians: float) -> float:
     Returns
     -------
     float [degree]
-
-    >>> in_degrees(angle(90.0))
-    90.0
     """
     return math.degrees(radians)
 
@@ -59,9 +53,6 @@ def acceleration(pga: Values) -> Values:
     Returns
     -------
     float or ndarray [m/s^2]
-
-    >>> acceleration(1.0)
-    9.80665
     """
     return pga * GRAVITY
 
@@ -76,9 +67,6 @@ def in_g(acceleration: Values) -> Values:
     Returns
     -------
     float or ndarray [g]
-
-    >>> in_g(acceleration(0.5))
-    0.5
     """
     return acceleration / GRAVITY
 
@@ -88,12 +76,7 @@ def contact(config: ContactConfig, friction: float) -> Contact:
 
     Parameters
     ----------
-    config : ContactConfig
     friction : float [1]
-
-    Returns
-    -------
-    Contact
     """
     return Contact(
         friction,
@@ -104,16 +87,7 @@ def contact(config: ContactConfig, friction: float) -> Contact:
 
 
 def servo(config: ServoConfig) -> Servo:
-    """Servo of a driven table, its command rate [Hz] as the control periods that one holds.
-
-    Parameters
-    ----------
-    config : ServoConfig
-
-    Returns
-    -------
-    Servo
-    """
+    """Servo of a driven table, its command rate [Hz] as the control periods that one holds."""
     limit = math.inf if config.force_limit is None else config.force_limit
     rate = config.command_rate
     hold = 1 if rate is None else round(1.0 / (rate * config.period))

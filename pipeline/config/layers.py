@@ -33,11 +33,9 @@ class Site:
 
     Attributes
     ----------
-    name : str
     settings : the checked configuration of a rock, or what is assumed of a series of recorded
         shake-table tests
     file : str, where they stand, as a reader would write it
-    folder : Path, which the settings' paths are relative to
     places : dict, from the parts of a key to where it was set above the base, as a reader would
         write it, and the folder which a path there is relative to
     """
@@ -65,19 +63,11 @@ class Site:
         Parameters
         ----------
         key : str, e.g. ``"motion.files"``
-
-        Returns
-        -------
-        Path
         """
         return self.places.get(tuple(key.split(".")), (self.file, self.folder))[1]
 
     def file_of(self, key: str) -> str:
         """Where a key stands, or else the nearest section above it, for messages.
-
-        Parameters
-        ----------
-        key : str, dotted
 
         Returns
         -------
@@ -88,37 +78,12 @@ class Site:
 
 
 def known(folder: Path = SITES) -> list[str]:
-    """Names of the YAML files in a folder of configurations.
-
-    Parameters
-    ----------
-    folder : Path, of YAML files
-
-    Returns
-    -------
-    list of str, sorted
-    """
+    """Names of the YAML files in a folder of configurations."""
     return sorted(path.stem for path in folder.glob("*.yaml"))
 
 
 def load_site(site: str, study: str | None = None, settings: tuple[str, ...] = ()) -> Site:
-    """Merge base, site, study and ``key=value`` settings, later ones over earlier ones.
-
-    Parameters
-    ----------
-    site : str, its name or the path of its YAML
-    study : str, a name or path too
-    settings : tuple of str, ``key=value``
-
-    Returns
-    -------
-    Site
-
-    Raises
-    ------
-    InputError
-        With one problem per line, for everything that is wrong at once.
-    """
+    """Merge base, site, study and ``key=value`` settings, later ones over earlier ones."""
     layers = read_layers(site, study, settings)
     if layers.sweep is not None:
         rule, remedy = "this makes one site", "leave the study out, or its sweep"
@@ -132,11 +97,7 @@ class Layers:
 
     Attributes
     ----------
-    path : Path, of the site
     files : of base, site and study, each the file as a reader would write it, and its content
-    parents : dict, folders of these files
-    settings : tuple of mappings, of ``key=value``
-    sweep : what the study has under ``sweep``, or None
     """
 
     path: Path
@@ -151,15 +112,6 @@ class Layers:
         Parameters
         ----------
         more : mappings, each a layer between the study, as which they count, and the settings
-
-        Returns
-        -------
-        Site
-
-        Raises
-        ------
-        InputError
-            With one problem per line.
         """
         merged, origin = self.merged(*more)
         file = shown(self.path)
@@ -180,13 +132,8 @@ class Layers:
     def merged(self, *more: dict[str, Any]) -> tuple[dict[str, Any], dict[tuple[str, ...], str]]:
         """Merge them, unchecked.
 
-        Parameters
-        ----------
-        more : mappings, as for ``site``
-
         Returns
         -------
-        merged : dict
         origin : dict, from the parts of a key to where its value stands
         """
         merged: dict[str, Any] = {}
@@ -200,16 +147,7 @@ class Layers:
 
 
 def read_layers(site: str, study: str | None, settings: tuple[str, ...]) -> Layers:
-    """Read base, site and study, and ``key=value`` settings.
-
-    Parameters
-    ----------
-    site, study, settings : as for ``load_site``
-
-    Returns
-    -------
-    Layers
-    """
+    """Read base, site and study, and ``key=value`` settings."""
     path = _find(site, SITES, "site")
     paths = [BASE, path, *([_find(study, STUDIES, "study")] if study else ())]
     files = tuple((shown(file), _read(file)) for file in paths)
@@ -220,24 +158,7 @@ def read_layers(site: str, study: str | None, settings: tuple[str, ...]) -> Laye
 
 
 def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple[Checked, str]:
-    """A configuration of one file, by its name in a folder or by its path.
-
-    Parameters
-    ----------
-    name : str, name or path
-    folder : Path, where names are looked up
-    what : str, what it is a file of, for messages
-    model : type of the configuration
-
-    Returns
-    -------
-    configuration, and its file as a reader would write it
-
-    Raises
-    ------
-    InputError
-        With one problem per line, for everything that is wrong at once.
-    """
+    """A configuration of one file, by its name in a folder or by its path."""
     path = _find(name, folder, what)
     file = shown(path)
     try:
@@ -342,20 +263,7 @@ def _setting(item: str) -> dict[str, Any]:
 
 
 def nested(key: str, value: Any) -> dict[str, Any]:
-    """A layer that sets one key.
-
-    Parameters
-    ----------
-    key : str, dotted
-    value : any
-
-    Returns
-    -------
-    dict
-
-    >>> nested("contact.friction", 0.4)
-    {'contact': {'friction': 0.4}}
-    """
+    """A layer that sets one key."""
     for part in reversed(key.split(".")):
         value = {part: value}
     return dict(value)

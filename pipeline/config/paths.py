@@ -10,23 +10,7 @@ from pipeline.config.problems import InputError, Problem
 
 
 def located(folder: Path, name: str, file: str, key: str) -> Path:
-    """An absolute path, without links, of what a configuration names.
-
-    Parameters
-    ----------
-    folder : Path, which the name is relative to
-    name : str
-    file, key : str, where it is named, for messages
-
-    Returns
-    -------
-    Path, of what may not be there
-
-    Raises
-    ------
-    InputError
-        If no file can have that name, or it is a link that ends nowhere.
-    """
+    """An absolute path, without links, of what a configuration names."""
     path = folder / name
     try:
         if not name or not _is_text(name):
@@ -54,16 +38,7 @@ def _is_text(name: str) -> bool:
 
 
 def shown(path: Path) -> str:
-    """A path as a reader would write it: relative to where they stand, if it is below.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    str
-    """
+    """A path as a reader would write it: relative to where they stand, if it is below."""
     real = os.path.realpath(path)
     for folder in (Path.cwd(), ROOT):
         if Path(real).is_relative_to(os.path.realpath(folder)):

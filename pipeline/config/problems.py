@@ -14,14 +14,6 @@ LONGEST = 300
 class Problem:
     """One thing wrong with what the user gave.
 
-    Attributes
-    ----------
-    file : str, where it stands: a file, or an option of the command line
-    key : str, dotted key of the configuration, or empty
-    given : str, what stands there
-    rule : str, what it should keep to
-    remedy : str, what to do about it
-
     Examples
     --------
     >>> print(Problem("my.yaml", "yaw", "700", "yaw is at most 360 degrees", "subtract 360"))
@@ -57,17 +49,7 @@ class InputError(Exception):
 
     @classmethod
     def from_invalid(cls, file: str, key: str, error: InvalidInput) -> InputError:
-        """The physics' refusal, with the file and key it came from.
-
-        Parameters
-        ----------
-        file, key : str, as in `Problem`
-        error : InvalidInput
-
-        Returns
-        -------
-        InputError
-        """
+        """The physics' refusal, with the file and key it came from."""
         return cls(Problem(file, key, error.given, error.rule, error.remedy))
 
 

@@ -23,14 +23,7 @@ def problem(
 
     Parameters
     ----------
-    error : dict, one of pydantic's errors
     origin : dict, from the parts of a key to where its value stands
-    site : str, where everything else stands
-    root : type of the configuration
-
-    Returns
-    -------
-    Problem
     """
     place, models = _walk(error["loc"], root)
     given: Any = error["input"]
@@ -58,15 +51,6 @@ def problem(
 
 def nearest(origin: dict[tuple[str, ...], Known], place: tuple[str, ...]) -> Known | None:
     """What is known of a key, or else of the nearest section above it.
-
-    Parameters
-    ----------
-    origin : dict, by the parts of a key
-    place : tuple of str, the parts of a key
-
-    Returns
-    -------
-    what is known, or None
 
     Examples
     --------
@@ -127,22 +111,7 @@ def _description(place: tuple[str, ...], models: list[type[BaseModel] | None]) -
 
 
 def meaning(key: str) -> tuple[str, str]:
-    """What a key of the configuration means, and its unit.
-
-    Parameters
-    ----------
-    key : str, dotted
-
-    Returns
-    -------
-    text : str, the key itself where it is not known
-    unit : str
-
-    >>> meaning("contact.restitution")
-    ('coefficient of normal restitution of the pair', '1')
-    >>> meaning("motion.kind")
-    ('motion.kind', '1')
-    """
+    """What a key of the configuration means, and its unit."""
     place, models = _walk(tuple(key.split(".")), Config)
     field = models[-1].model_fields.get(place[-1]) if models[-1] else None
     if field is None or field.description is None or ".".join(place) != key:

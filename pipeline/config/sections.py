@@ -31,10 +31,6 @@ class Range(Section):
     def values(self) -> tuple[float, ...]:
         """The values, rounded so that overlapping ranges share them exactly.
 
-        Returns
-        -------
-        tuple of float, of length ``num``
-
         Examples
         --------
         >>> Range(start=0.1, stop=0.7, num=3).values()
@@ -48,14 +44,6 @@ class Range(Section):
 
 def as_values(given: Any) -> Any:
     """A number, a text or {start, stop, num} as a tuple; anything else as it is.
-
-    Parameters
-    ----------
-    given : any value of a YAML file
-
-    Returns
-    -------
-    tuple of values, or what was given
 
     Examples
     --------

@@ -21,8 +21,6 @@ class Slip:
     ----------
     keys : dotted keys of a site, or of what is assumed of recorded tests, apart by blanks
     suspect : callable, whether the values under a key are such as the slip gives
-    rule : str, what is usual
-    remedy : str, what may have been meant
     """
 
     keys: str
@@ -138,16 +136,7 @@ SLIPS = (
 
 
 def warnings(site: Site) -> Iterator[Problem]:
-    """Values of a site that look like a usual slip.
-
-    Parameters
-    ----------
-    site : Site
-
-    Yields
-    ------
-    Problem, no more than one a key
-    """
+    """Values of a site that look like a usual slip."""
     settings = site.settings.model_dump()
     warned = set()
     for slip in SLIPS:

@@ -33,10 +33,7 @@ class Dimension:
 
     Attributes
     ----------
-    name : str
     values : dict, from each key that changes along it to the key's values, all equally many
-    labels : tuple of str, what to call each place along it
-    reference : int, the place where the site itself is, or 0 if it is at none
     gridded : bool, whether one member has all of it, as a grid of its own
     """
 
@@ -57,12 +54,7 @@ class Dimension:
         return all(_is_number(value) for value in self.values[self.key])
 
     def layers(self) -> Iterator[tuple[dict[str, Any], ...]]:
-        """What each place along it sets.
-
-        Yields
-        ------
-        tuple of mappings
-        """
+        """What each place along it sets."""
         if self.gridded:
             yield (nested(self.key, list(self.values[self.key])),)
             return
@@ -72,14 +64,7 @@ class Dimension:
 
 @dataclass(frozen=True)
 class Member:
-    """One of the sites of a sweep.
-
-    Attributes
-    ----------
-    name : str, of its folder
-    place : tuple of int, where it is along the dimensions that are no grid
-    site : Site
-    """
+    """One of the sites of a sweep."""
 
     name: str
     place: tuple[int, ...]
@@ -92,9 +77,6 @@ class Sweep:
 
     Attributes
     ----------
-    study : str, its name
-    file : str, where it stands
-    dimensions : tuple of Dimension
     members : tuple of Member, the last dimension running fastest
     """
 
@@ -122,17 +104,7 @@ def load_sweep(
 
     Parameters
     ----------
-    site, study, settings : as for ``load_site``
     gridded : bool, whether the product takes directions and frictions as grids
-
-    Returns
-    -------
-    Sweep, or None if the study has none
-
-    Raises
-    ------
-    InputError
-        With one problem per line, for everything that is wrong at once.
     """
     if study is None:
         return None

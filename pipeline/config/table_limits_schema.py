@@ -51,18 +51,9 @@ class TableConfig(Section):
 def load(name: str) -> tuple[TableConfig, str]:
     """A table by its name in `configs/tables` or by the path of its YAML; and that file.
 
-    Parameters
-    ----------
-    name : str, in ``configs/tables``, or the path of its YAML
-
     Returns
     -------
     (TableConfig, str), the limits, and the file as a reader would write it
-
-    Raises
-    ------
-    InputError
-        With one problem per line.
     """
     return load_file(name, TABLES, "table", TableConfig)
 

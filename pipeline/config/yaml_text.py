@@ -102,19 +102,6 @@ _Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping
 def parse(text: str) -> Any:
     """Plain values of a text.
 
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    None, bool, int, float, str, list or dict
-
-    Raises
-    ------
-    ValueError
-        If it is no YAML, too long, too deep, or holds too many values; says what and where.
-
     Examples
     --------
     >>> parse("yaw: [030, 1e1]")

@@ -42,8 +42,6 @@ def around(points: Array, terrain: xr.Dataset) -> Window:
     Parameters
     ----------
     points : ndarray, shape (n, 2) [m]
-    terrain : Dataset
-        As in ``terrain.nc``.
 
     Returns
     -------
@@ -60,12 +58,6 @@ def around(points: Array, terrain: xr.Dataset) -> Window:
 
 def relief(terrain: xr.Dataset, window: Window) -> xr.DataArray:
     """Heights of what is seen of the terrain from above.
-
-    Parameters
-    ----------
-    terrain : Dataset
-        As in ``terrain.nc``.
-    window : Window
 
     Returns
     -------
@@ -92,9 +84,6 @@ def draw(axes: Axes, ground: xr.DataArray, window: Window, *, named: bool = True
 
     Parameters
     ----------
-    axes : Axes
-    ground : DataArray, as ``relief`` gives it
-    window : Window
     named : bool
         Whether contours bear their height.
     """

@@ -19,11 +19,9 @@ def directions(axes: Axes, seen: Array, foot: Array, size: float, gap: float, co
 
     Parameters
     ----------
-    axes : Axes
     seen : ndarray, shape (3, 2), unit vectors along x, y and z as the picture shows them
     foot : ndarray, shape (2,), where they begin
     size, gap : float, length of a line, and from its end to its name, in units of the axes
-    colour : str
     """
     middle: Any = {"ha": "center", "va": "center", "size": 7.5, "path_effects": style.HALO}
     for name, along in zip("xyz", seen, strict=True):
@@ -39,7 +37,6 @@ def line_on_surface(axes: Axes, parts: Array, visible: Mask, name: str, **given:
 
     Parameters
     ----------
-    axes : Axes
     parts : ndarray, shape (n, 2, 2), ends of the pieces
     visible : ndarray of bool, shape (n,)
     name : str

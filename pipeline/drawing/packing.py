@@ -15,12 +15,7 @@ def packed(values: Any, kind: str) -> str:
 
     Parameters
     ----------
-    values : array_like
     kind : str, as NumPy names types, such as "<f4"
-
-    Returns
-    -------
-    str, base64
 
     Examples
     --------
@@ -37,9 +32,5 @@ def packed_mesh(vertices: Array, faces: Indices) -> dict[str, str]:
     ----------
     vertices : ndarray, shape (n, 3) [m]
     faces : ndarray of int, shape (m, 3)
-
-    Returns
-    -------
-    dict of str, of 4-byte numbers
     """
     return {"vertices": packed(vertices, "<f4"), "faces": packed(faces, "<u4")}

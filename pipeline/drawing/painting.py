@@ -35,8 +35,6 @@ class Backdrop:
 
     Attributes
     ----------
-    view, sun : View
-    seen, sunlit : ndarray, buffers of the ground from both
     picture : ndarray, shape (pixels, 3), 0 to 1, without rocks
     pixels : ndarray of int, shape (n,), of the picture that show ground
     dark : ndarray, shape (n, 3), their colours where the sun does not reach
@@ -61,15 +59,10 @@ def backdrop(
 
     Parameters
     ----------
-    view : View
     sun_axes : ndarray, shape (3, 3), see ``axes_of``
     ground : vertices (n, 3) [m] and faces (m, 3)
     reach : ndarray, shape (k, 3) [m], points between which the rocks move
     contour : float [m], height between two contours
-
-    Returns
-    -------
-    Backdrop
     """
     vertices, faces = ground
     buffer = drawn(view, vertices, faces)
@@ -105,7 +98,6 @@ def painted(behind: Backdrop, poses: Array, faces: Indices, colours: Array) -> F
 
     Parameters
     ----------
-    behind : Backdrop
     poses : ndarray, shape (poses, n, 3) [m], vertices of the rock
     faces : ndarray of int, shape (m, 3), of the rock
     colours : ndarray, shape (poses, 3), 0 to 1

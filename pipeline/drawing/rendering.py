@@ -34,7 +34,6 @@ def drawn(view: View, vertices: Array, faces: Indices, onto: Indices | None = No
 
     Parameters
     ----------
-    view : View
     vertices : ndarray, shape (n, 3) [m]
     faces : ndarray of int, shape (m, 3), counter-clockwise from outside
     onto : ndarray, shape (pixels,), optional
@@ -60,10 +59,6 @@ def drawn(view: View, vertices: Array, faces: Indices, onto: Indices | None = No
 def seen(buffer: Indices) -> Indices:
     """Pixels that show a face.
 
-    Parameters
-    ----------
-    buffer : ndarray of int64, as ``drawn`` gives it
-
     Returns
     -------
     ndarray of int, shape (n,)
@@ -77,10 +72,6 @@ def faces_of(buffer: Indices) -> Indices:
     Parameters
     ----------
     buffer : ndarray of int64, as ``drawn`` gives it, or some of its pixels
-
-    Returns
-    -------
-    ndarray of int, of its shape
     """
     return buffer & 0xFFFFFFFF
 
@@ -147,7 +138,6 @@ def in_sight(view: View, buffer: Indices, points: Array) -> Mask:
 
     Parameters
     ----------
-    view : View
     buffer : ndarray, shape (pixels,), of the mesh, as ``drawn`` in the view
     points : ndarray, shape (n, 3) [m]
 
@@ -170,7 +160,6 @@ def thinned(vertices: Array, faces: Indices, most: int) -> tuple[Array, Indices]
     ----------
     vertices : ndarray, shape (n, 3) [m]
     faces : ndarray of int, shape (m, 3)
-    most : int
 
     Returns
     -------

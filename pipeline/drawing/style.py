@@ -68,16 +68,7 @@ _SAVED: dict[str, Any] = {  # without the time at which it was made
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Draw with the project's style, whatever the caller's matplotlib is set to.
-
-    Parameters
-    ----------
-    draw : function that returns a Figure
-
-    Returns
-    -------
-    function, the same in the style
-    """
+    """Draw with the project's style, whatever the caller's matplotlib is set to."""
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -88,77 +79,29 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def png(figure: Figure) -> bytes:
-    """Render as PNG, the same bytes every time.
-
-    Parameters
-    ----------
-    figure : Figure
-
-    Returns
-    -------
-    bytes
-    """
+    """Render as PNG, the same bytes every time."""
     return _rendered(figure, "png")
 
 
 def pictures(
     name: str, figure: Figure, kinds: tuple[str, ...] = ("png", "pdf")
 ) -> dict[str, Writer]:
-    """The files of a figure that is a product.
-
-    Parameters
-    ----------
-    name : str
-        Without a suffix.
-    figure : Figure
-    kinds : tuple of str, of "png", "pdf" and "svg"
-
-    Returns
-    -------
-    dict from file name to Writer, the same bytes every time
-    """
+    """The files of a figure that is a product."""
     return {f"{name}.{kind}": binary(_rendered(figure, kind)) for kind in kinds}
 
 
 def png_uri(figure: Figure) -> str:
-    """Render as PNG, inside an address that holds it all.
-
-    Parameters
-    ----------
-    figure : Figure
-
-    Returns
-    -------
-    str
-    """
+    """Render as PNG, inside an address that holds it all."""
     return data_uri(png(figure), "png")
 
 
 def svg_uri(figure: Figure) -> str:
-    """Render as SVG, inside an address that holds it all.
-
-    Parameters
-    ----------
-    figure : Figure
-
-    Returns
-    -------
-    str
-    """
+    """Render as SVG, inside an address that holds it all."""
     return data_uri(_rendered(figure, "svg"), "svg+xml")
 
 
 def data_uri(image: bytes, kind: str) -> str:
     """Address that holds an image.
-
-    Parameters
-    ----------
-    image : bytes
-    kind : str, of the image, such as "png"
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -184,9 +127,7 @@ def cell_edges(values: Array) -> Array:
     Returns
     -------
     ndarray, shape (n + 1,)
-
     >>> cell_edges(np.array([1.0, 2.0, 4.0])).tolist()
-    [0.5, 1.5, 3.0, 5.0]
     """
     if values.size == 1:
         return np.array([0.5 * values[0], 1.5 * values[0]])
@@ -199,9 +140,6 @@ def legend_below(figure: Figure, axes: Axes, columns: int, top: float = 0.08) ->
 
     Parameters
     ----------
-    figure : Figure
-    axes : Axes, the panel
-    columns : int
     top : float
         Its upper end, as a share of the figure's height.
     """

@@ -95,10 +95,6 @@ def fitted(axes: Array, points: Array, shape: tuple[int, int], margin: float = 0
     points : ndarray, shape (n, 3) [m]
     shape : (int, int), rows and columns
     margin : float, share of the picture's lesser side that stays free on every side
-
-    Returns
-    -------
-    View
     """
     placed = points @ axes.T
     low, high = placed.min(axis=0), placed.max(axis=0)
@@ -124,14 +120,6 @@ def reach(path: Array, radius: float) -> Array:
 
 def round_number(value: float) -> float:
     """Largest of 1, 2 and 5 times a power of ten that is not above a value.
-
-    Parameters
-    ----------
-    value : float, above 0
-
-    Returns
-    -------
-    float
 
     Examples
     --------

@@ -20,10 +20,6 @@ them would take longer to load them than what is done aside takes."""
 def begin(work: Callable[[], T]) -> Callable[[], T]:
     """Begin work in a copy of this process.
 
-    Parameters
-    ----------
-    work : callable, from nothing to what is to be handed over
-
     Returns
     -------
     callable

@@ -13,13 +13,7 @@ Work = Callable[[Any, tuple[Any, ...]], Any]
 
 
 class Batch(NamedTuple):
-    """Items that share one object, done together by one worker.
-
-    Attributes
-    ----------
-    shared : hashable, by which the object is known
-    items : tuple
-    """
+    """Items that share one object, done together by one worker."""
 
     shared: Hashable
     items: tuple[Any, ...]

@@ -41,9 +41,6 @@ class Cluster:
     Attributes
     ----------
     workers : int, local worker processes; 0 does the work in this process
-    scheduler, scheduler_file : address or file of a running Dask scheduler
-    slurm : whether to start SLURM jobs, as configured for dask-jobqueue
-    log : function of one line, for the dashboard's address
     together : bool, whether the work leaves the interpreter alone and shares no state, so that
         one process does several batches at once
     """
@@ -77,21 +74,11 @@ class Cluster:
         return self.local and not self._clients
 
     def in_process(self) -> Cluster:
-        """The same without worker processes, for work too small to start them.
-
-        Returns
-        -------
-        Cluster
-        """
+        """The same without worker processes, for work too small to start them."""
         return replace(self, workers=0) if self.local else self
 
     def in_threads(self) -> Cluster:
-        """The same for work that shares a process; here that is threads, which start at once.
-
-        Returns
-        -------
-        Cluster
-        """
+        """The same for work that shares a process; here that is threads, which start at once."""
         return replace(self, together=True)
 
     def run(
@@ -108,12 +95,6 @@ class Cluster:
         Parameters
         ----------
         function : callable, from the shared object and the items of a batch to its results
-        batches : iterator of Batch
-        shared : callable, from what a batch names to the object its items share
-
-        Yields
-        ------
-        Done
         """
         if self.local and self.workers == 0:
             yield from _in_turn(function, batches, shared)
@@ -131,16 +112,7 @@ class Cluster:
         batches: Iterator[Batch],
         shared: Callable[[Any], Any],
     ) -> Iterator[tuple[Any, Any, Any]]:
-        """Do batches of work whose results are one for each item.
-
-        Parameters
-        ----------
-        function, batches, shared : as ``run`` takes them
-
-        Yields
-        ------
-        (what the item's batch names as shared, item, result or None if it killed its worker)
-        """
+        """Do batches of work whose results are one for each item."""
         for batch, results in self.run(function, batches, shared):
             for item, result in zip(batch.items, results or [None] * len(batch.items), strict=True):
                 yield batch.shared, item, result
@@ -182,12 +154,7 @@ class Cluster:
 
 
 def check_settings() -> None:
-    """Refuse settings of Dask in ``DASK_CONFIG`` that it cannot read, which it does on import.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse settings of Dask in ``DASK_CONFIG`` that it cannot read, which it does on import."""
     if "DASK_CONFIG" not in os.environ:
         return  # to import it takes a while, and most commands never do
     try:

@@ -42,27 +42,15 @@ _ENGINES = {"bullet": "PyBullet", "mujoco": "MuJoCo", "nonsmooth": "numba"}
 
 @cache
 def catalogue() -> dict[str, dict[str, str]]:
-    """Every variable of every dataset.
-
-    Returns
-    -------
-    dict from name to its ``units``, ``long_name`` and perhaps ``flags``
-    """
+    """Every variable of every dataset."""
     return dict(parse(_CATALOGUE.read_text(encoding="utf-8")))  # refuses a name given twice
 
 
 def label(name: str) -> str:
     """Axis label of a variable.
 
-    Parameters
-    ----------
-    name : str
-
     Returns
     -------
-    str
-
-    >>> label("pga")
     'peak ground acceleration [g]'
     """
     entry = catalogue()[name]
@@ -72,15 +60,8 @@ def label(name: str) -> str:
 def labelled(text: str, units: str) -> str:
     """Label of what has a name and a unit.
 
-    Parameters
-    ----------
-    text, units : str
-
     Returns
     -------
-    str
-
-    >>> labelled("speed", "m s-1"), labelled("friction", "1")
     ('speed [m s-1]', 'friction')
     """
     unit = spelled(units)
@@ -88,40 +69,12 @@ def labelled(text: str, units: str) -> str:
 
 
 def spelled(units: str) -> str:
-    """A unit as figures and sentences spell it; nothing for a pure number.
-
-    Parameters
-    ----------
-    units : str, of a dataset
-
-    Returns
-    -------
-    str
-
-    >>> spelled("degree"), spelled("1")
-    ('deg', '')
-    """
+    """A unit as figures and sentences spell it; nothing for a pure number."""
     return {"1": "", "degree": "deg"}.get(units, units)
 
 
 def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
-    """Give a dataset CF attributes for every variable, and its provenance.
-
-    Parameters
-    ----------
-    dataset : Dataset
-    job : Job
-    title : str
-
-    Returns
-    -------
-    Dataset, the same one
-
-    Raises
-    ------
-    KeyError
-        For a variable that the catalogue does not know.
-    """
+    """Give a dataset CF attributes for every variable, and its provenance."""
     for name in dataset.variables:
         entry = catalogue()[str(name)]
         attributes: dict[str, Any] = {"long_name": entry["long_name"], "units": entry["units"]}
@@ -164,10 +117,6 @@ def _processor() -> dict[str, str]:
 def rows_of(dataset: xr.Dataset) -> str:
     """Name of the dimension along which the ground motions lie.
 
-    Parameters
-    ----------
-    dataset : Dataset
-
     Returns
     -------
     str, ``pgv_pga`` for pulses and ``record`` for records
@@ -180,15 +129,8 @@ def split(dataset: xr.Dataset, size: str, sample: str = "sample") -> list[xr.Dat
 
     Parameters
     ----------
-    dataset : Dataset
     size : str
         Variable that holds how many samples each has.
-    sample : str
-        Dimension of the samples.
-
-    Returns
-    -------
-    list of Dataset
     """
     owner, ends = str(dataset[size].dims[0]), dataset[size].values.cumsum()
     spans = zip(ends - dataset[size].values, ends, strict=True)
@@ -196,17 +138,7 @@ def split(dataset: xr.Dataset, size: str, sample: str = "sample") -> list[xr.Dat
 
 
 def netcdf(dataset: xr.Dataset) -> Writer:
-    """Writer of a dataset as compressed NetCDF.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Its fill values are those set in its encoding.
-
-    Returns
-    -------
-    Writer
-    """
+    """Writer of a dataset as compressed NetCDF."""
 
     def write(path: Path) -> None:
         encoding: dict[str, dict[str, Any]] = {}
@@ -227,14 +159,5 @@ def netcdf(dataset: xr.Dataset) -> Writer:
 
 
 def read(path: Path) -> xr.Dataset:
-    """Read a product whole.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    Dataset, with its flags and fill values as stored numbers
-    """
+    """Read a product whole."""
     return xr.load_dataset(path, engine="netcdf4", mask_and_scale=False)

@@ -46,12 +46,7 @@ class Dispatch:
 
     Attributes
     ----------
-    client : Dask's client
-    function : Work
-    batches : iterator of Batch
-    shared : callable, from what a batch names to the object its items share
     together : bool, whether a process may do several batches at once
-    log : function of one line
     upkeep : callable, asked now and then, to replace workers that have ended
     """
 
@@ -68,19 +63,7 @@ class Dispatch:
     _sent: OrderedDict[Hashable, Any] = field(default_factory=OrderedDict)
 
     def results(self) -> Iterator[Done]:
-        """Results of all batches, as they complete.
-
-        Yields
-        ------
-        Done
-
-        Raises
-        ------
-        InputError
-            If a worker would compute with other code.
-        Unfinished
-            If the scheduler is lost.
-        """
+        """Results of all batches, as they complete."""
         from distributed import as_completed
 
         self._completed = as_completed(with_results=True, raise_errors=False)
@@ -143,12 +126,7 @@ class Dispatch:
             yield Done(batch, None)
 
     def count(self) -> tuple[int, int]:
-        """Processes that do batches, and batches on their way.
-
-        Returns
-        -------
-        tuple of int
-        """
+        """Processes that do batches, and batches on their way."""
         try:
             threads = self.client.nthreads().values()
         except OSError:
@@ -175,12 +153,7 @@ class _Room:
         self._alone_since = time.monotonic()
 
     def now(self) -> int:
-        """Room at present.
-
-        Returns
-        -------
-        int
-        """
+        """Room at present."""
         time_now = time.monotonic()
         if time_now - self._looked >= LOOK:
             self._dispatch.upkeep()

@@ -22,10 +22,6 @@ DEEPEST = 4
 def renew(derived: Path) -> Path | None:
     """Write the index of all that is in a folder of results, where it is not up to date.
 
-    Parameters
-    ----------
-    derived : Path
-
     Returns
     -------
     Path or None
@@ -54,16 +50,7 @@ def renew(derived: Path) -> Path | None:
 
 
 def product_folders(derived: Path) -> Iterator[Path]:
-    """Folders with products, each before those below it.
-
-    Parameters
-    ----------
-    derived : Path, folder of results
-
-    Yields
-    ------
-    Path
-    """
+    """Folders with products, each before those below it."""
     for place, below, _ in os.walk(derived):
         folder = Path(place)
         below[:] = sorted(name for name in below if not name.startswith("."))
@@ -74,16 +61,7 @@ def product_folders(derived: Path) -> Iterator[Path]:
 
 
 def manifests(folders: list[Path]) -> list[Path]:
-    """Files that tell what was made, and whether it has a verdict.
-
-    Parameters
-    ----------
-    folders : list of Path
-
-    Returns
-    -------
-    list of Path
-    """
+    """Files that tell what was made, and whether it has a verdict."""
     return [path for folder in folders for path in sorted((folder / ".stages").glob("*.json"))]
 
 

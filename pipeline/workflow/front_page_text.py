@@ -41,13 +41,8 @@ def text(derived: Path, folders: list[Path], known: Facts) -> tuple[str, Facts]:
 
     Parameters
     ----------
-    derived : Path, folder of results
     folders : list of Path, with products, each before those below it
     known : dict, what was read the last time, by path and checksum
-
-    Returns
-    -------
-    str, dict
     """
     read: Facts = {}
 

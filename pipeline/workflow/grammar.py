@@ -6,71 +6,20 @@ from collections.abc import Sequence
 
 
 def many(count: int) -> str:
-    """A count with narrow spaces between thousands.
-
-    Parameters
-    ----------
-    count : int
-
-    Returns
-    -------
-    str
-
-    >>> many(12345).split()
-    ['12', '345']
-    """
+    """A count with narrow spaces between thousands."""
     return f"{count:,}".replace(",", "\u202f")
 
 
 def form(count: int, one: str, several: str) -> str:
-    """The form of a word that goes with a count.
-
-    Parameters
-    ----------
-    count : int
-    one, several : str
-
-    Returns
-    -------
-    str
-
-    >>> form(1, "was", "were"), form(0, "was", "were")
-    ('was', 'were')
-    """
+    """The form of a word that goes with a count."""
     return one if count == 1 else several
 
 
 def counted(count: int, noun: str, nouns: str = "") -> str:
-    """A count with its noun.
-
-    Parameters
-    ----------
-    count : int
-    noun : str
-    nouns : str, its plural, where this is not the noun with an s
-
-    Returns
-    -------
-    str
-
-    >>> counted(1, "branch", "branches"), counted(9, "run")
-    ('1 branch', '9 runs')
-    """
+    """A count with its noun."""
     return f"{many(count)} {form(count, noun, nouns or f'{noun}s')}"
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names in a sentence.
-
-    Parameters
-    ----------
-    names : sequence of str
-
-    Returns
-    -------
-    str
-
-    >>> listed([]), listed(["3"]), listed(["3", "7"]), listed(["3", "7", "9"])
-    ('', '3', '3 and 7', '3, 7 and 9')
-    """
+    """Names in a sentence."""
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))

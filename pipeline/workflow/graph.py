@@ -30,17 +30,7 @@ class Identity:
 
 
 def identities(name: str, site: Site) -> dict[str, Identity]:
-    """Identity of each stage that a product needs and that applies, each after what it needs.
-
-    Parameters
-    ----------
-    name : str, of the stage that ends a product
-    site : Site
-
-    Returns
-    -------
-    dict, from the names of stages to their identities
-    """
+    """Identity of each stage that a product needs and that applies, each after what it needs."""
     found: dict[str, Identity] = {}
     for stage in upstream(name):
         if not stage.is_for(site.settings):
@@ -60,18 +50,7 @@ def identities(name: str, site: Site) -> dict[str, Identity]:
 
 
 def why(stage: Stage, identity: Identity, store: Store) -> Iterator[str]:
-    """Reasons why a stage has to be made; none if its products are fresh.
-
-    Parameters
-    ----------
-    stage : Stage
-    identity : Identity, that it should have
-    store : Store
-
-    Yields
-    ------
-    str
-    """
+    """Reasons why a stage has to be made; none if its products are fresh."""
     manifest = store.manifest(stage.name)
     if manifest is None:
         yield "never made here"
@@ -107,17 +86,7 @@ def _differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
 
 
 def make(name: str, job: Job) -> int:
-    """Bring a product up to date; returns the number of runs without a verdict.
-
-    Parameters
-    ----------
-    name : str, of the stage that ends the product
-    job : Job
-
-    Returns
-    -------
-    int
-    """
+    """Bring a product up to date; returns the number of runs without a verdict."""
     wanted = identities(name, job.site)
     _forget_crashed(name, job.store)
     try:
@@ -185,15 +154,7 @@ def _make(stage: Stage, identity: Identity, job: Job) -> str:
 
 
 def keep(stage: Stage, identity: Identity, product: Product, store: Store) -> None:
-    """Write what a stage made, and what it was made from.
-
-    Parameters
-    ----------
-    stage : Stage
-    identity : Identity
-    product : Product
-    store : Store
-    """
+    """Write what a stage made, and what it was made from."""
     facts = {
         "key": identity.key,
         "facts": identity.facts,

@@ -15,10 +15,6 @@ def held_back() -> Iterator[None]:
 
     Processes that start meanwhile never hear Ctrl-C, which a terminal sends to all of them: this
     one ends them.
-
-    Yields
-    ------
-    None
     """
     came: list[int] = []
 

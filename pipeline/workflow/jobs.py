@@ -22,17 +22,7 @@ from pipeline.workflow.store import Store
 
 
 def check_drawn(job: Job) -> None:
-    """Refuse an ensemble where nothing is drawn.
-
-    Parameters
-    ----------
-    job : Job
-
-    Raises
-    ------
-    InputError
-        On a terrain, or for no members.
-    """
+    """Refuse an ensemble where nothing is drawn."""
     if job.config.uncertain:
         return
     if job.config.on_terrain:
@@ -44,22 +34,7 @@ def check_drawn(job: Job) -> None:
 
 
 def others_of(options: argparse.Namespace, job: Job) -> Iterator[Job]:
-    """Jobs of other rocks and other settings, whose fragilities a site's hazard reads.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-    job : Job, of the site itself
-
-    Yields
-    ------
-    Job, its stage the one to be made
-
-    Raises
-    ------
-    InputError
-        For curves or an age that hazard cannot use.
-    """
+    """Jobs of other rocks and other settings, whose fragilities a site's hazard reads."""
     named("pipeline.stages.hazard.hazard:inputs")(job.site)  # refused before anything is made
     compared = named("pipeline.stages.hazard.others:compared")
     file, settings = str(options.site), _settings(vars(options))
@@ -85,21 +60,7 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
 
 
 def sweep_of(options: argparse.Namespace) -> Sweep | None:
-    """What the study of a command sweeps over.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-
-    Returns
-    -------
-    Sweep or None
-
-    Raises
-    ------
-    InputError
-        For the product ``study`` without a sweep.
-    """
+    """What the study of a command sweeps over."""
     product = options.product or "study"
     study, stage = options.study, DELIVERABLES[product].stage
     found = None
@@ -113,22 +74,7 @@ def sweep_of(options: argparse.Namespace) -> Sweep | None:
 
 
 def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
-    """What a command asks for.
-
-    Parameters
-    ----------
-    options : Namespace, as parsed
-    sweep : Sweep, optional, whose reference is then the site
-
-    Returns
-    -------
-    Job
-
-    Raises
-    ------
-    InputError
-        If the site is missing or cannot be read.
-    """
+    """What a command asks for."""
     given = vars(options)
     if given.get("product") == "validation":
         site_of = named("pipeline.stages.studies.validation.recorded_tests:site_of")
@@ -149,21 +95,7 @@ def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
 
 
 def cluster_of(given: dict[str, Any]) -> Cluster:
-    """The workers that the options name; all cores of this machine by default.
-
-    Parameters
-    ----------
-    given : dict, options by their names
-
-    Returns
-    -------
-    Cluster
-
-    Raises
-    ------
-    InputError
-        For workers beside a scheduler that has its own.
-    """
+    """The workers that the options name; all cores of this machine by default."""
     check_settings()
     cores = (
         len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -183,10 +115,5 @@ def cluster_of(given: dict[str, Any]) -> Cluster:
 
 
 def log(line: str) -> None:
-    """Tell how a command goes on, beside what it prints.
-
-    Parameters
-    ----------
-    line : str
-    """
+    """Tell how a command goes on, beside what it prints."""
     print(line, file=sys.stderr, flush=True)

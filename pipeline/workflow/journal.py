@@ -16,17 +16,7 @@ LOCAL = {
 
 
 def file_system(folder: Path, mounts: Path = MOUNTS) -> str:
-    """Type of the file system that a folder is on.
-
-    Parameters
-    ----------
-    folder : Path
-    mounts : Path, the kernel's list of what is mounted where
-
-    Returns
-    -------
-    str, empty where the system does not tell
-    """
+    """Type of the file system that a folder is on."""
     try:
         lines = mounts.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
     except OSError:
@@ -50,40 +40,17 @@ def _unescaped(text: str) -> str:
 
 
 def is_local(folder: Path) -> bool:
-    """Whether a folder is known to be on a file system of this machine alone.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a folder is known to be on a file system of this machine alone."""
     return file_system(folder) in LOCAL
 
 
 def mode(folder: Path) -> str:
-    """Choose SQLite's journal: a write-ahead log needs memory that all its users share.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    str, as ``PRAGMA journal_mode`` takes it
-    """
+    """Choose SQLite's journal: a write-ahead log needs memory that all its users share."""
     return "WAL" if is_local(folder) else "TRUNCATE"
 
 
 def settle(folder: Path) -> None:
-    """See to it that files renamed or removed in a folder stay so after a power cut.
-
-    Parameters
-    ----------
-    folder : Path
-    """
+    """See to it that files renamed or removed in a folder stay so after a power cut."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -18,10 +18,6 @@ def digest(value: Any) -> str:
     ----------
     value : numbers, texts, and lists and dicts of them
 
-    Returns
-    -------
-    str
-
     Examples
     --------
     The order of keys does not count:
@@ -35,10 +31,6 @@ def digest(value: Any) -> str:
 
 def digest_bytes(*parts: bytes) -> str:
     """Digest of byte strings, each with its length.
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -55,31 +47,13 @@ def digest_bytes(*parts: bytes) -> str:
 
 
 def digest_file(path: Path) -> str:
-    """SHA-256 of a file's content.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    str
-    """
+    """SHA-256 of a file's content."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def installed_version(name: str) -> str:
-    """Version of a library, or that it is not installed: an engine may be an extra.
-
-    Parameters
-    ----------
-    name : str, as it is installed
-
-    Returns
-    -------
-    str
-    """
+    """Version of a library, or that it is not installed: an engine may be an extra."""
     try:
         return version(name)
     except PackageNotFoundError:

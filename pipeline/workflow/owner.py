@@ -31,14 +31,7 @@ SETTLED = 0.5
 
 @dataclass(frozen=True)
 class Owner:
-    """Who has a folder.
-
-    Attributes
-    ----------
-    host : str
-    process : int
-    since : str, date and time on that host
-    """
+    """Who has a folder."""
 
     host: str
     process: int
@@ -46,12 +39,7 @@ class Owner:
 
     @classmethod
     def this(cls) -> Owner:
-        """The process that asks.
-
-        Returns
-        -------
-        Owner
-        """
+        """The process that asks."""
         return cls(socket.gethostname(), os.getpid(), time.strftime("%Y-%m-%dT%H:%M:%S"))
 
 
@@ -60,15 +48,6 @@ class Ownership:
 
     The kernel's lock on the file ends with the process. Where other machines may not see such
     locks, the owner gives signs of life by the file's time.
-
-    Parameters
-    ----------
-    folder : Path, that exists
-
-    Raises
-    ------
-    InputError
-        If another process owns it.
     """
 
     def __init__(self, folder: Path) -> None:

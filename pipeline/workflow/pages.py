@@ -21,44 +21,17 @@ def filled(name: str, facts: dict[str, Any]) -> str:
     """A template with all its places filled; one that is not among ``facts`` is an error.
 
     Everything is escaped: names and paths are the user's.
-
-    Parameters
-    ----------
-    name : str, file name of the template
-    facts : dict, from the names of places to what fills them
-
-    Returns
-    -------
-    str
     """
     return _environment().get_template(name).render(facts)
 
 
 def source(name: str) -> str:
-    """Text of a template, style sheet, script or table of this package, by its file name.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
-    """
+    """Text of a template, style sheet, script or table of this package, by its file name."""
     return _files()[name].read_text(encoding="utf-8")
 
 
 def digest(name: str) -> str:
-    """Digest of a template and all it is made of, for the identity of the stage whose page it is.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
-    """
+    """Digest of a template and all it is made of, for the key of the stage whose page it is."""
     text = source(name)
     parts = sorted(filter(None, meta.find_referenced_templates(_environment().parse(text))))
     return digest_bytes(text.encode(), *(digest(part).encode() for part in parts))

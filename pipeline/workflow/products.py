@@ -15,7 +15,6 @@ class Deliverable:
     Attributes
     ----------
     stage : str, the stage that ends it: fragility and displacement come with their reports
-    shown : files that are named when it is done
     unresolved : what an exit code of 1 means, after 1 and after any other number
     """
 

@@ -17,13 +17,7 @@ _SILENT_SECONDS, _PATIENT_SECONDS = 2.0, 10.0  # before what is being done is to
 
 
 class Steps:
-    """Says what is being done once it takes two seconds, and every ten seconds from then on.
-
-    Parameters
-    ----------
-    name : str, of the stage
-    log : function of one line
-    """
+    """Says what is being done once it takes two seconds, and every ten seconds from then on."""
 
     def __init__(self, name: str, log: Callable[[str], None]) -> None:
         self._name, self._log, self._end = name, log, threading.Event()
@@ -39,12 +33,7 @@ class Steps:
         self._thread.join()
 
     def tell(self, what: str) -> None:
-        """Say what begins.
-
-        Parameters
-        ----------
-        what : str, in a few words
-        """
+        """Say what begins."""
         self._now = (what, time.monotonic())
 
     def _watch(self) -> None:
@@ -60,13 +49,7 @@ class Steps:
 
 
 class Progress:
-    """Counts runs and shows them: in place on a terminal, now and then in a log.
-
-    Parameters
-    ----------
-    total : int, runs to do
-    log : function of one line, for where there is no terminal
-    """
+    """Counts runs and shows them: in place on a terminal, now and then in a log."""
 
     def __init__(self, total: int, log: Callable[[str], None]) -> None:
         self.total, self._log = total, log
@@ -87,12 +70,7 @@ class Progress:
             sys.stderr.write("\r\x1b[K")
 
     def add(self, outcomes: list[int]) -> None:
-        """Count finished runs by outcome code.
-
-        Parameters
-        ----------
-        outcomes : list of int
-        """
+        """Count finished runs by outcome code."""
         self.outcomes.update(outcomes)
         now = time.monotonic()
         if self._terminal and now - self._shown >= _SCREEN_SECONDS:
@@ -110,10 +88,6 @@ class Progress:
         Parameters
         ----------
         now : float [s]
-
-        Returns
-        -------
-        str
         """
         done = self.outcomes.total()
         rate = done / max(now - self._start, 1e-9)

@@ -18,13 +18,7 @@ _NONE = "not installed"
 
 @dataclass(frozen=True)
 class Provenance:
-    """Code and libraries of a process.
-
-    Attributes
-    ----------
-    code : dict, from the name of a file of the packages to the digest of its content
-    libraries : dict, from the name of a library to its version
-    """
+    """Code and libraries of a process."""
 
     code: dict[str, str]
     libraries: dict[str, str]
@@ -36,14 +30,6 @@ class Provenance:
 
     def differences(self, other: Provenance) -> list[str]:
         """What another process computes with that this one does not.
-
-        Parameters
-        ----------
-        other : Provenance
-
-        Returns
-        -------
-        list of str, libraries first
 
         Examples
         --------
@@ -62,12 +48,7 @@ class Provenance:
 
 @cache
 def here() -> Provenance:
-    """Provenance of this process, read once: what is edited later is not what it has loaded.
-
-    Returns
-    -------
-    Provenance
-    """
+    """Provenance of this process, read once: what is edited later is not what it has loaded."""
     code = {
         path.relative_to(ROOT).as_posix(): keys.digest_bytes(path.read_bytes())
         for package in PACKAGES

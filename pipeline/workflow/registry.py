@@ -292,16 +292,7 @@ BY_NAME = {stage.name: stage for stage in STAGES}
 
 
 def upstream(name: str) -> tuple[Stage, ...]:
-    """The stages that a product needs, itself last, in the order of the mission.
-
-    Parameters
-    ----------
-    name : str, of a stage
-
-    Returns
-    -------
-    tuple of Stage
-    """
+    """The stages that a product needs, itself last, in the order of the mission."""
     wanted = {name}
     for stage in reversed(STAGES):
         if stage.name in wanted:

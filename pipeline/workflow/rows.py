@@ -73,10 +73,6 @@ _PACKED = {"INTEGER": "q", "REAL": "d"}
 class Layout(Generic[Row]):
     """How rows of a kind are kept: in which table, and sealed with which checksum.
 
-    Parameters
-    ----------
-    row : type of the rows
-
     Examples
     --------
     SQLite knows no NaN and no negative zero, so that neither counts:
@@ -110,16 +106,7 @@ class Layout(Generic[Row]):
         self._reals = [place for place, kind in enumerate(kinds.values()) if kind == "REAL"]
 
     def sealed(self, row: Row) -> tuple[Any, ...]:
-        """Fields of a row as SQLite gives them back, and their checksum.
-
-        Parameters
-        ----------
-        row : a row
-
-        Returns
-        -------
-        tuple
-        """
+        """Fields of a row as SQLite gives them back, and their checksum."""
         fields: list[Any] = list(row)
         for place in self._reals:
             value = fields[place]
@@ -128,29 +115,11 @@ class Layout(Generic[Row]):
         return (*fields, self._checksum(fields))
 
     def unsealed(self, kept: tuple[Any, ...]) -> Row | None:
-        """The row, or None if it is not what was written.
-
-        Parameters
-        ----------
-        kept : tuple, fields and checksum
-
-        Returns
-        -------
-        a row or None
-        """
+        """The row, or None if it is not what was written."""
         return self._row(*kept[:-1]) if self.is_sound(kept) else None
 
     def is_sound(self, kept: tuple[Any, ...]) -> bool:
-        """Whether fields and checksum are what was written.
-
-        Parameters
-        ----------
-        kept : tuple, fields and checksum
-
-        Returns
-        -------
-        bool
-        """
+        """Whether fields and checksum are what was written."""
         try:
             return self._checksum(kept) == kept[-1]
         except (struct.error, TypeError):  # a field of another type

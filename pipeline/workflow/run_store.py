@@ -35,9 +35,6 @@ class RunStore(Generic[Row]):
 
     Parameters
     ----------
-    folder : Path
-    row : type of its rows
-    log : function of one line, for what was damaged
     reads : bool, whether nothing is to be changed; the database then has to be there
     """
 
@@ -66,40 +63,17 @@ class RunStore(Generic[Row]):
         self._database.close()
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Keep rows, all or none.
-
-        Parameters
-        ----------
-        rows : iterable of rows
-        """
+        """Keep rows, all or none."""
         with self._using(), _whole(self._database, "BEGIN IMMEDIATE"):
             _put(self._database, self._layout, map(self._layout.sealed, rows))
 
     def get(self, keys: Iterable[bytes]) -> dict[bytes, Row]:
-        """Stored rows among ``keys``.
-
-        Parameters
-        ----------
-        keys : iterable of bytes
-
-        Returns
-        -------
-        dict of rows by key
-        """
+        """Stored rows among ``keys``."""
         rows = (self._layout.unsealed(kept) for kept in self._kept(keys))
         return {row.key: row for row in rows if row is not None}
 
     def outcomes(self, keys: Iterable[bytes]) -> dict[bytes, int]:
-        """Outcomes of those of ``keys`` that are stored.
-
-        Parameters
-        ----------
-        keys : iterable of bytes
-
-        Returns
-        -------
-        dict of int by key
-        """
+        """Outcomes of those of ``keys`` that are stored."""
         is_sound = self._layout.is_sound
         return {kept[0]: kept[1] for kept in self._kept(keys) if is_sound(kept)}
 
@@ -136,16 +110,7 @@ class RunStore(Generic[Row]):
 
 
 def is_there(folder: Path) -> bool:
-    """Whether a folder has a database of runs.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a folder has a database of runs."""
     return (folder / RUNS).is_file()
 
 

@@ -19,13 +19,7 @@ EVERY = 10.0
 
 @dataclass
 class Jobs:
-    """SLURM jobs that serve as workers.
-
-    Attributes
-    ----------
-    cluster : Dask's cluster of jobs
-    workers : int, worker processes wanted
-    """
+    """SLURM jobs that serve as workers."""
 
     cluster: Any
     workers: int
@@ -55,21 +49,7 @@ class Jobs:
 
 @contextmanager
 def jobs(workers: int) -> Iterator[Jobs]:
-    """Start jobs as dask-jobqueue is configured to, each of its workers with one thread.
-
-    Parameters
-    ----------
-    workers : int, worker processes
-
-    Yields
-    ------
-    Jobs
-
-    Raises
-    ------
-    InputError
-        If dask-jobqueue or its configuration is missing.
-    """
+    """Start jobs as dask-jobqueue is configured to, each of its workers with one thread."""
     import dask
 
     try:

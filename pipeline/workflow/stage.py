@@ -25,8 +25,6 @@ class Product:
 
     Attributes
     ----------
-    files : dict, from file name to a function that writes it to a given path
-    summary : str, one line for the log
     unresolved : int, runs without a verdict; the command then ends with exit code 1
     retry : int, runs that a later call should try again
     """
@@ -38,29 +36,14 @@ class Product:
 
 
 class Refusal(InputError):
-    """Input refused, with files that show why.
-
-    Parameters
-    ----------
-    problem : Problem
-    files : dict, from file name to a function that writes it to a given path
-    """
+    """Input refused, with files that show why."""
 
     def __init__(self, problem: Problem, files: dict[str, Writer]) -> None:
         super().__init__(problem)
         self.files = files
 
     def shown_in(self, folder: Path) -> InputError:
-        """The same in a line that names the first of the files.
-
-        Parameters
-        ----------
-        folder : Path
-
-        Returns
-        -------
-        InputError
-        """
+        """The same in a line that names the first of the files."""
         (problem,), (name, *_) = self.problems, self.files
         return InputError(replace(problem, remedy=f"{problem.remedy}; {folder / name} shows it"))
 
@@ -71,13 +54,6 @@ class Job:
 
     Attributes
     ----------
-    site : Site, with the resolved configuration
-    store : Store, products of the stages it needs
-    cluster : Cluster, where runs are done
-    key : str, identity of what is asked for, for provenance
-    log : function of one line
-    stage : str, name of the stage, for provenance
-    awaited : function of the name of a stage, which ends when that stage is made
     shows : bool, whether a refusal leaves files that show why
     """
 
@@ -96,16 +72,7 @@ class Job:
         return self.site.config
 
     def path(self, name: str) -> Path:
-        """Path of an upstream product.
-
-        Parameters
-        ----------
-        name : str, of a file
-
-        Returns
-        -------
-        Path
-        """
+        """Path of an upstream product."""
         return self.store.folder / name
 
 
@@ -115,23 +82,7 @@ class Stage:
 
     Attributes
     ----------
-    name : str
-    make : path of a function from Job to Product
-    applies : name of a property of the configuration; where it is false the stage is passed over
-    needs : stages whose products it reads
-    late : those of them that may be under way when it begins: it calls ``Job.awaited``
-    reads : dotted keys of the configuration that decide its product
-    code : roots of the code that decides it, besides ``make``
     aside : whether it is made in a process of its own, beside the stages that do not need it
-    workers : name of a property of the configuration; where it is true the stage has work for
-        workers, and is not made aside
-    made_elsewhere : whether ``make`` only arranges for ``code`` to run and is no root itself
-    inputs : path of a function from Site to digests of files outside the configuration, by name
-    files : names of the templates and tables in this package that its pages are made from
-    versions : libraries whose version decides the result
-    ready : path of a function of Site that loads what else its making loads
-    check : path of a function from Store to what is wrong with its products beyond their
-        checksums, or an empty string
     """
 
     name: str
@@ -160,109 +111,41 @@ class Stage:
         return self.code if self.made_elsewhere else (self.make, *self.code)
 
     def is_for(self, settings: BaseModel) -> bool:
-        """Whether a site with these settings has any use for it.
-
-        Parameters
-        ----------
-        settings : configuration of a site, or what is assumed of a series of tests
-
-        Returns
-        -------
-        bool
-        """
+        """Whether a site with these settings has any use for it."""
         return not self.applies or bool(getattr(settings, self.applies))
 
     def is_made_aside(self, settings: BaseModel) -> bool:
-        """Whether it is made in a process of its own.
-
-        Parameters
-        ----------
-        settings : as for ``is_for``
-
-        Returns
-        -------
-        bool
-        """
+        """Whether it is made in a process of its own."""
         return self.aside and not (self.workers and getattr(settings, self.workers))
 
     def settings(self, settings: BaseModel) -> dict[str, Any]:
-        """The part of the settings that it reads, by dotted key.
-
-        Parameters
-        ----------
-        settings : as for ``is_for``
-
-        Returns
-        -------
-        dict
-        """
+        """The part of the settings that it reads, by dotted key."""
         whole = settings.model_dump(mode="json")
         return {key: _at(whole, key) for key in self.reads}
 
     def product(self, job: Job) -> Product:
-        """Make it.
-
-        Parameters
-        ----------
-        job : Job
-
-        Returns
-        -------
-        Product
-        """
+        """Make it."""
         made: Product = named(self.make)(job)
         return made
 
     def get_ready(self, site: Site) -> None:
-        """Load its code, while what it needs is still made.
-
-        Parameters
-        ----------
-        site : Site
-        """
+        """Load its code, while what it needs is still made."""
         named(self.make)
         if self.ready:
             named(self.ready)(site)
 
     def input_digests(self, site: Site) -> dict[str, str]:
-        """Digests of what decides its product besides configuration and code, by name.
-
-        Parameters
-        ----------
-        site : Site
-
-        Returns
-        -------
-        dict of str by name
-        """
+        """Digests of what decides its product besides configuration and code, by name."""
         given = named(self.inputs)(site) if self.inputs else {}
         return given | {name: pages.digest(name) for name in self.files}
 
     def fault(self, store: Store) -> str:
-        """What is wrong with its products beyond their checksums, or an empty string.
-
-        Parameters
-        ----------
-        store : Store
-
-        Returns
-        -------
-        str
-        """
+        """What is wrong with its products beyond their checksums, or an empty string."""
         return str(named(self.check)(store)) if self.check else ""
 
 
 def named(path: str) -> Callable[..., Any]:
-    """The function at ``"package.module:function"``.
-
-    Parameters
-    ----------
-    path : str
-
-    Returns
-    -------
-    callable
-    """
+    """The function at ``"package.module:function"``."""
     module, _, name = path.partition(":")
     function: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return function

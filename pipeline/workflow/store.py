@@ -35,7 +35,6 @@ class Store:
 
     Parameters
     ----------
-    folder : Path
     home : Store, of the site that a member of a sweep belongs to: it is owned in place of this one,
         and has the database of runs
     lenders : dict, stores by the stages and keys of what they can lend, shared among the members
@@ -78,16 +77,6 @@ class Store:
         """Make the folder, own it from now on, and see that it can be written to.
 
         Reading needs none of it.
-
-        Returns
-        -------
-        bool
-            Whether it was not owned before.
-
-        Raises
-        ------
-        InputError
-            If it cannot be written to, or another process owns it.
         """
         just_owned = self._home is not None and self._home.open()
         if self._is_open:
@@ -104,32 +93,14 @@ class Store:
         return just_owned
 
     def manifest(self, stage: str) -> dict[str, Any] | None:
-        """Manifest of a stage; None if there is none or it cannot be read.
-
-        Parameters
-        ----------
-        stage : str
-
-        Returns
-        -------
-        dict or None
-        """
+        """Manifest of a stage; None if there is none or it cannot be read."""
         try:
             return dict(json.loads((self._manifests / f"{stage}.json").read_text()))
         except (OSError, ValueError):
             return None
 
     def damage(self, stage: str) -> str:
-        """What is wrong with a stage's products on disk, or an empty string.
-
-        Parameters
-        ----------
-        stage : str
-
-        Returns
-        -------
-        str
-        """
+        """What is wrong with a stage's products on disk, or an empty string."""
         for name, checksum in (self.manifest(stage) or {"files": {}})["files"].items():
             path = self.folder / name
             if not path.is_file():
@@ -139,14 +110,7 @@ class Store:
         return ""
 
     def publish(self, stage: str, facts: dict[str, Any], writers: dict[str, Writer]) -> None:
-        """Write products beside their names, rename them, then write the manifest.
-
-        Parameters
-        ----------
-        stage : str
-        facts : dict, of the manifest
-        writers : dict of Writer by file name
-        """
+        """Write products beside their names, rename them, then write the manifest."""
         with writing(self.folder):
             files = {name: self._put(self.folder / name, write) for name, write in writers.items()}
             manifest = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
@@ -157,13 +121,7 @@ class Store:
             self._put(self._manifests / f"{stage}.json", text(manifest))
 
     def show(self, stage: str, writers: dict[str, Writer]) -> None:
-        """Write files that show why a stage's input is refused, until it is made.
-
-        Parameters
-        ----------
-        stage : str
-        writers : dict of Writer by file name
-        """
+        """Write files that show why a stage's input is refused, until it is made."""
         with writing(self.folder):
             self._put(self._shown(stage), text(json.dumps([*writers])))
             for name, write in writers.items():
@@ -174,28 +132,14 @@ class Store:
         return self._manifests / f"{stage}.refused"
 
     def lends(self, stages: Iterable[str]) -> None:
-        """Let the others that share its lenders take what it has of some stages.
-
-        Parameters
-        ----------
-        stages : iterable of str
-        """
+        """Let the others that share its lenders take what it has of some stages."""
         for stage in stages:
             manifest = self.manifest(stage)
             if manifest is not None and not manifest["retry"]:
                 self._lenders.setdefault((stage, manifest["key"]), self)
 
     def borrow(self, stage: str, key: str) -> str:
-        """Take over what another store has of a stage.
-
-        Parameters
-        ----------
-        stage, key : str
-
-        Returns
-        -------
-        str, name of the other's folder, empty if none has it
-        """
+        """Take over what another store has of a stage."""
         lender = self._lenders.get((stage, key))
         manifest = lender.manifest(stage) if lender else None
         if lender is None or manifest is None or manifest["key"] != key or lender.damage(stage):
@@ -207,25 +151,14 @@ class Store:
         return lender.folder.name
 
     def forget(self, stage: str) -> None:
-        """Drop a stage's manifest, so that it is made again, and not borrowed.
-
-        Parameters
-        ----------
-        stage : str
-        """
+        """Drop a stage's manifest, so that it is made again, and not borrowed."""
         for known in [known for known in self._lenders if known[0] == stage]:
             del self._lenders[known]
         with writing(self.folder):
             (self._manifests / f"{stage}.json").unlink(missing_ok=True)
 
     def note(self, stage: str, **facts: Any) -> None:
-        """Append facts that no product may hold, such as times, to the log.
-
-        Parameters
-        ----------
-        stage : str
-        facts : plain data
-        """
+        """Append facts that no product may hold, such as times, to the log."""
         line = json.dumps({"time": time.strftime("%Y-%m-%dT%H:%M:%S"), "stage": stage, **facts})
         with writing(self.folder), (self.folder / LOG).open("ab+") as file:
             file.seek(max(file.seek(0, os.SEEK_END) - 1, 0))
@@ -233,16 +166,7 @@ class Store:
             file.write(b"\n" * torn + line.encode() + b"\n")
 
     def notes(self, stage: str) -> list[dict[str, Any]]:
-        """Facts noted about a stage, oldest first.
-
-        Parameters
-        ----------
-        stage : str
-
-        Returns
-        -------
-        list of dict
-        """
+        """Facts noted about a stage, oldest first."""
         path = self.folder / LOG
         lines = path.read_bytes().splitlines() if path.is_file() else []
         return [fact for fact in map(_noted, lines) if fact.get("stage") == stage]
@@ -272,21 +196,7 @@ def _noted(line: bytes) -> dict[str, Any]:
 
 @contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Turn a failure to write into one clear line.
-
-    Parameters
-    ----------
-    folder : Path, that is written to
-
-    Yields
-    ------
-    None
-
-    Raises
-    ------
-    InputError
-        If what is done meanwhile cannot be written.
-    """
+    """Turn a failure to write into one clear line."""
     try:
         yield
     except (OSError, sqlite3.Error) as error:

@@ -39,15 +39,7 @@ COMPARISON = Stage(
 
 @dataclass(frozen=True)
 class Swept:
-    """A sweep, and the jobs of its members.
-
-    Attributes
-    ----------
-    sweep : Sweep
-    stage : str, that ends the product of each member
-    job : Job, of what is made of all members
-    jobs : dict of Job by the place of its member
-    """
+    """A sweep, and the jobs of its members."""
 
     sweep: Sweep
     stage: str
@@ -56,23 +48,7 @@ class Swept:
 
 
 def of_job(sweep: Sweep, stage: str, job: Job) -> Swept:
-    """Give each member a folder.
-
-    Parameters
-    ----------
-    sweep : Sweep
-    stage : str, that ends the product of each member
-    job : Job, of the site
-
-    Returns
-    -------
-    Swept
-
-    Raises
-    ------
-    InputError
-        For a dimension with the name of something else in a dataset.
-    """
+    """Give each member a folder."""
     for one in sweep.dimensions:
         if one.name in catalogue() and one.name != GRIDS.get(one.key):
             rule = f"it stands for another thing in {DATA}: {catalogue()[one.name]['long_name']}"
@@ -94,16 +70,7 @@ def of_job(sweep: Sweep, stage: str, job: Job) -> Swept:
 
 
 def make(swept: Swept) -> int:
-    """Bring all members up to date, and what is made of them.
-
-    Parameters
-    ----------
-    swept : Swept
-
-    Returns
-    -------
-    int, runs without a verdict
-    """
+    """Bring all members up to date, and what is made of them."""
     wanted = _wanted(swept)  # all input is read, or refused, before anything is made
     stages = [stage.name for stage in upstream(swept.stage)]
     for member in swept.jobs.values():
@@ -122,17 +89,7 @@ def make(swept: Swept) -> int:
 
 
 def told(question: Callable[[str, Job], list[str]], swept: Swept) -> list[str]:
-    """Ask something of every member, and whether the comparison is done.
-
-    Parameters
-    ----------
-    question : callable, from the name of a stage and a job to lines
-    swept : Swept
-
-    Returns
-    -------
-    list of str, lines
-    """
+    """Ask something of every member, and whether the comparison is done."""
     wanted = _wanted(swept)
     reasons = list(graph.why(COMPARISON, wanted, swept.job.store))
     members = counted(len(swept.jobs), "member")

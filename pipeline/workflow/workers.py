@@ -35,8 +35,6 @@ class Task(NamedTuple):
 
     Attributes
     ----------
-    function : Work
-    items : tuple
     together : bool, whether several batches may be done at once in a process
     apart : bool, whether it is to be done item by item in a process of its own
     """
@@ -73,17 +71,7 @@ def door() -> Callable[[bytes, bytes, str], Any]:
 
 
 def do(task: bytes, shared: bytes) -> Any:
-    """Do a batch.
-
-    Parameters
-    ----------
-    task : bytes, pickled Task
-    shared : bytes, pickled object that its items share
-
-    Returns
-    -------
-    what its function makes; of a task that is apart a list of that for each item alone, or None
-    """
+    """Do a batch."""
     _keep_memory()
     function, items, together, apart = pickle.loads(task)  # noqa: S301 (from our client)
     thing = _unpickled(shared)
@@ -126,12 +114,7 @@ def _keep_memory() -> None:
 
 
 def dask_setup(worker: Any) -> None:
-    """Dask calls this in each worker of its client's: Ctrl-C is for that, which ends its workers.
-
-    Parameters
-    ----------
-    worker : the Dask worker
-    """
+    """Dask calls this in each worker of its client's: Ctrl-C is for the client, which ends them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     provenance.here()  # before any of it is edited
 

@@ -15,10 +15,6 @@ Writer = Callable[[Path], None]
 def text(content: str) -> Writer:
     """Writer of a text.
 
-    Parameters
-    ----------
-    content : str
-
     Returns
     -------
     Writer
@@ -28,16 +24,7 @@ def text(content: str) -> Writer:
 
 
 def binary(content: bytes) -> Writer:
-    """Writer of bytes, such as a picture.
-
-    Parameters
-    ----------
-    content : bytes
-
-    Returns
-    -------
-    Writer
-    """
+    """Writer of bytes, such as a picture."""
 
     def write(path: Path) -> None:
         path.write_bytes(content)
@@ -52,10 +39,6 @@ def table(frame: pd.DataFrame) -> Writer:
     ----------
     frame : DataFrame
         An empty text is an empty field; NaN is written as ``nan``.
-
-    Returns
-    -------
-    Writer
     """
     return text(frame.map(_shown).to_csv(index=False, lineterminator="\r\n"))
 

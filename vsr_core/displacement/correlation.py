@@ -39,8 +39,6 @@ class Line:
 
     Attributes
     ----------
-    n_groups : int
-    slope, intercept : float
     r2 : float, share of the variance of the means that the line explains
     p : float, two-sided, of a slope of zero (t test)
     centre : float, mean of the regressor over the ensembles
@@ -63,29 +61,11 @@ class Line:
         return float(stats.t.ppf(0.5 + 0.5 * LEVEL, self.n_groups - 2))
 
     def mean(self, at: Array) -> Array:
-        """Value of the line.
-
-        Parameters
-        ----------
-        at : ndarray, any shape
-
-        Returns
-        -------
-        ndarray, of its shape
-        """
+        """Value of the line."""
         return self.intercept + self.slope * at
 
     def band(self, at: Array) -> tuple[Array, Array]:
-        """95 % confidence band of the line.
-
-        Parameters
-        ----------
-        at : ndarray, any shape
-
-        Returns
-        -------
-        low, high : ndarray, of its shape
-        """
+        """95 % confidence band of the line."""
         leverage = 1.0 / self.n_groups + (at - self.centre) ** 2 / self.spread
         half = self.t * self.residual * np.sqrt(leverage)
         return self.mean(at) - half, self.mean(at) + half
@@ -97,11 +77,7 @@ class Correlation:
 
     Attributes
     ----------
-    statistic, regressor : str
-    ensembles : DataFrame, see ``ensembles``
-    line : Line
     spearman, spearman_p : float, rank correlation of the ensembles' means, and its two-sided p
-    spearman_runs, spearman_runs_p : float, the same over the runs
     between, within : float, shares of the runs' variance between the ensembles (eta squared) and
         inside them
     reason : str, why the numbers are NaN; empty if they are not
@@ -127,11 +103,6 @@ def correlations(runs: pd.DataFrame) -> tuple[Correlation, ...]:
     ----------
     runs : DataFrame
         The overturned runs, with the columns ``REGRESSORS`` and ``STATISTICS``.
-
-    Returns
-    -------
-    tuple of Correlation
-        Statistic by statistic.
 
     Raises
     ------
@@ -162,12 +133,6 @@ def correlate(
     ----------
     regressor_values, values : ndarray, shape (n,)
         Of the runs; equal values of the regressor make an ensemble.
-    statistic, regressor : str
-        Names that the result carries.
-
-    Returns
-    -------
-    Correlation
 
     Examples
     --------
@@ -215,16 +180,7 @@ def ensembles(regressor_values: Array, values: Array) -> pd.DataFrame:
 
 
 def row(found: Correlation) -> dict[str, str | int | float]:
-    """One row of the table of correlations, by the names of its columns.
-
-    Parameters
-    ----------
-    found : Correlation
-
-    Returns
-    -------
-    dict
-    """
+    """One row of the table of correlations, by the names of its columns."""
     line = asdict(found.line)
     return {
         "statistic": found.statistic,

@@ -31,7 +31,6 @@ class LowerBound:
 
     Attributes
     ----------
-    regressor : str
     observed : float [m]
     reached : int, runs that went at least as far
     first_run : float, smallest value at which any run did
@@ -69,11 +68,6 @@ def lower_bound(
     distances : ndarray, shape (n,) [m]
         Their trajectory length or terminal distance.
     observed : float [m]
-    regressor : str
-
-    Returns
-    -------
-    LowerBound
 
     References
     ----------

@@ -163,10 +163,6 @@ class Origin:
 
         Motions as probable as the last one needed are all in it.
 
-        Parameters
-        ----------
-        share : float, 0 to 1
-
         Returns
         -------
         ndarray of bool, shape (r, p)
@@ -186,16 +182,10 @@ def trace(forward: Forward, found: Found, prior: Array | None = None) -> Origin:
 
     Parameters
     ----------
-    forward : Forward
-    found : Found
     prior : ndarray, shape (s, r, p), optional
         Not negative, of any sum, over the sorted starts, PGV/PGA and PGA of the runs. Alike in
         all cells that hold a run if not given. Cells without a run get nothing: what happens
         there is not known.
-
-    Returns
-    -------
-    Origin
 
     Raises
     ------

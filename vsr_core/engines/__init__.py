@@ -13,10 +13,6 @@ from vsr_core.errors import InvalidInput
 def names() -> list[str]:
     """Names of the engines there are.
 
-    Returns
-    -------
-    list of str
-
     Examples
     --------
     >>> names()
@@ -28,14 +24,6 @@ def names() -> list[str]:
 
 def load(name: str) -> Engine:
     """Engine by name; imports its library.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    Engine
 
     Raises
     ------

@@ -16,7 +16,6 @@ class Solver:
 
     Attributes
     ----------
-    iterations : int, at most
     residual : float, in the engine's own measure, below which it stops earlier
     """
 
@@ -89,12 +88,7 @@ class TurningWorld(World, Protocol):
     """A scene under way on a table that turns too."""
 
     def turn(self, samples: Sequence[Sequence[float]], /) -> None:
-        """Step through a motion that turns the table, one time step a sample.
-
-        Parameters
-        ----------
-        samples : sequence of nine numbers a sample, those of a ``TableMotion``
-        """
+        """Step through a motion that turns the table, one time step a sample."""
 
     def impulse(self) -> float:
         """Upper bound of the growth of sqrt(2 e) by ``turn`` so far.
@@ -140,12 +134,7 @@ class GroundWorld(World, Protocol):
     """A scene under way on a terrain; the table shakes along (cos yaw, -sin yaw)."""
 
     def put(self, state: State) -> None:
-        """Have the rock go on from a state.
-
-        Parameters
-        ----------
-        state : State
-        """
+        """Have the rock go on from a state."""
 
     def contacts(self) -> tuple[int, float]:
         """How the rock touched the ground in the last step.
@@ -166,7 +155,6 @@ class Engine(Protocol):
         The library's, part of the identity of a run.
     SOLVER : Solver
         The effort that it takes if none is stated.
-    LADDER : Ladder
     SLENDER_SHARE : float
         Longest time step of a slender rock, as a share of tan(alpha) sqrt(radius / g).
     SLIDING_SHARE : float
@@ -186,16 +174,10 @@ class Engine(Protocol):
 
         Parameters
         ----------
-        scene : Scene
         time_step : float [s]
         substeps : int, steps for which a sample of the motion is held; with a drive they make up
             its control period
         solver : Solver, by default the engine's ``SOLVER``
-
-        Returns
-        -------
-        World
-            With a drive a ``DrivenWorld``.
 
         Raises
         ------

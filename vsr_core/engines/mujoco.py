@@ -146,14 +146,8 @@ def build(
 
     Parameters
     ----------
-    scene : Scene
     time_step : float [s]
     substeps : int, steps for which a sample is held
-    solver : Solver, by default ``SOLVER``
-
-    Returns
-    -------
-    MujocoWorld
 
     Raises
     ------

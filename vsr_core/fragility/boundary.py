@@ -22,10 +22,6 @@ def locate(pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Boundary:
         1, 0, or NaN / -1 for undecided. Undecided cells are passed over, which widens the
         interval around them.
 
-    Returns
-    -------
-    Boundary
-
     Examples
     --------
     >>> found = locate([0.1, 0.2, 0.3, 0.4], [[0, 1, 0, 1], [0, 0, -1, 0]])

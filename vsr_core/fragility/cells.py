@@ -42,15 +42,6 @@ class Cells:
 def outcomes(overturned: npt.ArrayLike) -> Array:
     """Outcomes as 1.0, 0.0 and NaN.
 
-    Parameters
-    ----------
-    overturned : array_like
-        1, 0, or NaN / -1 for undecided.
-
-    Returns
-    -------
-    ndarray, shape of `overturned`
-
     Raises
     ------
     InvalidInput
@@ -83,10 +74,6 @@ def counted(pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLik
         Positive, strictly increasing.
     overturned : array_like, shape (n_ratio, n_pga)
         1, 0, or NaN / -1 for an undecided run, which adds no trial.
-
-    Returns
-    -------
-    Cells
 
     Raises
     ------

@@ -36,10 +36,6 @@ def folds(cells: Cells) -> Indices:
     both its neighbours, as in use. So the two end rows, which have one neighbour, always stay
     (-1) where there are four rows or more: no model here is meant to extrapolate.
 
-    Parameters
-    ----------
-    cells : Cells
-
     Returns
     -------
     ndarray of int, shape (n_ratio,)
@@ -60,10 +56,6 @@ def folds(cells: Cells) -> Indices:
 def held_out_probability(model: FragilityModel) -> Array:
     """P(overturned) from fits that left the cell's row out.
 
-    Parameters
-    ----------
-    model : FragilityModel
-
     Returns
     -------
     ndarray, shape (n_ratio, n_pga)
@@ -79,10 +71,6 @@ def cross_validate(model: FragilityModel) -> Scores:
 
     Hyperparameters (the ridge of the smooth model) stay as chosen on the whole grid, so that
     model's score is slightly flattered.
-
-    Parameters
-    ----------
-    model : FragilityModel
 
     Returns
     -------
@@ -117,9 +105,6 @@ def bootstrap(model: FragilityModel, n: int, seed: int = 0) -> Bootstrap:
 
     Parameters
     ----------
-    model : FragilityModel
-    n : int
-        Replicates.
     seed : int
         The same seed gives identical intervals.
 

@@ -35,10 +35,6 @@ def fit_all(
     n_bootstrap : int
         Replicates, always the same ones.
 
-    Returns
-    -------
-    FragilityResult
-
     Raises
     ------
     InvalidInput

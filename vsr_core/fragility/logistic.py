@@ -20,10 +20,6 @@ class LogisticFragility(FragilityModel):
     this exactly and Firth's penalised likelihood is used instead, which is always finite. A
     slope that the data do not determine (one PGA, one PGV/PGA or one outcome only) is 0.
 
-    Parameters
-    ----------
-    cells : Cells
-
     References
     ----------
     Purvance, M. D. (2005), PhD thesis, University of Nevada, Reno: the form, as cited by Chen
@@ -147,10 +143,6 @@ def is_separated(points: Array, toppled: Array, balanced: Array) -> bool:
         A first column of ones makes it a plane anywhere in the other p - 1 coordinates.
     toppled, balanced : ndarray, shape (n,)
         Overturned and balanced runs of each point.
-
-    Returns
-    -------
-    bool
 
     Examples
     --------

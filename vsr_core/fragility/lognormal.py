@@ -30,10 +30,6 @@ class LognormalFragility(FragilityModel):
     undecided or left out gets ln theta and ln beta linear in ln PGV/PGA between its neighbours,
     constant beyond the outermost. Coefficients are ln theta and ln beta, shape (batch, n_ratio, 2).
 
-    Parameters
-    ----------
-    cells : Cells
-
     Attributes
     ----------
     status : tuple of str, length n_ratio

@@ -16,12 +16,8 @@ class FragilityModel(ABC):
 
     Attributes
     ----------
-    name : str
-    cells : Cells
     coefs : ndarray, shape (1, ...)
         Coefficients of the fit, as a batch of one.
-    separated : bool
-        See `ModelFit.separated`.
     method : str
         How the model was estimated, in words.
     """

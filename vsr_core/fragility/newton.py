@@ -35,7 +35,6 @@ def maximise(
     start : ndarray, shape (batch, p)
     tolerance : float
         A member is done when the largest component of its next step is below this.
-    max_iterations : int
 
     Returns
     -------

@@ -26,7 +26,6 @@ def recommend(
     ----------
     scores : mapping of str to Scores
         By model name; "logistic" among them.
-    boundary : Boundary
     separated : bool
         Whether a straight line in ln PGA and ln PGV/PGA divides the outcomes without error.
 

@@ -94,7 +94,6 @@ class ModelFit:
         for "smooth", whose penalty makes the question moot.
     parameters : tuple of Parameter
         Empty for "smooth", whose spline coefficients mean nothing one by one.
-    scores : Scores
     median, median_lower, median_upper : ndarray, shape (n_ratio,) [g]
         Smallest PGA with P >= 0.5 and its 95 % bootstrap interval. The logistic line goes on
         beyond the tested PGA; the other models say 0 or inf there.

@@ -33,10 +33,6 @@ class SmoothFragility(FragilityModel):
     folds and replicates. On a grid the information matrix factors into row and column parts
     (array regression), which makes a fit about 50 times cheaper than the flat regression.
 
-    Parameters
-    ----------
-    cells : Cells
-
     Attributes
     ----------
     effective_parameters : float

@@ -26,10 +26,6 @@ def lognormal_rows(medians: Array, betas: Array) -> RowFragility:
     ----------
     medians, betas : ndarray, shape (directions, rows)
         Of Phi(ln(PGA / median) / beta), medians in m/s^2.
-
-    Returns
-    -------
-    RowFragility
     """
 
     def rows(level: Array) -> Array:
@@ -45,10 +41,6 @@ def gridded_rows(levels: Array, probability: Array) -> RowFragility:
     ----------
     levels : ndarray, shape (n,) [m/s^2], ascending
     probability : ndarray, shape (rows, n)
-
-    Returns
-    -------
-    RowFragility
     """
     x = np.log(levels)
 
@@ -66,13 +58,7 @@ def continued_rows(rows: RowFragility, tried: Array, beyond: RowFragility) -> Ro
 
     Parameters
     ----------
-    rows : RowFragility
     tried : ndarray, shape (2,) [m/s^2], the first and the last level
-    beyond : RowFragility, whose probabilities rise
-
-    Returns
-    -------
-    RowFragility
     """
     first, last = beyond(tried).T[:, :, None]
 
@@ -94,9 +80,7 @@ def averaged(rows: RowFragility, ratios: Array, table: RatioTable, levels: Array
 
     Parameters
     ----------
-    rows : RowFragility
     ratios : ndarray, shape (rows,) [s], ascending, PGV/PGA of the rows
-    table : RatioTable
     levels : ndarray, shape (2,) [m/s^2], accelerations between which it is wanted
 
     Returns
@@ -141,12 +125,6 @@ def rate_by_row(
     table: RatioTable,
 ) -> tuple[Array, Array]:
     """Which PGA and which PGV/PGA the earthquakes have that topple a rock.
-
-    Parameters
-    ----------
-    curve : HazardCurve
-    fragility : Fragility, as ``averaged`` from the rows
-    rows, ratios, table : as for ``averaged``
 
     Returns
     -------

@@ -36,11 +36,6 @@ def reweighed(weights: Array, survival: Array, least: float) -> Reweighed:
     ----------
     weights : ndarray, shape (n,)
     survival : ndarray, shape (n,)
-    least : float
-
-    Returns
-    -------
-    Reweighed
 
     Raises
     ------
@@ -74,10 +69,6 @@ def effective_number(weights: Array) -> float:
     ----------
     weights : ndarray, shape (n,), that sum to 1, or are all 0
 
-    Returns
-    -------
-    float, 0 of no weight
-
     Examples
     --------
     >>> effective_number(np.full(4, 0.25)), effective_number(np.array([1.0, 0.0]))
@@ -92,7 +83,6 @@ def mean_curve(curves: Sequence[HazardCurve], weights: Array, levels: Array) -> 
 
     Parameters
     ----------
-    curves : sequence of HazardCurve, of the branches
     weights : ndarray, shape (n,)
     levels : ndarray, shape (m,) [m/s^2]
 
@@ -111,15 +101,12 @@ def fractiles(
 
     Parameters
     ----------
-    curves : sequence of HazardCurve, of the branches
     weights : ndarray, shape (n,)
     levels : ndarray, shape (m,) [m/s^2]
-    shares : sequence of float
 
     Returns
     -------
     ndarray, shape (len(shares), m) [1/year]: the least rate at which the weight of the branches
-    not above it reaches the share
     """
     rates = _rates(curves, levels)
     order = np.argsort(rates, axis=0)

@@ -85,11 +85,6 @@ def curve_of_probabilities(levels: Array, probabilities: Array, years: float) ->
     ----------
     levels : ndarray, shape (n,) [m/s^2]
     probabilities : ndarray, shape (n,)
-    years : float
-
-    Returns
-    -------
-    HazardCurve
 
     Raises
     ------

@@ -23,7 +23,6 @@ class Equation:
 
     Attributes
     ----------
-    b1, b2, b3, b4, b5, b6 : float
     within, between : float, standard deviations of log10 y within and between earthquakes
     """
 
@@ -42,10 +41,6 @@ class Equation:
         Parameters
         ----------
         magnitude, distance : ndarray, of one shape [1] and [km]
-
-        Returns
-        -------
-        ndarray, of that shape
         """
         path = (self.b4 + self.b5 * magnitude) * np.log10(np.hypot(distance, self.b6))
         size = self.b1 + self.b2 * magnitude + self.b3 * magnitude**2
@@ -82,10 +77,6 @@ def ratios_of_scenarios(
     levels : ndarray, shape (k,) [m/s^2], ascending, at which PGA was disaggregated
     shares : ndarray, shape (k, n), of each magnitude and distance; rows sum to 1
     at : ndarray, shape (m,) [m/s^2], accelerations of the table
-
-    Returns
-    -------
-    RatioTable
     """
     x = np.log(at)
     share = np.stack([np.interp(x, np.log(levels), one) for one in shares.T], axis=1)

@@ -63,16 +63,7 @@ class RatioTable:
         return median, np.interp(x, known, self.log_sds)
 
     def times(self, factor: float) -> RatioTable:
-        """The same with all medians multiplied.
-
-        Parameters
-        ----------
-        factor : float
-
-        Returns
-        -------
-        RatioTable
-        """
+        """The same with all medians multiplied."""
         return RatioTable(self.levels, factor * self.medians, self.log_sds)
 
 
@@ -85,7 +76,6 @@ def ratio_of_curves(pga: HazardCurve, pgv: HazardCurve, log_sd: float) -> RatioT
     Parameters
     ----------
     pga, pgv : HazardCurve [m/s^2] and [m/s]
-    log_sd : float, about it
 
     Returns
     -------

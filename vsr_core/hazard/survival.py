@@ -30,7 +30,6 @@ class Standing:
 
     Attributes
     ----------
-    fragility : Fragility
     ages : ndarray, shape (n,) [years], equally likely, for which it has stood as it stands
     """
 
@@ -72,7 +71,6 @@ def lognormal_ages(median: float, log_sd: float) -> Array:
     Parameters
     ----------
     median : float [years]
-    log_sd : float
 
     Returns
     -------
@@ -123,10 +121,6 @@ def survival(rate: float, ages: Array) -> float:
     ----------
     rate : float [1/year], of toppling
     ages : ndarray, shape (n,) [years], equally likely
-
-    Returns
-    -------
-    float
     """
     return float(np.exp(-rate * ages).mean())
 
@@ -136,16 +130,6 @@ def survival_of(curve: HazardCurve, rocks: Sequence[Standing], seed: int = 1) ->
 
     In the years before present in which only some of them stood, only these could topple. Ages are
     unknown independently of each other.
-
-    Parameters
-    ----------
-    curve : HazardCurve
-    rocks : sequence of Standing, at one place
-    seed : int, of the pairing of ages
-
-    Returns
-    -------
-    float
     """
     if len(rocks) == 1:
         return survival(toppling(curve, rocks[0].fragility).rate, rocks[0].ages)
@@ -171,12 +155,6 @@ def largest_scale(
     curve: HazardCurve, chance: Callable[[HazardCurve], float], least: float
 ) -> float:
     """Largest factor on the accelerations of a curve that leaves a chance of survival.
-
-    Parameters
-    ----------
-    curve : HazardCurve
-    chance : function of a HazardCurve, the chance of survival under it
-    least : float, chance that is asked for
 
     Returns
     -------

@@ -41,15 +41,6 @@ class Toppling:
 def toppling(curve: HazardCurve, fragility: Fragility) -> Toppling:
     """Annual rate of earthquakes that topple a rock, nu = integral of P(a) (-d lambda(a)).
 
-    Parameters
-    ----------
-    curve : HazardCurve
-    fragility : Fragility
-
-    Returns
-    -------
-    Toppling
-
     References
     ----------
     Baker, Abrahamson, Whitney, Board & Hanks (2013), Bull. Seismol. Soc. Am. 103(3).
@@ -74,14 +65,6 @@ def any_of(fragilities: Sequence[Fragility]) -> Fragility:
     """Probability that one or more of several rocks topple in the same shaking.
 
     Given the shaking they topple independently; that it is the same shaking joins them.
-
-    Parameters
-    ----------
-    fragilities : sequence of Fragility
-
-    Returns
-    -------
-    Fragility
     """
 
     def together(level: Array) -> Array:

@@ -75,10 +75,6 @@ class CosinePulse:
         ----------
         pga_g : float [g]
         pgv_pga : float [s]
-
-        Returns
-        -------
-        CosinePulse
         """
         return cls(pga_g * GRAVITY, pgv_pga)
 

@@ -40,14 +40,6 @@ def of_text(text: str) -> list[Column]:
     Columns are separated by commas, semicolons, tabs or blanks; lines that begin with # are left
     out.
 
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    list of Column
-
     Raises
     ------
     InvalidInput
@@ -85,14 +77,6 @@ def of_text(text: str) -> list[Column]:
 
 def of_netcdf(content: bytes) -> NetCDF:
     """The columns of a NetCDF file.
-
-    Parameters
-    ----------
-    content : bytes
-
-    Returns
-    -------
-    NetCDF
 
     Raises
     ------
@@ -133,10 +117,6 @@ def _along_time(data: netCDF4.Dataset) -> NetCDF:
 
 def check_size(number: int) -> None:
     """Refuse a table that is longer than any recorded or commanded motion.
-
-    Parameters
-    ----------
-    number : int, of rows
 
     Raises
     ------

@@ -104,10 +104,6 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
     samples : ndarray, shape (n, 6) [m, rad]
         Of x, y, z, roll, pitch and yaw; angles may wrap at a turn.
 
-    Returns
-    -------
-    SampledMotion
-
     Raises
     ------
     InvalidInput

@@ -63,8 +63,6 @@ class TableMotion(ABC):
         Parameters
         ----------
         t : ndarray, shape (n,) [s]
-        order : int
-            0, 1 or 2.
 
         Returns
         -------
@@ -136,7 +134,6 @@ class AxisPulse:
 
     Attributes
     ----------
-    axis : one of ``AXES``
     peak : float [m/s^2 or rad/s^2], peak acceleration; a negative one mirrors the pulse
     ratio : float [s], of peak velocity to peak acceleration
     """
@@ -154,10 +151,6 @@ class AxisPulse:
 @dataclass(frozen=True)
 class AxisPulses(TableMotion):
     """Cosine pulses that begin together, each on its axis; on one axis they add.
-
-    Attributes
-    ----------
-    pulses : tuple of AxisPulse, one at least
 
     Examples
     --------

@@ -48,7 +48,6 @@ class Rock:
 
     Attributes
     ----------
-    shape : "box", "hull" or "sphere"
     vertices : ndarray, shape (n, 3) [m], corners of its convex hull; six poles of a sphere
     mass : float [kg]
     inertia : ndarray, shape (3,) [kg m^2], principal moments

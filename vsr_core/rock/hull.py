@@ -45,10 +45,6 @@ class Hull:
         Parameters
         ----------
         rotation : ndarray, shape (3, 3)
-
-        Returns
-        -------
-        Hull
         """
         return Hull(
             matrix_product(self.vertices, rotation.T),
@@ -66,10 +62,6 @@ def convex_hull(points: Array) -> Hull:
     Parameters
     ----------
     points : ndarray, shape (n, 3) [m], relative to the centre of mass
-
-    Returns
-    -------
-    Hull
 
     Raises
     ------
@@ -106,7 +98,6 @@ def touching(hull: Hull, tilt: float) -> Mask:
 
     Parameters
     ----------
-    hull : Hull, in its rest pose
     tilt : float [rad]
 
     Returns
@@ -123,7 +114,6 @@ def corners(hull: Hull, tolerance: float) -> Mask:
 
     Parameters
     ----------
-    hull : Hull
     tolerance : float [m], distance of a vertex from such a line
 
     Returns
@@ -169,10 +159,6 @@ def contact_tilts(hull: Hull) -> tuple[Array, Array]:
     A vertex touches for the directions of ``down`` between the normals of its facets. The range
     of their tilts is widened by the widest angle between neighbouring facets there, because an
     arc between two normals may pass a tilt that neither has; it encloses the true one.
-
-    Parameters
-    ----------
-    hull : Hull, in its rest pose
 
     Returns
     -------

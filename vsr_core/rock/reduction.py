@@ -29,31 +29,13 @@ _DIRECTIONS = 72  # in which a reduced hull must tip as the complete one does
 
 
 def on_its_seat(rock: Rock) -> Rock:
-    """The rock with all corners of its base, and as few others as ``SEAT_SHARE`` allows.
-
-    Parameters
-    ----------
-    rock : Rock
-
-    Returns
-    -------
-    Rock
-    """
+    """The rock with all corners of its base, and as few others as ``SEAT_SHARE`` allows."""
     low = rock.vertices[:, 2] <= rock.vertices[:, 2].min() + BASE_SHARE * rock.radius
     return lightened(rock, SEAT_SHARE * rock.radius, low)
 
 
 def in_flight(rock: Rock) -> Rock:
-    """The rock with as few corners as ``FLIGHT_SHARE`` allows.
-
-    Parameters
-    ----------
-    rock : Rock
-
-    Returns
-    -------
-    Rock
-    """
+    """The rock with as few corners as ``FLIGHT_SHARE`` allows."""
     return lightened(rock, FLIGHT_SHARE * rock.radius, np.zeros(len(rock.vertices), dtype=bool))
 
 
@@ -66,7 +48,6 @@ def lightened(rock: Rock, tolerance: float, kept: Mask) -> Rock:
 
     Parameters
     ----------
-    rock : Rock
     tolerance : float [m]
     kept : ndarray of bool, shape (n,), corners that stay in any case
 
@@ -160,14 +141,6 @@ def simplified(rock: Rock) -> Rock:
 
     Certified: static uplift and tipping in 72 directions are those of the complete hull, or the
     rock is returned as it is.
-
-    Parameters
-    ----------
-    rock : Rock
-
-    Returns
-    -------
-    Rock
     """
     hull = rock.hull
     keep = touching(hull, KEPT_TILT)

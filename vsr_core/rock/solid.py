@@ -48,7 +48,6 @@ class Solid:
 
     Attributes
     ----------
-    rock : Rock, in its rest pose
     vertices : ndarray, shape (n, 3) [m], surface in the same frame
     faces : ndarray of int, shape (m, 3)
     volume : float [m^3]
@@ -70,10 +69,6 @@ def box(size: tuple[float, float, float], density: float) -> Solid:
     size : tuple of three floats [m], along x, y and z
     density : float [kg/m^3]
 
-    Returns
-    -------
-    Solid
-
     Examples
     --------
     >>> box((1.0, 1.0, 2.0), 2000.0).rock.mass
@@ -94,10 +89,6 @@ def block(size: tuple[float, float, float], density: float) -> Rock:
     ----------
     size : tuple of three floats [m], along x, y and z
     density : float [kg/m^3]
-
-    Returns
-    -------
-    Rock
 
     Examples
     --------
@@ -123,10 +114,6 @@ def from_mesh(mesh: trimesh.Trimesh, density: float, *, as_scanned: bool = False
     density : float [kg/m^3]
     as_scanned : bool
         Whether it keeps its pose, as on a terrain, or is set on a level pedestal.
-
-    Returns
-    -------
-    Solid
 
     Raises
     ------
@@ -191,14 +178,6 @@ def principal(inertia: Array) -> tuple[Array, Array]:
 def standing(rock: Rock) -> Rock:
     """A rock in the pose of a scan, set on a level pedestal as near to that pose as it stands.
 
-    Parameters
-    ----------
-    rock : Rock
-
-    Returns
-    -------
-    Rock
-
     Raises
     ------
     InvalidInput
@@ -225,7 +204,6 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     Returns
     -------
     mesh : trimesh.Trimesh [m]
-    repaired : tuple of str
 
     Raises
     ------

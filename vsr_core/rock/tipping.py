@@ -56,7 +56,6 @@ def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float
 
     Parameters
     ----------
-    hull : Hull, in the given pose
     largest : float [rad]
 
     Returns
@@ -91,10 +90,6 @@ def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float
 
 def rest_tilts(hull: Hull) -> Array:
     """Tilts of all poses in which a hull rests on one of its facets.
-
-    Parameters
-    ----------
-    hull : Hull, in its rest pose
 
     Returns
     -------
@@ -136,12 +131,7 @@ def tipping(hull: Hull, direction: Array) -> Tipping:
 
     Parameters
     ----------
-    hull : Hull, in its rest pose
     direction : ndarray, shape (k,) [rad], in which the rock tips, counter-clockwise from +x
-
-    Returns
-    -------
-    Tipping
     """
     start = int(np.argmin(hull.normals[:, 2]))
     outlines = _outlines(hull)

@@ -57,15 +57,6 @@ def areas(vertices: Array, faces: Indices) -> Array:
 def chunks(count: int, size: int = _CHUNK) -> list[slice]:
     """Slices of many elements, to be handled one after the other where that saves memory.
 
-    Parameters
-    ----------
-    count : int, of elements
-    size : int, of a slice
-
-    Returns
-    -------
-    list of slice
-
     Examples
     --------
     >>> chunks(5, 3)

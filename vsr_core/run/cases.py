@@ -39,8 +39,6 @@ class Case:
     ----------
     full : Scene, with all vertices of the rock
     scene : Scene, as simulated; ``full`` itself if its rock was not reduced
-    reductions : tuple of Reduction, what was left out
-    limits : Barrier of the rock
     static_limits : tuple of float, lowest and highest table acceleration [m/s^2] that move
         nothing; zeros for springs, for a start on the move, and for a drive, whose table
         overshoots a little
@@ -75,16 +73,6 @@ class TerrainCase:
 def prepare(described: Scene, limits: proofs.Barrier, *, reduce: bool) -> Case:
     """Reduce a scene, or take it as it is.
 
-    Parameters
-    ----------
-    described : Scene, on a flat pedestal
-    limits : Barrier of its rock
-    reduce : bool
-
-    Returns
-    -------
-    Case
-
     Raises
     ------
     InvalidInput
@@ -109,11 +97,6 @@ def never_starts(
     ----------
     static_limits : tuple of float [m/s^2], lowest and highest table acceleration that move nothing
     peak_acceleration : float [m/s^2], of a motion along one axis
-    settings : Settings
-
-    Returns
-    -------
-    bool
 
     Examples
     --------

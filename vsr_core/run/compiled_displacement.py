@@ -51,10 +51,7 @@ class Place:
 
     Attributes
     ----------
-    body, ground : Body and Ground, of the rock on its seat
-    flying, below : the same once it has toppled; None if that makes no difference
     lookup, surface : Lookup, of the terrain, and of what is below a rock that has toppled
-    rule : Rule
     """
 
     body: Body
@@ -67,16 +64,7 @@ class Place:
 
 
 def place(case: TerrainCase) -> Place:
-    """What the runs of a case share.
-
-    Parameters
-    ----------
-    case : TerrainCase
-
-    Returns
-    -------
-    Place, for one thread
-    """
+    """What the runs of a case share."""
     seat, flight = case.seat, case.flight
     assert seat.terrain is not None
     assert flight.terrain is not None
@@ -105,10 +93,7 @@ def displace(
 
     Parameters
     ----------
-    case : TerrainCase
-    shared : Place, of the case
     motion : GroundMotion, along (cos yaw, -sin yaw)
-    settings : Settings
     time_step : float [s], the largest allowed
     follow : bool, whether to go on after toppling
 

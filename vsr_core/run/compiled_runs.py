@@ -66,13 +66,7 @@ def simulate(case: Case, motions: Sequence[GroundMotion], settings: Settings) ->
 
     Parameters
     ----------
-    case : Case
     motions : sequence of GroundMotion, a TableMotion for several axes
-    settings : Settings
-
-    Returns
-    -------
-    list of Response
     """
     found: dict[int, Response] = {}
     attempt = _Attempt(
@@ -99,13 +93,7 @@ def rule_of(case: Case, settings: Settings, *, turns: bool) -> Rule:
 
     Parameters
     ----------
-    case : Case
-    settings : Settings
     turns : bool, whether the table turns, of which nothing is proved
-
-    Returns
-    -------
-    Rule
     """
     rock, limits, contact = case.full.rock, case.limits, case.full.contact
     radius, climb = rock.radius, max(limits.edge_height - limits.upright_floor, 0.0)
@@ -204,7 +192,6 @@ class Table(NamedTuple):
     moving : bool, whether runs start on the move
     gravity : float [m/s^2]
     on_ground : bool, whether there is a pedestal
-    rounds, residual : of the search for impulses
     """
 
     values: Array
@@ -235,11 +222,6 @@ def run_all(
 
     Parameters
     ----------
-    body : Body
-    rule : Rule
-    table : Table
-    start : record of ``MOTION``
-    rock, points, watch : room
     decided : ndarray of int, shape (n, 3), written: outcome, rule and steps of each run
     measured : ndarray, shape (n, 3), written: peak tilt, final tilt [rad] and slip [m]
     """

@@ -47,8 +47,6 @@ class DisplacementRun:
     Attributes
     ----------
     response : Response, with ``slip`` up to toppling
-    stop : StopReason
-    trajectory : Trajectory
     """
 
     response: Response
@@ -65,17 +63,12 @@ def displace(
 
     Parameters
     ----------
-    case : TerrainCase
     motion : GroundMotion, along (cos yaw, -sin yaw)
     settings : Settings; ``reduce`` lets the run begin shortly before the first push, and go on in
         the lighter scene once the rock toppled
     follow : bool
         Whether to go on after toppling; without, only the outcome and the path up to there are
         wanted.
-
-    Returns
-    -------
-    DisplacementRun
 
     Raises
     ------
@@ -133,13 +126,7 @@ def respond(case: TerrainCase, motion: GroundMotion, settings: Settings) -> Resp
 
     Parameters
     ----------
-    case : TerrainCase
     motion : GroundMotion, along (cos yaw, -sin yaw)
-    settings : Settings
-
-    Returns
-    -------
-    Response
     """
     return displace(case, motion, settings, follow=False).response
 
@@ -151,7 +138,6 @@ def limits_on_seat(scene: Scene, time_step: float, engine: str = "bullet") -> tu
     ----------
     scene : Scene, on a terrain, with the rock at rest as its start
     time_step : float [s]
-    engine : str
 
     Returns
     -------
@@ -170,11 +156,6 @@ def settled(scene: Scene, time_step: float, engine: str = "bullet") -> State:
     ----------
     scene : Scene, on a terrain; the rock's ``start`` is its pose in the scan
     time_step : float [s]
-    engine : str
-
-    Returns
-    -------
-    State, at rest
 
     Raises
     ------

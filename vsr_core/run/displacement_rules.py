@@ -61,17 +61,7 @@ _UNSTABLE = Outcome.UNSTABLE, StopReason.UNDONE
 
 
 def clear(world: GroundWorld, state: State) -> State:
-    """Raise a rock until it is no deeper in the ground than a touch.
-
-    Parameters
-    ----------
-    world : GroundWorld, which is left in the state returned
-    state : State
-
-    Returns
-    -------
-    State
-    """
+    """Raise a rock until it is no deeper in the ground than a touch."""
     for _ in range(4):
         world.advance([0.0])
         deepest = world.contacts()[1]
@@ -89,12 +79,7 @@ def sampled_for(motion: GroundMotion, time_step: float) -> Sampling:
 
     Parameters
     ----------
-    motion : GroundMotion
     time_step : float [s], the largest allowed
-
-    Returns
-    -------
-    Sampling
     """
     most = sampling(motion, None, time_step, max(1, int(MONITORING_TIME / time_step))).substeps
     # Bullet finds the steps in a sample by division, and one less where that is not exact.
@@ -102,19 +87,7 @@ def sampled_for(motion: GroundMotion, time_step: float) -> Sampling:
 
 
 def set_up(seat: Scene, motion: GroundMotion, settings: Settings, sampled: Sampling) -> Run:
-    """A displacement run before its first step.
-
-    Parameters
-    ----------
-    seat : Scene, with a start
-    motion : GroundMotion
-    settings : Settings
-    sampled : Sampling, of the motion
-
-    Returns
-    -------
-    Run
-    """
+    """A displacement run before its first step."""
     assert seat.start is not None
     run = loop.set_up(
         seat,
@@ -230,10 +203,6 @@ def rest_of(radius: float) -> Rest:
     Parameters
     ----------
     radius : float [m]
-
-    Returns
-    -------
-    Rest
     """
     return Rest(
         energy=REST_SHARE * GRAVITY * radius,
@@ -245,10 +214,6 @@ def rest_of(radius: float) -> Rest:
 
 def along(scene: Scene) -> Array:
     """Direction of the shaking in the site's frame.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Returns
     -------

@@ -38,16 +38,7 @@ class Lookup(NamedTuple):
 
 
 def lookup(terrain: Terrain) -> Lookup:
-    """Triangles of a terrain by place.
-
-    Parameters
-    ----------
-    terrain : Terrain
-
-    Returns
-    -------
-    Lookup
-    """
+    """Triangles of a terrain by place."""
     grid = terrain.lookup
     return Lookup(
         np.ascontiguousarray(terrain.vertices[terrain.faces]),
@@ -65,7 +56,6 @@ def depth(ground: Lookup, x: float, y: float, z: float) -> float:
 
     Parameters
     ----------
-    ground : Lookup
     x, y, z : float [m]
 
     Returns

@@ -36,11 +36,6 @@ def at_halved_steps(
     ----------
     time_step : float [s], of the first attempt
     attempt : function of a time step [s]
-    unstable : function that tells of a result whether its guards failed
-
-    Returns
-    -------
-    what ``attempt`` returns
 
     Examples
     --------
@@ -56,16 +51,7 @@ def at_halved_steps(
 
 
 def finite(state: State) -> bool:
-    """Whether all numbers of a state are finite.
-
-    Parameters
-    ----------
-    state : State
-
-    Returns
-    -------
-    bool
-    """
+    """Whether all numbers of a state are finite."""
     total = state.position.sum() + state.rotation.sum()
     total += state.velocity.sum() + state.angular_velocity.sum()
     return math.isfinite(float(total))
@@ -73,10 +59,6 @@ def finite(state: State) -> bool:
 
 def inertia_of(rock: Rock) -> Array:
     """Inertia about the centre of mass per unit mass, in the rock's axes, shape (3, 3) [m^2].
-
-    Parameters
-    ----------
-    rock : Rock
 
     Returns
     -------
@@ -91,7 +73,6 @@ def kinetic_energy(inertia: Array, state: State) -> float:
     Parameters
     ----------
     inertia : ndarray, shape (3, 3) [m^2], of ``inertia_of``
-    state : State
 
     Returns
     -------
@@ -146,7 +127,6 @@ class Rest:
         Parameters
         ----------
         time : float [s]
-        state : State
         kinetic : float [m^2/s^2], its kinetic energy per unit mass
         """
         if not kinetic < self._energy:
@@ -160,11 +140,6 @@ class Rest:
         Parameters
         ----------
         time : float [s]
-        state : State
-
-        Returns
-        -------
-        bool
         """
         if self._since is None or time - self._since[0] < self._duration:
             return False

@@ -49,8 +49,6 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
 
     Parameters
     ----------
-    case : Case
-    settings : Settings
     motion : GroundMotion, the one with the shortest times where there are several
 
     Raises
@@ -81,12 +79,6 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
 def check_step(scene: Scene, settings: Settings, motion: GroundMotion) -> float:
     """Refuse a time step at which the engine does not rock a rock right.
 
-    Parameters
-    ----------
-    scene : Scene
-    settings : Settings
-    motion : GroundMotion
-
     Returns
     -------
     float [s], the step that this motion begins with
@@ -115,8 +107,6 @@ def check_unshaken(case: Case, settings: Settings, motion: GroundMotion) -> None
 
     Parameters
     ----------
-    case : Case
-    settings : Settings
     motion : GroundMotion, which it is to be shaken by: steps are as fine as for that
 
     Raises
@@ -145,11 +135,6 @@ def check_unshaken(case: Case, settings: Settings, motion: GroundMotion) -> None
 def longest_step(scene: Scene, engine: str) -> float:
     """Longest time step [s] at which an engine rocks the rock of a scene right.
 
-    Parameters
-    ----------
-    scene : Scene
-    engine : str, its name
-
     Returns
     -------
     float [s]
@@ -161,10 +146,6 @@ def longest_step(scene: Scene, engine: str) -> float:
 
 def softest(rock: Rock) -> float:
     """Least stiffness [N/m] of a point of contact that a rock may stand on.
-
-    Parameters
-    ----------
-    rock : Rock
 
     Returns
     -------
@@ -182,7 +163,6 @@ def longest_step_on_springs(contact: Contact, mass: float) -> float:
 
     Parameters
     ----------
-    contact : Contact, with a stiffness
     mass : float [kg], of the rock
 
     Returns
@@ -202,7 +182,6 @@ def rebound(contact: Contact, mass: float) -> float:
 
     Parameters
     ----------
-    contact : Contact, with a stiffness
     mass : float [kg], of the rock
 
     Returns

@@ -16,10 +16,6 @@ def start_watch(watch: Watch, body: Body, rock: Motion, rule: Rule, interval: fl
 
     Parameters
     ----------
-    watch : record of ``WATCH``
-    body : Body
-    rock : record of ``MOTION``
-    rule : Rule
     interval : float [s], time step
     """
     rock.near = 0
@@ -40,11 +36,6 @@ def look(
 
     Parameters
     ----------
-    watch : record of ``WATCH``
-    body : Body
-    rock : record of ``MOTION``
-    points : array of ``POINT``
-    rule : Rule
     interval : float [s], time step
     """
     _pose(watch, body, rock, rule, interval)

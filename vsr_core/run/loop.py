@@ -37,13 +37,7 @@ class Run:
 
     Attributes
     ----------
-    rock : Rock, as simulated
-    motion : GroundMotion
-    sampled : Sampling, of the motion
-    monitored : int, samples in a monitoring interval
-    last_sample : int, at which the run is out of time
     values : ndarray, shape (last_sample,) or (last_sample, 3 or 9), samples of the motion
-    world : World, of the engine
     inertia : ndarray, shape (3, 3) [m^2], of the rock about its centre of mass per unit mass
     foot : ndarray, shape (3,) [m], centre of its base in its own axes
     start : State, before the first step
@@ -159,17 +153,9 @@ def set_up(
 
     Parameters
     ----------
-    scene : Scene
-    motion : GroundMotion
-    settings : Settings
     sampled : Sampling, of the motion at the attempt's time step
-    monitored : int, samples in a monitoring interval
     wait : float [s], longest time to go on after the motion
     start : State, where it is known better than from the engine's world
-
-    Returns
-    -------
-    Run
     """
     last = sampled.pulse_samples + math.ceil(wait / sampled.interval)
     world = enter(scene, settings, sampled)
@@ -191,18 +177,7 @@ def set_up(
 
 
 def enter(scene: Scene, settings: Settings, sampled: Sampling) -> World:
-    """World of a scene in the engine of the settings, at the step of the sampling.
-
-    Parameters
-    ----------
-    scene : Scene
-    settings : Settings
-    sampled : Sampling
-
-    Returns
-    -------
-    World
-    """
+    """World of a scene in the engine of the settings, at the step of the sampling."""
     engine = engines.load(settings.engine)
     step = sampled.interval / sampled.substeps
     return engine.build(scene, step, sampled.substeps, settings.solver)
@@ -214,11 +189,6 @@ def complete(run: Run, rules: Rules[Ending]) -> Ending:
     Parameters
     ----------
     run : Run, before its first step; changed
-    rules : Rules
-
-    Returns
-    -------
-    what the rules end it with
     """
     ending = rules.begin(run)
     values = run.values.tolist()
@@ -238,10 +208,6 @@ def first_push(values: Array, static_limits: tuple[float, float]) -> int:
     ----------
     values : ndarray, shape (n,) [m/s^2]
     static_limits : tuple of float [m/s^2], lowest and highest that move nothing
-
-    Returns
-    -------
-    int, n if there is none
 
     Examples
     --------

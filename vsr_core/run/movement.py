@@ -82,9 +82,7 @@ def movements(outcome: Indices, peak_tilt: Array, in_air: Array, no_return: floa
 
     Parameters
     ----------
-    outcome : ndarray of int, any shape, of ``Outcome``
     peak_tilt : ndarray of that shape [rad], largest tilt from the pose of rest
-    in_air : ndarray of that shape, of ``air_share``
     no_return : float [rad], of ``no_return_tilt``
 
     Returns

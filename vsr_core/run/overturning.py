@@ -28,28 +28,12 @@ def simulate(case: Case, motion: GroundMotion, settings: Settings) -> Response:
     ----------
     case : Case, from ``prepare`` with the same ``reduce`` as in ``settings``
     motion : GroundMotion, a TableMotion for several axes
-    settings : Settings
-
-    Returns
-    -------
-    Response
     """
     return simulate_all(case, [motion], settings)[0]
 
 
 def simulate_all(case: Case, motions: Sequence[GroundMotion], settings: Settings) -> list[Response]:
-    """Outcomes of runs on a flat pedestal.
-
-    Parameters
-    ----------
-    case : Case
-    motions : sequence of GroundMotion
-    settings : Settings
-
-    Returns
-    -------
-    list of Response, each as of ``simulate``
-    """
+    """Outcomes of runs on a flat pedestal."""
     still = [_never_starts(case, motion, settings) for motion in motions]
     shaken = [motion for motion, stays in zip(motions, still, strict=True) if not stays]
     if settings.engine == COMPILED:

@@ -57,14 +57,7 @@ def set_up(simulated: Scene, motion: GroundMotion, settings: Settings, time_step
 
     Parameters
     ----------
-    simulated : Scene
-    motion : GroundMotion
-    settings : Settings
     time_step : float [s], of this attempt
-
-    Returns
-    -------
-    Run
     """
     # Where the table turns, what the rock feels depends on its state in every step.
     turns = isinstance(motion, TableMotion) and motion.turns

@@ -103,7 +103,6 @@ def height_to_return(limits: Barrier, tilt: float) -> float:
 
     Parameters
     ----------
-    limits : Barrier
     tilt : float [rad], from which to come back
 
     Returns
@@ -124,14 +123,6 @@ def barrier(rock: Rock) -> Barrier:
     sampled azimuths, less half a spacing's change, is a bound for all of them. Nothing is lost by
     the sampling in tilt: any set of tilts bounds a path that has to cross them. Leaving out
     vertices that do not touch at a tilt only lowers its bound.
-
-    Parameters
-    ----------
-    rock : Rock, with its complete hull
-
-    Returns
-    -------
-    Barrier
     """
     tilt = np.arange(0.0, math.pi + _TILT_STEP / 2, _TILT_STEP)
     azimuth = np.linspace(0.0, 2.0 * math.pi, _AZIMUTHS, endpoint=False)
@@ -186,8 +177,6 @@ def static_limits(rock: Rock, contact: Contact, yaw: float) -> tuple[float, floa
 
     Parameters
     ----------
-    rock : Rock, in its rest pose
-    contact : Contact, with the pedestal
     yaw : float [rad], by which the rock is turned
 
     Returns
@@ -252,14 +241,9 @@ def cannot_topple(limits: Barrier, tilt: float, energy: float, impulse: float) -
 
     Parameters
     ----------
-    limits : Barrier
     tilt : float [rad], now
     energy : float [m^2/s^2], kinetic plus g z, per unit mass
     impulse : float [m/s], integral of |a| still to come
-
-    Returns
-    -------
-    bool
     """
     if tilt > limits.edge_tilt:
         return False
@@ -276,14 +260,9 @@ def cannot_return(limits: Barrier, tilt: float, energy: float, impulse: float) -
 
     Parameters
     ----------
-    limits : Barrier
     tilt : float [rad], now
     energy : float [m^2/s^2], kinetic plus g z, per unit mass
     impulse : float [m/s], integral of |a| still to come
-
-    Returns
-    -------
-    bool
     """
     if tilt <= limits.toppled_tilt:
         return False
@@ -323,12 +302,7 @@ def cannot_be_stopped(
     lever : ndarray, shape (3,) [m], from the lowest vertex to the centre of mass
     angular_velocity : ndarray, shape (3,) [rad/s]; f is along its horizontal part
     inertia : ndarray, shape (3, 3) [m^2], about the centre of mass, per unit mass, same axes
-    friction : float
     rolling_friction : float [m]
-
-    Returns
-    -------
-    bool
     """
     x, y = angular_velocity[0], angular_velocity[1]
     turning = math.sqrt(x * x + y * y)

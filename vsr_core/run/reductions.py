@@ -12,12 +12,7 @@ from vsr_core.scene import Scene
 
 
 class Reduction(Enum):
-    """Something left out of a scene, and why the outcome stays the same.
-
-    Attributes
-    ----------
-    what, why : str, in words
-    """
+    """Something left out of a scene, and why the outcome stays the same."""
 
     TRAJECTORY = "trajectory", "only outcomes are wanted"
     SETTLING = "settling before the pulse", "the rest pose is known from the hull's geometry"
@@ -92,18 +87,7 @@ TERRAIN_REDUCTIONS = (
 
 
 def reduce(scene: Scene) -> tuple[Scene, tuple[Reduction, ...]]:
-    """The least scene with the same outcome, and what was left out.
-
-    Parameters
-    ----------
-    scene : Scene
-        As the user described it.
-
-    Returns
-    -------
-    scene : Scene
-    reductions : tuple of Reduction
-    """
+    """The least scene with the same outcome, and what was left out."""
     dropped = [*STANDING_REDUCTIONS]
     reduced = scene
     if scene.drive is None:

@@ -43,7 +43,6 @@ class Replay:
 
     Attributes
     ----------
-    response : Response, its outcome
     time_step : float [s], of the engine
     decided : float [s], when its outcome was decided; what comes later is no part of the run
     time : ndarray, shape (n,) [s], since the start of the motion
@@ -83,15 +82,8 @@ def replay(
 
     Parameters
     ----------
-    place : Case or TerrainCase
-    motion : GroundMotion
-    settings : Settings
     spacing : float [s], longest time between two states that are kept; 0 for every sample
     longest : float [s], for which it goes on at most after its outcome is decided
-
-    Returns
-    -------
-    Replay
 
     Raises
     ------

@@ -26,7 +26,6 @@ class Sampling:
     Attributes
     ----------
     interval : float [s], for which a sample is held
-    substeps : int, time steps in it
     pulse_samples : int, samples until the motion is over
     """
 
@@ -40,8 +39,6 @@ def first_step(motion: GroundMotion, drive: Servo | None, time_step: float) -> f
 
     Parameters
     ----------
-    motion : GroundMotion
-    drive : Servo, if one moves the table
     time_step : float [s], the largest allowed
 
     Returns
@@ -62,14 +59,8 @@ def sampling(
 
     Parameters
     ----------
-    motion : GroundMotion
-    drive : Servo, if one moves the table
     time_step : float [s], the largest allowed
     most : int, steps under one sample without a drive
-
-    Returns
-    -------
-    Sampling
     """
     if drive is not None:
         substeps = _times(time_step, drive.period)
@@ -90,10 +81,7 @@ def samples(motion: GroundMotion, drive: Servo | None, interval: float, number: 
 
     Parameters
     ----------
-    motion : GroundMotion
-    drive : Servo, if one moves the table
     interval : float [s], for which a sample is held
-    number : int, of samples
 
     Returns
     -------

@@ -50,7 +50,6 @@ def on_points(
     points, normals : ndarray, shape (k, 3) each [m] and [1], where the ground touches the rock, and
         the direction in which it pushes
     centre : ndarray, shape (3,) [m], centre of mass
-    friction : float
     along : ndarray, shape (3,), unit vector of the shaking
 
     Returns
@@ -88,8 +87,6 @@ def as_it_stands(rock: Rock, contact: Contact, rotation: Array) -> tuple[float, 
 
     Parameters
     ----------
-    rock : Rock
-    contact : Contact, with a flat pedestal
     rotation : ndarray, shape (3, 3), takes its rest pose to the pose in which it stands, perhaps on
         another face; the range is that of a pose equal to a thousandth and to a degree of yaw
 

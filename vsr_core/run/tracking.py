@@ -32,16 +32,7 @@ AHEAD = 2
 
 
 def room(intervals: int) -> Track:
-    """Room for a run of so many monitoring intervals, which keeps two states in each at most.
-
-    Parameters
-    ----------
-    intervals : int
-
-    Returns
-    -------
-    array of SAMPLE
-    """
+    """Room for a run of so many monitoring intervals, which keeps two states in each at most."""
     return np.zeros(2 * intervals + 4 + AHEAD, SAMPLE)
 
 
@@ -51,7 +42,6 @@ def note(track: Track, kept: int, given: Array, duration: float, radius: float) 
 
     Parameters
     ----------
-    track : array of ``SAMPLE``; the state of now becomes that of before
     kept : int, states kept so far, at least one
     given : ndarray, shape (3,) [m/s], change of velocity in it by weight and shaking
     duration : float [s], of the interval
@@ -86,12 +76,7 @@ def end(track: Track, kept: int) -> int:
 
     Parameters
     ----------
-    track : array of ``SAMPLE``
     kept : int, states kept so far
-
-    Returns
-    -------
-    int, states kept
     """
     now = track[len(track) - 1]
     if track[kept - 1].time < now.time:
@@ -105,12 +90,7 @@ def trajectory(track: Track, axes: Array) -> Trajectory:
 
     Parameters
     ----------
-    track : array of ``SAMPLE``, without room
     axes : ndarray, shape (3, 3), principal axes of the rock in its rest pose, as columns
-
-    Returns
-    -------
-    Trajectory
     """
     from_axes = Rotation.from_matrix(axes).inv()
     turns = Rotation.from_quat(track["quaternion"], scalar_first=True) * from_axes

@@ -68,7 +68,6 @@ class Recorder:
 
     Parameters
     ----------
-    start : State
     along : ndarray, shape (3,), unit vector of the shaking
     """
 
@@ -116,10 +115,6 @@ def joined(kept: Sequence[tuple[float, State, bool]]) -> Trajectory:
     Parameters
     ----------
     kept : sequence of (float, State, bool), at least one, times ascending
-
-    Returns
-    -------
-    Trajectory
     """
     times, states, contact = zip(*kept, strict=True)
     return Trajectory(

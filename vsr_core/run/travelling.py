@@ -46,9 +46,7 @@ class Travel(NamedTuple):
     values : ndarray, shape (samples,) [m/s^2], acceleration of the table in each step
     first, last : int, step with which it begins, and at which it is out of time
     interval : float [s], time step
-    monitored : int, steps in a monitoring interval
     follow : bool, whether to go on after toppling
-    rounds, residual : of the search for impulses
     """
 
     upward: Array
@@ -79,16 +77,6 @@ def run(
 ) -> tuple[int, int, int, int]:
     """Step a rock on its seat until it rests, leaves its terrain, or shows no sound run.
 
-    Parameters
-    ----------
-    body : Body
-    ground : Ground
-    lookup : Lookup
-    rule : Rule
-    travel : Travel
-    rock : record of ``MOTION``, at the start
-    points, watch, track : room; the states kept are written into ``track``
-
     Returns
     -------
     (int, int, int, int), outcome, what stopped the run, steps and states kept
@@ -115,19 +103,7 @@ def go_on(
     kept: int,
     toppled: bool,
 ) -> tuple[int, int, int, int]:
-    """Step a rock that is under way.
-
-    Parameters
-    ----------
-    body, ground, lookup, rule, travel, rock, points, watch, track : as of ``run``
-    now : int, steps done
-    kept : int, states kept
-    toppled : bool, whether it has toppled
-
-    Returns
-    -------
-    as of ``run``
-    """
+    """Step a rock that is under way."""
     given, looks = 0.0, 0
     for n in range(min(now, len(travel.values))):
         given += travel.interval * abs(travel.values[n])

@@ -38,16 +38,13 @@ class Rule(NamedTuple):
 
     Attributes
     ----------
-    limits : Barrier
     axes : ndarray, shape (3, 3), principal axes of the rock in its rest pose, as columns
-    friction, rolling_friction : float, the latter in m
     radius : float [m]
     foot : float [m], height of the centre of mass above the base at rest
     rest_energy : float [m^2/s^2], kinetic energy of a rock at rest, per unit mass, at most
     rest_time : float [s], for which it has to keep to that
     creep : float [m], longest path in that time
     penetration, drift : float [m], deepest allowed, and longest path before anything moves the rock
-    proves : bool, whether outcomes are proved
     """
 
     limits: Barrier
@@ -99,14 +96,9 @@ def sound(watch: Watch, rule: Rule, time: float, impulse: float, moved: bool) ->
     Parameters
     ----------
     watch : record of ``WATCH``, with place, rotation, velocity, inertia and lowest corner of now
-    rule : Rule
     time : float [s]
     impulse : float [m/s], integral of the table's absolute acceleration so far
     moved : bool, whether anything can have moved the rock yet
-
-    Returns
-    -------
-    bool
     """
     place, velocity = watch.place, watch.velocity
     total = 0.0
@@ -129,12 +121,7 @@ def sound(watch: Watch, rule: Rule, time: float, impulse: float, moved: bool) ->
 
 @compiled
 def note_energy(watch: Watch) -> None:
-    """Kinetic energy, and that plus g z, per unit mass.
-
-    Parameters
-    ----------
-    watch : record of ``WATCH``
-    """
+    """Kinetic energy, and that plus g z, per unit mass."""
     velocity, inertia = watch.velocity, watch.inertia
     kinetic = 0.0
     for k in range(3):
@@ -148,13 +135,7 @@ def note_energy(watch: Watch) -> None:
 
 @compiled
 def note_slip(watch: Watch, rule: Rule) -> None:
-    """Largest horizontal displacement of the base's centre so far.
-
-    Parameters
-    ----------
-    watch : record of ``WATCH``
-    rule : Rule
-    """
+    """Largest horizontal displacement of the base's centre so far."""
     x = watch.place[0] - rule.foot * watch.rotation[0, 2] - watch.start_foot[0]
     y = watch.place[1] - rule.foot * watch.rotation[1, 2] - watch.start_foot[1]
     watch.slip = max(watch.slip, math.sqrt(x * x + y * y))
@@ -168,8 +149,6 @@ def decided(
 
     Parameters
     ----------
-    watch : record of ``WATCH``, after ``sound``
-    rule : Rule
     time : float [s]
     remaining : float [m/s], integral of the table's absolute acceleration still to come
     shaken : bool, whether the motion is still under way
@@ -198,13 +177,7 @@ def proved(watch: Watch, rule: Rule, remaining: float) -> bool:
 
     Parameters
     ----------
-    watch : record of ``WATCH``
-    rule : Rule
     remaining : float [m/s], integral of the table's absolute acceleration still to come
-
-    Returns
-    -------
-    bool
     """
     return proofs.cannot_topple(
         rule.limits, watch.tilt, watch.energy, remaining
@@ -213,17 +186,7 @@ def proved(watch: Watch, rule: Rule, remaining: float) -> bool:
 
 @compiled
 def side(watch: Watch, rule: Rule) -> int:
-    """Outcome by where the rock is now.
-
-    Parameters
-    ----------
-    watch : record of ``WATCH``
-    rule : Rule
-
-    Returns
-    -------
-    int, an outcome
-    """
+    """Outcome by where the rock is now."""
     if watch.tilt > rule.limits.toppled_tilt:
         return OVERTURNED
     return DISPLACED if watch.slip > DISPLACED_SHARE * rule.radius else BALANCED
@@ -251,8 +214,6 @@ def note_rest(watch: Watch, rule: Rule, time: float) -> None:
 
     Parameters
     ----------
-    watch : record of ``WATCH``
-    rule : Rule
     time : float [s]
     """
     if not watch.kinetic < rule.rest_energy:
@@ -274,13 +235,7 @@ def rests(watch: Watch, rule: Rule, time: float) -> bool:
 
     Parameters
     ----------
-    watch : record of ``WATCH``
-    rule : Rule
     time : float [s]
-
-    Returns
-    -------
-    bool
     """
     if watch.rest_since < 0.0 or time - watch.rest_since < rule.rest_time:
         return False
@@ -294,10 +249,5 @@ def rests(watch: Watch, rule: Rule, time: float) -> bool:
 
 
 def watch() -> Watch:
-    """Room for what is watched of a run: a record of ``WATCH``.
-
-    Returns
-    -------
-    record of ``WATCH``
-    """
+    """Room for what is watched of a run: a record of ``WATCH``."""
     return np.zeros(1, WATCH)[0]

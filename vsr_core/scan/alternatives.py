@@ -48,11 +48,6 @@ def alternatives(mesh: trimesh.Trimesh, separation: Separation) -> tuple[Alterna
     Parameters
     ----------
     mesh : trimesh.Trimesh [m], the clean scan
-    separation : Separation, of it
-
-    Returns
-    -------
-    tuple of Alternative
     """
     seam = separation.seams[0].points
     rock = separation.vertices[np.unique(separation.faces[separation.rock])]

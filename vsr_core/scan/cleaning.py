@@ -42,7 +42,6 @@ class Cleaned:
     ----------
     mesh : trimesh.Trimesh [m], z up, normals outward
     offset : ndarray, shape (3,) [m], whole metres; given coordinates are the mesh's plus these
-    notes : tuple of str, what was changed
     """
 
     mesh: trimesh.Trimesh
@@ -57,10 +56,6 @@ def clean(mesh: trimesh.Trimesh, *, alone: bool = False) -> Cleaned:
     ----------
     mesh : trimesh.Trimesh [m], z up
     alone : bool, whether it holds a rock alone, closed but for holes, and no ground
-
-    Returns
-    -------
-    Cleaned
 
     Raises
     ------
@@ -114,10 +109,6 @@ def _require_memory(mesh: trimesh.Trimesh) -> None:
 
 def colours_of(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
     """Colours of a mesh's vertices.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
 
     Returns
     -------
@@ -198,7 +189,6 @@ def with_area(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     ----------
     vertices : ndarray, shape (n, 3) [m]
     faces : ndarray of int, shape (m, 3)
-    notes : list of str, to which what was done is added
 
     Returns
     -------

@@ -39,7 +39,6 @@ class Cap:
     rim, inner : ndarray of int, vertices of ``Closed`` on its rim, in order, and within it
     faces : ndarray of int, shape (m, 3), outward from the rock
     up : ndarray, shape (3,), unit normal of the rim, into the rock
-    note : str
     """
 
     rim: Indices
@@ -58,7 +57,6 @@ class Closed:
     vertices : ndarray, shape (n, 3) [m], the scan's first, those of rims moved, then the caps'
     rock : trimesh.Trimesh [m], closed and outward
     caps : tuple of Cap, that of the longest rim first
-    notes : tuple of str
     """
 
     vertices: Array
@@ -79,10 +77,6 @@ def at(mesh: trimesh.Trimesh, triangles: Array) -> Mask:
     ----------
     mesh : trimesh.Trimesh [m]
     triangles : ndarray, shape (k, 3, 3) [m]
-
-    Returns
-    -------
-    ndarray of bool
     """
     if not len(triangles):
         return np.zeros(len(mesh.faces), dtype=bool)
@@ -122,7 +116,6 @@ def close(separation: Separation, closing: Closing) -> Closed:
 
     Parameters
     ----------
-    separation : Separation, settled (see ``rim``)
     closing : "caps", "hull" or "poisson"
         caps: each rim by planes through it, with the slope of the joint surface, or of the rim's
         mean plane without any ground, where it is open.
@@ -130,10 +123,6 @@ def close(separation: Separation, closing: Closing) -> Closed:
         stands on its plane and not on the three lowest points of noise. hull: by the lower side
         of the convex hull of its vertices, which stay. poisson: by the surface that Poisson's
         equation continues from the scan, which stays.
-
-    Returns
-    -------
-    Closed
 
     Raises
     ------

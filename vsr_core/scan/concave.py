@@ -67,7 +67,6 @@ def smoothed_normals(vertices: Array, faces: Indices, rounds: int) -> Array:
     ----------
     vertices : ndarray, shape (n, 3) [m]
     faces : ndarray of int, shape (m, 3)
-    rounds : int, of averaging
 
     Returns
     -------
@@ -108,10 +107,6 @@ def turns(vertices: Array, faces: Indices) -> Turns:
     vertices : ndarray, shape (n, 3) [m]
     faces : ndarray of int, shape (m, 3)
 
-    Returns
-    -------
-    Turns
-
     Raises
     ------
     InvalidInput
@@ -143,7 +138,6 @@ def cheapest_cut(found: Turns, rock: Mask, ground: Mask) -> Mask:
 
     Parameters
     ----------
-    found : Turns
     rock, ground : ndarray of bool, shape (count,), faces known to be of either; disjoint
 
     Returns

@@ -54,10 +54,6 @@ class Plane:
         Parameters
         ----------
         by : ndarray, shape (3,) [m]
-
-        Returns
-        -------
-        Plane
         """
         return replace(self, point=tuple(np.array(self.point) + by))
 
@@ -93,10 +89,6 @@ class Box:
         Parameters
         ----------
         by : ndarray, shape (3,) [m]
-
-        Returns
-        -------
-        Box
         """
         low, high = tuple(np.array(self.low) + by), tuple(np.array(self.high) + by)
         return replace(self, low=low, high=high)
@@ -136,10 +128,6 @@ class Polygon:
         Parameters
         ----------
         by : ndarray, shape (3,) [m]
-
-        Returns
-        -------
-        Polygon
         """
         return Polygon(tuple((x + by[0], y + by[1]) for x, y in self.corners))
 
@@ -178,10 +166,6 @@ class Colour:
         Parameters
         ----------
         by : ndarray, shape (3,) [m]
-
-        Returns
-        -------
-        Colour
         """
         return self
 

@@ -64,10 +64,6 @@ def frame(points: Array, up: Array) -> Frame:
     points : ndarray, shape (n, 3) [m]
     up : ndarray, shape (3,), direction of h, of any length
 
-    Returns
-    -------
-    Frame
-
     Examples
     --------
     >>> frame(np.eye(3), np.array([0.0, 0.0, 2.0])).axes[2].tolist()

@@ -29,15 +29,12 @@ def ground_beneath(
 
     Parameters
     ----------
-    separation : Separation
-    closed : Closed
     clearance : float [m], from the rock down to the mating surface
 
     Returns
     -------
     terrain : Terrain, in the scan's coordinates
     seat : ndarray of bool, shape (m,), its faces beneath the rock
-    notes : tuple of str
 
     Raises
     ------
@@ -68,7 +65,6 @@ def depth_in(terrain: Terrain, rock: trimesh.Trimesh) -> float:
 
     Parameters
     ----------
-    terrain : Terrain
     rock : trimesh.Trimesh [m], in the same coordinates
 
     Returns

@@ -213,11 +213,6 @@ def bulge(vertices: Array, faces: Indices, hole: Hole) -> Bulge:
     ----------
     vertices : ndarray, shape (n, 3) [m]
     faces : ndarray of int, shape (m, 3), outward, with the hole open
-    hole : Hole
-
-    Returns
-    -------
-    Bulge
     """
     points = vertices[hole.rim]
     inward = area_vector(points)

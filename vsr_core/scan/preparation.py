@@ -50,17 +50,11 @@ class Prepared:
     ----------
     rock : trimesh.Trimesh [m], closed, in the site's frame
     added : ndarray of bool, its faces that the scan did not see
-    terrain : Terrain, in the site's frame
     seat : ndarray of bool, its faces beneath the rock, which the scan did not see
     origin : ndarray, shape (3,) [m], of the site's frame in the scan's coordinates
     separation : Separation, in the coordinates of the clean scan
-    proposed : bool, whether the cut was proposed, and not given
     alternatives : tuple of Alternative, cuts that could take its place, in the scan's coordinates
-    closing : str, how the rock was closed
     shift : ndarray, shape (3,) [m], from the clean scan's coordinates to the site's frame
-    steps : tuple of Step
-    trials : tuple of Trial, the other closings
-    notes : tuple of str
     """
 
     rock: trimesh.Trimesh
@@ -95,14 +89,8 @@ def prepare_scan(
     mesh : trimesh.Trimesh [m]
     cut : what of it is the rock, in its coordinates; None to propose the hollow around the rock
     near : three floats [m], a point on the rock, where several rocks stand on the ground
-    closing : "caps", "hull" or "poisson"
     density : float [kg/m^3]
     clearance : float [m], between the rock and the ground beneath it
-    tell : function of what is being done
-
-    Returns
-    -------
-    Prepared
 
     Raises
     ------

@@ -34,7 +34,6 @@ class Undecided(InvalidInput):
 
     Parameters
     ----------
-    given, rule, remedy : str
     rocks : dict of ndarray of bool, the faces of each candidate, by where its top is
     """
 
@@ -74,10 +73,6 @@ def propose(
     near : three floats [m], or None
         A point on or in the rock, where several stand on the ground, in the given coordinates.
     offset : ndarray, shape (3,) [m], given coordinates are the mesh's plus these
-
-    Returns
-    -------
-    Separation
 
     Raises
     ------

@@ -38,10 +38,6 @@ class Seen:
         Parameters
         ----------
         mesh : trimesh.Trimesh [m]
-
-        Returns
-        -------
-        Seen
         """
         vertices = np.array(mesh.vertices, dtype=np.float64)
         faces = np.array(mesh.faces, dtype=np.int64)
@@ -52,13 +48,7 @@ class Seen:
 
 
 class Refused(InvalidInput):
-    """A refusal of a scan, and where it fails.
-
-    Parameters
-    ----------
-    error : InvalidInput
-    seen : Seen
-    """
+    """A refusal of a scan, and where it fails."""
 
     def __init__(self, error: InvalidInput, seen: Seen) -> None:
         places = [*error.places] if isinstance(error, InvalidPlace) else []
@@ -80,10 +70,6 @@ def place(point: Array) -> str:
     ----------
     point : ndarray, shape (3,) [m]
 
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> place(np.array([1.0, 2.5, -0.001]))
@@ -95,15 +81,6 @@ def place(point: Array) -> str:
 @contextmanager
 def refusing(seen: Seen, kind: type[Refused] = Refused) -> Iterator[None]:
     """Add to a refusal what was made of the scan until then.
-
-    Parameters
-    ----------
-    seen : Seen
-    kind : Refused, or a subclass of it
-
-    Yields
-    ------
-    None
 
     Raises
     ------

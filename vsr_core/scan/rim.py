@@ -32,14 +32,6 @@ def settled(separation: Separation) -> Separation:
     The weights of the faces fall with distance and with the difference of their normals from the
     mean (Zheng et al. 2011), so that a corner of the rock is not averaged away. Faces at the seam
     itself count for neither side; vertices beside it are laid onto their side's plane.
-
-    Parameters
-    ----------
-    separation : Separation
-
-    Returns
-    -------
-    Separation
     """
     vertices, faces = separation.vertices, separation.faces
     loop = np.concatenate([seam.loop for seam in separation.seams])

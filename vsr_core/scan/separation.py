@@ -43,9 +43,7 @@ class Separation:
     vertices : ndarray, shape (n, 3) [m]
     faces : ndarray of int, shape (m, 3)
     rock : ndarray of bool, shape (m,)
-    seams : tuple of Seam, the longest first
     confidence : float, 0 to 1: 1 for a cut that was given; for a proposed seam see ``propose``
-    notes : tuple of str
     """
 
     vertices: Array
@@ -63,10 +61,6 @@ def by_cut(mesh: trimesh.Trimesh, cut: Cut) -> Separation:
     ----------
     mesh : trimesh.Trimesh [m]
     cut : Plane, Box, Polygon or Colour, in the mesh's coordinates
-
-    Returns
-    -------
-    Separation
 
     Raises
     ------
@@ -91,7 +85,6 @@ def whole(vertices: Array, faces: Indices, rock: Mask) -> tuple[Mask, tuple[str,
     Returns
     -------
     rock : ndarray of bool, shape (m,)
-    notes : tuple of str, what was changed
 
     Raises
     ------
@@ -175,11 +168,6 @@ def seams(vertices: Array, faces: Indices, rock: Mask, found: Turns) -> tuple[Se
     vertices : ndarray, shape (n, 3) [m]
     faces : ndarray of int, shape (m, 3)
     rock : ndarray of bool, shape (m,)
-    found : Turns, of these faces
-
-    Returns
-    -------
-    tuple of Seam, the longest first
     """
     one, other = found.faces.T
     between = np.flatnonzero(rock[one] != rock[other])

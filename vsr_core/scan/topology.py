@@ -49,10 +49,6 @@ def edges(faces: Indices) -> Edges:
     ----------
     faces : ndarray of int, shape (m, 3)
 
-    Returns
-    -------
-    Edges
-
     Examples
     --------
     >>> found = edges(np.array([[0, 1, 2], [2, 1, 3]]))
@@ -118,7 +114,6 @@ def touching(faces: Indices, vertices: Indices) -> Mask:
     Parameters
     ----------
     faces : ndarray of int, shape (m, 3)
-    vertices : ndarray of int, of any shape
 
     Returns
     -------

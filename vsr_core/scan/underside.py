@@ -31,7 +31,6 @@ class Planes:
     Attributes
     ----------
     rows : ndarray, shape (k, 3), slopes along u and v [1] and height at the origin [m]
-    sign : int
     scatter : float [m], of the rim about it (1.48 times the median distance)
     """
 
@@ -78,10 +77,6 @@ def planes(rim: Array, slope: Array) -> Planes:
     ----------
     rim : ndarray, shape (n, 3) [m], u, v and h of its points
     slope : ndarray, shape (n, 2), slope along u and v of the ground beside each point
-
-    Returns
-    -------
-    Planes
 
     Examples
     --------

@@ -28,8 +28,6 @@ class Measure:
 
     Attributes
     ----------
-    faces, vertices : int
-    watertight : bool
     volume : float [m^3], nan if open, as are the next ones
     mass : float [kg]
     centre_of_mass : ndarray, shape (3,) [m]
@@ -54,10 +52,7 @@ class Step:
 
     Attributes
     ----------
-    name : str
-    before, after : Measure
     hausdorff : float [m], largest distance between the two surfaces, sampled; nan if not compared
-    notes : tuple of str
     """
 
     name: str
@@ -78,11 +73,8 @@ class Trial:
 
     Attributes
     ----------
-    closing : str
-    measure : Measure, or None where it failed
     moved : float [m], of the centre of mass from that of the closing chosen
     tipping_change : float [rad], largest change of a static tipping angle against it
-    reason : str, why it failed
     """
 
     closing: str
@@ -99,14 +91,7 @@ def tried(
 
     Parameters
     ----------
-    closing : str
-    make : function that closes the rock so
-    chosen : Measure
     density : float [kg/m^3]
-
-    Returns
-    -------
-    Trial
     """
     try:
         other = measured(make(), density)
@@ -123,10 +108,6 @@ def measured(mesh: trimesh.Trimesh, density: float) -> Measure:
     ----------
     mesh : trimesh.Trimesh [m]
     density : float [kg/m^3]
-
-    Returns
-    -------
-    Measure
 
     Examples
     --------
@@ -166,10 +147,6 @@ def tipping_angles(points: Array) -> Array:
 
 def largest_change(one: Measure, other: Measure) -> float:
     """Largest difference of static tipping angles of two solids.
-
-    Parameters
-    ----------
-    one, other : Measure
 
     Returns
     -------

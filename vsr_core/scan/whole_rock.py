@@ -38,10 +38,8 @@ class WholeRock:
     ----------
     rock : trimesh.Trimesh [m], closed and outward
     added : ndarray of bool, its faces that the scan did not see
-    repaired : tuple of str
     vertices : ndarray, shape (n, 3) [m], of the clean scan
     faces : ndarray of int, shape (m, 3), of the clean scan, with its holes open
-    holes : tuple of Hole, those that were closed
     offset : ndarray, shape (3,) [m], the scan's coordinates are those here plus these
     """
 
@@ -65,11 +63,6 @@ def whole_rock(mesh: trimesh.Trimesh, closing: Closing, tell: Tell) -> WholeRock
     ----------
     mesh : trimesh.Trimesh [m], z up
     closing : "caps", "hull" or "poisson", of the opening beneath
-    tell : function of what is being done
-
-    Returns
-    -------
-    WholeRock
 
     Raises
     ------
@@ -144,10 +137,6 @@ def alone(vertices: Array, faces: Indices) -> Separation:
     ----------
     vertices : ndarray, shape (n, 3) [m]
     faces : ndarray of int, shape (m, 3)
-
-    Returns
-    -------
-    Separation
     """
     return Separation(vertices, faces, np.ones(len(faces), dtype=bool), (), 1.0, ())
 
@@ -158,7 +147,6 @@ class Unseen:
 
     Attributes
     ----------
-    hole : Hole
     volume : float [m^3], that may be wrong: of a hole, that of a surface that goes on across it as
         it is beside it (see ``bulge``); of the opening beneath, its area times the scatter of its
         rim about a plane
@@ -172,17 +160,7 @@ class Unseen:
 
 
 def unseen(whole: WholeRock, chosen: Measure) -> Iterator[Unseen]:
-    """What each hole leaves uncertain.
-
-    Parameters
-    ----------
-    whole : WholeRock
-    chosen : Measure, of its rock
-
-    Yields
-    ------
-    Unseen
-    """
+    """What each hole leaves uncertain."""
     points = np.array(whole.rock.vertices)
     for hole in whole.holes:
         if hole.beneath:
@@ -202,14 +180,7 @@ def other_closings(
 
     Parameters
     ----------
-    whole : WholeRock
-    closing : the way chosen
-    chosen : Measure, of its rock
     density : float [kg/m^3]
-
-    Returns
-    -------
-    tuple of Trial
     """
     if not any(hole.beneath for hole in whole.holes):
         return ()

@@ -33,7 +33,6 @@ class Facts(NamedTuple):
     definitions : dict
         From the name of each top-level definition to its digest, without docstrings, and to the
         names in it that may stand for other definitions: ``"name"`` or ``"module.name"``.
-    imports : list of (local name, module, name in it, or an empty text for the module itself)
     """
 
     definitions: dict[str, tuple[str, list[str]]]
@@ -41,17 +40,7 @@ class Facts(NamedTuple):
 
 
 def of(module: str, text: bytes) -> Facts:
-    """What a module's text says.
-
-    Parameters
-    ----------
-    module : str, its name
-    text : bytes, of its file
-
-    Returns
-    -------
-    Facts
-    """
+    """What a module's text says."""
     own = _digest(_reader() + text)
     known, *given = _kept().get(module, ("",))
     if known != own:

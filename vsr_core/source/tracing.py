@@ -48,17 +48,7 @@ def reached(roots: Iterable[str]) -> dict[str, str]:
 
 
 def users(module: str, names: Iterable[str]) -> Iterator[str]:
-    """The definitions that mention one of some names, imported from the module that defines it.
-
-    Parameters
-    ----------
-    module : str
-    names : iterable of str, in that module
-
-    Yields
-    ------
-    str, ``"package.module:name"``
-    """
+    """The definitions that mention one of some names, imported from the module that defines it."""
     wanted, line = {f"{module}:{name}" for name in names}, f"from {module} import ".encode()
     for other, path in _files(ROOT).items():
         if line not in path.read_bytes():

@@ -56,10 +56,6 @@ _BACK = ((150.0, 178.0, 0.85, 1.0), (182.0, 212.0, 1.0, 0.9))
 def site() -> SurrogateSite:
     """Double Rock's surrogate and the ground around it, of about 12 m relief, 24 m x 20 m.
 
-    Returns
-    -------
-    SurrogateSite
-
     Examples
     --------
     >>> site().rock_vertices.shape

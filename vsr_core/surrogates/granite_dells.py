@@ -47,10 +47,6 @@ _SOIL = -4.2  # m, of the ground between the domes
 def site() -> SurrogateSite:
     """A boulder of about 1.9 m on jointed domes of about 6 m relief, 18 m x 16 m.
 
-    Returns
-    -------
-    SurrogateSite
-
     Examples
     --------
     >>> site().rock_vertices.shape

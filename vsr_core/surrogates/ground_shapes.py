@@ -48,7 +48,6 @@ def rough(place: Array, longest: float, octaves: int, seed: int) -> Array:
     ----------
     place : ndarray, shape (..., 2) [m]
     longest : float [m], of the longest wave of the first octave, whose root mean square is 1
-    octaves, seed : int
 
     Returns
     -------
@@ -62,10 +61,6 @@ def rough(place: Array, longest: float, octaves: int, seed: int) -> Array:
 
 def scattered(count: int) -> Array:
     """Points of the unit square, evenly spread without a pattern.
-
-    Parameters
-    ----------
-    count : int
 
     Returns
     -------

@@ -60,7 +60,6 @@ def sheet(
 
     Parameters
     ----------
-    extent : Extent
     spacing : Field, length of edges [m]
     ground : Field, height [m]
     blocks : list of StandingBlock, whose feet do not cross

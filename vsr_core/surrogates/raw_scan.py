@@ -53,15 +53,10 @@ def scan(
 
     Parameters
     ----------
-    site : SurrogateSite
     seed : int, of all that is random; the same seed gives the same bytes
     noise : float [m], root mean square of the error along the normals: half of its variance is
         white, half smooth over decimetres
     spacing : float [m], longest edge before the noise; longer ones are halved
-
-    Returns
-    -------
-    RawScan
     """
     random = np.random.default_rng(seed)
     vertices, faces, rock = _refined(*_seen(site), spacing)

@@ -12,15 +12,6 @@ from vsr_core.arrays import Array, Indices
 def bezier(control: tuple[float, ...], s: Array) -> Array:
     """Bezier curve.
 
-    Parameters
-    ----------
-    control : tuple of floats, its control values
-    s : ndarray, of any shape, in [0, 1]
-
-    Returns
-    -------
-    ndarray, of the shape of ``s``
-
     Examples
     --------
     >>> bezier((0.0, 2.0, 4.0), np.array([0.0, 0.5, 1.0])).tolist()

@@ -27,7 +27,6 @@ class Table:
     payload : float [kg]
     command_rate : float [Hz], velocity commands in a second
     pulley : float [m], diameter on which the belt runs
-    steps_per_turn : float or None, of the motor
     """
 
     acceleration: float
@@ -68,7 +67,6 @@ def loads(motion: CosinePulse, mass: float) -> dict[str, float]:
 
     Parameters
     ----------
-    motion : CosinePulse
     mass : float [kg], of the rock on the table
 
     Returns
@@ -90,13 +88,7 @@ def binding(table: Table, motion: CosinePulse, mass: float) -> str:
 
     Parameters
     ----------
-    table : Table
-    motion : CosinePulse
     mass : float [kg], of the rock on the table
-
-    Returns
-    -------
-    str, one of ``LIMITS`` or ""
     """
     shares = {name: load / getattr(table, name) for name, load in loads(motion, mass).items()}
     worst = max(LIMITS, key=lambda name: shares[name])
@@ -108,7 +100,6 @@ def largest_pga(table: Table, ratio: float) -> dict[str, float]:
 
     Parameters
     ----------
-    table : Table
     ratio : float [s], PGV/PGA
 
     Returns
@@ -133,15 +124,6 @@ def commands(table: Table, motion: CosinePulse) -> Commands:
 
     Each command is the mean velocity of the time for which it is held, so that the table is where
     the motion is whenever it ends, and back at its start after the last one.
-
-    Parameters
-    ----------
-    table : Table
-    motion : CosinePulse
-
-    Returns
-    -------
-    Commands
 
     References
     ----------

@@ -92,10 +92,6 @@ def loop(servo: Servo, commands: Array) -> Array:
 def spectral_radius(servo: Servo) -> float:
     """Factor by which the slowest error shrinks, or the fastest grows, in a control period.
 
-    Parameters
-    ----------
-    servo : Servo
-
     Returns
     -------
     float [1]
@@ -118,10 +114,6 @@ def largest_stable_period(servo: Servo) -> float:
     and Jury's conditions for kp > 0, ki, kd >= 0 come down to 2 p + i + 4 d < 4. Without ki and kd
     that is h < 2 M / kp.
 
-    Parameters
-    ----------
-    servo : Servo
-
     Returns
     -------
     float [s]
@@ -143,10 +135,6 @@ def largest_stable_period(servo: Servo) -> float:
 
 def check(servo: Servo) -> None:
     """Refuse a servo whose sampled loop is unstable.
-
-    Parameters
-    ----------
-    servo : Servo
 
     Raises
     ------

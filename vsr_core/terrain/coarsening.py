@@ -30,7 +30,6 @@ def coarser(terrain: Terrain, tolerance: Callable[[Array], Array]) -> Terrain:
 
     Parameters
     ----------
-    terrain : Terrain
     tolerance : function from points, shape (n, 3) [m], to the distance allowed there [m]
 
     Returns

@@ -51,7 +51,6 @@ def convex_parts(
 
     Parameters
     ----------
-    terrain : Terrain
     tolerance : function from points, shape (n, 3) [m], to how far parts may stand out there [m]
     thickness : float [m], of a part below its patch: what penetrates less is pushed back outward
 

@@ -28,7 +28,6 @@ def scales(hull: Hull, yaw: Array) -> Array:
     Returns
     -------
     ndarray, shape (4, k) [ln g]: nothing, the side that a pulse pushes the rock to first, the
-    other side, and their mean
     """
     both = tipping(hull, np.concatenate([math.pi - yaw, -yaw])).overturning
     first, other = np.log(both).reshape(2, -1)
@@ -59,12 +58,7 @@ def first_rows(count: int, *, ordered: bool) -> Indices:
 
     Parameters
     ----------
-    count : int
     ordered : bool, whether neighbouring rows are alike, as pulses are and records are not
-
-    Returns
-    -------
-    ndarray of int, ascending, with the first row and the last
     """
     if not ordered:
         return np.arange(count)

@@ -26,7 +26,6 @@ class Chance:
     Attributes
     ----------
     probability : ndarray, share of the draws with a verdict; NaN where none has one
-    low, high : ndarray, interval of Jeffreys, 95 %
     """
 
     probability: Array

@@ -49,7 +49,6 @@ class Unknown:
 
     Attributes
     ----------
-    name : str
     values : ndarray, shape (draws, k), its numbers in each draw, of about unit variance
     prior : callable, from uniform numbers on (0, 1), shape (n, k), to its numbers, of that shape
     """
@@ -80,25 +79,12 @@ class Shares:
 
 
 def interval(replicates: Array) -> Array:
-    """From 5 to 95 % of the bootstrap, shape (unknowns, 2).
-
-    Parameters
-    ----------
-    replicates : ndarray, as in ``Shares``
-
-    Returns
-    -------
-    ndarray
-    """
+    """From 5 to 95 % of the bootstrap, shape (unknowns, 2)."""
     return np.asarray(np.percentile(replicates[1:], [5.0, 95.0], axis=0).T)
 
 
 def joined(parts: Sequence[Shares]) -> Shares:
     """Indices of several numbers of the same draws together, each with the weight of its variance.
-
-    Parameters
-    ----------
-    parts : sequence of Shares
 
     Returns
     -------
@@ -129,12 +115,7 @@ def shares(unknowns: Sequence[Unknown], output: Array) -> Shares:
 
     Parameters
     ----------
-    unknowns : sequence of Unknown, independent of each other
     output : ndarray, shape (draws,)
-
-    Returns
-    -------
-    Shares
     """
     count = len(unknowns)
     if not count or len(output) < FEWEST or not np.isfinite(output).all() or np.ptp(output) == 0.0:

@@ -11,13 +11,7 @@ from vsr_core.arrays import Array, Mask
 
 @dataclass(frozen=True)
 class Calibration:
-    """P = 1 / (1 + exp(-(intercept + slope * log-odds of the ensemble))).
-
-    Attributes
-    ----------
-    intercept, slope : float; 0 and 1 leave the ensemble as it is
-    tests : int, on which it was fitted
-    """
+    """P = 1 / (1 + exp(-(intercept + slope * log-odds of the ensemble)))."""
 
     intercept: float = 0.0
     slope: float = 1.0

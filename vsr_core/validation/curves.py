@@ -49,10 +49,6 @@ def curve(intensity: Array, share: Array, motions: NDArray[np.str_], at: Array) 
     motions : ndarray of str, shape (n,)
     at : ndarray, shape (k,), intensities at which it is evaluated
 
-    Returns
-    -------
-    Curve
-
     References
     ----------
     Baker, J. W. (2015). Efficient analytical fragility function fitting using dynamic structural

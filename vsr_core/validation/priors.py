@@ -51,10 +51,8 @@ class Member:
 
     Attributes
     ----------
-    azimuth, friction, restitution, amplitude, mixing, error : float
     reversed : bool, whether the drive points against its azimuth
     centre : ndarray, shape (3,) [m], offset of the centre of mass
-    seed : int, of the error of the base
     """
 
     azimuth: float
@@ -77,15 +75,6 @@ def draws(priors: Priors, count: int) -> list[Member]:
     """Members of an ensemble: a scrambled Sobol sequence over all unknowns but the base's error.
 
     The drive is reversed in every other member, or as often as ``reversed_share`` says.
-
-    Parameters
-    ----------
-    priors : Priors
-    count : int
-
-    Returns
-    -------
-    list of Member
     """
     exponent = math.ceil(math.log2(max(count, 2)))
     points = qmc.Sobol(9, rng=SEED).random_base2(exponent)[:count]
@@ -98,14 +87,6 @@ def draws(priors: Priors, count: int) -> list[Member]:
 
 def best_guess(priors: Priors) -> Member:
     """The middle of all priors, with the scan as it is and the likelier sign of the drive.
-
-    Parameters
-    ----------
-    priors : Priors
-
-    Returns
-    -------
-    Member
 
     Examples
     --------
@@ -120,7 +101,6 @@ def extremes(priors: Priors, *, replica: bool) -> dict[str, tuple[Member, Member
 
     Parameters
     ----------
-    priors : Priors
     replica : bool
         Whether the base is drawn between two scans; else it has an error of its own.
 

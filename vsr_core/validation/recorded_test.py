@@ -26,17 +26,7 @@ outcome of single doubtful tests, as a grain of sand would, and hardly how many 
 
 
 def standing_case(rock: Rock, member: Member) -> Case:
-    """A rock on a level table, turned so that its drive is along +x.
-
-    Parameters
-    ----------
-    rock : Rock
-    member : Member
-
-    Returns
-    -------
-    Case
-    """
+    """A rock on a level table, turned so that its drive is along +x."""
     contact = Contact(member.friction, member.restitution)
     return prepare(Scene(rock, contact, -member.direction), proofs.barrier(rock), reduce=True)
 
@@ -48,14 +38,9 @@ def shaken(
 
     Parameters
     ----------
-    case : Case, from ``standing_case``
     accelerations : sequence of ndarray, each of shape (n,) [m/s^2], along the drive
     interval : float [s], between their samples
     amplitude : float [1], factor on them
-
-    Returns
-    -------
-    list of Response
     """
     step = STEP_SHARE * math.sqrt(case.full.rock.radius / GRAVITY)
     motions = [RecordedMotion(Trace(amplitude * values, interval)) for values in accelerations]

@@ -21,8 +21,6 @@ class PredictionScores:
 
     Attributes
     ----------
-    n : int, tests
-    accuracy, balanced_accuracy, f1, matthews : float, of the predictions
     brier, log_loss : float, of the probabilities; of a predictor without, NaN
     """
 
@@ -43,10 +41,6 @@ def scored(observed: Mask, predicted: Mask, probability: Array | None = None) ->
     observed : ndarray of bool, shape (n,), whether the rock overturned
     predicted : ndarray of bool, shape (n,)
     probability : ndarray, shape (n,), of overturning
-
-    Returns
-    -------
-    PredictionScores
     """
     from sklearn import metrics
 
@@ -145,10 +139,6 @@ def reliability(observed: Mask, probability: Array, classes: int = 8) -> Reliabi
     probability : ndarray, shape (n,)
     classes : int
         Empty ones are left out.
-
-    Returns
-    -------
-    Reliability
     """
     number = np.minimum((probability * classes).astype(int), classes - 1)
     rows = []

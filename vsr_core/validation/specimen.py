@@ -83,10 +83,6 @@ def form(
         Brought onto the scan by iterated closest points; taken only if the two are ``ALIKE``.
     error, length : float [m], standard deviation of the scan's error at the base, and the length
         over which errors are alike, where there is no replica
-
-    Returns
-    -------
-    Form
     """
     vertices = np.array(scan.vertices)
     normals, faces = np.array(scan.vertex_normals), np.array(scan.faces, dtype=np.int64)
@@ -111,13 +107,7 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
 
     Parameters
     ----------
-    of : Form
-    member : Member of an ensemble
     density : float [kg/m^3]
-
-    Returns
-    -------
-    Rock
 
     Raises
     ------

@@ -46,7 +46,6 @@ class Answer:
     Attributes
     ----------
     boundary : float [m/s^2]; nan if nothing topples the rock
-    passing : Passing
     exact : bool, whether by Housner's equation
     spread : float, how far the references are apart, relative; 0 if exact
     """
@@ -68,15 +67,8 @@ def answer(
 
     Parameters
     ----------
-    case : Case
     pgv_pga : float [s]
     coarse : Topples, finds about where the boundary is
-    searched : references whose boundary is sought there; that of the row is their mean
-    asked : references asked for the outcome
-
-    Returns
-    -------
-    Answer
     """
     block = rocking_block(case)
     if block is not None:
@@ -93,18 +85,7 @@ def answer(
 def by_references(
     case: Case, coarse: Topples, searched: Sequence[Topples], asked: Sequence[Topples]
 ) -> Answer:
-    """Tell what is right on a row by references alone, of toppling or of what else they look for.
-
-    Parameters
-    ----------
-    case : Case
-    coarse : Topples, as of ``answer``
-    searched, asked : sequence of Topples, as of ``answer``
-
-    Returns
-    -------
-    Answer
-    """
+    """Tell what is right on a row by references alone, of toppling or of another event."""
     limits = case.static_limits
     near = halved(coarse, 0.9 * min(-limits[0], limits[1]), STRONGEST, 9).middle
     ends = (1.0 - WINDOW) * near, (1.0 + WINDOW) * near
@@ -144,12 +125,7 @@ def agrees_from(topples: Topples, passing: Passing, boundary: float) -> float:
     Parameters
     ----------
     topples : Topples, what is judged; without a verdict it is never right
-    passing : Passing
     boundary : float [m/s^2]
-
-    Returns
-    -------
-    float, one of ``OFFSETS``, or ``WORST``
     """
     return max(_one_side(topples, passing, side) for side in zip(*levels(boundary), strict=True))
 
@@ -167,14 +143,6 @@ def rocking_block(case: Case) -> Block | None:
 
     A scene is one for a box that rocks about an edge across the shaking, on a pedestal that it
     grips: friction above b/h, no restitution, no rolling friction, no servo.
-
-    Parameters
-    ----------
-    case : Case
-
-    Returns
-    -------
-    Block or None, if it is another scene
     """
     full, contact = case.full, case.full.contact
     half_x, half_y, half_z = (float(half) for half in np.abs(full.rock.vertices).max(axis=0))

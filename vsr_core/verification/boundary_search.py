@@ -41,36 +41,12 @@ class Bracket:
 
 
 def verdict(outcome: Outcome) -> bool | None:
-    """Tell whether a run toppled the rock.
-
-    Parameters
-    ----------
-    outcome : Outcome
-
-    Returns
-    -------
-    bool or None, without a verdict
-
-    >>> [verdict(o) for o in (Outcome.OVERTURNED, Outcome.DISPLACED, Outcome.UNSETTLED)]
-    [True, False, None]
-    """
+    """Tell whether a run toppled the rock."""
     return None if outcome.overturned < 0 else outcome is Outcome.OVERTURNED
 
 
 def left_its_place(outcome: Outcome) -> bool | None:
-    """Tell whether a run toppled or displaced the rock.
-
-    Parameters
-    ----------
-    outcome : Outcome
-
-    Returns
-    -------
-    bool or None, without a verdict
-
-    >>> [left_its_place(o) for o in (Outcome.BALANCED, Outcome.DISPLACED, Outcome.UNSTABLE)]
-    [False, True, None]
-    """
+    """Tell whether a run toppled or displaced the rock."""
     return None if outcome.overturned < 0 else outcome is not Outcome.BALANCED
 
 
@@ -81,25 +57,12 @@ def halved(
 
     Parameters
     ----------
-    topples : Topples
     low, high : float, levels at which the rock is taken to stand and to topple
-    halvings : int, at most
     tolerance : float, width of the bracket as a share of its upper end at which it is narrow enough
 
     Returns
     -------
-    Bracket
-
-    >>> halved(lambda level: level > 3.1, 0.0, 8.0, 3)
-    Bracket(stands=3.0, topples=4.0, decided=True)
-
-    No end is a level without a verdict:
-
-    >>> found = halved(lambda level: None if 3.0 < level < 5.0 else level > 3.1, 0.0, 8.0, 3)
-    >>> 0.0 < found.stands <= 3.0, 5.0 <= found.topples < 8.0
     (True, True)
-    >>> halved(lambda level: None, 0.0, 8.0, 3)
-    Bracket(stands=0.0, topples=8.0, decided=False)
     """
     for _ in range(halvings):
         if high - low <= tolerance * high:
@@ -119,16 +82,11 @@ def first_boundary(topples: Topples, levels: Iterable[float], halvings: int) -> 
 
     Parameters
     ----------
-    topples : Topples
     levels : iterable of float, ascending; below the first the rock is taken to stand from 0 on
-    halvings : int
 
     Returns
     -------
-    Bracket
-
     >>> first_boundary(lambda level: level > 3.1, [1.0, 2.0, 4.0, 8.0], 1)
-    Bracket(stands=3.0, topples=4.0, decided=True)
     """
     stands = 0.0
     for level in levels:

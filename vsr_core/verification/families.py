@@ -10,14 +10,6 @@ from types import ModuleType
 def modules(package: str) -> dict[str, ModuleType]:
     """Modules of a package by name; those with an underscore are shared parts and no family.
 
-    Parameters
-    ----------
-    package : str
-
-    Returns
-    -------
-    dict of module, in the order of the alphabet
-
     Examples
     --------
     >>> "rolling" in modules("vsr_core.verification.reference")

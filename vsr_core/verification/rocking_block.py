@@ -98,7 +98,6 @@ class RockingResponse:
 
     Attributes
     ----------
-    overturned : bool
     impacts : int
         During the pulse, not counting the infinitely many small ones of a block coming to rest.
     time : float [s]
@@ -133,7 +132,6 @@ def rocking_response(
 
     Parameters
     ----------
-    block : Block
     pga : float [m/s^2]
         Negative for the mirrored pulse, 0 for free rocking.
     pgv_pga : float [s]
@@ -142,10 +140,6 @@ def rocking_response(
     rtol : float
         Relative tolerance of the integration; the absolute one is a hundredth of it, in units of
         alpha and p alpha.
-
-    Returns
-    -------
-    RockingResponse
     """
     if not (math.isfinite(pga) and 0.0 < pgv_pga < math.inf and abs(start[0]) < math.pi / 2):
         raise InvalidInput(
@@ -277,7 +271,6 @@ def free_peak(block: Block, theta: float, theta_dot: float) -> float:
 
     Parameters
     ----------
-    block : Block
     theta, theta_dot : float [rad, rad/s]
 
     Returns
@@ -310,7 +303,6 @@ def free_period(block: Block, theta0: float) -> float:
 
     Parameters
     ----------
-    block : Block
     theta0 : float [rad], amplitude, between 0 and alpha
 
     Returns
@@ -340,9 +332,7 @@ def free_amplitude(block: Block, theta0: float, impacts: int) -> float:
 
     Parameters
     ----------
-    block : Block
     theta0 : float [rad], at the start, between 0 and alpha
-    impacts : int
 
     Returns
     -------
@@ -377,7 +367,6 @@ def slender_pga_without_impact(block: Block, pgv_pga: float) -> float:
 
     Parameters
     ----------
-    block : Block
     pgv_pga : float [s]
 
     Returns
@@ -397,13 +386,8 @@ def slender_overturns(block: Block, pga: float, pgv_pga: float) -> bool:
 
     Parameters
     ----------
-    block : Block
     pga : float [m/s^2]
     pgv_pga : float [s]
-
-    Returns
-    -------
-    bool
 
     Notes
     -----
@@ -448,7 +432,6 @@ def first_overturning_pga(
 
     Parameters
     ----------
-    block : Block
     pgv_pga : float [s]
     pga_max, step : float [m/s^2]
     tolerance : float
@@ -469,10 +452,6 @@ def overturning_intervals(
 
     Each runs from its first overturning PGA to the first safe one behind it, or to ``pga_max``;
     between two of them lies a safe island.
-
-    Parameters
-    ----------
-    block, pgv_pga, pga_max, step, tolerance : as of ``first_overturning_pga``
 
     Returns
     -------

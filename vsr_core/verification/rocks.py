@@ -33,10 +33,6 @@ def box(width: float, depth: float, height: float) -> Rock:
     Parameters
     ----------
     width, depth, height : float [m], sides along x, y and z
-
-    Returns
-    -------
-    Rock
     """
     return solid.box((width, depth, height), DENSITY).rock
 
@@ -48,10 +44,6 @@ def sphere(radius: float) -> Rock:
     Parameters
     ----------
     radius : float [m]
-
-    Returns
-    -------
-    Rock
     """
     mass = DENSITY * 4.0 / 3.0 * math.pi * radius**3
     poles = radius * np.vstack([np.eye(3), -np.eye(3)])
@@ -66,10 +58,6 @@ def frustum(base: tuple[float, float], top: tuple[float, float], height: float) 
     ----------
     base, top : tuple of float [m], sides along x and y
     height : float [m]
-
-    Returns
-    -------
-    Rock
     """
     corners = [
         (0.5 * sides[0] * x, 0.5 * sides[1] * y, level)
@@ -87,10 +75,6 @@ def hull(corners: Array, *, as_scanned: bool = False) -> Rock:
     ----------
     corners : ndarray, shape (n, 3) [m]
     as_scanned : bool, whether it keeps its pose or is set on its base
-
-    Returns
-    -------
-    Rock
     """
     mesh = trimesh.convex.convex_hull(corners)
     return solid.from_mesh(mesh, DENSITY, as_scanned=as_scanned).rock
@@ -98,10 +82,6 @@ def hull(corners: Array, *, as_scanned: bool = False) -> Rock:
 
 def unit(rock: Rock) -> float:
     """Time scale of a rock, sqrt(radius / g) [s].
-
-    Parameters
-    ----------
-    rock : Rock
 
     Returns
     -------
@@ -118,10 +98,6 @@ def upright(position: Triple, velocity: Triple = STILL, angular_velocity: Triple
     position : tuple of float [m], of the centre of mass
     velocity : tuple of float [m/s]
     angular_velocity : tuple of float [rad/s]
-
-    Returns
-    -------
-    State
     """
     return State(np.array(position), np.eye(3), np.array(velocity), np.array(angular_velocity))
 
@@ -131,12 +107,7 @@ def leaning(rock: Rock, lean: float) -> State:
 
     Parameters
     ----------
-    rock : Rock
     lean : float [rad]
-
-    Returns
-    -------
-    State
     """
     half = float(np.abs(rock.vertices[:, 0]).max())
     cos, sin = math.cos(lean), math.sin(lean)

@@ -23,8 +23,6 @@ class Variation:
     Attributes
     ----------
     what, value : str, as a table shows them
-    change : function from a case and its settings to others
-    engines : tuple of str, engines that can do it
     shapes : tuple of str, shapes of rock that it makes sense for
     """
 
@@ -36,12 +34,7 @@ class Variation:
 
 
 def variations() -> tuple[Variation, ...]:
-    """All of them; the first changes nothing.
-
-    Returns
-    -------
-    tuple of Variation
-    """
+    """All of them; the first changes nothing."""
     return (
         Variation("as chosen", "", lambda case, settings: (case, settings)),
         *(

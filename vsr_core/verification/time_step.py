@@ -64,7 +64,6 @@ class Place(NamedTuple):
     ----------
     yaw : float [rad]
     pgv_pga : float [s]
-    boundary : Boundary
     """
 
     yaw: float
@@ -135,10 +134,6 @@ class Choice:
 def directions(rock: Rock) -> tuple[float, ...]:
     """Yaws of the rows of a rock [rad]: the faces of a box, four quarters of any other.
 
-    Parameters
-    ----------
-    rock : Rock
-
     Returns
     -------
     tuple of float [rad]
@@ -152,10 +147,6 @@ def directions(rock: Rock) -> tuple[float, ...]:
 def periods(rock: Rock) -> tuple[float, ...]:
     """PGV/PGA of the rows of a rock [s].
 
-    Parameters
-    ----------
-    rock : Rock
-
     Returns
     -------
     tuple of float [s]
@@ -166,10 +157,6 @@ def periods(rock: Rock) -> tuple[float, ...]:
 
 def lots(rock: Rock) -> tuple[tuple[Place, ...], ...]:
     """List the rows of a rock; a lot is measured where those before it have too few references.
-
-    Parameters
-    ----------
-    rock : Rock
 
     Returns
     -------
@@ -190,25 +177,12 @@ def lots(rock: Rock) -> tuple[tuple[Place, ...], ...]:
 
 
 def enough(rows: Sequence[Row]) -> bool:
-    """Tell whether so many rows have a reference that an error can be stated.
-
-    Parameters
-    ----------
-    rows : sequence of Row, all of one boundary
-
-    Returns
-    -------
-    bool
-    """
+    """Tell whether so many rows have a reference that an error can be stated."""
     return sum(math.isfinite(row.reference) for row in rows) >= ENOUGH
 
 
 def step_unit(rock: Rock) -> float:
     """Unit of the time steps, sqrt(radius / g) [s].
-
-    Parameters
-    ----------
-    rock : Rock
 
     Returns
     -------
@@ -224,14 +198,7 @@ def measure(
 
     Parameters
     ----------
-    case : Case, of the direction to be measured
     pgv_pga : float [s]
-    settings : Settings
-    boundary : Boundary
-
-    Returns
-    -------
-    Row
     """
     ladder = load(settings.engine).LADDER
     is_beyond = verdict if boundary is Boundary.TOPPLED else left_its_place
@@ -285,10 +252,6 @@ def front(shares: Sequence[float], error: Array, steps: Array) -> Front:
     ----------
     shares : sequence of float, time steps in units of sqrt(radius / g), falling
     error, steps : ndarray, shape (rows, k), as in ``Row``; nan where there is no reference
-
-    Returns
-    -------
-    Front
     """
     known = np.isfinite(error).all(axis=1)
     tried = np.array(shares, dtype=np.float64)
@@ -306,11 +269,6 @@ def longest(rock: Rock, engine: str) -> float:
     The error of a swing grows with the step: a boundary may be right by luck where many impacts
     would not be.
 
-    Parameters
-    ----------
-    rock : Rock
-    engine : str
-
     Returns
     -------
     float [s]
@@ -325,14 +283,8 @@ def choose(toppled: Front, displaced: Front, tolerance: float, unit: float, most
 
     Parameters
     ----------
-    toppled, displaced : Front of either boundary, at the same steps
-    tolerance : float
     unit : float [s], ``step_unit``
     most : float [s], the ``longest`` step for a tolerance of 1 %
-
-    Returns
-    -------
-    Choice
     """
     steps = toppled.shares * unit
     short = steps <= most * tolerance / 0.01 * (1.0 + 1e-9)

@@ -100,14 +100,8 @@ def track(scene: Scene, motion: GroundMotion, time_step: float, after: float) ->
 
     Parameters
     ----------
-    scene : Scene, with a drive
-    motion : GroundMotion
     time_step : float [s], the largest allowed
     after : float [s]
-
-    Returns
-    -------
-    TableHistory
     """
     drive = scene.drive
     assert drive is not None
@@ -123,16 +117,7 @@ def track(scene: Scene, motion: GroundMotion, time_step: float, after: float) ->
 
 
 def errors(followed: TableHistory) -> Errors:
-    """Errors while the motion lasts.
-
-    Parameters
-    ----------
-    followed : TableHistory
-
-    Returns
-    -------
-    Errors
-    """
+    """Errors while the motion lasts."""
     during = followed.time <= followed.duration * (1.0 + 1e-9)
     error = followed.error[during]
     first = float(error[0])
@@ -147,11 +132,6 @@ def errors(followed: TableHistory) -> Errors:
 def standing_loop(followed: TableHistory, scene: Scene) -> Array:
     """Velocity of the sampled loop with the rock at rest on the table.
 
-    Parameters
-    ----------
-    followed : TableHistory
-    scene : Scene, with a drive
-
     Returns
     -------
     ndarray, shape (n,) [m/s]
@@ -163,11 +143,6 @@ def standing_loop(followed: TableHistory, scene: Scene) -> Array:
 
 def push(followed: TableHistory, scene: Scene) -> Array:
     """What the rock's moving does to the table's velocity.
-
-    Parameters
-    ----------
-    followed : TableHistory
-    scene : Scene, with a drive
 
     Returns
     -------
@@ -184,10 +159,6 @@ def disturbance(time: Array, pushed: Array) -> Disturbance:
     ----------
     time : ndarray, shape (n,) [s]
     pushed : ndarray, shape (n,) [m/s], change of the table's velocity by the rock
-
-    Returns
-    -------
-    Disturbance
     """
     size = np.abs(pushed)
     at = int(np.argmax(size))
@@ -205,10 +176,6 @@ def synthetic(ratio: float) -> Trace:
     Parameters
     ----------
     ratio : float [s], its PGV/PGA
-
-    Returns
-    -------
-    Trace
     """
     time = np.arange(0.0, PERIODS * ratio, SYNTHETIC_STEP)
     swell = np.sin(np.pi * time / time[-1]) ** 2

@@ -70,13 +70,7 @@ def target(case: Case, pgv_pga: float, engines: tuple[str, ...]) -> Target:
 
     Parameters
     ----------
-    case : Case
     pgv_pga : float [s]
-    engines : tuple of str
-
-    Returns
-    -------
-    Target
     """
     unit = step_unit(case.full.rock)
 
@@ -96,17 +90,7 @@ def target(case: Case, pgv_pga: float, engines: tuple[str, ...]) -> Target:
 
 
 def score(test: Test, wanted: Target) -> Score:
-    """Error and cost of one way of running on one row.
-
-    Parameters
-    ----------
-    test : Test
-    wanted : Target
-
-    Returns
-    -------
-    Score
-    """
+    """Error and cost of one way of running on one row."""
     lost = 0
 
     def outcome(pga: float) -> bool | None:
@@ -124,17 +108,7 @@ def score(test: Test, wanted: Target) -> Score:
 
 
 def project(case: Case, settings: Settings) -> Test:
-    """The own way of running a test, outcomes proved where they can be.
-
-    Parameters
-    ----------
-    case : Case
-    settings : Settings
-
-    Returns
-    -------
-    Test
-    """
+    """The own way of running a test, outcomes proved where they can be."""
     return lambda pulse: verdict(simulate(case, pulse, settings).outcome)
 
 
@@ -145,10 +119,6 @@ def by_tilt(largest_tilt: Callable[[CosinePulse], float], toppled: float) -> Tes
     ----------
     largest_tilt : callable, from a pulse to a tilt [rad]
     toppled : float [rad], tilt beyond which the rock has toppled
-
-    Returns
-    -------
-    Test
     """
 
     def test(pulse: CosinePulse) -> bool | None:

@@ -46,16 +46,7 @@ class Sample(NamedTuple):
 
 
 def make(job: Job) -> Product:
-    """Repeat the sample.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-    """
+    """Repeat the sample."""
     study, responses = load_study(job.config, job.store), read(job.path(RESPONSES))
     own = responses["overturned"].values
     sample = chosen(own)
@@ -91,11 +82,6 @@ def chosen(overturned: Array, half: int = HALF) -> Sample:
     Parameters
     ----------
     overturned : ndarray of int, shape (..., pga), -1 without a verdict
-    half : int, runs of either kind
-
-    Returns
-    -------
-    Sample
 
     Examples
     --------
@@ -123,17 +109,7 @@ def _spread(places: Indices, number: int) -> Indices:
 def repeat(
     shared: tuple[Case | TerrainCase, Settings, Shaking], cells: tuple[Cell, ...]
 ) -> list[int]:
-    """Outcomes of some cells in Bullet, on a worker.
-
-    Parameters
-    ----------
-    shared : Case or TerrainCase, Settings, and the motions
-    cells : tuple of Cell
-
-    Returns
-    -------
-    list of int, 1 overturned, 0 not, -1 without a verdict
-    """
+    """Outcomes of some cells in Bullet, on a worker."""
     place, settings, motions = shared
     run: Any = simulate if isinstance(place, Case) else respond
     return [run(place, motions.motion(cell), settings).outcome.overturned for cell in cells]

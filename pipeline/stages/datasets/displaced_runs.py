@@ -25,11 +25,6 @@ STOPS = {
 def left_seat(displacement: xr.Dataset) -> Mask:
     """Find the runs whose rock left its seat: those with the outcome overturned.
 
-    Parameters
-    ----------
-    displacement : Dataset
-        As in ``displacement.nc``.
-
     Returns
     -------
     ndarray of bool, shape (run,)
@@ -43,13 +38,7 @@ def chosen(displacement: xr.Dataset, runs: Mask) -> xr.Dataset:
 
     Parameters
     ----------
-    displacement : Dataset
-        As in ``displacement.nc``.
     runs : ndarray of bool, shape (run,)
-
-    Returns
-    -------
-    Dataset
     """
     samples = np.repeat(runs, displacement["row_size"].values)
     return displacement.isel(run=runs, sample=samples)
@@ -57,11 +46,6 @@ def chosen(displacement: xr.Dataset, runs: Mask) -> xr.Dataset:
 
 def groups(displacement: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
     """Name and runs of each yaw and friction.
-
-    Parameters
-    ----------
-    displacement : Dataset
-        As in ``displacement.nc``.
 
     Returns
     -------
@@ -77,11 +61,6 @@ def groups(displacement: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
 def overturned_runs(displacement: xr.Dataset) -> pd.DataFrame:
     """The overturned runs, as the correlations take them.
 
-    Parameters
-    ----------
-    displacement : Dataset
-        As in ``displacement.nc``.
-
     Returns
     -------
     DataFrame
@@ -93,17 +72,7 @@ def overturned_runs(displacement: xr.Dataset) -> pd.DataFrame:
 
 
 def typical(displacement: xr.Dataset) -> int | None:
-    """Place of the run of median length among those that left the seat and came to rest.
-
-    Parameters
-    ----------
-    displacement : Dataset
-        As in ``displacement.nc``.
-
-    Returns
-    -------
-    int or None, where there is none
-    """
+    """Place of the run of median length among those that left the seat and came to rest."""
     rested = left_seat(displacement) & (displacement["stop_reason"].values == StopReason.REST)
     runs = np.flatnonzero(rested)
     if not len(runs):
@@ -116,11 +85,6 @@ def ends(displacement: xr.Dataset) -> Array:
     """Where the centre of mass of each run ended.
 
     A run without samples never left its start, the origin of the frame.
-
-    Parameters
-    ----------
-    displacement : Dataset
-        As in ``displacement.nc``.
 
     Returns
     -------
@@ -146,10 +110,6 @@ def forward(displacements: Sequence[xr.Dataset], starts: Array) -> Forward:
         One a start, as in ``displacement.nc``, with terrains that do not differ in direction.
     starts : ndarray, shape (s, 2) [m]
         Origin of each dataset's frame in the frame of the observed place.
-
-    Returns
-    -------
-    Forward
     """
     parts = []
     for displacement, start in zip(displacements, starts, strict=True):

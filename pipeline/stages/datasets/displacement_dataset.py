@@ -24,10 +24,6 @@ FILE, TABLE = "displacement.nc", "correlation.csv"
 def make(job: Job) -> Product:
     """Assemble the displacement runs and correlate them.
 
-    Parameters
-    ----------
-    job : Job
-
     Returns
     -------
     Product

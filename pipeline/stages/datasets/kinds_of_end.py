@@ -13,14 +13,6 @@ def kinds(outcome: Indices, movement: Indices) -> dict[str, Mask]:
 
     Overturned runs are parted where not all of them rolled over.
 
-    Parameters
-    ----------
-    outcome, movement : ndarray of int, of each run, see ``vsr_core.outcome``
-
-    Returns
-    -------
-    dict from name to ndarray of bool
-
     Examples
     --------
     >>> import numpy as np
@@ -40,30 +32,13 @@ def kinds(outcome: Indices, movement: Indices) -> dict[str, Mask]:
 
 
 def ways(outcome: Indices, movement: Indices) -> dict[Movement, int]:
-    """Count the overturned runs by how the rock left its seat.
-
-    Parameters
-    ----------
-    outcome, movement : ndarray of int, of each run, see ``vsr_core.outcome``
-
-    Returns
-    -------
-    dict of int
-    """
+    """Count the overturned runs by how the rock left its seat."""
     left = outcome == Outcome.OVERTURNED
     return {way: int((left & (movement == way)).sum()) for way in OFF_ITS_SEAT}
 
 
 def told(counts: dict[Movement, int]) -> str:
     """Counts of ``ways`` in words.
-
-    Parameters
-    ----------
-    counts : dict of int
-
-    Returns
-    -------
-    str
 
     Examples
     --------

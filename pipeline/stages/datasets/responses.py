@@ -42,10 +42,6 @@ _TYPES = {
 def make(job: Job) -> Product:
     """Assemble the responses.
 
-    Parameters
-    ----------
-    job : Job
-
     Returns
     -------
     Product
@@ -73,16 +69,7 @@ def make(job: Job) -> Product:
 
 
 def settings_of_runs(config: Config) -> str:
-    """Every setting that decides runs, or what is said of them, as YAML.
-
-    Parameters
-    ----------
-    config : Config
-
-    Returns
-    -------
-    str
-    """
+    """Every setting that decides runs, or what is said of them, as YAML."""
     settings = config.model_dump(mode="json", exclude=_ASKED_OF_RUNS)
     return yaml.safe_dump(settings, sort_keys=False)
 

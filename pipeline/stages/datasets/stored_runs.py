@@ -21,22 +21,11 @@ from vsr_core.run.movement import movements, no_return_tilt
 def stored(job: Job, kind: Kind[Any], study: Study) -> pd.DataFrame:
     """All runs of a study.
 
-    Parameters
-    ----------
-    job : Job
-    kind : Kind
-    study : Study
-
     Returns
     -------
     DataFrame
         Fields of the rows but their keys, with ``yaw`` [degree], ``friction``, number of the
         ``motion`` and ``pga`` [g] of each run, PGA running fastest and yaw slowest.
-
-    Raises
-    ------
-    InputError
-        If runs are not there.
     """
     parts = [
         pd.DataFrame(rows, columns=kind.row._fields).drop(columns="key").assign(**group._asdict())
@@ -51,12 +40,6 @@ def stored(job: Job, kind: Kind[Any], study: Study) -> pd.DataFrame:
 def moved(job: Job, runs: pd.DataFrame, air_share: Array) -> Indices:
     """How the rock of a site moved in each of its runs.
 
-    Parameters
-    ----------
-    job : Job
-    runs : DataFrame, of ``stored``
-    air_share : ndarray, of each run
-
     Returns
     -------
     ndarray of int, see ``vsr_core.run.movement.movements``
@@ -70,21 +53,7 @@ def moved(job: Job, runs: pd.DataFrame, air_share: Array) -> Indices:
 
 
 def tally(outcome: pd.Series) -> tuple[str, int]:
-    """Count runs by outcome.
-
-    Parameters
-    ----------
-    outcome : Series of int
-
-    Returns
-    -------
-    words : str
-    unresolved : int
-        Runs without a verdict.
-
-    >>> tally(pd.Series([Outcome.BALANCED, Outcome.OVERTURNED, Outcome.BALANCED]))
-    ('2 balanced, 1 overturned', 0)
-    """
+    """Count runs by outcome."""
     counts = np.bincount(outcome, minlength=len(Outcome))
     words = ", ".join(f"{counts[o]} {o.name.lower()}" for o in Outcome if counts[o])
     return words, int(sum(counts[o] for o in Outcome if o.overturned == -1))

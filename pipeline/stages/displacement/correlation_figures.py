@@ -46,12 +46,6 @@ def trajectory_lengths(displacement: xr.Dataset, source: str) -> Figure:
     ----------
     displacement : Dataset
         As in ``displacement.nc``; runs that stayed on the seat are grey in the first panel.
-    source : str
-        What the terrain is.
-
-    Returns
-    -------
-    Figure
     """
     runs, standing = overturned_runs(displacement), displacement.isel(run=~left_seat(displacement))
     figure = Figure(figsize=(WIDTH, 3.4))
@@ -83,19 +77,7 @@ def trajectory_lengths(displacement: xr.Dataset, source: str) -> Figure:
 
 @style.styled
 def ensemble_means(displacement: xr.Dataset, source: str) -> Figure:
-    """Means of ensembles against PGA and PGV/PGA, with the line through them and its band.
-
-    Parameters
-    ----------
-    displacement : Dataset
-        As in ``displacement.nc``.
-    source : str
-        What the terrain is.
-
-    Returns
-    -------
-    Figure
-    """
+    """Means of ensembles against PGA and PGV/PGA, with the line through them and its band."""
     found = correlations(overturned_runs(displacement))
     figure = Figure(figsize=(7.4, 8.4))
     margins = {"left": 0.09, "right": 0.985, "bottom": 0.095, "top": 0.965,
@@ -116,14 +98,6 @@ def ensemble_means(displacement: xr.Dataset, source: str) -> Figure:
 
 def power(p: float) -> str:
     """Write a small probability with a power of ten in raised digits.
-
-    Parameters
-    ----------
-    p : float
-
-    Returns
-    -------
-    str
 
     Examples
     --------

@@ -47,7 +47,6 @@ class Slot:
 
     Attributes
     ----------
-    title, caption : str
     image : str, address that holds a picture, animated or not; shown in the page
     link : str, address relative to the page, e.g. of a page in three dimensions
     """
@@ -72,11 +71,6 @@ def page(
 
     Parameters
     ----------
-    site : str
-    displacement, terrain : Dataset
-        As in ``displacement.nc`` and ``terrain.nc``.
-    source : str
-        What the terrain is.
     found : Found, optional
         A fallen rock observed on the terrain, in the site's frame.
     slots : sequence of Slot

@@ -29,16 +29,7 @@ STILL, FILM = "figures/timelapse.png", "figures/animation.webp"
 
 
 def make(job: Job) -> Product:
-    """Draw the figures and fill in the pages.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-    """
+    """Draw the figures and fill in the pages."""
     displacement, terrain, rock = (read(job.path(name)) for name in (DISPLACEMENT, TERRAIN, ROCK))
     source = rock.attrs["shape_source"]
     files = _figures(displacement, terrain, source)

@@ -41,18 +41,8 @@ def origin_maps(
     Parameters
     ----------
     origin : Origin, as ``trace`` gives it from ``forward`` and ``found``
-    forward : Forward
-    found : Found
-    terrain : Dataset
-        As in ``terrain.nc``, in the frame of the place.
-    source : str
-        What the terrain is.
     starts : ndarray, shape (s, 2) [m], optional
         Places of the starts in the order of their numbers; the origin if there is one only.
-
-    Returns
-    -------
-    Figure
     """
     figure = Figure(figsize=(WIDTH, 4.9))
     left = figure.add_axes((0.06, 0.2, 0.34, 0.68))

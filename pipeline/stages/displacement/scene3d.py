@@ -46,9 +46,6 @@ def page(
 
     Parameters
     ----------
-    displacement, terrain, rock : Dataset
-        As in ``displacement.nc``, ``terrain.nc`` and ``rock.nc``.
-    title : str
     source : str
         Where rock and terrain come from, such as that they are surrogates.
 

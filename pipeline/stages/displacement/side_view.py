@@ -21,17 +21,6 @@ def side_view(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> Fig
     The distance is that along the mean direction from the start to the ends. A line shows the
     ground below the start, a band the lowest and highest ground within the width of the
     trajectories.
-
-    Parameters
-    ----------
-    displacement, terrain : Dataset
-        As in ``displacement.nc`` and ``terrain.nc``.
-    source : str
-        What the terrain is.
-
-    Returns
-    -------
-    Figure
     """
     runs = chosen(displacement, left_seat(displacement))
     points = np.column_stack([runs["x"].values, runs["y"].values])
@@ -84,7 +73,6 @@ def _profiles(ground: xr.DataArray, at: Array, along: Array, aside: Array) -> tu
 
     Parameters
     ----------
-    ground : DataArray, see ``relief``
     at : ndarray, shape (n,) [m], distances along the lines
     along : ndarray, shape (2,), their direction
     aside : ndarray [m], how far to the left the trajectories pass; the lines cover most of them

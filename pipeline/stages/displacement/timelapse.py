@@ -50,10 +50,8 @@ class _Scene:
 
     Attributes
     ----------
-    motion : Track
     vertices, faces : of the rock, (n, 3) [m] and (m, 3)
     radius : float [m], of the rock about its centre of mass
-    behind : Backdrop
     contour : float [m], height between two contours
     """
 
@@ -73,19 +71,6 @@ def timelapse(
 
     The eye looks across the trajectory, from where most of it is seen. The line is that of the
     centre of mass: it is drawn over the rocks, and dotted where the ground hides it.
-
-    Parameters
-    ----------
-    displacement, terrain, rock : Dataset
-        As in ``displacement.nc``, ``terrain.nc`` and ``rock.nc``.
-    run : int
-        Place of the run along ``run``.
-    source : str
-        Where rock and terrain come from.
-
-    Returns
-    -------
-    Figure
     """
     scene = _scene(displacement, terrain, rock, run, (WIDTH, HEIGHT))
     motion, view = scene.motion, scene.behind.view
@@ -119,10 +104,6 @@ def animation(displacement: xr.Dataset, terrain: xr.Dataset, rock: xr.Dataset, r
     ----------
     displacement, terrain, rock, run
         As for ``timelapse``.
-
-    Returns
-    -------
-    bytes, of an animated WebP
     """
     scene = _scene(displacement, terrain, rock, run, FILM)
     time = scene.motion.time

@@ -65,18 +65,7 @@ class Track:
 
 
 def track(displacement: xr.Dataset, run: int) -> Track:
-    """Motion of one run.
-
-    Parameters
-    ----------
-    displacement : Dataset
-        As in ``displacement.nc``.
-    run : int, its place along ``run``
-
-    Returns
-    -------
-    Track
-    """
+    """Motion of one run."""
     own = chosen(displacement, np.arange(displacement.sizes["run"]) == run)
     return Track(
         own["time"].values,
@@ -91,7 +80,6 @@ def pose_times(motion: Track, radius: float) -> Array:
 
     Parameters
     ----------
-    motion : Track
     radius : float [m], of the rock
 
     Returns

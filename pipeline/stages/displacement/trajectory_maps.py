@@ -53,14 +53,8 @@ def trajectories(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> 
 
     Parameters
     ----------
-    displacement, terrain : Dataset
-        As in ``displacement.nc`` and ``terrain.nc``.
     source : str
         What the terrain is, e.g. "surrogate terrain".
-
-    Returns
-    -------
-    Figure
     """
     runs = chosen(displacement, left_seat(displacement))
     window = around(np.column_stack([runs["x"].values, runs["y"].values]), terrain)
@@ -90,19 +84,7 @@ def trajectories(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> 
 
 @style.styled
 def end_positions(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> Figure:
-    """Where every run ended, by how the rock moved and what ended the run.
-
-    Parameters
-    ----------
-    displacement, terrain : Dataset
-        As in ``displacement.nc`` and ``terrain.nc``.
-    source : str
-        What the terrain is.
-
-    Returns
-    -------
-    Figure
-    """
+    """Where every run ended, by how the rock moved and what ended the run."""
     places, stop = ends(displacement), displacement["stop_reason"].values
     window = around(places, terrain)
     width, left, below = 6.1, 0.6, 0.5
@@ -144,13 +126,7 @@ def _key_to_ends(axes: Axes, movement: Indices, stop: Indices) -> None:
 
 
 def named(figure: Figure, source: str) -> None:
-    """Say in the upper left corner, above all else, what the terrain is.
-
-    Parameters
-    ----------
-    figure : Figure
-    source : str
-    """
+    """Say in the upper left corner, above all else, what the terrain is."""
     layout = figure.get_layout_engine()
     if isinstance(layout, ConstrainedLayoutEngine):
         layout.set(rect=(0.0, 0.0, 1.0, 1.0 - NOTE / figure.get_figheight()))
@@ -159,11 +135,6 @@ def named(figure: Figure, source: str) -> None:
 
 def speeds(runs: xr.Dataset) -> Normalize:
     """Scale of the colours of speed.
-
-    Parameters
-    ----------
-    runs : Dataset
-        As in ``displacement.nc``.
 
     Returns
     -------
@@ -179,12 +150,8 @@ def paths(
 
     Parameters
     ----------
-    axes : Axes
-    runs : Dataset
-        As in ``displacement.nc``.
     names : (str, str)
         The coordinates to the right and up.
-    speed : Normalize
     inch : float [m], what an inch of the panel shows
     """
     if runs.sizes["run"] == 0:

@@ -24,7 +24,6 @@ def publish(store: Store, derived: Path) -> None:
 
     Parameters
     ----------
-    store : Store, of the figures
     derived : Path, of all products, whose logs say how long runs took
     """
     sections = [_section(store, name) for name in paper.names()]
@@ -72,16 +71,7 @@ def _label(name: str) -> str:
 
 
 def speed_findings(derived: Path) -> list[Finding]:
-    """What the logs of the runs say about the paper's claims on speed.
-
-    Parameters
-    ----------
-    derived : Path, of all products
-
-    Returns
-    -------
-    list of Finding
-    """
+    """What the logs of the runs say about the paper's claims on speed."""
     measured, slowest = [], 0.0
     for site, stage, what in (
         ("double_rock", "runs", "Double Rock on a flat pedestal"),

@@ -29,7 +29,6 @@ def cells(axes: Axes, pga: Array, ratios: Array, outcomes: Array, *, pale: bool 
 
     Parameters
     ----------
-    axes : Axes
     pga, ratios : ndarray [g], [s]
     outcomes : ndarray, shape (ratios, pga), 1, 0, or -1 for undecided
     pale : bool, whether curves are to be drawn on them
@@ -55,12 +54,7 @@ def cells(axes: Axes, pga: Array, ratios: Array, outcomes: Array, *, pale: bool 
 
 
 def labelled(panels: Any) -> None:
-    """Label the axes at the left and lower side of a grid of panels.
-
-    Parameters
-    ----------
-    panels : ndarray of Axes, in two dimensions
-    """
+    """Label the axes at the left and lower side of a grid of panels."""
     for axes in panels[-1]:
         axes.set_xlabel(PGA)
     for axes in panels[:, 0]:
@@ -73,10 +67,6 @@ def key(*, pale: bool = False, undecided: bool = False) -> list[Any]:
     Parameters
     ----------
     pale, undecided : bool, as the cells are drawn, and whether some are undecided
-
-    Returns
-    -------
-    list of artists with labels
     """
     axes = Figure().add_subplot()
     colours = PALE if pale else FULL
@@ -89,28 +79,12 @@ def key(*, pale: bool = False, undecided: bool = False) -> list[Any]:
 
 
 def logistic(axes: Axes, fragility: xr.Dataset, place: int = 0, **look: Any) -> None:
-    """Draw the median of the logistic model of one direction.
-
-    Parameters
-    ----------
-    axes : Axes
-    fragility : Dataset
-        As in ``fragility.nc``.
-    place : int, position of the yaw
-    **look
-        Of the line.
-    """
+    """Draw the median of the logistic model of one direction."""
     axes.plot(median(fragility, place), fragility["pgv_pga"].values, **look)
 
 
 def median(fragility: xr.Dataset, place: int = 0) -> Array:
     """PGA of probability one half in the logistic model of each row.
-
-    Parameters
-    ----------
-    fragility : Dataset
-        As in ``fragility.nc``.
-    place : int, position of the yaw
 
     Returns
     -------
@@ -122,11 +96,5 @@ def median(fragility: xr.Dataset, place: int = 0) -> Array:
 
 
 def note(figure: Figure, text: str) -> None:
-    """Say in the upper left corner what a reader must know of the whole figure.
-
-    Parameters
-    ----------
-    figure : Figure
-    text : str
-    """
+    """Say in the upper left corner what a reader must know of the whole figure."""
     figure.text(0.006, 0.995, text, ha="left", va="top", size=7.5, color="#5a5a5a", gid="source")

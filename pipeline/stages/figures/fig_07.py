@@ -46,16 +46,7 @@ _MOVES, _MARGIN = 0.01, 1.5  # share of PGV, and time [s] around, of the part of
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Draw desired and measured velocity in both motions, and the disturbance closely.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw desired and measured velocity in both motions, and the disturbance closely."""
     pulses, record = _cases(data["drive"])
     below_the_note = ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, 0.975))
     figure = Figure(figsize=(7.2, 8.2), layout=below_the_note)
@@ -134,16 +125,7 @@ def _peak(case: xr.Dataset) -> float:
 
 
 def findings(data: Data) -> list[Finding]:
-    """Compare with section 4.1.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Compare with section 4.1."""
     pulses, record = _cases(data["drive"])
     return [
         _overlap(pulses),

@@ -42,16 +42,7 @@ CLOSE = 0.03
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Draw the first-overturning PGA over PGV/PGA, with Housner's curves.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the first-overturning PGA over PGV/PGA, with Housner's curves."""
     figure = Figure(figsize=(6.4, 5.4), layout="constrained")
     axes = figure.add_subplot()
     for name in SIZES:
@@ -83,16 +74,7 @@ def _curve(axes: Axes, responses: xr.Dataset, name: str) -> None:
 
 
 def findings(data: Data) -> list[Finding]:
-    """Compare with section 4.2.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Compare with section 4.2."""
     found = [
         Finding(
             "Fig. 8, section 4.2",

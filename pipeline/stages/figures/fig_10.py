@@ -32,16 +32,7 @@ CLOSE = 0.05
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Draw the runs, their logistic boundary, that of the full-size rock, and the robot's limits.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the runs, their logistic boundary, that of the full-size rock, and the limits."""
     figure = Figure(figsize=(6.4, 5.9))
     axes = figure.add_axes((0.1, 0.24, 0.87, 0.69))
     responses, full = data["print"], data["full_fit"]
@@ -62,16 +53,7 @@ def draw(data: Data) -> Figure:
 
 
 def findings(data: Data) -> list[Finding]:
-    """Compare with section 4.3.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Compare with section 4.3."""
     responses, full = data["print"], data["full_fit"]
     pga, ratios = responses["pga"].values, responses["pgv_pga"].values
     similar = np.interp(

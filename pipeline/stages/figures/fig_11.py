@@ -30,16 +30,7 @@ MOST_ROWS = 0.8
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Draw the runs at both yaws, the boundary of each, and the robot's limits.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the runs at both yaws, the boundary of each, and the robot's limits."""
     figure = Figure(figsize=(9.4, 5.0))
     margins = {"left": 0.07, "right": 0.985, "bottom": 0.235, "top": 0.905, "wspace": 0.12}
     panels = figure.subplots(1, 2, squeeze=False, sharey=True, gridspec_kw=margins)
@@ -61,16 +52,7 @@ def draw(data: Data) -> Figure:
 
 
 def findings(data: Data) -> list[Finding]:
-    """Compare with section 4.3.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Compare with section 4.3."""
     responses = data["print"]
     can = robot.can(responses["pga"].values, responses["pgv_pga"].values)
     return [

@@ -40,16 +40,7 @@ _OBLIQUE = 0.42 * np.array([np.cos(np.radians(35.0)), np.sin(np.radians(35.0))])
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Draw the cuboids and a response diagram of each.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the cuboids and a response diagram of each."""
     figure = Figure(figsize=(7.6, 9.2))
     top = figure.add_axes((0.08, 0.79, 0.89, 0.18))
     _cuboids(top)
@@ -100,16 +91,7 @@ def _block(axes: Axes, left: float, size: tuple[float, float, float]) -> None:
 
 
 def findings(data: Data) -> list[Finding]:
-    """Compare with section 5.1.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Compare with section 5.1."""
     outcomes = {name: measures.grid(data[name]) for name in SIZES}
     first = {name: measures.first_overturning(data[name]["pga"].values, outcomes[name])
              for name in SIZES}  # fmt: skip

@@ -41,16 +41,7 @@ _PANELS = 3, 4
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Draw the rock from above with the directions, and a response diagram of each.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the rock from above with the directions, and a response diagram of each."""
     responses, fragility = data["responses"], data["fragility"]
     figure = Figure(figsize=(diagrams.WIDTH, 11.2))
     _plan(figure.add_axes((0.28, 0.71, 0.44, 0.24)), data["rock"], responses["yaw"].values)
@@ -99,16 +90,7 @@ def _plan(axes: Axes, rock: xr.Dataset, yaws: Array) -> None:
 
 
 def findings(data: Data) -> list[Finding]:
-    """Compare with sections 5.2 and 4.3.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Compare with sections 5.2 and 4.3."""
     responses = data["responses"]
     pga = responses["pga"].values
     yaws = [float(yaw) for yaw in responses["yaw"].values]
@@ -175,9 +157,6 @@ def before_balanced(outcomes: Array) -> tuple[int, int]:
 
     Returns
     -------
-    rows, cells : int, rows with such cells, and those cells
-
-    >>> before_balanced(np.array([[0, 1, 1, 0, 1], [0, 0, 1, 1, 1], [0, 1, 0, 0, 0]]))
     (1, 2)
     """
     toppled, balanced = outcomes == 1, outcomes == 0

@@ -44,16 +44,7 @@ _AROUND = 3.0  # m, half the width of the maps
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Draw the seat from above with the shaking, and the response diagrams.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the seat from above with the shaking, and the response diagrams."""
     figure = Figure(figsize=(diagrams.WIDTH, 8.9))
     margins = {"left": 0.065, "right": 0.985, "bottom": 0.105, "top": 0.93}
     panels = figure.subplots(
@@ -99,11 +90,6 @@ def _responses(axes: Axes, data: Data, yaw: str) -> None:
 def gridded(displacement: xr.Dataset) -> tuple[Array, Array, Array]:
     """Outcomes of the runs of one direction on their grid.
 
-    Parameters
-    ----------
-    displacement : Dataset
-        As in ``displacement.nc``.
-
     Returns
     -------
     pga, ratios : ndarray [g], [s]
@@ -117,16 +103,7 @@ def gridded(displacement: xr.Dataset) -> tuple[Array, Array, Array]:
 
 
 def findings(data: Data) -> list[Finding]:
-    """Compare with section 5.3.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Compare with section 5.3."""
     share = {yaw: measures.toppled_share(gridded(data[yaw])[2]) for yaw in YAWS}
     flat = {yaw: measures.toppled_share(measures.grid(data["flat"], float(yaw))) for yaw in YAWS}
     left = {yaw: share[yaw] / flat[yaw] if flat[yaw] else math.nan for yaw in YAWS}

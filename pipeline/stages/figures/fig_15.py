@@ -33,31 +33,13 @@ RANGES = ((0.5, 0.7), (0.7, 0.8))
 
 
 def draw(data: Data) -> Figure:
-    """Draw all trajectories from above, and those of each range of PGA.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw all trajectories from above, and those of each range of PGA."""
     source = terrain_note.source(data["rock"])
     return trajectory_maps.trajectories(data["displacement"], data["terrain"], source)
 
 
 def findings(data: Data) -> list[Finding]:
-    """Compare with section 5.4.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Compare with section 5.4."""
     displacement = data["displacement"]
     fell = left_seat(displacement)
     number, share = int(fell.sum()), float(fell.mean())

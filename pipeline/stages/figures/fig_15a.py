@@ -16,16 +16,7 @@ TITLE = "One run, pose by pose"
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Draw the run of median length among those that come to rest.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the run of median length among those that come to rest."""
     source, run = terrain_note.source(data["rock"]), typical(data["displacement"])
     if run is None:
         figure = Figure(figsize=(6.4, 2.0))
@@ -35,14 +26,5 @@ def draw(data: Data) -> Figure:
 
 
 def findings(data: Data) -> list[Finding]:
-    """The paper claims nothing of this picture.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding, empty
-    """
+    """The paper claims nothing of this picture."""
     return []

@@ -28,32 +28,14 @@ that make a cluster there."""
 
 
 def draw(data: Data) -> Figure:
-    """Draw the length of each trajectory over PGA and PGV/PGA.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the length of each trajectory over PGA and PGV/PGA."""
     return correlation_figures.trajectory_lengths(
         data["displacement"], terrain_note.source(data["rock"])
     )
 
 
 def findings(data: Data) -> list[Finding]:
-    """Compare with section 5.4.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Compare with section 5.4."""
     runs = overturned_runs(data["displacement"])
     length = runs["trajectory_length"]
     long = runs[length >= length.quantile(1.0 - LONGEST)]

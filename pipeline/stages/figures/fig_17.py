@@ -13,30 +13,12 @@ TITLE = "Means of ensembles against PGA and PGV/PGA"
 
 
 def draw(data: Data) -> Figure:
-    """Draw the means with the line through them.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the means with the line through them."""
     return correlation_figures.ensemble_means(
         data["displacement"], terrain_note.source(data["rock"])
     )
 
 
 def findings(data: Data) -> list[Finding]:
-    """What the paper says of it is in its Table 1.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding, empty
-    """
+    """What the paper says of it is in its Table 1."""
     return []

@@ -29,16 +29,7 @@ SHOWN = (0.1, 0.2, 0.3, 0.5, 0.6, 2.0)
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Draw the toppled share against friction, and boundaries of some frictions.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the toppled share against friction, and boundaries of some frictions."""
     figure = Figure(figsize=(9.4, 3.9))
     margins = {"left": 0.065, "right": 0.985, "bottom": 0.25, "top": 0.92, "wspace": 0.26}
     whole, *panels = figure.subplots(1, 3, gridspec_kw=margins)
@@ -82,16 +73,7 @@ def _shares(responses: xr.Dataset) -> Array:
 
 
 def findings(data: Data) -> list[Finding]:
-    """Compare with section 6.3.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Compare with section 6.3."""
     shares = {rock: _shares(responses) for rock, responses in data.items()}
     steps = {rock: np.abs(np.diff(share)) for rock, share in shares.items()}
     known = np.concatenate(list(shares.values()))

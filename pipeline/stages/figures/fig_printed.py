@@ -34,16 +34,7 @@ _TITLES = {
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Draw the responses of both blocks in each reading, with Housner's curve.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the responses of both blocks in each reading, with Housner's curve."""
     figure = Figure(figsize=(diagrams.WIDTH, 5.6))
     margins = {"left": 0.065, "right": 0.99, "bottom": 0.17, "top": 0.93}
     panels = figure.subplots(2, len(_TITLES), gridspec_kw={**margins, "hspace": 0.34,
@@ -70,16 +61,7 @@ def _panel(axes: Axes, runs: xr.Dataset, size: tuple[float, float]) -> None:
 
 
 def findings(data: Data) -> list[Finding]:
-    """Say which readings of the coefficients the published figures cannot have had.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Say which readings of the coefficients the published figures cannot have had."""
     shares = {
         block: {
             str(name): measures.toppled_share(data[block]["overturned"].sel(setting=name).values)

@@ -44,16 +44,7 @@ _BUT_FOR = f", but for {100 * SAME:g} %"
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Draw the responses of two rocks with each setting, and the boundary with ours on them.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the responses of two rocks with each setting, and the boundary with ours on them."""
     figure = Figure(figsize=(5.6, 13.8))
     margins = {"left": 0.125, "right": 0.975, "bottom": 0.07, "top": 0.975}
     panels = figure.subplots(
@@ -81,16 +72,7 @@ def _panel(axes: Axes, responses: xr.Dataset, ours: xr.Dataset) -> None:
 
 
 def findings(data: Data) -> list[Finding]:
-    """Say what each setting does, and so which of them the published figures had.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Say what each setting does, and so which of them the published figures had."""
     outcomes = {name: measures.grid(responses) for name, responses in data.items()}
     return [
         _changes(

@@ -36,11 +36,8 @@ class Asked:
 
     Attributes
     ----------
-    derived : Path, of all products
     settings : tuple of str, ``key=value``, over those of every site
     record : str, a recorded motion in place of the samples, or empty
-    cluster : Cluster
-    log : function of one line
     """
 
     derived: Path
@@ -51,23 +48,7 @@ class Asked:
 
 
 def make(options: argparse.Namespace, cluster: Cluster, log: Callable[[str], None]) -> int:
-    """Make one figure or all, and the page of claims.
-
-    Parameters
-    ----------
-    options : Namespace, of ``vsr figures``
-    cluster : Cluster
-    log : function of one line
-
-    Returns
-    -------
-    int, runs without a verdict
-
-    Raises
-    ------
-    InputError
-        For a figure that there is not.
-    """
+    """Make one figure or all, and the page of claims."""
     wanted = options.fig
     asked = Asked(options.derived, tuple(options.settings), options.record, cluster, log)
     chosen = paper.find(wanted) if wanted else paper.names()

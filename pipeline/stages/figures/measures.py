@@ -22,10 +22,7 @@ def grid(responses: xr.Dataset, yaw: float | None = None, friction: int = 0) -> 
 
     Parameters
     ----------
-    responses : Dataset
-        As in ``responses.nc``.
     yaw : float or None [degree], the first one if None
-    friction : int, its position
 
     Returns
     -------
@@ -39,16 +36,9 @@ def grid(responses: xr.Dataset, yaw: float | None = None, friction: int = 0) -> 
 def toppled_share(outcomes: Array) -> float:
     """Share of the decided runs that overturned.
 
-    Parameters
-    ----------
-    outcomes : ndarray, as ``grid`` gives them
-
     Returns
     -------
-    float, nan where none is decided
-
     >>> toppled_share(np.array([[1, 0], [-1, 0]]))
-    0.3333333333333333
     """
     return _share((outcomes == 1)[outcomes >= 0])
 
@@ -56,16 +46,9 @@ def toppled_share(outcomes: Array) -> float:
 def differing(one: Array, other: Array) -> float:
     """Share of the cells decided in both that end differently.
 
-    Parameters
-    ----------
-    one, other : ndarray, of the same shape
-
     Returns
     -------
-    float, nan where no cell is
-
     >>> differing(np.array([1, 0, -1]), np.array([1, 1, 1]))
-    0.5
     """
     both = (one >= 0) & (other >= 0)
     return _share((one != other)[both])
@@ -86,9 +69,6 @@ def first_overturning(pga: Array, outcomes: Array) -> Array:
     Returns
     -------
     ndarray, shape (rows,) [g]; nan where the row does not overturn
-
-    >>> first_overturning(np.array([0.1, 0.2, 0.3]), np.array([[0, 0, 1], [0, 0, 0]])).tolist()
-    [0.25, nan]
     """
     found = locate(pga, outcomes)
     low = np.where(np.isfinite(found.lower), found.lower, found.upper)
@@ -102,13 +82,6 @@ def lower_in(one: Array, other: Array) -> float:
     ----------
     one, other : ndarray, shape (rows,) [g]
         Rows where neither is known do not count; an unknown one lies above the grid.
-
-    Returns
-    -------
-    float, nan where no row counts
-
-    >>> lower_in(np.array([0.1, 0.3, np.nan]), np.array([0.2, 0.2, np.nan]))
-    0.5
     """
     known = np.isfinite(one) | np.isfinite(other)
     return _share((np.nan_to_num(one, nan=np.inf) <= np.nan_to_num(other, nan=np.inf))[known])
@@ -142,8 +115,6 @@ def from_housner(responses: xr.Dataset, width: float, height: float) -> Array:
 
     Parameters
     ----------
-    responses : Dataset
-        As in ``responses.nc``.
     width, height : float [m]
 
     Returns
@@ -172,17 +143,5 @@ def apart(boundary: Array, reference: Array) -> Array:
 
 
 def middle(differences: Array) -> float:
-    """Median of the absolute values of differences.
-
-    Parameters
-    ----------
-    differences : ndarray, from ``apart``
-
-    Returns
-    -------
-    float, nan where there is none
-
-    >>> middle(np.array([-0.3, 0.1, 0.2])), middle(np.array([]))
-    (0.2, nan)
-    """
+    """Median of the absolute values of differences."""
     return float(np.median(np.abs(differences))) if differences.size else math.nan

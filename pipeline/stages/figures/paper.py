@@ -32,14 +32,7 @@ FOUND, NOT_FOUND, NOT_TESTABLE = "found", "not found", "not testable here"
 
 @dataclass(frozen=True)
 class Source:
-    """A dataset that a figure draws, made as any command makes it.
-
-    Attributes
-    ----------
-    site : str, in ``configs/sites``
-    stage : str, that makes it; its file has the same name
-    study : str, in ``configs/studies``, or empty
-    """
+    """A dataset that a figure draws, made as any command makes it."""
 
     site: str
     stage: str
@@ -62,10 +55,6 @@ class Finding:
 
     Attributes
     ----------
-    where : str, where the paper makes it
-    claim : str, in our words
-    rule : str, from which measure on it counts as found
-    measured : str, that measure
     found : bool or None, by that rule; None where it cannot be tested here
     """
 
@@ -88,13 +77,10 @@ def by_rule(holds: bool, *measures: float) -> bool | None:
 
     Parameters
     ----------
-    holds : bool, what the rule says
     *measures : float, what it compares; nan where no run tells
 
     Returns
     -------
-    bool or None
-
     >>> by_rule(0.2 < 0.5, 0.2), by_rule(math.nan < 0.5, math.nan)
     (True, None)
     """
@@ -108,40 +94,14 @@ class PaperFigure(Protocol):
     SOURCES: Mapping[str, Source]
 
     def draw(self, data: Data) -> Figure:
-        """Draw it.
-
-        Parameters
-        ----------
-        data : Data, by the names of ``SOURCES``
-
-        Returns
-        -------
-        Figure
-        """
+        """Draw it."""
 
     def findings(self, data: Data) -> list[Finding]:
-        """Compare it with what the paper claims.
-
-        Parameters
-        ----------
-        data : Data, by the names of ``SOURCES``
-
-        Returns
-        -------
-        list of Finding
-        """
+        """Compare it with what the paper claims."""
 
 
 def names() -> list[str]:
-    """Names of all figures and tables, in the order of the paper, ours last.
-
-    Returns
-    -------
-    list of str
-
-    >>> [name for name in names() if name.startswith("fig_1")][:2]
-    ['fig_10', 'fig_11']
-    """
+    """Names of all figures and tables, in the order of the paper, ours last."""
     folder = [str(Path(__file__).parent)]
     known = [module.name for module in pkgutil.iter_modules(folder)]
     figures = (name for name in known if name.startswith(("fig_", "table_")))
@@ -152,17 +112,6 @@ def find(wanted: str) -> list[str]:
     """Names of the figures that a user means: ``12``, ``table_1``, ``friction``.
 
     A number brings its parts too.
-
-    Parameters
-    ----------
-    wanted : str
-
-    Returns
-    -------
-    list of str, empty if there is none
-
-    >>> find("8"), find("table_1"), find("99")
-    (['fig_08'], ['table_1'], [])
     """
     known = names()
     if wanted in known:
@@ -174,30 +123,12 @@ def find(wanted: str) -> list[str]:
 
 
 def load(name: str) -> PaperFigure:
-    """Module of a figure.
-
-    Parameters
-    ----------
-    name : str, one of ``names``
-
-    Returns
-    -------
-    PaperFigure
-    """
+    """Module of a figure."""
     return cast(PaperFigure, importlib.import_module(f"{__package__}.{name}"))
 
 
 def inputs(figure: PaperFigure) -> tuple[Path, ...]:
-    """Files that a figure reads besides its datasets.
-
-    Parameters
-    ----------
-    figure : PaperFigure
-
-    Returns
-    -------
-    tuple of Path
-    """
+    """Files that a figure reads besides its datasets."""
     return cast(tuple[Path, ...], getattr(figure, "INPUTS", ()))
 
 

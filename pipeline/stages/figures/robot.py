@@ -18,12 +18,7 @@ INPUTS = (TABLES / f"{NAME}.yaml",)
 
 
 def table() -> Table:
-    """The robot of the paper's section 4.3.
-
-    Returns
-    -------
-    Table
-    """
+    """The robot of the paper's section 4.3."""
     return table_limits_schema.load(NAME)[0].table()
 
 
@@ -46,7 +41,6 @@ def limits(axes: Axes, highest: float) -> None:
 
     Parameters
     ----------
-    axes : Axes, of a response diagram
     highest : float [s], PGV/PGA at its upper end
     """
     ratios = np.linspace(1e-4, highest, 600)
@@ -58,17 +52,7 @@ def limits(axes: Axes, highest: float) -> None:
 
 
 def note(rock: xr.Dataset) -> str:
-    """Say what the rock is, and that the physical results are not public.
-
-    Parameters
-    ----------
-    rock : Dataset
-        As in ``rock.nc``.
-
-    Returns
-    -------
-    str
-    """
+    """Say what the rock is, and that the physical results are not public."""
     return f"{rock.attrs['shape_source']}; the robot's own results are not public"
 
 

@@ -30,16 +30,7 @@ _LEFT = (0.02, 0.4, 0.56, 0.72, 0.88)
 
 @style.styled
 def draw(data: Data) -> Figure:
-    """Set the table, with the published numbers beside those computed.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    Figure
-    """
+    """Set the table, with the published numbers beside those computed."""
     figure = Figure(figsize=(6.8, 2.8))
     for left, text in zip(_LEFT[1::2], ("R²", "p of a slope of zero"), strict=True):
         figure.text(left, 0.85, text, weight="bold", size=9)
@@ -68,16 +59,7 @@ def _rule(figure: Figure, height: float) -> None:
 
 
 def findings(data: Data) -> list[Finding]:
-    """Compare each regression with the published one.
-
-    Parameters
-    ----------
-    data : Data
-
-    Returns
-    -------
-    list of Finding
-    """
+    """Compare each regression with the published one."""
     return [_compared(found) for found in correlations(overturned_runs(data["displacement"]))]
 
 

@@ -6,17 +6,7 @@ import xarray as xr
 
 
 def source(rock: xr.Dataset) -> str:
-    """Where rock and terrain come from, for the corner of a figure.
-
-    Parameters
-    ----------
-    rock : Dataset
-        As in ``rock.nc``.
-
-    Returns
-    -------
-    str
-    """
+    """Where rock and terrain come from, for the corner of a figure."""
     if rock.attrs["surrogate"]:
         return "SURROGATE rock and terrain, made up: no statement about the real site"
     return str(rock.attrs["shape_source"])

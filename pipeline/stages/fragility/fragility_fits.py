@@ -28,10 +28,6 @@ _Fits = dict[tuple[int, int], FragilityResult]
 def make(job: Job) -> Product:
     """Fit every model to the responses of every yaw and friction.
 
-    Parameters
-    ----------
-    job : Job
-
     Returns
     -------
     Product

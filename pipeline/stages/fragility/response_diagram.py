@@ -35,21 +35,7 @@ _KINDS = (
 def overturning_diagram(
     responses: xr.Dataset, fragility: xr.Dataset, place: tuple[int, int], name: str = ""
 ) -> Figure:
-    """Draw the cells of one yaw and friction, their boundary and the recommended model.
-
-    Parameters
-    ----------
-    responses, fragility : Dataset
-        As in ``responses.nc`` and ``fragility.nc``.
-    place : tuple of int
-        Positions of the yaw and of the friction.
-    name : str
-        Title.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the cells of one yaw and friction, their boundary and the recommended model."""
     figure = Figure(figsize=(4.3, 4.4))
     axes = figure.add_axes((0.125, 0.3, 0.85, 0.63))
     runs = responses.isel(yaw=place[0], friction=place[1])
@@ -66,10 +52,6 @@ def overturning_diagram(
 
 def cell_borders(figure: Figure) -> tuple[Array, Array]:
     """Where the cells of a diagram lie in its picture.
-
-    Parameters
-    ----------
-    figure : Figure, of ``overturning_diagram``
 
     Returns
     -------

@@ -30,17 +30,7 @@ _LIGHT = np.array([-0.45, 0.65, 0.62])  # right, up, towards the eye
 
 @style.styled
 def rock_views(rock: xr.Dataset) -> Figure:
-    """Draw front, side and plan of the rock at rest.
-
-    Parameters
-    ----------
-    rock : Dataset
-        As in ``rock.nc``.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw front, side and plan of the rock at rest."""
     vertices = rock["surface_vertex"].values.astype(float)
     vertices, faces = _thinned(vertices, rock["surface_face"].values)
     low, high = vertices.min(axis=0), vertices.max(axis=0)

@@ -45,12 +45,6 @@ class Weak:
 def weak_directions(rock: xr.Dataset, most: int = 5) -> list[Weak]:
     """Local minima of the tipping PGA over the circle.
 
-    Parameters
-    ----------
-    rock : Dataset
-        As in ``rock.nc``.
-    most : int
-
     Returns
     -------
     list of Weak, weakest first, ``most`` at the most
@@ -74,8 +68,6 @@ def static_pga(rock: xr.Dataset, yaw: Array) -> Array:
 
     Parameters
     ----------
-    rock : Dataset
-        As in ``rock.nc``.
     yaw : ndarray [degree]
 
     Returns
@@ -99,9 +91,6 @@ def long_rows(ratios: Array) -> Mask:
     Returns
     -------
     ndarray of bool, shape (rows,)
-
-    >>> long_rows(np.array([0.1, 0.2, 0.4])).tolist()
-    [False, True, True]
     """
     rows = ratios >= LONG_PULSE - 1e-9
     return rows if rows.any() else np.ones_like(rows)
@@ -113,13 +102,6 @@ def long_rows_in_words(ratios: Array) -> str:
     Parameters
     ----------
     ratios : ndarray, shape (rows,) [s]
-
-    Returns
-    -------
-    str
-
-    >>> long_rows_in_words(np.array([0.01, 0.1]))
-    'all PGV/PGA'
     """
     least = ratios[long_rows(ratios)].min()
     return "all PGV/PGA" if least < LONG_PULSE - 1e-9 else f"PGV/PGA ≥ {LONG_PULSE:g} s"
@@ -127,11 +109,6 @@ def long_rows_in_words(ratios: Array) -> str:
 
 def typical_pga(fragility: xr.Dataset) -> tuple[Array, Array]:
     """Median over the long rows of the last balanced and of the first overturning PGA.
-
-    Parameters
-    ----------
-    fragility : Dataset
-        As in ``fragility.nc``.
 
     Returns
     -------
@@ -152,17 +129,7 @@ def typical_pga(fragility: xr.Dataset) -> tuple[Array, Array]:
 
 
 def groups(data: xr.Dataset) -> Iterator[tuple[tuple[int, int], str]]:
-    """Each yaw and friction.
-
-    Parameters
-    ----------
-    data : Dataset
-
-    Yields
-    ------
-    place : tuple of int, positions of the yaw and of the friction
-    name : str
-    """
+    """Each yaw and friction."""
     several = data.sizes["friction"] > 1
     for i, k in np.ndindex(data.sizes["yaw"], data.sizes["friction"]):
         friction = f", friction {float(data['friction'][k]):g}" if several else ""
@@ -170,17 +137,7 @@ def groups(data: xr.Dataset) -> Iterator[tuple[tuple[int, int], str]]:
 
 
 def undecided(responses: xr.Dataset) -> Mask:
-    """Find the runs without a verdict.
-
-    Parameters
-    ----------
-    responses : Dataset
-        As in ``responses.nc``, or a part of it.
-
-    Returns
-    -------
-    ndarray of bool, of the shape of the responses
-    """
+    """Find the runs without a verdict."""
     codes = [outcome.value for outcome in Outcome if outcome.overturned == -1]
     outcome = responses["outcome"].values
     return np.isin(outcome, codes) | (responses["overturned"].values < 0)
@@ -193,13 +150,6 @@ def between(lower: float, upper: float, grid: Any) -> str:
     ----------
     lower, upper : float [g]
     grid : array_like, tested PGA [g]
-
-    Returns
-    -------
-    str
-
-    >>> between(0.1, 0.2, [0.1, 0.9]), between(0.9, math.inf, [0.1, 0.9])
-    ('0.100 to 0.200 g', 'above 0.900 g')
     """
     least, most = float(np.min(grid)), float(np.max(grid))
     if math.isnan(upper):

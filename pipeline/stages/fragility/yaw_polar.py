@@ -18,17 +18,7 @@ _WIDEST_GAP = 60.0
 
 @style.styled
 def fragility_by_yaw(fragility: xr.Dataset, rock: xr.Dataset) -> Figure:
-    """Draw the toppled share and the typical first-overturning PGA around the circle.
-
-    Parameters
-    ----------
-    fragility, rock : Dataset
-        As in ``fragility.nc`` and ``rock.nc``.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the toppled share and the typical first-overturning PGA around the circle."""
     figure = Figure(figsize=(8.6, 4.5))
     share, first = panels = [_circle(figure, left) for left in (0.05, 0.55)]
     _share(share, fragility)

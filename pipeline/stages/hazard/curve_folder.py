@@ -12,21 +12,7 @@ ABOUT = "about.txt"
 
 
 def load(path: Path) -> HazardModel:
-    """The hazard model in a folder, or in a file of OpenQuake's.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    HazardModel
-
-    Raises
-    ------
-    InputError
-        If there are no curves, or they break a rule.
-    """
+    """The hazard model in a folder, or in a file of OpenQuake's."""
     if path.is_file() and path.suffix in openquake_hdf5.SUFFIXES:
         return openquake_hdf5.load(path)
     if not path.is_dir():
@@ -50,31 +36,13 @@ def load(path: Path) -> HazardModel:
 
 
 def files(path: Path) -> list[Path]:
-    """The files that decide what is read.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    list of Path
-    """
+    """The files that decide what is read."""
     if path.is_file():
         return [path]
     return sorted([*path.glob("*.csv"), *path.glob("*/curves.csv"), *path.glob(ABOUT)])
 
 
 def about(path: Path) -> str:
-    """What is written about the curves, on one line; empty if nothing is.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    str
-    """
+    """What is written about the curves, on one line; empty if nothing is."""
     note = path / ABOUT
     return " ".join(note.read_text(encoding="utf-8").split()) if note.is_file() else ""

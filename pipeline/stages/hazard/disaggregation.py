@@ -39,35 +39,12 @@ class Disaggregation:
 
 
 def files(path: Path) -> list[Path]:
-    """The files of a disaggregation: itself, or those in a folder.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    list of Path
-    """
+    """The files of a disaggregation: itself, or those in a folder."""
     return [path] if path.is_file() else sorted(path.glob(PATTERN))
 
 
 def load(path: Path) -> Disaggregation:
-    """Read a disaggregation by magnitude and distance.
-
-    Parameters
-    ----------
-    path : Path, of a file or of a folder with one for each level or one of all
-
-    Returns
-    -------
-    Disaggregation
-
-    Raises
-    ------
-    InputError
-        If there is none of PGA, or a file is of another form.
-    """
+    """Read a disaggregation by magnitude and distance."""
     parts = [_table(one) for one in files(path)]
     table = pd.concat(parts) if parts else pd.DataFrame(columns=[*_NEEDED, "share"])
     if not table["share"].sum() > 0.0:

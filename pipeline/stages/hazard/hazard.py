@@ -31,10 +31,6 @@ FILE, TABLE, PAGE = "hazard.nc", "hazard.csv", "hazard.html"
 def make(job: Job) -> Product:
     """Ask a hazard model what it leaves of a rock.
 
-    Parameters
-    ----------
-    job : Job
-
     Returns
     -------
     Product
@@ -86,21 +82,7 @@ def make(job: Job) -> Product:
 
 
 def inputs(site: Site) -> dict[str, str]:
-    """Digests of the curves and of the disaggregation, by their names.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    dict from file name to digest
-
-    Raises
-    ------
-    InputError
-        If curves or age are not given, or a file cannot be used.
-    """
+    """Digests of the curves and of the disaggregation, by their names."""
     curves, disaggregated = _paths(site)
     curve_folder.load(curves)  # what is wrong with them is told before anything runs
     found = curve_folder.files(curves)

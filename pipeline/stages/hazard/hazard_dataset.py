@@ -39,14 +39,7 @@ def dataset(question: Question, answer: Answer, others: Array, cases: Sequence[C
 
     Parameters
     ----------
-    question : Question
-    answer : Answer, to it
     others : ndarray, shape (n, branches), survival with each other fragility
-    cases : sequence of Case, the question as it is first
-
-    Returns
-    -------
-    Dataset
     """
     levels = question.model.levels
     number = 2 + int(np.log(levels[-1] / levels[0]) / np.log(FINEST))
@@ -84,7 +77,6 @@ def survival_range(question: Question, others: Array) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    question : Question
     others : ndarray, shape (n, branches)
 
     Returns
@@ -98,32 +90,13 @@ def survival_range(question: Question, others: Array) -> tuple[Array, Array]:
 
 
 def table(found: xr.Dataset) -> pd.DataFrame:
-    """The branches, one a row.
-
-    Parameters
-    ----------
-    found : Dataset, as of ``dataset``
-
-    Returns
-    -------
-    DataFrame
-    """
+    """The branches, one a row."""
     own = {"path": "branch_path"}
     return pd.DataFrame({name: found[own.get(name, name)].values for name in COLUMNS})
 
 
 def pga_at(curve: HazardCurve | None, years: float) -> float:
-    """PGA that is exceeded once in so many years [g]; NaN beyond the levels of a curve.
-
-    Parameters
-    ----------
-    curve : HazardCurve or None
-    years : float
-
-    Returns
-    -------
-    float
-    """
+    """PGA that is exceeded once in so many years [g]; NaN beyond the levels of a curve."""
     return float("nan") if curve is None else float(in_si.in_g(curve.level_at(1.0 / years)))
 
 

@@ -33,12 +33,7 @@ def curves(hazard: xr.Dataset, tested: tuple[float, float]) -> Figure:
 
     Parameters
     ----------
-    hazard : Dataset, as in ``hazard.nc``
     tested : tuple of float [g], least and largest PGA that was tried on the rock
-
-    Returns
-    -------
-    Figure
     """
     figure = Figure(figsize=(6.2, 6.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[1.7, 1.0])
@@ -112,12 +107,7 @@ def survival(hazard: xr.Dataset, least: float) -> Figure:
 
     Parameters
     ----------
-    hazard : Dataset, as in ``hazard.nc``
     least : float, chance below which a branch is rejected
-
-    Returns
-    -------
-    Figure
     """
     figure = Figure(figsize=(6.2, 4.4), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3.0, 1.0])
@@ -168,16 +158,7 @@ def _name_branches(axes: Axes, hazard: xr.Dataset) -> None:
 
 @style.styled
 def weights(hazard: xr.Dataset) -> Figure:
-    """Weights of the branches before and after.
-
-    Parameters
-    ----------
-    hazard : Dataset, as in ``hazard.nc``
-
-    Returns
-    -------
-    Figure
-    """
+    """Weights of the branches before and after."""
     heavy = np.argsort(-hazard["weight"].values, kind="stable")[:MOST_BARS]
     shown = hazard.isel(branch=np.sort(heavy))
     number = shown.sizes["branch"]
@@ -204,12 +185,7 @@ def shaking(hazard: xr.Dataset, tested: tuple[float, float]) -> Figure:
 
     Parameters
     ----------
-    hazard : Dataset, as in ``hazard.nc``
     tested : tuple of float [g], least and largest PGA that was tried on the rock
-
-    Returns
-    -------
-    Figure
     """
     figure = Figure(figsize=(6.2, 4.6), layout="constrained")
     above, axes = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 2.2])

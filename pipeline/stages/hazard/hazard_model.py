@@ -20,8 +20,6 @@ class Branch:
 
     Attributes
     ----------
-    name, path : str, its number, and the choices that lead to it
-    weight : float
     pga : HazardCurve [m/s^2]
     pgv : HazardCurve [m/s], where it is there
     """
@@ -39,7 +37,6 @@ class HazardModel:
 
     Attributes
     ----------
-    branches : tuple of Branch, whose weights sum to 1
     place : tuple of float [degree], longitude and latitude
     """
 
@@ -61,18 +58,7 @@ def weighed(folder: Path, branches: list[Branch], place: tuple[float, float]) ->
 
     Parameters
     ----------
-    folder : Path, or file, for messages
-    branches : list of Branch
     place : tuple of float [degree]
-
-    Returns
-    -------
-    HazardModel
-
-    Raises
-    ------
-    InputError
-        If their weights do not sum to 1.
     """
     total = sum(branch.weight for branch in branches)
     if not abs(total - 1.0) <= WEIGHTS_SUM:
@@ -88,15 +74,5 @@ def weighed(folder: Path, branches: list[Branch], place: tuple[float, float]) ->
 
 
 def refused(file: Path, key: str, given: str, rule: str, remedy: str) -> InputError:
-    """An error in a file of curves.
-
-    Parameters
-    ----------
-    file : Path
-    key, given, rule, remedy : str, as of ``Problem``
-
-    Returns
-    -------
-    InputError
-    """
+    """An error in a file of curves."""
     return InputError(Problem(str(file), key, given, rule, remedy))

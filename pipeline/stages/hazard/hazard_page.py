@@ -29,21 +29,7 @@ MOST_ROWS = 40
 def page(
     job: Job, question: Question, ratio: ShakingRatio, hazard: xr.Dataset, curves: str, about: str
 ) -> dict[str, Any]:
-    """What fills the places of the template.
-
-    Parameters
-    ----------
-    job : Job
-    question : Question
-    ratio : ShakingRatio
-    hazard : Dataset, as in ``hazard.nc``
-    curves : str, path of the curves as a reader would write it
-    about : str, what is written about them
-
-    Returns
-    -------
-    dict
-    """
+    """What fills the places of the template."""
     config, rock = job.config.hazard, question.rocks[0].fragility
     with read(job.path("rock.nc")) as shape:
         origin = {"source": shape.attrs["shape_source"], "surrogate": shape.attrs["surrogate"]}

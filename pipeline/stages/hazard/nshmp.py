@@ -17,35 +17,12 @@ from vsr_core.hazard.curve import HazardCurve
 
 
 def is_there(folder: Path) -> bool:
-    """Whether a folder has such curves.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a folder has such curves."""
     return (folder / "PGA" / "curves.csv").is_file()
 
 
 def load(folder: Path) -> HazardModel:
-    """The curve of a folder.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    HazardModel, of one branch
-
-    Raises
-    ------
-    InputError
-        For a rising curve, several places, or no numbers.
-    """
+    """The curve of a folder."""
     curves, places = {}, {}
     for measure, unit in UNITS.items():
         path = folder / measure / "curves.csv"

@@ -37,36 +37,12 @@ class _Curve:
 
 
 def is_there(folder: Path) -> bool:
-    """Whether a folder has such curves.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a folder has such curves."""
     return any(_NAME.fullmatch(path.name) for path in folder.iterdir())
 
 
 def load(folder: Path) -> HazardModel:
-    """All realizations of a folder, or the mean curve where there are none.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    HazardModel
-
-    Raises
-    ------
-    InputError
-        For probabilities of 1, rising curves, several places, another measure than the name says,
-        or realizations without a weight.
-    """
+    """All realizations of a folder, or the mean curve where there are none."""
     curves = _curves(folder)
     numbers = sorted({number for number, measure in curves if number >= 0 and measure == "PGA"})
     if not numbers and (-1, "PGA") not in curves:

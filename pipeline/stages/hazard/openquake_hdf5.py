@@ -25,21 +25,7 @@ _CURVES = "hcurves-rlzs"
 
 
 def load(path: Path) -> HazardModel:
-    """All realizations of a calculation.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    HazardModel
-
-    Raises
-    ------
-    InputError
-        For another file, several sites, no curves of PGA, probabilities of 1 or rising curves.
-    """
+    """All realizations of a calculation."""
     import h5py
 
     try:

@@ -27,10 +27,7 @@ class Other:
 
     Attributes
     ----------
-    name : str, of the rock, or what is changed, in words
-    site : Site
     derived : str, folder of derived data relative to that of the site's own products
-    uncertain : bool, whether its fragility is that of an ensemble
     """
 
     name: str
@@ -44,43 +41,16 @@ class Other:
         return "uncertainty" if self.uncertain else "fragility"
 
     def folder(self, own: Path) -> Path:
-        """Folder of its products.
-
-        Parameters
-        ----------
-        own : Path, folder of the site's own products
-
-        Returns
-        -------
-        Path
-        """
+        """Folder of its products."""
         return own / self.derived / self.site.name
 
     def file(self, own: Path) -> Path:
-        """File of its fragility.
-
-        Parameters
-        ----------
-        own : Path, folder of the site's own products
-
-        Returns
-        -------
-        Path
-        """
+        """File of its fragility."""
         return self.folder(own) / (ENSEMBLE if self.uncertain else FITS)
 
 
 def rocks(site: Site) -> list[Other]:
-    """Other rocks at the place, as the configuration names them.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    list of Other
-    """
+    """Other rocks at the place, as the configuration names them."""
     found = []
     for rock in site.config.hazard.rocks:
         name = rock.site
@@ -94,19 +64,7 @@ def rocks(site: Site) -> list[Other]:
 def compared(
     site: Site, file: str, study: str | None = None, settings: tuple[str, ...] = ()
 ) -> list[Other]:
-    """The rock with the settings that the configuration compares.
-
-    Parameters
-    ----------
-    site : Site
-    file : str, name or path of its YAML
-    study : str, optional, that it has where none is compared
-    settings : tuple of str, that it has too
-
-    Returns
-    -------
-    list of Other
-    """
+    """The rock with the settings that the configuration compares."""
     return [
         Other(
             one.name,
@@ -120,14 +78,6 @@ def compared(
 def folder_of(name: str) -> str:
     """Folder of a comparison, below the site's own products.
 
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> folder_of("friction 0.4")
@@ -137,31 +87,12 @@ def folder_of(name: str) -> str:
 
 
 def digests(own: Path, files: list[Path]) -> dict[str, str]:
-    """Digests of the fragilities that were read, by their paths from the site's own products.
-
-    Parameters
-    ----------
-    own : Path
-    files : list of Path
-
-    Returns
-    -------
-    dict of str by str
-    """
+    """Digests of the fragilities that were read, by their paths from the site's own products."""
     return {os.path.relpath(one, own): digest_file(one) for one in files}
 
 
 def changed(store: Store) -> str:
-    """What of it is no longer as it was read, or an empty string.
-
-    Parameters
-    ----------
-    store : Store
-
-    Returns
-    -------
-    str
-    """
+    """What of it is no longer as it was read, or an empty string."""
     path = store.folder / "hazard.nc"
     if not path.is_file():
         return ""

@@ -36,8 +36,6 @@ class DatedRock:
 
     Attributes
     ----------
-    name : str
-    fragility : RockFragility
     ages : ndarray, shape (n,) [year]
     """
 
@@ -72,9 +70,6 @@ class Question:
 
     Attributes
     ----------
-    model : HazardModel
-    rocks : tuple of DatedRock, the one that is asked about first
-    table : RatioTable, PGV/PGA at a PGA
     least : float, chance of survival below which a branch is rejected
     component : float, PGA along the direction of shaking over that of the curves
     """
@@ -101,17 +96,7 @@ class Question:
         return mean_curve(self.curves, self.weights, self.model.levels)
 
     def one_measure(self, rock: DatedRock, rows: RowFragility) -> Callable[[Array], Array]:
-        """Fragility in the PGA of the curves.
-
-        Parameters
-        ----------
-        rock : DatedRock
-        rows : RowFragility, of that rock
-
-        Returns
-        -------
-        Fragility
-        """
+        """Fragility in the PGA of the curves."""
         span = self.model.levels[[0, -1]] * np.array([1.0 / REACH, REACH])
         felt = averaged(rows, rock.fragility.ratios, self.table, span)
         if self.component == 1.0:
@@ -126,25 +111,11 @@ class Question:
         ]
 
     def chance(self, curve: HazardCurve) -> float:
-        """Chance that all rocks stand under a curve.
-
-        Parameters
-        ----------
-        curve : HazardCurve
-
-        Returns
-        -------
-        float
-        """
+        """Chance that all rocks stand under a curve."""
         return survival_of(curve, self.standing)
 
     def answer(self) -> Answer:
-        """Survival under each branch, and the branches weighed by it.
-
-        Returns
-        -------
-        Answer
-        """
+        """Survival under each branch, and the branches weighed by it."""
         return self.weighed(np.array([self.chance(curve) for curve in self.curves]))
 
     def weighed(self, survival: Array) -> Answer:
@@ -153,10 +124,6 @@ class Question:
         Parameters
         ----------
         survival : ndarray, shape (branches,)
-
-        Returns
-        -------
-        Answer
         """
         together = any_of([rock.fragility for rock in self.standing])
         rates = np.array([toppling(curve, together).rate for curve in self.curves])
@@ -191,32 +158,13 @@ class Question:
         return np.array(found)
 
     def with_rows(self, rows: RowFragility) -> Question:
-        """The same, of the first rock with another fragility.
-
-        Parameters
-        ----------
-        rows : RowFragility
-
-        Returns
-        -------
-        Question
-        """
+        """The same, of the first rock with another fragility."""
         return self.with_first(fragility=replace(self.rocks[0].fragility, mean=rows))
 
     def with_first(
         self, fragility: RockFragility | None = None, ages: Array | None = None
     ) -> Question:
-        """The same, with the first rock changed.
-
-        Parameters
-        ----------
-        fragility : RockFragility, optional
-        ages : ndarray, optional [year]
-
-        Returns
-        -------
-        Question
-        """
+        """The same, with the first rock changed."""
         first = self.rocks[0]
         changed = DatedRock(
             first.name,
@@ -228,10 +176,6 @@ class Question:
 
 def ages_of(age: Age) -> Array:
     """Equally likely ages.
-
-    Parameters
-    ----------
-    age : Age
 
     Returns
     -------

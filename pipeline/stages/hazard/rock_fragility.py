@@ -35,9 +35,7 @@ class RockFragility:
     mean : RowFragility, all directions and frictions counting equally
     by_yaw : dict, from the direction [degree] to its RowFragility
     others : tuple of RowFragility, of each member, or of the ends of the intervals of the fits
-    source : str, ``DRAWN`` or ``FITTED``
     tested : tuple of float [g], least and largest PGA that was tried
-    frictions : tuple of float
     records : bool, whether the rows are recorded motions, not pulses
     """
 
@@ -52,36 +50,12 @@ class RockFragility:
 
 
 def load(folder: Path, uncertain: bool) -> RockFragility:
-    """Fragility of a rock, with all that is not known of it or as it was scanned.
-
-    Parameters
-    ----------
-    folder : Path, of its products
-    uncertain : bool, whether an ensemble was drawn
-
-    Returns
-    -------
-    RockFragility
-    """
+    """Fragility of a rock, with all that is not known of it or as it was scanned."""
     return of_members(read(folder / ENSEMBLE)) if uncertain else of_fits(folder)
 
 
 def of_fits(folder: Path) -> RockFragility:
-    """Fragility of the fits in a folder of products.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    RockFragility
-
-    Raises
-    ------
-    InputError
-        If no direction has a fit.
-    """
+    """Fragility of the fits in a folder of products."""
     data = read(folder / FITS)
     data = data.isel({rows_of(data): np.argsort(data["pgv_pga"].values, kind="stable")})
     known = np.isfinite(data["theta"].values).all(axis=2)
@@ -125,10 +99,6 @@ def of_members(data: xr.Dataset) -> RockFragility:
         ``surface`` on (pgv_pga, pga), ``probability`` on (yaw, pgv_pga, pga), ``overturned`` on
         (member, yaw, pgv_pga, pga), -1 where there is no verdict, and the lognormal fits ``theta``
         and ``beta`` on (yaw, pgv_pga), by which all go on beyond the PGA that was tried.
-
-    Returns
-    -------
-    RockFragility
     """
     row = rows_of(data)
     ratio = "pgv_pga" if row == "pgv_pga" else "record_pgv_pga"

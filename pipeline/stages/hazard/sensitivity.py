@@ -30,14 +30,7 @@ AGES = (5.0, 95.0)
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """The question with one thing changed.
-
-    Attributes
-    ----------
-    what : str, what is changed, in words
-    question : Question
-    answer : Answer
-    """
+    """The question with one thing changed."""
 
     what: str
     question: Question
@@ -51,14 +44,8 @@ def cases(
 
     Parameters
     ----------
-    question : Question
     others : ndarray, shape (n, branches), survival with each other fragility
-    ratio : ShakingRatio, whose table the question has
     compared : mapping, from what is changed to the rock's fragility then
-
-    Returns
-    -------
-    list of Case
     """
     found = [Case("as used", question, question.answer())]
     if all(rock.fragility.source == DRAWN for rock in question.rocks):
@@ -102,10 +89,6 @@ def _changes(
 
 def by_weakness(question: Question) -> list[tuple[float, RowFragility]]:
     """Directions of the first rock, the one from which it topples most often first.
-
-    Parameters
-    ----------
-    question : Question
 
     Returns
     -------

@@ -34,7 +34,6 @@ class ShakingRatio:
 
     Attributes
     ----------
-    table : RatioTable
     source : str, "table", "disaggregation", "curves" or "default"
     doubts : dict, from what is changed, in words, to the table with the change
     """
@@ -51,14 +50,7 @@ def of_model(
 
     Parameters
     ----------
-    config : HazardConfig
-    model : HazardModel
     levels : ndarray, shape (2,) [m/s^2], least and largest PGA
-    disaggregated : Path or None, of a disaggregation of PGA
-
-    Returns
-    -------
-    ShakingRatio
     """
     given = config.pgv_pga
     if given is not None:

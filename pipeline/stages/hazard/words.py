@@ -17,14 +17,6 @@ MOST_NAMED = 8
 def percent(share: float) -> str:
     """A chance in percent, to two digits where it is small.
 
-    Parameters
-    ----------
-    share : float
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> percent(0.4123), percent(0.0523), percent(0.02), percent(0.0), percent(1.0)
@@ -47,17 +39,11 @@ def sentence(
 
     Parameters
     ----------
-    names : sequence of str, of the branches
     rejected : ndarray of bool, shape (branches,)
     survival : ndarray, shape (branches,)
     least : float, chance of survival below which a branch is rejected
     pga : tuple of float [g]
         Exceeded once in 2,475 years before, without the rejected, and with the others weighed.
-    rocks : int
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -110,14 +96,6 @@ def _moved(before: float, after: float) -> str:
 def of_age(age: Age) -> str:
     """An age as a page states it.
 
-    Parameters
-    ----------
-    age : Age
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> of_age(NormalAge(kind="normal", mean=20000.0, sd=3000.0))
@@ -143,10 +121,6 @@ def of_place(longitude: float, latitude: float) -> str:
     Parameters
     ----------
     longitude, latitude : float [degree]
-
-    Returns
-    -------
-    str
 
     Examples
     --------

@@ -12,16 +12,7 @@ from vsr_core.scan.whole_rock import other_closings, unseen
 
 
 def make(job: Job) -> Product:
-    """Close the rock, weigh it, and say what the unseen leaves uncertain.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-    """
+    """Close the rock, weigh it, and say what the unseen leaves uncertain."""
     source = sources.find(job.site)
     with Steps(job.stage, job.log) as steps:
         whole = sources.closed(source, job.site, steps.tell)

@@ -29,16 +29,6 @@ def page(
 ) -> str:
     """Everything about the closing of a rock in one page that loads nothing.
 
-    Parameters
-    ----------
-    site : str
-    source : Source
-    whole : WholeRock
-    solid : Measure, of its rock
-    unknown : tuple of Unseen, for each of its holes
-    closing : str, how the opening beneath was closed
-    trials : tuple of Trial, the other closings
-
     Returns
     -------
     str

@@ -25,10 +25,7 @@ class Original:
 
     Attributes
     ----------
-    url : str, at a pinned commit
-    sha256 : str
     height : float [m], true height of the rock; the file may hold a scale model
-    credit : str, for the report
     """
 
     url: str
@@ -54,20 +51,7 @@ def fetch(name: str, url: str | None = None, raw: Path = ROOT / "data" / "raw") 
 
     Parameters
     ----------
-    name : str, key of ORIGINALS
     url : str, optional, another place that serves the same bytes
-    raw : Path, folder of raw data
-
-    Returns
-    -------
-    Path
-        The mesh.
-
-    Raises
-    ------
-    InputError
-        If the name is unknown, a scan is already there, or the download fails or differs from
-        the published file. Nothing is left behind then.
     """
     if name not in ORIGINALS:
         rule = f"originals are known of {', '.join(ORIGINALS)}"

@@ -17,17 +17,7 @@ LARGEST_FILE = 2 * 1024**3
 
 
 def check_size(path: Path) -> None:
-    """Refuse a file that is too large to be read.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InvalidInput
-        If it is longer than ``LARGEST_FILE``.
-    """
+    """Refuse a file that is too large to be read."""
     size = path.stat().st_size
     if size > LARGEST_FILE:
         raise InvalidInput(
@@ -38,21 +28,7 @@ def check_size(path: Path) -> None:
 
 
 def read(path: Path) -> trimesh.Trimesh:
-    """The mesh in a file, as it is there.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    trimesh.Trimesh, in the unit and coordinates of the file
-
-    Raises
-    ------
-    InvalidInput
-        If the file cannot be read as a mesh.
-    """
+    """The mesh in a file, as it is there."""
     import trimesh
 
     check_size(path)

@@ -31,16 +31,7 @@ class Ground:
 
 
 def load_rock(store: Store) -> tuple[Rock, Barrier]:
-    """The rock and its energy barrier, from the product.
-
-    Parameters
-    ----------
-    store : Store
-
-    Returns
-    -------
-    Rock, Barrier
-    """
+    """The rock and its energy barrier, from the product."""
     path = store.folder / ROCK
     return _rock(path, path.stat().st_mtime_ns)
 
@@ -64,16 +55,7 @@ def _rock(path: Path, changed: int) -> tuple[Rock, Barrier]:
 
 
 def load_terrain(store: Store) -> Ground:
-    """The ground and the rock's rest on it, from the product.
-
-    Parameters
-    ----------
-    store : Store
-
-    Returns
-    -------
-    Ground
-    """
+    """The ground and the rock's rest on it, from the product."""
     path = store.folder / TERRAIN
     return _terrain(path, path.stat().st_mtime_ns)
 

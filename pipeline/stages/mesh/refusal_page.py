@@ -23,10 +23,7 @@ def shown(site: Site, source: Source, key: str, error: Refused) -> InputError:
 
     Parameters
     ----------
-    site : Site
-    source : Source
     key : str, of the configuration, that is named: ``pedestal.cut`` or ``rock.mesh``
-    error : Refused
 
     Returns
     -------

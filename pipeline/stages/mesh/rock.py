@@ -26,16 +26,7 @@ BASE_TOLERANCE = 0.003
 
 
 def make(job: Job) -> Product:
-    """Read, check, weigh and set down the rock.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-    """
+    """Read, check, weigh and set down the rock."""
     made, level, origin, repaired = _solid(job)
     rolling, radius = job.config.contact.rolling_friction, made.rock.radius
     if rolling > 0.05 * radius:

@@ -18,16 +18,7 @@ from vsr_core.scan.refusal import Refused
 
 
 def make(job: Job) -> Product:
-    """Separate, close and weigh; a proposed cut is shown, and used once it is accepted.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-    """
+    """Separate, close and weigh; a proposed cut is shown, and used once it is accepted."""
     source = sources.find(job.site)
     prepared = _prepared(job, source)
     accepted = job.config.pedestal.cut is not None

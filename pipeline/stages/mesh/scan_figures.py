@@ -57,18 +57,7 @@ _BOTH = np.array([-1.0, 1.0])
 
 @style.styled
 def separation(prepared: Prepared, source: str) -> Figure:
-    """Draw the scan with rock and ground told apart, and the seam, from above and two sides.
-
-    Parameters
-    ----------
-    prepared : Prepared
-    source : str
-        Where the scan comes from.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the scan with rock and ground told apart, and the seam, from above and two sides."""
     found = prepared.separation
     colours = np.where(found.rock[:, None], to_rgb(ROCK), GROUND)
     scan = Painted(found.vertices + prepared.shift, found.faces, colours)
@@ -88,17 +77,7 @@ def separation(prepared: Prepared, source: str) -> Figure:
 
 
 def closed_rock(prepared: Prepared, source: str) -> Figure:
-    """Draw the closed rock, what the scan saw and what was added, from the sides and below.
-
-    Parameters
-    ----------
-    prepared, source
-        As for ``separation``.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the closed rock, what the scan saw and what was added, from the sides and below."""
     return rock_from_sides(
         np.array(prepared.rock.vertices),
         np.array(prepared.rock.faces),
@@ -120,12 +99,6 @@ def rock_from_sides(
     faces : ndarray of int, shape (m, 3)
     added : ndarray of bool, shape (m,)
     marks : ndarray, shape (k, 3) [m], places to ring, with their numbers
-    source : str
-        Where the scan comes from.
-
-    Returns
-    -------
-    Figure
     """
     parts = {"seen by the scan": (~added, ROCK), "added": (added, ADDED)}
     return _from_sides(vertices, faces, parts, marks, source, ("+y", "-x", "oblique", "below"))
@@ -137,14 +110,7 @@ def scan_from_sides(seen: Seen, marks: Array, source: str) -> Figure:
 
     Parameters
     ----------
-    seen : Seen
     marks : ndarray, shape (k, 3) [m], places to ring, with their numbers
-    source : str
-        Where the scan comes from.
-
-    Returns
-    -------
-    Figure
     """
     known = {"rock": ROCK, "ground": GROUND, "added": ADDED}
     rest = np.ones(len(seen.faces), dtype=bool)
@@ -189,17 +155,7 @@ def _number(panel: Axes, view: View, marks: Array) -> None:
 
 @style.styled
 def seat(prepared: Prepared, source: str) -> Figure:
-    """Draw the ground without the rock, and sections through both.
-
-    Parameters
-    ----------
-    prepared, source
-        As for ``separation``.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the ground without the rock, and sections through both."""
     terrain = prepared.terrain
     colours = np.where(prepared.seat[:, None], to_rgb(ADDED), GROUND)
     rock = np.array(prepared.rock.vertices)
@@ -221,15 +177,7 @@ def tippings(closing: str, chosen: Array, trials: tuple[Trial, ...], source: str
 
     Parameters
     ----------
-    closing : str, the one chosen
     chosen : ndarray, shape (72,) [rad], its static tipping angles in ``DIRECTIONS``
-    trials : tuple of Trial, the others
-    source : str
-        Where the scan comes from.
-
-    Returns
-    -------
-    Figure
     """
     angles = {f"{closing} (chosen)": chosen}
     angles |= {t.closing: t.measure.tipping for t in trials if t.measure is not None}

@@ -33,10 +33,6 @@ def page(site: str, source: str, prepared: Prepared, *, accepted: bool, surrogat
 
     Parameters
     ----------
-    site : str
-    source : str
-        Where the scan comes from.
-    prepared : Prepared
     accepted : bool
         Whether the site's configuration accepts the cut.
     surrogate : bool
@@ -89,16 +85,7 @@ def _sure(confidence: float) -> str:
 
 
 def least(solid: Measure) -> Row | None:
-    """Least static tipping angle and its direction [degree]; None for a rock that falls over.
-
-    Parameters
-    ----------
-    solid : Measure
-
-    Returns
-    -------
-    dict or None
-    """
+    """Least static tipping angle and its direction [degree]; None for a rock that falls over."""
     if np.isnan(solid.tipping).any():
         return None
     weakest = int(np.argmin(solid.tipping))
@@ -162,18 +149,7 @@ def _step(step: Step, prepared: Prepared) -> Row:
 
 
 def closings(chosen: str, solid: Measure, trials: tuple[Trial, ...]) -> list[Row]:
-    """Rows of the closing chosen and of the others.
-
-    Parameters
-    ----------
-    chosen : str
-    solid : Measure, of the rock closed so
-    trials : tuple of Trial
-
-    Returns
-    -------
-    list of dict
-    """
+    """Rows of the closing chosen and of the others."""
     others = [_closing(t.closing, t.measure, t.moved, t.tipping_change, t.reason) for t in trials]
     return [_closing(chosen, solid, 0.0, 0.0) | {"chosen": True}, *others]
 
@@ -194,10 +170,6 @@ def _closing(
 
 def spread(trials: tuple[Trial, ...]) -> float:
     """Largest change of a static tipping angle among the closings that stand.
-
-    Parameters
-    ----------
-    trials : tuple of Trial
 
     Returns
     -------

@@ -53,10 +53,6 @@ class Painted:
         Parameters
         ----------
         rock : ndarray, shape (n, 3) [m]
-
-        Returns
-        -------
-        Painted
         """
         low, high = rock.min(axis=0), rock.max(axis=0)
         reach = _AROUND * float((high - low).max())
@@ -73,10 +69,6 @@ def fit(axes: Array, points: Array, margin: float = 0.0) -> View:
     axes : ndarray, shape (3, 3), see ``axes_of``
     points : ndarray, shape (n, 3) [m]
     margin : float, share of the panel that stays free on every side
-
-    Returns
-    -------
-    View
     """
     return fitted(axes, points, (SMOOTH * PANEL, SMOOTH * PANEL), margin)
 
@@ -88,7 +80,6 @@ def best_eye(
 
     Parameters
     ----------
-    near : Painted
     points : ndarray, shape (n, 3) [m], on the surface
     rock : ndarray, shape (k, 3) [m], points that fill the picture
     other : ndarray, shape (3, 3), optional, axes of a view that is to be another
@@ -115,8 +106,6 @@ def visible(view: View, surface: Painted, points: Array) -> Mask:
 
     Parameters
     ----------
-    view : View
-    surface : Painted
     points : ndarray, shape (n, 3) [m]
 
     Returns
@@ -132,11 +121,7 @@ def show(panel: Axes, view: View, surface: Painted, seams: list[Array], title: s
 
     Parameters
     ----------
-    panel : Axes
-    view : View
-    surface : Painted
     seams : list of ndarray, shape (n, 3) [m], closed lines on the surface
-    title : str
     """
     rows, columns = (side // SMOOTH for side in view.shape)
     panel.imshow(_picture(view, surface), extent=(0, columns, rows, 0), gid="picture")
@@ -155,7 +140,6 @@ def scale(panel: Axes, metres: float) -> None:
 
     Parameters
     ----------
-    panel : Axes
     metres : float [m], a unit of the axes
     """
     (left, right), (bottom, top) = panel.get_xlim(), panel.get_ylim()

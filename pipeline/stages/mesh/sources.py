@@ -35,9 +35,7 @@ class Source:
 
     Attributes
     ----------
-    path : Path or None, the mesh file; None for a surrogate
     fallback : str, name of the surrogate's generator, or empty
-    label : str, for the report
     """
 
     path: Path | None
@@ -61,21 +59,7 @@ class Source:
 
 
 def find(site: Site) -> Source:
-    """The shape of a mesh site: a scan, else the surrogate that its configuration names.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    Source
-
-    Raises
-    ------
-    InputError
-        If neither is there, or a folder holds more than one scan.
-    """
+    """The shape of a mesh site: a scan, else the surrogate that its configuration names."""
     rock = site.config.rock
     assert rock.mesh is not None
     path = located(site.folder_of("rock.mesh"), rock.mesh, site.file_of("rock.mesh"), "rock.mesh")
@@ -104,16 +88,7 @@ def find(site: Site) -> Source:
 
 
 def digests(site: Site) -> dict[str, str]:
-    """Digest of the scan, by its name, for the key of the rock stage.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    dict from str to str
-    """
+    """Digest of the scan, by its name, for the key of the rock stage."""
     if site.config.rock.shape == "box":
         return {}
     source = find(site)
@@ -125,19 +100,9 @@ def digests(site: Site) -> dict[str, str]:
 def load(source: Source, site: Site) -> trimesh.Trimesh:
     """The mesh, scaled to metres.
 
-    Parameters
-    ----------
-    source : Source
-    site : Site
-
     Returns
     -------
     trimesh.Trimesh [m], in the coordinates of the file
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read as a mesh.
     """
     import trimesh
 
@@ -157,23 +122,7 @@ def load(source: Source, site: Site) -> trimesh.Trimesh:
 
 
 def closed(source: Source, site: Site, tell: Tell) -> WholeRock:
-    """The rock of a scan of it alone, as a closed solid.
-
-    Parameters
-    ----------
-    source : Source
-    site : Site
-    tell : function of what is being done
-
-    Returns
-    -------
-    WholeRock
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or holds no rock that can be closed.
-    """
+    """The rock of a scan of it alone, as a closed solid."""
     try:
         return whole_rock(load(source, site), site.config.rock.closing, tell)
     except Refused as error:

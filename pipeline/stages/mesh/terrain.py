@@ -38,16 +38,7 @@ THICKNESS_SHARE = 0.05
 
 
 def make(job: Job) -> Product:
-    """Make the ground light enough to run on, and set the rock down.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-    """
+    """Make the ground light enough to run on, and set the rock down."""
     scan = read(job.path(SCAN))
     whole = Terrain(scan["terrain_vertex"].values, scan["terrain_face"].values.astype(np.int64))
     try:

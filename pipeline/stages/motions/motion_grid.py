@@ -86,55 +86,24 @@ class Shaking(Protocol):
 
 
 def cells(shaking: Shaking) -> tuple[Cell, ...]:
-    """All cells of the grid.
-
-    Parameters
-    ----------
-    shaking : Shaking
-
-    Returns
-    -------
-    tuple of Cell, PGA running fastest
-    """
+    """All cells of the grid."""
     return tuple(each_cell(shaking))
 
 
 def each_cell(shaking: Shaking) -> Iterator[Cell]:
-    """The cells of the grid one by one, where there may be millions.
-
-    Parameters
-    ----------
-    shaking : Shaking
-
-    Yields
-    ------
-    Cell, PGA running fastest
-    """
+    """The cells of the grid one by one, where there may be millions."""
     for row in range(len(shaking.rows)):
         for pga in shaking.pga:
             yield Cell(row, pga)
 
 
 def count(shaking: Shaking) -> int:
-    """Count the cells of the grid.
-
-    Parameters
-    ----------
-    shaking : Shaking
-
-    Returns
-    -------
-    int
-    """
+    """Count the cells of the grid."""
     return len(shaking.rows) * len(shaking.pga)
 
 
 def strongest(shaking: Shaking) -> list[GroundMotion]:
     """The motions of largest PGA.
-
-    Parameters
-    ----------
-    shaking : Shaking
 
     Returns
     -------
@@ -157,16 +126,7 @@ class Pulses:
         return self.pgv_pga
 
     def motion(self, cell: Cell) -> GroundMotion:
-        """The motion of a run.
-
-        Parameters
-        ----------
-        cell : Cell
-
-        Returns
-        -------
-        GroundMotion
-        """
+        """The motion of a run."""
         return CosinePulse(in_si.acceleration(cell.pga), self.pgv_pga[cell.row])
 
     def token(self, cell: Cell) -> bytes:
@@ -183,25 +143,11 @@ class ShapedPulses(Pulses):
     kind: str
 
     def motion(self, cell: Cell) -> GroundMotion:
-        """The motion of a run.
-
-        Parameters
-        ----------
-        cell : Cell
-
-        Returns
-        -------
-        GroundMotion
-        """
+        """The motion of a run."""
         return SHAPES[self.kind](in_si.acceleration(cell.pga), self.pgv_pga[cell.row])
 
     def identity(self) -> Any:
-        """Kind and code, which tell these from other pulses of the same peaks.
-
-        Returns
-        -------
-        list
-        """
+        """Kind and code, which tell these from other pulses of the same peaks."""
         shape = SHAPES[self.kind]
         code = tracing.reached((f"{shape.__module__}:{shape.__name__}",))
         return [self.kind, keys.digest(code)]
@@ -272,17 +218,7 @@ class Tables:
 
 
 def of_store(config: Config, store: Store) -> Shaking:
-    """The motions of a study; records as the stage of motions has made them.
-
-    Parameters
-    ----------
-    config : Config
-    store : Store
-
-    Returns
-    -------
-    Shaking
-    """
+    """The motions of a study; records as the stage of motions has made them."""
     pulses = _pulses(config.motion)
     if pulses is not None:
         return pulses
@@ -298,21 +234,7 @@ def of_store(config: Config, store: Store) -> Shaking:
 
 
 def of_site(site: Site) -> Shaking:
-    """The motions of a study; records from their files, before any product is made.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    Shaking
-
-    Raises
-    ------
-    InputError
-        With a line for each file that cannot be used.
-    """
+    """The motions of a study; records from their files, before any product is made."""
     motion = site.config.motion
     pulses = _pulses(motion)
     if pulses is not None:

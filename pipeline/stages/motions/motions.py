@@ -41,17 +41,7 @@ _OSCILLATORS = 90
 
 
 def make(job: Job) -> Product:
-    """Make the motions of the configuration's kind.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-        ``motions.nc``.
-    """
+    """Make the motions of the configuration's kind."""
     motion = job.config.motion
     if isinstance(motion, PulseGrid):
         dataset, summary = _pulses(motion.pgv_pga, motion.pga, motion.kind)
@@ -143,14 +133,5 @@ def _facts(one: Ready) -> dict[str, Any]:
 
 
 def inputs(site: Site) -> dict[str, str]:
-    """Digests of the files of the motions, whatever their kind.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    dict from file name to digest
-    """
+    """Digests of the files of the motions, whatever their kind."""
     return record_inputs.digests(site) | table_motions.digests(site)

@@ -21,19 +21,7 @@ _ROOM = 1.15
 
 @style.styled
 def record_figure(motions: xr.Dataset, number: int) -> Figure:
-    """Draw one record, as processed and as recorded.
-
-    Parameters
-    ----------
-    motions : Dataset
-        As in ``motions.nc``, of records.
-    number : int
-        Place of the record.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw one record, as processed and as recorded."""
     figure = Figure(figsize=(8.6, 5.0))
     grid = figure.add_gridspec(
         3, 2, width_ratios=(1.75, 1.0), left=0.08, right=0.985, top=0.93, bottom=0.13, hspace=0.14

@@ -36,16 +36,7 @@ LARGEST_FILE = 256 * 1024**2
 
 @dataclass(frozen=True, eq=False)
 class Ready:
-    """A record that runs can take.
-
-    Attributes
-    ----------
-    name : str, of its file without the suffix
-    file : str, as a reader would write it
-    record : Record, sound, before processing
-    trace : Trace, after it
-    measures : Measures of ``trace``
-    """
+    """A record that runs can take."""
 
     name: str
     file: str
@@ -55,22 +46,7 @@ class Ready:
 
 
 def find(site: Site, files: tuple[str, ...]) -> list[Path]:
-    """The files named as ``motion.files``, those of folders by name.
-
-    Parameters
-    ----------
-    site : Site
-    files : tuple of str
-
-    Returns
-    -------
-    list of Path
-
-    Raises
-    ------
-    InputError
-        If one is not there or too large, a folder holds none, or two have one name.
-    """
+    """The files named as ``motion.files``, those of folders by name."""
     found: list[Path] = []
     for name in files:
         path = located(site.folder_of(_FILES), name, site.file_of(_FILES), _FILES)
@@ -99,23 +75,7 @@ def find(site: Site, files: tuple[str, ...]) -> list[Path]:
 
 
 def each(file: str, paths: list[Path], load: Callable[[Path], Loaded]) -> list[Loaded]:
-    """Load every file of ``motion.files``.
-
-    Parameters
-    ----------
-    file : str, in which the key stands, for messages
-    paths : list of Path
-    load : function of a Path that raises InvalidInput for what cannot be used
-
-    Returns
-    -------
-    list of what ``load`` returns
-
-    Raises
-    ------
-    InputError
-        With a line for each file that cannot be used.
-    """
+    """Load every file of ``motion.files``."""
     found, problems = [], []
     for path in paths:
         try:
@@ -129,17 +89,7 @@ def each(file: str, paths: list[Path], load: Callable[[Path], Loaded]) -> list[L
 
 
 def check_file(path: Path) -> None:
-    """Refuse what is no file or too large to be read.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InvalidInput
-        If it is longer than ``LARGEST_FILE``, a device, or not to be read.
-    """
+    """Refuse what is no file or too large to be read."""
     if not path.is_file() or not os.access(path, os.R_OK):
         raise InvalidInput("which is no file that you may read", "it is a file", "correct the path")
     if (size := path.stat().st_size) > LARGEST_FILE:
@@ -154,14 +104,6 @@ def digests(site: Site) -> dict[str, str]:
     """Digests of the files of records, for the key of what is made of them.
 
     All are read first: what cannot be used is refused before any work starts.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    dict from file name to digest
     """
     motion = site.config.motion
     if not isinstance(motion, RecordConfig):
@@ -174,22 +116,7 @@ def digests(site: Site) -> dict[str, str]:
 
 
 def load(site: Site, motion: RecordConfig) -> tuple[Ready, ...]:
-    """The records of a site, processed.
-
-    Parameters
-    ----------
-    site : Site
-    motion : RecordConfig
-
-    Returns
-    -------
-    tuple of Ready, by ascending PGV/PGA
-
-    Raises
-    ------
-    InputError
-        With a line for each file that cannot be used.
-    """
+    """The records of a site, processed."""
     files = tuple((path, digest_file(path)) for path in find(site, motion.files))
     response = None if motion.response is None else _response(site, motion).read_bytes()
     return _loaded(site.file_of(_FILES), files, response, motion)

@@ -28,21 +28,7 @@ Columns = dict[str, Column]
 
 
 def load(path: Path) -> SampledMotion:
-    """The motion in a file, checked.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    SampledMotion
-
-    Raises
-    ------
-    InvalidInput
-        If the file cannot be read, a name or unit is not known, or it is no motion.
-    """
+    """The motion in a file, checked."""
     try:
         columns = _columns(path)
     except (OSError, UnicodeDecodeError) as error:

@@ -25,14 +25,6 @@ def digests(site: Site) -> dict[str, str]:
     """Digests of the files of table motions, for the key of what is made of them.
 
     All are read first.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    dict from file name to digest
     """
     motion = site.config.motion
     if not isinstance(motion, TableMotionConfig) or motion.files is None:
@@ -42,22 +34,7 @@ def digests(site: Site) -> dict[str, str]:
 
 
 def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
-    """The motions in the files of a site.
-
-    Parameters
-    ----------
-    site : Site
-    motion : TableMotionConfig
-
-    Returns
-    -------
-    Loaded
-
-    Raises
-    ------
-    InputError
-        With a line for each file that cannot be used.
-    """
+    """The motions in the files of a site."""
     assert motion.files is not None
     paths = record_inputs.find(site, motion.files)
     file = site.file_of("motion.files")
@@ -69,18 +46,7 @@ def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
 
 
 def dataset(job: Job, motion: TableMotionConfig) -> tuple[xr.Dataset, str]:
-    """The motions as they are in the files, and their peaks.
-
-    Parameters
-    ----------
-    job : Job
-    motion : TableMotionConfig
-
-    Returns
-    -------
-    data : Dataset
-    summary : str
-    """
+    """The motions as they are in the files, and their peaks."""
     names, motions, ratios = of_site(job.site, motion)
     samples = np.concatenate([one.samples for one in motions])
     data = xr.Dataset(
@@ -105,17 +71,7 @@ def dataset(job: Job, motion: TableMotionConfig) -> tuple[xr.Dataset, str]:
 
 
 def of_dataset(data: Any) -> Loaded:
-    """The motions from the product.
-
-    Parameters
-    ----------
-    data : Dataset
-        As in ``motions.nc``.
-
-    Returns
-    -------
-    Loaded
-    """
+    """The motions from the product."""
     motions = tuple(
         SampledMotion(
             one["table_time"].values,
@@ -129,10 +85,6 @@ def of_dataset(data: Any) -> Loaded:
 
 def named(pulses: tuple[AxisPulseConfig, ...]) -> str:
     """Pulses on axes in words.
-
-    Parameters
-    ----------
-    pulses : tuple of AxisPulseConfig
 
     Returns
     -------

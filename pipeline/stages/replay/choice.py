@@ -30,30 +30,14 @@ _FEW = 12
 
 @dataclass(frozen=True)
 class Choice:
-    """A run of a study.
-
-    Attributes
-    ----------
-    group : Group
-    cell : Cell
-    engine : str, in which it is done
-    """
+    """A run of a study."""
 
     group: Group
     cell: Cell
     engine: str
 
     def among(self, responses: xr.Dataset) -> xr.Dataset:
-        """What the study found of it.
-
-        Parameters
-        ----------
-        responses : Dataset, as in ``responses.nc``
-
-        Returns
-        -------
-        Dataset without dimensions
-        """
+        """What the study found of it."""
         at = responses.sel(yaw=self.group.yaw, friction=self.group.friction, pga=self.cell.pga)
         return at.isel({rows_of(responses): self.cell.row})
 
@@ -63,19 +47,8 @@ def chosen(config: Config, shaking: Shaking, given: Mapping[str, str | None]) ->
 
     Parameters
     ----------
-    config : Config
-    shaking : Shaking
     given : mapping from yaw, friction, pgv_pga or record, and pga to what was given for them;
         what has one value only may be left out
-
-    Returns
-    -------
-    Choice
-
-    Raises
-    ------
-    InputError
-        For a cell outside the grid, with the nearest value that it has.
     """
     own = shaking.dimension
     other = "record" if own == "pgv_pga" else "pgv_pga"
@@ -96,19 +69,7 @@ def other(config: Config, shaking: Shaking, first: Choice, wanted: str) -> Choic
 
     Parameters
     ----------
-    config : Config
-    shaking : Shaking
-    first : Choice
     wanted : str, such as ``engine=bullet`` or ``yaw=30,pga=0.5``
-
-    Returns
-    -------
-    Choice
-
-    Raises
-    ------
-    InputError
-        For what no run is told by, a cell outside the grid, and the same run again.
     """
     changed = _pairs(wanted, shaking)
     told = {
@@ -142,22 +103,7 @@ def _pairs(wanted: str, shaking: Shaking) -> dict[str, str]:
 
 
 def neighbour(responses: xr.Dataset, first: Choice) -> Choice:
-    """The nearest cell that ends on the other side: in its row, else among all of its yaw.
-
-    Parameters
-    ----------
-    responses : Dataset, as in ``responses.nc``
-    first : Choice
-
-    Returns
-    -------
-    Choice
-
-    Raises
-    ------
-    InputError
-        If there is none at its yaw and friction, or the run is without a verdict itself.
-    """
+    """The nearest cell that ends on the other side: in its row, else among all of its yaw."""
     runs = responses.sel(yaw=first.group.yaw, friction=first.group.friction)
     overturned = runs["overturned"].values
     column = int(np.flatnonzero(runs["pga"].values == first.cell.pga)[0])

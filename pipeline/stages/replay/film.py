@@ -37,17 +37,7 @@ CURVES = ("tilt", "kinetic", "potential", "acceleration", "velocity")
 
 
 def film(run: Played, shaking: Shaking) -> dict[str, Any]:
-    """A run in few bytes.
-
-    Parameters
-    ----------
-    run : Played
-    shaking : Shaking, of its study
-
-    Returns
-    -------
-    dict of plain data
-    """
+    """A run in few bytes."""
     replay, response = run.replay, run.replay.response
     axes = np.flatnonzero(np.abs(replay.acceleration).max(axis=0) > 0.0)
     table = axes if len(axes) else np.array([0])
@@ -78,17 +68,7 @@ def film(run: Played, shaking: Shaking) -> dict[str, Any]:
 
 
 def named(choice: Choice, shaking: Shaking) -> str:
-    """A run in words.
-
-    Parameters
-    ----------
-    choice : Choice
-    shaking : Shaking
-
-    Returns
-    -------
-    str
-    """
+    """A run in words."""
     row = shaking.pgv_pga[choice.cell.row]
     parts = [f"yaw {choice.group.yaw:g}°", f"PGA {choice.cell.pga:.4g} g"]
     if shaking.dimension == "record":
@@ -104,14 +84,7 @@ def scene(
 
     Parameters
     ----------
-    rock : Dataset, as in ``rock.nc``
-    terrain : Dataset, as in ``terrain.nc``; None for a flat pedestal
-    runs : sequence of Played
     most_faces : int, of the rock, and of a terrain four times as many
-
-    Returns
-    -------
-    dict of plain data
     """
     radius = float(np.linalg.norm(rock["vertex"].values, axis=1).max())
     surface = (rock["surface_vertex"].values.astype(float), rock["surface_face"].values)
@@ -136,12 +109,7 @@ def scene(
 
 
 def scripts() -> list[str]:
-    """Text of the scripts that play a run.
-
-    Returns
-    -------
-    list of str
-    """
+    """Text of the scripts that play a run."""
     return [text_of(name) for name in SCRIPTS]
 
 

@@ -33,8 +33,6 @@ class Played:
 
     Attributes
     ----------
-    choice : Choice
-    replay : Replay
     along : float [rad], direction of the shaking, counter-clockwise from +x
     own : bool, whether it is a run of the study, whose stored outcome it has
     """
@@ -57,20 +55,8 @@ def played(
 
     Parameters
     ----------
-    study : Study
-    responses : Dataset, as in ``responses.nc``
-    choice : Choice
     spacing : float [s], longest time between two states; by default as many as a page holds
     longest : float [s], for which it goes on at most after its outcome was decided
-
-    Returns
-    -------
-    Played
-
-    Raises
-    ------
-    InputError
-        If it does not end as the study stored it, and if its engine cannot do it.
     """
     scenes = study.scenes
     own = choice.engine == scenes.config.engine

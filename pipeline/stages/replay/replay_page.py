@@ -38,18 +38,8 @@ def make(job: Job, given: Mapping[str, str | None], wanted: str | None) -> str:
 
     Parameters
     ----------
-    job : Job
     given : mapping, coordinates of the run as ``choice.chosen`` takes them
     wanted : str or None, the run beside it: ``neighbour``, or what is different
-
-    Returns
-    -------
-    str, name of the page in the folder of products
-
-    Raises
-    ------
-    InputError
-        For a run that the study has not, or that does not end as it is stored.
     """
     config, shaking = job.config, motion_grid.of_site(job.site)
     choices = [chosen(config, shaking, given)]
@@ -72,12 +62,6 @@ def make(job: Job, given: Mapping[str, str | None], wanted: str | None) -> str:
 
 def page(job: Job, runs: list[Played], shaking: Shaking) -> str:
     """The page of some runs.
-
-    Parameters
-    ----------
-    job : Job, whose rock and terrain are made
-    runs : list of Played, one or two
-    shaking : Shaking
 
     Returns
     -------

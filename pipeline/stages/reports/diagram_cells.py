@@ -17,16 +17,7 @@ RULES = len(DecidedBy)
 
 
 def axes_of(responses: xr.Dataset) -> dict[str, Any]:
-    """What the cells of all diagrams share.
-
-    Parameters
-    ----------
-    responses : Dataset, as in ``responses.nc``
-
-    Returns
-    -------
-    dict of plain data
-    """
+    """What the cells of all diagrams share."""
     ratios = responses["pgv_pga"].values
     records = responses["record"].values if rows_of(responses) == "record" else None
     return {
@@ -39,18 +30,7 @@ def axes_of(responses: xr.Dataset) -> dict[str, Any]:
 
 
 def cells_of(responses: xr.Dataset, place: tuple[int, int], figure: Any) -> dict[str, Any]:
-    """The cells of a diagram, and where they lie in its picture.
-
-    Parameters
-    ----------
-    responses : Dataset, as in ``responses.nc``
-    place : tuple of int, positions of the yaw and of the friction
-    figure : Figure of the diagram
-
-    Returns
-    -------
-    dict of plain data
-    """
+    """The cells of a diagram, and where they lie in its picture."""
     runs = responses.isel(yaw=place[0], friction=place[1])
     across, down = cell_borders(figure)
     return {
@@ -66,10 +46,6 @@ def in_letters(outcome: Array, decided_by: Array) -> str:
     Parameters
     ----------
     outcome, decided_by : ndarray of int, shape (rows, columns)
-
-    Returns
-    -------
-    str
 
     Examples
     --------

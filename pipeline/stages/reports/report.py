@@ -60,17 +60,7 @@ _PAPER = (
 
 
 def make(job: Job) -> Product:
-    """Draw the figures and fill in the page.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-        ``report.html``.
-    """
+    """Draw the figures and fill in the page."""
     rock, responses, fragility = (read(job.path(name)) for name in (ROCK, RESPONSES, FRAGILITY))
     facts = _facts(job, rock, responses, fragility)
     text = pages.filled(FILE, facts | {"up": job.store.up})
@@ -178,16 +168,7 @@ _PATHS = {"rock.mesh", "motion.files", "motion.response.file", "uncertainty.scan
 
 
 def command(site: Site) -> list[str]:
-    """Arguments that make the report again, as a shell takes them.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    list of str, the site, and what was set beyond its file
-    """
+    """Arguments that make the report again, as a shell takes them."""
     name = site.name if site.file == f"configs/sites/{site.name}.yaml" else site.file
     shared = name in known(SITES)
     try:

@@ -33,17 +33,7 @@ _EARLY = (DecidedBy.ENERGY_BOUND, DecidedBy.NO_RETURN)
 
 
 def about_rock(rock: xr.Dataset) -> Row:
-    """Size, weight, base and weak directions.
-
-    Parameters
-    ----------
-    rock : Dataset
-        As in ``rock.nc``.
-
-    Returns
-    -------
-    dict
-    """
+    """Size, weight, base and weak directions."""
     corners, base = rock["surface_vertex"].values, rock["base_polygon"].values
     x, y = base.T
     return {
@@ -63,13 +53,7 @@ def left_out(responses: xr.Dataset, gains: dict[str, float]) -> list[Row]:
 
     Parameters
     ----------
-    responses : Dataset
-        As in ``responses.nc``.
     gains : dict, from a reduction's name to CPU time without it over that with it
-
-    Returns
-    -------
-    list of dict
     """
     rows = []
     attributes = responses.attrs
@@ -82,11 +66,6 @@ def left_out(responses: xr.Dataset, gains: dict[str, float]) -> list[Row]:
 
 def other_engine(sample: xr.Dataset) -> Row:
     """How a sample of the runs ended in Bullet.
-
-    Parameters
-    ----------
-    sample : Dataset
-        As in ``bullet_sample.nc``.
 
     Returns
     -------
@@ -127,11 +106,6 @@ _SIDES = {1: "toppled", 0: "upright", -1: "no verdict"}
 def time_steps(measured: xr.Dataset) -> list[Row]:
     """Time step of each friction, the measured error of the boundary, and what it is measured on.
 
-    Parameters
-    ----------
-    measured : Dataset
-        As in ``time_step.nc``.
-
     Returns
     -------
     list of dict
@@ -153,32 +127,12 @@ def time_steps(measured: xr.Dataset) -> list[Row]:
 
 
 def records(motions: xr.Dataset) -> list[Row]:
-    """Each record with its measures before scaling, and what was repaired.
-
-    Parameters
-    ----------
-    motions : Dataset
-        As in ``motions.nc``, of records.
-
-    Returns
-    -------
-    list of dict
-    """
+    """Each record with its measures before scaling, and what was repaired."""
     return _rows(motions.drop_dims([dim for dim in motions.dims if dim != "record"]).to_dataframe())
 
 
 def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
-    """Toppled share, typical first-overturning PGA and model of each yaw and friction.
-
-    Parameters
-    ----------
-    responses, fragility : Dataset
-        As in ``responses.nc`` and ``fragility.nc``.
-
-    Returns
-    -------
-    list of dict
-    """
+    """Toppled share, typical first-overturning PGA and model of each yaw and friction."""
     lower, upper = typical_pga(fragility)
     lost = undecided(responses).sum(axis=(2, 3))
     return [
@@ -196,17 +150,7 @@ def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
 
 
 def answer(rows: list[Row], frictions: Array) -> list[Row]:
-    """Most and least fragile yaws of each friction, by toppled share; ties together.
-
-    Parameters
-    ----------
-    rows : list of dict, as from ``by_yaw``
-    frictions : ndarray
-
-    Returns
-    -------
-    list of dict, one a friction with decided runs
-    """
+    """Most and least fragile yaws of each friction, by toppled share; ties together."""
     found = []
     for k, friction in enumerate(frictions):
         own = [row for row in rows if row["friction"] == k and np.isfinite(row["share"])]
@@ -235,17 +179,7 @@ def _end(rows: list[Row]) -> Row:
 
 
 def counts(responses: xr.Dataset) -> Row:
-    """Count runs by outcome and by what decided them.
-
-    Parameters
-    ----------
-    responses : Dataset
-        As in ``responses.nc``.
-
-    Returns
-    -------
-    dict
-    """
+    """Count runs by outcome and by what decided them."""
     outcome, rule = responses["outcome"].values.ravel(), responses["decided_by"].values.ravel()
     movement = responses["movement"].values.ravel()
     found, left = kinds(outcome, movement), ways(outcome, movement)
@@ -270,18 +204,7 @@ def counts(responses: xr.Dataset) -> Row:
 
 
 def unresolved(responses: xr.Dataset, most: int) -> Row:
-    """How many runs are without a verdict, and the first ``most`` of them.
-
-    Parameters
-    ----------
-    responses : Dataset
-        As in ``responses.nc``.
-    most : int
-
-    Returns
-    -------
-    dict
-    """
+    """How many runs are without a verdict, and the first ``most`` of them."""
     dims, lost = list(responses["outcome"].dims), undecided(responses)
     runs = responses[["outcome", "peak_tilt"]].to_dataframe(dim_order=dims)[lost.ravel()]
     listed = runs.head(most).reset_index()
@@ -301,17 +224,7 @@ def _heads(data: xr.Dataset) -> list[str]:
 
 
 def boundary(fragility: xr.Dataset) -> Row:
-    """First overturning, and the recommended model's median, near a few PGV/PGA or per record.
-
-    Parameters
-    ----------
-    fragility : Dataset
-        As in ``fragility.nc``.
-
-    Returns
-    -------
-    dict
-    """
+    """First overturning, and the recommended model's median, near a few PGV/PGA or per record."""
     grid, ratios = fragility["pga"].values, fragility["pgv_pga"].values
     columns = list(range(len(ratios)))
     if rows_of(fragility) == "pgv_pga":
@@ -348,17 +261,7 @@ def _in(value: float, grid: Array) -> str:
 
 
 def models(fragility: xr.Dataset) -> list[Row]:
-    """Scores of every model of each yaw and friction.
-
-    Parameters
-    ----------
-    fragility : Dataset
-        As in ``fragility.nc``.
-
-    Returns
-    -------
-    list of dict
-    """
+    """Scores of every model of each yaw and friction."""
     scores = ["log_loss", "log_loss_error", "brier", "accuracy", "separated", "method"]
     return [
         {

@@ -39,14 +39,6 @@ def chosen(responses: xr.Dataset) -> list[Place]:
     Of all rows with a long pulse it is the one whose rock tilts most without toppling. An island
     is a run that stays upright between a weaker and a stronger motion of its row that topple the
     rock; the one chosen lies furthest above the weakest that does.
-
-    Parameters
-    ----------
-    responses : Dataset, as in ``responses.nc``
-
-    Returns
-    -------
-    list of Place, at most three
     """
     overturned, tilt = responses["overturned"].values, responses["peak_tilt"].values
     first = np.argmax(overturned == 1, axis=-1)
@@ -73,17 +65,7 @@ def chosen(responses: xr.Dataset) -> list[Place]:
 
 
 def packed(job: Job, responses: xr.Dataset, rock: xr.Dataset) -> dict[str, Any] | None:
-    """Those runs and what they are played in.
-
-    Parameters
-    ----------
-    job : Job
-    responses, rock : Dataset, as in ``responses.nc`` and ``rock.nc``
-
-    Returns
-    -------
-    dict of plain data; None if there is none to play
-    """
+    """Those runs and what they are played in."""
     places = chosen(responses)
     if not places:
         return None

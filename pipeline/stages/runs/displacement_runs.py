@@ -20,17 +20,7 @@ from vsr_core.run.displacement import displace
 def follow_batch(
     shared: tuple[TerrainCase, Settings, Shaking], cells: tuple[Cell, ...]
 ) -> list[tuple[Any, ...]]:
-    """Simulate the displacement runs of some cells, on a worker.
-
-    Parameters
-    ----------
-    shared : TerrainCase, Settings, and the motions
-    cells : tuple of Cell
-
-    Returns
-    -------
-    list of tuple, values of a ``DisplacementRow`` after its key
-    """
+    """Simulate the displacement runs of some cells, on a worker."""
     place, settings, motions = shared
     rows = []
     for cell in cells:
@@ -41,35 +31,12 @@ def follow_batch(
 
 
 def make(job: Job) -> Product:
-    """Do the missing displacement runs.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-    """
+    """Do the missing displacement runs."""
     return run_study(job, KIND, terrain_case)
 
 
 def inputs(site: Site) -> dict[str, str]:
-    """Tell the version of the engine; a rock that has no terrain is refused before any work.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    dict of str
-
-    Raises
-    ------
-    InputError
-        If the rock does not stand on a terrain, or the engine is not installed.
-    """
+    """Tell the version of the engine; a rock that has no terrain is refused before any work."""
     shape = site.config.pedestal.shape
     if shape != "mesh":
         file, rule = site.file_of("pedestal.shape"), "a rock travels over a terrain"

@@ -21,17 +21,7 @@ from vsr_core.run.overturning import simulate_all
 def simulate_batch(
     shared: tuple[Case, Settings, Shaking], cells: tuple[Cell, ...]
 ) -> list[tuple[Any, ...]]:
-    """Simulate the responses to some cells on a flat pedestal, on a worker.
-
-    Parameters
-    ----------
-    shared : Case, Settings, and the motions
-    cells : tuple of Cell
-
-    Returns
-    -------
-    list of tuple, values of a ``RunRow`` after its key
-    """
+    """Simulate the responses to some cells on a flat pedestal, on a worker."""
     place, settings, motions = shared
     moved = [motions.motion(cell) for cell in cells]
     return [values(response) for response in simulate_all(place, moved, settings)]
@@ -40,17 +30,7 @@ def simulate_batch(
 def respond_batch(
     shared: tuple[TerrainCase, Settings, Shaking], cells: tuple[Cell, ...]
 ) -> list[tuple[Any, ...]]:
-    """Simulate the responses to some cells on a terrain, on a worker.
-
-    Parameters
-    ----------
-    shared : TerrainCase, Settings, and the motions
-    cells : tuple of Cell
-
-    Returns
-    -------
-    list of tuple, values of a ``TerrainRow`` after its key
-    """
+    """Simulate the responses to some cells on a terrain, on a worker."""
     place, settings, motions = shared
     rows = []
     for cell in cells:
@@ -62,45 +42,18 @@ def respond_batch(
 
 
 def values(response: Response) -> tuple[Any, ...]:
-    """List a response as a row keeps it.
-
-    Parameters
-    ----------
-    response : Response
-
-    Returns
-    -------
-    tuple, values of a ``RunRow`` after its key
-    """
+    """List a response as a row keeps it."""
     r = response
     return int(r.outcome), int(r.decided_by), r.peak_tilt, r.final_tilt, r.slip, r.steps
 
 
 def make(job: Job) -> Product:
-    """Do the missing runs.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-    """
+    """Do the missing runs."""
     return run_study(job, kind(job.config), terrain_case if job.config.on_terrain else flat_case)
 
 
 def kind(config: Config) -> Kind[Any]:
-    """Runs on a flat pedestal or on a terrain, as a configuration has it.
-
-    Parameters
-    ----------
-    config : Config
-
-    Returns
-    -------
-    Kind
-    """
+    """Runs on a flat pedestal or on a terrain, as a configuration has it."""
     return ON_TERRAIN if config.on_terrain else KIND
 
 

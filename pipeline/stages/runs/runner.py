@@ -58,9 +58,6 @@ class Kind(Generic[Row]):
 
     Attributes
     ----------
-    stage : str, for the log
-    what : str, name of its runs in messages
-    row : type of its rows
     function : run on a worker, from what the runs of a group share and the items of some of them,
         to the values of a row after its key, for each
     batch : int, runs handed to a worker at once, 0.2-0.5 s of work; more if they prove quicker
@@ -75,13 +72,7 @@ class Kind(Generic[Row]):
 
 @dataclass(frozen=True)
 class Tally:
-    """What was done.
-
-    Attributes
-    ----------
-    summary : str, one line
-    runs, crashed : int
-    """
+    """What was done."""
 
     summary: str
     runs: int
@@ -100,16 +91,8 @@ def run_missing(
 
     Parameters
     ----------
-    job : Job
-    kind : Kind
-    groups : sequence
     wanted : Wanted, asked twice for each group, so that no group is held
-    shared : callable, from a group to what its runs share
     store : RunStore, where the caller holds it open for many calls
-
-    Returns
-    -------
-    Tally
     """
     start, cpu = time.monotonic(), 0.0
     opened: AbstractContextManager[RunStore[Row]] = (
@@ -162,21 +145,9 @@ def stored(
 ) -> Iterator[tuple[G, list[Row]]]:
     """Read the wanted runs of each group, in their order and in parts.
 
-    Parameters
-    ----------
-    job : Job
-    kind : Kind
-    groups : sequence
-    wanted : Wanted
-
     Yields
     ------
     (group, list of rows), one group after the other, at most ``AT_ONCE`` rows at a time
-
-    Raises
-    ------
-    RunsLost
-        If a run that was done is not there any more, or is not as it was written.
     """
     try:
         with closing(RunStore(job.store.runs, kind.row, reads=True)) as runs:
@@ -195,17 +166,7 @@ def stored(
 
 
 def missing(wanted: Iterable[Run], runs: RunStore[Any]) -> bytes:
-    """Mark the wanted runs that are not stored, or crashed.
-
-    Parameters
-    ----------
-    wanted : iterable of Run
-    runs : RunStore
-
-    Returns
-    -------
-    bytes, of each run 1 if it is missing and 0 if not
-    """
+    """Mark the wanted runs that are not stored, or crashed."""
     marks, crashed = bytearray(), int(Outcome.CRASHED)
     for part in _parts(wanted):
         known = runs.outcomes(run.key for run in part)
@@ -214,16 +175,7 @@ def missing(wanted: Iterable[Run], runs: RunStore[Any]) -> bytes:
 
 
 def database_is_there(store: Store) -> str:
-    """Tell what is wrong with the database of runs.
-
-    Parameters
-    ----------
-    store : Store
-
-    Returns
-    -------
-    str, empty if nothing is
-    """
+    """Tell what is wrong with the database of runs."""
     return "" if is_there(store.runs) else f"{RUNS} is missing"
 
 

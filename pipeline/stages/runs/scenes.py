@@ -49,15 +49,7 @@ class Group(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scenes:
-    """What the scenes of all groups of a configuration are built from, read once.
-
-    Attributes
-    ----------
-    config : Config
-    rock : Rock, in the pose in which it stands
-    barrier : Barrier, the energy that it takes to topple it
-    ground : Ground or None, its terrain, if it is not a flat pedestal
-    """
+    """What the scenes of all groups of a configuration are built from, read once."""
 
     config: Config
     rock: Rock
@@ -75,61 +67,26 @@ def load_scenes(config: Config, store: Store, *, level: bool = False) -> Scenes:
 
     Parameters
     ----------
-    config : Config
     store : Store, which holds the products of the stages ``rock`` and ``terrain``
     level : bool, whether only scenes on a flat pedestal are wanted, for which no terrain is read
-
-    Returns
-    -------
-    Scenes
     """
     ground = load_terrain(store) if config.on_terrain and not level else None
     return Scenes(config, *load_rock(store), ground)
 
 
 def groups(config: Config) -> tuple[Group, ...]:
-    """List the groups of a study.
-
-    Parameters
-    ----------
-    config : Config
-
-    Returns
-    -------
-    tuple of Group, friction running fastest
-    """
+    """List the groups of a study."""
     return tuple(Group(yaw, friction) for yaw in config.yaw for friction in config.contact.friction)
 
 
 def flat_scene(scenes: Scenes, group: Group, drive: Servo | None = None) -> Scene:
-    """Set the rock on a flat pedestal.
-
-    Parameters
-    ----------
-    scenes : Scenes
-    group : Group
-    drive : Servo or None, where the pedestal moves as prescribed
-
-    Returns
-    -------
-    Scene
-    """
+    """Set the rock on a flat pedestal."""
     contact = in_si.contact(scenes.config.contact, group.friction)
     return Scene(scenes.level_rock, contact, in_si.angle(group.yaw), drive=drive)
 
 
 def flat_case(scenes: Scenes, group: Group) -> Case:
-    """Prepare the scene of a group on a flat pedestal, driven as the configuration says.
-
-    Parameters
-    ----------
-    scenes : Scenes
-    group : Group
-
-    Returns
-    -------
-    Case
-    """
+    """Prepare the scene of a group on a flat pedestal, driven as the configuration says."""
     config = scenes.config
     drive = in_si.servo(config.servo) if config.drive == "servo" else None
     scene = flat_scene(scenes, group, drive)
@@ -137,17 +94,7 @@ def flat_case(scenes: Scenes, group: Group) -> Case:
 
 
 def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
-    """Set the rock on its terrain for the shaking of a group.
-
-    Parameters
-    ----------
-    scenes : Scenes, with a ground
-    group : Group
-
-    Returns
-    -------
-    TerrainCase
-    """
+    """Set the rock on its terrain for the shaking of a group."""
     ground, rock, toppled = scenes.ground, scenes.rock, scenes.barrier.toppled_tilt
     assert ground is not None
     reduce = scenes.config.simulation.reduce
@@ -171,11 +118,6 @@ def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
 def code(engine: str, *, terrain: bool) -> tuple[str, ...]:
     """Name the roots of the code that determines runs.
 
-    Parameters
-    ----------
-    engine : str
-    terrain : bool, whether the rock stands on a terrain
-
     Returns
     -------
     tuple of str, as ``tracing.reached`` takes them
@@ -184,16 +126,7 @@ def code(engine: str, *, terrain: bool) -> tuple[str, ...]:
 
 
 def identity(scenes: Scenes) -> dict[str, Any]:
-    """Tell what all runs of a study share, but for group, motion and time step.
-
-    Parameters
-    ----------
-    scenes : Scenes
-
-    Returns
-    -------
-    dict of plain data
-    """
+    """Tell what all runs of a study share, but for group, motion and time step."""
     config, rock, ground = scenes.config, scenes.rock, scenes.ground
     parts = (rock.vertices, rock.inertia, rock.axes)
     engine = config.engine
@@ -236,17 +169,7 @@ class LeftOut(NamedTuple):
 
 
 def left_out(config: Config, case: Case) -> list[LeftOut]:
-    """List what the runs of a configuration leave out of the scene.
-
-    Parameters
-    ----------
-    config : Config
-    case : Case, of a flat pedestal
-
-    Returns
-    -------
-    list of LeftOut
-    """
+    """List what the runs of a configuration leave out of the scene."""
     reductions = case.reductions
     if config.engine == COMPILED:  # which takes all corners
         reductions = tuple(r for r in reductions if r is not Reduction.HULL_VERTICES)
@@ -261,18 +184,7 @@ def left_out(config: Config, case: Case) -> list[LeftOut]:
 
 
 def check_scenes(site: Site, scenes: Scenes) -> None:
-    """See that scenes, engine and a given time step go together, before any run.
-
-    Parameters
-    ----------
-    site : Site
-    scenes : Scenes
-
-    Raises
-    ------
-    InputError
-        If they do not.
-    """
+    """See that scenes, engine and a given time step go together, before any run."""
     simulation, engine = scenes.config.simulation, scenes.config.engine
     shaking = motion_grid.of_site(site)
     if (count := motion_grid.count(shaking)) > MOST_RUNS:
@@ -300,19 +212,6 @@ def engine_version(site: Site) -> dict[str, str]:
     """Tell the version of the engine that a site names, for the identity of a stage.
 
     What can be said of a given time step before the rock is made is said here, before any work.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    dict of str
-
-    Raises
-    ------
-    InputError
-        If the engine is not installed, or the step is too long for a block.
     """
     name = site.config.engine
     try:

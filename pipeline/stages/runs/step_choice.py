@@ -54,25 +54,14 @@ FEW = 4
 
 
 class Rows(NamedTuple):
-    """What the rows of one direction and friction share.
-
-    Attributes
-    ----------
-    group : Group
-    boundary : Boundary
-    """
+    """What the rows of one direction and friction share."""
 
     group: Group
     boundary: Boundary
 
 
 def load_engine(site: Site) -> None:
-    """Load the machine code of the engine that a site names, by the world of a block.
-
-    Parameters
-    ----------
-    site : Site
-    """
+    """Load the machine code of the engine that a site names, by the world of a block."""
     corners = np.array(list(product((-1.0, 1.0), repeat=3)))
     block = Rock("hull", corners, 1.0, np.ones(3), np.eye(3))
     engines.load(site.config.engine).build(Scene(block, Contact(1.0)), 1e-3, 1)
@@ -80,11 +69,6 @@ def load_engine(site: Site) -> None:
 
 def time_steps(config: Config, store: Store) -> dict[float, float]:
     """Look up the time steps of a configuration.
-
-    Parameters
-    ----------
-    config : Config
-    store : Store, which holds the rock
 
     Returns
     -------
@@ -103,16 +87,7 @@ def time_steps(config: Config, store: Store) -> dict[float, float]:
 
 
 def make(job: Job) -> Product:
-    """Measure the scene, or take the step that is given, and choose.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-    """
+    """Measure the scene, or take the step that is given, and choose."""
     scenes, simulation = load_scenes(job.config, job.store, level=True), job.config.simulation
     check_scenes(job.site, scenes)
     frictions = job.config.contact.friction
@@ -150,11 +125,6 @@ def kept(measured: xr.Dataset, boundary: Boundary) -> tuple[int, int]:
     ----------
     measured : Dataset
         As in ``time_step.nc``, of one friction.
-    boundary : Boundary
-
-    Returns
-    -------
-    kept, rows : int
     """
     stated = measured["displaced_error" if boundary is Boundary.DISPLACED else "boundary_error"]
     errors = measured["row_error"].values[measured["row_displaced"].values == boundary]
@@ -169,12 +139,7 @@ def measure_rows(shared: tuple[Case, Settings, Boundary], items: tuple[float, ..
 
     Parameters
     ----------
-    shared : Case, Settings and Boundary
     items : tuple of float, PGV/PGA [s]
-
-    Returns
-    -------
-    list of Row
     """
     case, settings, boundary = shared
     return [ladder.measure(case, pgv_pga, settings, boundary) for pgv_pga in items]

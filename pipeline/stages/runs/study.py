@@ -30,7 +30,6 @@ class GridRuns:
     Attributes
     ----------
     scene : bytes, digest of all that its runs share
-    motions : Shaking
     tokens : bytes, what tells the motion of each cell, one after the other and equally long
     """
 
@@ -46,17 +45,7 @@ class GridRuns:
 
 
 def run_keys(scene: bytes, tokens: Iterable[bytes]) -> Iterator[bytes]:
-    """Keys of runs of one scene.
-
-    Parameters
-    ----------
-    scene : bytes, digest of all that its runs share
-    tokens : iterable of bytes, what tells the motion of each
-
-    Yields
-    ------
-    bytes
-    """
+    """Keys of runs of one scene."""
     start, shared = scene[:4], hashlib.blake2b(scene, digest_size=12)
     for token in tokens:
         own = shared.copy()
@@ -69,13 +58,7 @@ def scene_digest(shared: dict[str, Any], group: Group, time_step: float) -> byte
 
     Parameters
     ----------
-    shared : dict of plain data, identity of the study and of its motions
-    group : Group
     time_step : float [s]
-
-    Returns
-    -------
-    bytes
     """
     scene = {**shared, **group._asdict(), "time_step": repr(time_step)}
     return bytes.fromhex(keys.digest(scene))
@@ -88,9 +71,7 @@ class Study:
     Attributes
     ----------
     scenes : Scenes, with rock, energy barrier and terrain
-    motions : Shaking
     time_steps : dict, from friction to time step [s]; nan where it has to be measured first
-    groups : tuple of Group
     """
 
     scenes: Scenes
@@ -101,47 +82,19 @@ class Study:
     _identity: dict[str, Any]
 
     def wanted(self, group: Group) -> GridRuns:
-        """The runs of a group, one for each cell of the grid.
-
-        Parameters
-        ----------
-        group : Group
-
-        Returns
-        -------
-        GridRuns
-        """
+        """The runs of a group, one for each cell of the grid."""
         scene = scene_digest(self._identity, group, self.time_steps[group.friction])
         return GridRuns(scene, self.motions, self._tokens)
 
     def settings(self, friction: float) -> Settings:
-        """How the runs of a friction are computed.
-
-        Parameters
-        ----------
-        friction : float
-
-        Returns
-        -------
-        Settings
-        """
+        """How the runs of a friction are computed."""
         config, step = self.scenes.config, self.time_steps[friction]
         assert not math.isnan(step)
         return Settings(step, config.simulation.reduce, config.engine)
 
 
 def load_study(config: Config, store: Store) -> Study:
-    """Read what a study is from the products of the stages before its runs.
-
-    Parameters
-    ----------
-    config : Config
-    store : Store
-
-    Returns
-    -------
-    Study
-    """
+    """Read what a study is from the products of the stages before its runs."""
     scenes, motions = load_scenes(config, store), motion_grid.of_store(config, store)
     return Study(
         scenes,
@@ -154,17 +107,7 @@ def load_study(config: Config, store: Store) -> Study:
 
 
 def shared_identity(scenes: Scenes, motions: Shaking) -> dict[str, Any]:
-    """Tell what all runs of a study share, but for group and time step.
-
-    Parameters
-    ----------
-    scenes : Scenes
-    motions : Shaking
-
-    Returns
-    -------
-    dict of plain data
-    """
+    """Tell what all runs of a study share, but for group and time step."""
     return {**identity(scenes), "motion": motions.identity()}
 
 
@@ -180,13 +123,7 @@ def run_study(job: Job, kind: Kind[Any], place: Callable[[Scenes, Group], Any]) 
 
     Parameters
     ----------
-    job : Job
     kind : Kind, whose function takes what ``place`` gives, Settings and the motions; and cells
-    place : callable, from the scenes and a group to where its runs take place
-
-    Returns
-    -------
-    Product, without files
     """
     study = load_study(job.config, job.store)
 

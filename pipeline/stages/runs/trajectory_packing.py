@@ -22,16 +22,7 @@ SAMPLE = np.dtype(
 
 
 def pack(trajectory: Trajectory) -> bytes:
-    """Compressed samples of a trajectory.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-
-    Returns
-    -------
-    bytes
-    """
+    """Compressed samples of a trajectory."""
     samples = np.empty(len(trajectory.time), SAMPLE)
     samples["time"], samples["position"] = trajectory.time, trajectory.position
     samples["quaternion"], samples["velocity"] = trajectory.quaternion, trajectory.velocity
@@ -44,10 +35,6 @@ def pack(trajectory: Trajectory) -> bytes:
 
 def unpack(packed: bytes) -> np.ndarray:
     """Samples of a trajectory, shape (n,) of ``SAMPLE``.
-
-    Parameters
-    ----------
-    packed : bytes, from ``pack``
 
     Returns
     -------

@@ -35,16 +35,7 @@ _REPLICA = "uncertainty.scan.replica"
 
 
 def priors(config: PriorsConfig) -> Priors:
-    """Put what is not known of a rock and its shaking in the terms of the physics.
-
-    Parameters
-    ----------
-    config : PriorsConfig
-
-    Returns
-    -------
-    Priors
-    """
+    """Put what is not known of a rock and its shaking in the terms of the physics."""
     return Priors(
         (in_si.angle(config.azimuth.mean), in_si.angle(config.azimuth.sd)),
         config.reversed_share,
@@ -63,10 +54,6 @@ class Draw:
 
     Attributes
     ----------
-    number : int
-    member : Member
-    rock : Rock, at rest on a level pedestal
-    config : Config, of the site with the contact of this draw
     given : (Rock, Barrier) of the site as it is
     """
 
@@ -88,10 +75,6 @@ class Draw:
         Parameters
         ----------
         yaw : float [degree], of the site
-
-        Returns
-        -------
-        Group
         """
         return Group(yaw - in_si.in_degrees(self.member.direction), self.member.friction)
 
@@ -106,23 +89,7 @@ class Draw:
 
 
 def draws(site: Site, store: Store, shape: Form) -> list[Draw]:
-    """Draw the members of a site's ensemble.
-
-    Parameters
-    ----------
-    site : Site
-    store : Store, which holds the rock
-    shape : Form, its surface
-
-    Returns
-    -------
-    list of Draw
-
-    Raises
-    ------
-    InputError
-        If a rock that is drawn does not stand, or the second scan is none of this rock.
-    """
+    """Draw the members of a site's ensemble."""
     config, given = site.config, load_rock(store)
     members = physics.draws(priors(config.uncertainty), config.uncertainty.members)
     found = []
@@ -149,38 +116,13 @@ def _rock(given: Rock, shape: Form, member: Member, density: float) -> Rock:
 
 
 def base_alone(draw: Draw, shape: Form) -> Rock:
-    """The rock of a draw with its base, and the centre of mass where it would be as scanned.
-
-    Parameters
-    ----------
-    draw : Draw
-    shape : Form, of the site
-
-    Returns
-    -------
-    Rock
-    """
+    """The rock of a draw with its base, and the centre of mass where it would be as scanned."""
     member = replace(draw.member, centre=np.zeros(3))
     return _rock(draw.given[0], shape, member, draw.config.rock.density)
 
 
 def surface(site: Site, store: Store) -> Form:
-    """The rock's surface, and what is known of its error; a box is as its size says.
-
-    Parameters
-    ----------
-    site : Site
-    store : Store, which holds the rock
-
-    Returns
-    -------
-    Form
-
-    Raises
-    ------
-    InputError
-        If the second scan cannot be used.
-    """
+    """The rock's surface, and what is known of its error; a box is as its size says."""
     import trimesh
 
     told, data = site.config.uncertainty.scan, read(store.folder / ROCK)
@@ -202,21 +144,7 @@ def surface(site: Site, store: Store) -> Form:
 
 
 def replica_path(site: Site) -> Path | None:
-    """Path of the second scan, where one is named.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    Path or None
-
-    Raises
-    ------
-    InputError
-        If it is not there.
-    """
+    """Path of the second scan, where one is named."""
     name = site.config.uncertainty.scan.replica
     if name is None:
         return None
@@ -228,21 +156,7 @@ def replica_path(site: Site) -> Path | None:
 
 
 def inputs(site: Site) -> dict[str, str]:
-    """Digest of the second scan, for the identity of the stage.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    dict from file name to digest
-
-    Raises
-    ------
-    InputError
-        If there is no second scan, or the engine cannot represent the contact of some draw.
-    """
+    """Digest of the second scan, for the identity of the stage."""
     path = replica_path(site)
     _check_contact(site)
     return {} if path is None else {path.name: digest_file(path)}

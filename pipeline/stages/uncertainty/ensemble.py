@@ -49,17 +49,7 @@ class Place(NamedTuple):
 def simulate_draw(
     shared: tuple[tuple[Case, ...], Settings, Shaking], places: tuple[Place, ...]
 ) -> list[tuple[Any, ...]]:
-    """Simulate some runs of one draw, on a worker.
-
-    Parameters
-    ----------
-    shared : cases of all directions, Settings, and the motions
-    places : tuple of Place
-
-    Returns
-    -------
-    list of tuple, values of a ``RunRow`` after its key
-    """
+    """Simulate some runs of one draw, on a worker."""
     cases, settings, motions = shared
     found: dict[Place, tuple[Any, ...]] = {}
     for yaw in sorted({place.yaw for place in places}):
@@ -80,7 +70,6 @@ class Ensemble:
     Attributes
     ----------
     overturned : ndarray of int, shape (draws, yaws, rows, pga), 1, 0, or -1 without a verdict
-    found_by : ndarray of int, the same shape, values of ``FoundBy``
     rough : ndarray of bool, shape (rows,), those in which the site as it is may be ragged
     checked, wrong : ndarray of int, shape (2,)
         Spared cells that were run all the same, and those that the rule had wrong: of other rows,
@@ -102,11 +91,7 @@ class Search:
 
     Attributes
     ----------
-    job : Job
-    draws : sequence of Draw
     given : ndarray, shape (4, yaws), static scales of the site's own rock
-    motions : Shaking
-    settings : Settings of the runs
     nominal : ndarray of int, shape (yaws, rows, pga), outcomes of the site as it is
     """
 
@@ -138,16 +123,7 @@ class Search:
 
 
 def outcomes(wanted: Search) -> Ensemble:
-    """Find the outcomes of all draws, with runs near their boundaries only.
-
-    Parameters
-    ----------
-    wanted : Search
-
-    Returns
-    -------
-    Ensemble
-    """
+    """Find the outcomes of all draws, with runs near their boundaries only."""
     rough = _rough(wanted)
     shape = (len(wanted.draws), *wanted.nominal.shape)
     table = np.full(shape, UNKNOWN, dtype=np.int8)
@@ -241,13 +217,7 @@ def _tested(runner: _Runner, draws: Sequence[Draw], table: Table, rough: Mask) -
 
 
 class _Runner:
-    """Runs of draws by their cells, done or read from the store.
-
-    Parameters
-    ----------
-    wanted : Search
-    store : RunStore, open
-    """
+    """Runs of draws by their cells, done or read from the store."""
 
     def __init__(self, wanted: Search, store: RunStore[RunRow]) -> None:
         self._wanted, self._store = wanted, store

@@ -34,17 +34,7 @@ PAGE = "uncertainty.html"
 
 
 def make(job: Job) -> Product:
-    """Draw what is not known, find the outcomes of all draws, and what decides them.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-        Dataset, page and figures.
-    """
+    """Draw what is not known, find the outcomes of all draws, and what decides them."""
     shape = drawing.surface(job.site, job.store)
     draws = drawing.draws(job.site, job.store, shape)
     friction = nearest_friction(job.config)
@@ -73,16 +63,7 @@ def make(job: Job) -> Product:
 
 
 def nearest_friction(config: Config) -> int:
-    """Number of the site's friction that is nearest to the middle of its prior.
-
-    Parameters
-    ----------
-    config : Config
-
-    Returns
-    -------
-    int
-    """
+    """Number of the site's friction that is nearest to the middle of its prior."""
     middle = np.mean(config.uncertainty.friction)
     return int(np.abs(np.array(config.contact.friction) - middle).argmin())
 

@@ -21,17 +21,7 @@ LEVELS = (0.05, 0.16, 0.5, 0.84, 0.95)
 
 @style.styled
 def bands(found: xr.Dataset, responses: xr.Dataset) -> Figure:
-    """The band of the boundary over the site's own response diagram, for each direction.
-
-    Parameters
-    ----------
-    found : Dataset, as in ``uncertainty.nc``
-    responses : Dataset, as in ``responses.nc``, at one friction
-
-    Returns
-    -------
-    Figure
-    """
+    """The band of the boundary over the site's own response diagram, for each direction."""
     count = found.sizes["yaw"]
     columns = min(COLUMNS, count)
     rows = math.ceil(count / columns)
@@ -76,16 +66,7 @@ def bands(found: xr.Dataset, responses: xr.Dataset) -> Figure:
 
 @style.styled
 def shares(found: xr.Dataset) -> Figure:
-    """First-order and total indices of each unknown, of all directions together.
-
-    Parameters
-    ----------
-    found : Dataset, as in ``uncertainty.nc``
-
-    Returns
-    -------
-    Figure
-    """
+    """First-order and total indices of each unknown, of all directions together."""
     order = np.argsort(np.nan_to_num(found["total_index_joined"].values))
     names = found["unknown"].values[order]
     figure = Figure(figsize=(6.0, 0.42 * len(names) + 1.3), layout="constrained")
@@ -109,16 +90,7 @@ def shares(found: xr.Dataset) -> Figure:
 
 @style.styled
 def surface(found: xr.Dataset) -> Figure:
-    """Probability of toppling over PGA and PGV/PGA, averaged over the directions.
-
-    Parameters
-    ----------
-    found : Dataset, as in ``uncertainty.nc``
-
-    Returns
-    -------
-    Figure
-    """
+    """Probability of toppling over PGA and PGV/PGA, averaged over the directions."""
     figure = Figure(figsize=(5.6, 4.4), layout="constrained")
     axes = figure.add_subplot()
     pga, heights, values = found["pga"].values, _heights(found), found["surface"].values

@@ -18,18 +18,7 @@ from vsr_core.uncertainty.sensitivity import SUPPORTED
 
 
 def facts(job: Job, found: xr.Dataset, drawn: dict[str, str]) -> dict[str, Any]:
-    """What fills the template.
-
-    Parameters
-    ----------
-    job : Job
-    found : Dataset, as in ``uncertainty.nc``
-    drawn : dict of addresses of pictures by name
-
-    Returns
-    -------
-    dict
-    """
+    """What fills the template."""
     config = job.config.uncertainty
     rock = read(job.path("rock.nc")).attrs
     by = (
@@ -71,16 +60,7 @@ def facts(job: Job, found: xr.Dataset, drawn: dict[str, str]) -> dict[str, Any]:
 
 
 def directions(found: xr.Dataset) -> list[dict[str, float]]:
-    """The boundary of each direction in the middle row, and how wide it is in the median row.
-
-    Parameters
-    ----------
-    found : Dataset
-
-    Returns
-    -------
-    list of dict
-    """
+    """The boundary of each direction in the middle row, and how wide it is in the median row."""
     rows = []
     for at in range(found.sizes["yaw"]):
         one = found.isel(yaw=at)
@@ -110,16 +90,7 @@ def _ratios(found: xr.Dataset) -> str:
 
 
 def widest(found: xr.Dataset) -> dict[str, float]:
-    """The directions with the widest and the narrowest band; empty where none has one.
-
-    Parameters
-    ----------
-    found : Dataset
-
-    Returns
-    -------
-    dict
-    """
+    """The directions with the widest and the narrowest band; empty where none has one."""
     rows = [row for row in directions(found) if np.isfinite(row["ratio"])]
     if not rows:
         return {}
@@ -134,16 +105,7 @@ def widest(found: xr.Dataset) -> dict[str, float]:
 
 
 def ranked(found: xr.Dataset) -> list[dict[str, Any]]:
-    """Unknowns by their total index, largest first; none where no index is supported.
-
-    Parameters
-    ----------
-    found : Dataset
-
-    Returns
-    -------
-    list of dict
-    """
+    """Unknowns by their total index, largest first; none where no index is supported."""
     total = found["total_index_joined"].values
     if not np.isfinite(total).all():
         return []
@@ -163,30 +125,12 @@ def ranked(found: xr.Dataset) -> list[dict[str, Any]]:
 
 
 def leaders(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The unknowns of which none is shown to matter more than another: their intervals meet.
-
-    Parameters
-    ----------
-    rows : list of dict, as ``ranked`` gives them
-
-    Returns
-    -------
-    list of dict, the first of the rows
-    """
+    """The unknowns of which none is shown to matter more than another: their intervals meet."""
     return [row for row in rows if row["total_ends"][1] >= rows[0]["total_ends"][0]]
 
 
 def tests(found: xr.Dataset) -> list[dict[str, Any]]:
-    """Spared cells that were run all the same, by kind of row.
-
-    Parameters
-    ----------
-    found : Dataset
-
-    Returns
-    -------
-    list of dict
-    """
+    """Spared cells that were run all the same, by kind of row."""
     rows = []
     for at, name in enumerate(found["rows_kind"].values.tolist()):
         tested = int(found["spared_tested"][at])
@@ -205,16 +149,7 @@ def tests(found: xr.Dataset) -> list[dict[str, Any]]:
 
 
 def summary(found: xr.Dataset) -> str:
-    """One line for the log.
-
-    Parameters
-    ----------
-    found : Dataset
-
-    Returns
-    -------
-    str
-    """
+    """One line for the log."""
     width, order = widest(found), ranked(found)
     text = (
         f"{found.sizes['member']} draws; from 5 to 95 % the boundary spans a factor of "

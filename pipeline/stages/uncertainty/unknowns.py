@@ -25,8 +25,6 @@ def base_effects(draws: Sequence[Draw], shape: Form, given: Array) -> Array:
 
     Parameters
     ----------
-    draws : sequence of Draw
-    shape : Form, of the site
     given : ndarray, shape (4, yaws), static scales of the site's own rock
 
     Returns
@@ -43,14 +41,7 @@ def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int)
 
     Parameters
     ----------
-    draws : sequence of Draw
-    known : Priors
     base : ndarray, as ``base_effects`` gives it, or None where draws lie between two scans
-    yaw : int, number of the direction
-
-    Returns
-    -------
-    list of Unknown
     """
     members = [draw.member for draw in draws]
     found: list[Unknown] = []
@@ -102,8 +93,6 @@ def assumed(config: UncertaintyConfig, *, box: bool, replica: bool) -> list[tupl
 
     Parameters
     ----------
-    config : UncertaintyConfig
-    box : bool, whether the rock is one
     replica : bool, whether there is a second scan
 
     Returns
@@ -125,11 +114,6 @@ def assumed(config: UncertaintyConfig, *, box: bool, replica: bool) -> list[tupl
 
 def in_words(config: PriorsConfig, azimuth_from: str) -> list[tuple[str, str, str]]:
     """The priors that a site and a series of tests have in common.
-
-    Parameters
-    ----------
-    config : PriorsConfig
-    azimuth_from : str, what the direction of the shaking is told from
 
     Returns
     -------
@@ -165,13 +149,6 @@ def uniform(ends: tuple[float, float]) -> str:
     Parameters
     ----------
     ends : (low, high)
-
-    Returns
-    -------
-    str
-
-    >>> uniform((0.5, 0.9)), uniform((0.0, 0.0))
-    ('uniform from 0.5 to 0.9', '0, taken as known')
     """
     low, high = ends
     return f"{low:g}, taken as known" if low == high else f"uniform from {low:g} to {high:g}"
@@ -179,10 +156,6 @@ def uniform(ends: tuple[float, float]) -> str:
 
 def drawn_values(draws: Sequence[Draw]) -> dict[str, tuple[tuple[str, ...], Array]]:
     """What was drawn, as variables of a dataset on (member).
-
-    Parameters
-    ----------
-    draws : sequence of Draw
 
     Returns
     -------

@@ -58,10 +58,8 @@ def build(
 
     Parameters
     ----------
-    scene : Scene
     time_step : float [s]
     substeps : int, steps for which a sample is held
-    solver : Solver, by default ``SOLVER``
 
     Returns
     -------

@@ -50,7 +50,6 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int, *, on_level
 
     Parameters
     ----------
-    rock : Rock
     scale : float, Bullet's length units in a metre
     margin : float, of a hull, in Bullet's length unit
     client : int, Bullet's number of the connection
@@ -83,10 +82,6 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int, *, on_level
 
 def surroundings(rock: Rock) -> Array:
     """Corners of a convex body that holds the rock, shape (n, 3) [m]: its hull, or a cube.
-
-    Parameters
-    ----------
-    rock : Rock
 
     Returns
     -------
@@ -155,7 +150,6 @@ def pedestal_shape(
 
     Parameters
     ----------
-    kind : "plane", "box" or "mesh"
     radius : float, of the rock, in Bullet's length unit
     client : int, Bullet's number of the connection
 
@@ -184,7 +178,6 @@ def level_sheet(half: float, cells: int, client: int) -> int:
     ----------
     half : float, of its width, in Bullet's length unit
     cells : int, squares along a side, of two triangles each
-    client : int
 
     Returns
     -------
@@ -214,10 +207,6 @@ def leave_to_the_rock(body: int, link: int, client: int) -> None:
 
     Bullet multiplies friction and restitution of two bodies, and combines rolling friction as
     r1 mu2 + r2 mu1.
-
-    Parameters
-    ----------
-    body, link, client : Bullet's numbers, of what the rock touches
     """
     pybullet.changeDynamics(
         body,

@@ -36,7 +36,6 @@ class GroundBlocks:
 
     Parameters
     ----------
-    terrain : Terrain
     corners : ndarray, shape (n, 3) [m], of the rock in its own coordinates
     scale : float, Bullet's length unit per metre
     client, maximal : int, Bullet's connection and kind of bodies

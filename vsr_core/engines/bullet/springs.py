@@ -17,12 +17,7 @@ SETTLING = 20.0
 
 @dataclass(frozen=True)
 class Springs:
-    """What bears a body at each point of contact, in Bullet's units.
-
-    Attributes
-    ----------
-    stiffness, damping : float
-    """
+    """What bears a body at each point of contact, in Bullet's units."""
 
     stiffness: float
     damping: float

@@ -36,9 +36,7 @@ def turn(
 
     Parameters
     ----------
-    client, rock : Bullet's numbers
     inertia : three principal moments of inertia per unit mass, in the body's axes
-    samples : nine numbers a step, as of ``TableMotion.acceleration``
     step, weight : length of a step and gravity
         All in Bullet's units.
 

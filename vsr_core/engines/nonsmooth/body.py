@@ -27,7 +27,6 @@ class Body(NamedTuple):
     moments : ndarray, shape (3,) [m^2], principal moments of inertia
     flexibility : ndarray, shape (3,) [m^-2], their inverses
     radius : float [m], largest distance of a corner from the centre of mass
-    friction, restitution : float
     returned : float, share of the energy taken by an impact that it may give back
     slow : float, approach speed of what lands slowly, by what gravity adds in a step
     """
@@ -126,13 +125,7 @@ def body(rock: Rock, contact: Contact, *, on_level: bool) -> Body:
 
     Parameters
     ----------
-    rock : Rock
-    contact : Contact
     on_level : bool, whether the ground is level, or a terrain
-
-    Returns
-    -------
-    Body
     """
     moments = np.ascontiguousarray(rock.inertia / rock.mass)
     points = np.empty((0, 3))
@@ -154,10 +147,6 @@ def body(rock: Rock, contact: Contact, *, on_level: bool) -> Body:
 def corners_of(rock: Rock) -> Array:
     """Corners of a rock's hull, without those that lie between others.
 
-    Parameters
-    ----------
-    rock : Rock
-
     Returns
     -------
     ndarray, shape (n, 3) [m], in its own axes
@@ -167,24 +156,10 @@ def corners_of(rock: Rock) -> Array:
 
 
 def motion() -> Motion:
-    """Room for a state.
-
-    Returns
-    -------
-    record of ``MOTION``
-    """
+    """Room for a state."""
     return np.zeros(1, MOTION)[0]
 
 
 def points(most: int) -> Points:
-    """Room for the points of contact of a step, at most ``most`` of them.
-
-    Parameters
-    ----------
-    most : int
-
-    Returns
-    -------
-    array of ``POINT``
-    """
+    """Room for the points of contact of a step, at most ``most`` of them."""
     return np.zeros(most, POINT)

@@ -71,14 +71,6 @@ def compiled(function: Function) -> Function:
     No option that lets a compiler reorder floating-point operations is set, so that the same
     numbers come out whatever the processor. Nothing compiled allocates memory, and with ``_nrt``
     off nobody counts who still uses an array, which took a quarter of the time.
-
-    Parameters
-    ----------
-    function : callable
-
-    Returns
-    -------
-    callable
     """
     return cast(Function, numba.njit(cache=True, **_OPTIONS)(function))
 
@@ -88,14 +80,6 @@ def inlined(function: Function) -> Function:
 
     A structure of arrays is handed on in hundreds of words, which costs more than what most
     functions do with it.
-
-    Parameters
-    ----------
-    function : callable
-
-    Returns
-    -------
-    callable
     """
     return cast(Function, numba.njit(forceinline=True, **_OPTIONS)(function))
 

@@ -92,16 +92,7 @@ class Features(NamedTuple):
 
 
 def of_rock(hull: Hull) -> Features:
-    """Flat faces and edges of a hull.
-
-    Parameters
-    ----------
-    hull : Hull
-
-    Returns
-    -------
-    Features
-    """
+    """Flat faces and edges of a hull."""
     facet, corner = np.nonzero(hull.face[hull.neighbours] != hull.face[:, None])
     ends = np.stack([hull.facets[facet, (corner + k) % 3] for k in (1, 2)], axis=1)
     other = hull.neighbours[facet, corner]
@@ -131,16 +122,7 @@ def of_rock(hull: Hull) -> Features:
 
 
 def of_terrain(terrain: Terrain) -> Features:
-    """Triangles, convex edges and convex vertices of a terrain.
-
-    Parameters
-    ----------
-    terrain : Terrain
-
-    Returns
-    -------
-    Features
-    """
+    """Triangles, convex edges and convex vertices of a terrain."""
     corners, triangles = terrain.vertices, terrain.faces
     size = areas(corners, triangles)
     triangles = triangles[size > 1e-9 * np.median(size)]

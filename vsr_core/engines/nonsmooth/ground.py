@@ -32,10 +32,7 @@ def find(  # noqa: C901 - split up, it takes twice as long
 
     Parameters
     ----------
-    body : Body
     ground : Ground, whose lists of near features are kept up to date
-    rock : record of ``MOTION``
-    points : array of ``POINT``, changed
     time_step : float [s]
     speed : float [m/s], that what pushes the rock adds in a step
     """

@@ -60,9 +60,6 @@ def solve(rock: Motion, points: Points, friction: float, rounds: int, tolerance:
     ----------
     rock : record of ``MOTION``, with the velocity without impulses in ``free``; its velocity, with
         the impulses to begin with, is changed
-    points : array of ``POINT``; the impulses of the active ones are changed
-    friction : float
-    rounds : int, at most
     tolerance : float [m/s], error allowed of the velocity of a point
 
     Returns

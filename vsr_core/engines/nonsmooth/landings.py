@@ -23,7 +23,6 @@ def velocity_at(point: Points, velocity: Array) -> tuple[float, float, float]:
 
     Parameters
     ----------
-    point : record of ``POINT``
     velocity : ndarray, shape (6,) [m/s] and [rad/s]
 
     Returns
@@ -41,7 +40,6 @@ def end_gap(point: Points, x: float, y: float, z: float, time_step: float) -> fl
 
     Parameters
     ----------
-    point : record of ``POINT``
     x, y, z : float [m/s], its velocity
     time_step : float [s]
 
@@ -67,7 +65,6 @@ def want(point: Points, time_step: float) -> float:
 
     Parameters
     ----------
-    point : record of ``POINT``, changed
     time_step : float [s]
 
     Returns
@@ -86,14 +83,7 @@ def want(point: Points, time_step: float) -> float:
 
 @compiled
 def enter(rock: Motion, points: Points, i: int) -> None:
-    """Make a point active: its directions, and what an impulse there does.
-
-    Parameters
-    ----------
-    rock : record of ``MOTION``, changed
-    points : array of ``POINT``, changed
-    i : int, of the point
-    """
+    """Make a point active: its directions, and what an impulse there does."""
     point = points[i]
     points[rock.active].active = i
     rock.active += 1
@@ -140,17 +130,10 @@ def land(
 
     Parameters
     ----------
-    body : Body
-    rock : record of ``MOTION``, changed
-    points : array of ``POINT``, changed
     push : ndarray, shape (3,) [m/s^2]
     time_step : float [s]
     gravity : float [m/s^2]
     closed : float [m]
-
-    Returns
-    -------
-    tuple of bool and float
     """
     first, entered, slow = 2.0, False, body.slow * gravity * time_step
     for i in range(rock.found):
@@ -219,13 +202,6 @@ def let_go(rock: Motion, points: Points, standing: int, share: float) -> None:
     Their impulses are those of a step; ``share`` is the time from its begin to the landing, in
     steps. They may bear it again, but what they gave is not taken back. Points that rebound, from
     an impact of the step before, do so in full.
-
-    Parameters
-    ----------
-    rock : record of ``MOTION``, changed
-    points : array of ``POINT``, changed
-    standing : int, points that were active before
-    share : float
     """
     for at in range(standing):
         point = points[points[at].active]

@@ -29,8 +29,6 @@ def move_on(ground: Ground, rock: Motion, time_step: float) -> None:
 
     Parameters
     ----------
-    ground : Ground, changed
-    rock : record of ``MOTION``
     time_step : float [s]
     """
     tree, place, velocity = ground.tree, rock.place, rock.velocity
@@ -55,8 +53,6 @@ def renew(ground: Ground, rock: Motion, radius: float, ahead: float, deepest: fl
 
     Parameters
     ----------
-    ground : Ground, changed
-    rock : record of ``MOTION``
     radius : float [m], of the rock
     ahead : float [m]
     deepest : float [m], depth of a feature in the ground beyond which it is behind it

@@ -23,13 +23,6 @@ def climb(duals: Array, ring: Indices, face: int, x: float, y: float, z: float) 
     Parameters
     ----------
     duals : ndarray, shape (m, 3), normals over offsets of faces
-    ring : ndarray of int, neighbours of each face
-    face : int, with which to begin
-    x, y, z : float
-
-    Returns
-    -------
-    int, a face
     """
     best = duals[face, 0] * x + duals[face, 1] * y + duals[face, 2] * z
     going = True
@@ -54,9 +47,6 @@ def list_pairs(
 
     Parameters
     ----------
-    ground : Ground, changed
-    rock : record of ``MOTION``
-    at : int, the leaf
     near : float [m], by which the rock may move before pairs that are not listed touch, and
     angle : float [rad], by which it may turn meanwhile
     deepest : float [m], depth of a feature in the ground beyond which it is behind it
@@ -105,11 +95,6 @@ def add(ground: Ground, leaf: int, kind: int, own: int, other: int, gap: float) 
 
     Parameters
     ----------
-    ground : Ground
-    leaf : int, in which the feature of the terrain is
-    kind : int, kind of pair
-    own : int, feature of the rock
-    other : int, feature of the terrain
     gap : float [m]
     """
     search = ground.search[0]
@@ -124,13 +109,7 @@ def add(ground: Ground, leaf: int, kind: int, own: int, other: int, gap: float) 
 
 @inlined
 def drop(ground: Ground, leaf: int) -> None:
-    """Take the pairs of a leaf off the list.
-
-    Parameters
-    ----------
-    ground : Ground
-    leaf : int
-    """
+    """Take the pairs of a leaf off the list."""
     search, pairs, dues, kept = ground.search[0], ground.pairs, ground.dues, 0
     for n in range(search.pairs):
         if pairs[n].leaf == leaf:
@@ -150,13 +129,7 @@ def beside(plates: Array, number: int, x: float, y: float, z: float, margin: flo
     Parameters
     ----------
     plates : ndarray, shape (m, 16), planes of triangles and of their sides
-    number : int, of a triangle
-    x, y, z : float
     margin : float [m]
-
-    Returns
-    -------
-    bool
     """
     for k in range(4, 16, 4):
         within = plates[number, k] * x + plates[number, k + 1] * y + plates[number, k + 2] * z
@@ -229,12 +202,10 @@ def between(
     Parameters
     ----------
     x, y, z : float [m], beginning of the second from that of the first
-    e, f, g : float, direction of the first
     own : float [m], its length
     along : ndarray, shape (3,), direction of the second
     other : float [m], its length
     on_own, on_other : float [m], where each has the other's beginning beside it
-    cosine : float, of the angle between them
 
     Returns
     -------

@@ -19,9 +19,6 @@ def find(body: Body, rock: Motion, points: Points, time_step: float, speed: floa
 
     Parameters
     ----------
-    body : Body
-    rock : record of ``MOTION``
-    points : array of ``POINT``, changed
     time_step : float [s]
     speed : float [m/s], that what pushes the rock adds in a step
     """

@@ -19,7 +19,6 @@ def excess(point: Points, k: int, velocity: Array) -> float:
 
     Parameters
     ----------
-    point : record of ``POINT``
     k : int, 0 along the normal, 1 and 2 along the tangents
     velocity : ndarray, shape (6,) [m/s] and [rad/s]
 
@@ -45,8 +44,6 @@ def add_impulse(point: Points, share: float, velocity: Array) -> None:
 
     Parameters
     ----------
-    point : record of ``POINT``
-    share : float
     velocity : ndarray, shape (6,) [m/s] and [rad/s]
     """
     for k in range(3):

@@ -49,9 +49,7 @@ def hold_back(body: Body, rock: Motion, points: Points, rounds: int, tolerance: 
 
     Parameters
     ----------
-    body : Body
     rock : record of ``MOTION``, with the velocity before the impact in ``approach``
-    points : array of ``POINT``; what the active ones that rebound want is changed
     rounds : int, in the search for the impulses, at most
     tolerance : float [m/s], error allowed of the velocity of a point
     """
@@ -83,10 +81,6 @@ def repay(body: Body, rock: Motion, points: Points, rounds: int, tolerance: floa
 
     Otherwise the velocity is that between the one found and the one without rebounds which gives
     just as much; its impulses keep to the ground and to the cone as both do.
-
-    Parameters
-    ----------
-    body, rock, points, rounds, tolerance : as of ``hold_back``; velocity and impulses are changed
     """
     given = _work(rock, points)
     slack = tolerance * math.sqrt(2.0 * _energy(rock, rock.velocity))

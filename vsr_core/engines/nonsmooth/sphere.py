@@ -25,8 +25,6 @@ def gather_sphere(ground: Ground, rock: Motion, radius: float, near: float) -> N
 
     Parameters
     ----------
-    ground : Ground, changed
-    rock : record of ``MOTION``
     radius, near : float [m]
     """
     search, place, reach = ground.search[0], rock.place, radius + near
@@ -62,10 +60,6 @@ def touch_sphere(
 
     Parameters
     ----------
-    ground : Ground
-    rock : record of ``MOTION``
-    point : record of ``POINT``, changed
-    kind, number : int, of the feature
     time_step : float [s]
     ahead : float [m], path of a step
     radius : float [m]

@@ -60,8 +60,6 @@ def step(
 
     Parameters
     ----------
-    body : Body
-    rock : record of ``MOTION``, changed
     points : array of ``POINT``, those found at the place of the rock
     push : ndarray, shape (3,) [m/s^2], gravity less the acceleration of the table
     time_step : float [s]
@@ -125,7 +123,6 @@ def drift(rock: Motion, time: float) -> None:
 
     Parameters
     ----------
-    rock : record of ``MOTION``
     time : float [s]
     """
     place, velocity, quaternion = rock.place, rock.velocity, rock.quaternion

@@ -15,13 +15,7 @@ SLIDING_SWEEPS = 6
 
 @compiled
 def begin(rock: Motion, points: Points) -> None:
-    """Take all impulses of active points away.
-
-    Parameters
-    ----------
-    rock : record of ``MOTION``
-    points : array of ``POINT``
-    """
+    """Take all impulses of active points away."""
     assign(rock.velocity, rock.free)
     for at in range(rock.active):
         points[points[at].active].impulse[:] = 0.0
@@ -29,13 +23,7 @@ def begin(rock: Motion, points: Points) -> None:
 
 @compiled
 def save(rock: Motion, points: Points) -> None:
-    """Remember all impulses of active points.
-
-    Parameters
-    ----------
-    rock : record of ``MOTION``
-    points : array of ``POINT``
-    """
+    """Remember all impulses of active points."""
     for at in range(rock.active):
         point = points[points[at].active]
         assign(point.saved, point.impulse)
@@ -43,13 +31,7 @@ def save(rock: Motion, points: Points) -> None:
 
 @compiled
 def go_back(rock: Motion, points: Points) -> None:
-    """Go back to the impulses that were saved, and to the velocity that they lead to.
-
-    Parameters
-    ----------
-    rock : record of ``MOTION``
-    points : array of ``POINT``
-    """
+    """Go back to the impulses that were saved, and to the velocity that they lead to."""
     assign(rock.velocity, rock.free)
     for at in range(rock.active):
         point = points[points[at].active]
@@ -59,14 +41,7 @@ def go_back(rock: Motion, points: Points) -> None:
 
 @compiled
 def sweep_together(rock: Motion, points: Points, friction: float) -> None:
-    """Move all impulses toward those that each point alone would need, by equal shares.
-
-    Parameters
-    ----------
-    rock : record of ``MOTION``
-    points : array of ``POINT``
-    friction : float
-    """
+    """Move all impulses toward those that each point alone would need, by equal shares."""
     number = rock.active
     for at in range(number):
         point = points[points[at].active]
@@ -85,15 +60,7 @@ def sweep(rock: Motion, points: Points, friction: float, most: int, tolerance: f
 
     Parameters
     ----------
-    rock : record of ``MOTION``, changed
-    points : array of ``POINT``, changed
-    friction : float
-    most : int, sweeps
     tolerance : float [m/s], change of a velocity at a point by its impulse
-
-    Returns
-    -------
-    bool
     """
     for _ in range(most):
         largest = 0.0

@@ -49,10 +49,7 @@ def corner(
 
     Parameters
     ----------
-    ground : Ground
-    rock : record of ``MOTION``
     point : record of ``POINT``, written where they may touch
-    own, other : int, corner and face
     time_step : float [s]
     ahead : float [m], path of a step
     drop : float [m], by which a face goes on beyond a concave edge
@@ -105,10 +102,7 @@ def vertex(
 
     Parameters
     ----------
-    ground : Ground
-    rock : record of ``MOTION``
     point : record of ``POINT``, written where they may touch
-    at, other : int, pair and vertex
     time_step : float [s]
     ahead : float [m], path of a step
     radius : float [m]
@@ -180,10 +174,7 @@ def edges(
 
     Parameters
     ----------
-    ground : Ground
-    rock : record of ``MOTION``
     point : record of ``POINT``, written where they may touch
-    own, other : int, edges
     time_step : float [s]
     ahead : float [m], path of a step
     radius : float [m]

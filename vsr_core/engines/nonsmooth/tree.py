@@ -112,12 +112,7 @@ class Ground(NamedTuple):
     above : ndarray of int, face of the rock that each vertex was last in front of
     corners : ndarray, shape (c, 3) [m], of the rock
     plates : ndarray, shape (m, 16), normal and offset of each triangle and of its sides
-    tree : Tree
-    shape : Shape
-    pairs : array of ``PAIR``
     dues : ndarray, path of the rock beside the leaf [m] before which a pair does not touch
-    search : array of one ``SEARCH``
-    own_face, own_edge : int, first face and edge of the rock
     flats, lines : int, flat faces and straight edges of the terrain
     """
 
@@ -141,17 +136,7 @@ class Ground(NamedTuple):
 
 
 def ground(rock: Rock, terrain: Terrain) -> Ground:
-    """Features of a rock and of its terrain, and a tree over them.
-
-    Parameters
-    ----------
-    rock : Rock
-    terrain : Terrain
-
-    Returns
-    -------
-    Ground
-    """
+    """Features of a rock and of its terrain, and a tree over them."""
     under, boxes, links, cones, plates = _sorted(terrain)
     points, own = np.empty((0, 3)), None
     if rock.shape != "sphere":
@@ -193,12 +178,7 @@ def _tree(boxes: Array, links: Indices, cones: Array) -> Tree:
 
 
 def forget(ground: Ground) -> None:
-    """Have the search begin anew, as at the first start.
-
-    Parameters
-    ----------
-    ground : Ground
-    """
+    """Have the search begin anew, as at the first start."""
     ground.search["reserve"], ground.search["way"] = -1.0, 0.0
     ground.search["leaves"] = ground.search["pairs"] = ground.search["full"] = 0
     ground.tree.due[:], ground.tree.ways[:], ground.tree.nears[:] = -np.inf, 0.0, 0.0

@@ -29,7 +29,6 @@ def feel(body: Body, rock: Motion, sample: Array, time_step: float, gravity: flo
 
     Parameters
     ----------
-    body : Body
     rock : record of ``MOTION``; ``push`` is written, the angular momentum changed
     sample : ndarray, shape (9,), of ``TableMotion.acceleration``
     time_step : float [s]

@@ -34,16 +34,7 @@ def assign_matrix(target: Array, source: Array) -> None:
 
 @compiled
 def cross(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Cross product of (a, b, c) and (x, y, z).
-
-    Parameters
-    ----------
-    a, b, c, x, y, z : float
-
-    Returns
-    -------
-    tuple of three floats
-    """
+    """Cross product of (a, b, c) and (x, y, z)."""
     return b * z - c * y, c * x - a * z, a * y - b * x
 
 
@@ -54,11 +45,6 @@ def product(matrix: Array, x: float, y: float, z: float) -> tuple[float, float, 
     Parameters
     ----------
     matrix : ndarray, shape (3, 3)
-    x, y, z : float
-
-    Returns
-    -------
-    tuple of three floats
     """
     return (
         matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
@@ -79,11 +65,6 @@ def turned(
     Parameters
     ----------
     turn_x, turn_y, turn_z : float [rad], rotation vector
-    w, x, y, z : float, quaternion
-
-    Returns
-    -------
-    tuple of four floats
     """
     square = 0.25 * (turn_x * turn_x + turn_y * turn_y + turn_z * turn_z)
     sine = 0.5 * _sinc(square)
@@ -113,7 +94,6 @@ def matrix(w: float, x: float, y: float, z: float, rotation: Array) -> None:
 
     Parameters
     ----------
-    w, x, y, z : float, quaternion
     rotation : ndarray, shape (3, 3)
     """
     rotation[0, 0] = 1.0 - 2.0 * (y * y + z * z)

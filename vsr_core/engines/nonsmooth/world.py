@@ -42,12 +42,7 @@ class NonsmoothWorld:
         self.put(scene.start or resting(scene))
 
     def put(self, state: State) -> None:
-        """Have the rock go on from a state.
-
-        Parameters
-        ----------
-        state : State
-        """
+        """Have the rock go on from a state."""
         set_state(self._motion, state, self._axes)
         begin(self._body, self._motion, self._step)
         if self._ground is not None:
@@ -108,12 +103,7 @@ class NonsmoothWorld:
         return self._given
 
     def state(self) -> State:
-        """Present state in SI units.
-
-        Returns
-        -------
-        State
-        """
+        """Present state in SI units."""
         return state_of(self._motion, self._step, self._axes)
 
     def contacts(self) -> tuple[int, float]:
@@ -161,13 +151,11 @@ def advance(
 
     Parameters
     ----------
-    body, rock, points : of the rock
     acceleration : ndarray, shape (n, 3) [m/s^2]
     substeps : int, steps for which a sample is held
     time_step : float [s]
     gravity : float [m/s^2]
     on_ground : bool, whether there is a pedestal
-    sweeps, residual : of the impulses
     """
     push = rock.push
     for n in range(len(acceleration)):
@@ -196,9 +184,7 @@ def advance_turning(
 
     Parameters
     ----------
-    body, rock, points : of the rock
     samples : ndarray, shape (n, 9), of ``TableMotion.acceleration``
-    time_step, gravity, on_ground, rounds, residual : as of ``advance``
 
     Returns
     -------
@@ -231,9 +217,7 @@ def advance_on(
 
     Parameters
     ----------
-    body, ground, rock, points : of the rock and what is under it
     acceleration : ndarray, shape (n, 3) [m/s^2], in the site's frame
-    substeps, time_step, gravity, sweeps, residual : as of ``advance``
     """
     push = rock.push
     for n in range(len(acceleration)):
@@ -251,8 +235,6 @@ def begin(body: Body, rock: Motion, time_step: float) -> None:
 
     Parameters
     ----------
-    body : Body
-    rock : record of ``MOTION``
     time_step : float [s]
     """
     rock.found = rock.near = rock.active = rock.kept = 0
@@ -272,8 +254,6 @@ def set_state(motion: Motion, state: State, axes: Array) -> None:
 
     Parameters
     ----------
-    motion : Motion, changed
-    state : State
     axes : ndarray, shape (3, 3), principal axes of the rock
     """
     turned = matrix_product(state.rotation, axes)
@@ -289,13 +269,8 @@ def state_of(motion: Motion, time_step: float, axes: Array) -> State:
 
     Parameters
     ----------
-    motion : Motion
     time_step : float [s]
     axes : ndarray, shape (3, 3), principal axes of the rock
-
-    Returns
-    -------
-    State
     """
     now = motion.copy()
     drift(now, -0.5 * time_step)

@@ -23,15 +23,6 @@ HEADER = 4
 def is_one(start: str) -> bool:
     r"""Whether a text is such a file.
 
-    Parameters
-    ----------
-    start : str
-        Its beginning.
-
-    Returns
-    -------
-    bool
-
     Examples
     --------
     >>> is_one("PEER\nevent\nACCELERATION\nNPTS=  100, DT= .0050 SEC")
@@ -46,13 +37,8 @@ def read(text: str, unit: str | None) -> Record:
 
     Parameters
     ----------
-    text : str
     unit : str or None
         Checked against the file's own.
-
-    Returns
-    -------
-    Record
 
     Raises
     ------

@@ -14,16 +14,6 @@ from vsr_core.motions.records.timed_columns import on_times
 def read(text: str, component: str | None, unit: str | None) -> Record:
     """The accelerations in a table's text.
 
-    Parameters
-    ----------
-    text : str
-    component, unit : str or None
-        See ``on_times``.
-
-    Returns
-    -------
-    Record
-
     Raises
     ------
     InvalidInput

@@ -36,15 +36,6 @@ _FORMAT = re.compile(r"\(\s*(\d+)\s*[IFE]\s*(\d+)(?:\.\d+)?\s*\)", re.IGNORECASE
 def is_one(start: str) -> bool:
     """Whether a text is such a file.
 
-    Parameters
-    ----------
-    start : str
-        Its beginning.
-
-    Returns
-    -------
-    bool
-
     Examples
     --------
     >>> is_one("Corrected acceleration    (Format v01.20 with 13 text lines)")
@@ -59,13 +50,8 @@ def read(text: str, unit: str | None) -> Record:
 
     Parameters
     ----------
-    text : str
     unit : str or None
         Checked against the file's own.
-
-    Returns
-    -------
-    Record
 
     Raises
     ------

@@ -21,9 +21,6 @@ class Reading:
 
     Attributes
     ----------
-    component : str or None, channel to take
-    unit : str or None, of the acceleration
-    response : bytes or None, StationXML of the instrument
     corners : tuple of four float or None [Hz], for the removal of the response
     """
 
@@ -38,14 +35,8 @@ def read(content: bytes, suffix: str, how: Reading) -> Record:
 
     Parameters
     ----------
-    content : bytes
     suffix : str
         Of the file's name; only SAC and plain tables are recognised by it.
-    how : Reading
-
-    Returns
-    -------
-    Record
 
     Raises
     ------

@@ -47,14 +47,6 @@ class Measures:
 def measures(trace: Trace) -> Measures:
     """Intensity measures of a motion that is not zero throughout.
 
-    Parameters
-    ----------
-    trace : Trace
-
-    Returns
-    -------
-    Measures
-
     References
     ----------
     Arias, A. (1970), in Seismic Design for Nuclear Power Plants, MIT Press: Arias intensity.
@@ -87,11 +79,8 @@ def spectrum(trace: Trace, frequencies: Array, damping: float = DAMPING) -> Arra
 
     Parameters
     ----------
-    trace : Trace
     frequencies : ndarray, shape (n,) [Hz]
         Of the oscillators.
-    damping : float
-        As a share of the critical.
 
     Returns
     -------
@@ -107,10 +96,6 @@ def spectrum(trace: Trace, frequencies: Array, damping: float = DAMPING) -> Arra
 
 def cav_increments(trace: Trace) -> Array:
     """Integral of the absolute acceleration over each interval; they add up to the CAV.
-
-    Parameters
-    ----------
-    trace : Trace
 
     Returns
     -------

@@ -14,13 +14,8 @@ def read(content: bytes, component: str | None, unit: str | None) -> Record:
 
     Parameters
     ----------
-    content : bytes
     component, unit : str or None
         See ``on_times``; times must state their unit.
-
-    Returns
-    -------
-    Record
 
     Raises
     ------

@@ -54,9 +54,7 @@ class Processing:
 
     Attributes
     ----------
-    order : str, ``paper``, ``standard`` or ``none``
     highpass, lowpass : float or None [Hz], corners (-3 dB of one pass); None leaves a filter out
-    poles : int, of each filter in one pass
     resample : float or None [1/s], new rate, band-limited
     """
 
@@ -74,11 +72,6 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
     ----------
     acceleration : ndarray, shape (n,) [m/s^2], finite
     interval : float [s]
-    how : Processing
-
-    Returns
-    -------
-    Trace
 
     Raises
     ------
@@ -114,12 +107,7 @@ def pad_length(how: Processing, interval: float) -> int:
 
     Parameters
     ----------
-    how : Processing, with a high-pass
     interval : float [s]
-
-    Returns
-    -------
-    int, samples
 
     Examples
     --------
@@ -137,9 +125,7 @@ def filtered(values: Array, interval: float, kind: str, corner: float, poles: in
     ----------
     values : ndarray, shape (n,)
     interval : float [s]
-    kind : str, ``lowpass`` or ``highpass``
     corner : float [Hz]
-    poles : int
 
     Returns
     -------

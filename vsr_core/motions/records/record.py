@@ -35,11 +35,7 @@ class Record:
     ----------
     acceleration : ndarray, shape (n,) or (n, channels) [m/s^2], nan where a sample is missing
     interval : float [s]
-    channels : tuple of str, one name per channel
-    station : str, as the file names it; may be empty
     source : str, format and origin in words
-    unit : str, of the acceleration in the file
-    repairs : tuple of str, what was repaired, in words
     """
 
     acceleration: Array
@@ -52,11 +48,6 @@ class Record:
 
     def channel(self, name: str | None) -> Record:
         """The record of one channel.
-
-        Parameters
-        ----------
-        name : str or None
-            Without one, the only channel.
 
         Returns
         -------
@@ -87,10 +78,6 @@ class Record:
 
 def factor(unit: str) -> float:
     """What one of a unit is in m/s^2.
-
-    Parameters
-    ----------
-    unit : str
 
     Returns
     -------
@@ -124,14 +111,6 @@ def factor(unit: str) -> float:
 def is_acceleration(unit: str) -> bool:
     """Whether a unit is one of acceleration.
 
-    Parameters
-    ----------
-    unit : str
-
-    Returns
-    -------
-    bool
-
     Examples
     --------
     >>> is_acceleration("cm/s^2"), is_acceleration("m")
@@ -143,14 +122,6 @@ def is_acceleration(unit: str) -> bool:
 def is_raw(unit: str) -> bool:
     """Whether a unit is that of an instrument's output, such as counts.
 
-    Parameters
-    ----------
-    unit : str
-
-    Returns
-    -------
-    bool
-
     Examples
     --------
     >>> is_raw("Counts"), is_raw("g")
@@ -161,14 +132,6 @@ def is_raw(unit: str) -> bool:
 
 def stated(in_file: str | None, given: str | None) -> str:
     """The unit of a file: what it states, or what is given where it states none.
-
-    Parameters
-    ----------
-    in_file, given : str or None
-
-    Returns
-    -------
-    str
 
     Raises
     ------

@@ -38,14 +38,6 @@ def sound(record: Record) -> Record:
 
     Short gaps are bridged by a straight line; missing samples at the ends are cut.
 
-    Parameters
-    ----------
-    record : Record, of one channel
-
-    Returns
-    -------
-    Record
-
     Raises
     ------
     InvalidInput
@@ -75,10 +67,6 @@ def sound(record: Record) -> Record:
 
 def settled(trace: Trace) -> None:
     """Refuse a processed motion that does not come to rest where it began.
-
-    Parameters
-    ----------
-    trace : Trace
 
     Raises
     ------

@@ -19,10 +19,6 @@ class RecordedMotion:
 
     Velocity and displacement are the exact integrals. Two motions are the same only if they are one
     object.
-
-    Attributes
-    ----------
-    trace : Trace
     """
 
     trace: Trace
@@ -33,12 +29,7 @@ class RecordedMotion:
 
         Parameters
         ----------
-        trace : Trace
         pga : float [g]
-
-        Returns
-        -------
-        RecordedMotion
         """
         factor = pga * GRAVITY / float(np.abs(trace.acceleration).max())
         return cls(Trace(factor * trace.acceleration, trace.interval))

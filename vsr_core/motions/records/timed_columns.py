@@ -40,18 +40,9 @@ def on_times(
     Parameters
     ----------
     time : Column [s]
-    others : list of Column
     component : str or None
         Name of the one to take; without it, those in a unit of acceleration or, if there is none,
         a single one without a unit (or in counts or volts, which is refused with the reason).
-    unit : str or None
-        Of columns that state none.
-    station, source : str
-        See ``Record``.
-
-    Returns
-    -------
-    Record
 
     Raises
     ------

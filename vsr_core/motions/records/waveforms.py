@@ -31,15 +31,10 @@ def read(
 
     Parameters
     ----------
-    content : bytes
     kind : str, ObsPy's name of the format
     unit : str or None, for formats that do not state one
     response : bytes or None, StationXML; with it the response is removed, to acceleration
     corners : tuple of float [Hz], of the cosine taper of the spectrum before that
-
-    Returns
-    -------
-    Record
 
     Raises
     ------
@@ -73,13 +68,8 @@ def from_stream(stream: Any, unit: str | None) -> Record:
 
     Parameters
     ----------
-    stream : obspy.Stream
     unit : str or None
         Of the samples, unless they are K-NET's or KiK-net's.
-
-    Returns
-    -------
-    Record
 
     Raises
     ------

@@ -42,14 +42,7 @@ MONITOR_EVERY = 10
 
 
 class Method(Protocol):
-    """What a method's module offers.
-
-    Attributes
-    ----------
-    LABEL : str, for a legend
-    NEEDS : tuple of str, import names of its libraries
-    SWEEP : tuple of settings to try, coarse to fine
-    """
+    """What a method's module offers."""
 
     LABEL: str
     NEEDS: tuple[str, ...]
@@ -57,11 +50,6 @@ class Method(Protocol):
 
     def build(self, scene: Scene, setting: Setting) -> Test:
         """Prepare a box or hull on a level pedestal for shaking tests.
-
-        Parameters
-        ----------
-        scene : Scene
-        setting : dict of float, one of ``SWEEP``
 
         Returns
         -------
@@ -71,40 +59,17 @@ class Method(Protocol):
 
 
 def names() -> list[str]:
-    """Names of the methods there are, installed or not.
-
-    Returns
-    -------
-    list of str
-    """
+    """Names of the methods there are, installed or not."""
     return sorted(module.name for module in pkgutil.iter_modules(__path__))
 
 
 def load(name: str) -> Method:
-    """Method by name; does not import its libraries.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    Method
-    """
+    """Method by name; does not import its libraries."""
     return cast(Method, importlib.import_module(f"{__name__}.{name}"))
 
 
 def missing(name: str) -> tuple[str, ...]:
-    """What a method needs and is not installed.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    tuple of str, import names
-    """
+    """What a method needs and is not installed."""
     return tuple(need for need in load(name).NEEDS if importlib.util.find_spec(need) is None)
 
 
@@ -115,7 +80,6 @@ def accelerations(pulse: CosinePulse, time_step: float) -> Array:
 
     Parameters
     ----------
-    pulse : CosinePulse
     time_step : float [s]
 
     Returns
@@ -137,7 +101,6 @@ def largest_tilt(
 
     Parameters
     ----------
-    advance : steps through the values it is given
     tilt : reads the present tilt [rad], nan if the method diverged
     drive : ndarray, shape (steps,), what the method drives its table by, one value a step
     until : float [rad]
@@ -184,10 +147,6 @@ def tilt_of(quaternion: Sequence[float]) -> float:
 def inertia(rock: Rock) -> Array:
     """Inertia tensor in the axes of the rest pose.
 
-    Parameters
-    ----------
-    rock : Rock
-
     Returns
     -------
     ndarray, shape (3, 3) [kg m^2]
@@ -197,10 +156,6 @@ def inertia(rock: Rock) -> Array:
 
 def touching_corners(rock: Rock) -> Array:
     """Corners that can touch a level pedestal up to a tilt of ``LYING``.
-
-    Parameters
-    ----------
-    rock : Rock
 
     Returns
     -------

@@ -42,17 +42,7 @@ BALL = 1e-3
 
 
 def build(scene: Scene, setting: Setting) -> Test:
-    """Test with gravity set in every step; a new world for every run, or one leaves traces.
-
-    Parameters
-    ----------
-    scene : Scene
-    setting : dict of float, one of ``SWEEP``
-
-    Returns
-    -------
-    Test
-    """
+    """Test with gravity set in every step; a new world for every run, or one leaves traces."""
     time_step, down = setting["time_step"], -scene.gravity
 
     def test(pulse: CosinePulse) -> float:

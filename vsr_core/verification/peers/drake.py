@@ -42,17 +42,7 @@ FORCE_X = 3
 
 
 def build(scene: Scene, setting: Setting) -> Test:
-    """Test whose forces are a trajectory that Drake reads by itself, one value a step.
-
-    Parameters
-    ----------
-    scene : Scene
-    setting : dict of float, one of ``SWEEP``
-
-    Returns
-    -------
-    Test
-    """
+    """Test whose forces are a trajectory that Drake reads by itself, one value a step."""
     drake = _library()
     time_step, mass = setting["time_step"], scene.rock.mass
     builder = drake.DiagramBuilder()

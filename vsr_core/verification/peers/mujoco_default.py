@@ -23,17 +23,7 @@ TIME_CONSTANT = 0.02
 
 
 def build(scene: Scene, setting: Setting) -> Test:
-    """Test with contacts that yield over ``TIME_CONSTANT``, whatever the step.
-
-    Parameters
-    ----------
-    scene : Scene
-    setting : dict of float, one of ``SWEEP``
-
-    Returns
-    -------
-    Test
-    """
+    """Test with contacts that yield over ``TIME_CONSTANT``, whatever the step."""
     return with_contact(scene, setting["time_step"], TIME_CONSTANT)
 
 
@@ -42,13 +32,8 @@ def with_contact(scene: Scene, time_step: float, time_constant: float) -> Test:
 
     Parameters
     ----------
-    scene : Scene
     time_step : float [s]
     time_constant : float [s], of the contacts
-
-    Returns
-    -------
-    Test
     """
     import mujoco
 
@@ -76,13 +61,8 @@ def model_of(scene: Scene, time_step: float, time_constant: float) -> mujoco.MjM
 
     Parameters
     ----------
-    scene : Scene
     time_step : float [s]
     time_constant : float [s], of the contacts
-
-    Returns
-    -------
-    mujoco.MjModel
     """
     import mujoco
 

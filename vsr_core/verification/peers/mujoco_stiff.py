@@ -15,16 +15,6 @@ SPRING_STEPS = 2.0
 
 
 def build(scene: Scene, setting: Setting) -> Test:
-    """Test with contacts whose time constant follows the step.
-
-    Parameters
-    ----------
-    scene : Scene
-    setting : dict of float, one of ``SWEEP``
-
-    Returns
-    -------
-    Test
-    """
+    """Test with contacts whose time constant follows the step."""
     time_step = setting["time_step"]
     return with_contact(scene, time_step, SPRING_STEPS * time_step)

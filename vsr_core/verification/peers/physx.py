@@ -42,17 +42,7 @@ UPWARD = (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)
 
 
 def build(scene: Scene, setting: Setting) -> Test:
-    """Test with a force set in every step; a new world for every run.
-
-    Parameters
-    ----------
-    scene : Scene
-    setting : dict of float, one of ``SWEEP``
-
-    Returns
-    -------
-    Test
-    """
+    """Test with a force set in every step; a new world for every run."""
     time_step, sapien = setting["time_step"], _library()
 
     def test(pulse: CosinePulse) -> float:

@@ -84,14 +84,9 @@ def build(scene: Scene, setting: Setting, coefficients: Coefficients | None = No
 
     Parameters
     ----------
-    scene : Scene
     setting : dict of float, one of ``SWEEP``; perhaps ``cells`` and ``half_width`` in place of
         ``CELLS`` and ``HALF_WIDTH``
     coefficients : Coefficients or None, for the friction of the scene's pair and no rebound
-
-    Returns
-    -------
-    Test
     """
     time_step = setting["time_step"]
     told = coefficients or Coefficients((scene.contact.friction, 1.0))

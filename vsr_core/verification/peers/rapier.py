@@ -46,17 +46,7 @@ BALL = 1e-3
 
 
 def build(scene: Scene, setting: Setting) -> Test:
-    """Test with gravity set in every step; a new world for every run.
-
-    Parameters
-    ----------
-    scene : Scene
-    setting : dict of float, one of ``SWEEP``
-
-    Returns
-    -------
-    Test
-    """
+    """Test with gravity set in every step; a new world for every run."""
     from rapier3d import Vec3
 
     time_step, down = setting["time_step"], -scene.gravity

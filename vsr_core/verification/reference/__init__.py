@@ -32,15 +32,12 @@ class Reference:
 
     Attributes
     ----------
-    name : str, unique
     answer : str, what it is compared with and the source; where an engine is known to be off, why
-    quantity : str, what the error is of, and what it is relative to
     tolerance : float, relative error kept at ``step`` by every one of ``engines``
     measure : callable (engine, time step [s]) -> relative error, at least 0; nan if it diverged
         Steps are shortened a little where a whole number of them has to fill a motion.
     step : float [s], time step at which the tolerance is promised
     order : float, order of convergence in the time step; None where the error is not smooth in it
-    engines : tuple of str, the engines that can hold it
     """
 
     name: str
@@ -67,13 +64,7 @@ def case(
 
     Parameters
     ----------
-    name, answer, tolerance, step, order, engines : as of ``Reference``
     error : callable (*given, engine, time step [s]) -> relative error
-    given : what it is to be called with
-
-    Returns
-    -------
-    Reference
     """
     quantity = (error.__doc__ or "").partition("\n")[0]
     measure = partial(error, *given)
@@ -81,10 +72,5 @@ def case(
 
 
 def cases() -> tuple[Reference, ...]:
-    """All cases, family by family.
-
-    Returns
-    -------
-    tuple of Reference
-    """
+    """All cases, family by family."""
     return tuple(case for module in modules(__name__).values() for case in module.CASES)

@@ -56,8 +56,6 @@ def run(engine: str, scene: Scene, time_step: float, acceleration: Array) -> Pat
 
     Parameters
     ----------
-    engine : str
-    scene : Scene
     time_step : float [s]
     acceleration : ndarray, shape (steps,) [m/s^2], of the table along +x, one for each step
 

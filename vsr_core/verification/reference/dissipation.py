@@ -92,11 +92,6 @@ def _scene(number: int, contact: Contact, cut: bool) -> Scene:
 def energy(rock: Rock, path: Path) -> Array:
     """Kinetic and potential energy per unit mass.
 
-    Parameters
-    ----------
-    rock : Rock
-    path : Path
-
     Returns
     -------
     ndarray, shape (n,) [m^2/s^2]
@@ -111,15 +106,8 @@ def rise(number: int, contact: Contact, cut: bool, engine: str, time_step: float
 
     Parameters
     ----------
-    number : int, of the hull
-    contact : Contact
     cut : bool, whether the ground is convex parts, else triangles
-    engine : str
     time_step : float [s]
-
-    Returns
-    -------
-    float
     """
     steps, step = whole(DURATION, time_step)
     path = run(engine, _scene(number, contact, cut), step, np.zeros(steps))
@@ -129,17 +117,7 @@ def rise(number: int, contact: Contact, cut: bool, engine: str, time_step: float
 
 
 def worst(hulls: int, contact: Contact, cut: bool, engine: str, time_step: float) -> float:
-    """Largest rise of the energy of any of some hulls, over g times its radius.
-
-    Parameters
-    ----------
-    hulls : int, number of them
-    contact, cut, engine, time_step : as of ``rise``
-
-    Returns
-    -------
-    float
-    """
+    """Largest rise of the energy of any of some hulls, over g times its radius."""
     return max(rise(number, contact, cut, engine, time_step) for number in range(hulls))
 
 

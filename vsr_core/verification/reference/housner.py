@@ -58,8 +58,6 @@ def rocking(block: Block, pulse: CosinePulse, times: Array) -> Array:
 
     Parameters
     ----------
-    block : Block
-    pulse : CosinePulse
     times : ndarray, shape (n,) [s], rising from 0
 
     Returns

@@ -63,7 +63,6 @@ class SlopeThrow:
 
     Attributes
     ----------
-    rock : callable, makes it
     rotation : ndarray, shape (3, 3)
     velocity : ndarray, shape (3,) [m/s]
     angular_velocity : ndarray, shape (3,) [rad/s]
@@ -98,14 +97,8 @@ def rebound(before: Motion, arm: Array, inertia: Array, restitution: float, mu: 
 
     Parameters
     ----------
-    before : Motion
     arm : ndarray, shape (3,) [m], from the centre of mass to the point
     inertia : ndarray, shape (3, 3) [m^2], about the centre of mass over mass
-    restitution, mu : float
-
-    Returns
-    -------
-    Motion
     """
     point = before.at(arm)
     yields = compliance(arm, inertia)
@@ -172,10 +165,7 @@ def thrown(
 
     Parameters
     ----------
-    throw : SlopeThrow
-    contact : Contact
     ground : Terrain, a slope of ``ANGLE`` through the origin
-    engine : str
     time_step : float [s]
 
     Returns
@@ -212,17 +202,9 @@ def error(
 
     Parameters
     ----------
-    throw : SlopeThrow
-    contact : Contact
     cell : float [m], of the ground's squares
     cut : bool, whether these are convex parts, else triangles
-    engine : str
     time_step : float [s]
-
-    Returns
-    -------
-    float
-        The larger of the two.
     """
     ground = slope(ANGLE, (-3.0, 3.0), 3.0, cell, cut)
     before, after, theory, _ = thrown(throw, contact, ground, engine, time_step)

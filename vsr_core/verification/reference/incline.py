@@ -35,7 +35,6 @@ def acceleration(angle: float, friction: float) -> tuple[float, float]:
     Parameters
     ----------
     angle : float [rad]
-    friction : float
 
     Returns
     -------
@@ -57,10 +56,6 @@ def ground(angle: float, cell: float, cut: bool) -> Terrain:
     angle : float [rad]
     cell : float [m], of its squares
     cut : bool, whether these are convex parts, else triangles
-
-    Returns
-    -------
-    Terrain
     """
     return slope(angle, (-1.0, LENGTH + 1.0), 1.0, cell, cut)
 
@@ -72,10 +67,7 @@ def descend(
 
     Parameters
     ----------
-    terrain : Terrain, from ``ground``
     angle : float [rad]
-    contact : Contact
-    engine : str
     time_step : float [s]
 
     Returns
@@ -99,15 +91,9 @@ def rolling(
     Parameters
     ----------
     angle : float [rad]
-    friction : float
     cell : float [m], of the ground's squares
     cut : bool, whether these are convex parts, else triangles
-    engine : str
     time_step : float [s]
-
-    Returns
-    -------
-    float
     """
     contact = Contact(friction)
     found = descend(ground(angle, cell, cut), angle, contact, engine, time_step)

@@ -90,8 +90,6 @@ def boundaries(
     Parameters
     ----------
     blocks : height [m] and slenderness of each
-    periods : PGV/PGA in units of sqrt(R / g)
-    engine : str
     time_step : float [s]
         Of a block of 1 x 1 x 2 m; those of others are the same share of sqrt(R / g).
 

@@ -42,7 +42,6 @@ class Wheel:
 
     Attributes
     ----------
-    sides : int
     angle : float [rad], of the slope
     """
 
@@ -91,16 +90,7 @@ class Wheel:
 
 @cache
 def prism(sides: int) -> Rock:
-    """The wheel as a hull, standing on a facet, its axis across.
-
-    Parameters
-    ----------
-    sides : int
-
-    Returns
-    -------
-    Rock
-    """
+    """The wheel as a hull, standing on a facet, its axis across."""
     turns = 2.0 * math.pi * (np.arange(sides) + 0.5) / sides
     x, z = RADIUS * np.sin(turns), RADIUS * np.cos(turns)
     ends = [np.column_stack([x, np.full(sides, y), z]) for y in (-0.5 * WIDTH, 0.5 * WIDTH)]
@@ -112,10 +102,8 @@ def rolled(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) 
 
     Parameters
     ----------
-    wheel : Wheel
     cell : float [m], of the ground's squares
     cut : bool, whether these are convex parts, else triangles
-    engine : str
     time_step : float [s]
 
     Returns
@@ -135,31 +123,13 @@ def rolled(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) 
 
 
 def distance(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> float:
-    """Error of the distance of twelve steps at terminal speed, relative to twelve facets.
-
-    Parameters
-    ----------
-    wheel, cell, cut, engine, time_step : as of ``rolled``
-
-    Returns
-    -------
-    float
-    """
+    """Error of the distance of twelve steps at terminal speed, relative to twelve facets."""
     path = rolled(wheel, cell, cut, engine, time_step)
     return abs(float(path.position[-1, 0]) / (STEPS * wheel.facet) - 1.0)
 
 
 def straightness(wheel: Wheel, cell: float, cut: bool, engine: str, time_step: float) -> float:
-    """How far it leaves its line in twelve steps, relative to twelve facets.
-
-    Parameters
-    ----------
-    wheel, cell, cut, engine, time_step : as of ``rolled``
-
-    Returns
-    -------
-    float
-    """
+    """How far it leaves its line in twelve steps, relative to twelve facets."""
     path = rolled(wheel, cell, cut, engine, time_step)
     return float(np.abs(path.position[:, 1]).max()) / (STEPS * wheel.facet)
 

@@ -57,10 +57,6 @@ def block(density: float = DENSITY) -> Rock:
     Parameters
     ----------
     density : float [kg/m^3]
-
-    Returns
-    -------
-    Rock
     """
     return solid.from_mesh(trimesh.creation.box(SIZE), density, as_scanned=True).rock
 
@@ -72,16 +68,9 @@ def energy_line(
 
     Parameters
     ----------
-    rock : Rock
     angle : float [rad], flatter than friction
-    contact : Contact
     ground : Terrain, a slope through the origin
-    engine : str
     time_step : float [s]
-
-    Returns
-    -------
-    float
     """
     slowing = GRAVITY * (contact.friction * math.cos(angle) - math.sin(angle))
     flat = upright((0.0, 0.0, 0.5 * SIZE[2] + ABOVE), (SPEED, 0.0, 0.0))
@@ -99,15 +88,9 @@ def sliding(
     Parameters
     ----------
     angle : float [rad], of the slope
-    contact : Contact
     cell : float [m], of the ground's squares
     cut : bool, whether these are convex parts, else triangles
-    engine : str
     time_step : float [s]
-
-    Returns
-    -------
-    float
     """
     ground = slope(angle, (-1.0, 11.0), 3.0, cell, cut)
     found = energy_line(block(), angle, contact, ground, engine, time_step)
@@ -173,11 +156,7 @@ def bending(
 
     Parameters
     ----------
-    bend : Bend
-    contact : Contact
-    facets : int, chords of its arc
     cut : bool, whether the ground is convex parts, else triangles
-    engine : str
     time_step : float [s]
 
     Returns

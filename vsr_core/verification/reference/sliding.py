@@ -67,7 +67,6 @@ def slide(pulse: CosinePulse, resisting: float, times: Array) -> Array:
 
     Parameters
     ----------
-    pulse : CosinePulse
     resisting : float [m/s^2], friction times gravity
     times : ndarray, shape (n,) [s]
 

@@ -37,7 +37,6 @@ class Measured:
     ----------
     measured, expected : float, in the unit that the case's reference states
     error : float, as the reference states it; not a number if the answer is of the wrong kind
-    note : str
     """
 
     measured: float
@@ -63,10 +62,6 @@ class ExtremeCase:
 
     Attributes
     ----------
-    name : str, unique
-    parameter : str, what is varied in the family
-    value : float, of that, in ``unit``
-    unit : str
     reference : str, what is measured, its reference, and what the error is relative to
     tolerance : float, largest error that is right
     measure : callable, raises ``InvalidInput`` where the program refuses or gives no outcome
@@ -83,12 +78,7 @@ class ExtremeCase:
     family: str = ""
 
     def run(self) -> Finding:
-        """Measure and judge.
-
-        Returns
-        -------
-        Finding
-        """
+        """Measure and judge."""
         try:
             found = self.measure()
         except InvalidInput as refusal:
@@ -115,13 +105,7 @@ def sweep(
     ----------
     name : str, in which {x} stands for the value, {m} for a thousand times it, {engine} for that
     varied : parameter, its unit, reference and tolerance
-    values : iterable of float
     measure : callable (value, engine), as of ``ExtremeCase``
-    engines : iterable of str
-
-    Returns
-    -------
-    tuple of ExtremeCase
     """
     parameter, unit, reference, tolerance = varied
     return tuple(
@@ -153,12 +137,7 @@ def families() -> dict[str, str]:
 
 
 def cases() -> dict[str, ExtremeCase]:
-    """All cases, family by family.
-
-    Returns
-    -------
-    dict of ExtremeCase by name
-    """
+    """All cases, family by family."""
     return {
         case.name: replace(case, family=name)
         for name, module in modules(__name__).items()

@@ -17,7 +17,6 @@ def slip(motion: GroundMotion, friction: float, rest: float = 2.0) -> float:
 
     Parameters
     ----------
-    motion : GroundMotion
     friction : float, Coulomb's coefficient
     rest : float [s], time after the motion
     """

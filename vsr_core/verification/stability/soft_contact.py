@@ -33,14 +33,7 @@ def springs(
 
     Parameters
     ----------
-    rock : Rock
     stiffness : float [N/m], of a point of contact
-    damping : float, share of the critical one
-    restitution : float
-
-    Returns
-    -------
-    Contact
     """
     dashpot = damping * math.sqrt(stiffness * rock.mass)
     return Contact(GRIPPING, restitution, stiffness=stiffness, damping=dashpot)
@@ -48,12 +41,6 @@ def springs(
 
 def fine(rock: Rock, contact: Contact, share: float = 0.7) -> float:
     """A ``share`` of the longest time step [s] that the program takes for those springs.
-
-    Parameters
-    ----------
-    rock : Rock
-    contact : Contact, with a stiffness
-    share : float, of the longest step
 
     Returns
     -------
@@ -67,14 +54,7 @@ def sink(rock: Rock, contact: Contact, step: float, engine: str = "bullet") -> M
 
     Parameters
     ----------
-    rock : Rock
-    contact : Contact, with a stiffness
     step : float [s]
-    engine : str
-
-    Returns
-    -------
-    Measured
     """
     world = checked_world(Scene(rock, contact), step, engine)
     world.advance([0.0] * 100)

@@ -50,12 +50,7 @@ class Limits:
 
 
 def limits() -> Limits:
-    """Limits on the map.
-
-    Returns
-    -------
-    Limits
-    """
+    """Limits on the map."""
     rock = box(*SIZE)
     finite = [k for k in STIFFNESSES if math.isfinite(k)]
     return Limits(

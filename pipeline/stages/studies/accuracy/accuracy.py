@@ -28,21 +28,7 @@ FILE, TABLE, PAGE, PICTURE = "accuracy.nc", "accuracy.csv", "accuracy.html", "wo
 
 
 def make(job: Job) -> Product:
-    """Compare ways of running on the site's own rows, and run the reference suite.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-
-    Raises
-    ------
-    InputError
-        For a terrain, or motions that are no pulses.
-    """
+    """Compare ways of running on the site's own rows, and run the reference suite."""
     if job.config.on_terrain:
         raise InputError(
             Problem(

@@ -20,10 +20,6 @@ def measured(table: pd.DataFrame) -> pd.DataFrame:
     ----------
     table : DataFrame
         With the records of the accuracy stage as rows.
-
-    Returns
-    -------
-    DataFrame
     """
     found = table[(table["part"] == "method") & (table["cpu_s"] != "")]
     found = found.astype({"own": bool, "error": float, "cpu_s": float, "step": float})
@@ -37,11 +33,6 @@ def cheapest(table: pd.DataFrame, tolerance: float) -> pd.DataFrame:
     ----------
     table : DataFrame
         With the records of the accuracy stage as rows.
-    tolerance : float
-
-    Returns
-    -------
-    DataFrame
     """
     found = measured(table)
     good = found[found["error"] <= tolerance].sort_values("cpu_s", kind="stable")
@@ -56,12 +47,6 @@ def work_precision(table: pd.DataFrame, tolerance: float, title: str) -> Figure:
     ----------
     table : DataFrame
         With the records of the accuracy stage as rows.
-    tolerance : float
-    title : str
-
-    Returns
-    -------
-    Figure
     """
     figure = Figure(figsize=(6.6, 4.3), layout="constrained")
     axes = figure.add_subplot()
@@ -106,13 +91,7 @@ def boundary_convergence(
     Parameters
     ----------
     steps : ndarray [ms]
-    errors : list of the name of a row and its errors; the last is what most rows keep
     chosen : float [ms]
-    tolerance : float
-
-    Returns
-    -------
-    Figure
     """
     figure = Figure(figsize=(6.6, 3.9), layout="constrained")
     axes = figure.add_subplot()
@@ -150,17 +129,7 @@ def boundary_convergence(
 
 @styled
 def suite_convergence(suite: pd.DataFrame) -> Figure:
-    """Error of each case of the reference suite against the time step, one panel an engine.
-
-    Parameters
-    ----------
-    suite : DataFrame
-        With the records of the suite as rows.
-
-    Returns
-    -------
-    Figure
-    """
+    """Error of each case of the reference suite against the time step, one panel an engine."""
     engines = suite.groupby("engine")
     figure = Figure(figsize=(9.0, 4.6), layout="constrained")
     panels = figure.subplots(1, engines.ngroups, sharey=True, squeeze=False)[0]

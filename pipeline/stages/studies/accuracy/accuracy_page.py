@@ -40,17 +40,8 @@ def facts(
 
     Parameters
     ----------
-    site : str
-    config : Config
-    table : DataFrame
-        With the records as rows.
-    targets : dict of the rows
     chosen : Dataset, what the stage of the time step measured and chose
     diagram : Figure, error against CPU time
-
-    Returns
-    -------
-    dict
     """
     tolerance = config.simulation.tolerance
     part = {name: table[table["part"] == name] for name in ("method", "sweep", "cells")}

@@ -55,7 +55,6 @@ class SampledCell(NamedTuple):
     Attributes
     ----------
     yaw, pgv_pga, pga : float [degree], [s], [g]
-    outcomes : dict of int
     """
 
     yaw: float
@@ -69,12 +68,7 @@ FINE = "fine"
 
 
 def installed() -> tuple[str, ...]:
-    """List the engines whose library is there.
-
-    Returns
-    -------
-    tuple of str, the default first
-    """
+    """List the engines whose library is there."""
     found = []
     for name in engines.names():
         try:
@@ -95,17 +89,7 @@ def _places(rock: Rock) -> list[Place]:
 
 
 def find_targets(job: Job, study: Study) -> dict[Place, Target]:
-    """Find what is right on the rows of the site that something topples.
-
-    Parameters
-    ----------
-    job : Job
-    study : Study
-
-    Returns
-    -------
-    dict of Target
-    """
+    """Find what is right on the rows of the site that something topples."""
     names = installed()
     batches = (Batch(yaw, ((ratio, names),)) for yaw, ratio in _places(study.scenes.rock))
     job.log("accuracy: references of the boundaries")
@@ -115,18 +99,7 @@ def find_targets(job: Job, study: Study) -> dict[Place, Target]:
 
 
 def score_ways(job: Job, study: Study, targets: dict[Place, Target]) -> list[Record]:
-    """Score every way of running on every row, summed up over the rows.
-
-    Parameters
-    ----------
-    job : Job
-    study : Study
-    targets : dict of Target
-
-    Returns
-    -------
-    list of Record
-    """
+    """Score every way of running on every row, summed up over the rows."""
     case = _case(study, 0.0)
     engine, friction = job.config.engine, job.config.contact.friction[0]
     ways = [("project", name) for name in installed()]
@@ -173,17 +146,7 @@ def _kept(errors: list[float]) -> float:
 
 
 def sample_cells(job: Job, study: Study) -> list[SampledCell]:
-    """Run random cells of the grid in every engine, and at a sixteenth of the step.
-
-    Parameters
-    ----------
-    job : Job, of pulses
-    study : Study
-
-    Returns
-    -------
-    list of SampledCell
-    """
+    """Run random cells of the grid in every engine, and at a sixteenth of the step."""
     config = job.config
     assert isinstance(config.motion, PulseConfig)
     own, names = study.settings(config.contact.friction[0]), installed()
@@ -214,16 +177,7 @@ def sample_cells(job: Job, study: Study) -> list[SampledCell]:
 
 
 def compare_cells(cells: list[SampledCell]) -> list[Record]:
-    """Tell the share of cells whose outcome differs between engines, and from the finer step.
-
-    Parameters
-    ----------
-    cells : list of SampledCell
-
-    Returns
-    -------
-    list of Record
-    """
+    """Tell the share of cells whose outcome differs between engines, and from the finer step."""
     return [
         record(
             "cells",
@@ -241,16 +195,7 @@ def _side(outcome: int) -> int:
 
 
 def run_suite(job: Job) -> list[Record]:
-    """Run every case of the reference suite in every engine, at each of ``STEPS``.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    list of Record
-    """
+    """Run every case of the reference suite in every engine, at each of ``STEPS``."""
     cases = {case.name: case for case in reference.cases()}
     there = installed()
     items = [
@@ -278,12 +223,7 @@ def run_suite(job: Job) -> list[Record]:
 
 
 def absent_peers() -> list[Record]:
-    """List the peers whose libraries are not installed.
-
-    Returns
-    -------
-    list of Record
-    """
+    """List the peers whose libraries are not installed."""
     return [
         record("method", peers.load(name).LABEL, note=f"not installed: {', '.join(absent)}")
         for name in peers.names()
@@ -292,16 +232,6 @@ def absent_peers() -> list[Record]:
 
 
 def record(part: str, method: str, setting: str = "", **values: Any) -> Record:
-    """Make a line of the table.
-
-    Parameters
-    ----------
-    part, method, setting : str
-    values : the other columns; what is not given is empty
-
-    Returns
-    -------
-    Record
-    """
+    """Make a line of the table."""
     empty = dict.fromkeys(COLUMNS, "")
     return empty | {"part": part, "method": method, "setting": setting, "own": False} | values

@@ -35,9 +35,6 @@ class Way(NamedTuple):
 
     Attributes
     ----------
-    part : str, of the table: ``method`` or ``sweep``
-    method, setting : str, as the table shows them
-    own : bool, whether it is this project's
     step : float, time step, in units of sqrt(radius / g) of this project's, else [s]
     """
 
@@ -66,12 +63,7 @@ def find_target(case: Case, items: tuple[tuple[float, tuple[str, ...]], ...]) ->
 
     Parameters
     ----------
-    case : Case
     items : tuple of (PGV/PGA [s], names of the engines to ask)
-
-    Returns
-    -------
-    list of Target
     """
     return [work_precision.target(case, pgv_pga, names) for pgv_pga, names in items]
 
@@ -83,7 +75,6 @@ def score(
 
     Parameters
     ----------
-    shared : Case, Target and Settings
     items : tuple of (kind, name)
 
     Returns
@@ -134,12 +125,7 @@ def run_cells(
 
     Parameters
     ----------
-    shared : Case and tuple of Settings
     items : tuple of (PGV/PGA [s], PGA [m/s^2])
-
-    Returns
-    -------
-    list of tuple of int, outcomes
     """
     case, every = shared
     return [

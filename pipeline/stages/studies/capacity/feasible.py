@@ -42,25 +42,7 @@ _COLUMNS = {
 
 
 def make(job: Job, name: str, export: Path | None) -> list[str]:
-    """Write the products, and the commands if wanted.
-
-    Parameters
-    ----------
-    job : Job
-    name : str
-        A table in ``configs/tables``, or a path.
-    export : Path or None
-        Folder of the commands.
-
-    Returns
-    -------
-    list of str, what to tell the user
-
-    Raises
-    ------
-    InputError
-        For a table that is not known or wrong, and for motions that are no pulses.
-    """
+    """Write the products, and the commands if wanted."""
     config, file = table_limits_schema.load(name)
     motion = job.config.motion
     if not isinstance(motion, PulseConfig):

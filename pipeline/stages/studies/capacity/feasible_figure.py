@@ -31,14 +31,8 @@ def feasible_grid(feasible: xr.Dataset, responses: xr.Dataset | None) -> Figure:
 
     Parameters
     ----------
-    feasible : Dataset
-        As in ``feasible.nc``.
     responses : Dataset or None
         As in ``responses.nc``; its first friction is drawn.
-
-    Returns
-    -------
-    Figure
     """
     figure = Figure(figsize=(5.6, 5.2))
     axes = figure.add_axes((0.11, 0.24, 0.86, 0.69))

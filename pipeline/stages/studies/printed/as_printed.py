@@ -50,22 +50,7 @@ OVERTURNED = 1.0
 
 
 def make(job: Job) -> Product:
-    """Run a thin grid of pulses with each setting.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Product
-        ``as_printed.nc``.
-
-    Raises
-    ------
-    InputError
-        For motions that are no pulses.
-    """
+    """Run a thin grid of pulses with each setting."""
     motion = job.config.motion
     if not isinstance(motion, PulseConfig):
         rule, remedy = "the grid is one of cosine pulses", "use a site or study of cosine pulses"
@@ -96,14 +81,6 @@ def make(job: Job) -> Product:
 def thinned(values: tuple[float, ...]) -> tuple[float, ...]:
     """Some of many values, evenly spaced, from after the first to the last.
 
-    Parameters
-    ----------
-    values : tuple of float
-
-    Returns
-    -------
-    tuple of float, ``CELLS`` at the most
-
     Examples
     --------
     >>> thinned(tuple(range(15)))
@@ -120,12 +97,7 @@ def run_cells(
 
     Parameters
     ----------
-    shared : name of the setting, and the scene
     cells : tuple of PGV/PGA [s] and PGA [g]
-
-    Returns
-    -------
-    list of float or None, 1 overturned, 0 not; None where the simulation diverged
     """
     name, scene = shared
     table = WIDE_TABLE if name == WIDE else {}

@@ -46,10 +46,6 @@ _ENDS = {"last_balanced_pga": "stands", "first_overturning_pga": "topples"}
 def make(job: Job) -> Product:
     """Follow a pulse and a rougher motion, and look for the boundary with and without a servo.
 
-    Parameters
-    ----------
-    job : Job
-
     Returns
     -------
     Product
@@ -138,18 +134,9 @@ def _shift(dataset: xr.Dataset) -> str:
 def inputs(site: Site) -> dict[str, str]:
     """The servo, which the configuration leaves out where it is idle, and the records.
 
-    Parameters
-    ----------
-    site : Site
-
     Returns
     -------
     dict, the servo's settings, and digests of the records by their names
-
-    Raises
-    ------
-    InputError
-        For a servo whose sampled loop is unstable.
     """
     servo = in_si.servo(site.config.servo)
     try:

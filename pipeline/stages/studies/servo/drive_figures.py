@@ -21,17 +21,7 @@ _LAY = 1.0
 
 @style.styled
 def tracking(drive: xr.Dataset) -> Figure:
-    """Velocity wanted and measured in the pulse (the paper's Fig. 7a), and their difference.
-
-    Parameters
-    ----------
-    drive : Dataset
-        As in ``drive.nc``.
-
-    Returns
-    -------
-    Figure
-    """
+    """Velocity wanted and measured in the pulse (the paper's Fig. 7a), and their difference."""
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.2))
     cases = [case for case in split(drive, "row_size") if case["case_motion"].item() == A_PULSE]
@@ -55,17 +45,7 @@ def tracking(drive: xr.Dataset) -> Figure:
 
 @style.styled
 def disturbed(drive: xr.Dataset) -> Figure:
-    """The rough motion while the rock topples (the paper's Fig. 7b), and the push closely.
-
-    Parameters
-    ----------
-    drive : Dataset
-        As in ``drive.nc``.
-
-    Returns
-    -------
-    Figure
-    """
+    """The rough motion while the rock topples (the paper's Fig. 7b), and the push closely."""
     figure = Figure(figsize=(6.4, 6.0), layout="constrained")
     upper, middle, lower = figure.subplots(3, 1, height_ratios=(1.6, 0.8, 1.4))
     case = split(drive, "row_size")[-1]
@@ -102,17 +82,7 @@ def disturbed(drive: xr.Dataset) -> Figure:
 
 @style.styled
 def boundaries(drive: xr.Dataset) -> Figure:
-    """First overturning with each way to drive the table.
-
-    Parameters
-    ----------
-    drive : Dataset
-        As in ``drive.nc``.
-
-    Returns
-    -------
-    Figure
-    """
+    """First overturning with each way to drive the table."""
     figure = Figure(figsize=(5.6, 4.6), layout="constrained")
     axes = figure.add_subplot()
     ratio = drive["pgv_pga"].values

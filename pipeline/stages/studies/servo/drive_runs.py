@@ -103,16 +103,7 @@ def _boundary(case: Case, ratio: float, levels: list[float], step: float) -> Bra
 
 
 def drives(own: Servo) -> list[Drive]:
-    """List the table's frame, the published servo in two ways, and the site's if it is another.
-
-    Parameters
-    ----------
-    own : Servo, the site's
-
-    Returns
-    -------
-    list of Drive
-    """
+    """List the table's frame, the published servo in two ways, and the site's if it is another."""
     drives = [
         Drive("table's own frame", None),
         Drive("published servo, a command each period", PUBLISHED),
@@ -132,16 +123,7 @@ class Rough(NamedTuple):
 
 
 def rough(site: Site) -> Rough:
-    """The record of the largest PGV/PGA of a site, or a made motion where it has none.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    Rough
-    """
+    """The record of the largest PGV/PGA of a site, or a made motion where it has none."""
     motion = site.config.motion
     if isinstance(motion, RecordConfig):
         longest = record_inputs.load(site, motion)[-1]  # they ascend
@@ -157,14 +139,7 @@ def tracks(
 
     Parameters
     ----------
-    scenes : Scenes
     drives : list of Drive, the first the table's own frame
-    waves : Rough
-
-    Returns
-    -------
-    tracks : dict of TableHistory by motion and drive
-    records : list of dict, lines of the table
     """
     step, place = STEP_SHARE * step_unit(scenes.level_rock), groups(scenes.config)[0]
     found: dict[Followed, TableHistory] = {}
@@ -240,8 +215,6 @@ def rows(job: Job, scenes: Scenes, drives: list[Drive]) -> dict[tuple[str, float
 
     Parameters
     ----------
-    job : Job
-    scenes : Scenes
     drives : list of Drive, the first the table's own frame
 
     Returns

@@ -31,10 +31,6 @@ _DIED = Finding(
 def make(job: Job) -> Product:
     """Run all cases and say what became of them.
 
-    Parameters
-    ----------
-    job : Job
-
     Returns
     -------
     Product
@@ -59,17 +55,7 @@ def make(job: Job) -> Product:
 
 
 def run_cases(shared: None, names: tuple[str, ...]) -> list[Finding]:
-    """Run cases on a worker.
-
-    Parameters
-    ----------
-    shared : None
-    names : tuple of str
-
-    Returns
-    -------
-    list of Finding, one a name
-    """
+    """Run cases on a worker."""
     cases = stability.cases()
     return [cases[name].run() for name in names]
 

@@ -40,11 +40,6 @@ def stability_map(points: pd.DataFrame, limits: Limits) -> Figure:
     Parameters
     ----------
     points : DataFrame, with ``time_step`` [s], ``stiffness`` [N/m] and ``verdict``
-    limits : Limits
-
-    Returns
-    -------
-    Figure
     """
     figure = Figure(figsize=(7.2, 4.9), layout="constrained")
     axes = figure.add_subplot()

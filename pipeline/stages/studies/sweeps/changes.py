@@ -24,8 +24,6 @@ class Change:
 
     Attributes
     ----------
-    label : str
-    is_reference : bool
     mean, low, high : float, change of the boundary [1]: geometric mean, 10 and 90 % of all rows
     apart, rows : int, rows whose boundaries are apart, and all that can be compared
     lost : int, rows with a boundary at the reference where nothing topples here
@@ -55,34 +53,13 @@ class Change:
 
 
 def along(data: xr.Dataset, sweep: Sweep, dimension: Dimension) -> xr.Dataset:
-    """The part along one dimension, at the references of all others.
-
-    Parameters
-    ----------
-    data : Dataset, of a study
-    sweep : Sweep
-    dimension : Dimension
-
-    Returns
-    -------
-    Dataset
-    """
+    """The part along one dimension, at the references of all others."""
     others = {one.name: one.reference for one in sweep.dimensions if one is not dimension}
     return data.isel(others)
 
 
 def changes(data: xr.Dataset, dimension: Dimension) -> list[Change]:
-    """Compare each place along a dimension with the reference.
-
-    Parameters
-    ----------
-    data : Dataset, from ``along``
-    dimension : Dimension
-
-    Returns
-    -------
-    list of Change
-    """
+    """Compare each place along a dimension with the reference."""
     name = dimension.name
     members = [data.isel({name: n}) for n in range(data.sizes[name])]
     reference = filled(members[dimension.reference])
@@ -129,10 +106,6 @@ def _interval(data: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
 def never_as_infinite(data: xr.Dataset) -> xr.DataArray:
     """Boundaries, infinite where nothing topples, so that medians count those rows.
 
-    Parameters
-    ----------
-    data : Dataset
-
     Returns
     -------
     DataArray [g]
@@ -144,14 +117,6 @@ def filled(data: xr.Dataset) -> xr.Dataset:
     """Boundaries also on rows that were not run, straight between neighbours in the logarithms.
 
     Motions of another kind may have a PGV/PGA between those of a grid.
-
-    Parameters
-    ----------
-    data : Dataset, of one place
-
-    Returns
-    -------
-    Dataset
     """
     ran = (data["outcome"] >= 0).any([dim for dim in data["outcome"].dims if dim != "pgv_pga"])
     if "pgv_pga" not in data.dims or bool(ran.all()):
@@ -184,10 +149,6 @@ def collapsed(data: xr.Dataset) -> xr.Dataset | None:
     Rocks of one shape topple alike at the same PGA if PGV/PGA goes with the time sqrt(R / g); the
     steady acceleration that topples a rock is the unit of the PGA of slender ones.
 
-    Parameters
-    ----------
-    data : Dataset, from ``along``
-
     Returns
     -------
     Dataset or None
@@ -201,11 +162,6 @@ def collapsed(data: xr.Dataset) -> xr.Dataset | None:
 
 def spread(own: xr.Dataset, dimension: Dimension) -> tuple[float, float]:
     """How far apart the boundaries in the rock's own units are.
-
-    Parameters
-    ----------
-    own : Dataset, from ``collapsed``
-    dimension : Dimension
 
     Returns
     -------

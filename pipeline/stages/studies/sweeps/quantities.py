@@ -12,21 +12,7 @@ _NUMBERS = re.compile(r"[-+.\dex ]+")
 
 
 def quantity(key: str) -> tuple[str, str]:
-    """What a swept key means, and its unit: as datasets have it, or else the configuration.
-
-    Parameters
-    ----------
-    key : str, dotted
-
-    Returns
-    -------
-    text, unit : str
-
-    >>> quantity("contact.friction")
-    ('Coulomb friction of the pair rock-pedestal', '1')
-    >>> quantity("simulation.time_step")
-    ('time step', 's')
-    """
+    """What a swept key means, and its unit: as datasets have it, or else the configuration."""
     if key in GRIDS:
         entry = catalogue()[GRIDS[key]]
         return entry["long_name"], entry["units"]
@@ -35,35 +21,16 @@ def quantity(key: str) -> tuple[str, str]:
 
 
 def axis_label(dimension: Dimension) -> str:
-    """Label of an axis along a dimension.
-
-    Parameters
-    ----------
-    dimension : Dimension
-
-    Returns
-    -------
-    str
-    """
+    """Label of an axis along a dimension."""
     return labelled(*quantity(dimension.key))
 
 
 def places(dimension: Dimension) -> list[str]:
     """What to call each place along a dimension, with the unit of its numbers.
 
-    Parameters
-    ----------
-    dimension : Dimension
-
     Returns
     -------
-    list of str
-
     >>> places(Dimension("yaw", {"yaw": (0, 90)}, ("0", "90"), 0, gridded=True))
-    ['0 deg', '90 deg']
-    >>> key = "simulation.time_step"
-    >>> places(Dimension("step", {key: ("auto", 0.01)}, ("auto", "0.01"), 0, gridded=False))
-    ['auto', '0.01 s']
     """
     unit = spelled(quantity(dimension.key)[1])
     return [

@@ -26,13 +26,7 @@ def headline(sweep: Sweep, found: list[str], site: str) -> str:
 
     Parameters
     ----------
-    sweep : Sweep
     found : list of str, what is said of each dimension; none where no boundary was computed
-    site : str
-
-    Returns
-    -------
-    str
     """
     if not found:
         sizes = [
@@ -44,18 +38,7 @@ def headline(sweep: Sweep, found: list[str], site: str) -> str:
 
 
 def about(dimension: Dimension, changes: list[Change], spread: tuple[float, float] | None) -> str:
-    """Say how far the boundary moves along a dimension, and whether that is more than its error.
-
-    Parameters
-    ----------
-    dimension : Dimension
-    changes : list of Change
-    spread : how far apart the boundaries are in the rock's own units, where the rock changes
-
-    Returns
-    -------
-    str
-    """
+    """Say how far the boundary moves along a dimension, and whether that is more than its error."""
     own = ""
     if spread is not None and np.isfinite(spread[0]):
         own = (

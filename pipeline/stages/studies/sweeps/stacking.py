@@ -26,11 +26,6 @@ TITLE = "Study"
 def stacked(swept: Swept, job: Job) -> xr.Dataset:
     """Stack the products of all members.
 
-    Parameters
-    ----------
-    swept : Swept, all of whose members are made
-    job : Job, of the study, for provenance
-
     Returns
     -------
     Dataset

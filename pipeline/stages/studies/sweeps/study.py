@@ -27,11 +27,6 @@ from pipeline.workflow.sweeps import DATA, PAGE, Swept
 def make(swept: Swept, key: str) -> Product:
     """Stack the members of a sweep and compare them.
 
-    Parameters
-    ----------
-    swept : Swept, all of whose members are made
-    key : str, identity of what is asked for
-
     Returns
     -------
     Product

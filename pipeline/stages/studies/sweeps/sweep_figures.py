@@ -30,33 +30,16 @@ _SHARES = LinearSegmentedColormap.from_list("shares", ["#dfe9f5", "#f6f2ee", sty
 def shown(count: int, most: int) -> Indices:
     """Places to draw where there are too many, both ends included.
 
-    Parameters
-    ----------
-    count, most : int
-
     Returns
     -------
-    ndarray of int
-
     >>> shown(9, 3).tolist(), shown(2, 3).tolist()
-    ([0, 4, 8], [0, 1])
     """
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 
 
 @style.styled
 def multiples(data: xr.Dataset, dimension: Dimension) -> Figure:
-    """Share of runs that topple in each cell, one panel for each place along a dimension.
-
-    Parameters
-    ----------
-    data : Dataset, along the dimension
-    dimension : Dimension
-
-    Returns
-    -------
-    Figure
-    """
+    """Share of runs that topple in each cell, one panel for each place along a dimension."""
     picked, names = shown(len(dimension.labels), MOST_PANELS), places(dimension)
     across = min(ACROSS, len(picked))
     down = -(-len(picked) // across)
@@ -82,17 +65,7 @@ def multiples(data: xr.Dataset, dimension: Dimension) -> Figure:
 
 @style.styled
 def over_key(data: xr.Dataset, dimension: Dimension) -> Figure:
-    """The boundary against what is swept, at some PGV/PGA.
-
-    Parameters
-    ----------
-    data : Dataset, along the dimension
-    dimension : Dimension
-
-    Returns
-    -------
-    Figure
-    """
+    """The boundary against what is swept, at some PGV/PGA."""
     figure = Figure(figsize=(6.2, 4.2), layout="constrained")
     axes = figure.add_subplot()
     positions = _positions(axes, dimension)
@@ -123,18 +96,7 @@ def over_key(data: xr.Dataset, dimension: Dimension) -> Figure:
 
 @style.styled
 def boundaries(data: xr.Dataset, dimension: Dimension, own: xr.Dataset | None) -> Figure:
-    """Boundaries of all places; beside them in the rock's own units, where the rock changes.
-
-    Parameters
-    ----------
-    data : Dataset, along the dimension
-    dimension : Dimension
-    own : Dataset or None, from ``collapsed``
-
-    Returns
-    -------
-    Figure
-    """
+    """Boundaries of all places; beside them in the rock's own units, where the rock changes."""
     figure = Figure(figsize=(6.0 if own is None else 8.6, 4.4), layout="constrained")
     panels = figure.subplots(1, 1 if own is None else 2, squeeze=False)[0]
     curves = _typical(data, dimension.name)["boundary"].values

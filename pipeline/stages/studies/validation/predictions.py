@@ -35,11 +35,7 @@ class Predictions:
 
     Attributes
     ----------
-    overturned, members : ndarray, members that overturned, and that have a verdict
-    lost : int, runs without a verdict
-    best_guess : ndarray of bool
     calibrated : ndarray, probability after calibration on half of the ground motions
-    calibration : Calibration
     half : ndarray of bool, shape (tests,), those of the half on which things are calibrated
     """
 
@@ -58,16 +54,7 @@ class Predictions:
 
 
 def forms(scans: dict[int, trimesh.Trimesh]) -> dict[int, Form]:
-    """Form of each specimen, with the next specimen's scan as a replica if it is one.
-
-    Parameters
-    ----------
-    scans : dict from the number of a specimen to its scan
-
-    Returns
-    -------
-    dict from the number of a specimen to its Form
-    """
+    """Form of each specimen, with the next specimen's scan as a replica if it is one."""
     numbers = list(scans)
     return {
         number: form(
@@ -83,17 +70,6 @@ def undecided(tests: Tests, specimen: int, of: Form, found: Outcomes) -> tuple[i
 
     Of 184 tests of a public specimen that six members did not take that far, no other member of
     twenty overturned in any.
-
-    Parameters
-    ----------
-    tests : Tests
-    specimen : int
-    of : Form, its
-    found : Outcomes
-
-    Returns
-    -------
-    tuple of int, numbers of the tests
     """
     guess = drawn(of, best_guess(priors(tests.config)), tests.config.density)
     limit = _NEAR * proofs.barrier(guess).edge_tilt
@@ -113,15 +89,6 @@ def predictions(tests: Tests, found: Outcomes) -> Predictions:
     """Take the shares of the ensembles, and the same calibrated on half of the ground motions.
 
     Members that left a test out count as those that ran it.
-
-    Parameters
-    ----------
-    tests : Tests
-    found : Outcomes, of the members and the best guesses
-
-    Returns
-    -------
-    Predictions
     """
     sides = np.array([o.overturned for o in Outcome])
     shape = (len(tests.specimens), len(tests.number))
@@ -162,13 +129,8 @@ def _calibration(tests: Tests, overturned: Array, members: Array, half: Mask) ->
 def compared(tests: Tests) -> Iterator[tuple[int, int, Mask]]:
     """The specimens that have outcomes.
 
-    Parameters
-    ----------
-    tests : Tests
-
     Yields
     ------
-    row, number : int
     observed : ndarray of bool, shape (tests,), whether it overturned
     """
     for row, specimen in enumerate(tests.specimens):
@@ -191,7 +153,6 @@ class Predictor(NamedTuple):
 
     Attributes
     ----------
-    origin : Origin
     sides : ndarray of bool, shape (tests,), whether it overturns
     probability : ndarray, shape (tests,), or None where there is none
     """
@@ -202,18 +163,7 @@ class Predictor(NamedTuple):
 
 
 def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, Predictor]:
-    """Gather the predictions for a specimen with outcomes.
-
-    Parameters
-    ----------
-    tests : Tests
-    made : Predictions
-    row : int, of the specimen
-
-    Returns
-    -------
-    dict of Predictor by name
-    """
+    """Gather the predictions for a specimen with outcomes."""
     specimen = tests.specimens[row]
     observed = np.array(tests.observed[specimen]) == 1
     motions = np.array(tests.motion)
@@ -244,17 +194,7 @@ def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, Predictor
 
 
 def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
-    """The predictions on (specimen, test).
-
-    Parameters
-    ----------
-    tests : Tests
-    made : Predictions
-
-    Returns
-    -------
-    Dataset
-    """
+    """The predictions on (specimen, test)."""
     dims = ("specimen", "test")
     observed = np.full(made.share.shape, -1, dtype="i1")
     for row, _, sides in compared(tests):

@@ -37,8 +37,6 @@ class Draw(NamedTuple):
 
     Attributes
     ----------
-    specimen : int
-    role : Role
     of : int or str, number of a member, or name of the unknown that is at an end
     """
 
@@ -62,17 +60,7 @@ class Shared(NamedTuple):
 
 
 def run_tests(shared: Shared, numbers: tuple[int, ...]) -> list[tuple[Any, ...]]:
-    """Simulate some tests of one draw, on a worker.
-
-    Parameters
-    ----------
-    shared : Shared
-    numbers : tuple of int
-
-    Returns
-    -------
-    list of tuple, values of a ``RunRow`` after its key
-    """
+    """Simulate some tests of one draw, on a worker."""
     records = accelerations(shared.folder, shared.variable)
     chosen = [records[number] for number in numbers]
     responses = shaken(shared.case, chosen, shared.interval, shared.amplitude)
@@ -84,13 +72,7 @@ KIND = Kind("validation", "tests", RunRow, run_tests, batch=8)
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Recorded tests and the specimens that they shook.
-
-    Attributes
-    ----------
-    tests : Tests
-    forms : dict, from specimen to its form
-    """
+    """Recorded tests and the specimens that they shook."""
 
     tests: Tests
     forms: dict[int, Form]
@@ -102,19 +84,7 @@ def outcomes(
     members: Mapping[Draw, Member],
     wanted: Mapping[Draw, tuple[int, ...]],
 ) -> Outcomes:
-    """Simulate those of the wanted tests that are not stored yet.
-
-    Parameters
-    ----------
-    job : Job, whose store keeps the runs
-    series : Series
-    members : mapping of Member by draw
-    wanted : mapping, from a draw to the numbers of its tests
-
-    Returns
-    -------
-    Outcomes, of all wanted tests
-    """
+    """Simulate those of the wanted tests that are not stored yet."""
     tests, draws, folder = series.tests, tuple(wanted), job.site.folder
     identities = _identities(series, {draw: members[draw] for draw in draws})
     records = accelerations(folder, tests.config.acceleration)

@@ -47,13 +47,9 @@ class Tests:
 
     Attributes
     ----------
-    number : tuple of int, the tests that have a record and a row of outcomes
-    motion : tuple of str, ground motion of each
     pga, pgv_pga : tuple of float [g], [s]
-    observed : dict from specimen to its outcomes, 1 for overturned
     published : dict from (specimen, predictor) to predictions, 1 for overturned
     interval : float [s], between samples
-    specimens : tuple of int, those that were scanned
     """
 
     number: tuple[int, ...]
@@ -68,21 +64,7 @@ class Tests:
 
 
 def site_of(folder: Path) -> Site:
-    """A site for the tests in a folder, so that its products have their place.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    Site
-
-    Raises
-    ------
-    InputError
-        If the folder is not there or lacks something.
-    """
+    """A site for the tests in a folder, so that its products have their place."""
     folder = located(Path.cwd(), str(folder), "--table", "")
     if not folder.is_dir():
         raise _problem(folder, "", "a folder that is not there", "it exists", "check TABLE=")
@@ -97,16 +79,7 @@ def site_of(folder: Path) -> Site:
 
 
 def scans_in(folder: Path) -> dict[int, Path]:
-    """Scans by the number of their specimen.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    dict of Path, in the order of the numbers
-    """
+    """Scans by the number of their specimen."""
     found = {
         m: path
         for path in folder.glob("sp*.ply")
@@ -118,16 +91,7 @@ def scans_in(folder: Path) -> dict[int, Path]:
 
 
 def assumptions(folder: Path) -> ShakeTableConfig:
-    """What is assumed of the tests in a folder; the defaults where it says nothing.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    ShakeTableConfig
-    """
+    """What is assumed of the tests in a folder; the defaults where it says nothing."""
     path = folder / ASSUMED
     if not path.is_file():
         return ShakeTableConfig()
@@ -135,21 +99,7 @@ def assumptions(folder: Path) -> ShakeTableConfig:
 
 
 def scan(path: Path) -> trimesh.Trimesh:
-    """A closed scan of a specimen in metres.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    Trimesh
-
-    Raises
-    ------
-    InputError
-        If it is no closed mesh.
-    """
+    """A closed scan of a specimen in metres."""
     try:
         return checked(mesh_files.read(path))[0]
     except InvalidInput as error:
@@ -157,21 +107,7 @@ def scan(path: Path) -> trimesh.Trimesh:
 
 
 def tests_in(folder: Path) -> Tests:
-    """The tests of a folder that have both a record and a row of outcomes.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    Tests
-
-    Raises
-    ------
-    InputError
-        If the two files do not say what is needed.
-    """
+    """The tests of a folder that have both a record and a row of outcomes."""
     path = folder / OUTCOMES
     table = _outcomes(path)
     known, interval = _recorded(folder)
@@ -208,18 +144,8 @@ def accelerations(folder: Path, variable: str | None) -> dict[int, Any]:
 
     Parameters
     ----------
-    folder : Path
     variable : str or None
         Its name in the records; by default the merged one, else that of the accelerometer.
-
-    Returns
-    -------
-    dict of ndarray
-
-    Raises
-    ------
-    InputError
-        If it is not there or not a number where a record says that it has samples.
     """
     path = folder / RECORDS
     with _records(folder) as records:

@@ -58,10 +58,6 @@ prior."""
 def make(job: Job) -> Product:
     """Predict the tests, score the predictions beside others', and say what they depend on.
 
-    Parameters
-    ----------
-    job : Job
-
     Returns
     -------
     Product
@@ -172,16 +168,7 @@ def _summary(scores: pd.DataFrame) -> str:
 
 
 def inputs(site: Site) -> dict[str, str]:
-    """Digests of the files in the folder of tests.
-
-    Parameters
-    ----------
-    site : Site
-
-    Returns
-    -------
-    dict from file name to digest
-    """
+    """Digests of the files in the folder of tests."""
     names = [RECORDS, OUTCOMES, ASSUMED, *(path.name for path in scans_in(site.folder).values())]
     paths = [site.folder / name for name in names]
     return {path.name: digest_file(path) for path in paths if path.is_file()}

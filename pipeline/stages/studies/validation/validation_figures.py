@@ -48,17 +48,7 @@ def _legend_under(axes: Axes, columns: int, **given: Any) -> None:
 
 @styled
 def reliability(tests: Tests, made: Predictions) -> Figure:
-    """Share of tests that overturned against predicted probability, in classes, and their sizes.
-
-    Parameters
-    ----------
-    tests : Tests
-    made : Predictions
-
-    Returns
-    -------
-    Figure
-    """
+    """Share of tests that overturned against predicted probability, in classes, and their sizes."""
     figure, panels = _panels(tests, (4.2, 1.3))
     known = list(predictions.compared(tests))
     for (above, below), (row, specimen, observed) in zip(panels.T, known, strict=False):
@@ -92,17 +82,7 @@ def reliability(tests: Tests, made: Predictions) -> Figure:
 
 @styled
 def roc(tests: Tests, made: Predictions) -> Figure:
-    """Tests correctly against wrongly predicted to overturn, over all limits of probability.
-
-    Parameters
-    ----------
-    tests : Tests
-    made : Predictions
-
-    Returns
-    -------
-    Figure
-    """
+    """Tests correctly against wrongly predicted to overturn, over all limits of probability."""
     from sklearn.metrics import roc_auc_score, roc_curve
 
     figure, panels = _panels(tests, (5.2,))
@@ -133,17 +113,7 @@ def roc(tests: Tests, made: Predictions) -> Figure:
 
 @styled
 def fragility(tests: Tests, made: Predictions) -> Figure:
-    """Fragility curves of the experiment and of the ensemble, over PGA and PGV.
-
-    Parameters
-    ----------
-    tests : Tests
-    made : Predictions
-
-    Returns
-    -------
-    Figure
-    """
+    """Fragility curves of the experiment and of the ensemble, over PGA and PGV."""
     known = list(predictions.compared(tests))
     figure = Figure(figsize=(9.2, 3.8 * max(len(known), 1)), layout="constrained")
     motions = np.array(tests.motion)
@@ -170,17 +140,7 @@ def fragility(tests: Tests, made: Predictions) -> Figure:
 
 @styled
 def map_of_tests(tests: Tests, made: Predictions) -> Figure:
-    """Every test over PGV/PGA and PGA: what was observed, and the probability it had.
-
-    Parameters
-    ----------
-    tests : Tests
-    made : Predictions
-
-    Returns
-    -------
-    Figure
-    """
+    """Every test over PGV/PGA and PGA: what was observed, and the probability it had."""
     figure = Figure(figsize=(5.0 * len(tests.specimens), 4.5), layout="constrained")
     drawn = None
     for row, specimen in enumerate(tests.specimens):

@@ -25,17 +25,7 @@ _CLASSES = 4
 
 
 def scored(tests: Tests, made: Predictions) -> pd.DataFrame:
-    """Scores of every predictor of each specimen with outcomes, on each subset of tests.
-
-    Parameters
-    ----------
-    tests : Tests
-    made : Predictions
-
-    Returns
-    -------
-    DataFrame
-    """
+    """Scores of every predictor of each specimen with outcomes, on each subset of tests."""
     subsets = {
         "all": np.ones(len(made.half), dtype=bool),
         "calibration half": made.half,
@@ -56,17 +46,7 @@ def scored(tests: Tests, made: Predictions) -> pd.DataFrame:
 
 
 def failed(tests: Tests, made: Predictions) -> pd.DataFrame:
-    """Tests that every predictor but the constant one and other specimens has wrong.
-
-    Parameters
-    ----------
-    tests : Tests
-    made : Predictions
-
-    Returns
-    -------
-    DataFrame
-    """
+    """Tests that every predictor but the constant one and other specimens has wrong."""
     table = pd.DataFrame(
         {
             "test": tests.number,
@@ -88,17 +68,7 @@ def failed(tests: Tests, made: Predictions) -> pd.DataFrame:
 
 
 def confusions(tests: Tests, made: Predictions) -> list[dict[str, Any]]:
-    """Right and wrong predictions of the ensemble by classes of PGA and of PGV/PGA.
-
-    Parameters
-    ----------
-    tests : Tests
-    made : Predictions
-
-    Returns
-    -------
-    list of dict, one a class
-    """
+    """Right and wrong predictions of the ensemble by classes of PGA and of PGV/PGA."""
     rows: list[dict[str, Any]] = []
     for row, specimen, observed in compared(tests):
         kind = 2 * scores.decided(made.share[row]) + observed
@@ -115,16 +85,7 @@ def confusions(tests: Tests, made: Predictions) -> list[dict[str, Any]]:
 
 
 def assumed(config: ShakeTableConfig) -> list[tuple[str, str, str]]:
-    """What was assumed of the tests, in words.
-
-    Parameters
-    ----------
-    config : ShakeTableConfig
-
-    Returns
-    -------
-    list of (unknown, prior, key in the folder's file)
-    """
+    """What was assumed of the tests, in words."""
     record = config.acceleration or "the merged record, or else that of the accelerometer"
     return [
         *in_words(config, "from the scan's +x"),
