@@ -27,7 +27,8 @@ from pipeline.stages.reports.report import GAINS
 from vsr_core import GRAVITY, engines
 from vsr_core.engines import bullet
 from vsr_core.engines.interface import Solver, World
-from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import Outcome
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
@@ -268,7 +269,7 @@ def _from_the_start(run: Run) -> Run:
 
 
 @dataclass(frozen=True)
-class Delayed:
+class Delayed(GroundMotion):
     """A motion after ``rest`` [s] of next to nothing: of nothing ``simulate`` would skip."""
 
     motion: GroundMotion

@@ -18,7 +18,7 @@ from pipeline.stages.runs import overturning_runs, runner
 from pipeline.workflow.datasets import read
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.run_store import RUNS
-from vsr_core.motions.cosine_pulse import GroundMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import Response
 from vsr_core.run.cases import Case, Settings
 

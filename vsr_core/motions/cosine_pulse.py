@@ -1,44 +1,19 @@
-"""Ground motions of the table: what a motion must offer, and the cosine pulse."""
+"""The cosine pulse."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
-
-
-class GroundMotion(Protocol):
-    """Horizontal motion of the table along +x; it rests outside ``[0, duration]``."""
-
-    @property
-    def duration(self) -> float:
-        """Length of the motion [s]."""
-
-    @property
-    def shortest_time(self) -> float:
-        """Time scale [s] that a time step has to resolve."""
-
-    @property
-    def peak_acceleration(self) -> float:
-        """Largest absolute acceleration [m/s^2]."""
-
-    def acceleration(self, t: Array) -> Array:
-        """Acceleration [m/s^2] at times ``t`` [s], shape of ``t``."""
-
-    def velocity(self, t: Array) -> Array:
-        """Velocity [m/s] at times ``t`` [s], shape of ``t``."""
-
-    def remaining_impulse(self, t: float) -> float:
-        """Integral of the absolute acceleration [m/s] from ``t`` [s] to the end."""
+from vsr_core.motions.ground_motion import GroundMotion
 
 
 @dataclass(frozen=True)
-class CosinePulse:
+class CosinePulse(GroundMotion):
     """Single-pulse cosine displacement d(t) = A - A cos(2 pi f t), 0 <= t <= 1/f.
 
     With the paper's f = 1/(2 pi r) and A = a g/(4 pi^2 f^2), the acceleration is

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsr_core.arrays import Array
+from vsr_core.motions.ground_motion import GroundMotion
 
 REACH = 6.0
 """Widths s of the Gaussian on either side of the peak. Beyond are velocities below 2e-7 of the PGV
@@ -15,7 +16,7 @@ and accelerations below 1e-6 of the PGA."""
 
 
 @dataclass(frozen=True)
-class RickerPulse:
+class RickerPulse(GroundMotion):
     """The symmetric Ricker pulse a(t) = PGA (1 - x^2) exp(-x^2 / 2), x = (t - t0) / s.
 
     Its velocity, PGA s x exp(-x^2 / 2), peaks at x = -1 and 1, so that s = r sqrt(e) for a ratio r

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsr_core.arrays import Array
+from vsr_core.motions.ground_motion import GroundMotion
 
 
 @dataclass(frozen=True)
-class SinePulse:
+class SinePulse(GroundMotion):
     """One period of a sine, a(t) = PGA sin(w t), 0 <= t <= 2 pi / w.
 
     Its velocity, PGA (1 - cos(w t)) / w, is a single hump with the peak 2 PGA / w, so that

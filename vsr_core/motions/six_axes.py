@@ -13,7 +13,7 @@ angular velocity and the rate of that add is up to ``engines``.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -24,27 +24,20 @@ from scipy.integrate import cumulative_trapezoid
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.ground_motion import GroundMotion
 
 Axis = Literal["x", "y", "z", "roll", "pitch", "yaw"]
 
 AXES: tuple[Axis, ...] = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
-class TableMotion(ABC):
-    """Motion of a table in several axes; before and after ``[0, duration]`` it rests.
-
-    It offers what a ``GroundMotion`` does, with several values at each time.
-    """
+class TableMotion(GroundMotion):
+    """Motion of a table in several axes; before and after ``[0, duration]`` it rests."""
 
     @property
-    @abstractmethod
-    def duration(self) -> float:
-        """Length of the motion [s]."""
-
-    @property
-    @abstractmethod
-    def shortest_time(self) -> float:
-        """Time scale [s] that a time step has to resolve."""
+    def columns(self) -> int:
+        """9 if it turns, else 3."""
+        return 9 if self.turns else 3
 
     @property
     @abstractmethod

@@ -17,7 +17,7 @@ from vsr_core.engines.nonsmooth import body as bodies
 from vsr_core.engines.nonsmooth.body import Body, Motion, Points
 from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
 from vsr_core.engines.nonsmooth.world import set_state
-from vsr_core.motions.cosine_pulse import GroundMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import DecidedBy, Outcome, Response, StopReason
 from vsr_core.run import ground_lookup, tracking, watching
 from vsr_core.run.cases import Settings, TerrainCase

@@ -24,8 +24,7 @@ from vsr_core.engines.nonsmooth.stepping import step
 from vsr_core.engines.nonsmooth.turning import feel
 from vsr_core.engines.nonsmooth.vectors import assign, assign_matrix
 from vsr_core.engines.nonsmooth.world import begin, set_state
-from vsr_core.motions.cosine_pulse import GroundMotion
-from vsr_core.motions.six_axes import TableMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.run import guards, watching
 from vsr_core.run.cases import Case, Settings
@@ -66,7 +65,7 @@ def simulate(case: Case, motions: Sequence[GroundMotion], settings: Settings) ->
 
     Parameters
     ----------
-    motions : sequence of GroundMotion, a TableMotion for several axes
+    motions : sequence of GroundMotion
     """
     found: dict[int, Response] = {}
     attempt = _Attempt(
@@ -123,7 +122,7 @@ def _run_all(
     scene, solver = case.full, settings.solver or nonsmooth.SOLVER
     wait = max(LEAST_WAIT, WAITING_TIMES * math.sqrt(scene.rock.radius / GRAVITY))
     taken = [sampling(motion, None, most, 1) for motion, most in zip(motions, steps, strict=True)]
-    turns = any(isinstance(motion, TableMotion) and motion.turns for motion in motions)
+    turns = any(motion.columns == 9 for motion in motions)
     columns = 9 if turns else 3
     values = [
         _felt(m, s.interval, s.pulse_samples, columns) for m, s in zip(motions, taken, strict=True)
@@ -175,7 +174,7 @@ def _limits(case: Case, motions: Sequence[GroundMotion], settings: Settings) -> 
     Zeros where nothing is known: of motions along several axes, and of a rock on the move.
     """
     known = case.static_limits if settings.reduce else (0.0, 0.0)
-    return np.array([(0.0, 0.0) if isinstance(m, TableMotion) else known for m in motions])
+    return np.array([known if m.columns == 1 else (0.0, 0.0) for m in motions])
 
 
 class Table(NamedTuple):

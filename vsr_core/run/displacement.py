@@ -18,8 +18,7 @@ from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.engines.interface import GroundWorld
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.cosine_pulse import GroundMotion
-from vsr_core.motions.six_axes import TableMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import DecidedBy, Outcome, Response, StopReason
 from vsr_core.run import compiled_displacement, loop, static_limits
 from vsr_core.run.cases import Settings, TerrainCase, never_starts
@@ -75,7 +74,7 @@ def displace(
     InvalidInput
         For a motion in several axes.
     """
-    if isinstance(motion, TableMotion):
+    if motion.columns > 1:
         raise InvalidInput(
             "a table in several axes under a terrain",
             "a rock on a terrain is shaken in one direction",

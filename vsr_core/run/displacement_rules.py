@@ -16,7 +16,7 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.engines.interface import GroundWorld
-from vsr_core.motions.cosine_pulse import GroundMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import DISPLACED_SHARE, Outcome, StopReason
 from vsr_core.run import loop
 from vsr_core.run.cases import Settings, TerrainCase

@@ -8,8 +8,7 @@ import numpy as np
 
 from vsr_core import GRAVITY, engines
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.cosine_pulse import GroundMotion
-from vsr_core.motions.six_axes import TableMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.rock.body import Rock
 from vsr_core.rock.tipping import tipping
 from vsr_core.run.cases import Case, Settings
@@ -58,7 +57,7 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
     """
     scene = case.full
     _check_motion(motion, scene.drive)
-    if isinstance(motion, TableMotion) and motion.turns and settings.engine == "mujoco":
+    if motion.columns == 9 and settings.engine == "mujoco":
         raise InvalidInput(
             f"a table that turns in {settings.engine}",
             "it has no forces of a table that turns",
@@ -229,7 +228,7 @@ def _check_motion(motion: GroundMotion, drive: Servo | None) -> None:
             "its acceleration, duration and shortest time must be finite",
             "fill its gaps, or cut it before them",
         )
-    if drive is not None and isinstance(motion, TableMotion):
+    if drive is not None and motion.columns > 1:
         raise InvalidInput(
             "a servo for a motion in several axes",
             "its table slides along x",

@@ -16,8 +16,7 @@ import numpy as np
 from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.engines.interface import TurningWorld, World
-from vsr_core.motions.cosine_pulse import GroundMotion
-from vsr_core.motions.six_axes import TableMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.rock.body import Rock
 from vsr_core.run import guards
 from vsr_core.run.cases import Settings
@@ -121,7 +120,7 @@ class Run:
 
     def stepper(self) -> Callable[[Any], None]:
         """How the world takes samples of this motion."""
-        if isinstance(self.motion, TableMotion) and self.motion.turns:
+        if self.motion.columns == 9:
             return cast(TurningWorld, self.world).turn
         return self.world.advance if self.values.ndim == 1 else self.world.shake
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from vsr_core.motions.cosine_pulse import GroundMotion
-from vsr_core.motions.six_axes import TableMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.run import compiled_runs, loop
 from vsr_core.run.cases import Case, Settings, never_starts
@@ -27,7 +26,7 @@ def simulate(case: Case, motion: GroundMotion, settings: Settings) -> Response:
     Parameters
     ----------
     case : Case, from ``prepare`` with the same ``reduce`` as in ``settings``
-    motion : GroundMotion, a TableMotion for several axes
+    motion : GroundMotion
     """
     return simulate_all(case, [motion], settings)[0]
 
@@ -45,8 +44,9 @@ def simulate_all(case: Case, motions: Sequence[GroundMotion], settings: Settings
 
 
 def _never_starts(case: Case, motion: GroundMotion, settings: Settings) -> bool:
-    along_x = not isinstance(motion, TableMotion)
-    return along_x and never_starts(case.static_limits, motion.peak_acceleration, settings)
+    return motion.columns == 1 and never_starts(
+        case.static_limits, motion.peak_acceleration, settings
+    )
 
 
 def _one(case: Case, motion: GroundMotion, settings: Settings) -> Response:

@@ -9,8 +9,7 @@ import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.engines.interface import DrivenWorld, TurningWorld
-from vsr_core.motions.cosine_pulse import GroundMotion
-from vsr_core.motions.six_axes import TableMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome
 from vsr_core.run import loop, proofs
 from vsr_core.run.cases import Case, Settings
@@ -60,7 +59,7 @@ def set_up(simulated: Scene, motion: GroundMotion, settings: Settings, time_step
     time_step : float [s], of this attempt
     """
     # Where the table turns, what the rock feels depends on its state in every step.
-    turns = isinstance(motion, TableMotion) and motion.turns
+    turns = motion.columns == 9
     sampled = sampling(motion, simulated.drive, time_step, 1 if turns else MOST_SUBSTEPS)
     unit = math.sqrt(simulated.rock.radius / GRAVITY)
     return loop.set_up(
@@ -80,7 +79,7 @@ class OverturningRules:
         rock, self.contact = simulated.rock, simulated.contact
         self.limits, self.radius = case.limits, rock.radius
         self.kept_tilt = math.pi if simulated is case.full else simulated.kept_tilt
-        turns = isinstance(run.motion, TableMotion) and run.motion.turns
+        turns = run.motion.columns == 9
         self.turning = cast(TurningWorld, run.world) if turns else None
         self.driven = cast(DrivenWorld, run.world) if simulated.drive else None
         # The proofs assume the prescribed motion, which a servo's table does not quite follow, and

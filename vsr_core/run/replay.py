@@ -19,8 +19,7 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.engines.interface import DrivenWorld, World
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.cosine_pulse import GroundMotion
-from vsr_core.motions.six_axes import TableMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import Outcome, Response
 from vsr_core.run import displacement_rules, guards, loop, overturning_rules
 from vsr_core.run.cases import Case, Settings, TerrainCase
@@ -215,7 +214,7 @@ def _set_up(
 
 def _passed_over(place: Case | TerrainCase, settings: Settings, run: Run) -> int:
     """Samples before the first that can move the rock, with which its run begins."""
-    if not settings.reduce or (isinstance(run.motion, TableMotion) and run.motion.turns):
+    if not settings.reduce or run.motion.columns == 9:
         return 0
     ahead = run.values[: run.sampled.pulse_samples]
     if isinstance(place, TerrainCase):

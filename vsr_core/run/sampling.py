@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsr_core.arrays import Array
-from vsr_core.motions.cosine_pulse import GroundMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.table.servo import Servo
 
 MOST_SUBSTEPS = 8

@@ -12,7 +12,7 @@ import numpy as np
 from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.engines.interface import DrivenWorld
-from vsr_core.motions.cosine_pulse import GroundMotion
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.records.trace import Trace
 from vsr_core.run.sampling import samples, sampling
 from vsr_core.scene import Scene

@@ -9,12 +9,13 @@ import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.records.measures import cav_increments
 from vsr_core.motions.records.trace import Trace
 
 
 @dataclass(frozen=True, eq=False)
-class RecordedMotion:
+class RecordedMotion(GroundMotion):
     """Motion whose acceleration is straight between samples; the table rests before and after.
 
     Velocity and displacement are the exact integrals. Two motions are the same only if they are one

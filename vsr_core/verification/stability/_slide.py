@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import GroundMotion
+from vsr_core.motions.ground_motion import GroundMotion
 
 STEPS = 200_000
 

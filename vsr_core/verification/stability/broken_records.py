@@ -12,6 +12,7 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.run.cases import Settings
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
@@ -27,7 +28,7 @@ NONE = "an outcome without the checks before a run; there must be none"
 
 
 @dataclass(frozen=True)
-class BrokenRecord:
+class BrokenRecord(GroundMotion):
     """Samples of an acceleration, straight between them.
 
     Attributes

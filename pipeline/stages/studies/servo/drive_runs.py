@@ -15,7 +15,8 @@ from pipeline.stages.motions import record_inputs
 from pipeline.stages.runs.scenes import Scenes, flat_scene, groups
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.stage import Job
-from vsr_core.motions.cosine_pulse import CosinePulse, GroundMotion
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.motions.records.trace import Trace
 from vsr_core.run.cases import Case, Settings, prepare
