@@ -24,7 +24,7 @@ from scipy.stats import norm
 from pipeline import ROOT, cli
 from pipeline.stages.hazard import hazard_page
 from pipeline.stages.hazard.hazard_figures import shaking
-from pipeline.stages.hazard.sensitivity import SAME_ROCK
+from pipeline.stages.hazard.survival_analysis import BASE_CASE, SAME_ROCK
 from pipeline.workflow.datasets import read
 
 Array = NDArray[np.float64]
@@ -283,24 +283,24 @@ def test_the_page_says_what_was_found(page: str, hazard: xr.Dataset) -> None:
     new = kept * chances / (kept * chances).sum()
     pga = [level_at(1 / 2475, levels, w @ rates) for w in (weight, kept / kept.sum(), new)]
     said = (
-        f"Branches {named} leave this rock less than 5 % chance of having survived; without them "
+        f"The rock's survival probability is below 5 % under branches {named}; without them "
         f"the 2,475-year PGA falls from {pga[0]:.2f} to {pga[1]:.2f} g, and with the others "
-        f"weighed by survival it is {pga[2]:.2f} g."
+        f"weighted by survival it is {pga[2]:.2f} g."
     )
     assert page.index(said) < 200, "the sentence stands first"
-    assert f"The rejected have {shown(weight[gone].sum())} of the weight." in page
-    assert f"the chance of having survived is {shown(weight @ chances)}." in page
+    assert f"The rejected branches have {shown(weight[gone].sum())} of the prior weight." in page
+    assert f"the survival probability over all branches is {shown(weight @ chances)}." in page
     scale = hazard["scale_factor"].item()
-    times = "would have to be" if scale < 1.0 else "of the mean curve up to"
-    assert f"PGA {times} {scale:.3g} times as large" in page
+    times = "would have to be" if scale < 1.0 else "were"
+    assert f"every PGA of the curve {times} multiplied by {scale:.3g}" in page
     for years in (475, 2475, 10_000):
         cells = [level_at(1 / years, levels, w @ rates) for w in (weight, kept / kept.sum(), new)]
         row = " | ".join(f"{value:.3f}" for value in cells)
         assert f"{years:,} | {row}" in page
     effective = 1.0 / (weight**2).sum(), 1.0 / (new**2).sum()
-    assert "{:.1f} before, {:.1f} after".format(*effective) in page
+    assert "{:.1f} prior, {:.1f} posterior".format(*effective) in page
     for n, chance in enumerate(chances):
-        verdict = "rejected" if chance < LEAST else "kept"
+        verdict = "rejected" if chance < LEAST else "retained"
         pattern = rf"{n} \| \S+ \| {weight[n]:.3f} \| {1 / expected[n]:,.0f} years \| "
         pattern += rf"{re.escape(shown(chance))} \| [^|]* to [^|]* \| {verdict}[^|]*\| "
         assert re.search(pattern + f"{new[n]:.3f}", page), n
@@ -312,7 +312,7 @@ def test_the_page_says_what_was_assumed_and_what_is_open(page: str, hazard: xr.D
     assert f"{AGE:,.0f} ± {SD:,.0f} years" in page
     assert "120.86° W, 35.19° N" in page
     assert "Horizontal component of the curves: RotD50" in page
-    assert "exceeded equally often" in page
+    assert "of equal rate of exceedance" in page
     levels, rates = levels_and_rates("PGA")
     mean = weights() @ rates
     probability = hazard["toppling_probability"].values
@@ -328,7 +328,7 @@ def test_the_page_says_what_was_assumed_and_what_is_open(page: str, hazard: xr.D
 def test_half_of_the_rate_comes_from_as_much_pga_as_the_page_says(
     page: str, hazard: xr.Dataset
 ) -> None:
-    said = re.search(r"up to ([\d.]+) g, nine tenths of ([\d.]+) to ([\d.]+) g", page)
+    said = re.search(r"up to ([\d.]+) g, 90 % have ([\d.]+) to ([\d.]+) g", page)
     assert said
     levels, rates = levels_and_rates("PGA")
     mean = weights() @ rates
@@ -399,8 +399,8 @@ def test_an_ensemble_gives_the_mean_and_its_members_the_range(
     assert ((low <= high) & (low <= middle) & (middle <= high)).all()
     page = (derived / "rock" / "hazard.html").read_text(encoding="utf-8")
     assert "5-95 % of the members" in page
-    assert "as scanned, nothing drawn, slippery" in page
-    used, same = (float(found["case_survival"].sel(case=name)) for name in ("as used", SAME_ROCK))
+    assert "as scanned, without uncertainty, slippery" in page
+    used, same = (float(found["case_survival"].sel(case=name)) for name in (BASE_CASE, SAME_ROCK))
     assert used < same < 1.0
     rejected = int(found["case_rejected"].sel(case=SAME_ROCK))
     said = f"{shown(same)} over all branches in place of {shown(used)}, with {rejected} of 9"
@@ -444,7 +444,7 @@ def test_another_age_or_other_curves_run_nothing(
 
 
 @pytest.mark.usefixtures("without_pictures")
-def test_rocks_of_one_place_are_asked_together(
+def test_rocks_of_one_site_are_combined(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
     """The younger stands with the older while it is there, and topples or not by itself.
@@ -461,7 +461,7 @@ def test_rocks_of_one_place_are_asked_together(
     assert ran.code == 0, ran.err
     found = read(derived / "rock" / "hazard.nc")
     page = (derived / "rock" / "hazard.html").read_text(encoding="utf-8")
-    assert "these 2 rocks together" in page
+    assert "The 2 rocks' joint survival probability" in page
     levels, rates = levels_and_rates("PGA")
     expected, alone = [], []
     for row in rates:
@@ -486,7 +486,7 @@ def test_rocks_of_one_place_are_asked_together(
     ("file", "old", "new", "words"),
     [
         ("hazard_curve-rlz-004-PGA_1.csv", "imt='PGA'", "imt='PGV'", "imt"),
-        ("hazard_curve-rlz-004-PGA_1.csv", "-120.86000", "-121.86000", "one place"),
+        ("hazard_curve-rlz-004-PGA_1.csv", "-120.86000", "-121.86000", "one site"),
         ("hazard_curve-rlz-004-PGA_1.csv", ",0.00000,", ",0.00000,1.0,", "no finite rate"),
         ("hazard_curve-rlz-004-PGA_1.csv", "investigation_time=1.0", "", "years"),
         ("realizations_1.csv", "4,AB~B,1.3200000e-01\n", "", "weight"),

@@ -1,11 +1,20 @@
-"""A folder of hazard curves, of any kind that is known, or the file of a calculation."""
+"""A folder of hazard curves of any known format, or the file of a calculation.
+
+nshmp-haz writes ``PGA/curves.csv``, annual rates of exceedance. Its first line names the columns
+``name, lon, lat`` and the levels, in g and cm/s; each further line is a site. There are no
+branches: the curve is the mean of the model.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.stages.hazard import nshmp, openquake, openquake_hdf5
-from pipeline.stages.hazard.hazard_model import HazardModel, refused
+import numpy as np
+import pandas as pd
+
+from pipeline.stages.hazard import openquake
+from pipeline.stages.hazard.hazard_model import UNITS, Branch, HazardModel, reading, refused
+from vsr_core.hazard.curve import HazardCurve
 
 ABOUT = "about.txt"
 """Text in a folder of curves that says where they come from; the page shows it."""
@@ -13,26 +22,17 @@ ABOUT = "about.txt"
 
 def load(path: Path) -> HazardModel:
     """The hazard model in a folder, or in a file of OpenQuake's."""
-    if path.is_file() and path.suffix in openquake_hdf5.SUFFIXES:
-        return openquake_hdf5.load(path)
+    if path.is_file() and path.suffix in openquake.SUFFIXES:
+        return openquake.load_calculation(path)
     if not path.is_dir():
-        raise refused(
-            path,
-            "",
-            "no folder",
-            "curves are in a folder, or in OpenQuake's calc_N.hdf5",
-            "check the path",
-        )
-    for reader in (openquake, nshmp):
-        if reader.is_there(path):
-            return reader.load(path)
-    raise refused(
-        path,
-        "",
-        "no curves",
-        "OpenQuake's are named hazard_curve-rlz-000-PGA_1.csv, nshmp-haz's PGA/curves.csv",
-        "give the folder that they were exported to",
-    )
+        rule = "curves are in a folder, or in OpenQuake's calc_N.hdf5"
+        raise refused(path, "", "folder not found", rule, "check the path")
+    if openquake.is_there(path):
+        return openquake.load(path)
+    if (path / "PGA" / "curves.csv").is_file():
+        return _nshmp(path)
+    rule = "OpenQuake's are named hazard_curve-rlz-000-PGA_1.csv, nshmp-haz's PGA/curves.csv"
+    raise refused(path, "", "no hazard curves", rule, "give the folder that they were exported to")
 
 
 def files(path: Path) -> list[Path]:
@@ -43,6 +43,28 @@ def files(path: Path) -> list[Path]:
 
 
 def about(path: Path) -> str:
-    """What is written about the curves, on one line; empty if nothing is."""
+    """Description of the curves, on one line; empty if there is none."""
     note = path / ABOUT
     return " ".join(note.read_text(encoding="utf-8").split()) if note.is_file() else ""
+
+
+def _nshmp(folder: Path) -> HazardModel:
+    """The mean curve of a folder of nshmp-haz."""
+    curves, locations = {}, {}
+    for measure, unit in UNITS.items():
+        path = folder / measure / "curves.csv"
+        if path.is_file():
+            curves[measure], locations[measure] = _nshmp_curve(path, unit)
+    mean = Branch("mean", "the mean", 1.0, curves["PGA"], curves.get("PGV"))
+    return HazardModel((mean,), locations["PGA"])
+
+
+def _nshmp_curve(path: Path, unit: float) -> tuple[HazardCurve, tuple[float, float]]:
+    rule = "the columns are name, lon, lat and the levels; one line of rates follows"
+    with reading(path, "lon, lat", rule, "export the curves of the rock's site only"):
+        table = pd.read_csv(path, encoding="utf-8-sig", skipinitialspace=True, dtype=str)
+        (row,) = table.rename(columns=lambda name: name.strip().lower()).to_dict("records")
+        names = list(row)[list(row).index("lat") + 1 :]
+        levels, rates = (np.array(list(part), dtype=float) for part in (names, map(row.get, names)))
+        location = float(row["lon"]), float(row["lat"])
+        return HazardCurve(unit * levels[rates > 0.0], rates[rates > 0.0]), location

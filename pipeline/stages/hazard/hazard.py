@@ -1,7 +1,7 @@
-"""Hazard: which branches of a hazard model leave a rock the chance to have stood, and what follows.
+"""Hazard: survival of a rock under each branch of a hazard model, and the posterior model.
 
-Nothing is simulated here: other curves, another age or another table of PGV/PGA ask the products of
-the runs anew.
+Nothing is simulated here: other curves, another age or another table of PGV/PGA use the runs that
+are there.
 """
 
 from __future__ import annotations
@@ -14,11 +14,17 @@ from pipeline.config.layers import Site
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.fragility.products import FILE as FITS
-from pipeline.stages.hazard import curve_folder, disaggregation, others, rock_fragility, sensitivity
+from pipeline.stages.hazard import curve_folder, others, rock_fragility
 from pipeline.stages.hazard.hazard_dataset import dataset, pga_at, table
 from pipeline.stages.hazard.hazard_page import page
-from pipeline.stages.hazard.question import DatedRock, Question, ages_of
-from pipeline.stages.hazard.shaking_ratio import of_model
+from pipeline.stages.hazard.shaking_ratio import disaggregation_files, load_disaggregation, of_model
+from pipeline.stages.hazard.survival_analysis import (
+    AS_SCANNED,
+    DatedRock,
+    SurvivalAnalysis,
+    ages_of,
+    cases,
+)
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.grammar import counted
@@ -29,7 +35,7 @@ FILE, TABLE, PAGE = "hazard.nc", "hazard.csv", "hazard.html"
 
 
 def make(job: Job) -> Product:
-    """Ask a hazard model what it leaves of a rock.
+    """Reject and reweight the branches of a hazard model by a rock's survival.
 
     Returns
     -------
@@ -51,44 +57,44 @@ def make(job: Job) -> Product:
         rocks.append(DatedRock(other.name, fragility, ages_of(given.age)))
     compared = {}
     if uncertain:  # beside which settings are compared
-        compared[sensitivity.AS_SCANNED] = rock_fragility.of_fits(own)
+        compared[AS_SCANNED] = rock_fragility.of_fits(own)
     for one in config.compare:
         folder = own / others.folder_of(one.name) / site.name
         files_read.append(folder / FITS)
-        name = f"{sensitivity.AS_SCANNED}, {one.name}" if uncertain else one.name
+        name = f"{AS_SCANNED}, {one.name}" if uncertain else one.name
         compared[name] = rock_fragility.of_fits(folder)
-    question = Question(model, tuple(rocks), ratio.table, config.least_survival)
-    survivals = question.survivals()
-    cases = sensitivity.cases(question, survivals, ratio, compared)
-    answer = cases[0].answer
-    found = dataset(question, answer, survivals, cases)
+    analysis = SurvivalAnalysis(model, tuple(rocks), ratio.table, config.least_survival)
+    by_member = analysis.survival_of_others()
+    all_cases = cases(analysis, by_member, ratio, compared)
+    results = all_cases[0].results
+    found = dataset(analysis, results, by_member, all_cases)
     found.attrs[others.NOTED] = json.dumps(others.digests(own, files_read), sort_keys=True)
-    facts = page(job, question, ratio, found, shown(curves), curve_folder.about(curves))
+    facts = page(job, analysis, ratio, found, shown(curves), curve_folder.about(curves))
     files = {
         FILE: netcdf(described(found, job, "Hazard")),
         TABLE: writers.table(table(found)),
         PAGE: writers.text(pages.filled(PAGE, facts)),
     }
-    rejected = int(answer.rejected.sum())
+    rejected = int(results.rejected.sum())
     before, after = (
         "none" if math.isnan(pga) else f"{pga:.3g} g"
-        for pga in (pga_at(one, 2475.0) for one in (question.before, answer.after))
+        for pga in (pga_at(one, 2475.0) for one in (analysis.before, results.after))
     )
     return Product(
         files,
         f"{rejected} of {counted(len(model.branches), 'branch', 'branches')} rejected; "
-        f"2,475-year PGA {before} before and {after} after",
+        f"2,475-year PGA: prior {before}, posterior {after}",
     )
 
 
 def inputs(site: Site) -> dict[str, str]:
     """Digests of the curves and of the disaggregation, by their names."""
     curves, disaggregated = _paths(site)
-    curve_folder.load(curves)  # what is wrong with them is told before anything runs
+    curve_folder.load(curves)  # errors in them are reported before anything runs
     found = curve_folder.files(curves)
     if disaggregated is not None:
-        disaggregation.load(disaggregated)
-        found += [one for one in disaggregation.files(disaggregated) if one not in found]
+        load_disaggregation(disaggregated)
+        found += [one for one in disaggregation_files(disaggregated) if one not in found]
     return {_name(path): digest_file(path) for path in found}
 
 
@@ -106,7 +112,7 @@ def _paths(site: Site) -> tuple[Path, Path | None]:
                 site.file,
                 "hazard.curves",
                 "nothing",
-                "hazard asks a hazard model's curves",
+                "a folder of hazard curves is required",
                 "give CURVES=folder (--curves), or set the key",
             )
         )
@@ -116,14 +122,14 @@ def _paths(site: Site) -> tuple[Path, Path | None]:
                 site.file,
                 "hazard.age",
                 "nothing",
-                "a rock's survival is over its age",
+                "the age of the rock is required",
                 "give AGE=years AGE_SD=years (--age, --age-sd), or set the key",
             )
         )
     curves = _located(site, "curves", config.curves)
     if config.disaggregation is not None:
         return curves, _located(site, "disaggregation", config.disaggregation)
-    return curves, curves if curves.is_dir() and disaggregation.files(curves) else None
+    return curves, curves if curves.is_dir() and disaggregation_files(curves) else None
 
 
 def _located(site: Site, key: str, name: str) -> Path:

@@ -1,4 +1,4 @@
-"""What hazard writes: the table of branches, and the dataset of all that its page shows."""
+"""The products of a hazard analysis: the table of branches, and the dataset behind its page."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.stages.hazard.question import Answer, Question
 from pipeline.stages.hazard.rock_fragility import DRAWN
-from pipeline.stages.hazard.sensitivity import Case
+from pipeline.stages.hazard.survival_analysis import BranchResults, Case, SurvivalAnalysis
 from vsr_core.arrays import Array
 from vsr_core.hazard.averaging import FINEST, rate_by_row
 from vsr_core.hazard.branches import effective_number, fractiles, mean_curve
@@ -25,55 +24,57 @@ COLUMNS = ("branch", "path", "weight", "toppling_rate", "survival", "survival_lo
 FRACTILES = (0.05, 0.16, 0.5, 0.84, 0.95)
 
 RETURN_PERIODS = (475.0, 2475.0, 10_000.0)
-"""Years for which the PGA of the mean curve is told."""
+"""Years for which the PGA of the mean curve is given."""
 
 _AGES = 120
-"""Ages at which survival is told."""
+"""Ages at which survival is given."""
 
 _BINS = 40
-"""Bins of PGA by which the rate of toppling is told."""
+"""Bins of PGA in which the rate of toppling is given."""
 
 
-def dataset(question: Question, answer: Answer, others: Array, cases: Sequence[Case]) -> xr.Dataset:
-    """All that is found, in g, seconds and years.
+def dataset(
+    analysis: SurvivalAnalysis, results: BranchResults, others: Array, cases: Sequence[Case]
+) -> xr.Dataset:
+    """All results, in g, seconds and years.
 
     Parameters
     ----------
     others : ndarray, shape (n, branches), survival with each other fragility
     """
-    levels = question.model.levels
+    levels = analysis.model.levels
     number = 2 + int(np.log(levels[-1] / levels[0]) / np.log(FINEST))
     at = np.geomspace(levels[0], levels[-1], number)
-    branches = question.model.branches
-    low, high = survival_range(question, others)
-    found = xr.Dataset(
+    branches = analysis.model.branches
+    low, high = survival_range(analysis, others)
+    own = xr.Dataset(
         {
             "branch_path": ("branch", [one.path for one in branches]),
-            "weight": ("branch", question.weights),
-            "toppling_rate": ("branch", answer.rates),
-            "survival": ("branch", answer.survival),
+            "weight": ("branch", analysis.weights),
+            "toppling_rate": ("branch", results.rates),
+            "survival": ("branch", results.survival),
             "survival_low": ("branch", low),
             "survival_high": ("branch", high),
-            "rejected": ("branch", answer.rejected.astype(np.int8)),
-            "new_weight": ("branch", answer.weights),
+            "rejected": ("branch", results.rejected.astype(np.int8)),
+            "new_weight": ("branch", results.weights),
         },
         {"branch": [one.name for one in branches], "pga": in_si.in_g(at)},
     )
     return xr.merge(
         [
-            found,
-            _fragility(question, at),
-            _curves(question, answer, at),
-            _by_age(question, question.rocks[0].ages),
-            _disaggregated(question),
+            own,
+            _fragility(analysis, at),
+            _curves(analysis, results, at),
+            _by_age(analysis, analysis.rocks[0].ages),
+            _disaggregated(analysis),
             _cases(cases),
         ],
         combine_attrs="drop",
     )
 
 
-def survival_range(question: Question, others: Array) -> tuple[Array, Array]:
-    """Least and largest survival under each branch: 5-95 % of members, or the ends of the fits.
+def survival_range(analysis: SurvivalAnalysis, others: Array) -> tuple[Array, Array]:
+    """Range of survival under each branch: 5-95 % of members, or the ends of the fits.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ def survival_range(question: Question, others: Array) -> tuple[Array, Array]:
     -------
     low, high : ndarray, shape (branches,)
     """
-    if question.rocks[0].fragility.source == DRAWN:
+    if analysis.rocks[0].fragility.source == DRAWN:
         low, high = np.percentile(others, [5.0, 95.0], axis=0)
         return low, high
     return others.min(axis=0), others.max(axis=0)
@@ -100,14 +101,14 @@ def pga_at(curve: HazardCurve | None, years: float) -> float:
     return float("nan") if curve is None else float(in_si.in_g(curve.level_at(1.0 / years)))
 
 
-def _fragility(question: Question, at: Array) -> xr.Dataset:
+def _fragility(analysis: SurvivalAnalysis, at: Array) -> xr.Dataset:
     """The first rock's, with its range, and the PGV/PGA over which it was averaged."""
-    rock, own = question.rocks[0], question.standing[0].fragility
-    others = np.array([question.one_measure(rock, one)(at) for one in rock.fragility.others])
+    rock, own = analysis.rocks[0], analysis.standing[0].fragility
+    others = np.array([analysis.fragility_in_pga(rock, one)(at) for one in rock.fragility.others])
     shares = (5.0, 95.0) if rock.fragility.source == DRAWN else (0.0, 100.0)
     low, high = np.percentile(others, shares, axis=0)
-    median, log_sd = question.table.at(at)
-    whole = toppling(question.before, own)
+    median, log_sd = analysis.table.at(at)
+    whole = toppling(analysis.before, own)
     return xr.Dataset(
         {
             "toppling_probability": ("pga", own(at)),
@@ -121,35 +122,30 @@ def _fragility(question: Question, at: Array) -> xr.Dataset:
     )
 
 
-def _curves(question: Question, answer: Answer, at: Array) -> xr.Dataset:
+def _curves(analysis: SurvivalAnalysis, results: BranchResults, at: Array) -> xr.Dataset:
     """Curves of the branches, and their mean and fractiles before and after."""
-    nothing = np.full((len(FRACTILES), len(at)), np.nan)
-    kept = answer.after is not None
-    after = fractiles(question.curves, answer.weights, at, FRACTILES) if kept else nothing
-    ends = [question.before, answer.after]
-    only_dropped = None
-    if kept:
-        weights = np.where(answer.rejected, 0.0, question.weights)
-        only_dropped = mean_curve(question.curves, weights / weights.sum(), question.model.levels)
+    after, only_dropped = np.full((len(FRACTILES), len(at)), np.nan), None
+    if results.after is not None:
+        after = fractiles(analysis.curves, results.weights, at, FRACTILES)
+        weights = np.where(results.rejected, 0.0, analysis.weights)
+        only_dropped = mean_curve(analysis.curves, weights / weights.sum(), analysis.model.levels)
+    curves = {"before": analysis.before, "after": results.after, "dropped": only_dropped}
+    before = fractiles(analysis.curves, analysis.weights, at, FRACTILES)
+    scale = largest_scale(analysis.before, analysis.survival, analysis.minimum)
     return xr.Dataset(
         {
-            "branch_rate": (("branch", "pga"), [_rates(one, at) for one in question.curves]),
-            "mean_rate_before": ("pga", _rates(question.before, at)),
-            "mean_rate_after": ("pga", _rates(answer.after, at)),
-            "rate_before": (
-                ("fractile", "pga"),
-                fractiles(question.curves, question.weights, at, FRACTILES),
-            ),
+            "branch_rate": (("branch", "pga"), [_rates(one, at) for one in analysis.curves]),
+            "mean_rate_before": ("pga", _rates(analysis.before, at)),
+            "mean_rate_after": ("pga", _rates(results.after, at)),
+            "rate_before": (("fractile", "pga"), before),
             "rate_after": (("fractile", "pga"), after),
             **{
                 f"pga_{name}": ("return_period", [pga_at(one, years) for years in RETURN_PERIODS])
-                for name, one in zip(
-                    ("before", "after", "dropped"), (*ends, only_dropped), strict=True
-                )
+                for name, one in curves.items()
             },
-            "scale_factor": ((), largest_scale(question.before, question.chance, question.least)),
-            "effective_branches_before": ((), effective_number(question.weights)),
-            "effective_branches_after": ((), effective_number(answer.weights)),
+            "scale_factor": ((), scale),
+            "effective_branches_before": ((), effective_number(analysis.weights)),
+            "effective_branches_after": ((), effective_number(results.weights)),
         },
         {"fractile": list(FRACTILES), "return_period": list(RETURN_PERIODS)},
     )
@@ -160,12 +156,12 @@ def _rates(curve: HazardCurve | None, at: Array) -> Array:
     return np.full(len(at), np.nan) if curve is None else curve.rate_at(at)
 
 
-def _by_age(question: Question, ages: Array) -> xr.Dataset:
+def _by_age(analysis: SurvivalAnalysis, ages: Array) -> xr.Dataset:
     """Survival of the first rock alone against its age, and how likely the ages are."""
     edges = np.linspace(0.0, 1.35 * np.percentile(ages, 99.0), _AGES + 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    own = question.standing[0].fragility
-    rates = np.array([toppling(curve, own).rate for curve in question.curves])
+    own = analysis.standing[0].fragility
+    rates = np.array([toppling(curve, own).rate for curve in analysis.curves])
     density, _ = np.histogram(ages, bins=edges, density=True)
     return xr.Dataset(
         {
@@ -176,11 +172,11 @@ def _by_age(question: Question, ages: Array) -> xr.Dataset:
     )
 
 
-def _disaggregated(question: Question) -> xr.Dataset:
+def _disaggregated(analysis: SurvivalAnalysis) -> xr.Dataset:
     """Rate of toppling of the first rock under the mean curve, by PGA and by PGV/PGA."""
-    rock, own = question.rocks[0].fragility, question.standing[0].fragility
-    curve = question.before
-    _, rates = rate_by_row(curve, own, rock.mean, rock.ratios, question.table)
+    rock, own = analysis.rocks[0].fragility, analysis.standing[0].fragility
+    curve = analysis.before
+    _, rates = rate_by_row(curve, own, rock.mean, rock.ratios, analysis.table)
     last = rates.shape[1] - 1  # the part of all beyond the last level
     starts = np.append(np.arange(0, last, -(-last // _BINS)), last)
     binned = np.add.reduceat(rates, starts, axis=1)
@@ -197,21 +193,13 @@ def _disaggregated(question: Question) -> xr.Dataset:
 
 
 def _cases(cases: Sequence[Case]) -> xr.Dataset:
-    years = RETURN_PERIODS[1]
-    rows = [
-        (
-            float(one.question.weights @ one.answer.survival),
-            int(one.answer.rejected.sum()),
-            pga_at(one.answer.after, years),
-        )
-        for one in cases
-    ]
-    survival, rejected, after = (list(part) for part in zip(*rows, strict=True))
+    survival = [float(one.analysis.weights @ one.results.survival) for one in cases]
+    after = [pga_at(one.results.after, RETURN_PERIODS[1]) for one in cases]
     return xr.Dataset(
         {
             "case_survival": ("case", survival),
-            "case_rejected": ("case", rejected),
+            "case_rejected": ("case", [int(one.results.rejected.sum()) for one in cases]),
             "case_pga_after": ("case", after),
         },
-        {"case": [one.what for one in cases]},
+        {"case": [one.name for one in cases]},
     )

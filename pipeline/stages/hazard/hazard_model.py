@@ -1,22 +1,28 @@
-"""A hazard model at one place, as its branches."""
+"""A hazard model at one site, as its logic-tree branches; its files are refused in one line."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.config.problems import InputError, Problem
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.errors import InvalidInput
 from vsr_core.hazard.curve import HazardCurve
 
 UNITS = {"PGA": GRAVITY, "PGV": 0.01}
-"""Measures that are read, and their units in m/s^2 and m/s."""
+"""Intensity measures that are read, and their units in m/s^2 and m/s."""
+
+WEIGHTS_SUM = 1e-3
+"""How far weights may be from a sum of 1, as they are written with few digits."""
 
 
 @dataclass(frozen=True)
 class Branch:
-    """One end of a logic tree.
+    """One end branch of a logic tree.
 
     Attributes
     ----------
@@ -33,15 +39,15 @@ class Branch:
 
 @dataclass(frozen=True)
 class HazardModel:
-    """Branches of a hazard model at one place.
+    """Branches of a hazard model at one site.
 
     Attributes
     ----------
-    place : tuple of float [degree], longitude and latitude
+    location : tuple of float [degree], longitude and latitude
     """
 
     branches: tuple[Branch, ...]
-    place: tuple[float, float]
+    location: tuple[float, float]
 
     @property
     def levels(self) -> Array:
@@ -49,30 +55,27 @@ class HazardModel:
         return max((one.pga.levels for one in self.branches), key=len)
 
 
-WEIGHTS_SUM = 1e-3
-"""How far weights may be from a sum of 1, as they are written with few digits."""
-
-
-def weighed(folder: Path, branches: list[Branch], place: tuple[float, float]) -> HazardModel:
-    """A model of branches, whose weights then sum to 1 exactly.
-
-    Parameters
-    ----------
-    place : tuple of float [degree]
-    """
+def normalized(source: Path, branches: list[Branch], location: tuple[float, float]) -> HazardModel:
+    """A model of branches whose weights then sum to 1 exactly."""
     total = sum(branch.weight for branch in branches)
     if not abs(total - 1.0) <= WEIGHTS_SUM:
-        raise refused(
-            folder,
-            "weight",
-            f"weights that sum to {total:g}",
-            "those of all branches sum to 1",
-            "export all realizations",
-        )
-    whole = (Branch(one.name, one.path, one.weight / total, one.pga, one.pgv) for one in branches)
-    return HazardModel(tuple(whole), place)
+        given, remedy = f"weights that sum to {total:g}", "export all realizations"
+        raise refused(source, "weight", given, "those of all branches sum to 1", remedy)
+    whole = tuple(replace(branch, weight=branch.weight / total) for branch in branches)
+    return HazardModel(whole, location)
 
 
 def refused(file: Path, key: str, given: str, rule: str, remedy: str) -> InputError:
-    """An error in a file of curves."""
+    """An error in a file of a hazard model."""
     return InputError(Problem(str(file), key, given, rule, remedy))
+
+
+@contextmanager
+def reading(file: Path, key: str, rule: str, remedy: str = "export it again") -> Iterator[None]:
+    """Refuse a file, in one line, whatever reading it raises."""
+    try:
+        yield
+    except InvalidInput as error:
+        raise InputError.from_invalid(str(file), key, error) from None
+    except (OSError, ValueError, LookupError, SyntaxError, TypeError) as error:
+        raise refused(file, key, f"an invalid file ({error})", rule, remedy) from None

@@ -1,4 +1,10 @@
-"""Where PGV/PGA at a PGA comes from, best first: a table, a disaggregation, curves of PGV."""
+"""Where PGV/PGA at a PGA comes from, best first: a table, a disaggregation, curves of PGV.
+
+A disaggregation is OpenQuake's, of PGA by magnitude and distance, as CSV: ``Mag_Dist-mean-0_1.csv``
+has columns ``imt, iml, poe, mag, dist`` and the mean, or one for each realization or statistic
+(older: ``poe`` first, and one file a level): the probability that a level is exceeded by
+earthquakes of a bin of magnitude and distance.
+"""
 
 from __future__ import annotations
 
@@ -6,41 +12,62 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pipeline.config import in_si
 from pipeline.config.hazard_schema import HazardConfig
-from pipeline.stages.hazard import disaggregation
-from pipeline.stages.hazard.hazard_model import HazardModel
+from pipeline.stages.hazard.hazard_model import UNITS, HazardModel, reading, refused
 from vsr_core.arrays import Array
 from vsr_core.hazard.branches import mean_curve
 from vsr_core.hazard.ground_motion import LOG_SD, ratios_of_scenarios
 from vsr_core.hazard.ratio import RatioTable, ratio_of_curves
 
 DEFAULT, SMALLER, LARGER = (6.5, 20.0), (5.5, 10.0), (7.5, 40.0)
-"""Magnitude and distance [km] of the earthquake that is taken where nothing is known, and of two
-that might as well be."""
+"""Magnitude and distance [km] of the earthquake assumed where nothing is known of PGV, and of two
+alternatives."""
 
-DOUBT = 1.25
-"""Factor by which a known median of PGV/PGA is moved up and down to see what it matters: medians
-of ground-motion models differ by about as much."""
+VARIATION = 1.25
+"""Factor by which a known median of PGV/PGA is varied: medians of ground-motion models differ by
+about as much."""
 
 STEP = 1.05
 """Factor between the accelerations of a table."""
 
+PATTERN = "Mag_Dist-*.csv"
+
+_COLUMNS = ("imt", "iml", "mag", "dist")
+
+
+@dataclass(frozen=True, eq=False)
+class Disaggregation:
+    """Shares of earthquakes at levels of PGA.
+
+    Attributes
+    ----------
+    magnitudes, distances : ndarray, shape (n,) [1] and [km], middles of the bins
+    levels : ndarray, shape (k,) [m/s^2], ascending
+    shares : ndarray, shape (k, n), rows sum to 1
+    """
+
+    magnitudes: Array
+    distances: Array
+    levels: Array
+    shares: Array
+
 
 @dataclass(frozen=True, eq=False)
 class ShakingRatio:
-    """PGV/PGA as it is used, and in doubt.
+    """PGV/PGA as it is used, and plausible alternatives.
 
     Attributes
     ----------
     source : str, "table", "disaggregation", "curves" or "default"
-    doubts : dict, from what is changed, in words, to the table with the change
+    alternatives : dict, from the name of a case to the table then
     """
 
     table: RatioTable
     source: str
-    doubts: dict[str, RatioTable]
+    alternatives: dict[str, RatioTable]
 
 
 def of_model(
@@ -58,7 +85,7 @@ def of_model(
         return _known("table", RatioTable(pga, np.array(given.median), np.array(given.log_sd)))
     at = np.geomspace(levels[0], levels[1], 2 + int(np.log(levels[1] / levels[0]) / np.log(STEP)))
     if disaggregated is not None:
-        found = disaggregation.load(disaggregated)
+        found = load_disaggregation(disaggregated)
         scenarios = found.magnitudes, found.distances, found.levels, found.shares
         return _known("disaggregation", ratios_of_scenarios(*scenarios, at))
     pgv = [one.pgv for one in model.branches if one.pgv is not None]
@@ -68,19 +95,19 @@ def of_model(
         velocities = max((one.levels for one in pgv), key=len)
         pgv_mean = mean_curve(pgv, weights, velocities)
         return _known("curves", ratio_of_curves(pga_mean, pgv_mean, LOG_SD))
-    doubts = {
+    alternatives = {
         f"PGV/PGA: of {_words(one)}, not {_words(DEFAULT)}": _one(one, at)
         for one in (SMALLER, LARGER)
     }
-    return ShakingRatio(_one(DEFAULT, at), "default", doubts)
+    return ShakingRatio(_one(DEFAULT, at), "default", alternatives)
 
 
 def _known(source: str, table: RatioTable) -> ShakingRatio:
-    doubts = {
+    alternatives = {
         f"PGV/PGA: a quarter {word}": table.times(factor)
-        for word, factor in (("larger", DOUBT), ("smaller", 1.0 / DOUBT))
+        for word, factor in (("larger", VARIATION), ("smaller", 1.0 / VARIATION))
     }
-    return ShakingRatio(table, source, doubts)
+    return ShakingRatio(table, source, alternatives)
 
 
 def _one(scenario: tuple[float, float], at: Array) -> RatioTable:
@@ -91,3 +118,37 @@ def _one(scenario: tuple[float, float], at: Array) -> RatioTable:
 
 def _words(scenario: tuple[float, float]) -> str:
     return f"earthquakes of M {scenario[0]:g} at {scenario[1]:g} km"
+
+
+def disaggregation_files(path: Path) -> list[Path]:
+    """The files of a disaggregation: itself, or those in a folder."""
+    return [path] if path.is_file() else sorted(path.glob(PATTERN))
+
+
+def load_disaggregation(path: Path) -> Disaggregation:
+    """Read a disaggregation by magnitude and distance."""
+    parts = [_shares(one) for one in disaggregation_files(path)]
+    table = pd.concat(parts) if parts else pd.DataFrame(columns=[*_COLUMNS, "share"])
+    if not table["share"].sum() > 0.0:
+        rule = "OpenQuake's is named Mag_Dist-mean-0_1.csv and has rows of PGA"
+        remedy = "export it, or leave disaggregation out"
+        raise refused(path, "imt", "no disaggregation of PGA", rule, remedy)
+    grid = table.groupby(["iml", "mag", "dist"])["share"].sum().unstack(["mag", "dist"]).fillna(0.0)
+    grid = grid[grid.sum(axis=1) > 0.0]
+    magnitudes, distances = (
+        grid.columns.get_level_values(name).to_numpy(dtype=np.float64) for name in ("mag", "dist")
+    )
+    shares = grid.to_numpy()
+    levels = UNITS["PGA"] * grid.index.to_numpy(dtype=np.float64)
+    return Disaggregation(magnitudes, distances, levels, shares / shares.sum(axis=1, keepdims=True))
+
+
+def _shares(path: Path) -> pd.DataFrame:
+    """Rows of PGA; their share is the mean over the realizations or statistics of the file."""
+    rule = f"a disaggregation has the columns {', '.join(_COLUMNS)} and one of probabilities"
+    with reading(path, "", rule):
+        table = pd.read_csv(path, comment="#", encoding="utf-8-sig")
+        table = table[table["imt"] == "PGA"]
+        share = table.drop(columns=[*_COLUMNS, "poe"], errors="ignore").astype(float).mean(axis=1)
+        bins = table[list(_COLUMNS)].astype({"iml": float, "mag": float, "dist": float})
+        return bins.assign(share=share)

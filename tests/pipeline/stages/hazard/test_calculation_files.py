@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from pipeline.config.problems import InputError
-from pipeline.stages.hazard import curve_folder, disaggregation
+from pipeline.stages.hazard import curve_folder
+from pipeline.stages.hazard.shaking_ratio import load_disaggregation
 from vsr_core import GRAVITY
 
 LEVELS = {"PGA": [0.01, 0.1, 1.0], "PGV": [0.5, 5.0, 50.0], "SA(1.0)": [0.02, 0.2, 2.0]}
@@ -48,7 +49,7 @@ def written(path: Path, older: bool = False, sites: int = 1) -> Path:
 @pytest.mark.parametrize("older", [False, True])
 def test_a_calculation_is_read(tmp_path: Path, older: bool) -> None:
     model = curve_folder.load(written(tmp_path / "calc_7.hdf5", older))
-    assert model.place == (-120.9, 35.2)
+    assert model.location == (-120.9, 35.2)
     assert [(one.name, one.path) for one in model.branches] == [("0", "b1~A"), ("1", "b1~B")]
     assert [one.weight for one in model.branches] == pytest.approx(WEIGHTS)
     for one, rates in zip(model.branches, RATES, strict=True):
@@ -89,7 +90,7 @@ def test_a_disaggregation_is_read(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     for given in (path, tmp_path):
-        found = disaggregation.load(given)
+        found = load_disaggregation(given)
         np.testing.assert_allclose(found.levels, GRAVITY * np.array([0.2, 0.5]))
         assert found.magnitudes.tolist() == [5.5, 7.0]
         np.testing.assert_allclose(found.shares, [[0.5, 0.5], [0.75, 0.25]])
@@ -97,17 +98,17 @@ def test_a_disaggregation_is_read(tmp_path: Path) -> None:
 
 def test_no_disaggregation_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no disaggregation of PGA"):
-        disaggregation.load(tmp_path)
+        load_disaggregation(tmp_path)
     wrong = tmp_path / "Mag_Dist-mean-0_2.csv"
     wrong.write_text("imt,iml,mag\nPGA,0.5,x\n", encoding="utf-8")
-    with pytest.raises(InputError, match="no disaggregation"):
-        disaggregation.load(wrong)
+    with pytest.raises(InputError, match="a disaggregation has"):
+        load_disaggregation(wrong)
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the folder of a disaggregation is not here")
 def test_a_disaggregation_that_openquake_wrote() -> None:
     """Its shares at a level add up to the probability that the level is exceeded with."""
-    found = disaggregation.load(SHARED)
+    found = load_disaggregation(SHARED)
     assert len(found.levels) == 3
     assert math.isclose(float(found.levels[-1]), 1.09658 * GRAVITY, rel_tol=1e-5)
     np.testing.assert_allclose(found.shares.sum(axis=1), 1.0)

@@ -51,7 +51,7 @@ def test_rates_and_weights_are_read(
     tmp_path: Path, spelt: Callable[[int, list[float]], str]
 ) -> None:
     model = curve_folder.load(written(tmp_path, spelt))
-    assert model.place == (-120.9, 35.2)
+    assert model.location == (-120.9, 35.2)
     assert [(one.name, one.path, one.weight) for one in model.branches] == [
         ("0", "A~0", 0.6),
         ("1", "A~1", 0.4),
@@ -78,14 +78,14 @@ FIRST = "hazard_curve-rlz-000-PGA_1.csv"
     ("file", "old", "new", "words"),
     [
         (FIRST, "investigation_time=50.0", "x=1", "years of the probabilities"),
-        (FIRST, "imt='PGA'", "imt='SA(0.2)'", "the name says PGA"),
-        (FIRST, "-120.9,35.2", "-120.9,36.2", "all curves are of one place"),
+        (FIRST, "imt='PGA'", "imt='SA(0.2)'", "the file name says PGA"),
+        (FIRST, "-120.9,35.2", "-120.9,36.2", "all curves are of one site"),
         (FIRST, "-120.9,35.2,0.0,", "-120.9,35.2,0.0,1.0,", None),
         (FIRST, "poe-0.0100000", "poe-9.0", "ascend"),
         ("realizations_1.csv", "0.4", "0.3", "sum to 1"),
         ("realizations_1.csv", "weight", "gewicht", "rlz_id, branch_path and weight"),
         ("realizations_1.csv", "\n1,", "\n2,", "a curve of PGA and a weight"),
-        ("realizations_1.csv", "0.6", "half", "no number"),
+        ("realizations_1.csv", "0.6", "half", "weights are numbers"),
     ],
 )
 def test_what_breaks_a_rule_is_refused_in_one_line(

@@ -10,13 +10,19 @@ import xarray as xr
 from scipy.stats import norm
 
 from pipeline.config.hazard_schema import BoundedAge, LognormalAge, NormalAge, SampledAge
-from pipeline.stages.hazard import sensitivity
 from pipeline.stages.hazard.hazard_dataset import survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
-from pipeline.stages.hazard.question import DatedRock, Question, ages_of
+from pipeline.stages.hazard.hazard_page import sentence
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_members
 from pipeline.stages.hazard.shaking_ratio import ShakingRatio
-from pipeline.stages.hazard.words import sentence
+from pipeline.stages.hazard.survival_analysis import (
+    BASE_CASE,
+    SAME_ROCK,
+    DatedRock,
+    SurvivalAnalysis,
+    ages_of,
+    cases,
+)
 from vsr_core import GRAVITY
 from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.ratio import RatioTable
@@ -62,14 +68,16 @@ def test_survival_of_members_that_topple_from_a_level_on() -> None:
     thresholds = np.linspace(0.2, 0.6, 21)
     rock = ensemble(thresholds.tolist())
     assert rock.source == DRAWN
-    question = Question(model(1e-5, 1e-4), (DatedRock("rock", rock, np.array([2e3])),), TABLE, 0.05)
-    low, high = survival_range(question, question.survivals())
+    analysis = SurvivalAnalysis(
+        model(1e-5, 1e-4), (DatedRock("rock", rock, np.array([2e3])),), TABLE, 0.05
+    )
+    low, high = survival_range(analysis, analysis.survival_of_others())
     for n, rate in enumerate((1e-5, 1e-4)):
         exact = np.exp(-2e3 * rate * thresholds**-SLOPE)
         # a threshold lies within a step of the grid of PGA, 4.8 %
         expected = np.percentile(exact, [5.0, 95.0])
         assert [low[n], high[n]] == pytest.approx(expected, rel=0.12)
-    mean = -np.log(question.answer().survival) / 2e3
+    mean = -np.log(analysis.results().survival) / 2e3
     exact = [rate * (thresholds**-SLOPE).mean() for rate in (1e-5, 1e-4)]
     np.testing.assert_allclose(mean, exact, rtol=0.06)
 
@@ -94,22 +102,22 @@ def test_a_rock_that_is_the_same_in_all_earthquakes_stands_more_often() -> None:
     """
     thresholds, rates, years = [0.3, 0.6], [1e-4, 4.6e-4], 1000.0
     rock = DatedRock("rock", ensemble(thresholds, 2000), np.array([years]))
-    question = Question(model(*rates), (rock,), TABLE, 0.05)
-    cases = sensitivity.cases(
-        question,
-        question.survivals(),
+    analysis = SurvivalAnalysis(model(*rates), (rock,), TABLE, 0.05)
+    found = cases(
+        analysis,
+        analysis.survival_of_others(),
         ShakingRatio(TABLE, "table", {}),
         {"another": rock.fragility},
     )
-    anew, same = (case.answer for case in cases[:2])
-    assert [case.what for case in cases[:3]] == ["as used", sensitivity.SAME_ROCK, "another"]
+    anew, same = (case.results for case in found[:2])
+    assert [case.name for case in found[:3]] == [BASE_CASE, SAME_ROCK, "another"]
     nu = np.array([[rate * level**-SLOPE for rate in rates] for level in thresholds])
     np.testing.assert_allclose(same.survival, np.exp(-years * nu).mean(axis=0), rtol=0.01)
     np.testing.assert_allclose(anew.survival, np.exp(-years * nu.mean(axis=0)), rtol=0.03)
     for n, rate in enumerate(rates):
-        for answer, alike in ((same, True), (anew, False)):
+        for results, alike in ((same, True), (anew, False)):
             share = stand(rate, years, thresholds, same=alike)
-            assert answer.survival[n] == pytest.approx(share, abs=4.0 * math.sqrt(0.25 / 20_000))
+            assert results.survival[n] == pytest.approx(share, abs=4.0 * math.sqrt(0.25 / 20_000))
     assert anew.rejected.tolist() == [False, True]
     assert same.rejected.tolist() == [False, False]
     weights = np.exp(-years * nu).mean(axis=0)
@@ -127,7 +135,7 @@ def test_two_rocks_are_not_drawn_alike() -> None:
     )
     lower = np.minimum(*np.meshgrid(thresholds, thresholds))
     exact = np.exp(-years * rate * lower**-SLOPE).mean()
-    found = Question(model(rate), rocks, TABLE, 0.05).survivals().mean()
+    found = SurvivalAnalysis(model(rate), rocks, TABLE, 0.05).survival_of_others().mean()
     assert found == pytest.approx(exact, rel=0.04)
     assert found < 0.85 * np.exp(-years * rate * thresholds**-SLOPE).mean()
 
@@ -184,37 +192,37 @@ def test_a_kept_and_a_rejected_branch_by_hand() -> None:
     sqrt(1e-4 * 2475) = 0.497 g.
     """
     rock = DatedRock("rock", ensemble([0.5]), np.array([2000.0]))
-    question = Question(model(1e-4, 1e-3), (rock,), TABLE, 0.05)
-    answer = question.answer()
-    np.testing.assert_allclose(answer.rates, [4e-4, 4e-3], rtol=0.06)
-    np.testing.assert_allclose(answer.survival, [0.449, 0.0003], rtol=0.4)
-    assert answer.rejected.tolist() == [False, True]
-    assert answer.weights.tolist() == [1.0, 0.0]
-    assert question.before.level_at(1 / 2475) / GRAVITY == pytest.approx(1.167, rel=1e-3)
-    assert answer.after is not None
-    assert answer.after.level_at(1 / 2475) / GRAVITY == pytest.approx(0.497, rel=2e-3)
-    said = sentence(["0", "1"], answer.rejected, answer.survival, 0.05, (1.167, 0.497, 0.497))
-    assert said == (
-        "Branch 1 leaves this rock less than 5 % chance of having survived; "
+    analysis = SurvivalAnalysis(model(1e-4, 1e-3), (rock,), TABLE, 0.05)
+    results = analysis.results()
+    np.testing.assert_allclose(results.rates, [4e-4, 4e-3], rtol=0.06)
+    np.testing.assert_allclose(results.survival, [0.449, 0.0003], rtol=0.4)
+    assert results.rejected.tolist() == [False, True]
+    assert results.weights.tolist() == [1.0, 0.0]
+    assert analysis.before.level_at(1 / 2475) / GRAVITY == pytest.approx(1.167, rel=1e-3)
+    assert results.after is not None
+    assert results.after.level_at(1 / 2475) / GRAVITY == pytest.approx(0.497, rel=2e-3)
+    text = sentence(["0", "1"], results.rejected, results.survival, 0.05, (1.167, 0.497, 0.497))
+    assert text == (
+        "The rock's survival probability is below 5 % under branch 1; "
         "without it the 2,475-year PGA falls from 1.17 to 0.50 g."
     )
 
 
 def test_no_branch_left_is_an_answer_too() -> None:
     rock = DatedRock("rock", ensemble([0.5]), np.array([1e6]))
-    answer = Question(model(1e-4, 1e-3), (rock,), TABLE, 0.05).answer()
-    assert answer.after is None
-    assert answer.weights.tolist() == [0.0, 0.0]
-    said = sentence(["0", "1"], answer.rejected, answer.survival, 0.05, (1.0, math.nan, math.nan))
-    assert said.startswith("Every branch leaves this rock less than 5 % chance")
-    assert said.endswith("do not go together.")
+    results = SurvivalAnalysis(model(1e-4, 1e-3), (rock,), TABLE, 0.05).results()
+    assert results.after is None
+    assert results.weights.tolist() == [0.0, 0.0]
+    text = sentence(["0", "1"], results.rejected, results.survival, 0.05, (1.0, math.nan, math.nan))
+    assert text.startswith("The rock's survival probability is below 5 % under every branch")
+    assert text.endswith("are inconsistent.")
 
 
 def test_a_component_moves_the_rock_along_the_curve() -> None:
     """On a power law a factor on PGA is a factor on rates, to the power of the slope."""
     rock = DatedRock("rock", ensemble([0.5]), np.array([2000.0]))
     rates = [
-        Question(model(1e-4), (rock,), TABLE, 0.05, component).answer().rates[0]
+        SurvivalAnalysis(model(1e-4), (rock,), TABLE, 0.05, component).results().rates[0]
         for component in (1.0, 1.2)
     ]
     assert rates[1] / rates[0] == pytest.approx(1.2**SLOPE, rel=0.02)
@@ -234,10 +242,14 @@ def test_ages_of_each_kind() -> None:
 @pytest.mark.parametrize(
     ("rejected", "pga", "words"),
     [
-        ([False, False], (0.5, 0.5, 0.4), "No branch leaves this rock less than 5 %"),
-        ([False, False], (0.5, 0.5, 0.4), "Weighed by it, the 2,475-year PGA falls from 0.50 to"),
+        ([False, False], (0.5, 0.5, 0.4), "at least 5 % under every branch"),
+        (
+            [False, False],
+            (0.5, 0.5, 0.4),
+            "by survival, the 2,475-year PGA falls from 0.50 to",
+        ),
         ([True, False], (0.5, 0.5, 0.5), "stays at 0.50 g."),
-        ([True, False], (0.5, 0.5, 0.4), "stays at 0.50 g, and with the others weighed by"),
+        ([True, False], (0.5, 0.5, 0.4), "stays at 0.50 g, and with the others weighted by"),
         ([True, False], (0.4, 0.5, 0.5), "rises from 0.40 to 0.50 g."),
         ([True, False], (0.4, math.nan, math.nan), "is beyond the levels of the curves."),
     ],
@@ -249,5 +261,7 @@ def test_sentences(rejected: list[bool], pga: tuple[float, float, float], words:
 
 def test_many_branches_are_counted_not_named() -> None:
     names, rejected = [str(n) for n in range(1000)], np.arange(1000) < 400
-    said = sentence(names, rejected, np.where(rejected, 0.01, 0.4), 0.05, (0.5, 0.4, 0.4))
-    assert said.startswith("400 of 1,000 branches leave this rock less than 5 % chance")
+    text = sentence(names, rejected, np.where(rejected, 0.01, 0.4), 0.05, (0.5, 0.4, 0.4))
+    assert text.startswith(
+        "The rock's survival probability is below 5 % under 400 of 1,000 branches"
+    )
