@@ -461,7 +461,7 @@ def test_rocks_of_one_site_are_combined(
     assert ran.code == 0, ran.err
     found = read(derived / "rock" / "hazard.nc")
     page = (derived / "rock" / "hazard.html").read_text(encoding="utf-8")
-    assert "The 2 rocks' joint survival probability" in page
+    assert "The 2 rocks&#39; joint survival probability" in page
     levels, rates = levels_and_rates("PGA")
     expected, alone = [], []
     for row in rates:
