@@ -1,4 +1,8 @@
-"""The overturning boundary read off the grid: intervals, balanced islands, toppled clusters."""
+"""The overturning boundary read off the grid: its intervals, balanced islands, toppled clusters.
+
+The first-overturning PGA of a row is the geometric middle of the interval that brackets it, from
+the last PGA that leaves the rock standing to the first that topples it.
+"""
 
 from __future__ import annotations
 
@@ -25,25 +29,58 @@ def locate(pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Boundary:
     Examples
     --------
     >>> found = locate([0.1, 0.2, 0.3, 0.4], [[0, 1, 0, 1], [0, 0, -1, 0]])
-    >>> found.lower, found.upper, found.islands
-    (array([0.1, 0.4]), array([0.2, inf]), array([1, 0]))
+    >>> found.lower, found.upper, found.pga.round(3), found.islands
+    (array([0.1, 0.4]), array([0.2, inf]), array([0.141,   inf]), array([1, 0]))
     """
-    levels = np.asarray(pga, dtype=np.float64)
     grid = outcomes(overturned)
-    fell, stood = grid == 1, grid == 0
-    any_fell, decided = fell.any(axis=1), (fell | stood).any(axis=1)
-    first = np.where(any_fell, fell.argmax(axis=1), levels.size)
-    column = np.arange(levels.size)
-    below = stood & (column < first[:, None])
-    last_below = levels.size - 1 - below[:, ::-1].argmax(axis=1)
-    upper = np.where(any_fell, levels[np.minimum(first, levels.size - 1)], np.inf)
+    lower, upper = interval(pga, grid)
     return Boundary(
-        lower=np.where(below.any(axis=1), levels[last_below], np.nan),
-        upper=np.where(decided, upper, np.nan),
-        censored=decided & ~any_fell,
-        islands=(stood & (column > first[:, None])).sum(axis=1),
+        pga=middle(pga, lower, upper),
+        lower=lower,
+        upper=upper,
+        censored=np.isinf(upper),
+        islands=((grid == 0) & (np.asarray(pga) > upper[:, None])).sum(axis=1),
         cluster_sizes=_toppled_clusters(grid),
     )
+
+
+def interval(pga: npt.ArrayLike, overturned: npt.ArrayLike) -> tuple[Array, Array]:
+    """Last PGA that leaves the rock standing and first that topples it.
+
+    Parameters
+    ----------
+    pga : array_like, shape (n_pga,) [g]
+        Increasing.
+    overturned : array_like, shape (..., n_pga)
+        1 toppled, 0 stood; all else is passed over.
+
+    Returns
+    -------
+    lower, upper : ndarray, shape (...) [g]
+        See `Boundary`.
+    """
+    levels, grid = np.asarray(pga, dtype=np.float64), np.asarray(overturned)
+    upper = np.where(grid == 1, levels, np.inf).min(axis=-1)
+    below = (grid == 0) & (levels < upper[..., None])
+    lower = np.where(below, levels, -np.inf).max(axis=-1)
+    stood = np.isfinite(lower)
+    return np.where(stood, lower, np.nan), np.where(stood | np.isfinite(upper), upper, np.nan)
+
+
+def middle(pga: npt.ArrayLike, lower: Array, upper: Array) -> Array:
+    """First-overturning PGA: the geometric middle of its interval.
+
+    Parameters
+    ----------
+    pga : array_like, shape (n_pga,) [g]
+        Increasing, positive. Where its lowest value topples, the interval is taken to begin one
+        step lower, as wide as the first one in the logarithm.
+    lower, upper : ndarray, shape (...) [g]
+        As `interval` gives them.
+    """
+    levels = np.asarray(pga, dtype=np.float64)
+    beneath = levels[0] ** 2 / levels[1] if levels.size > 1 else 0.5 * levels[0]
+    return np.asarray(np.sqrt(np.where(np.isnan(lower), beneath, lower) * upper))
 
 
 def first_crossing(ln_pga: Array, margin: Array) -> Array:

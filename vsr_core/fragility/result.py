@@ -18,6 +18,9 @@ class Boundary:
 
     Attributes
     ----------
+    pga : ndarray, shape (n_ratio,) [g]
+        Geometric middle of the interval; inf in a row that never topples, NaN in a row without
+        decided cells.
     lower : ndarray, shape (n_ratio,) [g]
         Largest balanced PGA below the first overturned one. NaN when the first decided cell
         already overturned. In a censored row: the largest balanced PGA.
@@ -31,6 +34,7 @@ class Boundary:
         Cells in each group of toppled cells that balanced cells separate from the others.
     """
 
+    pga: Array
     lower: Array
     upper: Array
     censored: Mask

@@ -72,7 +72,8 @@ def band(boundaries: Array) -> Array:
 
     Parameters
     ----------
-    boundaries : ndarray, shape (draws, ...), infinite where a draw does not topple
+    boundaries : ndarray, shape (draws, ...), infinite where a draw does not topple,
+        NaN where no run of it is decided, which counts as infinite
 
     Returns
     -------
@@ -83,7 +84,8 @@ def band(boundaries: Array) -> Array:
     >>> band(np.array([0.1, 0.2, 0.3, np.inf])).tolist()
     [0.1, 0.2, inf]
     """
-    return np.asarray(np.quantile(boundaries, BAND, axis=0, method="inverted_cdf"))
+    found = np.nan_to_num(boundaries, nan=np.inf)
+    return np.asarray(np.quantile(found, BAND, axis=0, method="inverted_cdf"))
 
 
 def surface(pga: Array, pgv_pga: Array, overturned: NDArray[np.int8]) -> tuple[Array, Array, Array]:

@@ -129,21 +129,3 @@ def expected_columns(ln_boundary: Array, ln_pga: Array) -> Indices:
     ndarray of int, shape (...), 0 to n
     """
     return np.searchsorted(ln_pga, ln_boundary)
-
-
-def ln_boundaries(table: Table, ln_pga: Array) -> Array:
-    """Boundary of each row: half-way to the first cell that topples.
-
-    Parameters
-    ----------
-    table : ndarray of int, shape (..., n), completed
-    ln_pga : ndarray, shape (n,) [ln g], ascending
-
-    Returns
-    -------
-    ndarray, shape (...) [ln g], infinite where no cell topples
-    """
-    step = ln_pga[1] - ln_pga[0] if ln_pga.size > 1 else np.log(2.0)
-    ends = np.concatenate([[ln_pga[0] - step], ln_pga])
-    middle = np.append(0.5 * (ends[1:] + ends[:-1]), np.inf)
-    return np.asarray(middle[first_toppled(table)])

@@ -59,7 +59,7 @@ def _share(which: Mask) -> float:
 
 
 def first_overturning(pga: Array, outcomes: Array) -> Array:
-    """Middle of the interval of the first overturning of each row.
+    """First-overturning PGA of each row.
 
     Parameters
     ----------
@@ -70,9 +70,8 @@ def first_overturning(pga: Array, outcomes: Array) -> Array:
     -------
     ndarray, shape (rows,) [g]; nan where the row does not overturn
     """
-    found = locate(pga, outcomes)
-    low = np.where(np.isfinite(found.lower), found.lower, found.upper)
-    return np.where(np.isfinite(found.upper), 0.5 * (low + found.upper), np.nan)
+    found = locate(pga, outcomes).pga
+    return np.where(np.isfinite(found), found, np.nan)
 
 
 def lower_in(one: Array, other: Array) -> float:

@@ -78,8 +78,9 @@ def _group(fit: FragilityResult, row: str) -> xr.Dataset:
     """What was learnt from the grid of one yaw and friction."""
     edge = fit.boundary
     grid = {
-        "last_balanced_pga": (row, edge.lower),
-        "first_overturning_pga": (row, edge.upper),
+        "first_overturning_pga": (row, edge.pga),
+        "first_overturning_pga_lower": (row, edge.lower),
+        "first_overturning_pga_upper": (row, edge.upper),
         "censored": (row, edge.censored.astype(float)),
         "islands": (row, edge.islands.astype(float)),
         "clusters": ((), float(edge.cluster_sizes.size)),
@@ -131,7 +132,7 @@ def _table(dataset: xr.Dataset, fits: _Fits) -> pd.DataFrame:
     for (i, k), fit in fits.items():
         one = dataset.isel(yaw=i, friction=k)
         edge = fit.boundary
-        found = [_quantity(rows, "first_overturning_pga_g", edge.upper, edge.lower, edge.upper)]
+        found = [_quantity(rows, "first_overturning_pga_g", edge.pga, edge.lower, edge.upper)]
         found[0]["model"] = "grid"
         found += [_of_model(rows, model, fit.recommended) for model in fit.models]
         group = {"yaw_deg": str(one["yaw"].item()), "friction": str(one["friction"].item())}

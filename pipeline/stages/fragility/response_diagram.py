@@ -152,7 +152,7 @@ def _not_rolled_over(axes: Axes, runs: xr.Dataset, pga: Array, ratio: Array, siz
 
 def _boundary(axes: Axes, fit: xr.Dataset) -> None:
     """Where the first overturning lies: from the last balanced run to the first overturned."""
-    lower, upper = fit["last_balanced_pga"].values, fit["first_overturning_pga"].values
+    lower, upper = (fit[f"first_overturning_pga_{end}"].values for end in ("lower", "upper"))
     both = np.isfinite(lower) & np.isfinite(upper)
     if both.any():
         look: Any = {"color": "black", "lw": 1.0, "zorder": 3, "gid": "boundary"}

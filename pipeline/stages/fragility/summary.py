@@ -107,25 +107,26 @@ def long_rows_in_words(ratios: Array) -> str:
     return "all PGV/PGA" if least < LONG_PULSE - 1e-9 else f"PGV/PGA ≥ {LONG_PULSE:g} s"
 
 
-def typical_pga(fragility: xr.Dataset) -> tuple[Array, Array]:
-    """Median over the long rows of the last balanced and of the first overturning PGA.
+def typical_pga(fragility: xr.Dataset) -> Array:
+    """First-overturning PGA and the ends of its interval, each the median over the long rows.
 
     Returns
     -------
-    lower, upper : ndarray, shape (yaw, friction) [g]
-        0 and inf where they lie below and above the grid; NaN without a decided run.
+    ndarray, shape (3, yaw, friction) [g]
+        PGA, lower and upper end: 0 and inf where they lie below and above the grid; NaN without a
+        decided run.
     """
-    rows = long_rows(fragility["pgv_pga"].values)
-    upper = fragility["first_overturning_pga"].values[..., rows]
-    lower = np.nan_to_num(fragility["last_balanced_pga"].values[..., rows], nan=0.0)
-    decided = ~np.isnan(upper)
-    shape = upper.shape[:2]
-    edges = np.full((2, *shape), np.nan)
-    for place in np.ndindex(shape):
-        if decided[place].any():
-            for end, values in enumerate((lower, upper)):
-                edges[(end, *place)] = np.median(values[place][decided[place]])
-    return edges[0], edges[1]
+    name, rows = "first_overturning_pga", long_rows(fragility["pgv_pga"].values)
+    first, lower, upper = (
+        fragility[name + end].values[..., rows] for end in ("", "_lower", "_upper")
+    )
+    decided = ~np.isnan(first)
+    typical = np.full((3, *first.shape[:2]), np.nan)
+    for place in np.argwhere(decided.any(axis=-1)):
+        own = (*place, decided[tuple(place)])
+        ends = (first[own], np.nan_to_num(lower[own], nan=0.0), upper[own])
+        typical[(slice(None), *place)] = np.median(ends, axis=1)
+    return typical
 
 
 def groups(data: xr.Dataset) -> Iterator[tuple[tuple[int, int], str]]:
@@ -143,13 +144,13 @@ def undecided(responses: xr.Dataset) -> Mask:
     return np.isin(outcome, codes) | (responses["overturned"].values < 0)
 
 
-def between(lower: float, upper: float, grid: Any) -> str:
-    """Say an interval of PGA in words, against the ends of the tested PGA.
+def with_interval(grid: Any, first: float, lower: float, upper: float) -> str:
+    """Say a first-overturning PGA and its interval, against the ends of the tested PGA.
 
     Parameters
     ----------
-    lower, upper : float [g]
     grid : array_like, tested PGA [g]
+    first, lower, upper : float [g]
     """
     least, most = float(np.min(grid)), float(np.max(grid))
     if math.isnan(upper):
@@ -158,7 +159,7 @@ def between(lower: float, upper: float, grid: Any) -> str:
         return f"above {most:.3f} g"
     if lower < least:
         return f"below {max(upper, least):.3f} g"
-    return f"{lower:.3f} to {upper:.3f} g"
+    return f"{first:.3f} [{lower:.3f}, {upper:.3f}] g"
 
 
 def _run(flags: Mask) -> int:

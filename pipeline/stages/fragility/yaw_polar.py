@@ -55,7 +55,7 @@ def _share(axes: PolarAxes, fragility: xr.Dataset) -> None:
 
 def _first(axes: PolarAxes, fragility: xr.Dataset, rock: xr.Dataset) -> None:
     yaw, grid = fragility["yaw"].values, fragility["pga"].values
-    lower, upper = typical_pga(fragility)
+    first, lower, upper = typical_pga(fragility)
     around = np.arange(361.0)
     static = static_pga(rock, around)
     rim = 1.15 * max([*upper[np.isfinite(upper)], min(static.max(), grid[-1]), grid[0]])
@@ -64,11 +64,10 @@ def _first(axes: PolarAxes, fragility: xr.Dataset, rock: xr.Dataset) -> None:
     axes.set_ylim(0.0, rim)
     several = fragility.sizes["friction"] > 1
     for k, friction in enumerate(fragility["friction"].values):
-        seen = upper[:, k] <= grid[-1]
         name = f"friction {friction:g}" if several else "first overturning in the simulations"
-        _ring(axes, yaw, np.where(seen, upper[:, k], np.nan), k, name, "first")
+        _ring(axes, yaw, np.where(np.isinf(first[:, k]), np.nan, first[:, k]), k, name, "first")
         for turn, low, high in zip(np.radians(yaw), lower[:, k], upper[:, k], strict=True):
-            if np.isfinite(high):  # down to the last balanced: the grid's interval
+            if np.isfinite(high):
                 axes.plot([turn, turn], [low, high], color=style.SERIES[k % 6], lw=2.2, alpha=0.5)
         above = np.isinf(upper[:, k])
         if above.any():

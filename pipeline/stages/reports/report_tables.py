@@ -11,11 +11,11 @@ import xarray as xr
 from pipeline.config import in_si
 from pipeline.stages.datasets.kinds_of_end import kinds, told, ways
 from pipeline.stages.fragility.summary import (
-    between,
     groups,
     typical_pga,
     undecided,
     weak_directions,
+    with_interval,
 )
 from pipeline.stages.runs.step_choice import kept
 from pipeline.workflow.datasets import rows_of
@@ -133,7 +133,7 @@ def records(motions: xr.Dataset) -> list[Row]:
 
 def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
     """Toppled share, typical first-overturning PGA and model of each yaw and friction."""
-    lower, upper = typical_pga(fragility)
+    typical = typical_pga(fragility)
     lost = undecided(responses).sum(axis=(2, 3))
     return [
         {
@@ -141,7 +141,7 @@ def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
             "yaw": f"{float(fragility['yaw'][place[0]]):g}",
             "friction": place[1],
             "share": float(fragility["toppled_share"].values[place]),
-            "first": between(lower[place], upper[place], fragility["pga"].values),
+            "first": with_interval(fragility["pga"].values, *typical[:, *place]),
             "undecided": int(lost[place]),
             "model": str(fragility["recommended"].values[place]) or "none",
         }
@@ -232,9 +232,12 @@ def boundary(fragility: xr.Dataset) -> Row:
     rows = []
     for (i, k), name in groups(fragility):
         fit = fragility.isel({"yaw": i, "friction": k, rows_of(fragility): columns})
-        lower = np.nan_to_num(fit["last_balanced_pga"].values, nan=0.0)
-        ends = zip(lower, fit["first_overturning_pga"].values, strict=True)
-        cells = [{"grid": between(*pair, grid), "model": ""} for pair in ends]
+        lower = np.nan_to_num(fit["first_overturning_pga_lower"].values, nan=0.0)
+        first, upper = (fit[f"first_overturning_pga{end}"].values for end in ("", "_upper"))
+        cells = [
+            {"grid": with_interval(grid, *row), "model": ""}
+            for row in zip(first, lower, upper, strict=True)
+        ]
         model = str(fit["recommended"].values)
         if model in fit["model"].values:
             own = fit.sel(model=model)

@@ -25,6 +25,7 @@ from pipeline.workflow.rows import RunRow
 from pipeline.workflow.run_store import RunStore
 from pipeline.workflow.stage import Job
 from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.fragility.boundary import interval, middle
 from vsr_core.outcome import FoundBy, Outcome
 from vsr_core.run.cases import Case, Settings, never_starts
 from vsr_core.run.proofs import static_limits
@@ -118,8 +119,9 @@ class Search:
         -------
         ndarray, shape (..., rows) [ln g]
         """
-        found = search.ln_boundaries(tables, self.ln_pga)
-        return np.minimum(found, 2.0 * self.ln_pga[-1] - self.ln_pga[-2:][0])
+        pga = np.array(self.motions.pga)
+        found = np.log(middle(pga, *interval(pga, tables)))
+        return np.fmin(found, 2.0 * self.ln_pga[-1] - self.ln_pga[-2:][0])
 
 
 def outcomes(wanted: Search) -> Ensemble:

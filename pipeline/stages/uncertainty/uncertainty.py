@@ -24,6 +24,7 @@ from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.stage import Job, Product
 from vsr_core.arrays import Array
+from vsr_core.fragility.boundary import interval, middle
 from vsr_core.outcome import FoundBy
 from vsr_core.run.cases import Settings
 from vsr_core.uncertainty import guess, probability, search, sensitivity
@@ -83,8 +84,8 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
     grid = ("yaw", row, "pga")
     pga, ratio = np.array(motions.pga), np.array(motions.pgv_pga)
     chance = probability.chance(found.overturned)
-    edges = np.exp(search.ln_boundaries(found.overturned, np.log(pga)))
-    low, middle, high = probability.band(edges)
+    edges = middle(pga, *interval(pga, found.overturned))
+    low, median, high = probability.band(edges)
     fits = [probability.surface(pga, ratio, own) for own in np.moveaxis(found.overturned, 1, 0)]
     of_yaw, theta, beta = (np.array(part) for part in zip(*fits, strict=True))
     dataset = xr.Dataset(
@@ -97,7 +98,7 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
             "spared_share": (grid, (found.found_by == FoundBy.SPARED).mean(axis=0)),
             "member_boundary": (("member", "yaw", row), edges),
             "boundary_low": (("yaw", row), low),
-            "boundary_median": (("yaw", row), middle),
+            "boundary_median": (("yaw", row), median),
             "boundary_high": (("yaw", row), high),
             "surface_of_yaw": (grid, of_yaw),
             "surface": ((row, "pga"), np.nanmean(of_yaw, axis=0)),

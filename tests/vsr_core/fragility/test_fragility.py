@@ -93,6 +93,9 @@ def test_boundary_of_a_grid_read_by_hand():
     found = locate([0.1, 0.2, 0.3, 0.4, 0.5], grid)
     np.testing.assert_array_equal(found.lower, [0.2, np.nan, 0.5, 0.1, 0.1, np.nan])
     np.testing.assert_array_equal(found.upper, [0.3, 0.1, np.inf, 0.2, 0.4, np.nan])
+    below_grid = np.sqrt(0.05 * 0.1)  # half a step below, as wide as the first one
+    middle = [np.sqrt(0.06), below_grid, np.inf, np.sqrt(0.02), 0.2, np.nan]
+    np.testing.assert_allclose(found.pga, middle)
     np.testing.assert_array_equal(found.censored, [0, 0, 1, 0, 0, 0])
     np.testing.assert_array_equal(found.islands, [0, 0, 0, 2, 0, 0])
 

@@ -92,7 +92,7 @@ def _boundary(axes: Axes, responses: xr.Dataset) -> None:
     """First overturning of each direction."""
     runs = responses.isel(friction=0)
     for number, yaw in enumerate(runs["yaw"].values):
-        first = locate(runs["pga"].values, runs["overturned"].values[number]).upper
+        first = locate(runs["pga"].values, runs["overturned"].values[number]).pga
         text = "first overturning of the rock" + (", each yaw" if runs.sizes["yaw"] > 1 else "")
         axes.plot(
             np.where(np.isfinite(first), first, np.nan),

@@ -21,7 +21,6 @@ from pipeline.stages.studies.servo.drive_runs import Followed
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
-from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.table.servo import check
 from vsr_core.verification.boundary_search import Bracket
@@ -38,9 +37,6 @@ _SAMPLED = {
     "tilt": "tilt",
 }
 """Variables of the samples, and what they are in a ``TableHistory``."""
-
-_ENDS = {"last_balanced_pga": "stands", "first_overturning_pga": "topples"}
-"""Ends of the boundary's interval, and what they are in a ``Bracket``."""
 
 
 def make(job: Job) -> Product:
@@ -74,7 +70,7 @@ def make(job: Job) -> Product:
         "mass": scenes.rock.mass,
         "table_mass": drives[-1].servo.mass if drives[-1].servo else math.nan,
         "shift": _shift(dataset),
-        "rows": np.column_stack([dataset["pgv_pga"], _middle(dataset).T]).tolist(),
+        "rows": np.column_stack([dataset["pgv_pga"], dataset["first_overturning_pga"].T]).tolist(),
         "drives": [drive.name for drive in drives],
     }
     files = {
@@ -92,6 +88,9 @@ def _dataset(
     tracks: dict[Followed, TableHistory], rows: dict[tuple[str, float], Bracket]
 ) -> xr.Dataset:
     names, ratios = (list(dict.fromkeys(part)) for part in zip(*rows, strict=True))
+    row = ("drive", "pgv_pga")
+    ends = [[(rows[d, r].stands or math.nan, rows[d, r].topples) for r in ratios] for d in names]
+    stands, topples = np.moveaxis(np.array(ends), -1, 0)
     samples = {
         name: ("sample", np.concatenate([getattr(track, part) for track in tracks.values()]))
         for name, part in _SAMPLED.items()
@@ -102,28 +101,18 @@ def _dataset(
             **samples,
             "case_motion": ("case", [case.motion for case in tracks]),
             "case_drive": ("case", [case.drive for case in tracks]),
-            **{
-                name: (
-                    ("drive", "pgv_pga"),
-                    [[getattr(rows[drive, ratio], end) for ratio in ratios] for drive in names],
-                )
-                for name, end in _ENDS.items()
-            },
+            "first_overturning_pga": (row, np.sqrt(stands * topples)),
+            "first_overturning_pga_lower": (row, stands),
+            "first_overturning_pga_upper": (row, topples),
         },
         {"case": [str(case) for case in tracks], "drive": names, "pgv_pga": ratios},
     )
 
 
-def _middle(dataset: xr.Dataset) -> Array:
-    """Middle of the boundary's interval, shape (drives, rows) [g]."""
-    middle: Array = 0.5 * (dataset["last_balanced_pga"] + dataset["first_overturning_pga"]).values
-    return middle
-
-
 def _shift(dataset: xr.Dataset) -> str:
     """Change of the boundary from the table's frame to a servo, in words."""
-    middle = _middle(dataset)
-    change = 100.0 * (middle[1:] / middle[0] - 1.0)
+    boundary = dataset["first_overturning_pga"].values
+    change = 100.0 * (boundary[1:] / boundary[0] - 1.0)
     change = change[np.isfinite(change)]
     if not change.size:
         return "outside the grid"

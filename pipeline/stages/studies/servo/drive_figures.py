@@ -88,13 +88,15 @@ def boundaries(drive: xr.Dataset) -> Figure:
     ratio = drive["pgv_pga"].values
     for number, name in enumerate(drive["drive"].values.tolist()):
         one = drive.isel(drive=number)
-        low, high = one["last_balanced_pga"].values, one["first_overturning_pga"].values
-        known = np.isfinite(low) & np.isfinite(high)
+        middle, low, high = (
+            one[f"first_overturning_pga{end}"].values for end in ("", "_lower", "_upper")
+        )
+        known = np.isfinite(middle)
         frame = number == 0
         axes.errorbar(
-            0.5 * (low + high)[known],
+            middle[known],
             ratio[known],
-            xerr=0.5 * (high - low)[known],
+            xerr=np.array([middle - low, high - middle])[:, known],
             color=style.INK if frame else style.SERIES[number - 1],
             marker=style.MARKERS[number],
             mfc="white",

@@ -12,7 +12,8 @@ from pipeline.stages.studies.sweeps.quantities import places
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 
-ENDS = ("last_balanced_pga", "first_overturning_pga")
+BOUNDARY = "first_overturning_pga"
+LOWER, UPPER = f"{BOUNDARY}_lower", f"{BOUNDARY}_upper"
 
 
 @dataclass(frozen=True)
@@ -70,14 +71,15 @@ def changes(data: xr.Dataset, dimension: Dimension) -> list[Change]:
 
 
 def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> Change:
-    ratio = (here["boundary"] / there["boundary"]).values - 1.0
+    both = here[LOWER].notnull() & there[LOWER].notnull()
+    ratio = (here[BOUNDARY] / there[BOUNDARY]).where(both).values - 1.0
     known = ratio[np.isfinite(ratio)]
     low, high = np.quantile(known, (0.1, 0.9)) if known.size else (np.nan, np.nan)
     (own_low, own_high), (other_low, other_high) = _interval(here), _interval(there)
     compared = (own_low.notnull() & other_low.notnull()).values
     apart = ((own_low > other_high) | (own_high < other_low)).values & compared
     decided = (here["overturned"] >= 0).sum().item()
-    half = 0.5 * (here[ENDS[1]] - here[ENDS[0]]) / here["boundary"]
+    half = 0.5 * (here[UPPER] - here[LOWER]) / here[BOUNDARY]
     return Change(
         label,
         same,
@@ -86,7 +88,7 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
         high=float(high),
         apart=int(apart.sum()),
         rows=int(compared.sum()),
-        lost=int((there["boundary"].notnull() & np.isinf(here[ENDS[1]])).sum()),
+        lost=int((np.isfinite(there[LOWER] + there[UPPER]) & np.isinf(here[BOUNDARY])).sum()),
         toppled=(here["overturned"] == 1).sum().item() / decided if decided else np.nan,
         time_step=_largest(here["time_step"]),
         error=_largest(here["boundary_error"]),
@@ -97,20 +99,10 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
 def _interval(data: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
     """Ends of the boundary's interval; infinite above where nothing topples, nan where none ran."""
     error = data["boundary_error"].fillna(0.0)
-    first = data[ENDS[1]]
-    topples_at_once = data[ENDS[0]].isnull() & first.notnull()
-    last = data[ENDS[0]].where(~topples_at_once, 0.0)
+    first = data[UPPER]
+    topples_at_once = data[LOWER].isnull() & first.notnull()
+    last = data[LOWER].where(~topples_at_once, 0.0)
     return last * (1.0 - error), first * (1.0 + error)
-
-
-def never_as_infinite(data: xr.Dataset) -> xr.DataArray:
-    """Boundaries, infinite where nothing topples, so that medians count those rows.
-
-    Returns
-    -------
-    DataArray [g]
-    """
-    return data["boundary"].where(~np.isinf(data[ENDS[1]]), np.inf)
 
 
 def filled(data: xr.Dataset) -> xr.Dataset:
@@ -138,7 +130,7 @@ def filled(data: xr.Dataset) -> xr.Dataset:
             name: xr.apply_ufunc(
                 between, data[name], input_core_dims=[dims], output_core_dims=[dims], vectorize=True
             )
-            for name in ("boundary", *ENDS)
+            for name in (BOUNDARY, LOWER, UPPER)
         }
     )
 
@@ -152,12 +144,12 @@ def collapsed(data: xr.Dataset) -> xr.Dataset | None:
     Returns
     -------
     Dataset or None
-        ``boundary`` in units of the steady acceleration [1], and ``time``, the rock's [s].
+        Boundaries in units of the steady acceleration [1], and ``time``, the rock's [s].
     """
     if "rock_radius" not in data or np.ptp(data["rock_radius"].values) == 0.0:
         return None
     time = np.sqrt(data["rock_radius"] / GRAVITY)
-    return xr.Dataset({"boundary": never_as_infinite(data) / data["static_pga"], "time": time})
+    return xr.Dataset({BOUNDARY: data[BOUNDARY] / data["static_pga"], "time": time})
 
 
 def spread(own: xr.Dataset, dimension: Dimension) -> tuple[float, float]:
@@ -169,7 +161,7 @@ def spread(own: xr.Dataset, dimension: Dimension) -> tuple[float, float]:
         Median and largest difference from the reference, as shares, on the reference's rows.
     """
     name, found = dimension.name, []
-    curves = own["boundary"].median([d for d in own["boundary"].dims if d not in (name, "pgv_pga")])
+    curves = own[BOUNDARY].median([d for d in own[BOUNDARY].dims if d not in (name, "pgv_pga")])
     ratio = own["pgv_pga"].values
     for n in range(own.sizes[name]):
         known = np.isfinite(curves.isel({name: n}).values)

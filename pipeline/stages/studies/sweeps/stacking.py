@@ -30,8 +30,7 @@ def stacked(swept: Swept, job: Job) -> xr.Dataset:
     -------
     Dataset
         What the product of each member holds, along the dimensions of the sweep; rows of one
-        member that others do not have are filled. Of fragility also ``boundary``, half-way between
-        the last PGA that leaves the rock standing and the first that topples it.
+        member that others do not have are filled.
     """
     sweep = swept.sweep
     parts = [_member(swept, member.place) for member in sweep.members]
@@ -40,9 +39,6 @@ def stacked(swept: Swept, job: Job) -> xr.Dataset:
     ragged = _ragged(parts)
     parts = [part.drop_dims(ragged) for part in parts]
     data = _nested(parts, sweep.parted)
-    if "first_overturning_pga" in data:
-        middle = 0.5 * (data["last_balanced_pga"] + data["first_overturning_pga"])
-        data["boundary"] = middle.where(np.isfinite(middle))
     data = described(data, job, TITLE)
     for name, variable in data.data_vars.items():
         filled = variable.dtype.kind in "if"

@@ -13,7 +13,14 @@ from pipeline.config.sweep import Dimension
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.mesh.products import ROCK
 from pipeline.stages.studies.sweeps import sweep_figures as figures
-from pipeline.stages.studies.sweeps.changes import Change, along, changes, collapsed, spread
+from pipeline.stages.studies.sweeps.changes import (
+    BOUNDARY,
+    Change,
+    along,
+    changes,
+    collapsed,
+    spread,
+)
 from pipeline.stages.studies.sweeps.quantities import places, quantity
 from pipeline.stages.studies.sweeps.sentences import about, headline
 from pipeline.stages.studies.sweeps.stacking import stacked
@@ -35,7 +42,7 @@ def make(swept: Swept, key: str) -> Product:
     job = replace(swept.job, key=key, stage="study")
     data = stacked(swept, job)
     dimensions = swept.sweep.dimensions
-    compared = [_compared(swept, data, one) for one in dimensions] if "boundary" in data else []
+    compared = [_compared(swept, data, one) for one in dimensions] if BOUNDARY in data else []
     page = {
         "study": swept.sweep.study,
         "site": job.site.name,

@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from pipeline.config.sweep import Dimension
 from pipeline.drawing import style
-from pipeline.stages.studies.sweeps.changes import ENDS, filled, never_as_infinite
+from pipeline.stages.studies.sweeps.changes import BOUNDARY, LOWER, UPPER, filled
 from pipeline.stages.studies.sweeps.quantities import axis_label, places
 from pipeline.workflow.datasets import label
 from vsr_core.arrays import Array, Indices, Mask
@@ -70,12 +70,12 @@ def over_key(data: xr.Dataset, dimension: Dimension) -> Figure:
     axes = figure.add_subplot()
     positions = _positions(axes, dimension)
     curves = _typical(_completed(data, dimension.name), dimension.name)
-    rows = np.flatnonzero(np.isfinite(curves["boundary"].values).sum(axis=0) > 1)
+    rows = np.flatnonzero(np.isfinite(curves[BOUNDARY].values).sum(axis=0) > 1)
     picked = rows[shown(len(rows), MOST_ROWS)] if len(rows) else rows
     for number, row in enumerate(picked):
         one = curves.isel(pgv_pga=row)
-        middle = one["boundary"].values
-        ends = [np.abs(middle - one[end].values) for end in ENDS]
+        middle = one[BOUNDARY].values
+        ends = [np.abs(middle - one[end].values) for end in (LOWER, UPPER)]
         axes.errorbar(
             positions,
             middle,
@@ -99,7 +99,7 @@ def boundaries(data: xr.Dataset, dimension: Dimension, own: xr.Dataset | None) -
     """Boundaries of all places; beside them in the rock's own units, where the rock changes."""
     figure = Figure(figsize=(6.0 if own is None else 8.6, 4.4), layout="constrained")
     panels = figure.subplots(1, 1 if own is None else 2, squeeze=False)[0]
-    curves = _typical(data, dimension.name)["boundary"].values
+    curves = _typical(data, dimension.name)[BOUNDARY].values
     ratio = data["pgv_pga"].values
     picked, names = shown(len(dimension.labels), MOST_CURVES), places(dimension)
     colours = _colours(dimension, picked)
@@ -113,7 +113,7 @@ def boundaries(data: xr.Dataset, dimension: Dimension, own: xr.Dataset | None) -
         }
         panels[0].plot(curves[place][ran], ratio[ran], label=names[place], **line)
         if own is not None:
-            scaled = _typical(own, dimension.name)["boundary"].values[place]
+            scaled = _typical(own, dimension.name)[BOUNDARY].values[place]
             time = own["time"].values[place]
             panels[1].plot(scaled[ran], ratio[ran] / time, **line)
     panels[0].set_xlabel(f"boundary: {label('pga')}")
@@ -159,7 +159,7 @@ def _cells(axes: Axes, one: xr.Dataset) -> QuadMesh:
 
 def _curve(one: xr.Dataset) -> Array:
     """Boundary at each PGV/PGA, the median of all else [g]; nan where nothing topples."""
-    boundary = never_as_infinite(one)
+    boundary = one[BOUNDARY]
     others = [dim for dim in boundary.dims if dim != "pgv_pga"]
     values: Array = boundary.median(others).values
     return np.where(np.isfinite(values), values, np.nan)
@@ -167,12 +167,9 @@ def _curve(one: xr.Dataset) -> Array:
 
 def _typical(data: xr.Dataset, name: str) -> xr.Dataset:
     """Boundaries and their ends on (dimension, PGV/PGA), medians of all else."""
-    wanted = data[[one for one in ("boundary", *ENDS) if one in data]]
-    others = [dim for dim in wanted["boundary"].dims if dim not in (name, "pgv_pga")]
-    if ENDS[1] in data:
-        wanted = wanted.assign(boundary=never_as_infinite(data))
-    found = wanted.median(others)
-    return found.where(np.isfinite(found["boundary"])).transpose(name, "pgv_pga")
+    curves = data[[one for one in (BOUNDARY, LOWER, UPPER) if one in data]]
+    found = curves.median([dim for dim in data[BOUNDARY].dims if dim not in (name, "pgv_pga")])
+    return found.where(np.isfinite(found[BOUNDARY])).transpose(name, "pgv_pga")
 
 
 def _completed(data: xr.Dataset, name: str) -> xr.Dataset:

@@ -57,7 +57,7 @@ def test_each_fit_stands_at_its_yaw_and_friction(
             assert np.isnan(one["median_pga"]).all()
             assert not str(one["recommended"].values)
             continue
-        np.testing.assert_array_equal(one["first_overturning_pga"], PGA[own.argmax(axis=1)])
+        np.testing.assert_array_equal(one["first_overturning_pga_upper"], PGA[own.argmax(axis=1)])
         assert one["toppled_share"].item() == pytest.approx(own.mean())
         median = (0.2 + 0.04 * (2 * i + k)) * RATIO**-0.3
         np.testing.assert_allclose(one["median_pga"].sel(model="logistic"), median, rtol=0.25)
@@ -86,5 +86,5 @@ def test_the_table_says_what_the_dataset_says(dataset: xr.Dataset, fits: Fits) -
         np.testing.assert_array_equal(line["value"], one["coefficient"])
         np.testing.assert_array_equal(line[["lower", "upper"]], one["coefficient_interval"])
         grid = rows[rows["model"] == "grid"]
-        np.testing.assert_array_equal(grid["lower"], one["last_balanced_pga"])
-        np.testing.assert_array_equal(grid["upper"], one["first_overturning_pga"])
+        np.testing.assert_array_equal(grid["lower"], one["first_overturning_pga_lower"])
+        np.testing.assert_array_equal(grid["upper"], one["first_overturning_pga_upper"])

@@ -102,7 +102,7 @@ def test_fragility_has_records_as_rows(folder: Path) -> None:
     assert data["first_overturning_pga"].dims == ("yaw", "friction", "record")
     assert data["probability"].dims == ("yaw", "friction", "model", "record", "pga")
     fell = responses["overturned"].values[0, 0] == 1
-    for row, upper in zip(fell, data["first_overturning_pga"].values[0, 0], strict=True):
+    for row, upper in zip(fell, data["first_overturning_pga_upper"].values[0, 0], strict=True):
         assert upper == (PGA[int(row.argmax())] if row.any() else np.inf)
     np.testing.assert_array_equal(data["pgv_pga"].values, responses["pgv_pga"].values)
     with (folder / "derived" / "rock" / "fragility.csv").open() as file:

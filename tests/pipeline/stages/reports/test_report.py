@@ -279,11 +279,12 @@ def test_polar_plot(products: dict[str, xr.Dataset]) -> None:
     for axes in figure.axes:
         assert (axes.get_theta_offset(), axes.get_theta_direction()) == (0.0, 1)
     assert "First-overturning PGA [g]" in figure.axes[1].get_title()
-    _, upper = summary.typical_pga(fragility)
-    np.testing.assert_allclose(artist(figure, "first", 1).get_ydata(), upper[:, 0])
+    first, _, _ = summary.typical_pga(fragility)
+    np.testing.assert_allclose(artist(figure, "first", 1).get_ydata(), first[:, 0])
     static = artist(figure, "static", 1)
     np.testing.assert_allclose(static.get_ydata()[[0, 90, 180]], [0.25, 0.5, 0.25], rtol=1e-3)
-    fragility["first_overturning_pga"][1] = np.inf
+    for end in ("", "_upper"):
+        fragility[f"first_overturning_pga{end}"][1] = np.inf
     figure = fragility_by_yaw(fragility, products["rock"])
     assert np.isnan(artist(figure, "first", 1).get_ydata()[1])
     np.testing.assert_allclose(artist(figure, "above", 1).get_xdata(), [np.pi / 2])
@@ -299,28 +300,29 @@ def test_static_pga_takes_the_weaker_way() -> None:
 
 
 def test_typical_pga_counts_long_pulses_only() -> None:
+    dims, name = ("yaw", "friction", "pgv_pga"), "first_overturning_pga"
     fragility = xr.Dataset(
         {
-            "first_overturning_pga": (("yaw", "friction", "pgv_pga"), [[[np.inf, 0.4, 0.3, 0.2]]]),
-            "last_balanced_pga": (("yaw", "friction", "pgv_pga"), [[[0.9, 0.3, 0.2, np.nan]]]),
+            name: (dims, [[[np.inf, 0.35, 0.25, 0.15]]]),
+            f"{name}_lower": (dims, [[[0.9, 0.3, 0.2, np.nan]]]),
+            f"{name}_upper": (dims, [[[np.inf, 0.4, 0.3, 0.2]]]),
         },
         {"pgv_pga": [0.1, 0.2, 0.3, 0.4]},
     )
-    lower, upper = summary.typical_pga(fragility)
-    assert (lower.item(), upper.item()) == (0.2, 0.3)
+    assert summary.typical_pga(fragility).ravel().tolist() == [0.25, 0.2, 0.3]
 
 
 @pytest.mark.parametrize(
-    ("ends", "words"),
+    ("boundary", "words"),
     [
-        ((0.1, 0.2), "0.100 to 0.200 g"),
-        ((0.9, np.inf), "above 0.900 g"),
-        ((0.0, 0.1), "below 0.100 g"),
-        ((np.nan, np.nan), "not known"),
+        ((0.14, 0.1, 0.2), "0.140 [0.100, 0.200] g"),
+        ((np.inf, 0.9, np.inf), "above 0.900 g"),
+        ((0.05, 0.0, 0.1), "below 0.100 g"),
+        ((np.nan, np.nan, np.nan), "not known"),
     ],
 )
-def test_intervals_in_words(ends: tuple[float, float], words: str) -> None:
-    assert summary.between(*ends, [0.1, 0.9]) == words
+def test_boundaries_in_words(boundary: tuple[float, ...], words: str) -> None:
+    assert summary.with_interval([0.1, 0.9], *boundary) == words
 
 
 def test_counts_leave_out_what_is_undecided(products: dict[str, xr.Dataset]) -> None:

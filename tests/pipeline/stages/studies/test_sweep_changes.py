@@ -10,6 +10,7 @@ from pipeline.config.sweep import Dimension
 from pipeline.stages.studies.sweeps.changes import Change, changes, collapsed, spread
 from pipeline.stages.studies.sweeps.sentences import about
 from vsr_core import GRAVITY
+from vsr_core.fragility.boundary import middle
 
 PGA = np.linspace(0.1, 1.0, 10)
 RATIO = [0.1, 0.2, 0.4, 0.8]
@@ -22,12 +23,12 @@ def study(*places: list[tuple[float, float]], error: float = np.nan) -> xr.Datas
     """Rows by the last PGA that leaves the rock standing and the first that topples it [g]."""
     last, first = np.moveaxis(np.array(places), -1, 0)
     overturned = (first[..., None] <= PGA + 1e-9).astype(int)
-    middle, dims = 0.5 * (last + first), ("size", "pgv_pga")
+    dims = ("size", "pgv_pga")
     return xr.Dataset(
         {
-            "last_balanced_pga": (dims, last),
-            "first_overturning_pga": (dims, first),
-            "boundary": (dims, np.where(np.isfinite(middle), middle, np.nan)),
+            "first_overturning_pga": (dims, middle(PGA, last, first)),
+            "first_overturning_pga_lower": (dims, last),
+            "first_overturning_pga_upper": (dims, first),
             "overturned": ((*dims, "pga"), overturned),
             "outcome": ((*dims, "pga"), overturned),
             "boundary_error": ("size", np.full(len(places), error)),
@@ -47,11 +48,13 @@ def test_rows_are_apart_where_their_intervals_are() -> None:
     assert reference.is_reference
     assert (reference.mean, reference.apart, reference.rows) == (0.0, 0, 4)
     assert (other.apart, other.rows, other.lost) == (2, 4, 1)
-    ratios = np.array([1.0, 0.55 / 0.35, 0.45 / 0.35])  # no row that never topples has one
+    ratios = np.array(
+        [1.0, (0.3 / 0.12) ** 0.5, (0.2 / 0.12) ** 0.5]
+    )  # no row that never topples has one
     assert other.mean == pytest.approx(ratios.prod() ** (1.0 / 3.0) - 1.0)
     assert reference.toppled == pytest.approx(0.7)
     assert other.toppled == pytest.approx((7 + 5 + 6) / 40)
-    assert reference.spacing == pytest.approx(0.05 / 0.35)
+    assert reference.spacing == pytest.approx(0.05 / 0.12**0.5)
     assert np.isnan(reference.error)
 
 
@@ -77,7 +80,7 @@ def test_sentences_tell_a_change_from_its_error() -> None:
     said = about(SIZE, compared(same, same, error=0.01), None)
     assert "In no row is a change beyond the numerical errors and the spacing" in said
     said = about(SIZE, compared(same, [(0.5, 0.6)] * 2 + same[:2]), None)
-    assert "moves by +25 % at 4" in said  # the square root of 0.55 / 0.35, less 1
+    assert "moves by +26 % at 4" in said  # the fourth root of 0.30 / 0.12, less 1
     assert "in at least half of the rows at 4" in said
     said = about(SIZE, compared(same, [NEVER] * 4), None)
     assert "At 4 nothing topples within the grid." in said
@@ -89,7 +92,7 @@ def test_similar_rocks_have_one_curve_in_their_own_units() -> None:
     rock = study([(0.3, 0.4)] * 4, [(0.3, 0.4)] * 4)
     curves = np.array([level, 2.0 * level])
     alike = rock.assign(
-        boundary=(("size", "pgv_pga"), curves),
+        first_overturning_pga=(("size", "pgv_pga"), curves),
         rock_radius=("size", [GRAVITY, 4.0 * GRAVITY]),
         static_pga=0.5,
     )
@@ -97,7 +100,9 @@ def test_similar_rocks_have_one_curve_in_their_own_units() -> None:
     assert own is not None
     assert own["time"].values.tolist() == [1.0, 2.0]
     assert spread(own, SIZE) == pytest.approx((0.0, 0.0), abs=1e-12)
-    other = collapsed(alike.assign(boundary=(("size", "pgv_pga"), [level, 2.2 * level])))
+    other = collapsed(
+        alike.assign(first_overturning_pga=(("size", "pgv_pga"), [level, 2.2 * level]))
+    )
     assert other is not None
     assert spread(other, SIZE) == pytest.approx((0.1, 0.1))
     assert collapsed(rock.assign(rock_radius=("size", [1.0, 1.0]))) is None

@@ -44,7 +44,7 @@ def test_rows_that_a_member_was_not_run_on_break_no_line() -> None:
     data = sweep(HERE, HERE, HERE, HERE)
     left_out = (data["size"] == 1) & (data["pgv_pga"] == data["pgv_pga"][1])
     data["outcome"] = data["outcome"].where(~left_out, -1)
-    data["boundary"] = data["boundary"].where(~left_out)
+    data["first_overturning_pga"] = data["first_overturning_pga"].where(~left_out)
     line = boundaries(data, STEP, None).axes[0].lines[1]
     assert line.get_ydata().tolist() == [0.1, 0.4, 0.8]
     assert np.isfinite(line.get_xdata()).all()
