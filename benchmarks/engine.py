@@ -78,7 +78,7 @@ def validation(tests: Path | None, folder: Path) -> Iterator[Row]:
     start = time.monotonic()
     command += ["--derived", str(folder)]
     code = subprocess.run(command, check=False, stderr=subprocess.DEVNULL).returncode
-    if code not in (DONE, UNRESOLVED):  # runs without a verdict are run all the same
+    if code not in (DONE, UNRESOLVED):  # unresolved runs are run all the same
         raise subprocess.CalledProcessError(code, command)
     yield what, f"{time.monotonic() - start:.0f}", "90"
 

@@ -1,4 +1,4 @@
-"""The command line: what is asked for, checked before anything is loaded; then its command."""
+"""The command line: options are checked before anything is loaded, then the command runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pipeline.workflow.products import DELIVERABLES
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
 
 MAKING = ("run", "prep", "figures", "feasible", "replay", "clean")
-"""Commands after which the index of all results is brought up to date."""
+"""Commands after which the index of all results is updated."""
 
 MOST_WORKERS = 10_000
 """More worker processes than any machine starts."""
@@ -27,8 +27,8 @@ MOST_WORKERS = 10_000
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; returns the exit code.
 
-    0 done; 1 some runs are without a verdict, or not done as the scheduler was lost; 2 usage or
-    input; 3 a fault of the program; 130 stopped by Ctrl-C or SIGTERM.
+    0 done; 1 some runs are unresolved, or not done as the scheduler was lost; 2 usage or input
+    error; 3 internal error; 130 stopped by Ctrl-C or SIGTERM.
     """
     try:
         options = _parser().parse_args(arguments)
@@ -58,17 +58,16 @@ def main(arguments: list[str] | None = None) -> int:
             report.write_text(traceback.format_exc(), encoding="utf-8", errors="backslashreplace")
         except OSError as unwritten:
             where = f"no details, because of {unwritten}"
-        print(f"vsr: a fault of the program: {error!r}; {where}", file=sys.stderr)
+        print(f"vsr: internal error: {error!r}; {where}", file=sys.stderr)
         return BROKEN
 
 
 class _Parser(argparse.ArgumentParser):
-    """Parser that refuses a command line in one line, as everything else is refused."""
+    """Parser whose usage errors are one line, as all other errors are."""
 
     def error(self, message: str) -> NoReturn:
-        """Refuse it."""
-        given, rule = "a command line that it does not know", message
-        raise InputError(Problem(self.prog, "", given, rule, f"see {self.prog} --help"))
+        """Raise a usage error."""
+        raise InputError(Problem(self.prog, "", "", message, f"see {self.prog} --help"))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -83,34 +82,36 @@ def _parser() -> argparse.ArgumentParser:
         )
         return sub
 
-    _add_run(add("run", "make a product and all that it needs"))
-    _add_site(add("prep", "rock, and terrain, of a scan, with a page of every step to look at"))
+    _add_run(add("run", "make a product and its prerequisites"))
+    _add_site(add("prep", "prepare rock and terrain from a scan, with a page of every step"))
     for name, text in (
-        ("plan", "what would run and what it costs"),
-        ("status", "what is done"),
-        ("why", "why it would run again"),
+        ("plan", "list what would run and the cost"),
+        ("status", "list what is done"),
+        ("why", "explain why something would run again"),
     ):
         sub = add(name, text)
         sub.add_argument("product", nargs="?", choices=DELIVERABLES, metavar="PRODUCT")
         _add_site(sub)
-    figures = add("figures", "every figure of the paper, and which of its claims were found")
+    figures = add("figures", "make every figure of the paper and check its claims")
     figures.add_argument("--fig", default="", metavar="NAME", help="one of them, e.g. 12")
     figures.add_argument("--record", default="", metavar="FILE", help="recorded motion for Fig. 7")
     _add_settings(figures)
     _add_where(figures)
-    feasible = add("feasible", "what a shake table can do of a site's motions")
+    feasible = add("feasible", "compare a site's motions with the limits of a shake table")
     _add_site(feasible)
     feasible.add_argument("--table", required=True, metavar="NAME_OR_YAML")
-    feasible.add_argument("--export", metavar="DIR", help="write the table's commands there")
-    _add_replay(add("replay", "a page that plays one run of a study"))
-    add("index", "a page that leads to all results")
-    add("list", "sites, studies, tables and products")
-    clean = add("clean", "remove derived data, of one site or all; never data/raw")
+    feasible.add_argument(
+        "--export", metavar="DIR", help="write the commands for the table into this folder"
+    )
+    _add_replay(add("replay", "make a page that replays one run"))
+    add("index", "make a page with links to all results")
+    add("list", "list sites, studies, tables and products")
+    clean = add("clean", "remove results of one site or all; never data/raw")
     clean.add_argument("--site", metavar="NAME")
     clean.add_argument("--yes", action="store_true", help="do not ask")
-    fetch = add("fetch", "download a public original into data/raw")
+    fetch = add("fetch", "download a public scan into data/raw")
     fetch.add_argument("name", metavar="NAME")
-    fetch.add_argument("--url", help="another place that serves the same file")
+    fetch.add_argument("--url", help="alternative address of the same file")
     return parser
 
 
@@ -121,7 +122,7 @@ def _add_run(run: argparse.ArgumentParser) -> None:
     _add_site(run)
     run.add_argument("--table", metavar="FOLDER", help="recorded shake-table tests to predict")
     run.add_argument("--curves", metavar="FOLDER", help="hazard curves, or OpenQuake's calc_N.hdf5")
-    run.add_argument("--age", type=float, metavar="YEARS", help="how long the rock has stood")
+    run.add_argument("--age", type=float, metavar="YEARS", help="age of the rock's position")
     run.add_argument("--age-sd", type=float, metavar="YEARS", help="standard deviation of the age")
     _add_where(run)
 
@@ -132,7 +133,7 @@ def _add_replay(replay: argparse.ArgumentParser) -> None:
         ("yaw", "direction of shaking [degree]"),
         ("friction", "friction of rock on pedestal"),
         ("pgv-pga", "PGV/PGA [s]"),
-        ("record", "name of the record, where there is no PGV/PGA"),
+        ("record", "name of the record, in place of PGV/PGA"),
         ("pga", "peak ground acceleration [g]"),
     ):
         replay.add_argument(f"--{name}", metavar="VALUE", help=what)
@@ -140,7 +141,7 @@ def _add_replay(replay: argparse.ArgumentParser) -> None:
         "--and",
         metavar="WHAT",
         dest="beside",
-        help="a run beside it: neighbour, or what differs, such as engine=bullet or yaw=30,pga=0.5",
+        help="a second run: neighbour, or its differences, e.g. engine=bullet or yaw=30,pga=0.5",
     )
     _add_where(replay)
 
@@ -160,20 +161,20 @@ def _add_where(sub: argparse.ArgumentParser) -> None:
     where = sub.add_mutually_exclusive_group()
     where.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask scheduler")
     where.add_argument("--scheduler-file", metavar="F")
-    where.add_argument("--cluster", choices=("slurm",), help="workers in jobs of their own")
+    where.add_argument("--cluster", choices=("slurm",), help="workers as cluster jobs")
 
 
 def _workers(text: str) -> int:
     if not (text.isascii() and text.isdecimal() and len(text) < 10) or int(text) > MOST_WORKERS:
-        rule = f"it is a whole number from 0 to {MOST_WORKERS}"
+        rule = f"the number of workers is 0 to {MOST_WORKERS}"
         raise InputError(Problem("--workers", "", repr(text), rule, "e.g. 2"))
     return int(text)
 
 
 def _folder(text: str) -> Path:
     if located(Path.cwd(), text, "--derived", "").is_file():
-        rule = "it is the folder for results"
-        raise InputError(Problem("--derived", "", f"{text}, a file", rule, "give another"))
+        rule = "results need a folder, and this is a file"
+        raise InputError(Problem("--derived", "", text, rule, "give another path"))
     return Path(text)
 
 

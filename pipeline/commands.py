@@ -1,6 +1,6 @@
 """What each command does; imported when a command is given, not for its help.
 
-A command returns the number of runs without a verdict.
+A command returns the number of unresolved runs.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _swept(sweep: Sweep, stage: str, job: Job) -> tuple[Job, int]:
-    """Make all members of a sweep and the study of them; its job, and runs without a verdict."""
+    """Make all members of a sweep and the study of them; its job, and unresolved runs."""
     swept = named("pipeline.workflow.sweeps:of_job")(sweep, stage, job)
     return swept.job, named("pipeline.workflow.sweeps:make")(swept)
 
@@ -166,8 +166,8 @@ def clean(options: argparse.Namespace) -> int:
         there = [target.name for target in targets]
         targets = [target for target in targets if target.name == site]
         if not targets and site not in known():
-            rule = f"results are here of {', '.join(there) or 'no site'}"
-            raise InputError(Problem("SITE", "", repr(site), rule, "leave it out to remove all"))
+            rule = f"there are results of {', '.join(there) or 'no site'}"
+            raise InputError(Problem("--site", "", repr(site), rule, "omit it to remove all"))
     if not targets:
         print("nothing derived to remove")
         return 0

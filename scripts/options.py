@@ -21,9 +21,8 @@ from pydantic import BaseModel
 
 from pipeline import ROOT
 from pipeline.config.layers import BASE
-from pipeline.config.recorded_tests_schema import ShakeTableConfig
-from pipeline.config.schema import Config
-from pipeline.config.table_limits_schema import TableConfig
+from pipeline.config.priors_schema import ShakeTableConfig
+from pipeline.config.schema import Config, TableConfig
 
 Node = dict[str, Any]
 

@@ -12,7 +12,7 @@ told = (
     ("balanced", "upright, where it was", 0.0, 0.0, "#2b66ad"),
     ("displaced", "upright, slid by more than\na tenth of its radius", 0.0, 0.7, "#2b66ad"),
     ("overturned", "lies, or can no longer\nbe stopped from falling", 90.0, 0.5, "#c7362f"),
-    ("unsettled", "time ran out, and neither\ncould be proved: no verdict", 18.0, 0.0, "#595959"),
+    ("unsettled", "time ran out, and neither\ncould be proved: unresolved", 18.0, 0.0, "#595959"),
 )
 for place, (name, meaning, tilt, slide, colour) in zip(axes, told, strict=True):
     place.add_patch(Rectangle((-1.6, -0.35), 4.8, 0.35, color=GROUND))

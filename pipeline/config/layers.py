@@ -13,10 +13,10 @@ from pydantic import BaseModel, ValidationError
 from pipeline import ROOT
 from pipeline.config.motion_schema import PULSES
 from pipeline.config.paths import located, shown
-from pipeline.config.problems import InputError, Problem
-from pipeline.config.recorded_tests_schema import ShakeTableConfig
+from pipeline.config.priors_schema import ShakeTableConfig
+from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.config.refusals import nearest, problem
-from pipeline.config.schema import Config
+from pipeline.config.schema import Config, TableConfig
 from pipeline.config.yaml_text import DEEPEST, LONGEST, parse
 
 SITES = ROOT / "configs" / "sites"
@@ -86,8 +86,8 @@ def load_site(site: str, study: str | None = None, settings: tuple[str, ...] = (
     """Merge base, site, study and ``key=value`` settings, later ones over earlier ones."""
     layers = read_layers(site, study, settings)
     if layers.sweep is not None:
-        rule, remedy = "this makes one site", "leave the study out, or its sweep"
-        raise InputError(Problem(layers.files[-1][0], "sweep", "a sweep", rule, remedy))
+        rule, remedy = "this command takes no sweep", "leave out the study, or its sweep"
+        raise InputError(Problem(layers.files[-1][0], "sweep", "", rule, remedy))
     return layers.site()
 
 
@@ -168,30 +168,28 @@ def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple
         raise InputError(*problems) from None
 
 
+def load_table(name: str) -> tuple[TableConfig, str]:
+    """Limits of a shake table, by its name in ``configs/tables`` or by the path of its YAML."""
+    return load_file(name, TABLES, "table", TableConfig)
+
+
 def _find(name: str, folder: Path, what: str) -> Path:
     path = Path(name)
     if path.suffix in (".yaml", ".yml"):
-        path = located(Path.cwd(), name, what.upper(), "")
+        path = located(Path.cwd(), name, f"--{what}", "")
         if path.is_file() and path.stem.strip("."):
             return path
-        raise InputError(
-            Problem(
-                name,
-                "",
-                "a file that is not there",
-                "what ends in .yaml is a path",
-                "check the path",
-            )
-        )
+        raise not_found(f"--{what}", "", name)
     if name in known(folder):
         return folder / f"{name}.yaml"
-    names, option = known(folder), what.upper()
-    near = difflib.get_close_matches(name, names, 1)
-    hint = f"did you mean {near[0]}?" if near else "give one of them, or a path ending in .yaml"
+    names, option = known(folder), f"--{what}"
     if not name:
-        hint = f"give one, e.g. {option}={names[0]}, or a path ending in .yaml"
-    rule = f"the known ones are {', '.join(names)}"
-    raise InputError(Problem(option, "", repr(name) if name else "nothing", rule, hint))
+        remedy = f"give one, e.g. {option} {names[0]}, or with make {what.upper()}={names[0]}"
+        raise InputError(Problem(option, "", "", f"no {what} given", remedy))
+    near = difflib.get_close_matches(name, names, 1)
+    remedy = f"did you mean {near[0]}?" if near else "give one of them, or the path of a YAML file"
+    rule = f"unknown {what}; known are {', '.join(names)}"
+    raise InputError(Problem(option, "", repr(name), rule, remedy))
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -199,23 +197,17 @@ def _read(path: Path) -> dict[str, Any]:
         with path.open(encoding="utf-8") as file:
             content = parse(file.read(LONGEST + 1))
     except OSError as error:
-        given = f"a file that cannot be read ({error.strerror})"
-        raise InputError(
-            Problem(shown(path), "", given, "you may read it", "change its permissions")
-        ) from None
+        rule = f"the file cannot be read ({error.strerror})"
+        raise InputError(Problem(shown(path), "", "", rule, "change its permissions")) from None
     except ValueError as error:
-        raise InputError(
-            Problem(shown(path), "", "text that is no YAML", str(error), "correct the file")
-        ) from None
+        rule = f"invalid YAML: {error}"
+        raise InputError(Problem(shown(path), "", "", rule, "correct the file")) from None
     if content is None:
         return {}
     if not isinstance(content, dict):
-        given = type(content).__name__
-        raise InputError(
-            Problem(
-                shown(path), "", f"a {given}", "a configuration is a mapping", "write key: value"
-            )
-        )
+        rule = "a configuration is a mapping of keys to values"
+        given = f"a {type(content).__name__}"
+        raise InputError(Problem(shown(path), "", given, rule, "write key: value"))
     return content
 
 
@@ -250,20 +242,18 @@ def _setting(item: str) -> dict[str, Any]:
     key, equals, value = item.partition("=")
     parts = key.split(".")
     if not equals or not all(parts) or len(parts) > DEEPEST:
-        raise InputError(
-            Problem("--set", "", repr(item), "it is key=value", "e.g. motion.pga.num=20")
-        )
+        rule, remedy = "a setting has the form key=value", "e.g. motion.pga.num=20"
+        raise InputError(Problem("--set", "", repr(item), rule, remedy))
     try:
         layer = parse(value)
     except ValueError as error:
-        raise InputError(
-            Problem("--set", key, repr(value), f"the value is YAML ({error})", "correct it")
-        ) from None
+        rule = f"invalid YAML: {error}"
+        raise InputError(Problem("--set", key, repr(value), rule, "correct the value")) from None
     return nested(key, layer)
 
 
 def nested(key: str, value: Any) -> dict[str, Any]:
-    """A layer that sets one key."""
+    """A layer of settings with one key."""
     for part in reversed(key.split(".")):
         value = {part: value}
     return dict(value)

@@ -14,15 +14,20 @@ from pydantic import (
     model_validator,
 )
 
-from pipeline.config.bounds import (
+from pipeline.config.sections import (
     LARGEST_PGA,
     LONGEST_PULSE,
     SHORTEST_PULSE,
     SMALLEST_PGA,
     Corner,
+    Grid,
+    Lax,
+    Range,
     Rate,
+    Refused,
+    Section,
+    as_values,
 )
-from pipeline.config.sections import Grid, Lax, Range, Section, as_values
 from vsr_core.motions.records.processing import Processing
 
 # What the schema says of each value; the functions below say it in the field's words.
@@ -32,11 +37,11 @@ _Ratio = Annotated[float, Field(ge=SHORTEST_PULSE, le=LONGEST_PULSE)]
 
 def _in_g(pga: tuple[float, ...]) -> tuple[float, ...]:
     if pga[0] < SMALLEST_PGA:
-        raise ValueError(f"a PGA is positive, at least {SMALLEST_PGA:g} g; start above 0 g")
+        raise Refused(f"a PGA is positive, at least {SMALLEST_PGA:g} g", "start above 0 g")
     if pga[-1] > LARGEST_PGA:
-        raise ValueError(
-            f"PGA is in g and at most {LARGEST_PGA:g}; g? write 0.3 for 30 percent of g, or 1 for "
-            "9.81 m/s2"
+        raise Refused(
+            f"PGA is in g and at most {LARGEST_PGA:g} g",
+            "write 0.3 for 30 percent of g, or 1 for 9.81 m/s2",
         )
     return pga
 
@@ -51,13 +56,13 @@ Peaks = Annotated[
 
 def _in_seconds(pgv_pga: tuple[float, ...]) -> tuple[float, ...]:
     if pgv_pga[0] < SHORTEST_PULSE:
-        raise ValueError(
-            f"PGV/PGA is positive, at least {SHORTEST_PULSE:g} s; start there, or leave out pulses "
-            "shorter than any of the ground"
+        raise Refused(
+            f"PGV/PGA is positive, at least {SHORTEST_PULSE:g} s",
+            "start there",
         )
     if pgv_pga[-1] > LONGEST_PULSE:
-        raise ValueError(
-            f"PGV/PGA is in seconds and at most {LONGEST_PULSE:g}; s? write 0.3 for 300 ms"
+        raise Refused(
+            f"PGV/PGA is in seconds and at most {LONGEST_PULSE:g} s", "write 0.3 for 300 ms"
         )
     return pgv_pga
 
@@ -71,7 +76,7 @@ Ratios = Annotated[
 
 
 class PulseGrid(Section):
-    """Pulses of one shape, told by their peaks."""
+    """A grid of pulses of one shape."""
 
     pga: Peaks = Field(description="peak ground acceleration [g]")
     pgv_pga: Ratios = Field(description="ratio of peak velocity to peak acceleration [s]")
@@ -96,7 +101,7 @@ class RickerPulseConfig(PulseGrid):
 
 
 PULSES = ("cosine_pulse", "sine_pulse", "ricker_pulse")
-"""Kinds that share their keys: what was said of one holds for another."""
+"""Kinds with the same keys: a layer may change one for another."""
 
 
 Files = Annotated[
@@ -109,7 +114,7 @@ Files = Annotated[
 
 
 class ProcessingConfig(Section):
-    """What is done to each record; no filter is there unless it is asked for."""
+    """Processing of each record; no filter by default."""
 
     order: Literal["paper", "standard", "none"] = Field(
         description="steps and their order: paper (filters), standard (straight line removed, "
@@ -129,9 +134,12 @@ class ProcessingConfig(Section):
     @model_validator(mode="after")
     def _corners_make_sense(self) -> ProcessingConfig:
         if self.order == "none" and (self.highpass is not None or self.lowpass is not None):
-            raise ValueError("order none has no corners; set both to null, or order to paper")
+            raise Refused(
+                "processing order `none` takes no filter corners",
+                "set both to null, or order: paper",
+            )
         if (self.highpass or 0.0) >= (self.lowpass or math.inf):
-            raise ValueError("the high-pass lies below the low-pass; exchange the corners")
+            raise Refused("the high-pass corner must be below the low-pass corner", "exchange them")
         return self
 
     def how(self) -> Processing:
@@ -156,7 +164,7 @@ class ResponseConfig(Section):
     @classmethod
     def _ascend(cls, corners: tuple[float, ...]) -> tuple[float, ...]:
         if corners[0] < 0.0 or list(corners) != sorted(set(corners)):
-            raise ValueError("corners ascend from 0 Hz or more; sort them")
+            raise Refused("corners ascend from 0 Hz or more", "sort them")
         return corners
 
 
@@ -172,9 +180,9 @@ class RecordConfig(Section):
         None, description="unit of the acceleration in files that state none, e.g. m/s2 or gal"
     )
     response: ResponseConfig | None = Field(
-        None, description="removal of the instruments' response; null where there is none to remove"
+        None, description="removal of the instruments' response; null for none"
     )
-    processing: ProcessingConfig = Field(description="what is done to each record")
+    processing: ProcessingConfig = Field(description="processing of each record")
     pga: Peaks = Field(description="peak ground acceleration after processing [g]")
 
 
@@ -184,23 +192,23 @@ class AxisPulseConfig(Section):
     axis: Literal["x", "y", "z", "roll", "pitch", "yaw"] = Field(
         description="axis of the table along or about which the pulse acts"
     )
-    share: float = Field(
+    pga_ratio: float = Field(
         1.0,
         ge=-100,
         le=100,
-        description="share of the PGA, not 0; of a rotation, at 1 m from its axis [1]",
+        description="ratio of its peak to the PGA, not 0; of a rotation, at 1 m from its axis [1]",
     )
     pgv_pga: _Ratio | None = Field(
         None,
-        description="this pulse's own PGV/PGA; null for that of the row [s]",
+        description="PGV/PGA of this pulse; null for that of the grid [s]",
     )
 
-    @field_validator("share")
+    @field_validator("pga_ratio")
     @classmethod
-    def _moves(cls, share: float) -> float:
-        if abs(share) < SMALLEST_PGA:
-            raise ValueError("a share of 0 moves nothing; leave the pulse out")
-        return share
+    def _moves(cls, pga_ratio: float) -> float:
+        if abs(pga_ratio) < SMALLEST_PGA:
+            raise Refused("a ratio of 0 is no motion", "remove the pulse")
+        return pga_ratio
 
 
 class TableMotionConfig(Section):
@@ -217,10 +225,10 @@ class TableMotionConfig(Section):
     pgv_pga: Ratios | None = Field(
         None,
         validate_default=True,
-        description="ratio of peak velocity to peak acceleration of the pulses; a row for each [s]",
+        description="ratio of peak velocity to peak acceleration of the pulses [s]",
     )
     pga: Peaks = Field(
-        description="peak ground acceleration; in files the tilt of gravity counts [g]"
+        description="peak ground acceleration; in files including the tilt of gravity [g]"
     )
 
     @field_validator("pulses")
@@ -231,12 +239,13 @@ class TableMotionConfig(Section):
         if pulses is None:
             return None
         if info.data.get("files") is not None:
-            raise ValueError("a motion is in files or made of pulses; leave one of them out")
+            raise Refused("a table motion has files or pulses, not both", "remove one of them")
         if not pulses:
-            raise ValueError("no pulse moves nothing; give one at least, e.g. {axis: z}")
+            raise Refused("at least one pulse is required", "e.g. {axis: z}")
         if all(pulse.pgv_pga is not None for pulse in pulses):
-            raise ValueError(
-                "one pulse at least follows the rows; leave its pgv_pga out, and set motion.pgv_pga"
+            raise Refused(
+                "at least one pulse takes its PGV/PGA from the grid",
+                "remove its pgv_pga and set motion.pgv_pga",
             )
         return pulses
 
@@ -247,15 +256,17 @@ class TableMotionConfig(Section):
     ) -> tuple[float, ...] | None:
         pulses = info.data.get("pulses", ())  # none if they are refused themselves
         if pgv_pga is not None and pulses is None and info.data.get("files") is not None:
-            raise ValueError("a file has a PGV/PGA of its own; leave motion.pgv_pga out")
+            raise Refused("a recorded motion has its own PGV/PGA", "remove motion.pgv_pga")
         if pgv_pga is None and pulses:
-            raise ValueError("pulses have a PGV/PGA; give one [s], or a grid")
+            raise Refused("pulses need a PGV/PGA", "give a value [s] or a grid")
         return pgv_pga
 
     @model_validator(mode="after")
     def _is_given(self) -> TableMotionConfig:
         if self.files is None and self.pulses is None:
-            raise ValueError("a table needs a motion; give `files`, or `pulses` and `pgv_pga`")
+            raise Refused(
+                "a table motion needs `files`, or `pulses` and `pgv_pga`", "give one of the two"
+            )
         return self
 
 

@@ -21,10 +21,8 @@ def located(folder: Path, name: str, file: str, key: str) -> Path:
         pass  # who wants the file says so better
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
-        given = f"{name!r}, where nothing can be ({why})"
-        raise InputError(
-            Problem(file, key, given, "it is the path of a file", "correct it")
-        ) from None
+        rule = f"it is not a valid path ({why})"
+        raise InputError(Problem(file, key, repr(name), rule, "correct the path")) from None
     return found
 
 

@@ -1,4 +1,4 @@
-"""What is not known of a rock and its shaking, as ranges and normal distributions."""
+"""Prior distributions of what is uncertain in a rock and its shaking."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, field_validator
 
-from pipeline.config.sections import Lax, Section
+from pipeline.config.sections import Density, Lax, Refused, Section
 
 
 class Spread(Section):
@@ -23,7 +23,7 @@ Blend = Annotated[float, Field(ge=-1, le=2)]
 
 def _ascend(pair: tuple[float, float]) -> tuple[float, float]:
     if pair[0] > pair[1]:
-        raise ValueError("a range begins with its lower end; exchange them")
+        raise Refused("the lower end of a range comes first", "exchange them")
     return pair
 
 
@@ -33,14 +33,14 @@ MOST_MEMBERS = 10_000
 
 
 class PriorsConfig(Section):
-    """What is not known of a rock on a shaken ground; the defaults are those of a shake table."""
+    """Prior distributions of rock and shaking; the defaults are those of a shake table."""
 
     azimuth: Spread = Field(
         Spread(mean=-7.5, sd=7.5),
         description="direction of the shaking from the scan's +x [degree]",
     )
-    reversed_share: float = Field(
-        0.5, ge=0, le=1, description="probability that the shaking points the other way [1]"
+    polarity_reversal_probability: float = Field(
+        0.5, ge=0, le=1, description="probability that the motion has the opposite polarity [1]"
     )
     friction: Annotated[tuple[Friction, Friction], Lax, Pair] = Field(
         (0.5, 0.9), description="range of the friction [1]"
@@ -51,8 +51,9 @@ class PriorsConfig(Section):
     amplitude: Spread = Field(
         Spread(mean=1.0, sd=0.03), description="factor on the acceleration [1]"
     )
-    mixing: Annotated[tuple[Blend, Blend], Lax, Pair] = Field(
-        (0.15, 0.85), description="range of the blend from a scan to its replica's [1]"
+    replica_fraction: Annotated[tuple[Blend, Blend], Lax, Pair] = Field(
+        (0.15, 0.85),
+        description="range of the replica's fraction in the shape; 0 is the scan itself [1]",
     )
     base_error: float = Field(
         1.0,
@@ -67,30 +68,30 @@ class PriorsConfig(Section):
 
 
 class ScanErrorConfig(Section):
-    """How well the scan of a rock gives the base that it stands on."""
+    """Error of the scan at the base of the rock."""
 
     error: float = Field(
         0.002, ge=0, le=1, description="standard deviation of the scan's error at the base [m]"
     )
-    length: float = Field(
-        0.1, gt=0, le=100, description="length over which errors of the scan are alike [m]"
+    correlation_length: float = Field(
+        0.1, gt=0, le=100, description="correlation length of the scan's error [m]"
     )
     replica: str | None = Field(
         None,
-        description="second scan of the same form, in metres; draws then lie between the two, and "
+        description="second scan of the same form, in metres; draws interpolate the two, and "
         "error is not used; relative to the file that names it",
     )
 
 
 class UncertaintyConfig(PriorsConfig):
-    """What is not known of the rock of a site and of its shaking, and how often it is drawn."""
+    """Prior distributions of a site's rock and shaking, and the number of draws."""
 
     azimuth: Spread = Field(
         Spread(mean=0.0, sd=5.0),
         description="direction of the shaking from that of each yaw [degree]",
     )
-    reversed_share: float = Field(
-        0.0, ge=0, le=1, description="probability that the shaking points the other way [1]"
+    polarity_reversal_probability: float = Field(
+        0.0, ge=0, le=1, description="probability that the motion has the opposite polarity [1]"
     )
     friction: Annotated[tuple[Friction, Friction], Lax, Pair] = Field(
         (0.45, 0.75), description="range of the friction [1]"
@@ -115,15 +116,29 @@ class UncertaintyConfig(PriorsConfig):
     @classmethod
     def _differ(cls, members: int) -> int:
         if members == 1:
-            raise ValueError("an ensemble has 2 draws or more, or none; give 0 or 2 and more")
+            raise Refused("an ensemble has no draws, or 2 or more", "give 0, or at least 2")
         return members
 
     @field_validator("amplitude")
     @classmethod
     def _stays_positive(cls, amplitude: Spread) -> Spread:
         if amplitude.mean <= 5.0 * amplitude.sd:
-            raise ValueError(
-                "the mean gain is above five standard deviations, so that no draw turns the "
-                "motion round; narrow it, or give reversed_share"
+            raise Refused(
+                "the mean must exceed five standard deviations: no draw may reverse it",
+                "reduce sd, or set polarity_reversal_probability",
             )
         return amplitude
+
+
+class ShakeTableConfig(PriorsConfig):
+    """Prior assumptions on a series of recorded tests, made before any outcome is known."""
+
+    density: Density = Field(2700.0, description="density of the rock [kg m-3]")
+    acceleration: str | None = Field(
+        None, description="variable of records.nc that holds the table's acceleration"
+    )
+
+    @property
+    def engine(self) -> str:
+        """Name of the physics engine in which the tests are simulated."""
+        return "nonsmooth"

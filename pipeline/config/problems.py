@@ -12,12 +12,14 @@ LONGEST = 300
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong with what the user gave.
+    """One thing wrong with what the user gave; ``given`` is empty where the rule says it.
 
     Examples
     --------
     >>> print(Problem("my.yaml", "yaw", "700", "yaw is at most 360 degrees", "subtract 360"))
     my.yaml: yaw: got 700; yaw is at most 360 degrees; subtract 360
+    >>> print(Problem("my.yaml", "yow", "", "unknown key", "did you mean yaw?"))
+    my.yaml: yow: unknown key; did you mean yaw?
     """
 
     file: str
@@ -28,7 +30,8 @@ class Problem:
 
     def __str__(self) -> str:
         where = ": ".join(_short(part) for part in (self.file, self.key) if part)
-        line = f"{where}: got {_short(self.given)}; {_short(self.rule)}; {_short(self.remedy)}"
+        given = f"got {_short(self.given)}; " if self.given else ""
+        line = f"{where}: {given}{_short(self.rule)}; {_short(self.remedy)}"
         return "".join(
             letter if letter.isprintable() else ascii(letter)[1:-1]
             for letter in " ".join(line.split())
@@ -51,6 +54,11 @@ class InputError(Exception):
     def from_invalid(cls, file: str, key: str, error: InvalidInput) -> InputError:
         """The physics' refusal, with the file and key it came from."""
         return cls(Problem(file, key, error.given, error.rule, error.remedy))
+
+
+def not_found(file: str, key: str, path: object) -> InputError:
+    """The refusal of a path where there is no file."""
+    return InputError(Problem(file, key, "", f"file not found: {path}", "check the path"))
 
 
 class Unfinished(Exception):

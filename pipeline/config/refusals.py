@@ -9,8 +9,25 @@ from pydantic import BaseModel
 
 from pipeline.config.problems import Problem
 from pipeline.config.schema import Config
+from pipeline.config.sections import Refused
+from vsr_core.errors import InvalidInput
 
 Known = TypeVar("Known")
+
+RENAMED = {
+    "area": "deposit_area",
+    "found": "observed_boulder",
+    "identity": "association_probability",
+    "least_survival": "minimum_survival_probability",
+    "length": "correlation_length",
+    "mixing": "replica_fraction",
+    "near": "point_on_rock",
+    "place": "position",
+    "reversed_share": "polarity_reversal_probability",
+    "share": "pga_ratio",
+    "sigma": "position_sd",
+}
+"""Keys of version 0.2 and their names since."""
 
 
 def problem(
@@ -27,26 +44,42 @@ def problem(
     """
     place, models = _walk(error["loc"], root)
     given: Any = error["input"]
+    refused = error.get("ctx", {}).get("error")
     if error["type"] == "union_tag_invalid":
         place, models = (*place, "kind"), [*models, None]
         given = error["ctx"]["tag"]
+    if isinstance(refused, Refused) and refused.key:
+        place, given = (*place, refused.key), _of(given, refused.key)
     source = nearest(origin, place) or site
     key = ".".join(place)
     if error["type"] == "extra_forbidden":
         names = list(models[-1].model_fields) if models[-1] else ["start", "stop", "num"]
-        near = difflib.get_close_matches(place[-1], names, 1)
-        hint = f"did you mean {near[0]}?" if near else f"the keys here are {', '.join(names)}"
-        return Problem(source, key, "an unknown key", "every key is known", hint)
+        return Problem(source, key, "", "unknown key", _instead(place[-1], names))
     if error["type"] == "missing":
-        return Problem(source, key, "nothing", "the key is required", _description(place, models))
+        return Problem(source, key, "", "required key not given", _description(place, models))
+    if isinstance(refused, InvalidInput):
+        return Problem(source, key, refused.given, refused.rule, refused.remedy)
     given = repr(given)
-    if error["type"] == "value_error":
-        rule, _, remedy = str(error["ctx"]["error"]).partition("; ")
-        return Problem(source, key, given, rule, remedy)
+    if isinstance(refused, Refused):
+        return Problem(source, key, refused.given or given, refused.rule, refused.remedy)
     if error["type"] == "union_tag_invalid":
-        return Problem(source, key, given, f"it is {error['ctx']['expected_tags']}", "correct it")
+        kinds = f"it is one of {error['ctx']['expected_tags']}"
+        return Problem(source, key, given, kinds, "correct it")
     rule = error["msg"][0].lower() + error["msg"][1:]
     return Problem(source, key, given, rule, _description(place, models))
+
+
+def _of(section: Any, key: str) -> Any:
+    """A key's value in what was given for its section."""
+    return section.get(key) if isinstance(section, dict) else getattr(section, key, section)
+
+
+def _instead(name: str, names: list[str]) -> str:
+    """What to write in place of an unknown key."""
+    if RENAMED.get(name) in names:
+        return f"it was renamed to {RENAMED[name]}"
+    near = difflib.get_close_matches(name, names, 1)
+    return f"did you mean {near[0]}?" if near else f"the keys here are {', '.join(names)}"
 
 
 def nearest(origin: dict[tuple[str, ...], Known], place: tuple[str, ...]) -> Known | None:

@@ -1,4 +1,4 @@
-"""The contact of the pair and the servo of a table, as a configuration states them."""
+"""The rock, what it stands on, their contact, and the servo of a table."""
 
 from __future__ import annotations
 
@@ -7,11 +7,135 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from pipeline.config.bounds import LARGEST_GAIN, SHORTEST_STEP, Force, Gain, Length, Mass, Rate
-from pipeline.config.sections import Range, Section, Values, as_values
+from pipeline.config.sections import (
+    LARGEST_GAIN,
+    SHORTEST_STEP,
+    Coordinate,
+    Density,
+    Force,
+    Gain,
+    Lax,
+    Length,
+    Mass,
+    Range,
+    Rate,
+    Refused,
+    Section,
+    Values,
+    as_values,
+)
+from vsr_core.rock.body import THINNEST, check_size
+
+Vector = Annotated[tuple[Coordinate, Coordinate, Coordinate], Lax]
+Point = Annotated[tuple[Coordinate, Coordinate], Lax]
+Channel = Annotated[int, Field(ge=0, le=255)]
 
 # What the schema says of each value; the validator below says it in the field's words.
 _Friction = Annotated[float, Field(ge=0, le=100)]
+
+
+class RockConfig(Section):
+    """The rock on the pedestal."""
+
+    shape: Literal["box", "mesh"] = Field(description="shape of the rock: a box, or a scanned mesh")
+    size: Annotated[tuple[float, float, float], Lax] | None = Field(
+        None, description="lengths of a box along x, y, z at yaw 0 [m]"
+    )
+    mesh: str | None = Field(
+        None,
+        description="scan of the rock, z up, or a folder with one: .ply, .stl, .obj, .dae or .glb; "
+        "relative to the file that names it",
+    )
+    fallback: str | None = Field(
+        None,
+        description="surrogate of vsr_core.surrogates, used where there is no scan",
+    )
+    scale: float = Field(1.0, ge=1e-6, le=1e6, description="length of the mesh file's unit [m]")
+    closing: Literal["caps", "hull", "poisson"] = Field(
+        "caps", description="method to close the underside, which a scan does not see"
+    )
+    density: Density = Field(description="density of the rock [kg m-3]")
+
+    @field_validator("size")
+    @classmethod
+    def _positive(cls, size: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if size is None:
+            return size
+        if min(size) <= 0.0:
+            raise Refused("the lengths of a box must be positive [m]", "correct the size")
+        check_size(max(size))
+        if min(size) < THINNEST * max(size):
+            raise Refused(
+                f"the thickness of a block must be at least {THINNEST:g} of its length",
+                "correct the size",
+            )
+        return size
+
+    @model_validator(mode="after")
+    def _shape_is_given(self) -> RockConfig:
+        if self.shape == "box" and self.size is None:
+            raise Refused("shape `box` needs `size`", "give [x, y, z] in metres")
+        if self.shape == "mesh" and self.mesh is None:
+            raise Refused("shape `mesh` needs `mesh`", "give the path of the scan")
+        return self
+
+
+class PlaneCut(Section):
+    """The rock is the part of the scan on one side of a plane."""
+
+    kind: Literal["plane"] = Field(description="kind of cut")
+    point: Vector = Field(description="a point of the plane [m]")
+    normal: Vector = Field(description="normal of the plane, toward the rock [1]")
+
+
+class BoxCut(Section):
+    """The rock is the part of the scan within a box."""
+
+    kind: Literal["box"] = Field(description="kind of cut")
+    low: Vector = Field(description="lowest corner of the box [m]")
+    high: Vector = Field(description="highest corner of the box [m]")
+
+
+class PolygonCut(Section):
+    """The rock is the part of the scan within a polygon in plan view."""
+
+    kind: Literal["polygon"] = Field(description="kind of cut")
+    corners: Annotated[tuple[Point, ...], Lax] = Field(
+        min_length=3, description="x, y of the polygon's corners [m]"
+    )
+
+
+class ColourCut(Section):
+    """The rock is the part of the scan whose vertices have a given colour."""
+
+    kind: Literal["colour"] = Field(description="kind of cut")
+    rgb: Annotated[tuple[Channel, Channel, Channel], Lax] = Field(
+        description="red, green and blue of the rock, out of 255 [1]"
+    )
+    tolerance: float = Field(
+        40.0, gt=0, le=442, description="largest distance from that colour, out of 442 [1]"
+    )
+
+
+Cut = Annotated[PlaneCut | BoxCut | PolygonCut | ColourCut, Field(discriminator="kind")]
+
+
+class PedestalConfig(Section):
+    """The support of the rock: level ground, or the terrain in its scan."""
+
+    shape: Literal["flat", "mesh"] = Field(
+        "flat", description="level ground, or the terrain in the rock's scan"
+    )
+    cut: Literal["proposal"] | Cut | None = Field(
+        None,
+        description="cut that separates rock and ground; proposal accepts the one of `vsr prep`",
+    )
+    point_on_rock: Vector | None = Field(
+        None, description="a point on the rock, where the scan shows several rocks [m]"
+    )
+    clearance: float = Field(
+        0.001, gt=0, le=0.05, description="gap between the rock and its seat before it settles [m]"
+    )
 
 
 class ContactConfig(Section):
@@ -26,8 +150,8 @@ class ContactConfig(Section):
     )
     restitution_law: Literal["newton", "energetic"] = Field(
         "newton",
-        description="what the restitution is a ratio of: speeds normal to the ground, or, squared, "
-        "energies given back and taken; no impact gains energy with either",
+        description="law of restitution: Newton's ratio of normal speeds, or ratio of energies; "
+        "no impact gains energy with either",
     )
     rolling_friction: Length = Field(0.0, description="rolling friction, a length [m]")
 
@@ -35,9 +159,9 @@ class ContactConfig(Section):
     @classmethod
     def _not_negative(cls, friction: tuple[float, ...]) -> tuple[float, ...]:
         if min(friction) < 0.0:
-            raise ValueError("friction cannot be negative; dry rock on rock is about 0.6")
+            raise Refused("friction must not be negative", "dry rock on rock has about 0.6")
         if max(friction) > 100.0:
-            raise ValueError("friction above 100 is no Coulomb coefficient; use 10 for no sliding")
+            raise Refused("a Coulomb coefficient is at most 100", "use 10 for no sliding")
         return friction
 
 
@@ -64,9 +188,38 @@ class ServoConfig(Section):
             return self
         periods = 1.0 / (self.command_rate * self.period)
         if round(periods) < 1 or not math.isclose(periods, round(periods), rel_tol=1e-6):
-            raise ValueError(
-                "a command lasts a whole number of control periods; "
-                f"with periods of {self.period:g} s set command_rate to {1.0 / self.period:.6g} Hz "
-                "over a whole number"
+            raise Refused(
+                f"a command lasts a whole number of control periods, here of {self.period:g} s",
+                f"divide {1.0 / self.period:.6g} Hz by a whole number",
+                key="command_rate",
+            )
+        return self
+
+
+class ObservedBoulder(Section):
+    """A boulder observed on the terrain, whose source is to be found."""
+
+    position: Point = Field(
+        description="x, y of the boulder's centre, in the scan's coordinates [m]"
+    )
+    position_sd: float = Field(
+        gt=0, le=1000, description="standard deviation of each coordinate of that position [m]"
+    )
+    association_probability: float = Field(
+        1.0, gt=0, le=1, description="prior probability that the boulder is this site's rock [1]"
+    )
+    deposit_area: float | None = Field(
+        None,
+        gt=0,
+        le=1e15,
+        description="plan area over which a boulder from another source could lie; required where "
+        "association_probability is below 1 [m2]",
+    )
+
+    @model_validator(mode="after")
+    def _has_a_deposit_area(self) -> ObservedBoulder:
+        if self.association_probability < 1.0 and self.deposit_area is None:
+            raise Refused(
+                "an association probability below 1 needs a `deposit_area`", "give it in m2"
             )
         return self

@@ -1,4 +1,8 @@
-"""What sections of a configuration are made of: keys that are known, and grids of values."""
+"""What sections of a configuration are made of: known keys, grids of values, and their bounds.
+
+What lies beyond the bounds is a slip of unit or of typing. Within them all arithmetic keeps its
+digits and a run ends in time that one would wait for.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,24 @@ _DIGITS = 12
 
 Lax = Strict(strict=False)
 """Of a tuple, which YAML writes as a list, and of a switch, which may be `off`."""
+
+
+class Refused(ValueError):
+    """A value that breaks a rule.
+
+    Parameters
+    ----------
+    rule, remedy : str
+        Two short phrases without a full stop.
+    key : str
+        The key to blame within the section that is checked, where it is not the section itself.
+    given : str
+        What was given, where it is more than that value.
+    """
+
+    def __init__(self, rule: str, remedy: str, key: str = "", given: str = "") -> None:
+        super().__init__(f"{rule}; {remedy}")
+        self.rule, self.remedy, self.key, self.given = rule, remedy, key, given
 
 
 class Section(BaseModel):
@@ -61,15 +83,15 @@ def as_values(given: Any) -> Any:
 
 def _distinct(values: tuple[float, ...]) -> tuple[float, ...]:
     if not values:
-        raise ValueError("an empty grid has no runs; give at least one value")
+        raise Refused("a grid needs at least one value", "give one")
     if len(set(values)) != len(values):
-        raise ValueError("no value repeats; give each once")
+        raise Refused("duplicate value", "give each value once")
     return values
 
 
 def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
     if list(values) != sorted(values):
-        raise ValueError("values must ascend; sort them")
+        raise Refused("values must ascend", "sort them")
     return values
 
 
@@ -78,3 +100,49 @@ Values = Annotated[tuple[float, ...], Lax, AfterValidator(_distinct)]
 
 Grid = Annotated[Values, AfterValidator(_ascending)]
 """Values that ascend."""
+
+LIGHTEST, DENSEST = 10.0, 30_000.0
+"""Densities of a rock [kg m-3]: replicas of foam weigh more, no metal does."""
+
+SMALLEST_PGA, LARGEST_PGA = 1e-6, 10.0
+"""Peak accelerations [g]: the ground's own noise reaches the first, no record the second."""
+
+SHORTEST_PULSE, LONGEST_PULSE = 0.001, 10.0
+"""PGV/PGA [s]: of a cosine pulse of 160 Hz, above what strong-motion records hold, and one of a
+minute."""
+
+SHORTEST_STEP = 1e-6
+"""Time step [s]: with a shorter one ten seconds of shaking are more than ten million steps, and the
+boundary has long stopped changing."""
+
+MOST_SCENES = 10_000
+"""Directions times frictions of a study, each a scene to prepare: a direction for every tenth of a
+degree at two frictions."""
+
+Density = Annotated[float, Field(ge=LIGHTEST, le=DENSEST)]
+
+Coordinate = Annotated[float, Field(ge=-1e8, le=1e8)]
+"""Along an axis of a scan [m]; easting and northing of maps reach 1e7."""
+
+Length = Annotated[float, Field(ge=0, le=1000)]
+"""A length [m] at the scale of a rock and its hillside."""
+
+Corner = Annotated[float, Field(ge=1e-4, le=1000)]
+"""Corner frequency of a filter [Hz]: from a period of three hours to beyond any record."""
+
+Mass = Annotated[float, Field(ge=1e-3, le=1e9)]
+"""A mass [kg]: of a pebble to that of the largest shake table with its building."""
+
+Force = Annotated[float, Field(ge=1e-3, le=1e12)]
+"""A force [N] of a table's actuators."""
+
+LARGEST_GAIN = 1e15
+"""Of a servo, in its units: that of the largest mass at the highest rate."""
+
+Gain = Annotated[float, Field(ge=0, le=LARGEST_GAIN)]
+
+Rate = Annotated[float, Field(ge=1e-3, le=1e6)]
+"""Rate of a digital control loop [Hz]."""
+
+Travel = Annotated[float, Field(ge=1e-6, le=1000)]
+"""Velocity or length [m/s, m] of what a table's drive does."""

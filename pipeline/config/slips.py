@@ -1,4 +1,4 @@
-"""Values that a slip of unit or of typing leaves within their range: taken, but with a warning."""
+"""Warnings of values within their range that look like an error of unit or typing."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Values = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Slip:
-    """A usual slip.
+    """A common error of unit or typing.
 
     Attributes
     ----------
-    keys : dotted keys of a site, or of what is assumed of recorded tests, apart by blanks
-    suspect : callable, whether the values under a key are such as the slip gives
+    keys : dotted keys, separated by blanks
+    suspect : callable, whether the values of a key look like this error
     """
 
     keys: str
@@ -63,13 +63,13 @@ SLIPS = (
     Slip(
         "uncertainty.azimuth.sd azimuth.sd",
         _between(0.0, 0.5),
-        "it is in degrees, and directions are known to some",
+        "directions are in degrees",
         "radians? write 5 for 0.087",
     ),
     Slip(
         "motion.pga hazard.pgv_pga.pga",
         _above(4.0),
-        "PGA is in g, and hardly any record has 4 g",
+        "PGA is in g, and records rarely exceed 4 g",
         "m/s2? write 1 for 9.81 m/s2",
     ),
     Slip(
@@ -81,25 +81,25 @@ SLIPS = (
     Slip(
         "contact.friction uncertainty.friction friction",
         _beside_zero,
-        "these are two coefficients, one of them frictionless",
-        "a comma for a point? write 0.6",
+        "this list has two coefficients, one of them zero",
+        "decimal comma? write 0.6",
     ),
     Slip(
         "contact.friction uncertainty.friction friction",
         lambda values: any(value > 2.0 and value != NO_SLIDING for value in values),
-        f"it is a coefficient, of rock on rock about 0.6; {NO_SLIDING:g} is for no sliding",
+        f"friction is a coefficient, about 0.6 for rock on rock; {NO_SLIDING:g} is no sliding",
         "degrees? write 0.70 for 35 degrees",
     ),
     Slip(
         "rock.density",
         _between(15.0, 35.0),
-        "it is in kg m-3, of rock 1500 to 3500",
+        "density is in kg m-3, 1500 to 3500 for rock",
         "kN/m3? write 2650 for 26 kN/m3",
     ),
     Slip(
         "rock.density",
         _between(100.0, 220.0),
-        "it is in kg m-3, of rock 1500 to 3500",
+        "density is in kg m-3, 1500 to 3500 for rock",
         "lb/ft3? write 2640 for 165 lb/ft3",
     ),
     Slip(
@@ -111,32 +111,32 @@ SLIPS = (
     Slip(
         "uncertainty.centre_of_mass uncertainty.scan.error",
         _above(0.2),
-        "it is in metres, and known to centimetres",
+        "lengths are in metres",
         "cm? write 0.01 for 1 cm",
     ),
     Slip(
         "motion.processing.highpass",
         _above(2.0),
-        "it is a frequency in Hz, usually below 0.5",
+        "the corner is a frequency in Hz, usually below 0.5",
         "a period in seconds? write 0.1 for 10 s",
     ),
     Slip(
         "motion.processing.lowpass",
         _below(5.0),
-        "it is a frequency in Hz, usually above 10",
+        "the corner is a frequency in Hz, usually above 10",
         "a period in seconds? write 25 for 0.04 s",
     ),
     Slip(
         "hazard.age.mean hazard.age.median hazard.age.low hazard.age.values",
         _below(150.0),
-        "it is in years",
+        "ages are in years",
         "thousands of years? write 20000 for 20 ka",
     ),
 )
 
 
 def warnings(site: Site) -> Iterator[Problem]:
-    """Values of a site that look like a usual slip."""
+    """Values of a site that look like a common error."""
     settings = site.settings.model_dump()
     warned = set()
     for slip in SLIPS:

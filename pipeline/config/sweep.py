@@ -119,14 +119,16 @@ def load_sweep(
 
 def _dimensions(layers: Layers, file: str, *, gridded: bool) -> tuple[Dimension, ...]:
     if not isinstance(layers.sweep, dict) or not layers.sweep:
-        rule = "a sweep has one or more named dimensions, each of keys and their values"
+        rule = "a sweep has named dimensions, each with keys and their values"
         raise InputError(Problem(file, "sweep", repr(layers.sweep), rule, EXAMPLE))
     base = layers.merged()[0]
     found, before = [], dict[str, str]()
     for name, keys in layers.sweep.items():
         place = f"sweep.{name}"
         if not _NAME.fullmatch(str(name)):
-            rule = "a dimension's name has small letters, digits and _, a letter first"
+            rule = (
+                "a dimension's name has lower-case letters, digits and _ and begins with a letter"
+            )
             raise InputError(Problem(file, place, repr(name), rule, "rename it"))
         if not isinstance(keys, dict) or not keys:
             rule = "a dimension has keys of the configuration and their values"
@@ -149,13 +151,15 @@ def _dimension(
     counts = {key: len(given) for key, given in values.items()}
     if len(set(counts.values())) > 1:
         said = ", ".join(f"{count} of {key}" for key, count in counts.items())
-        rule = "keys of one dimension change together, so they have equally many values"
-        raise InputError(Problem(file, f"sweep.{name}", said, rule, "give each as many"))
+        rule = "all keys of one dimension need the same number of values"
+        raise InputError(Problem(file, f"sweep.{name}", said, rule, "give equally many values"))
     places = list(zip(*values.values(), strict=True))
     if twice := [place for n, place in enumerate(places) if place in places[:n]]:
         given = ", ".join(map(_label, twice[0]))
         raise InputError(
-            Problem(file, f"sweep.{name}", f"{given} twice", "no value repeats", "give each once")
+            Problem(
+                file, f"sweep.{name}", f"{given} twice", "duplicate value", "give each value once"
+            )
         )
     own = tuple(_at(base, key) for key in values)
     grid = gridded and len(values) == 1 and next(iter(values)) in GRIDS
@@ -170,19 +174,19 @@ def _dimension(
 
 
 def _check_key(layers: Layers, file: str, place: str, key: str, before: dict[str, str]) -> None:
-    """See that a key is told once: here, or by the study itself or a setting."""
+    """Refuse a key that is also set elsewhere."""
     if not all(key.split(".")):
-        raise InputError(Problem(file, place, repr(key), "it is a key", "e.g. contact.friction"))
+        raise InputError(Problem(file, place, repr(key), "invalid key", "e.g. contact.friction"))
     for other, there in before.items():
         if f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}."):
             given = f"{key} beside {other} in {there}"
-            rule, remedy = "a key changes along one dimension", "leave one of them out"
+            rule, remedy = "a key can change along one dimension only", "remove one of them"
             raise InputError(Problem(file, place, given, rule, remedy))
     told = [(file, layers.files[-1][1]), *(("--set", layer) for layer in layers.settings)]
     for source, layer in told:
         if not isinstance(_at(layer, key, {}), dict):
-            given = f"{key} in {'the study itself' if source == file else 'a setting'}, too"
-            rule, remedy = "the sweep says what its values are", "leave one of them out"
+            given = f"{key} also in {'the study itself' if source == file else 'a setting'}"
+            rule, remedy = "a swept key takes its values from the sweep", "remove one of them"
             raise InputError(Problem(file, place, given, rule, remedy))
 
 
@@ -196,7 +200,9 @@ def _values(file: str, place: str, given: Any) -> tuple[Any, ...]:
             raise InputError(Problem(file, place, repr(given), rule, "correct it")) from None
     values = tuple(given) if isinstance(given, list) else (given,)
     if not values:
-        raise InputError(Problem(file, place, "no value", "a key has one or more", "give some"))
+        raise InputError(
+            Problem(file, place, "", "a swept key needs at least one value", "give some")
+        )
     return values
 
 

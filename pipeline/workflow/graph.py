@@ -86,7 +86,7 @@ def _differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
 
 
 def make(name: str, job: Job) -> int:
-    """Bring a product up to date; returns the number of runs without a verdict."""
+    """Bring a product up to date; returns the number of unresolved runs."""
     wanted = identities(name, job.site)
     _forget_crashed(name, job.store)
     try:

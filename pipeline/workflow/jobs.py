@@ -67,9 +67,9 @@ def sweep_of(options: argparse.Namespace) -> Sweep | None:
     if study and product != "validation":
         found = load_sweep(options.site, study, _settings(vars(options)), gridded=stage in GRIDDED)
     if options.product == "study" and found is None:
-        given = f"{study}, which has no sweep" if study else "nothing"
-        rule, remedy = "it says which keys to sweep over", "give one, e.g. STUDY=friction"
-        raise InputError(Problem("STUDY", "", given, rule, remedy))
+        rule = f"{study} has no sweep" if study else "no study given"
+        remedy = "give one with a sweep, e.g. --study friction, or with make STUDY=friction"
+        raise InputError(Problem("--study", "", "", rule, remedy))
     return found
 
 
@@ -79,8 +79,9 @@ def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
     if given.get("product") == "validation":
         site_of = named("pipeline.stages.studies.validation.recorded_tests:site_of")
         if not options.table:
-            rule, remedy = "it is a folder of shake-table tests", "give one, e.g. TABLE=my_tests"
-            raise InputError(Problem("TABLE", "", "nothing", rule, remedy))
+            rule = "no folder of shake-table tests given"
+            remedy = "give one, e.g. --table my_tests, or with make TABLE=my_tests"
+            raise InputError(Problem("--table", "", "", rule, remedy))
         site = site_of(Path(options.table))
     elif sweep is not None:
         site = sweep.reference.site

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-_WHERE = "without a verdict; the report and responses.nc say which"
+_WHERE = "unresolved; the report and responses.nc say which"
 WITHOUT_VERDICT = (f"run is {_WHERE}", f"runs are {_WHERE}")
 
 
@@ -34,8 +34,8 @@ DELIVERABLES = {
         "uncertainty",
         ("uncertainty.html", "uncertainty.nc"),
         (
-            "run of a draw is without a verdict; uncertainty.nc says which",
-            "runs of draws are without a verdict; uncertainty.nc says which",
+            "run of a draw is unresolved; uncertainty.nc says which",
+            "runs of draws are unresolved; uncertainty.nc says which",
         ),
     ),
     "displacement": Deliverable(

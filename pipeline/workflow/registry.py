@@ -212,7 +212,7 @@ STAGES: tuple[Stage, ...] = (
         "displacement_report",
         make="pipeline.stages.displacement.displacement_report:make",
         needs=("rock", "terrain", "displacement"),
-        reads=("found",),
+        reads=("observed_boulder",),
         files=(
             "displacement.html",
             "scene3d.html",

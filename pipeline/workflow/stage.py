@@ -25,7 +25,7 @@ class Product:
 
     Attributes
     ----------
-    unresolved : int, runs without a verdict; the command then ends with exit code 1
+    unresolved : int, unresolved runs; the command then ends with exit code 1
     retry : int, runs that a later call should try again
     """
 

@@ -43,12 +43,12 @@ def start(*arguments: object, **environment: str) -> subprocess.Popen[str]:
 LINES = {
     "no command": ((), "required: COMMAND"),
     "unknown command": (("go",), "invalid choice: 'go'"),
-    "no site": (("plan",), "SITE: got nothing", "double_rock", "e.g. SITE="),
-    "an empty site": (("run", "fragility", "--site", ""), "SITE: got nothing", "double_rock"),
-    "no study": (("run", "study", *SITE), "STUDY: got nothing", "STUDY=friction"),
-    "no such study": (("plan", *SITE, "--study", "frictoin"), "STUDY", "did you mean friction?"),
-    "no sweep": (("run", "study", *SITE, "--study", "records"), "records, which has no sweep"),
-    "no table": (("run", "validation"), "TABLE: got nothing", "TABLE="),
+    "no site": (("plan",), "--site: no site given", "e.g. --site", "SITE="),
+    "an empty site": (("run", "fragility", "--site", ""), "--site: no site given"),
+    "no study": (("run", "study", *SITE), "--study: no study given", "STUDY=friction"),
+    "no such study": (("plan", *SITE, "--study", "frictoin"), "--study", "did you mean friction?"),
+    "no sweep": (("run", "study", *SITE, "--study", "records"), "records has no sweep"),
+    "no table": (("run", "validation"), "--table: no folder", "TABLE="),
     "no original": (("fetch", ""), "NAME: got ''", "double_rock"),
     "no figure": (("figures", "--fig", "99"), "--fig: got '99'", "table_1"),
     "a comma in an age": (("run", "hazard", *SITE, "--age", "20,000"), "--age", "'20,000'"),
@@ -65,7 +65,7 @@ LINES = {
     "workers in words": (("run", "rock", *SITE, "--workers", "two"), "--workers: got 'two'"),
     "workers below none": (("run", "rock", *SITE, "--workers", "-1"), "--workers: got '-1'"),
     "many workers": (("run", "rock", *SITE, "--workers", "1" + "0" * 5000), "0 to 10000"),
-    "other digits": (("run", "rock", *SITE, "--workers", "\u0663"), "whole number"),
+    "other digits": (("run", "rock", *SITE, "--workers", "\u0663"), "number of workers"),
     "no folder to keep things in": (("plan", *SITE, "--derived", ""), "--derived", "empty name"),
     "a folder that cannot be": (("plan", *SITE, "--derived", "x" * 300), "--derived", "too long"),
     "a file for a folder": (("plan", *SITE, "--derived", __file__), "--derived", "a file"),
@@ -86,7 +86,7 @@ def test_command_line_is_refused_in_a_line(capsys: pytest.CaptureFixture[str], c
 
 @pytest.mark.parametrize("name", ["", ".", "..", "../raw", "/", "a/b", "nowhere"])
 def test_clean_takes_the_name_of_a_folder(refused: Refused, name: str) -> None:
-    refused("clean", "--yes", "--site", name, words=("SITE", repr(name), "leave it out"))
+    refused("clean", "--yes", "--site", name, words=("--site", repr(name), "omit it"))
 
 
 def test_clean_of_what_is_not_made_yet_has_nothing_to_do(vsr: Vsr) -> None:
@@ -185,7 +185,7 @@ def test_surroundings_change_nothing(
     process = start("plan", "--site", "é.yaml", "--derived", tmp_path / "é", **environment)
     (line,) = process.communicate(timeout=60)[0].splitlines()
     assert process.returncode == code
-    assert "a file that is not there" in line
+    assert "file not found" in line
 
 
 def test_settings_of_dask_that_are_no_yaml(tmp_path: Path) -> None:

@@ -14,9 +14,8 @@ from pydantic import BaseModel
 
 from pipeline import status
 from pipeline.config.layers import load_file, load_site
-from pipeline.config.recorded_tests_schema import ShakeTableConfig
-from pipeline.config.schema import Config
-from pipeline.config.table_limits_schema import TableConfig
+from pipeline.config.priors_schema import ShakeTableConfig
+from pipeline.config.schema import Config, TableConfig
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
@@ -167,11 +166,11 @@ def test_site_file_that_cannot_be_one(tmp_path: Path, refused: Refused) -> None:
     loop.symlink_to(loop.name)
     missing.symlink_to("nowhere.yaml")
     refused("plan", "--site", loop, words=("loop.yaml", "links", "path"))
-    refused("plan", "--site", missing, words=("gone.yaml", "not there", "path"))
+    refused("plan", "--site", missing, words=("gone.yaml", "file not found", "path"))
     refused("plan", "--site", loop / "in.yaml", words=("in.yaml", "path"))
     device = tmp_path / "device.yaml"
     device.symlink_to("/dev/zero")
-    refused("plan", "--site", device, words=("device.yaml", "not there"))
+    refused("plan", "--site", device, words=("device.yaml", "file not found"))
 
 
 SOME = settings(

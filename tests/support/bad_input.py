@@ -35,7 +35,7 @@ ODD = st.one_of(
 ).map(lambda value: value)
 """Values that stand in for any other; mapped, so that it counts as one choice among others."""
 
-ONE_LINE = re.compile(r"[^:].*: got .+; .+; .+")
+ONE_LINE = re.compile(r"[^:].*: (got .+; )?.+; .+")
 MOST_CHARACTERS = 5 * (LONGEST + 40)
 
 

@@ -15,7 +15,8 @@ from support.small_scan import FAR, survey, tapered, write_ply
 Way = dict[str, str]
 
 PULSES = "pga: [0.3, 0.5], pgv_pga: [0.2]"
-AXES = "{axis: x}, {axis: y}, {axis: z, share: 0.5}, {axis: roll, share: 0.01}, {axis: pitch}"
+AXES = "{axis: x}, {axis: y}, {axis: z, pga_ratio: 0.5}, {axis: roll, pga_ratio: 0.01}"
+TURNS = "{axis: pitch}, {axis: yaw, pga_ratio: 0.01}"
 GROUNDS = {
     "block": "rock: {shape: box, size: [0.3, 0.8, 1.0], density: 2000}",
     "mesh": "rock: {shape: mesh, mesh: rock.ply, density: 2000}",
@@ -28,7 +29,7 @@ MOTIONS = {
     "ricker": f"motion: {{kind: ricker_pulse, {PULSES}}}",
     "record": "motion: {kind: record, files: shaking.at2, pga: [0.3, 0.5], "
     "processing: {order: standard, highpass: 1.0, lowpass: 25}}",
-    "six_axes": f"motion: {{kind: table, pulses: [{AXES}, {{axis: yaw, share: 0.01}}], {PULSES}}}",
+    "six_axes": f"motion: {{kind: table, pulses: [{AXES}, {TURNS}], {PULSES}}}",
     "servo": f"motion: {{kind: cosine_pulse, {PULSES}}}\ndrive: servo",
 }
 FLAT = ("uncertainty", "accuracy")

@@ -1,4 +1,4 @@
-"""Exit code 1 where any stage, or any member of a sweep, has runs without a verdict."""
+"""Exit code 1 where any stage, or any member of a sweep, has unresolved runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ simulation: {engine: nonsmooth, time_step: 0.008}
 
 
 def lose(folder: Path, stage: str, runs: int) -> None:
-    """Note in what was kept of a stage that some of its runs are without a verdict."""
+    """Note in what was kept of a stage that some of its runs are unresolved."""
     path = folder / ".stages" / f"{stage}.json"
     manifest = json.loads(path.read_text(encoding="utf-8"))
     assert manifest["unresolved"] == 0
@@ -38,7 +38,7 @@ def test_an_earlier_stage_counts(
     lose(derived / "rock", "responses", 3)
     ran = vsr("run", "fragility", *line)
     assert ran.code == cli.UNRESOLVED
-    assert "3 runs are without a verdict" in ran.err
+    assert "3 runs are unresolved" in ran.err
 
 
 def test_an_earlier_member_of_a_sweep_counts(
@@ -49,4 +49,4 @@ def test_an_earlier_member_of_a_sweep_counts(
     lose(derived / "rock" / "studies" / "study" / "bounce=0", "responses", 2)
     ran = vsr(*asked)
     assert ran.code == cli.UNRESOLVED
-    assert "2 runs are without a verdict" in ran.err
+    assert "2 runs are unresolved" in ran.err

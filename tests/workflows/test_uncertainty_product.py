@@ -177,7 +177,10 @@ def test_the_direction_drawn_is_that_in_which_a_rock_without_symmetry_is_shaken(
     triangle = Polygon([(0.0, 0.0), (0.6, 0.0), (0.0, 0.25)])
     trimesh.creation.extrude_polygon(triangle, 0.8).export(tmp_path / "wedge.ply")
     given = priors(
-        azimuth="{mean: 30, sd: 0}", reversed_share="0.5", friction="[0.8, 0.8]", members="4"
+        azimuth="{mean: 30, sd: 0}",
+        polarity_reversal_probability="0.5",
+        friction="[0.8, 0.8]",
+        members="4",
     )
     found = product(vsr("run", "uncertainty", "--site", write_site(WEDGE), *given), derived)
     nominal = xr.load_dataset(derived / "rock" / "responses.nc", mask_and_scale=False)
@@ -238,7 +241,7 @@ def test_priors_of_the_shake_table_are_in_the_same_words() -> None:
         ("uncertainty.friction=[0.9,0.1]", ("uncertainty.friction", "lower end")),
         ("uncertainty.members=1", ("uncertainty.members", "2")),
         ("uncertainty.amplitude={mean: 1, sd: 0.5}", ("uncertainty.amplitude", "gain")),
-        ("uncertainty.scan.replica=none.ply", ("uncertainty.scan.replica", "not there")),
+        ("uncertainty.scan.replica=none.ply", ("uncertainty.scan.replica", "not found")),
         ("uncertainty.scan.eror=1", ("uncertainty.scan.eror", "error")),
     ],
 )

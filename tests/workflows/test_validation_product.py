@@ -15,7 +15,7 @@ import trimesh
 import xarray as xr
 
 from pipeline import ROOT, cli
-from pipeline.config.recorded_tests_schema import ShakeTableConfig
+from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.stages.studies.validation import predictions, recorded_tests
 from pipeline.stages.studies.validation.recorded_runs import Draw, Role
 from pipeline.workflow.rows import RunRow
@@ -251,7 +251,7 @@ def test_what_is_wrong_is_told_in_one_line(
 
 def test_a_folder_is_needed(refused: Callable[..., str], tmp_path: Path) -> None:
     refused("run", "validation", words=("TABLE=",))
-    refused("run", "validation", "--table", tmp_path / "none", words=("none", "not there"))
+    refused("run", "validation", "--table", tmp_path / "none", words=("none", "not found"))
     refused("run", "validation", "--table", tmp_path, words=("records.nc",))
 
 

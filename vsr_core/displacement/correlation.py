@@ -115,7 +115,7 @@ def correlations(runs: pd.DataFrame) -> tuple[Correlation, ...]:
             raise InvalidInput(
                 f"{lost} values of {name} that are not finite",
                 "an overturned run has a trajectory",
-                "leave out runs without a verdict",
+                "leave out unresolved runs",
             )
     return tuple(
         correlate(runs[regressor].to_numpy(), runs[statistic].to_numpy(), statistic, regressor)

@@ -35,7 +35,7 @@ _ROUNDING = 1e-9
 class Forward:
     """Runs whose resting place is known; all arrays over the runs.
 
-    A run that ended before the rock lay still, or without a verdict, does not belong here.
+    A run that ended before the rock lay still, or unresolved, does not belong here.
 
     Attributes
     ----------

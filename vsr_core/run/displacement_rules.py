@@ -144,7 +144,7 @@ class DisplacementRules:
         return self._decided(run)
 
     def out_of_time(self, run: Run) -> Ending:
-        """A rock that only trembles rests; another is overturned, or without a verdict."""
+        """A rock that only trembles rests; another is overturned, or unresolved."""
         way = float(np.linalg.norm(run.state.position - self.middle))
         stays = way < STAYS_SHARE * self.radius
         if stays and run.kinetic < TREMBLES_SHARE * GRAVITY * self.radius:

@@ -87,7 +87,7 @@ def movements(outcome: Indices, peak_tilt: Array, in_air: Array, no_return: floa
 
     Returns
     -------
-    ndarray of int, of that shape, of ``Movement``; -1 without a verdict
+    ndarray of int, of that shape, of ``Movement``; -1 unresolved
 
     Examples
     --------

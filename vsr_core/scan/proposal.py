@@ -156,7 +156,7 @@ def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float]
             raise Undecided(
                 f"no rock at {place(np.array(near))}",
                 "the point lies on the rock",
-                f"set pedestal.near to one of the tops found: "
+                f"set pedestal.point_on_rock to one of the tops found: "
                 f"{', '.join(place(cut.top) for cut in good)}",
                 _told(good),
             )
@@ -173,7 +173,7 @@ def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float]
     raise Undecided(
         f"{len(found)} rocks, their tops at {', '.join(place(cut.top) for cut in found)}",
         "one rock stands on the ground",
-        "set pedestal.near to one of these points, give pedestal.cut, or crop the scan",
+        "set pedestal.point_on_rock to one of these points, give pedestal.cut, or crop the scan",
         _told(found),
     )
 

@@ -42,7 +42,7 @@ def chance(overturned: NDArray[np.int8]) -> Chance:
 
     Parameters
     ----------
-    overturned : ndarray of int, shape (draws, ...), 1, 0, or -1 without a verdict
+    overturned : ndarray of int, shape (draws, ...), 1, 0, or -1 unresolved
 
     Returns
     -------

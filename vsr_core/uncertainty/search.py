@@ -1,11 +1,11 @@
 """Which cells of a draw's grid to run, so that its boundary is found with few of them.
 
 A table holds the outcomes of one draw on (row, PGA), rows one below the other: 1 overturned, 0 not,
--1 without a verdict, `UNKNOWN` not run. In each row the boundary is searched from where it is
+-1 unresolved, `UNKNOWN` not run. In each row the boundary is searched from where it is
 expected, by steps that double and then by halving, until a cell that stands is next to one that
 topples. In a row that may be ragged, cells are run on above it until `CALM` in a row topple, and
 `CALM_BELOW` below it. What is then unknown is taken to topple above the first cell that toppled,
-and to stand below. A cell without a verdict guides the search as if it stood, and stays without.
+and to stand below. A cell unresolved guides the search as if it stood, and stays without.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from vsr_core.verification.rocking_block import Block, first_overturning_pga, ro
 
 Passing = Callable[[float], frozenset[bool]]
 """From a PGA [m/s^2] to the outcomes that pass there, True for toppling: one that is right, both
-where references differ, and none where a reference is without a verdict."""
+where references differ, and none where a reference is unresolved."""
 
 OFFSETS = (0.00125, 0.0025, 0.005, 0.0075, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08)
 """Distances from the boundary at which outcomes are compared, as shares of it."""
@@ -124,7 +124,7 @@ def agrees_from(topples: Topples, passing: Passing, boundary: float) -> float:
 
     Parameters
     ----------
-    topples : Topples, what is judged; without a verdict it is never right
+    topples : Topples, what is judged; unresolved it is never right
     boundary : float [m/s^2]
     """
     return max(_one_side(topples, passing, side) for side in zip(*levels(boundary), strict=True))

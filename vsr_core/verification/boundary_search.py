@@ -1,6 +1,6 @@
 """The search for a boundary: where a rock that stands becomes one that topples.
 
-A run without a verdict (unsettled, unstable, crashed) counts for neither side: no end of a bracket
+An unresolved run (unsettled, unstable, crashed) counts for neither side: no end of a bracket
 is ever set by one.
 """
 
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from vsr_core.outcome import Outcome
 
 Topples = Callable[[float], bool | None]
-"""From a level, such as a PGA, to whether the rock topples there; None without a verdict."""
+"""From a level, such as a PGA, to whether the rock topples there; None unresolved."""
 
 ASIDE = (0.25, 0.75)
-"""Where in a bracket a level is tried next if that in its middle is without a verdict."""
+"""Where in a bracket a level is tried next if that in its middle is unresolved."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Bracket:
     ----------
     stands : float, highest level known at which the rock stands
     topples : float, lowest one above it at which it topples; nan if there is none
-    decided : bool, false where the search ended early, among runs without a verdict only
+    decided : bool, false where the search ended early, among unresolved runs only
     """
 
     stands: float

@@ -22,7 +22,7 @@ from vsr_core.verification.boundary_search import Topples, verdict
 from vsr_core.verification.time_step import step_unit
 
 Test = Callable[[CosinePulse], bool | None]
-"""Runs one pulse from rest: whether the rock toppled, None without a verdict."""
+"""Runs one pulse from rest: whether the rock toppled, None unresolved."""
 
 COST_AT = (0.7, 0.9, 1.1, 1.6)
 """Pulses on which the CPU time of a run is measured, as shares of the boundary."""
@@ -57,7 +57,7 @@ class Score:
     ----------
     error : float, relative: outcomes further from the boundary are right
     seconds : float, CPU time of a run
-    lost : int, runs without a verdict
+    lost : int, unresolved runs
     """
 
     error: float

@@ -81,7 +81,7 @@ def chosen(overturned: Array, half: int = HALF) -> Sample:
 
     Parameters
     ----------
-    overturned : ndarray of int, shape (..., pga), -1 without a verdict
+    overturned : ndarray of int, shape (..., pga), -1 unresolved
 
     Examples
     --------

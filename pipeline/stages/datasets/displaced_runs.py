@@ -17,7 +17,7 @@ STOPS = {
     StopReason.REST: "came to rest",
     StopReason.LEFT_TERRAIN: "left the terrain",
     StopReason.TIME: "still moving when time ran out",
-    StopReason.UNDONE: "no verdict",
+    StopReason.UNDONE: "unresolved",
 }
 """What ended a run, in words."""
 
@@ -102,7 +102,7 @@ def ends(displacement: xr.Dataset) -> Array:
 def forward(displacements: Sequence[xr.Dataset], starts: Array) -> Forward:
     """Runs from several starts whose resting place is known.
 
-    Runs that time ended, or that have no verdict, are left out: where they rest is not known.
+    Runs that time ended, or that are unresolved, are left out: where they rest is not known.
 
     Parameters
     ----------

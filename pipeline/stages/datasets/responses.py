@@ -25,7 +25,7 @@ from vsr_core.outcome import Outcome
 
 FILE = "responses.nc"
 
-_ASKED_OF_RUNS = {"found", "hazard", "uncertainty"}
+_ASKED_OF_RUNS = {"observed_boulder", "hazard", "uncertainty"}
 """Sections that change no run: the products that they decide hold them."""
 
 _TYPES = {

@@ -79,9 +79,10 @@ def _figures(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> dict
 
 def _found(job: Job, terrain: xr.Dataset) -> Found | None:
     """The observed fallen rock, in the site's frame."""
-    given = job.config.found
+    given = job.config.observed_boulder
     if given is None:
         return None
     x, y, _ = terrain.attrs["origin_in_scan"]
-    area = math.inf if given.area is None else given.area
-    return Found((given.place[0] - x, given.place[1] - y), given.sigma, given.identity, area)
+    area = math.inf if given.deposit_area is None else given.deposit_area
+    place = given.position[0] - x, given.position[1] - y
+    return Found(place, given.position_sd, given.association_probability, area)

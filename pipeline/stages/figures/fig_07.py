@@ -192,7 +192,7 @@ def _outcomes(data: Data, kind: str, motion: str) -> Finding:
 def _topples_on_flat_ground_alone(
     flat: dict[str, Outcome], terrain: dict[str, Outcome]
 ) -> bool | None:
-    """Whether a motion does; None where only one without a verdict may."""
+    """Whether a motion does; None where only an unresolved one may."""
     sides = [(flat[name].overturned, terrain[name].overturned) for name in flat]
     if (1, 0) in sides:
         return True

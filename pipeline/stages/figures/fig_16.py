@@ -76,19 +76,19 @@ def _niche(displacement: xr.Dataset, terrain: xr.Dataset) -> Finding:
     where, claim = "Fig. 16b, c, section 5.4", (
         "A cluster of trajectories of about the same length, near 6 m, ends in a niche."
     )  # fmt: skip
-    found = json.loads(displacement.attrs["vsr_config_json"])["found"]
+    found = json.loads(displacement.attrs["vsr_config_json"])["observed_boulder"]
     rule = (
         f"at least {100 * FEWEST:g} % of the toppled runs end within {NICHE:g} standard "
         "deviations of it"
     )
     if found is None:
         return Finding(where, claim, rule, "the site names no niche", None)
-    place = np.array(found["place"]) - np.asarray(terrain.attrs["origin_in_scan"])[:2]
+    place = np.array(found["position"]) - np.asarray(terrain.attrs["origin_in_scan"])[:2]
     chosen = left_seat(displacement)
     if not chosen.any():
         return Finding(where, claim, rule, "nothing topples", None)
     apart: Array = np.linalg.norm(ends(displacement)[chosen] - place, axis=1)
-    inside = apart <= NICHE * found["sigma"]
+    inside = apart <= NICHE * found["position_sd"]
     length = displacement["trajectory_length"].values[chosen][inside]
     spread = np.percentile(length, (25, 50, 75)) if inside.any() else np.zeros(3)
     measured = (

@@ -84,7 +84,7 @@ def _site(source: Source, asked: Asked) -> Site:
 
 
 def _bring(sources: list[Source], site: Site, asked: Asked) -> int:
-    """Make the datasets of one folder; returns the number of runs without a verdict."""
+    """Make the datasets of one folder; returns the number of unresolved runs."""
     folder = sources[0].folder
     store = Store(asked.derived / folder)
     job = Job(site, store, asked.cluster, "", lambda line: asked.log(f"{folder}: {line}"))

@@ -6,8 +6,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from pipeline.config import table_limits_schema
-from pipeline.config.layers import TABLES
+from pipeline.config.layers import TABLES, load_table
 from pipeline.drawing import style
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array, Mask
@@ -19,7 +18,7 @@ INPUTS = (TABLES / f"{NAME}.yaml",)
 
 def table() -> Table:
     """The robot of the paper's section 4.3."""
-    return table_limits_schema.load(NAME)[0].table()
+    return load_table(NAME)[0].table()
 
 
 def can(pga: Array, ratios: Array) -> Mask:

@@ -138,7 +138,7 @@ def groups(data: xr.Dataset) -> Iterator[tuple[tuple[int, int], str]]:
 
 
 def undecided(responses: xr.Dataset) -> Mask:
-    """Find the runs without a verdict."""
+    """Find the unresolved runs."""
     codes = [outcome.value for outcome in Outcome if outcome.overturned == -1]
     outcome = responses["outcome"].values
     return np.isin(outcome, codes) | (responses["overturned"].values < 0)

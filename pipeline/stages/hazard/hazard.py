@@ -63,7 +63,9 @@ def make(job: Job) -> Product:
         files_read.append(folder / FITS)
         name = f"{AS_SCANNED}, {one.name}" if uncertain else one.name
         compared[name] = rock_fragility.of_fits(folder)
-    analysis = SurvivalAnalysis(model, tuple(rocks), ratio.table, config.least_survival)
+    analysis = SurvivalAnalysis(
+        model, tuple(rocks), ratio.table, config.minimum_survival_probability
+    )
     by_member = analysis.survival_of_others()
     all_cases = cases(analysis, by_member, ratio, compared)
     results = all_cases[0].results

@@ -43,7 +43,7 @@ def page(
         origin = {"source": shape.attrs["shape_source"], "surrogate": shape.attrs["surrogate"]}
     drawn = {
         "curves": figures.curves(hazard, rock.tested),
-        "survival": figures.survival(hazard, config.least_survival),
+        "survival": figures.survival(hazard, config.minimum_survival_probability),
         "shaking": figures.shaking(hazard, rock.tested),
     }
     if hazard.sizes["branch"] > 1:
@@ -81,7 +81,7 @@ def _results(
     survivals = hazard["survival"].values
     at = hazard.sel(return_period=2475.0)
     pga = at["pga_before"].item(), at["pga_dropped"].item(), at["pga_after"].item()
-    minimum, number = config.least_survival, len(analysis.rocks)
+    minimum, number = config.minimum_survival_probability, len(analysis.rocks)
     heavy = np.argsort(-hazard["weight"].values, kind="stable")[:MOST_ROWS]
     columns = ("case", "case_survival", "case_rejected", "case_pga_after")
     keys = ("name", "survival", "rejected", "after")

@@ -97,7 +97,7 @@ def of_members(data: xr.Dataset) -> RockFragility:
     ----------
     data : Dataset
         ``surface`` on (pgv_pga, pga), ``probability`` on (yaw, pgv_pga, pga), ``overturned`` on
-        (member, yaw, pgv_pga, pga), -1 where there is no verdict, and the lognormal fits ``theta``
+        (member, yaw, pgv_pga, pga), -1 where unresolved, and the lognormal fits ``theta``
         and ``beta`` on (yaw, pgv_pga), by which all go on beyond the PGA that was tried.
     """
     row = rows_of(data)

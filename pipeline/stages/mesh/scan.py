@@ -64,7 +64,7 @@ def _prepared(job: Job, source: sources.Source) -> Prepared:
             return prepare_scan(
                 mesh,
                 _cut_of(config),
-                near=config.pedestal.near,
+                near=config.pedestal.point_on_rock,
                 closing=config.rock.closing,
                 density=config.rock.density,
                 clearance=config.pedestal.clearance,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.config.layers import Site
 from pipeline.config.paths import located, shown
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.stages.mesh import mesh_files
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import named
@@ -76,9 +76,7 @@ def find(site: Site) -> Source:
     if path.suffix.lower() not in SUFFIXES:
         raise _problem(site, shown(path), f"a mesh ends in {' '.join(SUFFIXES)}", "convert it")
     if not path.is_file():
-        raise _problem(
-            site, f"{shown(path)}, which is not there", "the scan exists", "check the path"
-        )
+        raise not_found(site.file_of("rock.mesh"), "rock.mesh", shown(path))
     try:
         mesh_files.check_size(path)  # before its digest is taken
     except InvalidInput as error:

@@ -164,7 +164,9 @@ class TablePulses(Pulses):
         row, pga = self.pgv_pga[cell.row], cell.pga
         return AxisPulses(
             tuple(
-                AxisPulse(pulse.axis, in_si.acceleration(pulse.share * pga), pulse.pgv_pga or row)
+                AxisPulse(
+                    pulse.axis, in_si.acceleration(pulse.pga_ratio * pga), pulse.pgv_pga or row
+                )
                 for pulse in self.pulses
             )
         )

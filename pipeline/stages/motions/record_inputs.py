@@ -16,7 +16,7 @@ import numpy as np
 from pipeline.config.layers import Site
 from pipeline.config.motion_schema import RecordConfig
 from pipeline.config.paths import located, shown
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.workflow.keys import digest_file
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import formats, record_checks
@@ -52,8 +52,7 @@ def find(site: Site, files: tuple[str, ...]) -> list[Path]:
         path = located(site.folder_of(_FILES), name, site.file_of(_FILES), _FILES)
         inside = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
         if not path.exists():
-            given, rule = f"{shown(path)}, which is not there", "it is a record or a folder of them"
-            raise _problem(site, given, rule, "correct the path")
+            raise not_found(site.file_of(_FILES), _FILES, shown(path))
         if path.is_dir() and not inside:
             raise _problem(
                 site,
@@ -165,8 +164,7 @@ def _response(site: Site, motion: RecordConfig) -> Path:
     file = site.file_of(_RESPONSE)
     path = located(site.folder_of(_RESPONSE), motion.response.file, file, _RESPONSE)
     if not path.is_file():
-        given, rule = f"{shown(path)}, which is not there", "it is the instruments' StationXML"
-        raise InputError(Problem(file, _RESPONSE, given, rule, "correct the path"))
+        raise not_found(file, _RESPONSE, shown(path))
     return path
 
 

@@ -92,7 +92,7 @@ def named(pulses: tuple[AxisPulseConfig, ...]) -> str:
     """
     words = []
     for pulse in pulses:
-        share = "" if pulse.share == 1.0 else f"{pulse.share:g} "
+        share = "" if pulse.pga_ratio == 1.0 else f"{pulse.pga_ratio:g} "
         own = "" if pulse.pgv_pga is None else f" of {pulse.pgv_pga:g} s"
         words.append(f"{share}{pulse.axis}{own}")
     return ", ".join(words)

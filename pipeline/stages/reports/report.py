@@ -44,7 +44,7 @@ GAINS = Path(__file__).with_name("reduction_gains.yaml")
 reduction's name; `python -m benchmarks.reductions` measures it."""
 
 _MOST_LISTED = 500
-"""Runs without a verdict that are listed one by one."""
+"""Unresolved runs that are listed one by one."""
 
 _MOST_DRAWN = 12
 """Records that are drawn; the others are in the table."""

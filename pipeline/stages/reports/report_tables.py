@@ -100,7 +100,7 @@ def other_engine(sample: xr.Dataset) -> Row:
     }
 
 
-_SIDES = {1: "toppled", 0: "upright", -1: "no verdict"}
+_SIDES = {1: "toppled", 0: "upright", -1: "unresolved"}
 
 
 def time_steps(measured: xr.Dataset) -> list[Row]:
@@ -204,7 +204,7 @@ def counts(responses: xr.Dataset) -> Row:
 
 
 def unresolved(responses: xr.Dataset, most: int) -> Row:
-    """How many runs are without a verdict, and the first ``most`` of them."""
+    """How many runs are unresolved, and the first ``most`` of them."""
     dims, lost = list(responses["outcome"].dims), undecided(responses)
     runs = responses[["outcome", "peak_tilt"]].to_dataframe(dim_order=dims)[lost.ravel()]
     listed = runs.head(most).reset_index()

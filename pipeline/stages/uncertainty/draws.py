@@ -12,7 +12,7 @@ from pipeline.config import in_si
 from pipeline.config.layers import Site
 from pipeline.config.paths import located, shown
 from pipeline.config.priors_schema import PriorsConfig
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.config.schema import Config
 from pipeline.stages.mesh import mesh_files
 from pipeline.stages.mesh.products import ROCK, load_rock
@@ -38,11 +38,11 @@ def priors(config: PriorsConfig) -> Priors:
     """Put what is not known of a rock and its shaking in the terms of the physics."""
     return Priors(
         (in_si.angle(config.azimuth.mean), in_si.angle(config.azimuth.sd)),
-        config.reversed_share,
+        config.polarity_reversal_probability,
         config.friction,
         config.restitution,
         (config.amplitude.mean, config.amplitude.sd),
-        config.mixing,
+        config.replica_fraction,
         config.base_error,
         config.centre_of_mass,
     )
@@ -131,12 +131,12 @@ def surface(site: Site, store: Store) -> Form:
     own_error = 0.0 if site.config.rock.shape == "box" else told.error
     path = replica_path(site)
     if path is None:
-        return form(mesh, None, own_error, told.length)
+        return form(mesh, None, own_error, told.correlation_length)
     try:
         other = checked(mesh_files.read(path))[0]
     except InvalidInput as error:
         raise _refused(site, f"{shown(path)}, {error.given}", error.rule, error.remedy) from None
-    made = form(mesh, other, own_error, told.length)
+    made = form(mesh, other, own_error, told.correlation_length)
     if not made.replica:
         given, rule = f"{shown(path)}, of another form", "the two scans are of one form"
         raise _refused(site, given, rule, "turn it as the first, or leave it out")
@@ -150,8 +150,7 @@ def replica_path(site: Site) -> Path | None:
         return None
     path = located(site.folder_of(_REPLICA), name, site.file_of(_REPLICA), _REPLICA)
     if not path.is_file():
-        given = f"{shown(path)}, which is not there"
-        raise _refused(site, given, "the scan exists", "check the path")
+        raise not_found(site.file_of(_REPLICA), _REPLICA, shown(path))
     return path
 
 

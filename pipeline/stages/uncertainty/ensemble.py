@@ -70,7 +70,7 @@ class Ensemble:
 
     Attributes
     ----------
-    overturned : ndarray of int, shape (draws, yaws, rows, pga), 1, 0, or -1 without a verdict
+    overturned : ndarray of int, shape (draws, yaws, rows, pga), 1, 0, or -1 unresolved
     rough : ndarray of bool, shape (rows,), those in which the site as it is may be ragged
     checked, wrong : ndarray of int, shape (2,)
         Spared cells that were run all the same, and those that the rule had wrong: of other rows,

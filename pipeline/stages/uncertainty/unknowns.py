@@ -53,7 +53,10 @@ def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int)
     if known.azimuth[1]:
         azimuth = np.array([member.azimuth for member in members])
         add("direction of the shaking", (azimuth - known.azimuth[0]) / known.azimuth[1], ndtri)
-    share, signs = known.reversed_share, np.array([1.0 if m.reversed else -1.0 for m in members])
+    share, signs = (
+        known.reversed_share,
+        np.array([1.0 if m.reversed else -1.0 for m in members]),
+    )
     add("sign of the motion", signs, lambda u: np.where(u < share, 1.0, -1.0))
     for name in ("friction", "restitution"):
         own = np.array([getattr(member, name) for member in members])
@@ -103,11 +106,11 @@ def assumed(config: UncertaintyConfig, *, box: bool, replica: bool) -> list[tupl
     if box:
         base = "exact, as a box has no scan"
     elif replica:
-        base = f"between two scans, share of the second: {uniform(config.mixing)}"
+        base = f"between two scans, share of the second: {uniform(config.replica_fraction)}"
     else:
         base = (
             f"scan with a normal error of {1e3 * error:g} mm, alike over "
-            f"{1e3 * config.scan.length:g} mm"
+            f"{1e3 * config.scan.correlation_length:g} mm"
         )
     return [("base", base, "scan"), *in_words(config, "from each yaw")]
 
@@ -136,8 +139,8 @@ def in_words(config: PriorsConfig, azimuth_from: str) -> list[tuple[str, str, st
         ),
         (
             "sign of the motion",
-            f"the other way with a probability of {config.reversed_share:g}",
-            "reversed_share",
+            f"the other way with a probability of {config.polarity_reversal_probability:g}",
+            "polarity_reversal_probability",
         ),
         ("gain of the motion", f"normal, {gain.mean:g} ± {gain.sd:g}", "amplitude"),
     ]

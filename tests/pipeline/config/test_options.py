@@ -58,7 +58,7 @@ def test_shipped_file_names_its_schema_and_satisfies_it(name: str) -> None:
         "simulation: {time_step: 0.001}",
         "simulation: {time_step: auto}",
         "pedestal: {cut: {kind: plane, point: [0, 0, 1], normal: [0, 0, 1]}}",
-        "found: null",
+        "observed_boulder: null",
     ],
 )
 def test_schema_takes_a_layer(given: str) -> None:
@@ -73,7 +73,7 @@ def test_schema_takes_a_layer(given: str) -> None:
         "contact: {friction: rough}",
         "motion: {pga: [9.81, 19.62]}",
         "motion: {pga: {strat: 1}}",
-        "motion: {kind: table, pulses: [{share: 1}]}",
+        "motion: {kind: table, pulses: [{pga_ratio: 1}]}",
         "yaw: [0, 700]",
         "simulation: {engine: havok}",
         "simulation: {time_step: 1}",

@@ -71,11 +71,11 @@ def test_settings_hold_for_all_members(sweep_of: Callable[..., Sweep]) -> None:
 BAD = {
     "no dimension": ("sweep: {}", "sweep", "{}", "named dimensions"),
     "nothing": ("sweep: []", "sweep", "[]", "named dimensions"),
-    "a name with a blank": ("sweep: {'my key': {yaw: [0, 1]}}", "small letters", "rename"),
+    "a name with a blank": ("sweep: {'my key': {yaw: [0, 1]}}", "lower-case letters", "rename"),
     "a dimension without keys": ("sweep: {yaw: [0, 1]}", "sweep.yaw", "keys of the configuration"),
-    "no value": ("sweep: {yaw: {yaw: []}}", "sweep.yaw.yaw", "no value"),
+    "no value": ("sweep: {yaw: {yaw: []}}", "sweep.yaw.yaw", "one value"),
     "an unknown key": ("sweep: {mu: {contact.fricton: [0.4]}}", "contact.fricton", "did you mean"),
-    "an empty key": ("sweep: {mu: {contact..friction: [0.4]}}", "contact..friction", "a key"),
+    "an empty key": ("sweep: {mu: {contact..friction: [0.4]}}", "contact..friction", "invalid key"),
     "a wrong value": ("sweep: {mu: {contact.friction: [0.4, -1]}}", "contact.friction", "negative"),
     "a wrong value in one member": (
         "sweep: {e: {contact.restitution: [0, 0.1, 7]}}", "contact.restitution", "7", "expected",
@@ -126,8 +126,8 @@ def test_a_setting_of_a_swept_key_is_refused(
 
 def test_a_study_without_a_sweep_is_a_layer_only(write_site: WriteSite, refused: Refused) -> None:
     site = write_site()
-    refused("run", "study", "--site", site, words=("STUDY", "which keys"))
+    refused("run", "study", "--site", site, words=("--study", "no study given"))
     line = ("run", "study", "--site", site, "--study", STUDIES / "records.yaml")
     refused(*line, words=("has no sweep",))
     line = ("prep", "--site", site, "--study", "friction")
-    refused(*line, words=("sweep", "one site"))
+    refused(*line, words=("sweep", "no sweep"))

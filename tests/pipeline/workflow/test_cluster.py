@@ -177,7 +177,7 @@ def test_crashed_run_is_told_and_tried_again(
         patch.setattr(overturning_runs, "KIND", replace(overturning_runs.KIND, function=deadly))
         ran = vsr(*command)
     assert ran.code == 1
-    assert "1 run is without a verdict" in ran.err
+    assert "1 run is unresolved" in ran.err
     assert "Traceback" not in ran.err
     data = read(derived / "rock" / "responses.nc")
     lost = data["outcome"].values == Outcome.CRASHED

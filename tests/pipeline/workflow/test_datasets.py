@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 from pipeline.config.layers import Site, load_site
-from pipeline.config.recorded_tests_schema import ShakeTableConfig
+from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import described, read
 from pipeline.workflow.stage import Job

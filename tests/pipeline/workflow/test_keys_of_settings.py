@@ -20,7 +20,7 @@ from pydantic import BaseModel, ValidationError
 
 from pipeline import ROOT
 from pipeline.config.layers import Site, load_site
-from pipeline.config.recorded_tests_schema import ShakeTableConfig
+from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.schema import Config
 from pipeline.stages.datasets.responses import settings_of_runs
 from pipeline.stages.runs import study
@@ -53,7 +53,7 @@ DECIDES = {
     "simulation": {"time_step", "accuracy"} | RUNS | MOVED | DRAWN,
     "simulation.engine": {"terrain"},
     "simulation.reduce": {"terrain"},
-    "found": {"displacement_report"},
+    "observed_boulder": {"displacement_report"},
     "hazard": {"hazard"},
     "uncertainty": DRAWN,
 }
@@ -64,10 +64,10 @@ NO_RUN = {
     "rock.fallback": "a block has no scan",
     "rock.scale": "a block has no scan",
     "rock.closing": "a block has no scan",
-    "pedestal.near": "level ground is cut from no scan",
+    "pedestal.point_on_rock": "level ground is cut from no scan",
     "pedestal.clearance": "a rock on level ground does not settle",
     "simulation.tolerance": "it chooses a time step, which is given here",
-    "found": "it is asked of runs that are done",
+    "observed_boulder": "it is asked of runs that are done",
     "hazard": "it is asked of runs that are done",
     "uncertainty": "draws have runs of their own",
 }
@@ -92,7 +92,7 @@ ROCKS = "hazard.rocks=[{site: other, age: {kind: normal, mean: 1000, sd: 10}}]"
 RATIO = "hazard.pgv_pga={pga: [0.1, 0.5], median: [0.1, 0.2], log_sd: [0.3, 0.4]}"
 COMPARE = "hazard.compare=[{name: friction, study: friction, set: []}]"
 ASKED = ("hazard.curves=curves", "hazard.age={kind: normal, mean: 10000, sd: 1000}")
-PULSES = "[{axis: x}, {axis: z, share: 0.3, pgv_pga: 0.1}]"
+PULSES = "[{axis: x}, {axis: z, pga_ratio: 0.3, pgv_pga: 0.1}]"
 RECORD = (
     "{kind: record, files: [a.csv], pga: [0.1, 0.3], processing: {order: standard, highpass: 0.1, "
     "lowpass: 25.0}, response: {file: a.xml, corners: [0.1, 0.2, 20.0, 25.0]}}"
@@ -100,7 +100,7 @@ RECORD = (
 
 
 def on_terrain(cut: str = "proposal") -> Base:
-    settings = (STEP, f"pedestal.cut={cut}", "found.area=1000.0")
+    settings = (STEP, f"pedestal.cut={cut}", "observed_boulder.deposit_area=1000.0")
     return Base("double_rock_terrain", ("displacement_report", "report"), settings)
 
 

@@ -68,7 +68,7 @@ def _prepared(block: Block) -> Case:
 def _error(block: Block, pgv_pga: float, answer: float, engine: str, time_step: float) -> float:
     """Relative error of a boundary [m/s^2] as found in an engine.
 
-    ``WINDOW`` if it is beyond, or if runs without a verdict keep it from being found.
+    ``WINDOW`` if it is beyond, or if unresolved runs keep it from being found.
     """
     settings = Settings(time_step, engine=engine)
 

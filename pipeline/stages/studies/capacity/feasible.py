@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pipeline.config import table_limits_schema
+from pipeline.config.layers import load_table
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.config.problems import InputError, Problem
-from pipeline.config.table_limits_schema import TableConfig
+from pipeline.config.schema import TableConfig
 from pipeline.drawing.style import pictures
 from pipeline.stages.datasets.responses import FILE as RESPONSES
 from pipeline.stages.mesh.products import load_rock
@@ -43,7 +43,7 @@ _COLUMNS = {
 
 def make(job: Job, name: str, export: Path | None) -> list[str]:
     """Write the products, and the commands if wanted."""
-    config, file = table_limits_schema.load(name)
+    config, file = load_table(name)
     motion = job.config.motion
     if not isinstance(motion, PulseConfig):
         rule, remedy = "the grid is one of cosine pulses", "use a site or study of cosine pulses"

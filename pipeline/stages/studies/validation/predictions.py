@@ -66,7 +66,7 @@ def forms(scans: dict[int, trimesh.Trimesh]) -> dict[int, Form]:
 
 
 def undecided(tests: Tests, specimen: int, of: Form, found: Outcomes) -> tuple[int, ...]:
-    """Find the tests in which a member came half-way to toppling, or has no verdict.
+    """Find the tests in which a member came half-way to toppling, or is unresolved.
 
     Of 184 tests of a public specimen that six members did not take that far, no other member of
     twenty overturned in any.

@@ -14,11 +14,11 @@ import xarray as xr
 from pandas.api.types import is_numeric_dtype
 
 from pipeline.config import in_si
-from pipeline.config.bounds import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA
 from pipeline.config.layers import Site, load_file
 from pipeline.config.paths import located, shown
-from pipeline.config.problems import InputError, Problem
-from pipeline.config.recorded_tests_schema import ShakeTableConfig
+from pipeline.config.priors_schema import ShakeTableConfig
+from pipeline.config.problems import InputError, Problem, not_found
+from pipeline.config.sections import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA
 from pipeline.stages.mesh import mesh_files
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.records.record import check_sampling
@@ -67,10 +67,10 @@ def site_of(folder: Path) -> Site:
     """A site for the tests in a folder, so that its products have their place."""
     folder = located(Path.cwd(), str(folder), "--table", "")
     if not folder.is_dir():
-        raise _problem(folder, "", "a folder that is not there", "it exists", "check TABLE=")
+        raise not_found("--table", "", shown(folder))
     for name in (RECORDS, OUTCOMES):
         if not (folder / name).is_file():
-            raise _problem(folder / name, "", "nothing", "the folder holds it", "put it there")
+            raise _problem(folder / name, "", "", "file not found", "put it there")
     if not scans_in(folder):
         raise _problem(
             folder, "", "no scan", "there is one for each specimen", "call it sp1.ply, in metres"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.config.recorded_tests_schema import ShakeTableConfig
+from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.stages.studies.validation.predictions import Origin, Predictions, compared, predictors
 from pipeline.stages.studies.validation.recorded_tests import Tests
 from pipeline.stages.uncertainty.unknowns import in_words, uniform
@@ -89,7 +89,11 @@ def assumed(config: ShakeTableConfig) -> list[tuple[str, str, str]]:
     record = config.acceleration or "the merged record, or else that of the accelerometer"
     return [
         *in_words(config, "from the scan's +x"),
-        ("base with a replica", f"share of the replica: {uniform(config.mixing)}", "mixing"),
+        (
+            "base with a replica",
+            f"fraction of the replica: {uniform(config.replica_fraction)}",
+            "replica_fraction",
+        ),
         ("base without one", f"{config.base_error:g} times the error below", "base_error"),
         ("density", f"{config.density:g} kg/m³, taken as known", "density"),
         ("acceleration of the table", record, "acceleration"),

@@ -658,7 +658,7 @@ def test_page_has_the_numbers(text: str, runs: xr.Dataset) -> None:
     )
     cut = int((mask & (stop != StopReason.REST)).sum())
     assert f"{cut} of these runs ended before the rock came to rest" in made.text
-    assert "2 of 144 runs have no verdict" in made.text
+    assert "2 of 144 runs are unresolved" in made.text
     counts = {row[0]: row[1:] for row in made.cells if len(row) == 6}
     ways = [f"overturned: {way}" for way in ("rolled over", "fell", "slid")]
     assert counts["how the run ended"] == ["balanced", *ways, "unstable"]

@@ -190,7 +190,7 @@ def test_of_trajectories_that_there_are_not_nothing_is_found() -> None:
     stood = moved({0.6: [Outcome.BALANCED] * 3})
     names = ("pgv_pga", "trajectory_length", "terminal_distance")
     stood = stood.assign({name: ("run", np.ones(3)) for name in names})
-    stood.attrs["vsr_config_json"] = '{"found": {"place": [0, 0], "sigma": 1}}'
+    stood.attrs["vsr_config_json"] = '{"observed_boulder": {"position": [0, 0], "position_sd": 1}}'
     terrain = xr.Dataset(attrs={"origin_in_scan": [0.0, 0.0, 0.0]})
     found = fig_16.findings({"displacement": stood, "terrain": terrain})
     found += table_1.findings({"displacement": stood})

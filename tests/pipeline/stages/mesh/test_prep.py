@@ -367,7 +367,7 @@ SCANS = {
     "branching": (branching, ("rock.mesh", "scan.ply", "edges branch", "remesh")),
     "nowhere": (nowhere, ("rock.mesh", "scan.ply", "0 m large")),
     "no hollow": (smooth_ground, ("pedestal.cut", "no hollow", "give pedestal.cut")),
-    "two rocks": (two_rocks, ("2 rocks", "set pedestal.near")),
+    "two rocks": (two_rocks, ("2 rocks", "set pedestal.point_on_rock")),
 }
 
 
@@ -405,7 +405,9 @@ def test_colour_of_a_scan_without_colours(tmp_path: Path, refused: Refused) -> N
 
 
 def test_point_beside_every_rock(tmp_path: Path, refused: Refused) -> None:
-    refuse(refused, tmp_path, survey(), ("no rock at", "tops found"), "near: [0.9, 0.9, 0.0]")
+    refuse(
+        refused, tmp_path, survey(), ("no rock at", "tops found"), "point_on_rock: [0.9, 0.9, 0.0]"
+    )
 
 
 def test_places_of_rocks_are_in_the_scans_own_coordinates(tmp_path: Path, refused: Refused) -> None:
@@ -640,7 +642,7 @@ def test_page_of_a_proposal(shown: Shown) -> None:
     scan = read(shown.products / "scan.nc")
     rock = trimesh.Trimesh(scan["rock_vertex"].values, scan["rock_face"].values, process=False)
     assert f"{rock.volume:.3g} m³" in page
-    near = re.search(r"near: \[(.*?)\]", page)
+    near = re.search(r"point_on_rock: \[(.*?)\]", page)
     assert near is not None
     top = np.array([float(x) for x in near[1].split(",")]) - FAR
     true = np.array(tapered().solid.vertices)

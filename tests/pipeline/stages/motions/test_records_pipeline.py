@@ -247,7 +247,7 @@ def test_repairs_are_told(tmp_path: Path) -> None:
 BAND = "processing: {order: standard, highpass: 1.0, lowpass: 25}"
 PATHS = "motion.files"
 BAD = {
-    "no file": (f"files: nowhere.csv, {NONE}", PATHS, "nowhere.csv", "not there"),
+    "no file": (f"files: nowhere.csv, {NONE}", PATHS, "nowhere.csv", "not found"),
     "no records": (f"files: empty, {NONE}", PATHS, "a folder without records", ".at2"),
     "twice": (f"files: [good.csv, good.csv], {NONE}", PATHS, "more than once", "rename"),
     "no unit": (f"files: bare.csv, {NONE}", PATHS, "bare.csv", "without a unit", "motion.unit"),
@@ -268,7 +268,7 @@ BAD = {
     "two scales": (f"files: [good.csv, other.csv], {NONE}", PATHS, "one motion at two scales"),
     "no response": (
         f"files: good.csv, response: {{file: x.xml, corners: [0.1, 0.2, 20, 30]}}, {NONE}",
-        "motion.response.file", "x.xml", "not there",
+        "motion.response.file", "x.xml", "not found",
     ),
     "order": (
         "files: a.csv, processing: {order: seed, highpass: 1, lowpass: 2}",

@@ -171,7 +171,7 @@ def test_another_file_is_another_motion(
     ("settings", "words"),
     [
         (("drive=servo",), ("drive", "slides along x", "table_frame")),
-        (("motion.files=[absent.csv]",), ("motion.files", "absent.csv", "not there")),
+        (("motion.files=[absent.csv]",), ("motion.files", "absent.csv", "not found")),
         (("motion.pgv_pga=0.2",), ("motion.pgv_pga", "of its own", "leave")),
         (("motion.pgv=0.2",), ("motion.pgv", "unknown key", "did you mean")),
     ],

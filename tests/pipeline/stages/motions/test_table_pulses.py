@@ -90,7 +90,7 @@ motion:
   pgv_pga: [0.15, 0.3]
   pga: [0.1, 0.8, 1.4]
 """
-SHAKEN = "[{axis: x}, {axis: z, share: -0.5}, {axis: pitch, share: 0.2, pgv_pga: 0.1}]"
+SHAKEN = "[{axis: x}, {axis: z, pga_ratio: -0.5}, {axis: pitch, pga_ratio: 0.2, pgv_pga: 0.1}]"
 
 
 @pytest.fixture
@@ -146,17 +146,17 @@ def test_x_alone_is_the_plain_pulse(
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ("pulses=[]", ("motion.pulses", "give one at least")),
-        ("pulses=null", ("motion", "needs a motion", "`pulses` and `pgv_pga`")),
+        ("pulses=[]", ("motion.pulses", "at least one pulse")),
+        ("pulses=null", ("motion", "table motion needs", "`pulses` and `pgv_pga`")),
         ("pulses=[{axis: w}]", ("motion.pulses.0.axis", "'w'", "'roll'")),
-        ("pulses=[{axis: x, shar: 1}]", ("motion.pulses.0.shar", "did you mean share?")),
-        ("pulses=[{axis: x, share: 0}]", ("motion.pulses.0.share", "moves nothing")),
+        ("pulses=[{axis: x, shar: 1}]", ("motion.pulses.0.shar", "the keys here are axis")),
+        ("pulses=[{axis: x, pga_ratio: 0}]", ("motion.pulses.0.pga_ratio", "no motion")),
         ("pulses=[{axis: x, pgv_pga: -1}]", ("motion.pulses.0.pgv_pga", "equal to 0.001")),
-        ("pulses=[{axis: x, pgv_pga: 0.2}]", ("motion.pulses", "follows the rows")),
-        ("pulses=[{share: 1}]", ("motion.pulses.0.axis", "required")),
-        ("pgv_pga=null", ("motion.pgv_pga", "pulses have a PGV/PGA")),
+        ("pulses=[{axis: x, pgv_pga: 0.2}]", ("motion.pulses", "from the grid")),
+        ("pulses=[{pga_ratio: 1}]", ("motion.pulses.0.axis", "required")),
+        ("pgv_pga=null", ("motion.pgv_pga", "pulses need a PGV/PGA")),
         ("pgv_pga=[0.0, 1.0]", ("motion.pgv_pga", "positive")),
-        ("files=[shaking.csv]", ("motion.pulses", "in files or made of pulses")),
+        ("files=[shaking.csv]", ("motion.pulses", "not both")),
     ],
 )
 def test_pulses_that_are_refused(

@@ -13,8 +13,7 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.config import table_limits_schema
-from pipeline.config.layers import TABLES, known
+from pipeline.config.layers import TABLES, known, load_table
 from pipeline.stages.studies.capacity.feasible_figure import feasible_grid
 from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse
@@ -93,7 +92,7 @@ def test_without_steps_a_turn_there_are_no_motor_steps() -> None:
 
 
 def test_the_mini_shake_robot_is_as_published_and_says_what_is_not() -> None:
-    config, _ = table_limits_schema.load("mini_shake_robot")
+    config, _ = load_table("mini_shake_robot")
     table = config.table()
     assert table.acceleration == pytest.approx(1.2 * GRAVITY)
     assert (table.velocity, table.payload, table.pulley) == (0.5, 2.0, 0.05398)
@@ -104,7 +103,7 @@ def test_the_mini_shake_robot_is_as_published_and_says_what_is_not() -> None:
 def test_every_table_can_be_loaded() -> None:
     assert "mini_shake_robot" in known(TABLES)
     for name in known(TABLES):
-        table_limits_schema.load(name)
+        load_table(name)
 
 
 # The command
@@ -199,7 +198,7 @@ def test_wrong_tables(
 def test_a_table_that_nobody_knows(
     write_site: Callable[..., str], refused: Callable[..., str]
 ) -> None:
-    words = ("TABLE", "'mini_shake'", "did you mean mini_shake_robot?")
+    words = ("--table", "'mini_shake'", "did you mean mini_shake_robot?")
     refused("feasible", "--site", write_site(GRID), "--table", "mini_shake", words=words)
 
 

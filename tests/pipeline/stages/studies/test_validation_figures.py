@@ -9,7 +9,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pipeline.config.recorded_tests_schema import ShakeTableConfig
+from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.stages.studies.validation import recorded_tests
 from pipeline.stages.studies.validation import validation_figures as figures
 from pipeline.stages.studies.validation.predictions import Predictions

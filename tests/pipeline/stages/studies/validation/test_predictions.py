@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.config.recorded_tests_schema import ShakeTableConfig
+from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.stages.studies.validation import predictions, recorded_tests, validation_tables
 from pipeline.stages.studies.validation.predictions import Origin, Predictions
 from pipeline.stages.studies.validation.recorded_runs import Draw, Role
