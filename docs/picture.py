@@ -13,7 +13,7 @@ import matplotlib.image as image
 from matplotlib.figure import Figure
 
 from pipeline.drawing.style import png
-from pipeline.stages.fragility.response_diagram import overturning_diagram
+from pipeline.stages.fragility.fragility_figures import overturning_diagram
 from pipeline.stages.fragility.rock_views import rock_views
 from pipeline.workflow.datasets import read
 

@@ -1,13 +1,15 @@
-"""What is seen of triangle meshes: a depth buffer without a graphics card.
+"""Triangle meshes in pictures and pages: a depth buffer without a graphics card, and packed arrays.
 
 Plain arrays, so that a picture is the same everywhere.
 """
 
 from __future__ import annotations
 
+import base64
 import math
 from collections.abc import Iterator
 from itertools import product
+from typing import Any
 
 import fast_simplification
 import numpy as np
@@ -199,3 +201,29 @@ def clearest(
         if worth > best:
             best, found = worth, place
     return found
+
+
+def packed(values: Any, kind: str) -> str:
+    """Numbers as text, of which a script makes a typed array.
+
+    Parameters
+    ----------
+    kind : str, as NumPy names types, such as "<f4"
+
+    Examples
+    --------
+    >>> packed([1.0, 2.0], "<u2")
+    'AQACAA=='
+    """
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
+
+
+def packed_mesh(vertices: Array, faces: Indices) -> dict[str, str]:
+    """A surface as text.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+    """
+    return {"vertices": packed(vertices, "<f4"), "faces": packed(faces, "<u4")}

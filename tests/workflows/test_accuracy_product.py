@@ -13,8 +13,12 @@ from pipeline import cli
 from pipeline.drawing import style
 from pipeline.drawing.style import png
 from pipeline.stages.studies.accuracy import comparison, worker_tasks
-from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, measured, work_precision
-from pipeline.stages.studies.accuracy.accuracy_page import _better
+from pipeline.stages.studies.accuracy.accuracy_page import (
+    _better,
+    cheapest,
+    measured,
+    work_precision,
+)
 from pipeline.workflow.datasets import read
 from vsr_core.verification import agreement, peers, reference, sensitivity, time_step
 

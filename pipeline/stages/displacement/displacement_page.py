@@ -28,8 +28,7 @@ from pipeline.stages.displacement.correlation_figures import (
     trajectory_lengths,
 )
 from pipeline.stages.displacement.origin_maps import SHARE, origin_maps
-from pipeline.stages.displacement.side_view import side_view
-from pipeline.stages.displacement.trajectory_maps import end_positions, trajectories
+from pipeline.stages.displacement.trajectory_maps import end_positions, side_view, trajectories
 from pipeline.workflow.pages import filled
 from vsr_core.displacement.correlation import STATISTICS, Correlation, correlations
 from vsr_core.displacement.least_shaking import lower_bound

@@ -13,7 +13,6 @@ from pipeline.stages.displacement import (
     correlation_figures,
     displacement_page,
     scene3d,
-    side_view,
     timelapse,
     trajectory_maps,
 )
@@ -66,7 +65,7 @@ def _figures(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> dict
     """Files of the figures of all runs."""
     drawn = {
         "trajectories": trajectory_maps.trajectories(displacement, terrain, source),
-        "side_view": side_view.side_view(displacement, terrain, source),
+        "side_view": trajectory_maps.side_view(displacement, terrain, source),
         "end_positions": trajectory_maps.end_positions(displacement, terrain, source),
         "trajectory_lengths": correlation_figures.trajectory_lengths(displacement, source),
         "ensemble_means": correlation_figures.ensemble_means(displacement, source),

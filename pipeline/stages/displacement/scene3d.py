@@ -9,12 +9,11 @@ import numpy as np
 import xarray as xr
 from markupsafe import Markup
 
-from pipeline.drawing.packing import packed, packed_mesh
-from pipeline.drawing.rendering import clearest, thinned
+from pipeline.drawing.rendering import clearest, packed, packed_mesh, thinned
 from pipeline.drawing.view import contour_step, reach
 from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, left_seat
 from pipeline.stages.datasets.kinds_of_end import told, ways
-from pipeline.stages.displacement.track import SPEEDS
+from pipeline.stages.displacement.timelapse import SPEEDS
 from pipeline.workflow.pages import filled
 from pipeline.workflow.pages import source as text_of
 from vsr_core.arrays import Array, Indices

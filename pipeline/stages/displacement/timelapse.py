@@ -12,16 +12,16 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Normalize, to_rgb
+from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
+from scipy.spatial.transform import Rotation, Slerp
 
-from pipeline.drawing import marks, style
+from pipeline.drawing import style
 from pipeline.drawing.painting import Backdrop, backdrop, painted, smaller
 from pipeline.drawing.rendering import clearest, in_sight, thinned
 from pipeline.drawing.view import View, axes_of, contour_step, fitted, reach, round_number
-from pipeline.stages.datasets.displaced_runs import STOPS
-from pipeline.stages.displacement.track import SPEEDS, Track, pose_times, track
+from pipeline.stages.datasets.displaced_runs import STOPS, chosen
 from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import StopReason
 
@@ -166,7 +166,7 @@ def _path(axes: Axes, scene: _Scene, scale: Normalize) -> None:
             LineCollection(list(lines[keep]), colors="white", linewidths=width, capstyle="round")
         )
     look: Any = {"colors": colours, "linewidths": 2.0, "capstyle": "round"}
-    marks.line_on_surface(axes, lines, visible, "path", **look)
+    style.line_on_surface(axes, lines, visible, "path", **look)
 
 
 def _times(axes: Axes, poses: Array, times: Array) -> None:
@@ -211,7 +211,7 @@ def _compass(axes: Axes, view: View, yaw: float) -> None:
     turn = np.linspace(0.0, 2.0 * math.pi, 73)
     level = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=-1)
     axes.fill(*(middle + size * level @ view.axes[:2].T).T, fc="#f0eeea", ec=style.FAINT, lw=0.6)
-    marks.directions(axes, view.axes[:2].T, middle, size, 14.0, _SOFT)
+    style.directions(axes, view.axes[:2].T, middle, size, 14.0, _SOFT)
     along = size * view.axes[:2] @ np.array([math.cos(yaw), -math.sin(yaw), 0.0])
     arrow = {**style.BOTH_WAYS, "color": style.OVERTURNED, "lw": 1.8}
     axes.annotate("", middle + along, middle - along, arrowprops=arrow, gid="shaking")
@@ -233,3 +233,89 @@ def _speed_bar(figure: Figure, scale: Normalize) -> None:
     axes.set_title("speed [m/s]", size=9.0)
     ends = np.array([0.0, 0.5, 1.0]) * float(scale.vmax or 0.0)
     axes.set_xticks(ends, [f"{value:.2g}" for value in ends])
+
+
+SPEEDS = LinearSegmentedColormap.from_list(
+    "speed", ["#3f51c7", "#8e44b8", "#d4518a", "#f58a49", "#f9d43c"]
+)
+"""From slow to fast: lighter with speed, and no colour of the ground."""
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Motion of one rock.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,) [s]
+    position : ndarray, shape (n, 3) [m], centre of mass
+    turn : Rotation, n of them, from the rest pose
+    speed : ndarray, shape (n,) [m/s]
+    """
+
+    time: Array
+    position: Array
+    turn: Rotation
+    speed: Array
+
+    def places(self, times: Array) -> Array:
+        """Centre of mass at times.
+
+        Parameters
+        ----------
+        times : ndarray, shape (k,) [s]
+
+        Returns
+        -------
+        ndarray, shape (k, 3) [m]
+        """
+        return np.stack([np.interp(times, self.time, part) for part in self.position.T], axis=-1)
+
+    def poses(self, times: Array, vertices: Array) -> Array:
+        """Vertices of the rock at times.
+
+        Parameters
+        ----------
+        times : ndarray, shape (k,) [s]
+        vertices : ndarray, shape (n, 3) [m], at rest, from the centre of mass
+
+        Returns
+        -------
+        ndarray, shape (k, n, 3) [m]
+        """
+        matrices = Slerp(self.time, self.turn)(times).as_matrix()
+        return vertices @ np.swapaxes(matrices, 1, 2) + self.places(times)[:, None]
+
+
+def track(displacement: xr.Dataset, run: int) -> Track:
+    """Motion of one run."""
+    own = chosen(displacement, np.arange(displacement.sizes["run"]) == run)
+    return Track(
+        own["time"].values,
+        np.stack([own[name].values for name in "xyz"], axis=-1),
+        Rotation.from_quat(own["quaternion"].values),
+        own["speed"].values,
+    )
+
+
+def pose_times(motion: Track, radius: float) -> Array:
+    """Times of poses that are about the size of the rock apart.
+
+    Parameters
+    ----------
+    radius : float [m], of the rock
+
+    Returns
+    -------
+    ndarray, shape (n,) [s], start and end among them
+    """
+    length = float(np.linalg.norm(np.diff(motion.position, axis=0), axis=1).sum())
+    apart = max(length / 11.0, min(1.6 * radius, length / 3.0))
+    chosen = [0]
+    for number, place in enumerate(motion.position):
+        if np.linalg.norm(place - motion.position[chosen[-1]]) > apart:
+            chosen.append(number)
+    last = motion.position[-1]
+    if len(chosen) > 1 and np.linalg.norm(last - motion.position[chosen[-1]]) < 0.6 * apart:
+        chosen.pop()
+    return np.unique(motion.time[[*chosen, -1]])

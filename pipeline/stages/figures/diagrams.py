@@ -1,4 +1,4 @@
-"""Response diagrams on the paper's axes: PGA [g] to the right, PGV/PGA [s] upward."""
+"""Response diagrams on the paper's axes, PGA [g] to the right and PGV/PGA [s] upward, and notes."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
+from pipeline.config.layers import TABLES, load_table
 from pipeline.drawing import style
-from vsr_core.arrays import Array
+from vsr_core import GRAVITY
+from vsr_core.arrays import Array, Mask
+from vsr_core.table.capacity import Table, largest_pga
 
 PGA, RATIO = "PGA [g]", "PGV/PGA [s]"
 
@@ -30,7 +33,7 @@ def cells(axes: Axes, pga: Array, ratios: Array, outcomes: Array, *, pale: bool 
     Parameters
     ----------
     pga, ratios : ndarray [g], [s]
-    outcomes : ndarray, shape (ratios, pga), 1, 0, or -1 for undecided
+    outcomes : ndarray, shape (ratios, pga), 1, 0, or -1 for unresolved
     pale : bool, whether curves are to be drawn on them
     """
     colours = PALE if pale else FULL
@@ -48,7 +51,7 @@ def cells(axes: Axes, pga: Array, ratios: Array, outcomes: Array, *, pale: bool 
     )
     row, column = np.nonzero(outcomes < 0)
     if row.size:
-        axes.plot(pga[column], ratios[row], "x", color="black", ms=4, gid="undecided")
+        axes.plot(pga[column], ratios[row], "x", color="black", ms=4, gid="unresolved")
     axes.set_xlim(0.0, style.cell_edges(pga)[-1])
     axes.set_ylim(0.0, style.cell_edges(ratios)[-1])
 
@@ -61,20 +64,20 @@ def labelled(panels: Any) -> None:
         axes.set_ylabel(RATIO)
 
 
-def key(*, pale: bool = False, undecided: bool = False) -> list[Any]:
+def key(*, pale: bool = False, unresolved: bool = False) -> list[Any]:
     """Handles of the cells, for a legend.
 
     Parameters
     ----------
-    pale, undecided : bool, as the cells are drawn, and whether some are undecided
+    pale, unresolved : bool, as the cells are drawn, and whether some are unresolved
     """
     axes = Figure().add_subplot()
     colours = PALE if pale else FULL
     square: Any = {"ls": "", "marker": "s", "ms": 7}
     handles = axes.plot([], [], color=colours[1], label="overturned", **square)
     handles += axes.plot([], [], color=colours[0], label="balanced", **square)
-    if undecided:
-        handles += axes.plot([], [], "x", color="black", label="undecided")
+    if unresolved:
+        handles += axes.plot([], [], "x", color="black", label="unresolved")
     return handles
 
 
@@ -98,3 +101,60 @@ def median(fragility: xr.Dataset, place: int = 0) -> Array:
 def note(figure: Figure, text: str) -> None:
     """Say in the upper left corner what a reader must know of the whole figure."""
     figure.text(0.006, 0.995, text, ha="left", va="top", size=7.5, color="#5a5a5a", gid="source")
+
+
+_ROBOT = "mini_shake_robot"
+ROBOT_FILES = (TABLES / f"{_ROBOT}.yaml",)
+
+
+def _robot() -> Table:
+    """The robot of the paper's section 4.3."""
+    return load_table(_ROBOT)[0].table()
+
+
+def feasible(pga: Array, ratios: Array) -> Mask:
+    """Which pulses the robot can perform.
+
+    Parameters
+    ----------
+    pga, ratios : ndarray [g], [s]
+
+    Returns
+    -------
+    ndarray of bool, shape (ratios, pga)
+    """
+    return pga[None] <= _largest(ratios)[:, None] + 1e-12
+
+
+def robot_limits(axes: Axes, highest: float) -> None:
+    """Draw the end of what the robot can do, and shade what is beyond it.
+
+    Parameters
+    ----------
+    highest : float [s], PGV/PGA at its upper end
+    """
+    ratios = np.linspace(1e-4, highest, 600)
+    end, right = _largest(ratios), axes.get_xlim()[1]
+    axes.plot(end, ratios, color=style.INK, lw=1.4, ls=(0, (5, 2)), gid="limit",
+              label="limit of the mini shake robot")  # fmt: skip
+    axes.fill_betweenx(ratios, np.minimum(end, right), right, facecolor="none", hatch="////",
+                       edgecolor="#8a8a8a", lw=0.0, gid="beyond")  # fmt: skip
+
+
+def print_source(rock: xr.Dataset) -> str:
+    """What the rock is, and that the physical results are not public."""
+    return f"{rock.attrs['shape_source']}; the robot's own results are not public"
+
+
+def _largest(ratios: Array) -> Array:
+    """Largest PGA of a pulse [g]."""
+    robot = _robot()
+    ends = [min(largest_pga(robot, float(ratio)).values()) for ratio in ratios]
+    return np.array(ends) / GRAVITY
+
+
+def terrain_source(rock: xr.Dataset) -> str:
+    """Where rock and terrain come from, for the corner of a figure."""
+    if rock.attrs["surrogate"]:
+        return "SURROGATE rock and terrain, made up: no statement about the real site"
+    return str(rock.attrs["shape_source"])

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pipeline.drawing import style
-from pipeline.stages.figures import diagrams, measures, robot
+from pipeline.stages.figures import diagrams, measures
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 
 TITLE = "PETG print of Double Rock, 12.8 cm high"
@@ -21,7 +21,7 @@ SOURCES = {
     "full_fit": Source("double_rock", "fragility"),
 }
 
-INPUTS = robot.INPUTS
+INPUTS = diagrams.ROBOT_FILES
 
 SIZE = 0.084852
 """Of the print, in sizes of the rock."""
@@ -38,7 +38,7 @@ def draw(data: Data) -> Figure:
     responses, full = data["print"], data["full_fit"]
     ratios = responses["pgv_pga"].values
     diagrams.cells(axes, responses["pga"].values, ratios, measures.grid(responses), pale=True)
-    robot.limits(axes, axes.get_ylim()[1])
+    diagrams.robot_limits(axes, axes.get_ylim()[1])
     look: Any = {"color": style.OVERTURNED, "lw": 2.0, "gid": "logistic"}
     diagrams.logistic(axes, data["fit"], label="logistic regression of these runs", **look)
     dotted: Any = {"color": "black", "lw": 1.6, "ls": (0, (1, 1.4)), "gid": "similar"}
@@ -46,7 +46,7 @@ def draw(data: Data) -> Figure:
               label="that of the full-size rock, periods by √size", **dotted)  # fmt: skip
     axes.set_xlabel(diagrams.PGA)
     axes.set_ylabel(diagrams.RATIO)
-    diagrams.note(figure, robot.note(data["rock"]))
+    diagrams.note(figure, diagrams.print_source(data["rock"]))
     lines = axes.get_legend_handles_labels()[0]
     figure.legend(handles=[*diagrams.key(pale=True), *lines], loc="lower center", ncols=2)
     return figure
@@ -62,7 +62,7 @@ def findings(data: Data) -> list[Finding]:
     )  # fmt: skip
     off = measures.apart(diagrams.median(data["fit"]), similar)
     median = measures.middle(off)
-    can = robot.can(pga, ratios)
+    can = diagrams.feasible(pga, ratios)
     toppled = measures.grid(responses)[can] == 1
     return [
         Finding(

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pipeline.drawing import style
-from pipeline.stages.figures import diagrams, measures, robot
+from pipeline.stages.figures import diagrams, measures
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from vsr_core.arrays import Mask
 
@@ -20,7 +20,7 @@ SOURCES = {
     "rock": Source("pla_12cm", "rock"),
 }
 
-INPUTS = robot.INPUTS
+INPUTS = diagrams.ROBOT_FILES
 
 YAWS = (0.0, 270.0)
 
@@ -38,14 +38,14 @@ def draw(data: Data) -> Figure:
     pga, ratios = responses["pga"].values, responses["pgv_pga"].values
     for axes, yaw in zip(panels[0], YAWS, strict=True):
         diagrams.cells(axes, pga, ratios, measures.grid(responses, yaw), pale=True)
-        robot.limits(axes, axes.get_ylim()[1])
+        diagrams.robot_limits(axes, axes.get_ylim()[1])
         for place, colour in enumerate((style.OVERTURNED, style.INK)):
             look: Any = {"color": colour, "lw": 2.2}
             diagrams.logistic(axes, data["fit"], place, label=f"boundary at yaw {YAWS[place]:g}°",
                               gid=f"logistic-{YAWS[place]:g}", **look)  # fmt: skip
         axes.set_title(f"yaw {yaw:g}°")
     diagrams.labelled(panels)
-    diagrams.note(figure, robot.note(data["rock"]))
+    diagrams.note(figure, diagrams.print_source(data["rock"]))
     lines = panels[0, 0].get_legend_handles_labels()[0]
     figure.legend(handles=[*diagrams.key(pale=True), *lines], loc="lower center", ncols=3)
     return figure
@@ -54,7 +54,7 @@ def draw(data: Data) -> Figure:
 def findings(data: Data) -> list[Finding]:
     """Compare with section 4.3."""
     responses = data["print"]
-    can = robot.can(responses["pga"].values, responses["pgv_pga"].values)
+    can = diagrams.feasible(responses["pga"].values, responses["pgv_pga"].values)
     return [
         _compared(data, np.ones_like(can), "in all runs"),
         _compared(data, can, "in the runs that the mini shake robot can do"),

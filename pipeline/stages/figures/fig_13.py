@@ -155,8 +155,9 @@ def before_balanced(outcomes: Array) -> tuple[int, int]:
     ----------
     outcomes : ndarray, shape (rows, columns), 1 overturned, 0 not, -1 undecided
 
-    Returns
-    -------
+    Examples
+    --------
+    >>> before_balanced(np.array([[0, 1, 1, 0, 1], [0, 0, 1, 1, 1], [0, 1, 0, 0, 0]]))
     (1, 2)
     """
     toppled, balanced = outcomes == 1, outcomes == 0

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import Window, relief
 from pipeline.drawing.ground_map import draw as draw_ground
-from pipeline.stages.figures import diagrams, measures, terrain_note
+from pipeline.stages.figures import diagrams, measures
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from vsr_core.arrays import Array
 from vsr_core.outcome import Outcome
@@ -55,7 +55,7 @@ def draw(data: Data) -> Figure:
         row[0].set_title(f"({letters[0]}) the rock on its seat, shaken at yaw {yaw}°")
         _responses(row[1], data, yaw)
         row[1].set_title(f"({letters[1]}) yaw {yaw}°, on the terrain")
-    diagrams.note(figure, terrain_note.source(data["rock"]))
+    diagrams.note(figure, diagrams.terrain_source(data["rock"]))
     lines = panels[0, 1].get_legend_handles_labels()[0]
     figure.legend(handles=[*diagrams.key(), *lines], loc="lower center", ncols=3)
     return figure

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from pipeline.stages.datasets.displaced_runs import left_seat
 from pipeline.stages.displacement import trajectory_maps
-from pipeline.stages.figures import terrain_note
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 
 TITLE = "Trajectories of the toppled rock"
@@ -34,7 +34,7 @@ RANGES = ((0.5, 0.7), (0.7, 0.8))
 
 def draw(data: Data) -> Figure:
     """Draw all trajectories from above, and those of each range of PGA."""
-    source = terrain_note.source(data["rock"])
+    source = diagrams.terrain_source(data["rock"])
     return trajectory_maps.trajectories(data["displacement"], data["terrain"], source)
 
 

@@ -12,7 +12,7 @@ from scipy.stats import spearmanr
 
 from pipeline.stages.datasets.displaced_runs import ends, left_seat, overturned_runs
 from pipeline.stages.displacement import correlation_figures
-from pipeline.stages.figures import terrain_note
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.fig_15 import SOURCES as SOURCES
 from pipeline.stages.figures.paper import Data, Finding, by_rule
 from vsr_core.arrays import Array
@@ -30,7 +30,7 @@ that make a cluster there."""
 def draw(data: Data) -> Figure:
     """Draw the length of each trajectory over PGA and PGV/PGA."""
     return correlation_figures.trajectory_lengths(
-        data["displacement"], terrain_note.source(data["rock"])
+        data["displacement"], diagrams.terrain_source(data["rock"])
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from pipeline.stages.displacement import correlation_figures
-from pipeline.stages.figures import terrain_note
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.fig_15 import SOURCES as SOURCES
 from pipeline.stages.figures.paper import Data, Finding
 
@@ -15,7 +15,7 @@ TITLE = "Means of ensembles against PGA and PGV/PGA"
 def draw(data: Data) -> Figure:
     """Draw the means with the line through them."""
     return correlation_figures.ensemble_means(
-        data["displacement"], terrain_note.source(data["rock"])
+        data["displacement"], diagrams.terrain_source(data["rock"])
     )
 
 

@@ -36,9 +36,8 @@ def grid(responses: xr.Dataset, yaw: float | None = None, friction: int = 0) -> 
 def toppled_share(outcomes: Array) -> float:
     """Share of the decided runs that overturned.
 
-    Returns
-    -------
-    >>> toppled_share(np.array([[1, 0], [-1, 0]]))
+    >>> round(toppled_share(np.array([[1, 0], [-1, 0]])), 3)
+    0.333
     """
     return _share((outcomes == 1)[outcomes >= 0])
 
@@ -46,9 +45,8 @@ def toppled_share(outcomes: Array) -> float:
 def differing(one: Array, other: Array) -> float:
     """Share of the cells decided in both that end differently.
 
-    Returns
-    -------
     >>> differing(np.array([1, 0, -1]), np.array([1, 1, 1]))
+    0.5
     """
     both = (one >= 0) & (other >= 0)
     return _share((one != other)[both])

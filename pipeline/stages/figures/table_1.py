@@ -8,7 +8,7 @@ from pipeline.drawing import style
 from pipeline.stages.datasets.displaced_runs import overturned_runs
 from pipeline.stages.datasets.kinds_of_end import told, ways
 from pipeline.stages.displacement.correlation_figures import TABLE_1, power
-from pipeline.stages.figures import diagrams, terrain_note
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.fig_15 import SOURCES as SOURCES
 from pipeline.stages.figures.paper import Data, Finding, by_rule
 from vsr_core.displacement.correlation import Correlation, correlations
@@ -48,7 +48,7 @@ def draw(data: Data) -> Figure:
     _rule(figure, 0.09)
     runs = data["displacement"]
     moved = told(ways(runs["outcome"].values, runs["movement"].values))
-    diagrams.note(figure, f"{terrain_note.source(data['rock'])}; {moved}")
+    diagrams.note(figure, f"{diagrams.terrain_source(data['rock'])}; {moved}")
     return figure
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.stages.mesh import closed_rock_page, sources
+from pipeline.stages.mesh import scan_page, sources
 from pipeline.stages.mesh.products import SCAN_PAGE
 from pipeline.workflow.progress import Steps
 from pipeline.workflow.stage import Job, Product
@@ -23,6 +23,7 @@ def make(job: Job) -> Product:
         steps.tell("trying other closings")
         trials = other_closings(whole, closing, solid, density)
         steps.tell("drawing the page")
-        page = closed_rock_page.page(job.site.name, source, whole, solid, unknown, closing, trials)
+        drawn = whole, solid, unknown, closing, trials
+        page = scan_page.closed_rock_page(job.site.name, source, *drawn)
     holes = f"{len(whole.holes)} holes closed" if whole.holes else "closed as scanned"
     return Product({SCAN_PAGE: text(page)}, f"rock of {solid.volume:.4g} m3, {holes}")

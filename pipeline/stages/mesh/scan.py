@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config.schema import Config
-from pipeline.stages.mesh import refusal_page, scan_page, sources
+from pipeline.stages.mesh import scan_page, sources
 from pipeline.stages.mesh.products import SCAN, SCAN_PAGE
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.progress import Steps
@@ -71,9 +71,9 @@ def _prepared(job: Job, source: sources.Source) -> Prepared:
                 tell=steps.tell,
             )
     except Miscut as error:
-        raise refusal_page.shown(job.site, source, "pedestal.cut", error) from None
+        raise scan_page.refusal(job.site, source, "pedestal.cut", error) from None
     except Refused as error:
-        raise refusal_page.shown(job.site, source, "rock.mesh", error) from None
+        raise scan_page.refusal(job.site, source, "rock.mesh", error) from None
 
 
 def _dataset(prepared: Prepared) -> xr.Dataset:

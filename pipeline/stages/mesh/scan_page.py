@@ -1,4 +1,4 @@
-"""The page of a scan's preparation, which a user checks before accepting a cut."""
+"""Pages of a scan: of its preparation, of its refusal, and of a rock scanned alone."""
 
 from __future__ import annotations
 
@@ -7,18 +7,24 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.config.layers import Site
+from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import png_uri, svg_uri
 from pipeline.stages.mesh import scan_figures
+from pipeline.stages.mesh.products import SCAN_PAGE
+from pipeline.stages.mesh.sources import Source
 from pipeline.workflow.pages import filled
+from pipeline.workflow.stage import Refusal
+from pipeline.workflow.writers import text
 from vsr_core.arrays import Array
 from vsr_core.scan.alternatives import Alternative
 from vsr_core.scan.cuts import Cut
 from vsr_core.scan.preparation import Prepared
+from vsr_core.scan.refusal import Refused, place
 from vsr_core.scan.weighing import DIRECTIONS, Measure, Step, Trial
+from vsr_core.scan.whole_rock import Unseen, WholeRock
 
 Row = dict[str, Any]
-
-TEMPLATE = "prep.html"
 
 SURE, DOUBTFUL = 0.8, 0.5
 """Confidence from which a proposal is called clear, and below which it is called doubtful."""
@@ -75,7 +81,7 @@ def page(site: str, source: str, prepared: Prepared, *, accepted: bool, surrogat
             ),
         },
     }  # fmt: skip
-    return filled(TEMPLATE, facts)
+    return filled("prep.html", facts)
 
 
 def _sure(confidence: float) -> str:
@@ -186,3 +192,108 @@ def _notes(prepared: Prepared) -> list[Row]:
     told = {note for row in rows for note in row["notes"]}
     rows.append({"step": "ground", "notes": [n for n in prepared.notes if n not in told]})
     return [row for row in rows if row["notes"]]
+
+
+_MOST_PLACES = 12  # that are ringed and listed
+
+
+def refusal(site: Site, source: Source, key: str, error: Refused) -> InputError:
+    """A refusal with its page, where there is anything to see.
+
+    Parameters
+    ----------
+    key : str, of the configuration, that is named: ``pedestal.cut`` or ``rock.mesh``
+
+    Returns
+    -------
+    InputError, a Refusal where there are faces to show
+    """
+    file = site.file_of(key)
+    if key == "rock.mesh":
+        file, key = f"{file}: {key}", source.name
+    problem = Problem(file, key, error.given, error.rule, error.remedy)
+    if not len(error.seen.faces):
+        return InputError(problem)
+    return Refusal(problem, {SCAN_PAGE: text(_refused_page(site.name, source, error))})
+
+
+def _refused_page(site: str, source: Source, error: Refused) -> str:
+    seen, places = error.seen, error.places[:_MOST_PLACES]
+    facts = {
+        "site": site,
+        "source": source.label,
+        "surrogate": source.surrogate,
+        "given": error.given,
+        "rule": error.rule,
+        "remedy": error.remedy,
+        "parts": [{"name": name, "share": float(mask.mean())} for name, mask in seen.parts.items()],
+        "candidates": [name for name in seen.parts if name.startswith("(")],
+        "places": [place(point) for point in places],
+        "more": len(error.places) - len(places),
+        "picture": png_uri(scan_figures.scan_from_sides(seen, places - seen.offset, source.label)),
+    }
+    return filled("refused.html", facts)
+
+
+_MOST_HOLES = 12  # that are ringed and listed one by one, the widest first
+
+
+def closed_rock_page(
+    site: str,
+    source: Source,
+    whole: WholeRock,
+    solid: Measure,
+    unknown: tuple[Unseen, ...],
+    closing: str,
+    trials: tuple[Trial, ...],
+) -> str:
+    """Everything about the closing of a rock in one page that loads nothing.
+
+    Returns
+    -------
+    str
+        HTML that holds all it needs.
+    """
+    widest = sorted(unknown, key=lambda one: -one.hole.width)
+    marks = np.array([one.hole.place for one in widest[:_MOST_HOLES]]).reshape(-1, 3)
+    added, rock = whole.added, whole.rock
+    vertices, faces = np.array(rock.vertices), np.array(rock.faces)
+    pictures = {
+        "rock": png_uri(scan_figures.rock_from_sides(vertices, faces, added, marks, source.label))
+    }
+    if trials:
+        pictures["tippings"] = svg_uri(
+            scan_figures.tippings(closing, solid.tipping, trials, source.label)
+        )
+    facts = {
+        "site": site,
+        "source": source.label,
+        "surrogate": source.surrogate,
+        "volume": solid.volume,
+        "mass": solid.mass,
+        "size": np.ptp(vertices, axis=0).tolist(),
+        "least": least(solid),
+        "added": float(rock.area_faces[added].sum() / rock.area),
+        "repaired": whole.repaired,
+        "holes": [_hole(one, whole, solid, closing) for one in widest[:_MOST_HOLES]],
+        "smaller": len(widest[_MOST_HOLES:]),
+        "uncertain": 100.0 * sum(abs(one.volume) for one in unknown) / solid.volume,
+        "trials": bool(trials),
+        "closings": closings(closing, solid, trials),
+        "spread": spread(trials),
+        "pictures": pictures,
+    }
+    return filled("closed_rock.html", facts)
+
+
+def _hole(one: Unseen, whole: WholeRock, solid: Measure, closing: str) -> Row:
+    hole = one.hole
+    return {
+        "place": place(hole.place + whole.offset),
+        "width": hole.width,
+        "edges": len(hole.rim),
+        "how": f"beneath the rock: {closing}" if hole.beneath else "filled",
+        "volume": abs(one.volume),
+        "share": 100.0 * abs(one.volume) / solid.volume,
+        "tipping": float(np.degrees(one.tipping)),
+    }

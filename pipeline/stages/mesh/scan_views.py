@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 
-from pipeline.drawing import marks, style
+from pipeline.drawing import style
 from pipeline.drawing.painting import Floats, normals, smaller
 from pipeline.drawing.rendering import drawn, faces_of, in_sight, seen
 from pipeline.drawing.view import View, axes_of, fitted, round_number
@@ -131,7 +131,7 @@ def show(panel: Axes, view: View, surface: Painted, seams: list[Array], title: s
     for seam in seams:
         _seam(panel, view, surface, seam)
     along = view.axes[:2].T * (1.0, -1.0)  # rows run downwards
-    marks.directions(panel, along, np.array([44.0, rows - 44.0]), 34.0, 9.0, style.INK)
+    style.directions(panel, along, np.array([44.0, rows - 44.0]), 34.0, 9.0, style.INK)
     scale(panel, SMOOTH * view.pixel)
 
 
@@ -168,4 +168,4 @@ def _seam(panel: Axes, view: View, surface: Painted, seam: Array) -> None:
     parts = np.stack([points, np.roll(points, -1, axis=0)], axis=1)
     in_view = visible(view, surface, seam)
     look: Any = {"colors": np.tile(to_rgb(SEAM), (len(parts), 1)), "linewidths": 1.8}
-    marks.line_on_surface(panel, parts, in_view & np.roll(in_view, -1), "seam", **look)
+    style.line_on_surface(panel, parts, in_view & np.roll(in_view, -1), "seam", **look)

@@ -124,8 +124,8 @@ def closed(source: Source, site: Site, tell: Tell) -> WholeRock:
     try:
         return whole_rock(load(source, site), site.config.rock.closing, tell)
     except Refused as error:
-        shown = named("pipeline.stages.mesh.refusal_page:shown")  # with figures, if need be
-        raise shown(site, source, "rock.mesh", error) from None
+        refusal = named("pipeline.stages.mesh.scan_page:refusal")  # with figures, if need be
+        raise refusal(site, source, "rock.mesh", error) from None
 
 
 def _surrogate(site: Site, folder: Path) -> Source:

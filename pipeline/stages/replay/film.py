@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pipeline.drawing.packing import packed, packed_mesh
-from pipeline.drawing.rendering import thinned
+from pipeline.drawing.rendering import packed, packed_mesh, thinned
 from pipeline.drawing.view import contour_step, reach, round_number
 from pipeline.stages.motions.motion_grid import Shaking
 from pipeline.stages.replay.choice import Choice

@@ -19,18 +19,21 @@ from pipeline.config.sections import Range
 from pipeline.drawing.style import png_uri, svg_uri
 from pipeline.stages.datasets.bullet_sample import FILE as SAMPLE
 from pipeline.stages.datasets.responses import FILE as RESPONSES
+from pipeline.stages.fragility.fragility_figures import (
+    axes_of,
+    cells_of,
+    fragility_by_yaw,
+    overturning_diagram,
+)
 from pipeline.stages.fragility.products import FILE as FRAGILITY
 from pipeline.stages.fragility.products import TABLE
-from pipeline.stages.fragility.response_diagram import overturning_diagram
 from pipeline.stages.fragility.rock_views import rock_views
 from pipeline.stages.fragility.summary import groups, long_rows_in_words
-from pipeline.stages.fragility.yaw_polar import fragility_by_yaw
 from pipeline.stages.mesh.products import ROCK as ROCK
 from pipeline.stages.motions.motion_grid import FILE as MOTIONS
 from pipeline.stages.motions.record_figure import record_figure
 from pipeline.stages.replay import film
 from pipeline.stages.reports import report_tables, teaching_runs
-from pipeline.stages.reports.diagram_cells import axes_of, cells_of
 from pipeline.stages.runs.step_choice import FILE as TIME_STEP
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import read

@@ -14,7 +14,6 @@ from pipeline.stages.datasets.responses import FILE as RESPONSES
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.runs.step_choice import time_steps
 from pipeline.stages.uncertainty import draws as drawing
-from pipeline.stages.uncertainty import uncertainty_figures as figures
 from pipeline.stages.uncertainty import uncertainty_page as page
 from pipeline.stages.uncertainty import unknowns as told
 from pipeline.stages.uncertainty.draws import Draw
@@ -51,9 +50,9 @@ def make(job: Job) -> Product:
     dataset = dataset.merge(_indices(shares, draws, known, base))
     dataset = described(dataset, job, "Overturning with its uncertainty")
     drawn = {
-        "uncertainty_bands": figures.bands(dataset, responses),
-        "uncertainty_shares": figures.shares(dataset),
-        "uncertainty_surface": figures.surface(dataset),
+        "uncertainty_bands": page.bands(dataset, responses),
+        "uncertainty_shares": page.shares(dataset),
+        "uncertainty_surface": page.surface(dataset),
     }
     facts = page.facts(job, dataset, {name: png_uri(figure) for name, figure in drawn.items()})
     files = {FILE: netcdf(dataset), PAGE: writers.text(pages.filled(PAGE, facts))}

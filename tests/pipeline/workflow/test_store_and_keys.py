@@ -438,7 +438,7 @@ DECIDES = {
     "vsr_core.rock.triangles:self_intersections": {"rock"},
     "pipeline.stages.runs.overturning_runs:simulate_batch": {"runs"},
     "pipeline.stages.runs.overturning_runs:make": set(),
-    "pipeline.stages.fragility.yaw_polar:fragility_by_yaw": {"report"},
+    "pipeline.stages.fragility.fragility_figures:fragility_by_yaw": {"report"},
     "pipeline.workflow.dispatch:_next": {"rock"},  # by annotations
 }
 """Functions, and which of the stages of rock, runs and report they have to decide."""

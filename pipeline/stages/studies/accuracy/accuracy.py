@@ -16,8 +16,7 @@ from pipeline.drawing.style import pictures
 from pipeline.stages.runs.step_choice import FILE as TIME_STEP
 from pipeline.stages.runs.study import load_study
 from pipeline.stages.studies.accuracy import comparison
-from pipeline.stages.studies.accuracy.accuracy_figures import cheapest, work_precision
-from pipeline.stages.studies.accuracy.accuracy_page import facts
+from pipeline.stages.studies.accuracy.accuracy_page import cheapest, facts, work_precision
 from pipeline.stages.studies.accuracy.comparison import Place, SampledCell
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf, read

@@ -8,20 +8,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pipeline.config import in_si
 from pipeline.config.schema import Config
-from pipeline.drawing.style import png_uri, svg_uri
+from pipeline.drawing.style import FAINT, INK, MARKERS, SERIES, png_uri, styled, svg_uri
 from pipeline.stages.runs.step_choice import kept
-from pipeline.stages.studies.accuracy.accuracy_figures import (
-    boundary_convergence,
-    cheapest,
-    measured,
-    suite_convergence,
-)
 from pipeline.stages.studies.accuracy.comparison import Place, Record
+from vsr_core.arrays import Array
 from vsr_core.verification import time_step
+from vsr_core.verification.agreement import WORST
 from vsr_core.verification.time_step import Boundary
 from vsr_core.verification.work_precision import Target
 
@@ -117,3 +115,155 @@ def _front(chosen: xr.Dataset, tolerance: float) -> str:
     steps = shares * (1e3 * float(chosen.attrs["step_unit_s"]))
     figure = boundary_convergence(steps, errors, 1e3 * float(first["time_step"]), tolerance)
     return svg_uri(figure)
+
+
+def measured(table: pd.DataFrame) -> pd.DataFrame:
+    """Settings of methods that were measured, the project's first, each method coarse to fine.
+
+    Parameters
+    ----------
+    table : DataFrame
+        With the records of the accuracy stage as rows.
+    """
+    found = table[(table["part"] == "method") & (table["cpu_s"] != "")]
+    found = found.astype({"own": bool, "error": float, "cpu_s": float, "step": float})
+    return found.sort_values(["own", "method", "step"], ascending=[False, True, False])
+
+
+def cheapest(table: pd.DataFrame, tolerance: float) -> pd.DataFrame:
+    """The cheapest setting of each method within a tolerance, the cheapest method first.
+
+    Parameters
+    ----------
+    table : DataFrame
+        With the records of the accuracy stage as rows.
+    """
+    found = measured(table)
+    good = found[found["error"] <= tolerance].sort_values("cpu_s", kind="stable")
+    return good.groupby("method", sort=False).head(1)
+
+
+@styled
+def work_precision(table: pd.DataFrame, tolerance: float, title: str) -> Figure:
+    """Error of the boundary against CPU time of a run, one line a method.
+
+    Parameters
+    ----------
+    table : DataFrame
+        With the records of the accuracy stage as rows.
+    """
+    figure = Figure(figsize=(6.6, 4.3), layout="constrained")
+    axes = figure.add_subplot()
+    for at, (method, points) in enumerate(measured(table).groupby("method", sort=False)):
+        own = points["own"].all()
+        axes.plot(
+            1e3 * points["cpu_s"],
+            100.0 * points["error"].clip(upper=WORST),
+            color=INK if own and at == 0 else SERIES[at % len(SERIES)],
+            marker=MARKERS[at % len(MARKERS)],
+            markersize=6 if own else 5,
+            linewidth=2.0 if own else 1.0,
+            linestyle="-" if own else "--",
+            label=method,
+        )
+    axes.axhline(100.0 * tolerance, color=FAINT, linewidth=0.8, linestyle=":")
+    axes.annotate(
+        "tolerance",
+        (0.0, 100.0 * tolerance),
+        xycoords=("axes fraction", "data"),
+        xytext=(4, 3),
+        textcoords="offset points",
+        color=FAINT,
+        fontsize=8,
+    )
+    _percent_axis(axes)
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.set_xlabel("CPU time per run [ms]")
+    axes.set_ylabel("error of the overturning boundary [%]")
+    axes.set_title(title, loc="left")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+@styled
+def boundary_convergence(
+    steps: Array, errors: list[tuple[str, Array]], chosen: float, tolerance: float
+) -> Figure:
+    """Error of each row's boundary against the time step, and what most rows keep.
+
+    Parameters
+    ----------
+    steps : ndarray [ms]
+    chosen : float [ms]
+    """
+    figure = Figure(figsize=(6.6, 3.9), layout="constrained")
+    axes = figure.add_subplot()
+    for at, (name, error) in enumerate(errors):
+        last = at == len(errors) - 1
+        axes.plot(
+            steps,
+            100.0 * error,
+            color=INK if last else SERIES[at % len(SERIES)],
+            linewidth=2.2 if last else 0.9,
+            marker=MARKERS[at % len(MARKERS)] if not last else None,
+            markersize=4,
+            label=name,
+        )
+    axes.axvline(chosen, color=FAINT, linewidth=0.8)
+    axes.axhline(100.0 * tolerance, color=FAINT, linewidth=0.8, linestyle=":")
+    axes.annotate(
+        f"chosen: {chosen:.3g} ms",
+        (chosen, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(4, -10),
+        textcoords="offset points",
+        color=FAINT,
+        fontsize=8,
+    )
+    _percent_axis(axes)
+    axes.set_xscale("log")
+    axes.set_xticks(steps, [f"{step:.2g}" for step in steps])
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel("time step [ms]")
+    axes.set_ylabel("error of the boundary [%]")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+@styled
+def suite_convergence(suite: pd.DataFrame) -> Figure:
+    """Error of each case of the reference suite against the time step, one panel an engine."""
+    engines = suite.groupby("engine")
+    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    panels = figure.subplots(1, engines.ngroups, sharey=True, squeeze=False)[0]
+    for panel, (engine, own) in zip(panels, engines, strict=True):
+        for at, name in enumerate(sorted(suite["case"].unique())):
+            points = own[(own["case"] == name) & np.isfinite(own["error"])].sort_values("step")
+            panel.plot(
+                1e3 * points["step"],
+                points["error"].clip(lower=1e-10),
+                color=SERIES[at % len(SERIES)],
+                marker=MARKERS[at // len(SERIES) % len(MARKERS)],
+                markersize=3.5,
+                linewidth=0.9,
+                label=name,
+            )
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.grid(visible=True)
+        panel.set_title(engine, loc="left")
+        panel.set_xlabel("time step [ms]")
+    panels[0].set_ylabel("relative error")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside right upper", fontsize=6.5)
+    return figure
+
+
+def _percent_axis(axes: Axes) -> None:
+    axes.set_yscale("log")
+    axes.set_ylim(0.09, 100.0 * WORST * 1.25)
+    axes.set_yticks([0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0])
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.grid(visible=True)

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
 
-from pipeline.drawing.style import pictures, svg_uri
-from pipeline.stages.studies.stability.stability_figure import stability_map
+from pipeline.drawing.style import INK, SERIES, cell_edges, pictures, styled, svg_uri
 from pipeline.workflow import pages, writers
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.stage import Job, Product
+from vsr_core.arrays import Array
 from vsr_core.verification import stability
 from vsr_core.verification.stability import ExtremeCase, Finding, Verdict
-from vsr_core.verification.stability.stiffness_map import POINTS, limits
+from vsr_core.verification.stability.stiffness_map import POINTS, Limits, limits
 
 TABLE, PAGE, PICTURE = "stability.csv", "stability.html", "stability_map"
 
@@ -118,3 +123,76 @@ def _page(table: pd.DataFrame, picture: str) -> str:
         "files": {"table": TABLE, "picture": PICTURE},
     }
     return pages.filled(PAGE, facts)
+
+
+_TILES: dict[Verdict, Any] = {
+    Verdict.RIGHT: {"facecolor": SERIES[4], "hatch": ""},
+    Verdict.FLAGGED: {"facecolor": "#f3e3b3", "hatch": "////"},
+    Verdict.WRONG: {"facecolor": "#c7362f", "hatch": "xxxx"},
+}
+"""Each verdict by colour and by hatch: they differ in grey and for a reader who sees no red."""
+
+_LABELS = {
+    Verdict.RIGHT: "right",
+    Verdict.FLAGGED: "flagged: refused or ended without an outcome",
+    Verdict.WRONG: "silently wrong",
+}
+
+_GAP = 0.35
+"""Between the stiffest spring and the rigid contact, in decades."""
+
+
+@styled
+def stability_map(points: pd.DataFrame, limits: Limits) -> Figure:
+    """Verdict at each time step and stiffness, with the limits that the program knows.
+
+    Parameters
+    ----------
+    points : DataFrame, with ``time_step`` [s], ``stiffness`` [N/m] and ``verdict``
+    """
+    figure = Figure(figsize=(7.2, 4.9), layout="constrained")
+    axes = figure.add_subplot()
+    steps = np.log10(np.unique(points["time_step"]))
+    finite = np.log10(np.unique(points["stiffness"][np.isfinite(points["stiffness"])]))
+    rigid = float(finite[-1]) + 1.0 + _GAP
+    edges = cell_edges(steps)
+    for step, stiffness, name in points[["time_step", "stiffness", "verdict"]].itertuples(False):
+        row = np.searchsorted(steps, math.log10(step))
+        left = (math.log10(stiffness) if math.isfinite(stiffness) else rigid) - 0.5
+        size = (1.0, edges[row + 1] - edges[row])
+        look: Any = {"edgecolor": "white", "linewidth": 1.2, **_TILES[Verdict(name)]}
+        axes.add_patch(Rectangle((left, edges[row]), *size, **look))
+    _draw_limits(axes, finite, limits, rigid + 0.5)
+    axes.set_xlim(finite[0] - 0.5, rigid + 0.5)
+    axes.set_ylim(edges[0], edges[-1])
+    names = [*(f"$10^{{{round(decade)}}}$" for decade in finite), "rigid"]
+    axes.set_xticks([*finite, rigid], names)
+    axes.set_yticks(steps, [f"{1e3 * 10.0**step:.3g}" for step in steps])
+    axes.tick_params(length=0)
+    axes.set_xlabel("stiffness of each point of contact [N/m]")
+    axes.set_ylabel("time step [ms]")
+    counts = points["verdict"].value_counts()
+    tiles = [
+        Patch(edgecolor="white", label=f"{_LABELS[v]} ({counts.get(v.value, 0)})", **look)
+        for v, look in _TILES.items()
+    ]
+    lines, _ = axes.get_legend_handles_labels()
+    figure.legend(handles=[*tiles, *lines], loc="outside lower center", ncols=2, handleheight=1.3)
+    return figure
+
+
+def _draw_limits(axes: Axes, finite: Array, limits: Limits, right: float) -> None:
+    """What the program checks before a run, over decades of stiffness up to ``right``."""
+    ends = finite[0] - 0.5, finite[-1] + 0.5
+    longest = math.log10(limits.step)
+    axes.plot([ends[0], right], [longest] * 2, color=INK, label="longest step for the rock")
+    softest: Any = {"color": INK, "ls": (0, (4, 2)), "label": "softest contact that bears it"}
+    axes.axvline(math.log10(limits.stiffness), **softest)
+    slope = np.polyfit(finite, np.log10(limits.spring_steps), 1)
+    springs: Any = {
+        "color": INK,
+        "ls": (0, (1, 1.2)),
+        "lw": 2.0,
+        "label": "longest step for the springs",
+    }
+    axes.plot(ends, np.polyval(slope, ends), **springs)

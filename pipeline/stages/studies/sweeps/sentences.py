@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from pipeline.config.sweep import Dimension, Sweep
-from pipeline.stages.studies.sweeps.changes import Change
-from pipeline.stages.studies.sweeps.quantities import places, quantity
+from pipeline.stages.studies.sweeps.changes import Change, places, quantity
 from pipeline.workflow.grammar import counted, listed
 
 HALF = 0.5

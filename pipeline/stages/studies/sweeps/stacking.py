@@ -12,7 +12,7 @@ from pipeline.config.sweep import GRIDS, Dimension, Sweep
 from pipeline.stages.datasets.responses import FILE as RESPONSES
 from pipeline.stages.fragility.products import FILE as FRAGILITY
 from pipeline.stages.mesh.products import load_rock
-from pipeline.stages.studies.sweeps.quantities import quantity
+from pipeline.stages.studies.sweeps.changes import quantity
 from pipeline.workflow.datasets import described, read
 from pipeline.workflow.registry import upstream
 from pipeline.workflow.stage import Job

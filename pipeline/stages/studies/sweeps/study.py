@@ -19,9 +19,10 @@ from pipeline.stages.studies.sweeps.changes import (
     along,
     changes,
     collapsed,
+    places,
+    quantity,
     spread,
 )
-from pipeline.stages.studies.sweeps.quantities import places, quantity
 from pipeline.stages.studies.sweeps.sentences import about, headline
 from pipeline.stages.studies.sweeps.stacking import stacked
 from pipeline.workflow import pages, writers

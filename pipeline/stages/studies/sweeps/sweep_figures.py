@@ -13,8 +13,14 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from pipeline.config.sweep import Dimension
 from pipeline.drawing import style
-from pipeline.stages.studies.sweeps.changes import BOUNDARY, LOWER, UPPER, filled
-from pipeline.stages.studies.sweeps.quantities import axis_label, places
+from pipeline.stages.studies.sweeps.changes import (
+    BOUNDARY,
+    LOWER,
+    UPPER,
+    axis_label,
+    filled,
+    places,
+)
 from pipeline.workflow.datasets import label
 from vsr_core.arrays import Array, Indices, Mask
 
@@ -30,9 +36,8 @@ _SHARES = LinearSegmentedColormap.from_list("shares", ["#dfe9f5", "#f6f2ee", sty
 def shown(count: int, most: int) -> Indices:
     """Places to draw where there are too many, both ends included.
 
-    Returns
-    -------
     >>> shown(9, 3).tolist(), shown(2, 3).tolist()
+    ([0, 4, 8], [0, 1])
     """
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 

@@ -9,8 +9,8 @@ import pandas as pd
 
 from pipeline.config.layers import Site
 from pipeline.drawing.style import pictures, png_uri
-from pipeline.stages.studies.validation import predictions, validation_tables
-from pipeline.stages.studies.validation import validation_figures as figures
+from pipeline.stages.studies.validation import predictions
+from pipeline.stages.studies.validation import validation_page as page
 from pipeline.stages.studies.validation.predictions import Predictions
 from pipeline.stages.studies.validation.recorded_runs import (
     Draw,
@@ -69,13 +69,13 @@ def make(job: Job) -> Product:
     series = Series(tests, forms)
     found, predicted = _predict(job, series)
     at_ends, doubts = _doubtful(job, series, predicted)
-    scores = validation_tables.scored(tests, predicted)
-    failed = validation_tables.failed(tests, predicted)
+    scores = page.scored(tests, predicted)
+    failed = page.failed(tests, predicted)
     drawn = {
-        "validation_reliability": figures.reliability(tests, predicted),
-        "validation_roc": figures.roc(tests, predicted),
-        "validation_fragility": figures.fragility(tests, predicted),
-        "validation_tests": figures.map_of_tests(tests, predicted),
+        "validation_reliability": page.reliability(tests, predicted),
+        "validation_roc": page.roc(tests, predicted),
+        "validation_fragility": page.fragility(tests, predicted),
+        "validation_tests": page.map_of_tests(tests, predicted),
     }
     facts = {
         "site": job.site.name,
@@ -83,10 +83,10 @@ def make(job: Job) -> Product:
         "forms": forms,
         "compared": tests.observed,
         "members": tests.config.members,
-        "assumed": validation_tables.assumed(tests.config),
+        "assumed": page.assumed(tests.config),
         "scores": list(scores.itertuples()),
         "calibration": predicted.calibration,
-        "classes": validation_tables.confusions(tests, predicted),
+        "classes": page.confusions(tests, predicted),
         "doubts": list(doubts.itertuples()),
         "failed": list(failed.itertuples()),
         "pictures": {name: png_uri(figure) for name, figure in drawn.items()},

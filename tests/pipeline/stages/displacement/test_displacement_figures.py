@@ -38,8 +38,12 @@ from pipeline.stages.displacement.correlation_figures import (
 )
 from pipeline.stages.displacement.displacement_page import Slot, page
 from pipeline.stages.displacement.origin_maps import origin_maps
-from pipeline.stages.displacement.side_view import side_view
-from pipeline.stages.displacement.trajectory_maps import PGA_EDGES, end_positions, trajectories
+from pipeline.stages.displacement.trajectory_maps import (
+    PGA_EDGES,
+    end_positions,
+    side_view,
+    trajectories,
+)
 from pipeline.workflow.datasets import catalogue
 from vsr_core import outcome
 from vsr_core.displacement.correlation import correlations

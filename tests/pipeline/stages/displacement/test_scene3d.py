@@ -20,7 +20,7 @@ from support import tumbling
 from support.browser import Opened, settle, until
 
 from pipeline.stages.displacement import scene3d
-from pipeline.stages.displacement.track import SPEEDS
+from pipeline.stages.displacement.timelapse import SPEEDS
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from pipeline.drawing.painting import backdrop, painted, smaller
 from pipeline.drawing.rendering import clearest, depths_of, drawn, faces_of
 from pipeline.drawing.view import View, axes_of, fitted, round_number
 from pipeline.stages.displacement import timelapse
-from pipeline.stages.displacement.track import SPEEDS, Track, pose_times, track
+from pipeline.stages.displacement.timelapse import SPEEDS, Track, pose_times, track
 
 Array = NDArray[np.float64]
 ANGLE = st.floats(-7.0, 7.0)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.config.layers import load_site
 from pipeline.stages.figures import (
+    diagrams,
     fig_07,
     fig_08,
     fig_11,
@@ -21,7 +22,6 @@ from pipeline.stages.figures import (
     fig_friction,
     measures,
     paper,
-    robot,
     table_1,
 )
 from pipeline.workflow.registry import BY_NAME
@@ -128,7 +128,7 @@ def test_fig_13_sees_balanced_runs_before_the_main_zone() -> None:
 
 def test_fig_11_compares_where_the_robot_can_go() -> None:
     """1.2 g and 0.5 m/s: at 0.1 s up to 0.51 g, at 1 s up to 0.051 g."""
-    can = robot.can(PGA, RATIOS)
+    can = diagrams.feasible(PGA, RATIOS)
     assert can[0].sum() == 5
     assert not can[-1].any()
     data = {"print": responses(beyond(0.25), beyond(0.45), yaw=(0.0, 270.0))}

@@ -15,7 +15,7 @@ from support.following import following
 
 from pipeline import ROOT, cli
 from pipeline.config.layers import known, load_site
-from pipeline.stages.fragility.response_diagram import overturning_diagram
+from pipeline.stages.fragility.fragility_figures import overturning_diagram
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.record_figure import record_figure
 from pipeline.stages.motions.record_inputs import find

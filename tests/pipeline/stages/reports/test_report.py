@@ -19,14 +19,14 @@ from pipeline import cli
 from pipeline.config.layers import load_site
 from pipeline.drawing import style
 from pipeline.stages.fragility import summary
-from pipeline.stages.fragility.response_diagram import (
+from pipeline.stages.fragility.fragility_figures import (
     OVERTURNED,
     PROVED,
     UNDECIDED,
+    fragility_by_yaw,
     overturning_diagram,
 )
 from pipeline.stages.fragility.rock_views import rock_views
-from pipeline.stages.fragility.yaw_polar import fragility_by_yaw
 from pipeline.stages.reports import report, report_tables
 from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job

@@ -13,9 +13,12 @@ import xarray as xr
 from support.browser import PHONE, Opened, settle, until
 
 from pipeline import cli
-from pipeline.stages.fragility.response_diagram import cell_borders, overturning_diagram
+from pipeline.stages.fragility.fragility_figures import (
+    cell_borders,
+    in_letters,
+    overturning_diagram,
+)
 from pipeline.stages.reports import teaching_runs
-from pipeline.stages.reports.diagram_cells import in_letters
 from pipeline.workflow.datasets import read
 from vsr_core.outcome import DecidedBy, Outcome
 
