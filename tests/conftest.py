@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 from support.browser import Opened, chromium, watched
 
 from pipeline import ROOT, cli
+from pipeline.drawing import style
 from vsr_core.engines import load
 from vsr_core.source import tracing
-
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
-"""Before NumPy is loaded: threads that share the small matrices of these tests only spin."""
 
 STEP = "simulation: {engine: bullet, time_step: 0.001}\n"
 BOX = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
@@ -31,6 +30,37 @@ class Ran:
     code: int
     out: str
     err: str
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _small_pictures() -> Iterator[None]:
+    """Save pictures with few pixels, and in PDF with fonts that take less time to embed.
+
+    Nor is a file waited for until it is on the disk, which only matters where power fails.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(style._SAVED["png"], "dpi", 40)
+        patch.setitem(style._RC, "pdf.fonttype", 3)
+        patch.setattr(os, "fsync", lambda handle: None)
+        yield
+
+
+@pytest.fixture(scope="module")
+def full_pictures() -> Iterator[None]:
+    """Pictures as they are delivered, for tests that look at them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(style._SAVED["png"], "dpi", style.DPI)
+        patch.setitem(style._RC, "pdf.fonttype", 42)
+        yield
+
+
+@pytest.fixture(scope="module")
+def no_pictures() -> Iterator[None]:
+    """All pictures are the same small one, where they are no subject."""
+    with pytest.MonkeyPatch.context() as patch:
+        small = {kind: style._rendered(Figure(figsize=(1, 1)), kind) for kind in style._SAVED}
+        patch.setattr(style, "_rendered", lambda figure, kind: small[kind])
+        yield
 
 
 @pytest.fixture

@@ -70,7 +70,7 @@ def in_memory(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize(
-    ("flips", "seed"), [(300, 12), pytest.param(2500, 77, marks=pytest.mark.slow)]
+    ("flips", "seed"), [(150, 12), pytest.param(2500, 77, marks=pytest.mark.slow)]
 )
 def test_no_flipped_bit_gives_a_wrong_number(
     whole: bytes, in_memory: Path, flips: int, seed: int

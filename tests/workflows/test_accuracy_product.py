@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 from pipeline import cli
-from pipeline.drawing import style
 from pipeline.drawing.style import png
 from pipeline.stages.studies.accuracy import comparison, worker_tasks
 from pipeline.stages.studies.accuracy.accuracy_page import (
@@ -48,7 +47,6 @@ def small(monkeypatch: pytest.MonkeyPatch, quick_time_step: None) -> None:
     monkeypatch.setattr(sensitivity, "variations", lambda: few)
     some = tuple(case for case in reference.cases() if "fall" in case.name or "slid" in case.name)
     monkeypatch.setattr(reference, "cases", lambda: some)
-    monkeypatch.setitem(style._SAVED["png"], "dpi", 40)
 
 
 @pytest.fixture

@@ -54,7 +54,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     line = ["run", "displacement", "--site", str(place / "hill.yaml"), "--workers", "0"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("vsr_core.scan.distance.SAMPLES", 100)
-        patch.setitem(style._SAVED["png"], "dpi", 40)
         for name in ("separation", "closed_rock", "seat"):  # of the page of the scan
             patch.setattr(scan_figures, name, lambda *given: EMPTY)
         patch.setattr(timelapse, "timelapse", lambda *given: EMPTY)

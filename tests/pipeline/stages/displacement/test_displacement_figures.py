@@ -535,9 +535,8 @@ def every_figure(runs: xr.Dataset, ground: xr.Dataset) -> Iterator[Figure]:
 
 @pytest.mark.parametrize("least", [0.9, 9.5, 99.0], ids=["many", "one", "none"])
 def test_figures_say_whose_terrain_it_is_whatever_they_hold(
-    least: float, ground: xr.Dataset, monkeypatch: pytest.MonkeyPatch
+    least: float, ground: xr.Dataset
 ) -> None:
-    monkeypatch.setitem(style._SAVED["png"], "dpi", style.DPI / 4)
     runs = falls(5, samples=10, least=least)
     assert (least < 1.0) == (left_seat(runs).sum() > 1)
     for figure in every_figure(runs, ground):

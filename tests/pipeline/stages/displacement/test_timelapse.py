@@ -300,16 +300,20 @@ def view(displacement: xr.Dataset, terrain: xr.Dataset) -> View:
     return timelapse._scene(displacement, terrain, tumbling.rock(), 2, size).behind.view
 
 
-def test_the_picture_is_1600_pixels_wide(figure: Figure) -> None:
+def test_the_picture_is_1600_pixels_wide(figure: Figure, full_pictures: None) -> None:
     picture = Image.open(io.BytesIO(style.png(figure)))
     assert picture.size == (1600, 1070)
 
 
-def test_the_picture_is_always_the_same(
-    displacement: xr.Dataset, terrain: xr.Dataset, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(timelapse, "WIDTH", 400)
     monkeypatch.setattr(timelapse, "HEIGHT", 225)
+
+
+def test_the_picture_is_always_the_same(
+    displacement: xr.Dataset, terrain: xr.Dataset, small: None
+) -> None:
     one, again = (
         style.png(timelapse.timelapse(displacement, terrain, tumbling.rock(), 2, "surrogate"))
         for _ in range(2)
@@ -381,7 +385,7 @@ def test_rocks_stand_where_they_were_in_the_colour_of_their_speed(
         assert angle > 0.985, (time, shown, own)
 
 
-def test_what_the_ground_hides_is_dotted(displacement: xr.Dataset) -> None:
+def test_what_the_ground_hides_is_dotted(displacement: xr.Dataset, small: None) -> None:
     """In a canyon deeper than any eye can look into, the path in it is hidden from all sides."""
     canyon = joined(
         plane(30.0, 30),
@@ -400,7 +404,9 @@ def test_what_the_ground_hides_is_dotted(displacement: xr.Dataset) -> None:
     assert not artist(figure, "path")[0].get_segments()
 
 
-def test_a_run_that_stays_is_drawn(displacement: xr.Dataset, terrain: xr.Dataset) -> None:
+def test_a_run_that_stays_is_drawn(
+    displacement: xr.Dataset, terrain: xr.Dataset, small: None
+) -> None:
     data = style.png(timelapse.timelapse(displacement, terrain, tumbling.rock(), 0, "made up"))
     assert len(np.unique(np.array(Image.open(io.BytesIO(data)).convert("RGB")).reshape(-1, 3))) > 50
 
