@@ -23,6 +23,18 @@ STEP = "simulation: {engine: bullet, time_step: 0.001}\n"
 BOX = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
 
 
+LONG = (
+    *("test_all_ways", "test_workers", "test_displacement_run", "test_prep", "test_resume"),
+    *("test_cluster", "test_reference", "test_scene3d", "test_chaos", "test_same_everywhere"),
+    *("test_damaged_products", "test_replay_page", "test_rebound", "test_bad_input_commands"),
+)
+"""Files of tests that take longest. They come first: one that began last would be waited for."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.stem not in LONG)
+
+
 @dataclass(frozen=True)
 class Ran:
     """What a command did."""

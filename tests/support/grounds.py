@@ -96,8 +96,8 @@ def niche(half_width: float, wall: float, half: float = 4.0) -> Terrain:
     Beyond its mouth the ground falls away by 30 deg.
     """
     edge = np.array([half_width, half_width + 0.03])
-    x = np.unique(np.concatenate([np.linspace(-half, half, 17), -edge, edge]))
-    y = np.unique(np.concatenate([np.linspace(-half, half, 17), -edge, edge]))
+    x = np.unique(np.concatenate([np.linspace(-half, half, 9), -edge, edge]))
+    y = np.unique(np.concatenate([np.linspace(-half, half, 9), -edge, edge]))
 
     def height(x: Array, y: Array) -> Array:
         aside = np.maximum(np.abs(y), -x)
