@@ -11,6 +11,7 @@ import html
 import json
 import math
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +19,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import Ran
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import norm
 
@@ -252,6 +254,40 @@ def test_shaking_that_topples_is_drawn_on_its_axes(hazard: xr.Dataset) -> None:
     _, axes, _ = shaking(hazard, (0.1, 1.0)).axes
     assert axes.get_xlabel() == "peak ground acceleration [g]"
     assert axes.get_ylabel() == "PGV/PGA [s]"
+
+
+def test_a_single_branch_is_compared_with_no_others(
+    made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its own curve is the mean, without fractiles, weights or a posterior beside it."""
+    labels: list[str] = []
+
+    def looked_at(figure: Figure) -> str:
+        labels.extend(part.get_text() for legend in figure.legends for part in legend.get_texts())
+        return "data:,"
+
+    monkeypatch.setattr(hazard_page, "svg_uri", looked_at)
+    for path in CURVES.glob("hazard_curve-mean-*.csv"):
+        shutil.copy(path, tmp_path)
+    command = ["run", "hazard", "--site", str(made.parents[1] / "rock.yaml"), "--workers", "0"]
+    copy = shutil.copytree(made.parent, tmp_path / "derived")
+    assert cli.main([*command, "--curves", str(tmp_path), "--derived", str(copy)]) == 0
+    found = read(copy / "rock" / "hazard.nc")
+    assert found["branch"].values.tolist() == ["mean"]
+    assert labels == ["branch retained"]
+    page = (copy / "rock" / "hazard.html").read_text(encoding="utf-8")
+    pga = found["pga_before"].sel(return_period=2475.0).item()
+    assert f'<td class="n">2,475</td><td class="n">{pga:.3f}</td></tr>' in page
+    assert 'alt="Prior and posterior weight' not in page
+    said = page.partition("<h2>Assumptions")[0].partition("<h1>")[2]
+    for words in (
+        "fractile",
+        "of the branches",
+        "all branches",
+        "prior weight times",
+        "under each",
+    ):
+        assert words not in said, words
 
 
 def test_every_variable_is_described(hazard: xr.Dataset) -> None:

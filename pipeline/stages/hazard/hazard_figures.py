@@ -44,8 +44,8 @@ def curves(hazard: xr.Dataset, tested: tuple[float, float]) -> Figure:
         ("after", "posterior", _AFTER, "--"),
     ):
         mean = hazard[f"mean_rate_{name}"].values
-        if np.isnan(mean).all():
-            continue
+        if hazard.sizes["branch"] == 1 or np.isnan(mean).all():
+            continue  # a single branch is its own mean
         rows = hazard[f"rate_{name}"].sel(fractile=[0.05, 0.95]).values
         rows = np.where(rows > 0.0, rows, np.nan)
         band: Any = {"color": colour, "alpha": 0.22, "lw": 0, "label": f"{word}, 5-95 %"}

@@ -24,7 +24,7 @@ from vsr_core.outcome import Outcome
 
 GRID = (
     "motion: {pga: {start: 0.2, stop: 1.0, num: 5}, pgv_pga: [0.15, 0.3, 0.6]}\nyaw: [0, 60]\n"
-    "simulation: {engine: bullet, time_step: 0.003}\n"
+    "simulation: {engine: bullet, time_step: 0.002}\n"
 )
 
 
