@@ -73,7 +73,9 @@ def sleeper() -> Callable[[float, tuple[int, ...]], list[float]]:
 # Threads
 
 
-@pytest.mark.parametrize("engine", ["bullet", "mujoco", "nonsmooth"])
+@pytest.mark.parametrize(
+    "engine", ["bullet", "nonsmooth", pytest.param("mujoco", marks=pytest.mark.slow)]
+)
 def test_threads_of_a_worker_change_no_bit(
     farm: Farm,
     vsr: Callable[..., Any],

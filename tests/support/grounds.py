@@ -90,14 +90,14 @@ def perch(bumps: float = 0.05, half: float = 5.0, cells: int = 20) -> Terrain:
     return sheet(height, half, cells)
 
 
-def niche(half_width: float, wall: float, half: float = 4.0) -> Terrain:
+def niche(half_width: float, wall: float, half: float = 4.0, lines: int = 17) -> Terrain:
     """A level square floor with steep walls of height ``wall`` [m] on three sides, open to +x.
 
     Beyond its mouth the ground falls away by 30 deg.
     """
     edge = np.array([half_width, half_width + 0.03])
-    x = np.unique(np.concatenate([np.linspace(-half, half, 9), -edge, edge]))
-    y = np.unique(np.concatenate([np.linspace(-half, half, 9), -edge, edge]))
+    x = np.unique(np.concatenate([np.linspace(-half, half, lines), -edge, edge]))
+    y = np.unique(np.concatenate([np.linspace(-half, half, lines), -edge, edge]))
 
     def height(x: Array, y: Array) -> Array:
         aside = np.maximum(np.abs(y), -x)

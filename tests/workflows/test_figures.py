@@ -22,6 +22,9 @@ def figures(derived: Path, *given: str) -> int:
     return cli.main(["figures", "--workers", "0", "--derived", str(derived), *given])
 
 
+pytestmark = pytest.mark.usefixtures("full_pictures")
+
+
 @pytest.fixture(scope="module")
 def derived(tmp_path_factory: pytest.TempPathFactory, quick_time_step: None) -> Path:
     """Fig. 8 on a small grid."""

@@ -69,7 +69,7 @@ def ground_of(name: str) -> Terrain:
         "level": grounds.level,
         "perch": grounds.perch,
         "cliff": lambda: grounds.cliff(3.0, 0.3),
-        "niche": lambda: grounds.niche(0.75, 0.4),
+        "niche": lambda: grounds.niche(0.75, 0.4, lines=9),
     }
     return made[name]()
 
