@@ -149,7 +149,7 @@ class Cluster:
             else:
                 upkeep, address = _nothing, self.scheduler
             client = stack.enter_context(_connected(address, self.scheduler_file))
-            self.log(f"dashboard: {client.dashboard_link}")
+            self.log(f"dashboard: the workers, in a browser at {client.dashboard_link}")
             yield client, upkeep
 
 

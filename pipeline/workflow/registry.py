@@ -211,8 +211,8 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "displacement_report",
         make="pipeline.stages.displacement.displacement_report:make",
-        needs=("rock", "terrain", "displacement"),
-        reads=("observed_boulder",),
+        needs=("rock", "terrain", "displacement", "time_step"),
+        reads=("observed_boulder", "motion", "simulation"),
         files=(
             "displacement.html",
             "scene3d.html",

@@ -185,7 +185,7 @@ def test_similar_rocks_topple_alike(study: Study) -> None:
     # what was not run is told from what was
     assert (data.isel(size=0).sel(pgv_pga=1.6)["outcome"] == -1).all()
     page = (study.made / "study" / "study.html").read_text()
-    assert "There they are 0.00 % apart in the median, and 0.00 % at most" in page
+    assert "The normalised boundaries differ by 0.00 % in the median and 0.00 % at most" in page
 
 
 def test_motions_of_several_kinds_stand_side_by_side(study: Study) -> None:

@@ -213,7 +213,7 @@ def test_draws_are_searched_from_the_site_at_the_friction_nearest_to_theirs(
         shown.append(responses)
 
     monkeypatch.setattr(uncertainty, "outcomes", outcomes)
-    monkeypatch.setattr(uncertainty.figures, "bands", bands)
+    monkeypatch.setattr(uncertainty.page, "bands", bands)
     site = write_site(SITE.replace("friction: 10", "friction: [0.1, 10]"))
     found = product(vsr("run", "uncertainty", "--site", site, *priors(members="2")), derived)
     nominal = xr.load_dataset(derived / "rock" / "responses.nc", mask_and_scale=False)

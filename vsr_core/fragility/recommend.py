@@ -41,7 +41,7 @@ def recommend(
     if not stood:
         return "none", "Every decided run toppled: the boundary lies below the tested motions."
     if not all(np.isfinite(entry.log_loss) for entry in scores.values()):
-        return SIMPLEST, "Too few PGV/PGA rows to compare models; the simplest is given."
+        return SIMPLEST, "Too few PGV/PGA levels to compare models; the simplest model is given."
     best = min(scores, key=lambda name: scores[name].log_loss)
     chosen = best if _clearly_worse(scores[SIMPLEST], scores[best]) else SIMPLEST
     return chosen, _reason(chosen, scores, boundary, separated=separated)
@@ -61,11 +61,11 @@ def _reason(
     if chosen == SIMPLEST:
         how = " (a straight line divides the outcomes without error)" if separated else ""
         return (
-            f"The simplest model predicts left-out rows as well as any, to one standard "
+            f"The simplest model predicts left-out levels as well as any, within one standard "
             f"error{how}: log loss {loss[chosen]}."
         )
     return (
-        f"Log loss on left-out rows {loss[chosen]} against {loss[SIMPLEST]} for the logistic "
+        f"Log loss on left-out levels {loss[chosen]} against {loss[SIMPLEST]} for the logistic "
         f"model, more than one standard error: the boundary is not one straight line in ln PGA and "
         f"ln PGV/PGA ({clusters} toppled cluster(s), {islands} balanced cell(s) above a first "
         "overturning)."

@@ -65,6 +65,7 @@ def page(
     slots: Sequence[Slot] = (),
     *,
     surrogate: bool,
+    numerics: Row | None = None,
 ) -> str:
     """Everything about large displacement in one page that loads nothing.
 
@@ -75,7 +76,9 @@ def page(
     slots : sequence of Slot
         Time-lapse, animation, page in three dimensions.
     surrogate : bool
-        Whether the terrain is no scan, but made from published figures.
+        Whether the terrain is not a scan, but made from published figures.
+    numerics : dict, optional
+        Measured time steps, settings of the simulation, and what kind of motions there are.
 
     Returns
     -------
@@ -92,6 +95,7 @@ def page(
         "ends": png_uri(end_positions(displacement, terrain, source)),
         "origin": _origin(displacement, terrain, source, found) if found else None,
         "slots": slots,
+        "numerics": numerics,
     }
     return filled(TEMPLATE, facts)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import xarray as xr
 
@@ -17,7 +18,9 @@ from pipeline.stages.displacement import (
     trajectory_maps,
 )
 from pipeline.stages.displacement.displacement_page import Slot
+from pipeline.stages.fragility.summary import time_steps
 from pipeline.stages.mesh.products import ROCK, TERRAIN
+from pipeline.stages.runs.step_choice import FILE as TIME_STEP
 from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.writers import Writer, binary, text
@@ -54,6 +57,7 @@ def make(job: Job) -> Product:
         _found(job, terrain),
         slots,
         surrogate=bool(rock.attrs["surrogate"]),
+        numerics=_numerics(job),
     )
     space = scene3d.page(displacement, terrain, rock, job.site.name, source)
     files |= {PAGE: text(page), SPACE: text(space)}
@@ -74,6 +78,17 @@ def _figures(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> dict
     for name, figure in drawn.items():
         files |= style.pictures(f"figures/{name}", figure)
     return files
+
+
+def _numerics(job: Job) -> dict[str, Any]:
+    """Time steps with their measured errors, for the page."""
+    kind = job.config.motion.kind
+    return {
+        "time_steps": time_steps(read(job.path(TIME_STEP))),
+        "simulation": job.config.simulation,
+        "records": kind == "record",
+        "tables": kind == "table",
+    }
 
 
 def _found(job: Job, terrain: xr.Dataset) -> Found | None:

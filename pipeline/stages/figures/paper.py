@@ -1,4 +1,4 @@
-"""What a module of a figure is made of: its datasets, and what was found of the paper's claims.
+"""The parts of a figure's module: its datasets, drawing and findings on the paper's claims.
 
 A figure is a module ``fig_*`` or ``table_*`` of this room; it is found by its name. It holds
 
@@ -27,7 +27,7 @@ Data = Mapping[str, xr.Dataset]
 RECORDED = "recorded_motion"
 """The study whose motions ``vsr figures --record`` replaces."""
 
-FOUND, NOT_FOUND, NOT_TESTABLE = "found", "not found", "not testable here"
+FOUND, NOT_FOUND, NOT_TESTABLE = "reproduced", "not reproduced", "not testable here"
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Finding:
-    """A claim of the paper, and what was computed here.
+    """A claim of the paper and the result computed here.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ def by_rule(holds: bool, *measures: float) -> bool | None:
 
 
 class PaperFigure(Protocol):
-    """What a module of a figure offers."""
+    """The interface of a figure's module."""
 
     TITLE: str
     SOURCES: Mapping[str, Source]
@@ -108,17 +108,17 @@ def names() -> list[str]:
     return sorted(figures, key=lambda name: (not _number(name)[:1].isdigit(), name[:1], name))
 
 
-def find(wanted: str) -> list[str]:
+def find(name: str) -> list[str]:
     """Names of the figures that a user means: ``12``, ``table_1``, ``friction``.
 
     A number brings its parts too.
     """
     known = names()
-    if wanted in known:
-        return [wanted]
-    number = wanted.removeprefix("fig_").zfill(2)
-    return [name for name in known if _number(name).rstrip("abcdef") == number] or [
-        name for name in known if _number(name) in (wanted, number)
+    if name in known:
+        return [name]
+    number = name.removeprefix("fig_").zfill(2)
+    return [one for one in known if _number(one).rstrip("abcdef") == number] or [
+        one for one in known if _number(one) in (name, number)
     ]
 
 

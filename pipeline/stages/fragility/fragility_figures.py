@@ -29,7 +29,7 @@ _MOST_NAMED, _LONGEST = 16, 14
 _KINDS = (
     (OVERTURNED, style.OVERTURNED, "overturned"),
     (UPRIGHT, style.UPRIGHT, "upright"),
-    (PROVED, style.PROVED, "upright, proved without a run"),
+    (PROVED, style.PROVED, "upright, proved without a simulation"),
     (UNDECIDED, style.UNDECIDED, ""),
 )
 
@@ -133,7 +133,7 @@ def _cells(axes: Axes, runs: xr.Dataset) -> None:
             mew=1.6,
             zorder=6,
             path_effects=[withStroke(linewidth=3.2, foreground="white")],
-            label=f"UNDECIDED ({row.size})",
+            label=f"UNRESOLVED ({row.size})",
             gid="undecided",
         )
 

@@ -37,7 +37,7 @@ def make(job: Job) -> Product:
     fits = _fit(data, job.cluster.workers)
     dataset = _dataset(data, fits)
     table = _table(dataset, fits)
-    names = [fit.recommended for fit in fits.values()]
+    names = [_recommended(fit) for fit in fits.values()]
     best = ", ".join(f"{name} for {names.count(name)}" for name in sorted(set(names)))
     files = {
         FILE: netcdf(described(dataset, job, "Fragility")),
@@ -47,13 +47,20 @@ def make(job: Job) -> Product:
 
 
 def _fit(data: xr.Dataset, workers: int) -> _Fits:
-    """Fits by position of yaw and friction; none where no run has a verdict."""
+    """Fits by position of yaw and friction; none where no run is resolved."""
     overturned = data["overturned"].values
     decided = [at for at in np.ndindex(overturned.shape[:2]) if (overturned[at] >= 0).any()]
     fit = partial(fit_all, data["pga"].values, data["pgv_pga"].values)
     # in threads, as all but a little of a fit is linear algebra
     with threadpool_limits(1), ThreadPoolExecutor(max(workers, 1)) as pool:
         return dict(zip(decided, pool.map(fit, (overturned[at] for at in decided)), strict=True))
+
+
+def _recommended(fit: FragilityResult) -> str:
+    """The model for the log, or that there are too few levels of PGV/PGA to compare models."""
+    compared = all(np.isfinite(one.scores.log_loss) for one in fit.models)
+    few = compared or fit.recommended == "none"
+    return fit.recommended if few else f"{fit.recommended} (too few PGV/PGA levels to compare)"
 
 
 def _dataset(data: xr.Dataset, fits: _Fits) -> xr.Dataset:

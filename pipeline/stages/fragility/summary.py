@@ -10,11 +10,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from pipeline.config import in_si
+from pipeline.stages.runs.step_choice import kept
 from vsr_core.arrays import Array, Mask
 from vsr_core.outcome import Outcome
+from vsr_core.verification.agreement import HIGHEST
+from vsr_core.verification.time_step import ENOUGH, Boundary
 
 LONG_PULSE = 0.2
-"""PGV/PGA [s] from which rows count towards the typical first-overturning PGA: below it the
+"""PGV/PGA [s] from which levels count towards the typical first-overturning PGA: below it the
 boundary climbs steeply and says more about the grid's shortest pulse than about the rock."""
 
 _WINDOW = 15
@@ -160,6 +164,29 @@ def with_interval(grid: Any, first: float, lower: float, upper: float) -> str:
     if lower < least:
         return f"below {max(upper, least):.3f} g"
     return f"{first:.3f} [{lower:.3f}, {upper:.3f}] g"
+
+
+def time_steps(measured: xr.Dataset) -> list[dict[str, Any]]:
+    """Time step of each friction, the measured error of the boundary, and what it is measured on.
+
+    Returns
+    -------
+    list of dict
+        With ``rows``, for overturning and for displacement: how many have a boundary below
+        ``highest`` [g], of which an error takes ``enough``, and how many were tried; and with
+        ``kept``, in how many the error is kept, and of how many. Empty where the step was given.
+    """
+    names = ["time_step", "boundary_error", "boundary_error_worst", "displaced_error"]
+    rows: list[Any] = measured[names].to_dataframe().reset_index().to_dict("records")
+    for at, row in enumerate(rows):
+        row |= {"rows": [], "kept": [], "highest": in_si.in_g(HIGHEST), "enough": ENOUGH}
+        if "row_reference" in measured:
+            reference = measured["row_reference"].isel(friction=at).values
+            for kind in (0, 1):
+                own = reference[measured["row_displaced"].values == kind]
+                row["kept"].append(kept(measured.isel(friction=at), Boundary(kind)))
+                row["rows"].append((int(np.isfinite(own).sum()), int((~np.isnan(own)).sum())))
+    return rows
 
 
 def _run(flags: Mask) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pipeline.stages.mesh import scan_page, sources
 from pipeline.stages.mesh.products import SCAN_PAGE
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.progress import Steps
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.writers import text
@@ -25,5 +26,5 @@ def make(job: Job) -> Product:
         steps.tell("drawing the page")
         drawn = whole, solid, unknown, closing, trials
         page = scan_page.closed_rock_page(job.site.name, source, *drawn)
-    holes = f"{len(whole.holes)} holes closed" if whole.holes else "closed as scanned"
+    holes = f"{counted(len(whole.holes), 'hole')} closed" if whole.holes else "closed as scanned"
     return Product({SCAN_PAGE: text(page)}, f"rock of {solid.volume:.4g} m3, {holes}")

@@ -28,7 +28,7 @@ from pipeline.stages.fragility.fragility_figures import (
 from pipeline.stages.fragility.products import FILE as FRAGILITY
 from pipeline.stages.fragility.products import TABLE
 from pipeline.stages.fragility.rock_views import rock_views
-from pipeline.stages.fragility.summary import groups, long_rows_in_words
+from pipeline.stages.fragility.summary import groups, long_rows_in_words, time_steps
 from pipeline.stages.mesh.products import ROCK as ROCK
 from pipeline.stages.motions.motion_grid import FILE as MOTIONS
 from pipeline.stages.motions.record_figure import record_figure
@@ -68,7 +68,7 @@ def make(job: Job) -> Product:
     facts = _facts(job, rock, responses, fragility)
     text = pages.filled(FILE, facts | {"up": job.store.up})
     lost = facts["unresolved"]["total"]
-    verdict = f"{counted(lost, 'run')} WITHOUT a verdict" if lost else "every run has a verdict"
+    verdict = f"{counted(lost, 'run')} UNRESOLVED" if lost else "all runs are resolved"
     note = f"{len(text) / 1e6:.2f} MB, diagrams: {len(facts['diagrams'])}; {verdict}"
     return Product({FILE: writers.text(text)}, note)
 
@@ -98,7 +98,7 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
             responses, yaml.safe_load(GAINS.read_text(encoding="utf-8"))
         ),
         "other_engine": _other_engine(job),
-        "time_steps": report_tables.time_steps(read(job.path(TIME_STEP))),
+        "time_steps": time_steps(read(job.path(TIME_STEP))),
         "simulation": job.config.simulation,
         "settings": _settings(job.config),
         "command": command(job.site),
@@ -125,11 +125,11 @@ def _pictures(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, 
     """Pictures, and what scripts tell of the cells and play of the runs in them."""
     # the smaller of the two, as measured: cells as PNG, lines as SVG; PNG for shaded surfaces,
     # which any viewer shows at once
-    diagrams, told = [], []
+    diagrams, cells = [], []
     for place, name in groups(responses):
         figure = overturning_diagram(responses, fragility, place, name)
         diagrams.append({"name": name, "image": png_uri(figure)})
-        told.append(cells_of(responses, place, figure))
+        cells.append(cells_of(responses, place, figure))
     watched = teaching_runs.packed(job, responses, rock)
     scripts = [*film.scripts(), pages.source("cells.js")]
     return {
@@ -137,7 +137,7 @@ def _pictures(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, 
         "rock_views": png_uri(rock_views(rock)),
         "yaw_polar": svg_uri(fragility_by_yaw(fragility, rock)),
         "watched": watched["places"] if watched else [],
-        "data": {"axes": axes_of(responses), "diagrams": told, "watched": watched},
+        "data": {"axes": axes_of(responses), "diagrams": cells, "watched": watched},
         "scripts": [Markup(script) for script in scripts],  # noqa: S704  (our own files)
     }
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pipeline.config import in_si
+from pipeline.stages.datasets.bullet_sample import beyond_errors
 from pipeline.stages.datasets.kinds_of_end import kinds, told, ways
 from pipeline.stages.fragility.summary import (
     groups,
@@ -17,12 +17,9 @@ from pipeline.stages.fragility.summary import (
     weak_directions,
     with_interval,
 )
-from pipeline.stages.runs.step_choice import kept
 from pipeline.workflow.datasets import rows_of
 from vsr_core.arrays import Array
 from vsr_core.outcome import DecidedBy, Outcome
-from vsr_core.verification.agreement import HIGHEST
-from vsr_core.verification.time_step import ENOUGH, Boundary
 
 Row = dict[str, Any]
 
@@ -76,7 +73,6 @@ def other_engine(sample: xr.Dataset) -> Row:
     near = sample["next_to_boundary"].values == 1
     differs = sample["overturned"].values != sample["overturned_in_bullet"].values
     expected = float(sample["explained"].sum(skipna=False))
-    most = expected + 2.0 * expected**0.5 + 1.0  # two standard deviations of a count, and one
     listed = [
         {
             "yaw": float(sample["yaw"][i]),
@@ -95,35 +91,12 @@ def other_engine(sample: xr.Dataset) -> Row:
         "same": int((~differs).sum()),
         "same_near": int((~differs & near).sum()),
         "expected": expected,
-        "odd": bool((differs & ~near).any()) or int(differs.sum()) > most,
+        "odd": beyond_errors(sample),
         "differing": listed,
     }
 
 
 _SIDES = {1: "toppled", 0: "upright", -1: "unresolved"}
-
-
-def time_steps(measured: xr.Dataset) -> list[Row]:
-    """Time step of each friction, the measured error of the boundary, and what it is measured on.
-
-    Returns
-    -------
-    list of dict
-        With ``rows``, for overturning and for displacement: how many have a boundary below
-        ``highest`` [g], of which an error takes ``enough``, and how many were tried; and with
-        ``kept``, in how many the error is kept, and of how many. Empty where the step was given.
-    """
-    names = ["time_step", "boundary_error", "boundary_error_worst", "displaced_error"]
-    rows = _rows(measured[names].to_dataframe())
-    for at, row in enumerate(rows):
-        row |= {"rows": [], "kept": [], "highest": in_si.in_g(HIGHEST), "enough": ENOUGH}
-        if "row_reference" in measured:
-            reference = measured["row_reference"].isel(friction=at).values
-            for kind in (0, 1):
-                own = reference[measured["row_displaced"].values == kind]
-                row["kept"].append(kept(measured.isel(friction=at), Boundary(kind)))
-                row["rows"].append((int(np.isfinite(own).sum()), int((~np.isnan(own)).sum())))
-    return rows
 
 
 def records(motions: xr.Dataset) -> list[Row]:
@@ -143,7 +116,8 @@ def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
             "share": float(fragility["toppled_share"].values[place]),
             "first": with_interval(fragility["pga"].values, *typical[:, *place]),
             "undecided": int(lost[place]),
-            "model": str(fragility["recommended"].values[place]) or "none",
+            "model": (str(fragility["recommended"].values[place]) or "none")
+            + " (too few levels to compare)" * bool(np.isnan(fragility["log_loss"][place]).all()),
         }
         for place, name in groups(fragility)
     ]

@@ -266,9 +266,12 @@ def _summary(choices: Sequence[Choice]) -> str:
 
 
 def _told(choice: Choice) -> str:
-    known = {"boundary": choice.error, "boundary of sliding": choice.displaced}
     parts = [f"{1e3 * choice.time_step:.3g} ms"]
-    parts += [f"{what} right to {error:.2%}" for what, error in known.items() if error == error]
+    if not math.isnan(choice.error):
+        worst = f"{choice.worst:.2%} at the worst PGV/PGA level"
+        parts.append(f"error of the boundary {choice.error:.2%}, {worst}")
+    if not math.isnan(choice.displaced):
+        parts.append(f"error of the boundary of sliding {choice.displaced:.2%}")
     if len(parts) == 1:
         why = "too few of the pulses tried topple or displace the rock"
         return f"{parts[0]}, the finest; its error was NOT MEASURED: {why}"

@@ -20,6 +20,8 @@ from vsr_core.outcome import FoundBy
 from vsr_core.uncertainty.probability import chance
 from vsr_core.uncertainty.sensitivity import SUPPORTED
 
+_KINDS = {"smooth": "monotonic", "rough": "non-monotonic"}
+
 
 def facts(job: Job, found: xr.Dataset, drawn: dict[str, str]) -> dict[str, Any]:
     """What fills the template."""
@@ -134,14 +136,14 @@ def leaders(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def tests(found: xr.Dataset) -> list[dict[str, Any]]:
-    """Spared cells that were run all the same, by kind of row."""
+    """Inferred cells that were simulated as a check, by kind of PGV/PGA level."""
     rows = []
     for at, name in enumerate(found["rows_kind"].values.tolist()):
         tested = int(found["spared_tested"][at])
         ends = found.attrs.get(f"sparing_wrong_{name}_rows_interval", [np.nan, np.nan])
         rows.append(
             {
-                "kind": name,
+                "kind": _KINDS[name],
                 "rows": int((found["rough"] == at).sum()),
                 "tested": tested,
                 "wrong": int(found["spared_wrong"][at]),
@@ -156,13 +158,13 @@ def summary(found: xr.Dataset) -> str:
     """One line for the log."""
     width, order = widest(found), ranked(found)
     text = (
-        f"{found.sizes['member']} draws; from 5 to 95 % the boundary spans a factor of "
+        f"{found.sizes['member']} draws; the 5 to 95 % interval of the boundary spans a factor of "
         f"{width['median']:.2f} in the median direction"
         if width
         else f"{found.sizes['member']} draws; no boundary within the grid"
     )
     first = listed([row["name"] for row in leaders(order)])
-    return text + (f"; most of it by {first}" if order else "")
+    return text + (f"; largest contribution: {first}" if order else "")
 
 
 COLUMNS = 4

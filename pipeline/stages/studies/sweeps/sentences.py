@@ -1,4 +1,4 @@
-"""What a sweep showed, in sentences."""
+"""Sentences on the results of a sweep."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from pipeline.stages.studies.sweeps.changes import Change, places, quantity
 from pipeline.workflow.grammar import counted, listed
 
 HALF = 0.5
-"""Share of the rows that must be apart before a change is called one."""
+"""Share of the PGV/PGA levels that must differ significantly for a change to count."""
 
 RARE = 0.1
-"""Share of the rows below which what happens in them is called rare."""
+"""Share of the PGV/PGA levels below which a change is called rare."""
 
 MOST_NAMED = 6
 """Values that a sentence names."""
 
 
 def headline(sweep: Sweep, found: list[str], site: str) -> str:
-    """What a reader learns first.
+    """The first sentence of the page.
 
     Parameters
     ----------
@@ -41,11 +41,11 @@ def about(dimension: Dimension, changes: list[Change], spread: tuple[float, floa
     own = ""
     if spread is not None and np.isfinite(spread[0]):
         own = (
-            f"In the rock's own units the boundaries are {100 * spread[0]:.2f} % apart in the "
+            f"The normalised boundaries differ by {100 * spread[0]:.2f} % in the "
             f"median and {100 * spread[1]:.2f} % at most."
         )
-    said = (_moved(dimension, changes), _none(changes), _beyond(changes), own)
-    return " ".join(filter(None, said))
+    sentences = (_moved(dimension, changes), _none(changes), _beyond(changes), own)
+    return " ".join(filter(None, sentences))
 
 
 def _moved(dimension: Dimension, changes: list[Change]) -> str:
@@ -53,9 +53,9 @@ def _moved(dimension: Dimension, changes: list[Change]) -> str:
     reference = places(dimension)[dimension.reference]
     known = [one for one in changes if not one.is_reference and np.isfinite(one.mean)]
     if not known:
-        return f"No row has a boundary both at {dimension.name} {reference} and at another."
+        return f"No PGV/PGA level has a boundary at both {dimension.name} {reference} and another."
     least, most = (pick(known, key=lambda one: one.mean) for pick in (min, max))
-    against = f"Compared with {dimension.name} {reference}, the boundary, averaged over its rows,"
+    against = f"Compared with {dimension.name} {reference}, the boundary, averaged over PGV/PGA,"
     if _percent(least.mean) == _percent(most.mean) == "0 %":
         return f"{against} does not move."
     if least is most:
@@ -72,9 +72,7 @@ def _none(changes: list[Change]) -> str:
     most = max(changes, key=lambda one: one.lost)
     if most.lost == 0:
         return ""
-    return (
-        f"Rows that no longer topple within the grid are not in this: {most.lost} at {most.label}."
-    )
+    return f"This excludes PGV/PGA levels that no longer topple: {most.lost} at {most.label}."
 
 
 def _beyond(changes: list[Change]) -> str:
@@ -87,14 +85,14 @@ def _beyond(changes: list[Change]) -> str:
     if any(math.isnan(one.error) for one in changes):
         beyond = "beyond the spacing of the grid (not all numerical errors were measured)"
     touched = max(others, key=lambda one: one.share)
-    where = f"{touched.apart} of {counted(touched.rows, 'row')} at {touched.label}"
+    where = f"{touched.apart} of {counted(touched.rows, 'PGV/PGA level')} at {touched.label}"
     if strong:
-        return f"The change is {beyond} in at least half of the rows at {_named(strong)}."
+        return f"The change is {beyond} at half or more of the PGV/PGA levels at {_named(strong)}."
     if touched.apart == 0:
-        return f"In no row is a change {beyond}."
+        return f"At no PGV/PGA level is the change {beyond}."
     if touched.share < RARE:
         return f"A change {beyond} is rare: at most {where}."
-    return f"The change is {beyond} in up to {where}."
+    return f"The change is {beyond} at up to {where}."
 
 
 def _named(labels: list[str]) -> str:

@@ -123,7 +123,7 @@ def test_page_of_a_refusal(tmp_path: Path, vsr: Vsr, derived: Path) -> None:
     assert ran.code == 2
     assert ran.err.splitlines()[-1].endswith(f"{page} shows it")
     text = page.read_text()
-    for word in ("is refused", "a hole 0.6", "data:image/png", "Where it fails", "fill the hole"):
+    for word in ("is refused", "a hole 0.6", "data:image/png", "Positions of", "fill the hole"):
         assert word in text
     (place,) = re.findall(r"<li>\((.*?)\)</li>", text)
     assert np.fromstring(place, sep=",") == pytest.approx([0.4, 0.0, 0.0], abs=0.05)

@@ -323,7 +323,7 @@ def test_two_runs_at_one_time(opened: Opened, pair: Path) -> None:
     page = drawn(opened(pair))
     assert page.locator("canvas").count() == 2
     assert "engine bullet" in page.locator("header").inner_text()
-    assert "not one of the study" in page.locator("header").inner_text()
+    assert "not part of the study" in page.locator("header").inner_text()
     go_to(page, 0.4)
     one, two = page.evaluate("window.vsr.runs")
     # two engines that share no code show nearly the same before the rock has rocked often

@@ -128,7 +128,7 @@ def test_page_answers_first(made: Path, products: dict[str, xr.Dataset]) -> None
     assert share[0] > share[1] > 0.0
     assert f"most fragile at yaw 0 deg, where {100 * share[0]:.0f}\xa0% of" in head
     assert "Shape of the rock: box." in head
-    assert "Every run has a verdict" in head
+    assert "All runs are resolved" in head
     for yaw in ("yaw 0 deg", "yaw 90 deg"):
         assert head.count(yaw) >= 1
     for model in products["fragility"]["recommended"].values.ravel():
@@ -153,12 +153,12 @@ def test_undecided_runs_cannot_be_missed(made: Path, tmp_path: Path) -> None:
     data.to_netcdf(file)
     text = remade(tmp_path / "copy", made.parents[1] / f"{HOSTILE}.yaml")
     page = Page(text)
-    assert "1 of 72 runs is WITHOUT A VERDICT" in page.text
-    assert "Every run has a verdict" not in page.text
+    assert "1 of 72 runs is UNRESOLVED" in page.text
+    assert "All runs are resolved" not in page.text
     alarm = text[text.index('id="unresolved"') :]
     row = Page(alarm[: alarm.index("</section>")]).text
     assert [word in row for word in ("unstable", "90", "0.3", "0.6")] == [True] * 4
-    assert page.text.index("WITHOUT A VERDICT") < page.text.index("Overturning diagrams")
+    assert page.text.index("UNRESOLVED") < page.text.index("Overturning diagrams")
 
 
 def test_cells_are_the_outcomes(products: dict[str, xr.Dataset]) -> None:
@@ -203,7 +203,7 @@ def test_undecided_and_displaced_cells_are_marked(products: dict[str, xr.Dataset
     shown = np.asarray(artist(figure, "cells").get_array())
     assert (shown[4, :2] == UNDECIDED).all()
     assert (shown == UNDECIDED).sum() == 2
-    assert "UNDECIDED (2)" in labels(figure)
+    assert "UNRESOLVED (2)" in labels(figure)
 
 
 def test_contours_stay_inside_the_tested_range(products: dict[str, xr.Dataset]) -> None:

@@ -69,19 +69,20 @@ def test_a_row_that_topples_at_once_lies_below_the_grid() -> None:
     other = compared([(0.3, 0.4)] * 4, [AT_ONCE] * 4)[1]
     assert (other.apart, other.rows, other.lost, other.toppled) == (4, 4, 0, 1.0)
     assert np.isnan(other.mean)
-    assert "No row has a boundary both at size 1 and at another." in about(SIZE, [other], None)
+    none = "No PGV/PGA level has a boundary at both size 1 and another."
+    assert none in about(SIZE, [other], None)
 
 
 def test_sentences_tell_a_change_from_its_error() -> None:
     same = [(0.3, 0.4)] * 4
     said = about(SIZE, compared(same, same), None)
     assert "does not move" in said
-    assert "In no row is a change beyond the spacing of the grid (not all" in said
+    assert "At no PGV/PGA level is the change beyond the spacing of the grid (not all" in said
     said = about(SIZE, compared(same, same, error=0.01), None)
-    assert "In no row is a change beyond the numerical errors and the spacing" in said
+    assert "At no PGV/PGA level is the change beyond the numerical errors and the spacing" in said
     said = about(SIZE, compared(same, [(0.5, 0.6)] * 2 + same[:2]), None)
     assert "moves by +26 % at 4" in said  # the fourth root of 0.30 / 0.12, less 1
-    assert "in at least half of the rows at 4" in said
+    assert "at half or more of the PGV/PGA levels at 4" in said
     said = about(SIZE, compared(same, [NEVER] * 4), None)
     assert "At 4 nothing topples within the grid." in said
 
