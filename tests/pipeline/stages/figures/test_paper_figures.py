@@ -295,7 +295,6 @@ def test_fig_7_draws_both_motions_and_magnifies_the_disturbance() -> None:
 @pytest.mark.parametrize(
     ("found", "word"),
     [(True, "reproduced"), (False, "not reproduced"), (None, "not testable here")],
-    [(True, "reproduced"), (False, "not reproduced"), (None, "not testable here")],
 )
 def test_a_verdict_in_words(found: bool | None, word: str) -> None:
     assert paper.Finding("", "", "", "", found).verdict == word
