@@ -29,7 +29,7 @@ _MOST_NAMED, _LONGEST = 16, 14
 _KINDS = (
     (OVERTURNED, style.OVERTURNED, "overturned"),
     (UPRIGHT, style.UPRIGHT, "upright"),
-    (PROVED, style.PROVED, "upright, proved without a simulation"),
+    (PROVED, style.PROVED, "upright, proved"),
     (UNDECIDED, style.UNDECIDED, ""),
 )
 
