@@ -8,11 +8,12 @@ import numpy as np
 
 from benchmarks.table import Row, say
 from vsr_core.engines import load
+from vsr_core.judge import proofs
 from vsr_core.rock import solid
-from vsr_core.run import proofs
+from vsr_core.run import time_step
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification import peers, time_step, work_precision
+from vsr_core.verification import other_engines, work_precision
 from vsr_core.verification.work_precision import Target
 
 SIZES = ((1.0, 1.0, 2.0), (0.5, 0.5, 1.0), (1.0, 1.0, 3.0), (0.11, 0.11, 0.55))
@@ -43,7 +44,7 @@ def blocks() -> Iterator[Row]:
         text = f"{100 * worst:.2f} %, {1e3 * cost:.2f} ms"
         yield f"Housner's blocks, tolerance {tolerance:.1%}: worst error, CPU", text, ""
     say("the published set-up")
-    published = peers.load("published_setup")
+    published = other_engines.load("published_setup")
     case, wanted = targets[0]
     found = work_precision.score(
         work_precision.by_tilt(

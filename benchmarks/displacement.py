@@ -23,7 +23,7 @@ from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.run.cases import Settings, TerrainCase
 from vsr_core.run.displacement import displace
-from vsr_core.verification.time_step import step_unit
+from vsr_core.run.time_step import step_unit
 
 SITE = "double_rock_terrain"
 

@@ -13,14 +13,14 @@ from benchmarks.table import Row, say
 from pipeline.cli import DONE, UNRESOLVED
 from vsr_core import GRAVITY
 from vsr_core.engines import load
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.rock import solid
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.input_checks import longest_step
 from vsr_core.run.overturning import COMPILED, simulate_all
-from vsr_core.run.proofs import barrier
+from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.time_step import step_unit
 
 RUNS = 200
 

@@ -27,19 +27,20 @@ from pipeline.stages.reports.report import GAINS
 from vsr_core import GRAVITY, engines
 from vsr_core.engines import bullet
 from vsr_core.engines.interface import Solver, World
+from vsr_core.judge import proofs
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import Outcome
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.run import overturning_rules, proofs, sampling
+from vsr_core.run import overturning, sampling
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
 from vsr_core.run.reductions import Reduction
+from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.table.servo import Servo
-from vsr_core.verification.time_step import step_unit
 
 Array = NDArray[np.float64]
 
@@ -55,7 +56,7 @@ REST, NEXT_TO_NOTHING = 0.5, 1e-12  # s, m/s^2
 NEARBY = (-0.04, -0.02, -0.01, -0.005, -0.002, 0.002, 0.005, 0.01, 0.02, 0.04)
 """Changes of PGA, as shares, tried on a cell that ends otherwise: is it beside the boundary?"""
 
-PROOF = "`vsr_core/run/proofs.py`"
+PROOF = "`vsr_core/judge/proofs.py`"
 
 
 @dataclass(frozen=True)
@@ -338,7 +339,7 @@ def recorded() -> AbstractContextManager[None]:
 def singly() -> AbstractContextManager[None]:
     """A sample of the motion is held for one step only."""
     return patched(
-        overturning_rules,
+        overturning,
         "sampling",
         lambda motion, drive, time_step, most: sampling.sampling(motion, drive, time_step, 1),
     )

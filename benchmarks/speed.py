@@ -25,7 +25,7 @@ from vsr_core import GRAVITY, engines
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.overturning import simulate
-from vsr_core.verification.time_step import step_unit
+from vsr_core.run.time_step import step_unit
 
 WORKERS = 2
 REAL_TIME_HOURS = 7.0  # 2,500 runs of the published set-up, in real time (its public scripts)

@@ -17,6 +17,7 @@ from pipeline.stages.mesh.terrain import SLOPE_SHARE, THICKNESS_SHARE
 from vsr_core import engines
 from vsr_core.rock import reduction, solid
 from vsr_core.rock.body import Rock
+from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.surrogates.ground_shapes import ramp, rough
@@ -24,7 +25,6 @@ from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference._ground import sheet
 from vsr_core.verification.rocks import DENSITY
-from vsr_core.verification.time_step import step_unit
 
 Array = NDArray[np.float64]
 

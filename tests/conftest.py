@@ -112,7 +112,7 @@ def derived(tmp_path: Path) -> Path:
 @pytest.fixture(scope="module")
 def quick_time_step() -> Iterator[None]:
     """Measure the time step on one row a direction at two steps: enough where it is no subject."""
-    module = "vsr_core.verification.time_step"
+    module = "vsr_core.run.time_step"
     with pytest.MonkeyPatch.context() as patch:
         for engine, shares in (("bullet", (0.006, 0.003)), ("nonsmooth", (0.02, 0.01))):
             path = f"vsr_core.engines.{engine}.LADDER"

@@ -8,14 +8,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from vsr_core import GRAVITY
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.rock.solid import block
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.overturning import simulate_all
-from vsr_core.run.proofs import barrier
+from vsr_core.run.rocking_block import Block, first_overturning_pga
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.rocking_block import Block, first_overturning_pga
 
 rock = block((1.0, 1.0, 2.0), density=2110)
 case = prepare(Scene(rock, Contact(friction=5.0)), barrier(rock), reduce=True)

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from vsr_core import GRAVITY
-from vsr_core.verification.rocking_block import Block, first_overturning_pga
+from vsr_core.run.rocking_block import Block, first_overturning_pga
 
 sizes = {(0.5, 1.0): "#0072b2", (1.0, 2.0): "#d55e00", (1.0, 3.0): "#009e73", (2.0, 4.0): "#cc79a7"}
 scaled = np.linspace(0.08, 0.5, 25)  # PGV/PGA over the root of the size

@@ -5,7 +5,7 @@ from __future__ import annotations
 RUN_CODE = (
     "vsr_core.run.cases:prepare",
     "vsr_core.run.overturning:simulate",
-    "vsr_core.run.proofs:barrier",
+    "vsr_core.judge.proofs:barrier",
     "vsr_core.motions.cosine_pulse:CosinePulse",
 )
 """What determines a run on a flat pedestal, besides its engine and its kind of motion."""

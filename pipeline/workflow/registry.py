@@ -234,7 +234,10 @@ STAGES: tuple[Stage, ...] = (
             "pipeline.stages.studies.accuracy.worker_tasks:run_cells",
             "pipeline.stages.studies.accuracy.worker_tasks:run_reference",
             *ENGINE_CODE,
-            *(f"vsr_core.verification.peers.{name}:build" for name in _modules("peers")),
+            *(
+                f"vsr_core.verification.other_engines.{name}:build"
+                for name in _modules("other_engines")
+            ),
             *(f"vsr_core.verification.reference.{name}:CASES" for name in _modules("reference")),
         ),
         files=("accuracy.html",),

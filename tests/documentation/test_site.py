@@ -107,7 +107,7 @@ def test_the_whole_site_builds(tmp_path: Path) -> None:
     assert docs.main(["--build", str(tmp_path)]) == 0
     html = tmp_path / "html"
     assert (html / "examples" / "double_rock" / "report.html").is_file()
-    assert (html / "api" / "vsr_core.run.proofs.html").is_file()
+    assert (html / "api" / "vsr_core.judge.proofs.html").is_file()
     assert links.dead_in_site(html) == []
     if any(map(shutil.which, docs.BROWSERS)):
         assert (html / "_images" / "page_index.png").stat().st_size > 20_000

@@ -19,12 +19,12 @@ from support.dask_processes import Farm
 from pipeline import ROOT
 from pipeline.stages.runs import runner
 from pipeline.workflow.run_store import RUNS
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Response
 from vsr_core.rock import solid
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate_all
-from vsr_core.run.proofs import barrier
 from vsr_core.scene import Contact, Scene
 
 ENGINES = ("bullet", "nonsmooth")

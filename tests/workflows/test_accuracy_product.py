@@ -1,4 +1,4 @@
-"""Error against run time as a product: its table, its page, and what it says of the peers."""
+"""Error against run time as a product: its table, its page, and what it says of other engines."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from pipeline.stages.studies.accuracy.accuracy_page import (
     work_precision,
 )
 from pipeline.workflow.datasets import read
-from vsr_core.verification import agreement, peers, reference, sensitivity, time_step
+from vsr_core.run import agreement, time_step
+from vsr_core.verification import other_engines, reference, sensitivity
 
 pytest.importorskip("mujoco")
 
@@ -32,10 +33,14 @@ SITE = (
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch, quick_time_step: None) -> None:
-    """Two peers, two steps, a few cells and cases: seconds instead of minutes."""
-    monkeypatch.setattr(peers, "names", lambda: ["dart", "mujoco_default", "published_setup"])
-    missing = peers.missing
-    monkeypatch.setattr(peers, "missing", lambda n: ("dartpy",) if n == "dart" else missing(n))
+    """Two other engines, two steps, a few cells and cases: seconds instead of minutes."""
+    monkeypatch.setattr(
+        other_engines, "names", lambda: ["dart", "mujoco_default", "published_setup"]
+    )
+    missing = other_engines.missing
+    monkeypatch.setattr(
+        other_engines, "missing", lambda n: ("dartpy",) if n == "dart" else missing(n)
+    )
     monkeypatch.setattr(time_step, "BOX_PERIODS", (0.6,))
     monkeypatch.setattr(worker_tasks, "BUDGET", 0.2)
     monkeypatch.setattr(comparison, "CELLS", 6)
@@ -65,7 +70,7 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     assert parts == {"method", "sweep", "cells", "reference"}
     measured = [row for row in rows if row["part"] in ("method", "sweep") and row["cpu_s"]]
     methods = {row["method"] for row in measured if row["part"] == "method"}
-    labels = {peers.load(name).LABEL for name in ("mujoco_default", "published_setup")}
+    labels = {other_engines.load(name).LABEL for name in ("mujoco_default", "published_setup")}
     assert methods == {"project, bullet", "project, mujoco", "project, nonsmooth"} | labels
     for row in measured:
         assert float(row["cpu_s"]) > 0.0
@@ -75,7 +80,7 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     own = {r["setting"]: float(r["error"]) for r in measured if r["method"] == "project, bullet"}
     assert own["0.003"] < 0.01  # against Housner's equation, at the finest of the steps
     absent = [row for row in rows if "not installed: dartpy" in row["note"]]
-    assert [row["method"] for row in absent] == [peers.load("dart").LABEL]
+    assert [row["method"] for row in absent] == [other_engines.load("dart").LABEL]
     page = (made / "accuracy.html").read_text()
     assert page.count("<img src=") == 2
     for text in (*methods, "not installed: dartpy", "Housner", "tolerance: 1 %"):

@@ -17,7 +17,7 @@ from conftest import Ran
 
 from pipeline.workflow.datasets import read
 from vsr_core import GRAVITY
-from vsr_core.verification.rocking_block import Block, first_overturning_pga, rocking_response
+from vsr_core.run.rocking_block import Block, first_overturning_pga, rocking_response
 
 BLOCK = Block(0.2, 0.8)
 RATIOS = (0.08, 0.18)

@@ -65,7 +65,7 @@ FEW = {
     "pipeline.stages.studies.accuracy.comparison.CELLS": 6,
     "pipeline.stages.studies.accuracy.comparison.STEPS": (1 / 500, 1 / 1000),
     "pipeline.stages.studies.accuracy.worker_tasks.BUDGET": 0.2,
-    "vsr_core.verification.peers.names": lambda: ["mujoco_default", "published_setup"],
+    "vsr_core.verification.other_engines.names": lambda: ["mujoco_default", "published_setup"],
 }
 """What makes the comparison of engines quick; its page stays the same."""
 

@@ -172,14 +172,14 @@ def test_edited_code(
     assert after[folder / "report.html"][1] == before[folder / "report.html"][1]
     assert counted.take() == 0
 
-    edit_function("vsr_core/run/proofs.py", "cannot_topple", "# why this is so")
+    edit_function("vsr_core/judge/proofs.py", "cannot_topple", "# why this is so")
     edit_function("vsr_core/fragility/cross_validation.py", "cross_validate", "str(1)")
     responses(product="fragility")
     assert counted.take() == 0
 
-    edit_function("vsr_core/run/proofs.py", "cannot_topple", "str(1)")
+    edit_function("vsr_core/judge/proofs.py", "cannot_topple", "str(1)")
     said = vsr("why", "--site", write_site(GRID)).out
-    assert "runs: code vsr_core.run.proofs:cannot_topple edited" in said
+    assert "runs: code vsr_core.judge.proofs:cannot_topple edited" in said
     assert "runs: 0 of 6 are stored and stay; 6 to do" in said
     responses(product="fragility")
     assert counted.take() == 6

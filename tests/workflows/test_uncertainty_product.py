@@ -18,8 +18,8 @@ from pipeline.stages.studies.validation.recorded_tests import ShakeTableConfig
 from pipeline.stages.uncertainty import draws, ensemble, uncertainty
 from vsr_core import GRAVITY
 from vsr_core.outcome import FoundBy
+from vsr_core.run import rocking_block
 from vsr_core.validation.priors import Priors
-from vsr_core.verification import rocking_block
 
 SITE = """
 rock: {shape: box, size: [0.25, 0.8, 1.0], density: 2000}

@@ -23,8 +23,8 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome
+from vsr_core.run import rocking_block
 from vsr_core.validation import priors, specimen
-from vsr_core.verification import rocking_block
 
 INTERVAL, RATIO = 0.005, 0.3
 SHARED = ROOT.parent / "shared" / "data" / "shake_table"

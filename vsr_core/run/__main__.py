@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from vsr_core import engines
-from vsr_core.engines.nonsmooth.compiling import forget_others
+from vsr_core.compiled.compiling import forget_others
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.rock import solid
 from vsr_core.run.cases import Settings, TerrainCase, prepare
 from vsr_core.run.displacement import displace
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import barrier
 from vsr_core.scene import Contact, Scene, resting
 from vsr_core.terrain.surface import Terrain
 

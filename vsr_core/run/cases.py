@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from vsr_core.engines.interface import Solver
-from vsr_core.run import proofs
+from vsr_core.judge import proofs
 from vsr_core.run.reductions import Reduction
 from vsr_core.run.reductions import reduce as reduce_scene
 from vsr_core.scene import Scene

@@ -1,7 +1,8 @@
 """Displacement runs: on a terrain, from the first shake until the rock rests, with trajectories.
 
 Everything is in the site's frame, relative to the terrain, in which the table's acceleration acts
-as a body force.
+as a body force. While the rock is on its seat its base is complete; once it has toppled it goes on
+in a second scene, in which it is as detailed as a tumbling rock needs.
 """
 
 from __future__ import annotations
@@ -14,29 +15,38 @@ from typing import cast
 
 import numpy as np
 
-from vsr_core import engines
+from vsr_core import GRAVITY, engines
 from vsr_core.arrays import Array
+from vsr_core.compiled import records
+from vsr_core.engines import nonsmooth
 from vsr_core.engines.interface import GroundWorld
+from vsr_core.engines.nonsmooth import terrain_runs
+from vsr_core.engines.nonsmooth.terrain_runs import Shaking
 from vsr_core.errors import InvalidInput
+from vsr_core.judge import ground_lookup, on_terrain, track
+from vsr_core.judge.on_terrain import LONGEST_TIME, MONITORING_TIME
+from vsr_core.judge.record import (
+    GOES_ON,
+    UNSTABLE,
+    Criteria,
+    RunRecord,
+    note,
+    note_rest,
+    rests,
+)
+from vsr_core.judge.track import Track
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import DecidedBy, Outcome, Response, StopReason
-from vsr_core.run import compiled_displacement, loop, static_limits
+from vsr_core.run import loop, static_limits
 from vsr_core.run.cases import Settings, TerrainCase, never_starts
-from vsr_core.run.displacement_rules import (
-    LONGEST_TIME,
-    MONITORING_TIME,
-    QUIET_STEPS,
-    DisplacementRules,
-    along,
-    rest_of,
-    sampled_for,
-    set_up,
-)
-from vsr_core.run.guards import at_halved_steps, inertia_of, kinetic_energy
+from vsr_core.run.loop import LEAD, Run, at_halved_steps, first_push
 from vsr_core.run.overturning import COMPILED
-from vsr_core.run.sampling import first_step
-from vsr_core.run.trajectory import Trajectory, joined
+from vsr_core.run.sampling import first_step, samples, sampling
+from vsr_core.run.trajectory import Trajectory, of_track
 from vsr_core.scene import Scene, State
+
+QUIET_STEPS = 100
+"""Steps in which the engine finds what a rock at rest stands on."""
 
 
 @dataclass(frozen=True)
@@ -91,42 +101,168 @@ def displace(
     )
 
 
-def _stepped(
-    case: TerrainCase, motion: GroundMotion, settings: Settings, follow: bool, time_step: float
-) -> DisplacementRun:
-    """One attempt, in an engine whose steps are asked for one by one."""
-    sampled = sampled_for(motion, time_step)
-    run = set_up(case.seat, motion, settings, sampled)
-    rules = DisplacementRules(case, run, settings, follow=follow)
-    outcome, stop = loop.complete(run, rules)
-    response = Response(outcome, DecidedBy.SIMULATION, run.peak_tilt, run.tilt, run.slip, run.steps)
-    return DisplacementRun(response, stop, rules.recorder.trajectory(run))
+def criteria_of(case: TerrainCase, *, follow: bool) -> Criteria:
+    """What a run is judged by.
+
+    Parameters
+    ----------
+    follow : bool, whether it goes on after toppling
+    """
+    seat = case.seat
+    assert seat.start is not None
+    assert seat.terrain is not None
+    return on_terrain.criteria(
+        seat.rock,
+        seat.contact,
+        upward=seat.start.rotation[2],
+        toppled_tilt=case.toppled_tilt,
+        lowest=seat.terrain.lowest,
+        follow=follow,
+    )
+
+
+def first_sample(values: Array, case: TerrainCase, settings: Settings) -> int:
+    """Sample with which a run begins: shortly before the first push, until which nothing moves.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,) [m/s^2], those of the motion
+    """
+    lowest, highest = case.static_limits
+    if not (settings.reduce and lowest < 0.0 < highest):
+        return 0
+    return max(0, first_push(values, case.static_limits) - LEAD)
 
 
 def _compiled(
     case: TerrainCase, motion: GroundMotion, settings: Settings, follow: bool, time_step: float
 ) -> DisplacementRun:
     """One attempt, in compiled code."""
-    shared = _place(threading.get_ident(), case)
-    found = compiled_displacement.displace(case, shared, motion, settings, time_step, follow=follow)
-    return DisplacementRun(*found)
+    taken = sampling(motion, None, time_step, 1)
+    values = samples(motion, None, taken.interval, taken.pulse_samples)
+    wait = on_terrain.longest_wait(case.seat.rock.radius)
+    shaking = Shaking(
+        values,
+        taken.interval,
+        on_terrain.monitored(taken.interval),
+        first_sample(values, case, settings),
+        taken.pulse_samples + math.ceil(wait / taken.interval),
+    )
+    site, solver = _site(threading.get_ident(), case), settings.solver or nonsmooth.SOLVER
+    found = terrain_runs.run(site, criteria_of(case, follow=follow), shaking, solver)
+    return _result(*found)
 
 
 @lru_cache(maxsize=16)
-def _place(thread: int, case: TerrainCase) -> compiled_displacement.Place:
+def _site(thread: int, case: TerrainCase) -> terrain_runs.Site:
     """What the runs of a case share in one thread: each has its own lists of near features."""
-    return compiled_displacement.place(case)
+    return terrain_runs.site(case.seat, case.flight)
 
 
-def respond(case: TerrainCase, motion: GroundMotion, settings: Settings) -> Response:
-    """Outcome of one run on a terrain, without what follows when the rock has toppled.
+def _stepped(
+    case: TerrainCase, motion: GroundMotion, settings: Settings, follow: bool, time_step: float
+) -> DisplacementRun:
+    """One attempt, in an engine whose steps are asked for one by one."""
+    run = set_up(case, motion, settings, time_step, follow=follow)
+    return complete(run, case, settings)
 
-    Parameters and errors are those of ``displace``.
+
+def _result(outcome: int, stop: int, steps: int, record: RunRecord, kept: Track) -> DisplacementRun:
+    measured = float(record.peak_tilt), float(record.tilt), float(record.slip)
+    response = Response(Outcome(outcome), DecidedBy.SIMULATION, *measured, steps)
+    return DisplacementRun(response, StopReason(stop), of_track(kept, int(record.kept)))
+
+
+def set_up(
+    case: TerrainCase, motion: GroundMotion, settings: Settings, time_step: float, *, follow: bool
+) -> Run:
+    """A run before its first step.
 
     Parameters
     ----------
-    motion : GroundMotion, along (cos yaw, -sin yaw)
+    time_step : float [s], of this attempt
+    follow : bool, whether it goes on after toppling
     """
+    taken = sampling(motion, None, time_step, 1)
+    if settings.engine != COMPILED:
+        most = sampling(motion, None, time_step, max(1, int(MONITORING_TIME / time_step))).substeps
+        # Bullet finds the steps in a sample by division, and one less where that is not exact.
+        taken = sampling(motion, None, time_step, 1 << (most.bit_length() - 1))
+    return loop.set_up(
+        case.seat,
+        motion,
+        settings,
+        taken,
+        criteria_of(case, follow=follow),
+        monitored=on_terrain.monitored(taken.interval),
+        wait=on_terrain.longest_wait(case.seat.rock.radius),
+        start=case.seat.start,
+    )
+
+
+def complete(run: Run, case: TerrainCase, settings: Settings) -> DisplacementRun:
+    """Step a run to its end."""
+    record, criteria, pulse = run.record, run.criteria, run.sampled.pulse_samples
+    assert case.seat.terrain is not None
+    lookup, interval = ground_lookup.lookup(case.seat.terrain), run.sampled.interval
+    kept = track.room(math.ceil(run.last_sample / run.monitored) + 1)
+    run.skip(first_sample(run.values[:pulse], case, settings))
+    track.begin(kept, record, run.time)
+    outcome, stop = GOES_ON, on_terrain.UNDONE
+    while outcome == GOES_ON and run.sample < run.last_sample:
+        since, toppled = run.sample, record.toppled
+        run.step()
+        pushes = run.values[since : run.sample].sum() * interval
+        record.change[:] = -pushes * along(case.seat)
+        record.change[2] -= GRAVITY * (run.sample - since) * interval
+        late = 2 * run.sample >= pulse + run.last_sample
+        sees = on_terrain.monitor(record, criteria, kept, run.time, run.impulse, late)
+        deepest = cast(GroundWorld, run.world).contacts()[1] if sees else -1.0
+        outcome, stop = on_terrain.judge(record, criteria, lookup, run.time, run.shaken, deepest)
+        if outcome == GOES_ON and record.toppled and not toppled and settings.reduce:
+            _go_on_in(run, case.flight, settings)
+    if outcome == GOES_ON:
+        outcome, stop = on_terrain.out_of_time(record, criteria)
+    if outcome != UNSTABLE:
+        track.end(kept, record)
+    return _result(outcome, stop, run.steps, record, kept)
+
+
+def _go_on_in(run: Run, scene: Scene, settings: Settings) -> None:
+    """Change to another scene of the same rock, raised so that it does not start inside it."""
+    state = run.world.state()
+    world = cast(GroundWorld, loop.enter(scene, settings, run.sampled))
+    world.put(state)
+    clear(world, state)
+    run.world = world
+
+
+def clear(world: GroundWorld, state: State) -> State:
+    """Raise a rock until it is no deeper in the ground than a touch."""
+    for _ in range(4):
+        world.advance([0.0])
+        deepest = world.contacts()[1]
+        world.put(state)
+        if deepest == 0.0:
+            break
+        above = np.array([0.0, 0.0, 1.2 * deepest])
+        state = replace(state, position=state.position + above)
+        world.put(state)
+    return state
+
+
+def along(scene: Scene) -> Array:
+    """Direction of the shaking in the site's frame.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+    """
+    return np.array([math.cos(scene.yaw), -math.sin(scene.yaw), 0.0])
+
+
+def respond(case: TerrainCase, motion: GroundMotion, settings: Settings) -> Response:
+    """As ``displace``, without what follows when the rock has toppled."""
     return displace(case, motion, settings, follow=False).response
 
 
@@ -164,12 +300,23 @@ def settled(scene: Scene, time_step: float, engine: str = "bullet") -> State:
     assert scene.start is not None
     radius = scene.rock.radius
     world = engines.load(engine).build(scene, time_step, 1)
-    rest, inertia = rest_of(radius), inertia_of(scene.rock)
+    record, inertia = records.room(RunRecord), loop.inertia_of(scene.rock)
+    criteria = on_terrain.criteria(
+        scene.rock,
+        scene.contact,
+        upward=scene.start.rotation[2],
+        toppled_tilt=math.pi,
+        lowest=-math.inf,
+        follow=True,
+    )
+    record.rest_since = -1.0
     for interval in range(math.ceil(LONGEST_TIME / MONITORING_TIME)):
         world.advance([0.0] * math.ceil(MONITORING_TIME / time_step))
         state, time = world.state(), interval * MONITORING_TIME
-        rest.note(time, state, kinetic_energy(inertia, state))
-        if rest.reached(time, state):
+        loop.write(record, scene.rock, inertia, state)
+        note(record, criteria)
+        note_rest(record, criteria, time)
+        if rests(record, criteria, time):
             break
     else:
         raise InvalidInput(
@@ -193,8 +340,10 @@ def _stays(case: TerrainCase) -> DisplacementRun:
     """Result of a run that never starts."""
     assert case.seat.start is not None
     stands = Response(Outcome.BALANCED, DecidedBy.NO_UPLIFT_BOUND, 0.0, 0.0, 0.0, 0)
-    trajectory = joined([(0.0, case.seat.start, True)])
-    return DisplacementRun(stands, StopReason.REST, trajectory)
+    record, kept = records.room(RunRecord), track.room(1)
+    loop.write(record, case.seat.rock, loop.inertia_of(case.seat.rock), case.seat.start)
+    track.begin(kept, record, 0.0)
+    return DisplacementRun(stands, StopReason.REST, of_track(kept, 1))
 
 
 def _angle(rotation: Array) -> float:

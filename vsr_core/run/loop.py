@@ -1,33 +1,57 @@
-"""The loop of a run: step through a motion, monitor the rock at intervals, end by rules.
-
-Overturning and displacement are two sets of rules on it. What a rule needs to know of a run is in
-``Run``, whose state changes as the run goes on.
-"""
+"""A run in an engine whose steps are asked for one by one: to each judgement, and its record."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from vsr_core import engines
-from vsr_core.arrays import Array
-from vsr_core.engines.interface import TurningWorld, World
+from vsr_core.arrays import Array, matrix_product
+from vsr_core.compiled import records
+from vsr_core.engines.interface import DrivenWorld, TurningWorld, World
+from vsr_core.judge import record as run_record
+from vsr_core.judge.record import Criteria, RunRecord
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.rock.body import Rock
-from vsr_core.run import guards
 from vsr_core.run.cases import Settings
 from vsr_core.run.sampling import Sampling, samples
 from vsr_core.scene import Scene, State
+
+HALVINGS = 5
+"""A run that breaks its guards is repeated at half the step, this many times."""
 
 LEAD = 8
 """Samples before a push with which a run goes on after a rest, so that the engine has its contacts:
 without them a block rises 7 % less."""
 
-Ending = TypeVar("Ending", covariant=True)
+Found = TypeVar("Found")
+
+
+def at_halved_steps(
+    time_step: float, attempt: Callable[[float], Found], unstable: Callable[[Found], bool]
+) -> Found:
+    """Result of the first attempt that keeps its guards, or of the last one.
+
+    Parameters
+    ----------
+    time_step : float [s], of the first attempt
+    attempt : function of a time step [s]
+
+    Examples
+    --------
+    >>> at_halved_steps(1.0, lambda step: step, lambda step: step > 0.3)
+    0.25
+    """
+    for _ in range(HALVINGS):
+        found = attempt(time_step)
+        if not unstable(found):
+            return found
+        time_step /= 2.0
+    return attempt(time_step)
 
 
 @dataclass
@@ -36,37 +60,30 @@ class Run:
 
     Attributes
     ----------
+    monitored : int, samples from one judgement to the next
     values : ndarray, shape (last_sample,) or (last_sample, 3 or 9), samples of the motion
+    impulses : ndarray, shape (last_sample + 1,) [m/s], integral of the table's absolute
+        acceleration up to each sample
     inertia : ndarray, shape (3, 3) [m^2], of the rock about its centre of mass per unit mass
-    foot : ndarray, shape (3,) [m], centre of its base in its own axes
     start : State, before the first step
-    upward : ndarray, shape (3,), the direction of the rock that is up where its tilt is zero
-    state : State, when it was last monitored
-    kinetic : float [m^2/s^2], kinetic energy per unit mass then
     sample : int, samples taken or passed over
     skipped : int, samples passed over because nothing could move the rock
-    tilt, peak_tilt : float [rad], of ``upward`` against the vertical, then and largest so far
-    slip : float [m], largest horizontal displacement of the base's centre so far
     """
 
-    rock: Rock
+    scene: Scene
     motion: GroundMotion
     sampled: Sampling
+    criteria: Criteria
     monitored: int
     last_sample: int
     values: Array
+    impulses: Array
     world: World
     inertia: Array
-    foot: Array
     start: State
-    upward: Array
-    state: State
-    kinetic: float = 0.0
+    record: RunRecord
     sample: int = 0
     skipped: int = 0
-    tilt: float = 0.0
-    peak_tilt: float = 0.0
-    slip: float = 0.0
 
     @property
     def time(self) -> float:
@@ -84,58 +101,39 @@ class Run:
         return (self.sample - self.skipped) * self.sampled.substeps
 
     @property
-    def prescribed_impulse(self) -> float:
-        """Integral of the prescribed motion's absolute acceleration so far [m/s]."""
-        return self.motion.remaining_impulse(0.0) - self.motion.remaining_impulse(self.time)
+    def impulse(self) -> float:
+        """Integral of the table's absolute acceleration [m/s], as measured if driven or turning."""
+        if self.scene.drive is not None or self.motion.columns == 9:
+            return cast(DrivenWorld | TurningWorld, self.world).impulse()
+        return float(self.impulses[self.sample])
 
     def skip(self, number: int) -> None:
         """Pass over samples that cannot move the rock."""
         self.sample += number
         self.skipped += number
 
-    def monitor(self) -> bool:
-        """Read the rock's state and kinetic energy; false if it is not finite and not taken."""
-        state = self.world.state()
-        if not guards.finite(state):
-            return False
-        self.state, self.kinetic = state, guards.kinetic_energy(self.inertia, state)
-        return True
-
-    def note_tilt(self) -> None:
-        """Keep tilt and largest tilt."""
-        upright = float(self.state.rotation[2] @ self.upward)
-        self.tilt = math.acos(max(-1.0, min(1.0, upright)))
-        self.peak_tilt = max(self.peak_tilt, self.tilt)
-
-    def note_slip(self) -> None:
-        """Keep the largest horizontal displacement of the base's centre."""
-        foot, origin = (at.position + at.rotation @ self.foot for at in (self.state, self.start))
-        slip = foot - origin
-        self.slip = max(self.slip, math.hypot(slip[0], slip[1]))
-
-    def next_monitoring(self) -> int:
-        """Monitoring is evenly spaced, and once at the end of the motion."""
-        until = min(self.sample + self.monitored, self.last_sample)
-        return min(until, self.sampled.pulse_samples) if self.shaken else until
-
-    def stepper(self) -> Callable[[Any], None]:
-        """How the world takes samples of this motion."""
+    def take(self, number: int) -> None:
+        """Step through so many samples."""
+        advance: Callable[[Any], None] = self.world.advance
         if self.motion.columns == 9:
-            return cast(TurningWorld, self.world).turn
-        return self.world.advance if self.values.ndim == 1 else self.world.shake
+            advance = cast(TurningWorld, self.world).turn
+        elif self.values.ndim > 1:
+            advance = self.world.shake
+        until = self.sample + number
+        advance(self.values[self.sample : until].tolist())
+        self.sample = until
 
+    def until_judged(self) -> int:
+        """Samples to the next judgement: evenly spaced, and one at the end of the motion."""
+        until = min(self.sample + self.monitored, self.last_sample)
+        return (min(until, self.sampled.pulse_samples) if self.shaken else until) - self.sample
 
-class Rules(Protocol[Ending]):
-    """What begins and ends runs of one kind."""
-
-    def begin(self, run: Run) -> Ending | None:
-        """Set the run to its first sample that counts; what ends it before a step, if anything."""
-
-    def judge(self, run: Run, since: int) -> Ending | None:
-        """What ends the run by what is monitored now; ``since`` is the sample monitored before."""
-
-    def out_of_time(self, run: Run) -> Ending:
-        """What a run is that nothing has ended."""
+    def step(self) -> None:
+        """Step to the next judgement, and write the record."""
+        self.take(self.until_judged())
+        write(self.record, self.scene.rock, self.inertia, self.world.state())
+        if self.scene.drive is not None:
+            self.record.table_speed = cast(DrivenWorld, self.world).table()[1]
 
 
 def set_up(
@@ -143,6 +141,7 @@ def set_up(
     motion: GroundMotion,
     settings: Settings,
     sampled: Sampling,
+    criteria: Criteria,
     *,
     monitored: int,
     wait: float,
@@ -159,20 +158,25 @@ def set_up(
     last = sampled.pulse_samples + math.ceil(wait / sampled.interval)
     world = enter(scene, settings, sampled)
     start = start or world.state()
-    return Run(
-        rock=scene.rock,
+    values = samples(motion, scene.drive, sampled.interval, last)
+    sizes = np.abs(values) if values.ndim == 1 else np.linalg.norm(values[:, :3], axis=1)
+    run = Run(
+        scene=scene,
         motion=motion,
         sampled=sampled,
+        criteria=criteria,
         monitored=monitored,
         last_sample=last,
-        values=samples(motion, scene.drive, sampled.interval, last),
+        values=values,
+        impulses=sampled.interval * np.concatenate([[0.0], np.cumsum(sizes)]),
         world=world,
-        inertia=guards.inertia_of(scene.rock),
-        foot=np.array([0.0, 0.0, -scene.rock.height]),
+        inertia=inertia_of(scene.rock),
         start=start,
-        upward=np.array([0.0, 0.0, 1.0]),
-        state=start,
+        record=records.room(RunRecord),
     )
+    write(run.record, scene.rock, run.inertia, start)
+    run_record.begin(run.record, criteria)
+    return run
 
 
 def enter(scene: Scene, settings: Settings, sampled: Sampling) -> World:
@@ -182,22 +186,29 @@ def enter(scene: Scene, settings: Settings, sampled: Sampling) -> World:
     return engine.build(scene, step, sampled.substeps, settings.solver)
 
 
-def complete(run: Run, rules: Rules[Ending]) -> Ending:
-    """Step a run to its end by its rules.
+def inertia_of(rock: Rock) -> Array:
+    """Inertia about the centre of mass per unit mass, in the rock's axes.
+
+    Returns
+    -------
+    ndarray, shape (3, 3) [m^2]
+    """
+    return matrix_product(rock.axes * (rock.inertia / rock.mass), rock.axes.T)
+
+
+def write(record: RunRecord, rock: Rock, inertia: Array, state: State) -> None:
+    """Write the state of a rock into the record of its run.
 
     Parameters
     ----------
-    run : Run, before its first step; changed
+    inertia : ndarray, shape (3, 3) [m^2], of ``inertia_of``
     """
-    ending = rules.begin(run)
-    values = run.values.tolist()
-    while ending is None and run.sample < run.last_sample:
-        since, run_on = run.sample, run.stepper()
-        until = run.next_monitoring()
-        run_on(values[since:until])
-        run.sample = until
-        ending = rules.judge(run, since)
-    return rules.out_of_time(run) if ending is None else ending
+    turn = state.rotation
+    record.position[:], record.rotation[:] = state.position, turn
+    record.velocity[:], record.spin[:] = state.velocity, state.angular_velocity
+    record.inertia[:] = turn @ inertia @ turn.T
+    lowest = rock.vertices[int(np.argmin(rock.vertices @ turn[2]))]
+    record.lever[:] = (0.0, 0.0, rock.radius) if rock.shape == "sphere" else -(turn @ lowest)
 
 
 def first_push(values: Array, static_limits: tuple[float, float]) -> int:
@@ -205,7 +216,7 @@ def first_push(values: Array, static_limits: tuple[float, float]) -> int:
 
     Parameters
     ----------
-    values : ndarray, shape (n,) [m/s^2]
+    values : ndarray, shape (n,) or (n, axes) [m/s^2]; only along the first something can be borne
     static_limits : tuple of float [m/s^2], lowest and highest that move nothing
 
     Examples
@@ -214,5 +225,6 @@ def first_push(values: Array, static_limits: tuple[float, float]) -> int:
     2
     """
     lowest, highest = static_limits
-    moved = ~((lowest <= values) & (values <= highest))
+    axes = values.reshape(len(values), -1)
+    moved = ~((lowest <= axes[:, 0]) & (axes[:, 0] <= highest)) | (axes[:, 1:] != 0.0).any(axis=1)
     return int(np.argmax(np.append(moved, True)))

@@ -17,8 +17,8 @@ import math
 import numpy as np
 
 from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.judge.on_terrain import DROPPED_SHARE
 from vsr_core.outcome import Movement, Outcome
-from vsr_core.run.displacement_rules import DROPPED_SHARE
 
 MAINLY = 0.5
 """Share of its way down off its seat that a rock which fell made through the air, at least."""

@@ -17,18 +17,19 @@ from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.compiled import records
 from vsr_core.engines.interface import DrivenWorld, World
 from vsr_core.errors import InvalidInput
+from vsr_core.judge import on_terrain
+from vsr_core.judge.record import RunRecord, note, note_rest, rests
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import Outcome, Response
-from vsr_core.run import displacement_rules, guards, loop, overturning_rules
+from vsr_core.run import displacement, loop, overturning
 from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.run.displacement import respond
-from vsr_core.run.displacement_rules import DisplacementRules, rest_of
-from vsr_core.run.loop import LEAD, Run, first_push
-from vsr_core.run.overturning import COMPILED, simulate
-from vsr_core.run.overturning_rules import OverturningRules
-from vsr_core.run.sampling import first_step, sampling
+from vsr_core.run.loop import Run
+from vsr_core.run.overturning import COMPILED, in_columns, simulate
+from vsr_core.run.sampling import first_step
 from vsr_core.scene import Scene, State
 
 SAME_TILT = 1e-6
@@ -118,6 +119,7 @@ class _Camera:
 
     def __init__(self, run: Run, spacing: float, *, whole: bool) -> None:
         self.run, self.world = run, run.world
+        self._record = records.room(RunRecord)
         self._each = 10**9 if whole else max(1, int(spacing / run.sampled.interval + 1e-9))
         self.frames = [self._frame(0.0, run.start)]
 
@@ -134,12 +136,6 @@ class _Camera:
     def turn(self, samples: Sequence[Any]) -> None:
         self._step(cast(Any, self.world).turn, samples)
 
-    def take(self, number: int) -> None:
-        """Have the run go on by so many samples."""
-        until = self.run.sample + number
-        self.run.stepper()(self.run.values[self.run.sample : until].tolist())
-        self.run.sample = until
-
     def _step(self, run_on: Any, samples: Sequence[Any]) -> None:
         interval, last = self.run.sampled.interval, self.frames[-1]
         if self.run.time > last.time + 0.5 * interval:  # passed over: nothing moved until now
@@ -151,11 +147,11 @@ class _Camera:
             self.frames.append(self._frame(time, self.world.state()))
 
     def _frame(self, time: float, state: State) -> _Frame:
-        upright = float(state.rotation[2] @ self.run.upward)
-        tilt = math.acos(max(-1.0, min(1.0, upright)))
-        driven = hasattr(self.world, "table")
+        driven, record = hasattr(self.world, "table"), self._record
         table = cast(DrivenWorld, self.world).table()[1] if driven else None
-        kinetic = guards.kinetic_energy(self.run.inertia, state)
+        loop.write(record, self.run.scene.rock, self.run.inertia, state)
+        note(record, self.run.criteria)
+        tilt, kinetic = float(record.tilt), float(record.kinetic)
         return _Frame(time, state, tilt, kinetic, self.world.footing()[0], table)
 
 
@@ -173,7 +169,7 @@ def _attempts(
     else:
         scenes = [place.full] if in_one_go else [place.scene, place.full]
     time_step = first_step(motion, scenes[0].drive, settings.time_step)
-    for _ in range(guards.HALVINGS + 1):
+    for _ in range(loop.HALVINGS + 1):
         for scene in scenes:
             run = _set_up(place, scene, motion, settings, time_step)
             # Bullet gathers the ground of a terrain for all samples that it is given at once.
@@ -182,9 +178,12 @@ def _attempts(
             run.world = cast(World, camera)
             if response.steps and in_one_go:
                 run.skip(_passed_over(place, settings, run))
-                camera.take(response.steps)
+                run.take(response.steps)
             elif response.steps:
-                _complete(place, scene, settings, run)
+                if isinstance(place, TerrainCase):
+                    displacement.complete(run, place, settings)
+                else:
+                    overturning.complete(run, place, settings)
             yield run, camera
         time_step /= 2.0
 
@@ -196,44 +195,18 @@ def _set_up(
     settings: Settings,
     time_step: float,
 ) -> Run:
-    """The run before its first step; the project's own engine takes a sample in every step."""
-    on_terrain = isinstance(place, TerrainCase)
-    if settings.engine != COMPILED and not on_terrain:
-        return overturning_rules.set_up(scene, motion, settings, time_step)
-    sampled = (
-        sampling(motion, None, time_step, 1)
-        if settings.engine == COMPILED
-        else displacement_rules.sampled_for(motion, time_step)
-    )
-    if on_terrain:
-        return displacement_rules.set_up(scene, motion, settings, sampled)
-    unit = math.sqrt(scene.rock.radius / GRAVITY)
-    wait = max(overturning_rules.LEAST_WAIT, overturning_rules.WAITING_TIMES * unit)
-    return loop.set_up(scene, motion, settings, sampled, monitored=8, wait=wait)
+    """The run before its first step."""
+    if isinstance(place, TerrainCase):
+        return displacement.set_up(place, motion, settings, time_step, follow=False)
+    return overturning.set_up(place, scene, motion, settings, time_step)
 
 
 def _passed_over(place: Case | TerrainCase, settings: Settings, run: Run) -> int:
     """Samples before the first that can move the rock, with which its run begins."""
-    if not settings.reduce or run.motion.columns == 9:
-        return 0
-    ahead = run.values[: run.sampled.pulse_samples]
     if isinstance(place, TerrainCase):
-        lowest, highest = place.static_limits
-        first = first_push(ahead, place.static_limits) if lowest < 0.0 < highest else 0
-        return max(0, first - LEAD)
-    if place.full.start is not None:
-        return 0
-    if ahead.ndim > 1:  # several axes, of which no limit is known
-        return first_push(np.abs(ahead).max(axis=1), (0.0, 0.0))
-    return first_push(ahead, place.static_limits)
-
-
-def _complete(place: Case | TerrainCase, scene: Scene, settings: Settings, run: Run) -> None:
-    """Step a run by its own rules, in an engine whose steps are asked for one by one."""
-    if isinstance(place, TerrainCase):
-        loop.complete(run, DisplacementRules(place, run, settings, follow=False))
-    else:
-        loop.complete(run, OverturningRules(place, scene, run, reduce=settings.reduce))
+        ahead = run.values[: run.sampled.pulse_samples]
+        return displacement.first_sample(ahead, place, settings)
+    return max(0, overturning.first_sample(run, place, settings)) if run.criteria.proves else 0
 
 
 def _go_on(
@@ -243,13 +216,24 @@ def _go_on(
     now = camera.frames[-1].state
     if isinstance(place, TerrainCase) and camera.frames[-1].tilt > place.toppled_tilt:
         camera.world = loop.enter(replace(place.flight, start=now), settings, run.sampled)
-    rest = rest_of(run.rock.radius)
+    record, rock = records.room(RunRecord), run.scene.rock
+    criteria = on_terrain.criteria(
+        rock,
+        run.scene.contact,
+        upward=run.criteria.upward,
+        toppled_tilt=math.pi,
+        lowest=-math.inf,
+        follow=True,
+    )
+    record.rest_since = -1.0
     while run.sample < run.last_sample and run.time < until:
-        camera.take(run.next_monitoring() - run.sample)
+        run.take(run.until_judged())
         frame = camera.frames[-1]
-        rest.note(frame.time, frame.state, frame.kinetic)
+        loop.write(record, rock, run.inertia, frame.state)
+        note(record, criteria)
+        note_rest(record, criteria, frame.time)
         gone = not np.isfinite(frame.state.position).all()
-        if gone or (not run.shaken and rest.reached(frame.time, frame.state)):
+        if gone or (not run.shaken and rests(record, criteria, frame.time)):
             break
 
 
@@ -257,11 +241,11 @@ def _developed(run: Run, frames: Sequence[_Frame], response: Response, decided: 
     sound = [frame for frame in frames if np.isfinite(frame.state.position).all()]
     time = np.array([frame.time for frame in sound])
     position = np.array([frame.state.position for frame in sound])
-    mass = run.rock.mass
+    mass = run.scene.rock.mass
     bearing = [frame.bearing for frame in sound]
     bearing[0] = bearing[min(1, len(bearing) - 1)]  # before a step some engines know none
-    velocity = _columns(run.motion.velocity(time))
-    acceleration = _columns(run.motion.acceleration(time))
+    velocity = in_columns(run.motion.velocity(time), 3)
+    acceleration = in_columns(run.motion.acceleration(time), 3)
     if sound[0].table is not None:
         velocity[:, 0] = [frame.table for frame in sound]
         acceleration[:, 0] = np.gradient(velocity[:, 0], time)
@@ -279,13 +263,3 @@ def _developed(run: Run, frames: Sequence[_Frame], response: Response, decided: 
         acceleration,
         velocity,
     )
-
-
-def _columns(values: Array) -> Array:
-    """A motion along x, y and z, shape (n, 3), of one along x or of a table's."""
-    found = np.zeros((len(values), 3))
-    if values.ndim == 1:
-        found[:, 0] = values
-    else:
-        found[:] = values[:, :3]
-    return found

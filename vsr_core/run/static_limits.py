@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
+from vsr_core.judge import proofs
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull
 from vsr_core.rock.tipping import settle
-from vsr_core.run import proofs
 from vsr_core.scene import Contact
 
 CONE_EDGES = 8

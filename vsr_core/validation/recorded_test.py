@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.judge import proofs
 from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.motions.records.trace import Trace
 from vsr_core.outcome import Response
 from vsr_core.rock.body import Rock
-from vsr_core.run import proofs
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate_all
 from vsr_core.scene import Contact, Scene

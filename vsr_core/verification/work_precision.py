@@ -15,11 +15,11 @@ from dataclasses import dataclass
 
 from vsr_core.engines import load
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.run.agreement import agrees_from, answer, levels
+from vsr_core.run.boundary_search import Topples, verdict
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.overturning import simulate
-from vsr_core.verification.agreement import agrees_from, answer, levels
-from vsr_core.verification.boundary_search import Topples, verdict
-from vsr_core.verification.time_step import step_unit
+from vsr_core.run.time_step import step_unit
 
 Test = Callable[[CosinePulse], bool | None]
 """Runs one pulse from rest: whether the rock toppled, None unresolved."""

@@ -11,7 +11,7 @@ import xarray as xr
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array, Mask
 from vsr_core.fragility.boundary import locate
-from vsr_core.verification.rocking_block import Block, first_overturning_pga
+from vsr_core.run.rocking_block import Block, first_overturning_pga
 
 _TRIED, _TOLERANCE = 100, 1e-3
 """Of the search on Housner's equation: PGAs tried up to the highest, and relative width."""

@@ -14,8 +14,8 @@ from pipeline.config import in_si
 from pipeline.stages.runs.step_choice import kept
 from vsr_core.arrays import Array, Mask
 from vsr_core.outcome import Outcome
-from vsr_core.verification.agreement import HIGHEST
-from vsr_core.verification.time_step import ENOUGH, Boundary
+from vsr_core.run.agreement import HIGHEST
+from vsr_core.run.time_step import ENOUGH, Boundary
 
 LONG_PULSE = 0.2
 """PGV/PGA [s] from which levels count towards the typical first-overturning PGA: below it the

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.workflow.datasets import read
 from pipeline.workflow.store import Store
+from vsr_core.judge.proofs import Barrier
 from vsr_core.rock.body import Rock
-from vsr_core.run.proofs import Barrier
 from vsr_core.scene import State
 from vsr_core.terrain.surface import Terrain
 

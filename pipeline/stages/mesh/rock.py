@@ -15,11 +15,11 @@ from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.progress import Steps
 from pipeline.workflow.stage import Job, Product
 from vsr_core.errors import InvalidInput
+from vsr_core.judge.proofs import barrier
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import Solid
 from vsr_core.rock.tipping import base_polygon, tipping
-from vsr_core.run.proofs import barrier
 
 BASE_TOLERANCE = 0.003
 """Share of the height of the centre of mass that the drawn base polygon may stand off."""

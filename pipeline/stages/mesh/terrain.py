@@ -18,11 +18,11 @@ from vsr_core.engines import load
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
 from vsr_core.run.displacement import settled
+from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Scene, State
 from vsr_core.terrain.coarsening import coarser
 from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
-from vsr_core.verification.time_step import step_unit
 
 NEAR_RADII = 2.0
 """Distance from the rock, in its radii, up to which the ground is as detailed as its seat."""

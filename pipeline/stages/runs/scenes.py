@@ -17,18 +17,18 @@ from pipeline.workflow.code_roots import RUN_CODE, TERRAIN_CODE
 from pipeline.workflow.store import Store
 from vsr_core import engines
 from vsr_core.errors import InvalidInput
+from vsr_core.judge.proofs import Barrier
 from vsr_core.rock import reduction
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import block, standing
 from vsr_core.run import displacement
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
 from vsr_core.run.input_checks import check, check_step, check_unshaken, longest_step
-from vsr_core.run.proofs import Barrier
 from vsr_core.run.reductions import PROOFS, TERRAIN_REDUCTIONS, Reduction
+from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Scene
 from vsr_core.source import tracing
 from vsr_core.table.servo import Servo
-from vsr_core.verification.time_step import step_unit
 
 MOST_RUNS = 10_000_000
 """Runs of one direction and friction, whose dataset is made in memory, some 100 bytes a run."""

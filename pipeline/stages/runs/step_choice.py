@@ -33,11 +33,9 @@ from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import Store
 from vsr_core import engines
 from vsr_core.rock.body import Rock
+from vsr_core.run import time_step as ladder
 from vsr_core.run.cases import Case, Settings
-from vsr_core.scene import Contact, Scene
-from vsr_core.source import tracing
-from vsr_core.verification import time_step as ladder
-from vsr_core.verification.time_step import (
+from vsr_core.run.time_step import (
     Boundary,
     Choice,
     Front,
@@ -46,6 +44,8 @@ from vsr_core.verification.time_step import (
     longest,
     step_unit,
 )
+from vsr_core.scene import Contact, Scene
+from vsr_core.source import tracing
 
 FILE = "time_step.nc"
 
@@ -229,7 +229,7 @@ def _names(scenes: Scenes) -> dict[float, str]:
     """Identity of what is measured for each friction, on a flat pedestal whatever the site's is."""
     assert scenes.ground is None
     parts = ("measure", "lots", "enough")
-    roots = [f"vsr_core.verification.time_step:{part}" for part in parts]
+    roots = [f"vsr_core.run.time_step:{part}" for part in parts]
     code = keys.digest(tracing.reached(roots))
     common = identity(scenes)
     frictions = scenes.config.contact.friction

@@ -23,9 +23,9 @@ from pipeline.workflow.store import Store
 from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
+from vsr_core.judge.proofs import Barrier, barrier
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import block, checked
-from vsr_core.run.proofs import Barrier, barrier
 from vsr_core.scene import Scene
 from vsr_core.validation import priors as physics
 from vsr_core.validation.priors import Member, Priors

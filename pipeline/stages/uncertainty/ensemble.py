@@ -26,9 +26,9 @@ from pipeline.workflow.run_store import RunStore
 from pipeline.workflow.stage import Job
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.fragility.boundary import interval, middle
+from vsr_core.judge.proofs import static_limits
 from vsr_core.outcome import FoundBy, Outcome
 from vsr_core.run.cases import Case, Settings, never_starts
-from vsr_core.run.proofs import static_limits
 from vsr_core.uncertainty import guess, search
 from vsr_core.uncertainty.search import UNKNOWN, Table
 

@@ -433,7 +433,7 @@ def test_key_does_not_depend_on_the_order_or_spelling_in_yaml(
 # Keys of code
 
 DECIDES = {
-    "vsr_core.run.proofs:barrier": {"rock", "runs"},
+    "vsr_core.judge.proofs:barrier": {"rock", "runs"},
     "vsr_core.rock.tipping:rest_tilts": {"rock", "runs"},
     "vsr_core.rock.triangles:self_intersections": {"rock"},
     "pipeline.stages.runs.overturning_runs:simulate_batch": {"runs"},
@@ -472,13 +472,13 @@ def test_stages_decided_by_a_function(edit_function: Callable[[str, str, str], N
 def test_every_function_that_a_run_enters_is_in_its_key(engine: str) -> None:
     """Followed while it runs, so that a call the syntax does not show would be found."""
     from vsr_core import GRAVITY
+    from vsr_core.judge import proofs
     from vsr_core.motions.cosine_pulse import CosinePulse
     from vsr_core.rock import solid
-    from vsr_core.run import proofs
     from vsr_core.run.cases import Settings, prepare
     from vsr_core.run.overturning import simulate
+    from vsr_core.run.time_step import step_unit
     from vsr_core.scene import Contact, Scene
-    from vsr_core.verification.time_step import step_unit
 
     rock = solid.box((0.5, 1.0, 2.0), 2000.0).rock
     cells = [(0.1, 0.3), (0.6, 0.3), (0.3, 1.0)]
@@ -510,7 +510,7 @@ def test_every_function_that_a_displacement_run_enters_is_in_its_key(engine: str
             displace(place, motion, Settings(0.004, engine=engine), follow=follow)
     entered |= (beneath := compiled_beneath(entered))
     assert len(entered) > 15
-    assert ("vsr_core.run.travelling:go_on" in beneath) == (engine == "nonsmooth")
+    assert ("vsr_core.engines.nonsmooth.terrain_runs:_run" in beneath) == (engine == "nonsmooth")
     assert entered - set(tracing.reached(run_code(engine, terrain=True))) == set()
 
 

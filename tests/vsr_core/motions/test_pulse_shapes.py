@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson, quad
 
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.ricker_pulse import REACH, RickerPulse
 from vsr_core.motions.sine_pulse import SinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.rock.solid import block
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import barrier
 from vsr_core.scene import Contact, Scene
 
 Pulse = type[SinePulse] | type[RickerPulse]

@@ -20,6 +20,7 @@ from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import BulletWorld
 from vsr_core.engines.interface import Solver, TurningWorld
 from vsr_core.errors import InvalidInput
+from vsr_core.judge.proofs import Barrier, barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.sampled import SampledMotion, sampled
 from vsr_core.motions.six_axes import (
@@ -33,11 +34,10 @@ from vsr_core.motions.six_axes import (
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
-from vsr_core.run import guards
+from vsr_core.run import loop
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.input_checks import check
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import Barrier, barrier
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.table.servo import PUBLISHED
 
@@ -349,7 +349,7 @@ def test_a_table_that_was_turned_before_is_a_rock_that_was(engine: str, pga: flo
 def test_the_guard_reads_what_the_table_gives(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, motion = Scene(box()[0], Contact(0.6)), on_axis("pitch", 2.0, 0.4)
     assert respond(motion, scene).outcome is Outcome.OVERTURNED
-    monkeypatch.setattr(guards, "HALVINGS", 1)
+    monkeypatch.setattr(loop, "HALVINGS", 1)
     monkeypatch.setattr(BulletWorld, "impulse", lambda world: 0.0)
     assert respond(motion, scene).outcome is Outcome.UNSTABLE
 

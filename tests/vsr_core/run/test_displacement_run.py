@@ -25,6 +25,8 @@ from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import ground as bullet_ground
 from vsr_core.engines.interface import Solver
 from vsr_core.errors import InvalidInput
+from vsr_core.judge import on_terrain, proofs
+from vsr_core.judge.proofs import Barrier, barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.motions.records.trace import Trace
@@ -32,19 +34,18 @@ from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, StopReason
 from vsr_core.rock import reduction, solid
 from vsr_core.rock.body import Rock
-from vsr_core.run import displacement, displacement_rules, proofs, trajectory
+from vsr_core.run import displacement, trajectory
 from vsr_core.run.cases import Settings, TerrainCase, prepare
 from vsr_core.run.displacement import DisplacementRun
-from vsr_core.run.guards import HALVINGS
+from vsr_core.run.loop import HALVINGS
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import Barrier, barrier
 from vsr_core.run.sampling import MOST_SUBSTEPS, sampling
 from vsr_core.run.static_limits import SAFE_SHARE
+from vsr_core.run.time_step import step_unit
 from vsr_core.run.trajectory import Trajectory
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.terrain.surface import Terrain
-from vsr_core.verification.time_step import step_unit
 
 Array = NDArray[np.float64]
 
@@ -518,7 +519,7 @@ def test_a_state_is_raised_out_of_the_ground() -> None:
             angular_velocity=np.ones(3),
         )
         world.put(pressed)
-        raised = displacement_rules.clear(world, pressed)
+        raised = displacement.clear(world, pressed)
         lift = raised.position - pressed.position
         np.testing.assert_allclose(lift[:2], 0.0)
         assert depth - 1e-4 <= lift[2] <= 1.25 * depth + 1e-3
@@ -530,7 +531,7 @@ def test_a_state_is_raised_out_of_the_ground() -> None:
         assert world.contacts()[1] < 1e-3
     aloft = replace(site.seat.start, position=np.array([0.0, 0.0, 2.0]))
     world.put(aloft)
-    np.testing.assert_array_equal(displacement_rules.clear(world, aloft).position, aloft.position)
+    np.testing.assert_array_equal(displacement.clear(world, aloft).position, aloft.position)
 
 
 # Trajectories
@@ -566,9 +567,9 @@ def test_samples_of_a_trajectory(rock: str, ground: str) -> None:
     gaps = np.diff(path.time)
     assert gaps.min() > 0.0
     # 50 Hz, a look late at the most; impacts add the looks before and after them.
-    assert gaps.max() <= 0.02 + displacement.MONITORING_TIME + 1e-9
-    assert len(path.time) >= path.time[-1] / (0.02 + displacement.MONITORING_TIME)
-    assert (gaps < 1.1 * displacement.MONITORING_TIME).any()
+    assert gaps.max() <= 0.02 + on_terrain.MONITORING_TIME + 1e-9
+    assert len(path.time) >= path.time[-1] / (0.02 + on_terrain.MONITORING_TIME)
+    assert (gaps < 1.1 * on_terrain.MONITORING_TIME).any()
     np.testing.assert_allclose(np.linalg.norm(path.quaternion, axis=1), 1.0, atol=1e-12)
     arrays = (path.position, path.quaternion, path.velocity, path.angular_velocity, path.contact)
     assert {len(array) for array in arrays} == {len(path.time)}
@@ -692,7 +693,7 @@ def test_largest_speed_is_that_before_the_impact() -> None:
     landing = int(np.argmax(speed))
     assert clear[:landing].max() > 0.5
     # A look's way, at the most, over the ground.
-    assert clear[landing] < 1.5 * speed[landing] * displacement.MONITORING_TIME
+    assert clear[landing] < 1.5 * speed[landing] * on_terrain.MONITORING_TIME
 
 
 @pytest.mark.parametrize(("rock", "ground"), TOPPLING)
@@ -750,7 +751,7 @@ def test_leaves_a_small_terrain(engine: str, pga: float) -> None:
         assert found.stop is StopReason.LEFT_TERRAIN
         assert found.response.outcome is Outcome.UNSETTLED
         over = np.abs(path.position[-1, :2]).max() - 0.8
-        late = (displacement_rules.BORDER_INTERVALS + 1) * displacement.MONITORING_TIME
+        late = (on_terrain.BORDER_INTERVALS + 1) * on_terrain.MONITORING_TIME
         assert 0.0 < over < path.largest_speed * late
 
 
@@ -761,7 +762,7 @@ def test_slides_on_until_time_is_up() -> None:
     found = displacement.displace(site, CosinePulse.from_g(1e-6, 0.05), Settings(0.002))
     assert (found.stop, found.response.outcome) == (StopReason.TIME, Outcome.UNSETTLED)
     path = found.trajectory
-    assert path.time[-1] == pytest.approx(displacement.LONGEST_TIME + 0.1 * math.pi, abs=0.05)
+    assert path.time[-1] == pytest.approx(on_terrain.LONGEST_TIME + 0.1 * math.pi, abs=0.05)
     assert path.velocity[-1] == pytest.approx([0.2, 0.0, 0.0], abs=0.01)
 
 
@@ -842,7 +843,7 @@ def test_what_sinks_into_the_ground_has_not_toppled(
     """At whatever look: only every eighth is a close one."""
 
     def sunk(world: Fake) -> dict[str, Array]:
-        down = world.time > 0.6 + look * displacement.MONITORING_TIME
+        down = world.time > 0.6 + look * on_terrain.MONITORING_TIME
         return {"position": np.array([0.0, 0.0, -0.1])} if down else {}
 
     _, found = faked(monkeypatch, sunk)

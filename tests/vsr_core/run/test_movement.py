@@ -11,16 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import grounds
 
+from vsr_core.judge.on_terrain import DROPPED_SHARE
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Movement, Outcome
 from vsr_core.rock import solid
 from vsr_core.run.cases import Settings, TerrainCase
 from vsr_core.run.displacement import displace
-from vsr_core.run.displacement_rules import DROPPED_SHARE
 from vsr_core.run.movement import air_share, movements, no_return_tilt
+from vsr_core.run.time_step import step_unit
 from vsr_core.scene import State
 from vsr_core.terrain.surface import Terrain
-from vsr_core.verification.time_step import step_unit
 
 SLAB, TOWER = (0.5, 0.5, 0.2), (0.2, 0.2, 0.8)
 

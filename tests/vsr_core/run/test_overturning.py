@@ -18,18 +18,18 @@ from support.sliding import rigid_plastic_slip
 from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import SOLVER
 from vsr_core.engines.interface import Solver
+from vsr_core.judge.proofs import Barrier, barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
+from vsr_core.run import rocking_block
 from vsr_core.run.cases import Case, Settings, prepare
-from vsr_core.run.guards import HALVINGS
+from vsr_core.run.loop import HALVINGS
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import Barrier, barrier
+from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Contact, Scene, State, resting
 from vsr_core.surrogates.double_rock import double_rock
-from vsr_core.verification import rocking_block
-from vsr_core.verification.time_step import step_unit
 
 Array = NDArray[np.float64]
 GRIPPING, PAPER = 10.0, 0.6

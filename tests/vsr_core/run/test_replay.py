@@ -16,6 +16,7 @@ from support import grounds
 
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.sine_pulse import SinePulse
 from vsr_core.motions.six_axes import AxisPulse, AxisPulses
@@ -26,7 +27,6 @@ from vsr_core.run import replay as replays
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
 from vsr_core.run.displacement import respond
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import barrier
 from vsr_core.run.replay import Replay, replay
 from vsr_core.scene import Contact, Scene
 from vsr_core.table.servo import Servo

@@ -22,6 +22,7 @@ from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet.driven import BulletDrivenWorld
 from vsr_core.errors import InvalidInput
+from vsr_core.judge.proofs import Barrier, barrier, reachable_energy
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
@@ -29,8 +30,8 @@ from vsr_core.rock.body import Rock
 from vsr_core.run import reductions
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import Barrier, barrier, reachable_energy
 from vsr_core.run.sampling import samples, sampling
+from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Contact, Scene, State, resting
 from vsr_core.source import tracing
 from vsr_core.table.servo import (
@@ -41,7 +42,6 @@ from vsr_core.table.servo import (
     loop,
     spectral_radius,
 )
-from vsr_core.verification.time_step import step_unit
 
 Array = NDArray[np.float64]
 PULSE = CosinePulse.from_g(0.2, 0.8)  # the paper's Fig. 7a

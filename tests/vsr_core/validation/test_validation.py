@@ -19,7 +19,7 @@ from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.motions.records.trace import Trace
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
-from vsr_core.run import cases, overturning, overturning_rules
+from vsr_core.run import cases, overturning, rocking_block
 from vsr_core.validation import (
     calibration,
     curves,
@@ -29,7 +29,6 @@ from vsr_core.validation import (
     scores,
     specimen,
 )
-from vsr_core.verification import rocking_block
 
 Array = NDArray[np.float64]
 
@@ -342,9 +341,7 @@ def test_rests_are_passed_over_without_a_difference(monkeypatch: pytest.MonkeyPa
         return found
 
     short = runs()
-    monkeypatch.setattr(
-        overturning_rules.OverturningRules, "_pass_over_rest", lambda rules, run: None
-    )
+    monkeypatch.setattr(overturning, "_pass_over_rest", lambda run: None)
     whole = runs()
     tilts = [run.peak_tilt for run in whole]
     for run in short:

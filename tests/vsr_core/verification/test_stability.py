@@ -26,14 +26,14 @@ from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import BulletWorld, collision_shapes
 from vsr_core.errors import InvalidInput
+from vsr_core.judge.proofs import Barrier, barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock.body import Rock
 from vsr_core.run import input_checks
 from vsr_core.run.cases import Settings, prepare
-from vsr_core.run.guards import HALVINGS
+from vsr_core.run.loop import HALVINGS
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import Barrier, barrier
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.source import tracing
 from vsr_core.table.servo import PUBLISHED
@@ -238,7 +238,7 @@ def test_an_edit_of_a_case_makes_the_stage_again() -> None:
         "vsr_core.run.overturning:simulate",
         "vsr_core.engines.bullet.driven:BulletDrivenWorld",
         "vsr_core.engines.mujoco:SLIDING_SHARE",
-        "vsr_core.verification.rocking_block:rocking_response",
+        "vsr_core.run.rocking_block:rocking_response",
     ):
         assert name in reached, name
 

@@ -8,11 +8,12 @@ allocates nothing and functions are handed few things.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
 from vsr_core.arrays import Array, matrix_product
+from vsr_core.compiled.records import Matrix, Records, Twist, Vector
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import corners
 from vsr_core.scene import Contact
@@ -45,79 +46,74 @@ SLOW_ON_LEVEL, SLOW_ON_TERRAIN = 0.1, 0.7
 """``Body.slow``. A slender rock lands slowly, and its impacts are as exact as others down to
 there; a rock on rough ground, which rattles on a few points, comes to rest."""
 
-MOTION = np.dtype(
-    [
-        ("place", float, 3),  # m, of the centre of mass, in the middle of the step to come
-        ("quaternion", float, 4),  # w x y z, takes principal axes to the table's, then too
-        ("rotation", float, (3, 3)),  # the same
-        ("velocity", float, 6),  # m/s and rad/s, of the centre of mass and angular, now
-        ("momentum", float, 3),  # m^2/s, angular momentum about the centre of mass, now
-        ("before", float, 6),  # velocity before the step
-        ("free", float, 6),  # velocity after it without the impulses to be found
-        ("turning", float, 3),  # rad/s, the last three of it, before any impulse
-        ("approach", float, 6),  # velocity just before the first point lands
-        ("lost", float, 6),  # velocity after an impact without rebound, and
-        ("set_aside", float, (2, 6)),  # ``free`` and ``velocity``, while it is looked for
-        ("middle", float, (3, 3)),  # rotation half-way along the path of the step
-        ("inertia", float, (3, 3)),  # m^2, half-way along it
-        ("flexibility", float, (3, 3)),  # m^-2, its inverse
-        ("push", float, 3),  # m/s^2, gravity less the acceleration of the table, in the step
-        ("system", float, (6, 6)),  # equations for the velocity, and
-        ("right", float, 6),  # their right side, then their solution
-        ("taken", float),  # m^2/s^2, energy that rebounds of the next step may give back
-        ("reserve", float),  # m, path that corners may take before the near ones are found anew
-        ("found", int),  # points given by the shape of the ground
-        ("near", int),  # corners that it may reach
-        ("active", int),  # points that bear the rock in this step
-        ("kept", int),  # and in the one before
-        ("hard", int),  # steps whose impulses were not found at once
-        ("unsolved", int),  # or not at all
-    ]
-)
-"""State of a rock between two steps, and room for what a step computes."""
 
-POINT = np.dtype(
-    [
-        ("key", int),  # by which the point is known in the next step
-        ("lever", float, 3),  # m, from the centre of mass
-        ("normal", float, 3),  # unit vector out of the ground
-        ("gap", float),  # m, before the step
-        ("bend", float, 3),  # m, path of the point by the curvature of a turn
-        ("rows", float, (3, 6)),  # its velocity, along normal and tangents, by that of the rock
-        ("turning", float, (3, 3)),  # 1/m, change of the angular velocity by an impulse
-        ("follows", float),  # ``bend`` by which it moves on, having left, or else does not leave
-        ("base", float, 3),  # m/s, velocity that a contact leads to, but for ``bend``
-        ("wanted", float, 3),  # m/s, velocity that it leads to
-        ("impulse", float, 3),  # m/s, along normal and tangents
-        ("given", float, 3),  # m/s, impulse of before a landing, which is no longer changed
-        ("mass", float, 6),  # 1, change of the point's velocity by an impulse: upper triangle
-        ("trial", float, 3),  # room for the search for the impulse, and
-        ("saved", float, 3),  # m/s, impulse to go back to
-        ("set_aside", float, 3),  # m/s, impulse, while a rebound is judged
-        ("leaving", float),  # m/s, speed at which an impact is to throw the point back
-        ("after", float),  # share of the step that is left after it
-        ("rebound", float),  # m/s, speed at which the point is to leave in the next step
-        ("state", int),  # open, grips or slides
-        ("is_active", int),
-        ("active", int),  # at place n: the n-th active point; likewise
-        ("near", int),  # the n-th near corner
-        ("kept_key", int),  # and of the n-th active one of the step before key, impulse, rebound
-        ("kept_impulse", float, 3),
-        ("kept_rebound", float),
-        ("kept_after", float),  # and share of that step that was left after it landed
-    ]
-)
-"""A point at which a rock may touch in a step."""
+class RockState:
+    """State of a rock between two steps, and room for what a step computes."""
+
+    place: Vector  # m, of the centre of mass, in the middle of the step to come
+    quaternion: Annotated[Array, (4,)]  # w x y z, takes principal axes to the table's, then too
+    rotation: Matrix  # the same
+    velocity: Twist  # m/s and rad/s, of the centre of mass and angular, now
+    momentum: Vector  # m^2/s, angular momentum about the centre of mass, now
+    before: Twist  # velocity before the step
+    free: Twist  # velocity after it without the impulses to be found
+    turning: Vector  # rad/s, the last three of it, before any impulse
+    approach: Twist  # velocity just before the first point lands
+    lost: Twist  # velocity after an impact without rebound, and
+    set_aside: Annotated[Array, (2, 6)]  # ``free`` and ``velocity``, while it is looked for
+    middle: Matrix  # rotation half-way along the path of the step
+    inertia: Matrix  # m^2, half-way along it
+    flexibility: Matrix  # m^-2, its inverse
+    push: Vector  # m/s^2, gravity less the acceleration of the table, in the step
+    system: Annotated[Array, (6, 6)]  # equations for the velocity, and
+    right: Twist  # their right side, then their solution
+    taken: float  # m^2/s^2, energy that rebounds of the next step may give back
+    reserve: float  # m, path that corners may take before the near ones are found anew
+    found: int  # points given by the shape of the ground
+    near: int  # corners that it may reach
+    active: int  # points that bear the rock in this step
+    kept: int  # and in the one before
+    hard: int  # steps whose impulses were not found at once
+    unsolved: int  # or not at all
+
+
+class Point:
+    """A point at which a rock may touch in a step."""
+
+    key: int  # by which the point is known in the next step
+    lever: Vector  # m, from the centre of mass
+    normal: Vector  # unit vector out of the ground
+    gap: float  # m, before the step
+    bend: Vector  # m, path of the point by the curvature of a turn
+    rows: Annotated[Array, (3, 6)]  # its velocity, along normal and tangents, by that of the rock
+    turning: Matrix  # 1/m, change of the angular velocity by an impulse
+    follows: float  # ``bend`` by which it moves on, having left, or else does not leave
+    base: Vector  # m/s, velocity that a contact leads to, but for ``bend``
+    wanted: Vector  # m/s, velocity that it leads to
+    impulse: Vector  # m/s, along normal and tangents
+    given: Vector  # m/s, impulse of before a landing, which is no longer changed
+    mass: Twist  # 1, change of the point's velocity by an impulse: upper triangle
+    trial: Vector  # room for the search for the impulse, and
+    saved: Vector  # m/s, impulse to go back to
+    set_aside: Vector  # m/s, impulse, while a rebound is judged
+    leaving: float  # m/s, speed at which an impact is to throw the point back
+    after: float  # share of the step that is left after it
+    rebound: float  # m/s, speed at which the point is to leave in the next step
+    state: int  # open, grips or slides
+    is_active: int
+    active: int  # at place n: the n-th active point; likewise
+    near: int  # the n-th near corner
+    kept_key: int  # and of the n-th active one of the step before key, impulse, rebound
+    kept_impulse: Vector
+    kept_rebound: float
+    kept_after: float  # and share of that step that was left after it landed
+
 
 STRAIGHT_SHARE = 1e-5
 """Distance of a vertex from the line between two others at which it is left out, as a share of the
 radius."""
 
-Motion = Any
-"""One record of ``MOTION``."""
-
-Points = Any
-"""Array of records of ``POINT``."""
+Points: TypeAlias = Records[Point]
 
 
 def body(rock: Rock, contact: Contact, *, on_level: bool) -> Body:
@@ -153,13 +149,3 @@ def corners_of(rock: Rock) -> Array:
     """
     hull = rock.hull
     return hull.vertices[corners(hull, STRAIGHT_SHARE * rock.radius)]
-
-
-def motion() -> Motion:
-    """Room for a state."""
-    return np.zeros(1, MOTION)[0]
-
-
-def points(most: int) -> Points:
-    """Room for the points of contact of a step, at most ``most`` of them."""
-    return np.zeros(most, POINT)

@@ -7,14 +7,16 @@ it does not matter how even ground is cut into triangles.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.engines.nonsmooth.vectors import sharpest
+from vsr_core.compiled.records import Vector, layout
+from vsr_core.compiled.vectors import sharpest
 from vsr_core.rock.hull import Hull
 from vsr_core.rock.triangles import areas, cross_products
 from vsr_core.terrain.surface import Terrain
@@ -22,54 +24,53 @@ from vsr_core.terrain.surface import Terrain
 FLAT = 1e-6
 """Sine of the angle between faces below which they are in one plane."""
 
-FACE = np.dtype(
-    [
-        ("normal", float, 3),  # outward unit vector
-        ("offset", float),  # m, its product with any point of the face
-        ("first", int),  # of its sides, and
-        ("count", int),  # their number
-        ("flat", int),  # number of the plane face that a triangle is part of
-    ]
-)
-"""A triangle of the terrain, or a flat face of a rock."""
 
-SIDE = np.dtype(
-    [
-        ("inward", float, 3),  # unit vector; at a convex edge normal to the bisector of the faces
-        ("limit", float),  # m, its product with points of the edge
-        ("hollow", float),  # 1 at a concave edge, beyond which a face goes on inside the ground
-        ("across", int),  # face of a rock beyond the edge
-    ]
-)
-"""Side of a face: what is in front of it, or a little behind it, and nearer to it than to others,
-is on the inward side of all."""
+class Face:
+    """A triangle of the terrain, or a flat face of a rock."""
 
-EDGE = np.dtype(
-    [
-        ("start", float, 3),  # m
-        ("along", float, 3),  # unit vector
-        ("length", float),  # m
-        ("left", float, 3),  # unit vectors normal to the edge, in its two faces
-        ("right", float, 3),
-        ("face", int),  # one of its two faces
-        ("line", int),  # number of the straight edge that it is part of; likewise
-        ("ends", int, 2),  # of the corners of a rock at its ends
-    ]
-)
-"""A convex edge."""
-
-VERTEX = np.dtype(
-    [
-        ("place", float, 3),  # m
-        ("face", int),  # one of those that meet there
-        ("first", int),  # of the edges that meet there, and
-        ("count", int),  # their number
-    ]
-)
-"""A convex vertex of the terrain."""
+    normal: Vector  # outward unit vector
+    offset: float  # m, its product with any point of the face
+    first: int  # of its sides, and
+    count: int  # their number
+    flat: int  # number of the plane face that a triangle is part of
 
 
-Records = Any
+class Side:
+    """Side of a face.
+
+    What is in front of the face, or a little behind it, and nearer to it than to others, is on the
+    inward side of all.
+    """
+
+    inward: Vector  # unit vector; at a convex edge normal to the bisector of the faces
+    limit: float  # m, its product with points of the edge
+    hollow: float  # 1 at a concave edge, beyond which a face goes on inside the ground
+    across: int  # face of a rock beyond the edge
+
+
+class Edge:
+    """A convex edge."""
+
+    start: Vector  # m
+    along: Vector  # unit vector
+    length: float  # m
+    left: Vector  # unit vectors normal to the edge, in its two faces
+    right: Vector
+    face: int  # one of its two faces
+    line: int  # number of the straight edge that it is part of; likewise
+    ends: Annotated[Indices, (2,)]  # of the corners of a rock at its ends
+
+
+class Vertex:
+    """A convex vertex of the terrain."""
+
+    place: Vector  # m
+    face: int  # one of those that meet there
+    first: int  # of the edges that meet there, and
+    count: int  # their number
+
+
+Columns: TypeAlias = NDArray[np.void]
 """Array of records of one of these kinds."""
 
 
@@ -78,15 +79,15 @@ class Features(NamedTuple):
 
     Attributes
     ----------
-    faces, sides, edges, vertices : arrays of ``FACE``, ``SIDE``, ``EDGE``, ``VERTEX``
+    faces, sides, edges, vertices : arrays of ``Face``, ``Side``, ``Edge``, ``Vertex``
     arms : ndarray, shape (n, 3), unit vectors from vertices along the edges that meet there
     triangles : ndarray, shape (m, 3, 3) [m], corners of those faces that are triangles
     """
 
-    faces: Records
-    sides: Records
-    edges: Records
-    vertices: Records
+    faces: Columns
+    sides: Columns
+    edges: Columns
+    vertices: Columns
     arms: Array
     triangles: Array
 
@@ -99,16 +100,16 @@ def of_rock(hull: Hull) -> Features:
     start, along, length = _lines(hull.vertices[ends[:, 0]], hull.vertices[ends[:, 1]])
     face, across = hull.face[facet], hull.face[other]
     order = np.argsort(face, kind="stable")
-    sides = np.zeros(len(facet), SIDE)
+    sides = np.zeros(len(facet), layout(Side))
     sides["inward"] = unit(hull.normals[facet] - hull.normals[other])
     sides["limit"] = (sides["inward"] * start).sum(axis=1)
     sides["across"] = across
-    faces = np.zeros(hull.face.max() + 1, FACE)
+    faces = np.zeros(hull.face.max() + 1, layout(Face))
     faces["count"] = np.bincount(face, minlength=len(faces))
     faces["first"] = np.cumsum(faces["count"]) - faces["count"]
     faces["normal"][hull.face], faces["offset"][hull.face] = hull.normals, hull.offsets
     once = face < across
-    edges = np.zeros(int(once.sum()), EDGE)
+    edges = np.zeros(int(once.sum()), layout(Edge))
     edges["start"], edges["along"], edges["length"] = start[once], along[once], length[once]
     edges["ends"], edges["face"] = ends[once], face[once]
     edges["line"] = np.arange(len(edges))
@@ -118,7 +119,7 @@ def of_rock(hull: Hull) -> Features:
         within *= np.sign((within * inside).sum(axis=1))[:, None]
         edges[name] = within
     none = np.empty((0, 3))
-    return Features(faces, sides[order], edges, np.empty(0, VERTEX), none, none[None][:0])
+    return Features(faces, sides[order], edges, np.empty(0, layout(Vertex)), none, none[None][:0])
 
 
 def of_terrain(terrain: Terrain) -> Features:
@@ -138,17 +139,17 @@ def of_terrain(terrain: Terrain) -> Features:
     convex, hollow = inner & (rise < -FLAT), inner & (rise > FLAT)
     level = inner & ~convex & ~hollow
     flat = _joined(own[level], other[level], len(triangles))
-    sides = np.zeros(len(begin), SIDE)
+    sides = np.zeros(len(begin), layout(Side))
     sides["inward"] = within
     sides["inward"][convex] = unit(normals[own[convex]] - normals[other[convex]])
     sides["limit"] = (sides["inward"] * start).sum(axis=1)
     sides["hollow"] = hollow
-    faces = np.zeros(len(triangles), FACE)
+    faces = np.zeros(len(triangles), layout(Face))
     faces["normal"], faces["first"] = normals, 3 * np.arange(len(triangles))
     faces["offset"] = (normals * corners[triangles[:, 0]]).sum(axis=1)
     faces["count"], faces["flat"] = 3, flat
     once = convex & (np.arange(len(begin)) < twin)
-    edges = np.zeros(int(once.sum()), EDGE)
+    edges = np.zeros(int(once.sum()), layout(Edge))
     edges["start"], edges["along"], edges["length"] = start[once], along[once], length[once]
     edges["left"], edges["right"] = within[once], within[twin[once]]
     edges["face"] = own[once]
@@ -162,7 +163,7 @@ def of_terrain(terrain: Terrain) -> Features:
 
 def _peaks(
     corners: Array, upward: Array, begin: Indices, along: Array, inner: Mask, convex: Mask
-) -> tuple[Records, Array]:
+) -> tuple[Columns, Array]:
     """Convex vertices within a sheet, and the unit vectors along their edges."""
     meeting = np.bincount(begin, minlength=len(corners))
     whole = np.bincount(begin, weights=inner, minlength=len(corners)) == meeting
@@ -171,7 +172,7 @@ def _peaks(
     held = chosen[begin]
     order = np.argsort(begin[held], kind="stable")
     arms = np.ascontiguousarray(along[held][order])
-    vertices = np.zeros(int(chosen.sum()), VERTEX)
+    vertices = np.zeros(int(chosen.sum()), layout(Vertex))
     vertices["place"], vertices["count"] = corners[chosen], meeting[chosen]
     vertices["face"] = (
         np.flatnonzero(held)[order][np.cumsum(meeting[chosen]) - meeting[chosen]] // 3

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from vsr_core.arrays import Array
-from vsr_core.engines.nonsmooth.body import Body, Motion, Points
-from vsr_core.engines.nonsmooth.compiling import compiled, inlined
+from vsr_core.compiled.compiling import compiled, inlined
+from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
 from vsr_core.engines.nonsmooth.near import NEAR_STEPS, move_on, renew
 from vsr_core.engines.nonsmooth.pairs import CORNER, EDGES, beside
 from vsr_core.engines.nonsmooth.sphere import gather_sphere, touch_sphere
@@ -26,7 +26,7 @@ HOLLOW = 1e-4
 
 @compiled
 def find(  # noqa: C901 - split up, it takes twice as long
-    body: Body, ground: Ground, rock: Motion, points: Points, time_step: float, speed: float
+    body: Body, ground: Ground, rock: RockState, points: Points, time_step: float, speed: float
 ) -> None:
     """Find the points that may touch the terrain at the end of the next step.
 
@@ -115,7 +115,7 @@ def _known(points: Points, number: int, key: int) -> bool:
 
 
 @inlined
-def _is_inside(ground: Ground, rock: Motion, point: Points, at: int, radius: float) -> bool:
+def _is_inside(ground: Ground, rock: RockState, point: Point, at: int, radius: float) -> bool:
     """Whether a corner that is deep behind a face has no other face nearer."""
     search, place, lever = ground.search[0], rock.place, point.lever
     x, y, z = place[0] + lever[0], place[1] + lever[1], place[2] + lever[2]

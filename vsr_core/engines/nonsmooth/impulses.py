@@ -24,8 +24,8 @@ from __future__ import annotations
 import math
 
 from vsr_core.arrays import Array
-from vsr_core.engines.nonsmooth.body import Motion, Points
-from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.compiled.compiling import compiled
+from vsr_core.engines.nonsmooth.body import Point, Points, RockState
 from vsr_core.engines.nonsmooth.points import GRIPS, OPEN, SLIDES, excess
 from vsr_core.engines.nonsmooth.sweeps import begin, go_back, save, sweep, sweep_together
 
@@ -53,12 +53,12 @@ velocity below which they end, in units of the tolerance."""
 
 
 @compiled
-def solve(rock: Motion, points: Points, friction: float, rounds: int, tolerance: float) -> bool:
+def solve(rock: RockState, points: Points, friction: float, rounds: int, tolerance: float) -> bool:
     """Impulses at the active points, and the velocity that they lead to.
 
     Parameters
     ----------
-    rock : record of ``MOTION``, with the velocity without impulses in ``free``; its velocity, with
+    rock : RockState, with the velocity without impulses in ``free``; its velocity, with
         the impulses to begin with, is changed
     tolerance : float [m/s], error allowed of the velocity of a point
 
@@ -83,7 +83,7 @@ def solve(rock: Motion, points: Points, friction: float, rounds: int, tolerance:
 
 
 @compiled
-def _newton(rock: Motion, points: Points, friction: float, tolerance: float) -> bool:
+def _newton(rock: RockState, points: Points, friction: float, tolerance: float) -> bool:
     """Newton's method for velocity and impulses; whether it ended with all laws obeyed."""
     slides, _ = _judge(rock, points, friction)
     for _ in range(NEWTON):
@@ -102,7 +102,7 @@ def _newton(rock: Motion, points: Points, friction: float, tolerance: float) -> 
 
 
 @compiled
-def _judge(rock: Motion, points: Points, friction: float) -> tuple[bool, bool]:
+def _judge(rock: RockState, points: Points, friction: float) -> tuple[bool, bool]:
     """Which points are open, grip and slide, by p - r u; whether any slides, whether any changed.
 
     Of a sliding one ``trial`` then holds how its friction follows its direction, and that.
@@ -133,7 +133,7 @@ def _judge(rock: Motion, points: Points, friction: float) -> tuple[bool, bool]:
 
 
 @compiled
-def _held(point: Points, friction: float, velocity: Array) -> tuple[float, float, float]:
+def _held(point: Point, friction: float, velocity: Array) -> tuple[float, float, float]:
     """Impulse by which a point is held to the velocity wanted, or braked if it slides."""
     kept = 1.0 - LEAK
     p = kept * point.impulse[0] - STIFFNESS * excess(point, 0, velocity)
@@ -145,7 +145,7 @@ def _held(point: Points, friction: float, velocity: Array) -> tuple[float, float
 
 
 @compiled
-def _renew(rock: Motion, points: Points, friction: float) -> float:
+def _renew(rock: RockState, points: Points, friction: float) -> float:
     """Impulses that hold the velocity; the largest error of a velocity that they show [m/s]."""
     worst = 0.0
     for at in range(rock.active):
@@ -161,7 +161,7 @@ def _renew(rock: Motion, points: Points, friction: float) -> float:
 
 
 @compiled
-def _equations(rock: Motion, points: Points, friction: float) -> None:
+def _equations(rock: RockState, points: Points, friction: float) -> None:
     """Newton's equations for the change of the velocity: M (v - free) = sum of rows times p."""
     system, right, inertia = rock.system, rock.right, rock.inertia
     for a in range(3):
@@ -199,7 +199,7 @@ def _add_gripping(system: Array, rows: Array) -> None:
 
 
 @compiled
-def _add_sliding(rock: Motion, points: Points, friction: float) -> None:
+def _add_sliding(rock: RockState, points: Points, friction: float) -> None:
     """Add what sliding points do: their friction follows normal force and direction."""
     system = rock.system
     for a in range(6):

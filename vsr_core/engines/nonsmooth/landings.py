@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from vsr_core.arrays import Array
-from vsr_core.engines.nonsmooth.body import Body, Motion, Points
-from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.compiled.compiling import compiled
+from vsr_core.compiled.vectors import cross
+from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
 from vsr_core.engines.nonsmooth.points import OPEN, add_impulse, tangents
-from vsr_core.engines.nonsmooth.vectors import cross
 
 LIFTING_SHARE = 2e-3
 """Speed at which a point that is in the ground is lifted at most, as a share of sqrt(g radius)."""
@@ -18,7 +18,7 @@ BOUNCING_STEPS = 2.0
 
 
 @compiled
-def velocity_at(point: Points, velocity: Array) -> tuple[float, float, float]:
+def velocity_at(point: Point, velocity: Array) -> tuple[float, float, float]:
     """Velocity of a point of the rock [m/s].
 
     Parameters
@@ -35,7 +35,7 @@ def velocity_at(point: Points, velocity: Array) -> tuple[float, float, float]:
 
 
 @compiled
-def end_gap(point: Points, x: float, y: float, z: float, time_step: float) -> float:
+def end_gap(point: Point, x: float, y: float, z: float, time_step: float) -> float:
     """Gap of a point at the end of the path if it moves by (x, y, z) [m/s].
 
     Parameters
@@ -57,7 +57,7 @@ def end_gap(point: Points, x: float, y: float, z: float, time_step: float) -> fl
 
 
 @compiled
-def want(point: Points, time_step: float) -> float:
+def want(point: Point, time_step: float) -> float:
     """Have a point reckon with ``bend``.
 
     One that touches is to be at the ground at the end of its bent path; one that leaves has turned
@@ -82,7 +82,7 @@ def want(point: Points, time_step: float) -> float:
 
 
 @compiled
-def enter(rock: Motion, points: Points, i: int) -> None:
+def enter(rock: RockState, points: Points, i: int) -> None:
     """Make a point active: its directions, and what an impulse there does."""
     point = points[i]
     points[rock.active].active = i
@@ -113,7 +113,7 @@ def enter(rock: Motion, points: Points, i: int) -> None:
 @compiled
 def land(
     body: Body,
-    rock: Motion,
+    rock: RockState,
     points: Points,
     push: Array,
     time_step: float,
@@ -160,8 +160,8 @@ def land(
 @compiled
 def _aim(
     body: Body,
-    rock: Motion,
-    point: Points,
+    rock: RockState,
+    point: Point,
     x: float,
     y: float,
     z: float,
@@ -196,7 +196,7 @@ def _aim(
 
 
 @compiled
-def let_go(rock: Motion, points: Points, standing: int, share: float) -> None:
+def let_go(rock: RockState, points: Points, standing: int, share: float) -> None:
     """Have points that touched before bear the rock until it lands elsewhere, and no longer.
 
     Their impulses are those of a step; ``share`` is the time from its begin to the landing, in

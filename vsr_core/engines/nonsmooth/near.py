@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from vsr_core.arrays import Array, Indices
-from vsr_core.engines.nonsmooth.body import Motion
-from vsr_core.engines.nonsmooth.compiling import compiled, inlined
+from vsr_core.compiled.compiling import compiled, inlined
+from vsr_core.compiled.vectors import cross
+from vsr_core.engines.nonsmooth.body import RockState
 from vsr_core.engines.nonsmooth.pairs import climb, drop, list_pairs
 from vsr_core.engines.nonsmooth.tree import Ground, Shape
-from vsr_core.engines.nonsmooth.vectors import cross
 
 FAR_STEPS, NEAR_STEPS = 10.0, 3.0
 """Distances up to which leaves of the tree, and features in one, are near, besides the depth seen,
@@ -24,7 +24,7 @@ bounded together, so that a turn of the rock takes those by at least as much."""
 
 
 @inlined
-def move_on(ground: Ground, rock: Motion, time_step: float) -> None:
+def move_on(ground: Ground, rock: RockState, time_step: float) -> None:
     """Add the path of a step to those of the rock beside near leaves.
 
     Parameters
@@ -45,7 +45,7 @@ def move_on(ground: Ground, rock: Motion, time_step: float) -> None:
 
 
 @inlined
-def renew(ground: Ground, rock: Motion, radius: float, ahead: float, deepest: float) -> None:
+def renew(ground: Ground, rock: RockState, radius: float, ahead: float, deepest: float) -> None:
     """Have all pairs of features listed that may touch before the rock has moved by ``ahead``.
 
     Leaves of the tree near the rock are listed once in many steps; the pairs in one of them when
@@ -69,7 +69,7 @@ def renew(ground: Ground, rock: Motion, radius: float, ahead: float, deepest: fl
 
 @inlined
 def _fill(
-    ground: Ground, rock: Motion, radius: float, ahead: float, deepest: float, near: float
+    ground: Ground, rock: RockState, radius: float, ahead: float, deepest: float, near: float
 ) -> None:
     """List the pairs that are ``near`` in leaves about to be reached, unless they are known."""
     search, tree, shape = ground.search[0], ground.tree, ground.shape
@@ -97,7 +97,7 @@ def _fill(
 
 
 @compiled
-def _list_leaves(ground: Ground, rock: Motion, near: float) -> None:
+def _list_leaves(ground: Ground, rock: RockState, near: float) -> None:
     """List the leaves that are ``near``, and the corners and edges of the rock near any of them."""
     search, shape, tree = ground.search[0], ground.shape, ground.tree
     links, due, corners, edges = tree.links, tree.due, len(shape.spots), len(shape.rods)
@@ -137,7 +137,7 @@ def _list_leaves(ground: Ground, rock: Motion, near: float) -> None:
 
 
 @inlined
-def _place_planes(ground: Ground, rock: Motion) -> None:
+def _place_planes(ground: Ground, rock: RockState) -> None:
     """Faces of the rock in the site's frame."""
     turn, planes = rock.rotation, ground.shape.planes
     for i in range(len(planes)):
@@ -148,7 +148,7 @@ def _place_planes(ground: Ground, rock: Motion) -> None:
 
 
 @inlined
-def _place(ground: Ground, rock: Motion) -> None:
+def _place(ground: Ground, rock: RockState) -> None:
     """Corners and edges of the rock that are listed, in the site's frame."""
     turn, place, shape = rock.rotation, rock.place, ground.shape
     spots, rods, arcs, corners = shape.spots, shape.rods, shape.arcs, len(shape.spots)
@@ -178,7 +178,7 @@ def _apart(
     boxes: Array,
     hints: Indices,
     shape: Shape,
-    rock: Motion,
+    rock: RockState,
     at: int,
     near: float,
 ) -> float:

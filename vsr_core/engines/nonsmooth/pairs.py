@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from vsr_core.arrays import Array, Indices
-from vsr_core.engines.nonsmooth.body import Motion
-from vsr_core.engines.nonsmooth.compiling import compiled, inlined
+from vsr_core.compiled.compiling import compiled, inlined
+from vsr_core.compiled.vectors import cross
+from vsr_core.engines.nonsmooth.body import RockState
 from vsr_core.engines.nonsmooth.tree import Ground
-from vsr_core.engines.nonsmooth.vectors import cross
 
 CORNER, EDGES, VERTEX = 0, 1, 2
 """Kinds of pairs: corner of the rock and face, two edges, vertex of the terrain and face."""
@@ -41,7 +41,7 @@ def climb(duals: Array, ring: Indices, face: int, x: float, y: float, z: float) 
 
 @inlined
 def list_pairs(
-    ground: Ground, rock: Motion, at: int, near: float, angle: float, deepest: float
+    ground: Ground, rock: RockState, at: int, near: float, angle: float, deepest: float
 ) -> None:
     """List pairs of what is in a leaf with what of the rock is near it.
 
@@ -72,7 +72,7 @@ def list_pairs(
 
 
 @inlined
-def _vertex(ground: Ground, rock: Motion, at: int, number: int, near: float) -> None:
+def _vertex(ground: Ground, rock: RockState, at: int, number: int, near: float) -> None:
     """Pair a vertex with the face of the rock that is nearest."""
     face = ground.above[number]
     turn, place, spot = rock.rotation, rock.place, ground.vertices[number].place
@@ -141,7 +141,7 @@ def beside(plates: Array, number: int, x: float, y: float, z: float, margin: flo
 @inlined
 def _between_edges(
     ground: Ground,
-    rock: Motion,
+    rock: RockState,
     own: int,
     other: int,
     near: float,

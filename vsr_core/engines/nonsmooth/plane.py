@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from vsr_core.engines.nonsmooth.body import Body, Motion, Points
-from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.compiled.compiling import compiled
+from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
 
 NEAR_SHARE = 0.03
 """Height up to which corners are near, as a share of the radius: they are looked at in every step,
@@ -14,7 +14,7 @@ FASTER = 3.0
 
 
 @compiled
-def find(body: Body, rock: Motion, points: Points, time_step: float, speed: float) -> None:
+def find(body: Body, rock: RockState, points: Points, time_step: float, speed: float) -> None:
     """Find the points that may touch the pedestal, z = 0, at the end of the next step.
 
     Parameters
@@ -48,7 +48,7 @@ def find(body: Body, rock: Motion, points: Points, time_step: float, speed: floa
 
 
 @compiled
-def _gather(body: Body, rock: Motion, points: Points, near: float) -> None:
+def _gather(body: Body, rock: RockState, points: Points, near: float) -> None:
     """Corners lower than ``near`` [m]."""
     corners, number = body.points, 0
     a, b, c = rock.rotation[2, 0], rock.rotation[2, 1], rock.rotation[2, 2]
@@ -62,7 +62,7 @@ def _gather(body: Body, rock: Motion, points: Points, near: float) -> None:
 
 
 @compiled
-def _lowest_of_sphere(body: Body, rock: Motion, point: Points) -> None:
+def _lowest_of_sphere(body: Body, rock: RockState, point: Point) -> None:
     point.key = 0
     point.lever[0] = point.lever[1] = 0.0
     point.lever[2] = -body.radius
@@ -72,6 +72,6 @@ def _lowest_of_sphere(body: Body, rock: Motion, point: Points) -> None:
 
 
 @compiled
-def _level(point: Points) -> None:
+def _level(point: Point) -> None:
     point.normal[0] = point.normal[1] = 0.0
     point.normal[2] = 1.0

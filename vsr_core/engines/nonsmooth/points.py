@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 
 from vsr_core.arrays import Array
-from vsr_core.engines.nonsmooth.body import Points
-from vsr_core.engines.nonsmooth.compiling import compiled
-from vsr_core.engines.nonsmooth.vectors import cross
+from vsr_core.compiled.compiling import compiled
+from vsr_core.compiled.vectors import cross
+from vsr_core.engines.nonsmooth.body import Point
 
 OPEN, GRIPS, SLIDES = 0, 1, 2
 """States of a point."""
 
 
 @compiled
-def excess(point: Points, k: int, velocity: Array) -> float:
+def excess(point: Point, k: int, velocity: Array) -> float:
     """Velocity of a point less the one wanted, along the normal or a tangent.
 
     Parameters
@@ -39,7 +39,7 @@ def excess(point: Points, k: int, velocity: Array) -> float:
 
 
 @compiled
-def add_impulse(point: Points, share: float, velocity: Array) -> None:
+def add_impulse(point: Point, share: float, velocity: Array) -> None:
     """Add to a velocity what a share of the impulse of a point does.
 
     Parameters

@@ -27,11 +27,11 @@ from __future__ import annotations
 import math
 
 from vsr_core.arrays import Array
-from vsr_core.engines.nonsmooth.body import Body, Motion, Points
-from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.compiled.compiling import compiled
+from vsr_core.compiled.vectors import assign
+from vsr_core.engines.nonsmooth.body import Body, Points, RockState
 from vsr_core.engines.nonsmooth.impulses import solve
 from vsr_core.engines.nonsmooth.sweeps import begin
-from vsr_core.engines.nonsmooth.vectors import assign
 
 TRIES = 8
 """Rebounds that are tried, at most; then there is none."""
@@ -42,14 +42,14 @@ between gripping and sliding on the way."""
 
 
 @compiled
-def hold_back(body: Body, rock: Motion, points: Points, rounds: int, tolerance: float) -> None:
+def hold_back(body: Body, rock: RockState, points: Points, rounds: int, tolerance: float) -> None:
     """Slow all rebounds of a step until they give back no more energy than they may.
 
     All of the impact is solved at the place where the step begins.
 
     Parameters
     ----------
-    rock : record of ``MOTION``, with the velocity before the impact in ``approach``
+    rock : RockState, with the velocity before the impact in ``approach``
     rounds : int, in the search for the impulses, at most
     tolerance : float [m/s], error allowed of the velocity of a point
     """
@@ -76,7 +76,7 @@ def hold_back(body: Body, rock: Motion, points: Points, rounds: int, tolerance: 
 
 
 @compiled
-def repay(body: Body, rock: Motion, points: Points, rounds: int, tolerance: float) -> None:
+def repay(body: Body, rock: RockState, points: Points, rounds: int, tolerance: float) -> None:
     """Have the impulses of a step give no more energy than those of the step before took.
 
     Otherwise the velocity is that between the one found and the one without rebounds which gives
@@ -109,7 +109,7 @@ def repay(body: Body, rock: Motion, points: Points, rounds: int, tolerance: floa
 
 
 @compiled
-def _work(rock: Motion, points: Points) -> float:
+def _work(rock: RockState, points: Points) -> float:
     """Work of all impulses of a step [m^2/s^2].
 
     What pushes the rock does so half before and half after them.
@@ -127,7 +127,7 @@ def _work(rock: Motion, points: Points) -> float:
 
 
 @compiled
-def _any_leaves(rock: Motion, points: Points) -> bool:
+def _any_leaves(rock: RockState, points: Points) -> bool:
     fastest = 0.0
     for at in range(rock.active):
         fastest = max(fastest, points[points[at].active].leaving)
@@ -135,7 +135,7 @@ def _any_leaves(rock: Motion, points: Points) -> bool:
 
 
 @compiled
-def _set_aside(rock: Motion, points: Points) -> None:
+def _set_aside(rock: RockState, points: Points) -> None:
     assign(rock.set_aside[0], rock.free)
     assign(rock.set_aside[1], rock.velocity)
     for at in range(rock.active):
@@ -144,7 +144,7 @@ def _set_aside(rock: Motion, points: Points) -> None:
 
 
 @compiled
-def _restore(rock: Motion, points: Points) -> None:
+def _restore(rock: RockState, points: Points) -> None:
     assign(rock.free, rock.set_aside[0])
     assign(rock.velocity, rock.set_aside[1])
     for at in range(rock.active):
@@ -154,7 +154,7 @@ def _restore(rock: Motion, points: Points) -> None:
 
 @compiled
 def _hit(
-    body: Body, rock: Motion, points: Points, share: float, rounds: int, tolerance: float
+    body: Body, rock: RockState, points: Points, share: float, rounds: int, tolerance: float
 ) -> float:
     """Energy per mass [m^2/s^2] after an impact with a share of its rebound."""
     for at in range(rock.active):
@@ -166,7 +166,7 @@ def _hit(
 
 
 @compiled
-def _energy(rock: Motion, velocity: Array) -> float:
+def _energy(rock: RockState, velocity: Array) -> float:
     inertia, twice = rock.inertia, 0.0
     for k in range(3):
         twice += velocity[k] * velocity[k]
@@ -176,7 +176,7 @@ def _energy(rock: Motion, velocity: Array) -> float:
 
 
 @compiled
-def _part(rock: Motion, excess: float, given: float) -> float:
+def _part(rock: RockState, excess: float, given: float) -> float:
     """Part of the way from the velocity without rebound to this at which energy is ``given``.
 
     Energy is quadratic on the way, and ``excess`` [m^2/s^2] at its end.
@@ -192,7 +192,7 @@ def _part(rock: Motion, excess: float, given: float) -> float:
 
 
 @compiled
-def _slow(rock: Motion, points: Points, share: float) -> None:
+def _slow(rock: RockState, points: Points, share: float) -> None:
     """Have all points leave with a share of their speed, in this step and in the next."""
     for at in range(rock.active):
         point = points[points[at].active]

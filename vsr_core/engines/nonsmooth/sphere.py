@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from vsr_core.engines.nonsmooth.body import Motion, Points
-from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.compiled.compiling import compiled
+from vsr_core.engines.nonsmooth.body import Point, RockState
 from vsr_core.engines.nonsmooth.pairs import add
 from vsr_core.engines.nonsmooth.tree import Ground
 
@@ -20,7 +20,7 @@ CONE = 1e-9
 
 
 @compiled
-def gather_sphere(ground: Ground, rock: Motion, radius: float, near: float) -> None:
+def gather_sphere(ground: Ground, rock: RockState, radius: float, near: float) -> None:
     """List the features that a sphere may touch before it has moved by ``near``.
 
     Parameters
@@ -48,8 +48,8 @@ def gather_sphere(ground: Ground, rock: Motion, radius: float, near: float) -> N
 @compiled
 def touch_sphere(
     ground: Ground,
-    rock: Motion,
-    point: Points,
+    rock: RockState,
+    point: Point,
     kind: int,
     number: int,
     time_step: float,
@@ -104,7 +104,7 @@ def touch_sphere(
 
 @compiled
 def _meets(
-    point: Points, x: float, y: float, z: float, gap: float, ahead: float, radius: float
+    point: Point, x: float, y: float, z: float, gap: float, ahead: float, radius: float
 ) -> float:
     if gap > ahead or gap < -0.5 * radius:
         return TINY
@@ -117,8 +117,8 @@ def _meets(
 @compiled
 def _face(
     ground: Ground,
-    rock: Motion,
-    point: Points,
+    rock: RockState,
+    point: Point,
     number: int,
     time_step: float,
     ahead: float,

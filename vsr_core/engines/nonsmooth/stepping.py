@@ -18,8 +18,9 @@ from __future__ import annotations
 import math
 
 from vsr_core.arrays import Array
-from vsr_core.engines.nonsmooth.body import Body, Motion, Points
-from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.compiled.compiling import compiled
+from vsr_core.compiled.vectors import assign, inertia_turned, matrix, turned
+from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
 from vsr_core.engines.nonsmooth.impulses import solve
 from vsr_core.engines.nonsmooth.landings import (
     LIFTING_SHARE,
@@ -32,7 +33,6 @@ from vsr_core.engines.nonsmooth.landings import (
 )
 from vsr_core.engines.nonsmooth.points import add_impulse
 from vsr_core.engines.nonsmooth.rebounds import hold_back, repay
-from vsr_core.engines.nonsmooth.vectors import assign, inertia_turned, matrix, turned
 
 ROUNDS = 6
 """Rounds of a step, at most: points that the impulses of others close come in by and by."""
@@ -48,7 +48,7 @@ TOUCHING_SHARE = 1e-6
 @compiled
 def step(
     body: Body,
-    rock: Motion,
+    rock: RockState,
     points: Points,
     push: Array,
     time_step: float,
@@ -60,7 +60,7 @@ def step(
 
     Parameters
     ----------
-    points : array of ``POINT``, those found at the place of the rock
+    points : Points, those found at the place of the rock
     push : ndarray, shape (3,) [m/s^2], gravity less the acceleration of the table
     time_step : float [s]
     gravity : float [m/s^2], by which speeds and tolerances are measured
@@ -102,7 +102,7 @@ def step(
 @compiled
 def _bear(
     body: Body,
-    rock: Motion,
+    rock: RockState,
     points: Points,
     time_step: float,
     gravity: float,
@@ -118,7 +118,7 @@ def _bear(
 
 
 @compiled
-def drift(rock: Motion, time: float) -> None:
+def drift(rock: RockState, time: float) -> None:
     """Move and turn a rock by its velocity for a time [s].
 
     Parameters
@@ -142,7 +142,7 @@ def drift(rock: Motion, time: float) -> None:
 
 
 @compiled
-def _free(body: Body, rock: Motion, push: Array, time_step: float) -> None:
+def _free(body: Body, rock: RockState, push: Array, time_step: float) -> None:
     """Velocity at the end of the step without contact, and the inertia in the middle of its path.
 
     The angular momentum stays; the angular velocity follows from the pose half-way along the path,
@@ -176,7 +176,7 @@ def _free(body: Body, rock: Motion, push: Array, time_step: float) -> None:
 
 
 @compiled
-def _bend(rock: Motion, points: Points, time_step: float) -> None:
+def _bend(rock: RockState, points: Points, time_step: float) -> None:
     """Path that points take besides h w x r, by its curvature: h^2/2 w x (w x r)."""
     x, y, z = rock.velocity[3], rock.velocity[4], rock.velocity[5]
     half = 0.5 * time_step * time_step
@@ -190,7 +190,7 @@ def _bend(rock: Motion, points: Points, time_step: float) -> None:
 
 
 @compiled
-def _wanted_anew(rock: Motion, points: Points, time_step: float) -> float:
+def _wanted_anew(rock: RockState, points: Points, time_step: float) -> float:
     """Have active points reckon with ``bend``; the largest change of what is wanted [m/s]."""
     largest = 0.0
     for at in range(rock.active):
@@ -199,7 +199,7 @@ def _wanted_anew(rock: Motion, points: Points, time_step: float) -> float:
 
 
 @compiled
-def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: float) -> bool:
+def _touch(body: Body, rock: RockState, points: Points, time_step: float, gravity: float) -> bool:
     """Make those points active that touch already and would close; whether there are any."""
     rock.active = 0
     touching = TOUCHING_SHARE * body.radius
@@ -231,7 +231,7 @@ def _touch(body: Body, rock: Motion, points: Points, time_step: float, gravity: 
 
 
 @compiled
-def _comes(rock: Motion, point: Points) -> float:
+def _comes(rock: RockState, point: Point) -> float:
     """Speed at which a point approached the ground before the step [m/s]."""
     x, y, z = velocity_at(point, rock.before)
     normal = point.normal
@@ -239,7 +239,7 @@ def _comes(rock: Motion, point: Points) -> float:
 
 
 @compiled
-def _lower(rock: Motion, points: Points, time_step: float) -> bool:
+def _lower(rock: RockState, points: Points, time_step: float) -> bool:
     """No longer lift what is in the ground, as a wedged rock cannot be; whether any was."""
     lifted = False
     for at in range(rock.active):
@@ -252,7 +252,7 @@ def _lower(rock: Motion, points: Points, time_step: float) -> bool:
 
 
 @compiled
-def _kept(rock: Motion, points: Points, key: int) -> int:
+def _kept(rock: RockState, points: Points, key: int) -> int:
     """Place of a point among those of the step before; -1 if it was not active then."""
     for at in range(rock.kept):
         if points[at].kept_key == key:
@@ -261,7 +261,7 @@ def _kept(rock: Motion, points: Points, key: int) -> int:
 
 
 @compiled
-def _carry_over(rock: Motion, points: Points) -> None:
+def _carry_over(rock: RockState, points: Points) -> None:
     """Give the impulses to the angular momentum, and keep them for the next step."""
     momentum = rock.momentum
     rock.kept = rock.active

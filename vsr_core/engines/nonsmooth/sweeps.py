@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 
-from vsr_core.engines.nonsmooth.body import Motion, Points
-from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.compiled.compiling import compiled
+from vsr_core.compiled.vectors import assign
+from vsr_core.engines.nonsmooth.body import Point, Points, RockState
 from vsr_core.engines.nonsmooth.points import add_impulse, excess
-from vsr_core.engines.nonsmooth.vectors import assign
 
 SLIDING_SWEEPS = 6
 """Turns between normal impulse and friction of a sliding point, each time it is looked at."""
 
 
 @compiled
-def begin(rock: Motion, points: Points) -> None:
+def begin(rock: RockState, points: Points) -> None:
     """Take all impulses of active points away."""
     assign(rock.velocity, rock.free)
     for at in range(rock.active):
@@ -22,7 +22,7 @@ def begin(rock: Motion, points: Points) -> None:
 
 
 @compiled
-def save(rock: Motion, points: Points) -> None:
+def save(rock: RockState, points: Points) -> None:
     """Remember all impulses of active points."""
     for at in range(rock.active):
         point = points[points[at].active]
@@ -30,7 +30,7 @@ def save(rock: Motion, points: Points) -> None:
 
 
 @compiled
-def go_back(rock: Motion, points: Points) -> None:
+def go_back(rock: RockState, points: Points) -> None:
     """Go back to the impulses that were saved, and to the velocity that they lead to."""
     assign(rock.velocity, rock.free)
     for at in range(rock.active):
@@ -40,7 +40,7 @@ def go_back(rock: Motion, points: Points) -> None:
 
 
 @compiled
-def sweep_together(rock: Motion, points: Points, friction: float) -> None:
+def sweep_together(rock: RockState, points: Points, friction: float) -> None:
     """Move all impulses toward those that each point alone would need, by equal shares."""
     number = rock.active
     for at in range(number):
@@ -55,7 +55,7 @@ def sweep_together(rock: Motion, points: Points, friction: float) -> None:
 
 
 @compiled
-def sweep(rock: Motion, points: Points, friction: float, most: int, tolerance: float) -> bool:
+def sweep(rock: RockState, points: Points, friction: float, most: int, tolerance: float) -> bool:
     """Solve one point after another (Gauss & Seidel) until none changes; whether that was reached.
 
     Parameters
@@ -75,7 +75,7 @@ def sweep(rock: Motion, points: Points, friction: float, most: int, tolerance: f
 
 
 @compiled
-def _change(rock: Motion, point: Points, p: float, q: float, r: float) -> None:
+def _change(rock: RockState, point: Point, p: float, q: float, r: float) -> None:
     velocity, rows, turning, impulse = rock.velocity, point.rows, point.turning, point.impulse
     for j in range(3):
         velocity[j] += p * rows[0, j] + q * rows[1, j] + r * rows[2, j]
@@ -86,7 +86,7 @@ def _change(rock: Motion, point: Points, p: float, q: float, r: float) -> None:
 
 
 @compiled
-def _alone(rock: Motion, point: Points, friction: float) -> tuple[float, float, float]:
+def _alone(rock: RockState, point: Point, friction: float) -> tuple[float, float, float]:
     """Change of a point's impulse that makes it obey all laws while the others stay."""
     mass = point.mass
     nn, ny, nz, yy, yz, zz = mass[0], mass[1], mass[2], mass[3], mass[4], mass[5]

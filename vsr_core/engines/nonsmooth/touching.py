@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 
 from vsr_core.arrays import Array
-from vsr_core.engines.nonsmooth.body import Motion, Points
-from vsr_core.engines.nonsmooth.compiling import compiled, inlined
+from vsr_core.compiled.compiling import compiled, inlined
+from vsr_core.compiled.vectors import cross
+from vsr_core.engines.nonsmooth.body import Point, RockState
 from vsr_core.engines.nonsmooth.near import SPAN_SHARE
 from vsr_core.engines.nonsmooth.pairs import between, climb
 from vsr_core.engines.nonsmooth.tree import Ground
-from vsr_core.engines.nonsmooth.vectors import cross
 
 DEEPEST = 0.01
 """Depth of a feature in the ground, as a share of the radius, beyond which it is not seen."""
@@ -36,8 +36,8 @@ CONE = 1e-5
 @inlined
 def corner(
     ground: Ground,
-    rock: Motion,
-    point: Points,
+    rock: RockState,
+    point: Point,
     own: int,
     other: int,
     time_step: float,
@@ -49,7 +49,7 @@ def corner(
 
     Parameters
     ----------
-    point : record of ``POINT``, written where they may touch
+    point : Point, written where they may touch
     time_step : float [s]
     ahead : float [m], path of a step
     drop : float [m], by which a face goes on beyond a concave edge
@@ -90,8 +90,8 @@ def corner(
 @inlined
 def vertex(
     ground: Ground,
-    rock: Motion,
-    point: Points,
+    rock: RockState,
+    point: Point,
     at: int,
     other: int,
     time_step: float,
@@ -102,7 +102,7 @@ def vertex(
 
     Parameters
     ----------
-    point : record of ``POINT``, written where they may touch
+    point : Point, written where they may touch
     time_step : float [s]
     ahead : float [m], path of a step
     radius : float [m]
@@ -146,8 +146,9 @@ def vertex(
     i = -(turn[0, 0] * n[0] + turn[0, 1] * n[1] + turn[0, 2] * n[2])
     j = -(turn[1, 0] * n[0] + turn[1, 1] * n[1] + turn[1, 2] * n[2])
     k = -(turn[2, 0] * n[0] + turn[2, 1] * n[1] + turn[2, 2] * n[2])
-    for m in range(vertex.first, vertex.first + vertex.count):
-        along = i * ground.arms[m, 0] + j * ground.arms[m, 1] + k * ground.arms[m, 2]
+    for at_arm in range(vertex.first, vertex.first + vertex.count):
+        arm = ground.arms[at_arm]
+        along = i * arm[0] + j * arm[1] + k * arm[2]
         if along > CONE:
             return TINY
     point.key = 3 * (other * len(ground.shape.planes) + number - ground.own_face) + 1
@@ -162,8 +163,8 @@ def vertex(
 @inlined
 def edges(
     ground: Ground,
-    rock: Motion,
-    point: Points,
+    rock: RockState,
+    point: Point,
     own: int,
     other: int,
     time_step: float,
@@ -174,7 +175,7 @@ def edges(
 
     Parameters
     ----------
-    point : record of ``POINT``, written where they may touch
+    point : Point, written where they may touch
     time_step : float [s]
     ahead : float [m], path of a step
     radius : float [m]
@@ -240,7 +241,7 @@ def _time_to(gap: float, approach: float, time_step: float) -> float:
 
 
 @compiled
-def _moves(rock: Motion, x: float, y: float, z: float) -> tuple[float, float, float]:
+def _moves(rock: RockState, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Velocity of the rock at a lever (x, y, z) [m/s]."""
     v = rock.velocity
     a, b, c = cross(v[3], v[4], v[5], x, y, z)

@@ -9,9 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from vsr_core.arrays import Array, Indices, matrix_product
+from vsr_core.compiled import records
+from vsr_core.compiled.records import Records
 from vsr_core.engines.nonsmooth import features
 from vsr_core.engines.nonsmooth.body import corners_of
-from vsr_core.engines.nonsmooth.features import Features, Records, unit
+from vsr_core.engines.nonsmooth.features import Columns, Edge, Face, Features, Side, Vertex, unit
 from vsr_core.rock.body import Rock
 from vsr_core.rock.hull import convex_hull
 from vsr_core.terrain.surface import Terrain
@@ -25,19 +27,24 @@ MOST_PAIRS = 1 << 14
 MOST_POINTS = 512
 """Points that may touch in one step."""
 
-PAIR = np.dtype([("leaf", int), ("kind", int), ("own", int), ("other", int)])
-"""A feature of the rock and one of the terrain, in a leaf of the tree, that may touch soon."""
 
-SEARCH = np.dtype(
-    [
-        ("reserve", float),  # m, path that the rock may take before leaves are listed anew
-        ("way", float),  # m, longest path of a point of the rock since the start
-        ("leaves", int),  # number of near leaves
-        ("pairs", int),  # number of near pairs
-        ("full", int),  # whether a list was too short
-    ]
-)
-"""State of the search."""
+class Pair:
+    """A feature of the rock and one of the terrain, in a leaf of the tree, that may touch soon."""
+
+    leaf: int
+    kind: int
+    own: int
+    other: int
+
+
+class Search:
+    """State of the search."""
+
+    reserve: float  # m, path that the rock may take before leaves are listed anew
+    way: float  # m, longest path of a point of the rock since the start
+    leaves: int  # number of near leaves
+    pairs: int  # number of near pairs
+    full: int  # whether a list was too short
 
 
 class Tree(NamedTuple):
@@ -106,9 +113,9 @@ class Ground(NamedTuple):
 
     Attributes
     ----------
-    faces, sides, edges : arrays of ``FACE``, ``SIDE``, ``EDGE``
+    faces, sides, edges : Records
         Those of the terrain [m, site's frame], then those of the rock [m, principal axes].
-    vertices, arms : array of ``VERTEX``, and ndarray, shape (n, 3), of the terrain
+    vertices, arms : Records, and ndarray, shape (n, 3), of the terrain
     above : ndarray of int, face of the rock that each vertex was last in front of
     corners : ndarray, shape (c, 3) [m], of the rock
     plates : ndarray, shape (m, 16), normal and offset of each triangle and of its sides
@@ -116,19 +123,19 @@ class Ground(NamedTuple):
     flats, lines : int, flat faces and straight edges of the terrain
     """
 
-    faces: Records
-    sides: Records
-    edges: Records
-    vertices: Records
+    faces: Records[Face]
+    sides: Records[Side]
+    edges: Records[Edge]
+    vertices: Records[Vertex]
     arms: Array
     above: Indices
     corners: Array
     plates: Array
     tree: Tree
     shape: Shape
-    pairs: Records
+    pairs: Records[Pair]
     dues: Array
-    search: Records
+    search: Records[Search]
     own_face: int
     own_edge: int
     flats: int
@@ -148,19 +155,19 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
         faces, sides = np.concatenate([faces, own.faces]), np.concatenate([sides, own.sides])
         edges = np.concatenate([edges, own.edges])
     made = Ground(
-        faces,
-        sides,
-        edges,
-        under.vertices,
+        records.of(Face, faces),
+        records.of(Side, sides),
+        records.of(Edge, edges),
+        records.of(Vertex, under.vertices),
         under.arms,
         np.empty(len(under.vertices), np.int64),
         np.ascontiguousarray(points),
         plates,
         _tree(boxes, links, cones),
         _shape(faces[len(under.faces) :], sides, len(points), edges[len(under.edges) :]),
-        np.zeros(MOST_PAIRS, PAIR),
+        records.rows(Pair, MOST_PAIRS),
         np.zeros(MOST_PAIRS),
-        np.zeros(1, SEARCH),
+        records.rows(Search, 1),
         len(under.faces),
         len(under.edges),
         int(under.faces["flat"].max()) + 1,
@@ -179,13 +186,14 @@ def _tree(boxes: Array, links: Indices, cones: Array) -> Tree:
 
 def forget(ground: Ground) -> None:
     """Have the search begin anew, as at the first start."""
-    ground.search["reserve"], ground.search["way"] = -1.0, 0.0
-    ground.search["leaves"] = ground.search["pairs"] = ground.search["full"] = 0
+    search = ground.search[0]
+    search.reserve, search.way = -1.0, 0.0
+    search.leaves = search.pairs = search.full = 0
     ground.tree.due[:], ground.tree.ways[:], ground.tree.nears[:] = -np.inf, 0.0, 0.0
     ground.tree.hints[:] = ground.above[:] = 0
 
 
-def _shape(faces: Records, sides: Records, points: int, edges: Records) -> Shape:
+def _shape(faces: Columns, sides: Columns, points: int, edges: Columns) -> Shape:
     """Faces of a rock for the search, and room for its corners and edges."""
     most = int(faces["count"].max(initial=1))
     place = faces["first"][:, None] + np.minimum(np.arange(most), faces["count"][:, None] - 1)
@@ -207,7 +215,7 @@ def _shape(faces: Records, sides: Records, points: int, edges: Records) -> Shape
     )
 
 
-def _normals(edges: Records) -> tuple[Array, Array]:
+def _normals(edges: Columns) -> tuple[Array, Array]:
     """Outward normals of the two faces at convex edges."""
     left, right = (np.cross(edges[side], edges["along"]) for side in ("left", "right"))
     # Each face is on the inner side of the other.
@@ -260,7 +268,7 @@ def _sorted(terrain: Terrain) -> tuple[Features, Array, Indices, Array, Array]:
     return under, boxes, links, _cones(under.edges, links), plates
 
 
-def _cones(edges: Records, links: Indices) -> Array:
+def _cones(edges: Columns, links: Indices) -> Array:
     """Cone of the normals at the edges of each leaf; of one leaf after another."""
     cones = np.zeros((len(links), 5))
     cones[:, 2], cones[:, 3] = 1.0, 1.0

@@ -18,18 +18,18 @@ from __future__ import annotations
 import math
 
 from vsr_core.arrays import Array
-from vsr_core.engines.nonsmooth.body import Body, Motion
-from vsr_core.engines.nonsmooth.compiling import compiled
-from vsr_core.engines.nonsmooth.vectors import cross, inertia_turned, product
+from vsr_core.compiled.compiling import compiled
+from vsr_core.compiled.vectors import cross, inertia_turned, product
+from vsr_core.engines.nonsmooth.body import Body, RockState
 
 
 @compiled
-def feel(body: Body, rock: Motion, sample: Array, time_step: float, gravity: float) -> float:
+def feel(body: Body, rock: RockState, sample: Array, time_step: float, gravity: float) -> float:
     """Have a rock feel what a table does in the next step.
 
     Parameters
     ----------
-    rock : record of ``MOTION``; ``push`` is written, the angular momentum changed
+    rock : RockState; ``push`` is written, the angular momentum changed
     sample : ndarray, shape (9,), of ``TableMotion.acceleration``
     time_step : float [s]
     gravity : float [m/s^2]
@@ -58,7 +58,7 @@ def feel(body: Body, rock: Motion, sample: Array, time_step: float, gravity: flo
 
 
 @compiled
-def _turn(body: Body, rock: Motion, w: Array, rate: Array, time_step: float) -> float:
+def _turn(body: Body, rock: RockState, w: Array, rate: Array, time_step: float) -> float:
     """Change the angular momentum; the length of the moment in the metric of the energy."""
     velocity, before, inertia = rock.velocity, rock.before, rock.inertia
     inertia_turned(rock.rotation, body.moments, inertia)

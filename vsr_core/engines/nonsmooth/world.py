@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from copy import copy
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vsr_core.arrays import Array, matrix_product
+from vsr_core.compiled import records
+from vsr_core.compiled.compiling import compiled
+from vsr_core.compiled.vectors import assign, inertia_turned
 from vsr_core.engines.interface import Solver
 from vsr_core.engines.nonsmooth import body as bodies
 from vsr_core.engines.nonsmooth import ground as grounds
 from vsr_core.engines.nonsmooth import plane
-from vsr_core.engines.nonsmooth.body import Body, Motion, Points
-from vsr_core.engines.nonsmooth.compiling import compiled
+from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
 from vsr_core.engines.nonsmooth.stepping import drift, step
 from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
 from vsr_core.engines.nonsmooth.turning import feel
-from vsr_core.engines.nonsmooth.vectors import assign, inertia_turned
 from vsr_core.scene import Scene, State, resting
 
 
@@ -34,8 +36,8 @@ class NonsmoothWorld:
         if scene.terrain is not None:
             self._ground, most = ground(scene.rock, scene.terrain), MOST_POINTS
             self._along = math.cos(scene.yaw), -math.sin(scene.yaw)
-        self._points = bodies.points(most)
-        self._motion = bodies.motion()
+        self._points = records.rows(Point, most)
+        self._rock = records.room(RockState)
         self._step, self._substeps, self._solver = time_step, substeps, solver
         self._gravity, self._given = scene.gravity, 0.0
         self._on_ground = scene.pedestal != "none"
@@ -43,8 +45,8 @@ class NonsmoothWorld:
 
     def put(self, state: State) -> None:
         """Have the rock go on from a state."""
-        set_state(self._motion, state, self._axes)
-        begin(self._body, self._motion, self._step)
+        set_state(self._rock, state, self._axes)
+        begin(self._body, self._rock, self._step)
         if self._ground is not None:
             forget(self._ground)
 
@@ -70,15 +72,15 @@ class NonsmoothWorld:
         along = np.ascontiguousarray(acceleration, dtype=np.float64).reshape(-1, 3)
         held = self._substeps, self._step, self._gravity
         effort = self._solver.iterations, self._solver.residual
-        body, rock, points = self._body, self._motion, self._points
+        body, rock, points = self._body, self._rock, self._points
         if self._ground is None:
             advance(body, rock, points, along, *held, self._on_ground, *effort)
         else:
             cos, sin = self._along
             turned = along @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
             advance_on(body, self._ground, rock, points, turned, *held, *effort)
-            if self._ground.search[0]["full"]:
-                rock["place"][:] = math.nan  # a list of what touches was too short
+            if self._ground.search[0].full:
+                rock.place[:] = math.nan  # a list of what touches was too short
 
     def turn(self, samples: Sequence[Sequence[float]] | Array) -> None:
         """Step through a motion that turns the table, one time step a sample.
@@ -90,7 +92,7 @@ class NonsmoothWorld:
         whole = np.ascontiguousarray(samples, dtype=np.float64).reshape(-1, 9)
         held = self._step, self._gravity, self._on_ground
         effort = self._solver.iterations, self._solver.residual
-        given = advance_turning(self._body, self._motion, self._points, whole, *held, *effort)
+        given = advance_turning(self._body, self._rock, self._points, whole, *held, *effort)
         self._given += given
 
     def impulse(self) -> float:
@@ -104,7 +106,7 @@ class NonsmoothWorld:
 
     def state(self) -> State:
         """Present state in SI units."""
-        return state_of(self._motion, self._step, self._axes)
+        return state_of(self._rock, self._step, self._axes)
 
     def contacts(self) -> tuple[int, float]:
         """Number of points that bore the rock in the last step; the deepest in the ground [m].
@@ -114,8 +116,7 @@ class NonsmoothWorld:
         tuple of int and float [m]
         """
         active = self._active()
-        bears = active["impulse"][:, 0] + active["given"][:, 0] > 0.0
-        return int(bears.sum()), max(0.0, -float(active["gap"].min(initial=0.0)))
+        return sum(map(_bears, active)), max(0.0, *(-float(point.gap) for point in active), 0.0)
 
     def footing(self) -> tuple[Array, Array]:
         """Points that bore the rock in the last step, and the way the ground pushed there.
@@ -124,20 +125,25 @@ class NonsmoothWorld:
         -------
         tuple of ndarray, shape (k, 3) [m], and ndarray, shape (k, 3)
         """
-        active = self._active()
-        active = active[active["impulse"][:, 0] + active["given"][:, 0] > 0.0]
-        before = self._motion["place"] - self._step * self._motion["velocity"][:3]
-        return before + active["lever"], active["normal"].copy()
+        bearing = [point for point in self._active() if _bears(point)]
+        before = self._rock.place - self._step * self._rock.velocity[:3]
+        levers = np.array([point.lever for point in bearing]).reshape(-1, 3)
+        return before + levers, np.array([point.normal for point in bearing]).reshape(-1, 3)
 
-    def _active(self) -> Points:
+    def _active(self) -> list[Point]:
         """Points of contact of the last step."""
-        return self._points[self._points["active"][: self._motion["active"]]]
+        return [self._points[self._points[at].active] for at in range(self._rock.active)]
+
+
+def _bears(point: Point) -> bool:
+    """Whether a point of contact bears some of the rock."""
+    return bool(point.impulse[0] + point.given[0] > 0.0)
 
 
 @compiled
 def advance(
     body: Body,
-    rock: Motion,
+    rock: RockState,
     points: Points,
     acceleration: Array,
     substeps: int,
@@ -171,7 +177,7 @@ def advance(
 @compiled
 def advance_turning(
     body: Body,
-    rock: Motion,
+    rock: RockState,
     points: Points,
     samples: Array,
     time_step: float,
@@ -204,7 +210,7 @@ def advance_turning(
 def advance_on(
     body: Body,
     ground: Ground,
-    rock: Motion,
+    rock: RockState,
     points: Points,
     acceleration: Array,
     substeps: int,
@@ -230,7 +236,7 @@ def advance_on(
 
 
 @compiled
-def begin(body: Body, rock: Motion, time_step: float) -> None:
+def begin(body: Body, rock: RockState, time_step: float) -> None:
     """Bring a state told at the start of a step to the middle of its path; forget all contacts.
 
     Parameters
@@ -249,7 +255,7 @@ def begin(body: Body, rock: Motion, time_step: float) -> None:
     drift(rock, 0.5 * time_step)
 
 
-def set_state(motion: Motion, state: State, axes: Array) -> None:
+def set_state(rock: RockState, state: State, axes: Array) -> None:
     """Write a state into the engine's.
 
     Parameters
@@ -258,13 +264,13 @@ def set_state(motion: Motion, state: State, axes: Array) -> None:
     """
     turned = matrix_product(state.rotation, axes)
     x, y, z, w = Rotation.from_matrix(turned).as_quat()
-    motion["place"][:] = state.position
-    motion["quaternion"][:] = w, x, y, z
-    motion["rotation"][:] = turned
-    motion["velocity"][:3], motion["velocity"][3:] = state.velocity, state.angular_velocity
+    rock.place[:] = state.position
+    rock.quaternion[:] = w, x, y, z
+    rock.rotation[:] = turned
+    rock.velocity[:3], rock.velocity[3:] = state.velocity, state.angular_velocity
 
 
-def state_of(motion: Motion, time_step: float, axes: Array) -> State:
+def state_of(rock: RockState, time_step: float, axes: Array) -> State:
     """State now, half a step before the place that the engine knows.
 
     Parameters
@@ -272,7 +278,7 @@ def state_of(motion: Motion, time_step: float, axes: Array) -> State:
     time_step : float [s]
     axes : ndarray, shape (3, 3), principal axes of the rock
     """
-    now = motion.copy()
+    now = copy(rock)
     drift(now, -0.5 * time_step)
-    rotation = matrix_product(now["rotation"], axes.T)
-    return State(now["place"], rotation, now["velocity"][:3], now["velocity"][3:])
+    rotation = matrix_product(now.rotation, axes.T)
+    return State(now.place, rotation, now.velocity[:3], now.velocity[3:])

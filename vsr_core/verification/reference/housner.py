@@ -19,10 +19,10 @@ from scipy.integrate import solve_ivp
 
 from vsr_core.arrays import Array
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.run.rocking_block import Block
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.reference import case
 from vsr_core.verification.reference._run import largest, middles, run, whole
-from vsr_core.verification.rocking_block import Block
 from vsr_core.verification.rocks import GRIPPING, box
 
 SIZE = (1.0, 1.0, 2.0)
@@ -54,7 +54,7 @@ def rocking(block: Block, pulse: CosinePulse, times: Array) -> Array:
     theta'' = -p^2 [sin(s alpha - theta) + (a/g) cos(s alpha - theta)], s the side it leans to, from
     impact to impact and on either side of the pulse's end; rates keep their impact ratio.
     Not for a block that comes to rest, which takes infinitely many impacts. Written apart from
-    ``vsr_core.verification.rocking_block``, as a check on that too.
+    ``vsr_core.run.rocking_block``, as a check on that too.
 
     Parameters
     ----------

@@ -15,19 +15,19 @@ import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.run.boundary_search import halved, verdict
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import barrier
-from vsr_core.scene import Contact, Scene
-from vsr_core.verification.boundary_search import halved, verdict
-from vsr_core.verification.reference import case
-from vsr_core.verification.rocking_block import (
+from vsr_core.run.rocking_block import (
     Block,
     first_overturning_pga,
     slender_overturns,
     slender_pga_without_impact,
 )
+from vsr_core.scene import Contact, Scene
+from vsr_core.verification.reference import case
 from vsr_core.verification.rocks import GRIPPING, box
 
 BLOCKS = (

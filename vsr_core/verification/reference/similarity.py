@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 from functools import cache
 
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Response
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import barrier
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.reference import case
 from vsr_core.verification.rocks import box

@@ -13,8 +13,8 @@ import numpy as np
 
 from vsr_core import GRAVITY, engines
 from vsr_core.rock.body import Rock
+from vsr_core.run.boundary_search import halved
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.boundary_search import halved
 from vsr_core.verification.reference import REBOUNDS, case
 from vsr_core.verification.reference._run import whole
 from vsr_core.verification.rocks import GRIPPING, box, hull, unit

@@ -10,17 +10,17 @@ from vsr_core import GRAVITY, engines
 from vsr_core.arrays import Array
 from vsr_core.engines.interface import World
 from vsr_core.errors import InvalidInput
+from vsr_core.judge.proofs import Barrier, barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock.body import Rock
+from vsr_core.run import rocking_block
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.input_checks import check, check_unshaken
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import Barrier, barrier
+from vsr_core.run.rocking_block import Block
 from vsr_core.scene import Scene, State
-from vsr_core.verification import rocking_block
-from vsr_core.verification.rocking_block import Block
 from vsr_core.verification.rocks import unit, upright
 from vsr_core.verification.stability import Measured
 from vsr_core.verification.tracking import TableHistory, standing_loop, track

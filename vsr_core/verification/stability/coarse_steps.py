@@ -6,8 +6,8 @@ import math
 from functools import partial
 
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.run import rocking_block
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification import rocking_block
 from vsr_core.verification.rocks import GRIPPING, box, leaning, unit
 from vsr_core.verification.stability import Measured, sweep
 from vsr_core.verification.stability._trial import (

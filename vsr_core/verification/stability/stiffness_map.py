@@ -9,9 +9,9 @@ from functools import partial
 from vsr_core import GRAVITY
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome
+from vsr_core.run import rocking_block
 from vsr_core.run.input_checks import longest_step, longest_step_on_springs, softest
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification import rocking_block
 from vsr_core.verification.rocks import GRIPPING, box
 from vsr_core.verification.stability import ExtremeCase, Measured
 from vsr_core.verification.stability._trial import block_of, respond

@@ -18,9 +18,9 @@ from pipeline.drawing.style import FAINT, INK, MARKERS, SERIES, png_uri, styled,
 from pipeline.stages.runs.step_choice import kept
 from pipeline.stages.studies.accuracy.comparison import Place, Record
 from vsr_core.arrays import Array
-from vsr_core.verification import time_step
-from vsr_core.verification.agreement import WORST
-from vsr_core.verification.time_step import Boundary
+from vsr_core.run import time_step
+from vsr_core.run.agreement import WORST
+from vsr_core.run.time_step import Boundary
 from vsr_core.verification.work_precision import Target
 
 _CHOICE = ("time_step", "boundary_error", "boundary_error_worst")

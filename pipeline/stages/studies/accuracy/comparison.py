@@ -25,9 +25,9 @@ from vsr_core import engines
 from vsr_core.errors import InvalidInput
 from vsr_core.outcome import Outcome
 from vsr_core.rock.body import Rock
+from vsr_core.run import time_step as ladder
 from vsr_core.run.cases import Case, Settings
-from vsr_core.verification import peers, reference, sensitivity
-from vsr_core.verification import time_step as ladder
+from vsr_core.verification import other_engines, reference, sensitivity
 from vsr_core.verification.work_precision import Score, Target
 
 MOST_ROWS = 4
@@ -103,7 +103,7 @@ def score_ways(job: Job, study: Study, targets: dict[Place, Target]) -> list[Rec
     case = _case(study, 0.0)
     engine, friction = job.config.engine, job.config.contact.friction[0]
     ways = [("project", name) for name in installed()]
-    ways += [("peer", name) for name in peers.names() if not peers.missing(name)]
+    ways += [("peer", name) for name in other_engines.names() if not other_engines.missing(name)]
     ways += [
         ("sweep", str(number))
         for number, variation in enumerate(sensitivity.variations())
@@ -223,11 +223,11 @@ def run_suite(job: Job) -> list[Record]:
 
 
 def absent_peers() -> list[Record]:
-    """List the peers whose libraries are not installed."""
+    """List the other_engines whose libraries are not installed."""
     return [
-        record("method", peers.load(name).LABEL, note=f"not installed: {', '.join(absent)}")
-        for name in peers.names()
-        if (absent := peers.missing(name))
+        record("method", other_engines.load(name).LABEL, note=f"not installed: {', '.join(absent)}")
+        for name in other_engines.names()
+        if (absent := other_engines.missing(name))
     ]
 
 

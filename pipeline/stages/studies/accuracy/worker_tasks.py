@@ -7,16 +7,14 @@ from typing import Any, NamedTuple
 
 from vsr_core import engines
 from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.run import time_step as ladder
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.overturning import simulate
 from vsr_core.verification import (
-    peers,
+    other_engines,
     reference,
     sensitivity,
     work_precision,
-)
-from vsr_core.verification import (
-    time_step as ladder,
 )
 from vsr_core.verification.work_precision import Score, Target
 
@@ -97,7 +95,7 @@ def _project(case: Case, wanted: Target, settings: Settings, engine: str) -> lis
 
 
 def _peer(case: Case, wanted: Target, settings: Settings, name: str) -> list[Scored]:
-    method = peers.load(name)
+    method = other_engines.load(name)
     found: list[Scored] = []
     for setting in method.SWEEP:
         if found and 2.0 * RUNS_A_ROW * found[-1][1].seconds > BUDGET:

@@ -15,7 +15,7 @@ from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.scene import Scene
-from vsr_core.verification.peers.published_setup import Coefficients, build
+from vsr_core.verification.other_engines.published_setup import Coefficients, build
 
 FILE = "as_printed.nc"
 

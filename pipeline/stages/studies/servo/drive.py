@@ -22,8 +22,8 @@ from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
 from vsr_core.errors import InvalidInput
+from vsr_core.run.boundary_search import Bracket
 from vsr_core.table.servo import check
-from vsr_core.verification.boundary_search import Bracket
 from vsr_core.verification.tracking import TableHistory
 
 FILE, TABLE, PAGE = "drive.nc", "drive.csv", "drive.html"

@@ -15,18 +15,18 @@ from pipeline.stages.motions import record_inputs
 from pipeline.stages.runs.scenes import Scenes, flat_scene, groups
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.stage import Job
+from vsr_core.judge.proofs import Barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.records.recorded_motion import RecordedMotion
 from vsr_core.motions.records.trace import Trace
+from vsr_core.run.boundary_search import Bracket, first_boundary, verdict
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.input_checks import PERIOD_SHARE
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import Barrier
+from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Scene
 from vsr_core.table.servo import PUBLISHED, Servo, spectral_radius
-from vsr_core.verification.boundary_search import Bracket, first_boundary, verdict
-from vsr_core.verification.time_step import step_unit
 from vsr_core.verification.tracking import TableHistory, disturbance, errors, push, synthetic, track
 
 A_PULSE, ROUGH, RECORD = "pulse", "rough motion", "record"

@@ -17,8 +17,8 @@ from pipeline.stages.studies.validation.recorded_tests import Tests
 from pipeline.stages.uncertainty.draws import priors
 from pipeline.workflow.rows import RunRow
 from vsr_core.arrays import Array, Mask
+from vsr_core.judge import proofs
 from vsr_core.outcome import Outcome
-from vsr_core.run import proofs
 from vsr_core.validation import scores
 from vsr_core.validation.calibration import Calibration, calibrate
 from vsr_core.validation.predictors import first_half, logistic

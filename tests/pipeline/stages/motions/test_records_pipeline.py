@@ -173,8 +173,8 @@ def test_runs_are_known_by_samples_not_by_names(folder: Path, tmp_path: Path, ca
 
 
 def test_every_function_that_a_recorded_motion_enters_is_in_its_key(folder: Path) -> None:
+    from vsr_core.judge import proofs
     from vsr_core.rock import solid
-    from vsr_core.run import proofs
     from vsr_core.run.cases import Settings, prepare
     from vsr_core.run.overturning import simulate
     from vsr_core.scene import Contact, Scene

@@ -14,11 +14,11 @@ from conftest import Ran
 from pipeline.stages.motions.table_files import load
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.six_axes import AXES
 from vsr_core.rock import solid
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import barrier
 from vsr_core.scene import Contact, Scene
 
 TIME = np.linspace(0.0, 2.0, 81)

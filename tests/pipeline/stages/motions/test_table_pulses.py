@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsr_core import GRAVITY
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.six_axes import AXES, AxisPulse, AxisPulses
 from vsr_core.rock import solid
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.overturning import simulate
-from vsr_core.run.proofs import barrier
 from vsr_core.scene import Contact, Scene
 
 PULSES = st.lists(

@@ -13,8 +13,8 @@ from pipeline.config.layers import load_site
 from pipeline.stages.mesh.products import Ground
 from pipeline.stages.runs import scenes
 from pipeline.stages.runs.scenes import Scenes
+from vsr_core.judge.proofs import barrier
 from vsr_core.rock import solid
-from vsr_core.run.proofs import barrier
 from vsr_core.scene import State
 
 ROCK = solid.box((0.3, 0.3, 0.6), 2000.0).rock

@@ -18,9 +18,9 @@ from pipeline.stages.runs.scenes import Scenes
 from pipeline.workflow.datasets import read
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY
+from vsr_core.judge.proofs import barrier
 from vsr_core.rock import solid
-from vsr_core.run.proofs import barrier
-from vsr_core.verification.rocking_block import Block, first_overturning_pga
+from vsr_core.run.rocking_block import Block, first_overturning_pga
 
 GRID = """
 motion: {pga: [0.01, 0.02], pgv_pga: 0.3}
@@ -58,7 +58,7 @@ def test_code_of_terrains_decides_no_time_step(
     before = step_choice._names(scenes)
     edit_function("vsr_core/run/displacement.py", "displace", "str(1)")
     assert step_choice._names(scenes) == before
-    edit_function("vsr_core/run/proofs.py", "cannot_topple", "str(1)")
+    edit_function("vsr_core/judge/proofs.py", "cannot_topple", "str(1)")
     assert step_choice._names(scenes) != before
 
 

@@ -12,8 +12,8 @@ from pipeline.config.layers import load_site
 from pipeline.stages.reports import report_tables
 from pipeline.stages.reports.report import GAINS
 from pipeline.stages.runs import scenes
+from vsr_core.judge import proofs
 from vsr_core.rock.body import Rock
-from vsr_core.run import proofs
 from vsr_core.run.cases import prepare
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
@@ -76,15 +76,15 @@ def test_a_run_is_left_out_or_starts_late_and_each_row_undoes_its_own(rock: Rock
 def test_one_step_a_sample_is_more_samples_of_the_same_motion(rock: Rock) -> None:
     run = reductions.cells(rock, 1)[0]
     grids = []
-    sampling = reductions.overturning_rules.sampling
+    sampling = reductions.overturning.sampling
     with reductions.patched(
-        reductions.overturning_rules,
+        reductions.overturning,
         "sampling",
         lambda *given: grids.append(sampling(*given)) or grids[-1],
     ):
         simulate(run.case, run.motion, run.settings)
     with reductions.singly():
-        single = reductions.overturning_rules.sampling(run.motion, None, run.settings.time_step, 9)
+        single = reductions.overturning.sampling(run.motion, None, run.settings.time_step, 9)
     assert grids[0].substeps > 1
     assert single.substeps == 1
     np.testing.assert_allclose(

@@ -14,9 +14,9 @@ from pipeline.stages.motions.motion_grid import Pulses, Shaking, ShapedPulses, T
 from pipeline.stages.uncertainty import ensemble
 from pipeline.stages.uncertainty.draws import Draw
 from pipeline.workflow.stage import Job
+from vsr_core.judge.proofs import barrier
 from vsr_core.rock.solid import block
 from vsr_core.run.cases import Settings
-from vsr_core.run.proofs import barrier
 from vsr_core.validation.priors import Priors, best_guess
 
 PGA, RATIO = (0.2, 0.39, 0.41, 0.6), (0.1, 0.4)

@@ -12,17 +12,17 @@ import trimesh
 
 from vsr_core import GRAVITY, engines
 from vsr_core.errors import InvalidInput
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.run import overturning
+from vsr_core.run.agreement import rocking_block
 from vsr_core.run.cases import Case, Settings, prepare
-from vsr_core.run.proofs import barrier
+from vsr_core.run.rocking_block import rocking_response
 from vsr_core.scene import Contact, Scene
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.table import servo
-from vsr_core.verification.agreement import rocking_block
-from vsr_core.verification.rocking_block import rocking_response
 from vsr_core.verification.rocks import box, frustum, upright
 from vsr_core.verification.stability import coarse_steps
 

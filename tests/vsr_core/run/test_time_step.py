@@ -1,0 +1,326 @@
+"""The time step that the scene itself asks for: what is measured, and what is chosen from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.sliding import rigid_plastic_slip
+
+from vsr_core import GRAVITY
+from vsr_core.engines import load
+from vsr_core.judge import proofs
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.outcome import DecidedBy, Outcome, Response
+from vsr_core.rock import solid
+from vsr_core.run import time_step
+from vsr_core.run.agreement import OFFSETS, WORST, rocking_block
+from vsr_core.run.cases import Case, Settings, prepare
+from vsr_core.run.rocking_block import Block, rocking_response
+from vsr_core.run.time_step import (
+    Boundary,
+    Front,
+    Row,
+    choose,
+    enough,
+    front,
+    lots,
+    measure,
+)
+from vsr_core.scene import Contact, Scene
+from vsr_core.table import servo
+from vsr_core.verification import work_precision
+from vsr_core.verification.work_precision import Score, Target
+
+
+def box(size: tuple[float, float, float], contact: Contact, yaw: float = 0.0) -> Case:
+    rock = solid.box(size, 2110.0).rock
+    return prepare(Scene(rock, contact, yaw), proofs.barrier(rock), reduce=True)
+
+
+SLENDER = box((1.0, 1.0, 3.0), Contact(0.6))
+
+LADDER = load("bullet").LADDER
+SHARES = LADDER.shares
+
+
+def hull(still: float) -> Case:
+    """A case that no equation answers; ``still`` [m/s^2] is what it bears for certain."""
+    shapes = replace(SLENDER.full.rock, shape="hull")
+    return replace(SLENDER, full=replace(SLENDER.full, rock=shapes), static_limits=(-still, still))
+
+
+def ending(outcome: Outcome) -> Response:
+    return Response(outcome, DecidedBy.SIMULATION, 0.0, 0.0, 0.0, 5)
+
+
+def test_error_stated_holds_on_pulses_that_were_not_tried() -> None:
+    """Beyond the error of a step, up to its window, every outcome is Housner's."""
+    ratio = time_step.periods(SLENDER.full.rock)[0]
+    row = measure(SLENDER, ratio, Settings(1.0))
+    assert row.exact
+    block = Block(0.5, 1.5)
+    rng = np.random.default_rng(3)
+    checked = 0
+    for share, error in zip(SHARES, row.error, strict=True):
+        settings = Settings(share * time_step.step_unit(SLENDER.full.rock))
+        test = work_precision.project(SLENDER, settings)
+        for offset in rng.uniform(error, 0.08, 4) * rng.choice((-1.0, 1.0), 4):
+            pga = row.reference * (1.0 + offset)
+            checked += 1
+            assert test(CosinePulse(pga, ratio)) is rocking_response(block, pga, ratio).overturned
+    assert checked == 4 * len(SHARES)
+
+
+@pytest.mark.parametrize("bias", [-0.02, 0.02])
+def test_a_biased_simulation_is_found_out(monkeypatch: pytest.MonkeyPatch, bias: float) -> None:
+    """Pulses that arrive 2 % too strong or weak: an error of about 2 % that no step removes."""
+    honest = time_step.simulate
+
+    def biased(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        return honest(case, replace(motion, pga=motion.pga * (1.0 + bias)), settings)
+
+    monkeypatch.setattr(time_step, "simulate", biased)
+    row = measure(SLENDER, time_step.periods(SLENDER.full.rock)[0], Settings(1.0))
+    fine = row.error[np.array(SHARES) <= 0.004]
+    assert ((fine >= 0.015) & (fine <= 0.03)).all()
+
+
+def test_a_simulation_without_verdicts_is_never_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost = Response(Outcome.UNSTABLE, DecidedBy.SIMULATION, math.nan, math.nan, math.nan, 7)
+    monkeypatch.setattr(time_step, "simulate", lambda *arguments: lost)
+    row = measure(SLENDER, 0.2, Settings(1.0))
+    assert (row.error == WORST).all()
+
+
+def test_where_the_reference_changes_its_mind_either_outcome_passes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A hull whose finer runs differ between 10 and 10.5 m/s^2: coarse steps may say either."""
+    case = hull(5.0)
+    unit = time_step.step_unit(case.full.rock)
+
+    def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        share = settings.time_step / unit
+        second = math.isclose(share, LADDER.second)
+        limit = 10.5 if second else 10.2 if share > 0.01 else 10.0
+        return ending(Outcome.OVERTURNED if motion.pga > limit else Outcome.BALANCED)
+
+    monkeypatch.setattr(time_step, "simulate", fake)
+    row = measure(case, 0.3, Settings(1.0))
+    assert not row.exact
+    assert row.reference == pytest.approx(10.0, rel=0.002)
+    assert (row.error == OFFSETS[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("case", "expected"),
+    [
+        (SLENDER, Block(0.5, 1.5)),
+        (box((1.0, 2.0, 3.0), Contact(0.8), math.pi / 2), Block(1.0, 1.5)),
+        (box((1.0, 2.0, 3.0), Contact(0.8), math.pi), Block(0.5, 1.5)),
+        (box((1.0, 1.0, 3.0), Contact(0.6), 0.3), None),
+        (box((1.0, 1.0, 2.0), Contact(0.5)), None),
+        (box((2.0, 1.0, 2.0), Contact(5.0)), None),
+        (box((1.0, 1.0, 3.0), Contact(0.6, 0.2)), None),
+        (box((1.0, 1.0, 3.0), Contact(0.6, 0.0, 0.01)), None),
+    ],
+)
+def test_housners_block_is_the_reference_only_where_it_applies(
+    case: Case, expected: Block | None
+) -> None:
+    assert rocking_block(case) == expected
+
+
+def test_housners_block_is_no_reference_for_a_servo() -> None:
+    full = replace(SLENDER.full, drive=servo.PUBLISHED)
+    assert rocking_block(replace(SLENDER, full=full)) is None
+
+
+def test_a_squat_block_is_displaced_where_a_sliding_mass_is() -> None:
+    """It topples at no PGA; from a tenth of its radius on it is displaced: a mass on a plane."""
+    case, friction, ratio = box((2.0, 2.0, 0.5), Contact(0.3)), 0.3, 0.2
+    limit = 0.1 * math.sqrt(1.0 + 1.0 + 0.0625)
+    low, high = friction * GRAVITY, 2.0 * GRAVITY
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        slid = rigid_plastic_slip(CosinePulse(middle, ratio), friction) > limit
+        low, high = (low, middle) if slid else (middle, high)
+    settings = Settings(math.nan, engine="nonsmooth")
+    row = measure(case, ratio, settings, Boundary.DISPLACED)
+    assert row.reference == pytest.approx(low, rel=0.01)
+    assert row.error[-1] <= 0.01
+    toppled = measure(case, ratio, settings)
+    assert toppled.reference == math.inf
+    assert np.isnan(toppled.error).all()
+
+
+def test_rows_that_are_tried_in_turn() -> None:
+    """Longer pulses and ways between before displacement, which has the usual rows again."""
+    rock = hull(5.0).full.rock
+    usual, more, displaced = lots(rock)
+    assert [place[:2] for place in displaced] == [place[:2] for place in usual]
+    assert {place.boundary for place in (*usual, *more)} == {Boundary.TOPPLED}
+    assert {place.boundary for place in displaced} == {Boundary.DISPLACED}
+    assert min(place.pgv_pga for place in more) > max(place.pgv_pga for place in usual)
+    assert not {place.yaw for place in more} & {place.yaw for place in usual}
+
+
+def test_two_rows_are_not_enough_for_an_error() -> None:
+    nothing = np.full(len(SHARES), math.nan)
+    rows = [Row(0.3, 5.0, False, nothing, nothing)] * 2 + [
+        Row(0.3, none, False, nothing, nothing) for none in (math.inf, math.nan)
+    ]
+    assert not enough(rows)
+    assert enough([*rows, rows[0]])
+    error = np.full((4, len(SHARES)), 0.001)
+    error[2:] = math.nan
+    assert np.isnan(front(SHARES, error, error).error).all()
+    error[2] = 0.001
+    assert (front(SHARES, error, error).error == 0.001).all()
+
+
+def test_front_keeps_what_four_rows_in_five_keep() -> None:
+    error = np.outer([1.0, 2.0, 3.0, 4.0, 50.0, math.nan], np.linspace(2.0, 1.0, len(SHARES)))
+    steps = np.outer([1.0, 1.0, 1.0, 3.0, 4.0, math.nan], np.arange(len(SHARES)) + 1.0)
+    found = front(SHARES, error, steps)
+    assert found.error == pytest.approx(np.linspace(8.0, 4.0, len(SHARES)))
+    assert found.worst == pytest.approx(np.linspace(100.0, 50.0, len(SHARES)))
+    assert found.steps == pytest.approx(2.0 * (np.arange(len(SHARES)) + 1.0))
+
+
+@pytest.mark.parametrize(
+    ("error", "tolerance", "step", "within"),
+    [
+        ((0.08, 0.04, 0.02, 0.01), 0.04, 4.0, True),
+        ((0.08, 0.04, 0.02, 0.01), 0.02, 2.0, True),
+        ((0.01, 0.04, 0.02, 0.01), 0.02, 2.0, True),  # good by luck above a bad one
+        ((0.08, 0.04, 0.02, 0.01), 0.005, 1.0, False),
+    ],
+)
+def test_choice_is_the_coarsest_from_which_on_all_keep_the_tolerance(
+    error: tuple[float, ...], tolerance: float, step: float, within: bool
+) -> None:
+    chosen = choose(front_of(*error), UNKNOWN, tolerance, 0.5, 99.0)
+    assert chosen.within is within
+    assert chosen.time_step == 0.5 * step
+    assert chosen.error == error[TRIED.index(step)]
+    assert math.isnan(chosen.displaced)
+
+
+TRIED = [8.0, 4.0, 2.0, 1.0]
+
+
+def front_of(*error: float) -> Front:
+    return Front(np.array(TRIED), np.array(error), np.array(error), np.array(TRIED))
+
+
+UNKNOWN = front_of(*[math.nan] * 4)
+
+
+def test_where_nothing_was_measured_the_step_is_the_finest_and_nothing_is_claimed() -> None:
+    chosen = choose(UNKNOWN, UNKNOWN, 0.5, 0.5, 99.0)
+    assert chosen.time_step == 0.5 * TRIED[-1]
+    assert not chosen.within
+    assert math.isnan(chosen.error)
+    assert math.isnan(chosen.displaced)
+
+
+def test_displacement_stands_in_for_toppling_and_is_not_taken_for_it() -> None:
+    """With both, the coarsest step is that at which both are right."""
+    slid = front_of(0.08, 0.02, 0.01, 0.01)
+    chosen = choose(UNKNOWN, slid, 0.02, 0.5, 99.0)
+    assert (chosen.time_step, chosen.displaced, chosen.within) == (2.0, 0.02, True)
+    assert math.isnan(chosen.error)
+    chosen = choose(front_of(0.01, 0.01, 0.04, 0.01), slid, 0.02, 0.5, 99.0)
+    assert (chosen.time_step, chosen.error, chosen.displaced) == (0.5, 0.01, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "step", "within"),
+    [(0.02, 8.0, True), (0.01, 4.0, True), (0.005, 2.0, True), (0.001, 1.0, False)],
+)
+def test_the_longest_step_goes_with_the_tolerance(
+    tolerance: float, step: float, within: bool
+) -> None:
+    """It is 2.4 s for 1 % here: steps of 4, 2, 1 and 0.5 s are tried. 0.24 s is none of them."""
+    chosen = choose(front_of(*[0.001] * 4), UNKNOWN, tolerance, 0.5, 2.4)
+    assert (chosen.time_step, chosen.within) == (0.5 * step, within)
+
+
+def test_doubled_tolerance_is_cheaper() -> None:
+    rows = [measure(SLENDER, r, Settings(1.0)) for r in time_step.periods(SLENDER.full.rock)]
+    error, steps = (np.array([getattr(r, what) for r in rows]) for what in ("error", "steps"))
+    measured, nothing = front(SHARES, error, steps), front(SHARES, error[:0], steps[:0])
+    unit = time_step.step_unit(SLENDER.full.rock)
+    rock = SLENDER.full.rock
+    steps = [
+        choose(measured, nothing, wanted, unit, time_step.longest(rock, "bullet")).time_step
+        for wanted in (0.005, 0.01, 0.02)
+    ]
+    assert steps == sorted(steps)
+    assert steps[2] >= 1.5 * steps[1] >= 1.5 * steps[0]
+
+
+def test_score_of_a_way_of_running_against_a_target() -> None:
+    """A way that is right from 1.5 % on above the boundary, and everywhere below it."""
+    passing = {
+        10.0 * (1.0 + side * offset): frozenset({side > 0.0})
+        for offset in OFFSETS
+        for side in (-1.0, 1.0)
+    }
+    wanted = Target(0.3, 10.0, True, 0.0, passing)
+    found = work_precision.score(lambda pulse: pulse.pga > 10.12, wanted)
+    assert found.error == 0.015
+    assert found.lost == 0
+    assert found.seconds >= 0.0
+    diverging = work_precision.score(lambda pulse: None, wanted)
+    assert diverging == Score(WORST, diverging.seconds, diverging.lost)
+    assert diverging.lost > 0
+
+
+def test_target_of_a_block_is_housners_equation() -> None:
+    wanted = work_precision.target(SLENDER, 0.2, ())
+    assert wanted.exact
+    assert len(wanted.passing) == 2 * len(OFFSETS)
+    block = Block(0.5, 1.5)
+    for pga, passing in wanted.passing.items():
+        assert passing == {rocking_response(block, pga, 0.2).overturned}
+    assert wanted.boundary / GRAVITY == pytest.approx(0.52, abs=0.01)  # Housner, 1x1x3 m at 0.20 s
+
+
+@pytest.mark.parametrize("lost", [Outcome.UNSETTLED, Outcome.UNSTABLE, Outcome.CRASHED])
+def test_runs_without_verdicts_are_not_right_for_being_as_lost_as_the_reference(
+    monkeypatch: pytest.MonkeyPatch, lost: Outcome
+) -> None:
+    monkeypatch.setattr(time_step, "simulate", lambda *arguments: ending(lost))
+    assert (measure(hull(5.0), 0.3, Settings(1.0)).error == WORST).all()
+
+
+def test_target_of_two_engines_is_what_both_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They topple from 10 and 10.4 m/s^2 on: 10.2 on average, and no answer between them."""
+    limits = {"bullet": 10.0, "mujoco": 10.4}
+
+    def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        over = motion.pga > limits[settings.engine]
+        return ending(Outcome.OVERTURNED if over else Outcome.DISPLACED)
+
+    monkeypatch.setattr(work_precision, "simulate", fake)
+    wanted = work_precision.target(hull(5.0), 0.3, ("bullet", "mujoco"))
+    assert not wanted.exact
+    assert wanted.boundary == pytest.approx(10.2, rel=0.002)
+    assert wanted.spread == pytest.approx(0.4 / 10.2, abs=0.004)
+    assert len(wanted.passing) == 2 * len(OFFSETS)
+    for pga, passing in wanted.passing.items():
+        assert passing == ({pga > 10.4} if abs(pga - 10.2) > 0.2 else {True, False})
+    assert work_precision.score(lambda pulse: pulse.pga > 10.2, wanted).error == OFFSETS[0]
+    assert work_precision.score(lambda pulse: None, wanted).error == WORST
+
+
+def test_no_target_where_nothing_topples_the_rock(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(work_precision, "simulate", lambda *arguments: ending(Outcome.BALANCED))
+    wanted = work_precision.target(hull(5.0), 0.3, ("bullet", "mujoco"))
+    assert math.isnan(wanted.boundary)
+    assert wanted.passing == {}

@@ -1,0 +1,301 @@
+"""Error of the overturning boundary against the time step, measured on the scene itself.
+
+A row is one direction and one PGV/PGA. The reference is Housner's equation where a box rocks on an
+edge, else the same scene at the reference step of the engine's ladder. Every step of the ladder is
+compared with it. A pulse on which the reference itself changes its mind with its step has no right
+answer, and either outcome passes.
+
+Where too few rows topple, longer pulses and directions between are tried, and then the boundary
+from which on the rock is displaced. Where too few have that, too, nothing is said of the error.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from vsr_core import GRAVITY
+from vsr_core.arrays import Array
+from vsr_core.engines import load
+from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.outcome import Outcome
+from vsr_core.rock.body import Rock
+from vsr_core.run.agreement import agrees_from, answer, by_references
+from vsr_core.run.boundary_search import left_its_place, verdict
+from vsr_core.run.cases import Case, Settings
+from vsr_core.run.input_checks import longest_step
+from vsr_core.run.overturning import simulate
+from vsr_core.scene import Contact, Scene
+
+BOX_PERIODS, HULL_PERIODS = (0.45, 0.6, 0.75), (0.45, 0.9)
+"""PGV/PGA of the rows in units of sqrt(radius / g). Housner's block topples there after at most
+three impacts; longer pulses rock it until the smallest difference decides."""
+
+LONGER_PERIODS = (1.2, 1.8)
+"""PGV/PGA of more rows where those topple nothing, in the same units."""
+
+ENOUGH = 3
+"""Rows with a reference that an error is stated from: fewer say little of the others."""
+
+KEPT_BY = 0.8
+"""Share of the rows that keep the error stated. The others are those where many impacts decide:
+there the outcome changes with the last digit, at any step."""
+
+
+class Boundary(IntEnum):
+    """What a rock does from the boundary of a row on."""
+
+    TOPPLED = 0
+    DISPLACED = 1
+    """Its base slides further than a balanced rock's may, or it topples."""
+
+
+class Place(NamedTuple):
+    """A row before it is measured.
+
+    Attributes
+    ----------
+    yaw : float [rad]
+    pgv_pga : float [s]
+    """
+
+    yaw: float
+    pgv_pga: float
+    boundary: Boundary
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was measured on one direction and one PGV/PGA.
+
+    Attributes
+    ----------
+    pgv_pga : float [s]
+    reference : float [m/s^2], the boundary at the reference; infinite if no pulse gets there
+    exact : bool, whether the reference is Housner's equation
+    error : ndarray, shape (k,), relative: no run further from the boundary differs
+    steps : ndarray, shape (k,), mean time steps of a run
+    """
+
+    pgv_pga: float
+    reference: float
+    exact: bool
+    error: Array
+    steps: Array
+
+
+@dataclass(frozen=True)
+class Front:
+    """Error against time step of a scene.
+
+    Attributes
+    ----------
+    shares : ndarray, shape (k,), time steps in units of sqrt(radius / g), falling
+    error : ndarray, shape (k,), relative error of the boundary that ``KEPT_BY`` of the rows keep
+    worst : ndarray, shape (k,), the largest of them; nan, as all but ``shares``, where fewer than
+        ``ENOUGH`` rows have a reference
+    steps : ndarray, shape (k,), mean time steps of a run near the boundary
+    """
+
+    shares: Array
+    error: Array
+    worst: Array
+    steps: Array
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A time step and what is known of its error.
+
+    Attributes
+    ----------
+    time_step : float [s]
+    error : float, relative error of the overturning boundary at that step, kept by ``KEPT_BY`` of
+        the rows; nan where it was not measured
+    worst : float, the largest among the rows measured
+    displaced : float, as ``error`` of the boundary from which on the rock is displaced
+    within : bool, whether an error was measured, and what was is within the tolerance asked for
+    """
+
+    time_step: float
+    error: float
+    worst: float
+    displaced: float
+    within: bool
+
+
+def directions(rock: Rock) -> tuple[float, ...]:
+    """Yaws of the rows of a rock [rad]: the faces of a box, four quarters of any other.
+
+    Returns
+    -------
+    tuple of float [rad]
+    """
+    if rock.shape != "box":
+        return (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
+    half_x, half_y, _ = np.abs(rock.vertices).max(axis=0)
+    return (0.0,) if half_x == half_y else (0.0, 0.5 * math.pi)
+
+
+def periods(rock: Rock) -> tuple[float, ...]:
+    """PGV/PGA of the rows of a rock [s].
+
+    Returns
+    -------
+    tuple of float [s]
+    """
+    unit = step_unit(rock)
+    return tuple(unit * x for x in (BOX_PERIODS if rock.shape == "box" else HULL_PERIODS))
+
+
+def lots(rock: Rock) -> tuple[tuple[Place, ...], ...]:
+    """List the rows of a rock; a lot is measured where those before it have too few references.
+
+    Returns
+    -------
+    tuple of tuple of Place
+        The usual rows; those of longer pulses, between the directions unless the rock is a box; the
+        usual ones again, of displacement.
+    """
+    ways, unit = directions(rock), step_unit(rock)
+    between = ways if rock.shape == "box" else tuple(way + 0.25 * math.pi for way in ways)
+    longer = tuple(unit * x for x in LONGER_PERIODS)
+    toppled, displaced = (Boundary.TOPPLED,), (Boundary.DISPLACED,)
+    rows = (
+        (ways, periods(rock), toppled),
+        (between, longer, toppled),
+        (ways, periods(rock), displaced),
+    )
+    return tuple(tuple(Place(*row) for row in product(*lot)) for lot in rows)
+
+
+def enough(rows: Sequence[Row]) -> bool:
+    """Tell whether so many rows have a reference that an error can be stated."""
+    return sum(math.isfinite(row.reference) for row in rows) >= ENOUGH
+
+
+def step_unit(rock: Rock) -> float:
+    """Unit of the time steps, sqrt(radius / g) [s].
+
+    Returns
+    -------
+    float [s]
+    """
+    return math.sqrt(rock.radius / GRAVITY)
+
+
+def measure(
+    case: Case, pgv_pga: float, settings: Settings, boundary: Boundary = Boundary.TOPPLED
+) -> Row:
+    """Error of one row at every step of the ladder; of ``settings`` all but the time step counts.
+
+    Parameters
+    ----------
+    pgv_pga : float [s]
+    """
+    ladder = load(settings.engine).LADDER
+    is_beyond = verdict if boundary is Boundary.TOPPLED else left_its_place
+
+    def trial(share: float) -> _Trial:
+        return _Trial(case, pgv_pga, settings, share, is_beyond)
+
+    fine, second, coarse = map(trial, (ladder.reference, ladder.second, ladder.coarse))
+    if boundary is Boundary.TOPPLED:
+        known = answer(case, pgv_pga, coarse, (fine,), (fine, second))
+    else:
+        known = by_references(case, coarse, (fine,), (fine, second))
+    if math.isnan(known.boundary):
+        nothing = np.full(len(ladder.shares), math.nan)
+        return Row(pgv_pga, math.inf, known.exact, nothing, nothing)
+    passing = cache(known.passing)
+    error, steps = [], []
+    for share in ladder.shares:
+        tried = trial(share)
+        error.append(agrees_from(tried, passing, known.boundary))
+        steps.append(tried.steps / tried.runs)
+    return Row(pgv_pga, known.boundary, known.exact, np.array(error), np.array(steps))
+
+
+class _Trial:
+    """Whether a pulse is beyond the boundary at one time step, counting runs and steps."""
+
+    def __init__(
+        self,
+        case: Case,
+        pgv_pga: float,
+        settings: Settings,
+        share: float,
+        is_beyond: Callable[[Outcome], bool | None],
+    ) -> None:
+        self.case, self.pgv_pga, self.is_beyond = case, pgv_pga, is_beyond
+        self.settings = replace(settings, time_step=share * step_unit(case.full.rock))
+        self.runs = self.steps = 0
+
+    def __call__(self, pga: float) -> bool | None:
+        response = simulate(self.case, CosinePulse(pga, self.pgv_pga), self.settings)
+        self.runs += 1
+        self.steps += response.steps
+        return self.is_beyond(response.outcome)
+
+
+def front(shares: Sequence[float], error: Array, steps: Array) -> Front:
+    """Error against time step over the rows that have a reference.
+
+    Parameters
+    ----------
+    shares : sequence of float, time steps in units of sqrt(radius / g), falling
+    error, steps : ndarray, shape (rows, k), as in ``Row``; nan where there is no reference
+    """
+    known = np.isfinite(error).all(axis=1)
+    tried = np.array(shares, dtype=np.float64)
+    if known.sum() < ENOUGH:
+        nothing = np.full(len(tried), math.nan)
+        return Front(tried, nothing, nothing, nothing)
+    error, steps = error[known], steps[known]
+    most = np.quantile(error, KEPT_BY, axis=0, method="inverted_cdf")
+    return Front(tried, most, error.max(axis=0), steps.mean(axis=0))
+
+
+def longest(rock: Rock, engine: str) -> float:
+    """Longest time step [s] for a tolerance of 1 %, whatever the boundaries say.
+
+    The error of a swing grows with the step: a boundary may be right by luck where many impacts
+    would not be.
+
+    Returns
+    -------
+    float [s]
+    """
+    return min(longest_step(Scene(rock, Contact(1.0), yaw), engine) for yaw in directions(rock))
+
+
+def choose(toppled: Front, displaced: Front, tolerance: float, unit: float, most: float) -> Choice:
+    """Coarsest step from which on, to all finer ones, the errors are within ``tolerance``.
+
+    If there is none, or no error was measured, it is the finest, and the choice says so.
+
+    Parameters
+    ----------
+    unit : float [s], ``step_unit``
+    most : float [s], the ``longest`` step for a tolerance of 1 %
+    """
+    steps = toppled.shares * unit
+    short = steps <= most * tolerance / 0.01 * (1.0 + 1e-9)
+    error = np.fmax(toppled.error, displaced.error)
+    largest = np.maximum.accumulate(error[::-1])[::-1]
+    good = np.flatnonzero(short & (largest <= tolerance))
+    at = int(good[0]) if good.size else len(steps) - 1
+    return Choice(
+        time_step=float(steps[at]),
+        error=float(toppled.error[at]),
+        worst=float(toppled.worst[at]),
+        displaced=float(displaced.error[at]),
+        within=bool(good.size),
+    )
