@@ -52,10 +52,13 @@ class Trajectory:
 def of_track(track: Track, number: int) -> Trajectory:
     """A trajectory of the first so many states of a track."""
     kept = records.columns(track)[:number]
+    turns = Rotation.from_matrix(kept["rotation"]).as_quat()
+    jumps = (turns[1:] * turns[:-1]).sum(axis=1) < 0.0  # q and -q are the same turn
+    turns[1:] *= np.cumprod(np.where(jumps, -1.0, 1.0))[:, None]
     return Trajectory(
         kept["time"].copy(),
         kept["position"].copy(),
-        Rotation.from_matrix(kept["rotation"]).as_quat(),
+        turns,
         kept["velocity"].copy(),
         kept["spin"].copy(),
         kept["touched"].copy(),
