@@ -38,12 +38,11 @@ ASK = (
 def small(tmp_path: Path) -> Path:
     """A package with the way of compiling of the real one, and the chain of modules."""
     core = tmp_path / "vsr_core"
-    engine = core / "engines" / "nonsmooth"
-    shutil.copytree(CORE / "source", core / "source", ignore=shutil.ignore_patterns("__pycache__"))
-    engine.mkdir(parents=True)
-    shutil.copy(CORE / "engines" / "nonsmooth" / "compiling.py", engine)
-    for package in (core, core / "engines", engine):
-        (package / "__init__.py").write_text("")
+    for room in ("source", "compiled"):
+        shutil.copytree(CORE / room, core / room, ignore=shutil.ignore_patterns("__pycache__"))
+    (core / "__init__.py").write_text("")
+    for name in ("vectors.py", "records.py"):
+        (core / "compiled" / name).unlink()
     for name, text in CHAIN.items():
         (core / name).write_text(text)
     return core
@@ -81,6 +80,17 @@ def test_it_does_where_nothing_can_be_written_beside_the_source(small: Path) -> 
     limits.write_text(limits.read_text().replace("0.5", "0.7"))
     assert ask(small) == ["15.0 False"]
     assert ask(small) == ["15.0 True"]
+
+
+def test_importing_compiled_code_reads_no_source_and_changes_no_setting(small: Path) -> None:
+    code = (
+        "import numba; before = numba.config.CACHE_DIR; from vsr_core import asked;"
+        "print(numba.config.CACHE_DIR == before)"
+    )
+    given = {"cwd": small.parent, "capture_output": True, "text": True, "check": True}
+    asked = subprocess.run([sys.executable, "-c", code], **given)  # type: ignore[call-overload]
+    assert asked.stdout.strip() == "True"
+    assert not list(small.glob("__pycache__/compiled-*"))
 
 
 def test_constants_of_the_rules_are_among_what_it_is_compiled_from() -> None:

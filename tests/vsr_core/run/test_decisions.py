@@ -67,10 +67,7 @@ def same(one: Response, other: Response) -> bool:
 
 
 def stepped_differently(name: str, number: int, *, reduce: bool) -> list[str]:
-    """Cells in which a run is decided otherwise if it is stepped from outside.
-
-    Rests within a motion are passed over from outside only, and a single pulse has none.
-    """
+    """Cells in which a run is decided otherwise if it is stepped from outside."""
     given = settings("nonsmooth", name, reduce=reduce)
     differing = []
     for reduced, described, pulse in cells(name, number, 1):
@@ -109,6 +106,13 @@ def decided_differently(engine: str, name: str, number: int) -> tuple[list[str],
     return differing, compared
 
 
+@pytest.fixture
+def through_rests(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only a run that is stepped from outside passes over rests within its motion."""
+    monkeypatch.setattr(overturning, "_pass_over_rest", lambda run: None)
+
+
+@pytest.mark.usefixtures("through_rests")
 @pytest.mark.parametrize("reduce", [True, False])
 @pytest.mark.parametrize("name", ROCKS)
 def test_a_run_is_decided_alike_as_a_whole_and_step_by_step(name: str, reduce: bool) -> None:
@@ -124,6 +128,7 @@ def test_engines_decide_alike_away_from_the_boundary(engine: str, name: str) -> 
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("through_rests")
 @pytest.mark.parametrize("reduce", [True, False])
 @pytest.mark.parametrize("name", ROCKS)
 def test_many_runs_are_decided_alike_as_a_whole_and_step_by_step(name: str, reduce: bool) -> None:

@@ -25,7 +25,7 @@ from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import ground as bullet_ground
 from vsr_core.engines.interface import Solver
 from vsr_core.errors import InvalidInput
-from vsr_core.judge import on_terrain, proofs
+from vsr_core.judge import on_terrain, proofs, track
 from vsr_core.judge.proofs import Barrier, barrier
 from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.records.recorded_motion import RecordedMotion
@@ -34,7 +34,7 @@ from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, StopReason
 from vsr_core.rock import reduction, solid
 from vsr_core.rock.body import Rock
-from vsr_core.run import displacement, trajectory
+from vsr_core.run import displacement
 from vsr_core.run.cases import Settings, TerrainCase, prepare
 from vsr_core.run.displacement import DisplacementRun
 from vsr_core.run.loop import HALVINGS
@@ -583,7 +583,7 @@ def test_positions_and_poses_follow_from_velocities(rock: str, ground: str) -> N
     moved = np.diff(path.position, axis=0)
     middle = 0.5 * (path.velocity[1:] + path.velocity[:-1]) * gaps
     # What is no impact may still push between two samples, and when it did is not known.
-    unseen = trajectory.IMPACT_SHARE * math.sqrt(GRAVITY * site.seat.rock.radius)
+    unseen = track.IMPACT_SHARE * math.sqrt(GRAVITY * site.seat.rock.radius)
     jumps = np.linalg.norm(np.diff(path.velocity, axis=0), axis=1)[:, None]
     assert (np.abs(moved - middle) <= (0.5 * jumps + unseen) * gaps).all()
     assert np.abs(moved - middle).sum() < 0.03 * path.length
