@@ -1,4 +1,4 @@
-"""The index page in the folder of results: kept as it is while nothing in the folder changed."""
+"""The index page in the folder of results, renewed when anything in the folder changed."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _stamp(path: Path) -> str:
 
 
 def _known(derived: Path) -> dict[str, Any]:
-    """What the last index was made from; nothing where that cannot be read."""
+    """Stamp and facts of the last index; nothing where they cannot be read."""
     with suppress(OSError, ValueError, TypeError):
         return dict(json.loads((derived / KNOWN).read_text(encoding="utf-8")))
     return {}

@@ -1,4 +1,4 @@
-"""What the index page says of each product: read from its page, its manifest and its dataset."""
+"""The index page: title, main result and picture of each page, state and error of each dataset."""
 
 from __future__ import annotations
 

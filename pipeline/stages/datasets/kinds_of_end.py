@@ -37,12 +37,12 @@ def ways(outcome: Indices, movement: Indices) -> dict[Movement, int]:
     return {way: int((left & (movement == way)).sum()) for way in OFF_ITS_SEAT}
 
 
-def told(counts: dict[Movement, int]) -> str:
+def in_words(counts: dict[Movement, int]) -> str:
     """Counts of ``ways`` in words.
 
     Examples
     --------
-    >>> told({Movement.ROLLED_OVER: 30, Movement.FELL: 2, Movement.SLID: 1200})
+    >>> in_words({Movement.ROLLED_OVER: 30, Movement.FELL: 2, Movement.SLID: 1200})
     '30 rolled over, 2 fell, 1,200 slid'
     """
     return ", ".join(f"{count:,} {way.words}" for way, count in counts.items())

@@ -126,7 +126,7 @@ def _means(axes: Axes, found: Correlation) -> None:
 
 
 def _line(axes: Axes, found: Correlation) -> str:
-    """Draw the line and its band; what is to be said of them."""
+    """Draw the line and its band; the text beside them."""
     line, value = found.line, found.ensembles.index
     at = np.linspace(value[0], value[-1], 100)
     red: Any = {"color": style.OVERTURNED}

@@ -19,7 +19,7 @@ from pipeline.stages.datasets.displaced_runs import (
     left_seat,
     overturned_runs,
 )
-from pipeline.stages.datasets.kinds_of_end import kinds, told, ways
+from pipeline.stages.datasets.kinds_of_end import in_words, kinds, ways
 from pipeline.stages.displacement.correlation_figures import (
     NAMES,
     TABLE_1,
@@ -117,7 +117,7 @@ def _answer(displacement: xr.Dataset) -> Row:
 
 def _ways(displacement: xr.Dataset) -> str:
     """How many runs left the seat by rolling over, by falling and by sliding."""
-    return told(ways(displacement["outcome"].values, displacement["movement"].values))
+    return in_words(ways(displacement["outcome"].values, displacement["movement"].values))
 
 
 def _counts(displacement: xr.Dataset) -> Row:

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from pipeline.drawing.rendering import clearest, packed, packed_mesh, thinned
 from pipeline.drawing.view import contour_step, reach
 from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, left_seat
-from pipeline.stages.datasets.kinds_of_end import told, ways
+from pipeline.stages.datasets.kinds_of_end import in_words, ways
 from pipeline.stages.displacement.timelapse import SPEEDS
 from pipeline.workflow.pages import filled
 from pipeline.workflow.pages import source as text_of
@@ -41,7 +41,7 @@ def page(
 ) -> str:
     """Page with the paths of all runs that left the seat, one of which is played.
 
-    Positions are kept to a 65,535th of the extent of their run.
+    Positions are stored to a 65,535th of the extent of their run.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def page(
             "title": title,
             "source": source,
             "left": int(fallen.sum()),
-            "ways": told(ways(displacement["outcome"].values, displacement["movement"].values)),
+            "ways": in_words(ways(displacement["outcome"].values, displacement["movement"].values)),
             "total": displacement.sizes["run"],
             "contour": contour,
             "error": error,
@@ -99,7 +99,7 @@ def _places(runs: xr.Dataset) -> Array:
 
 
 def _table(runs: xr.Dataset) -> list[dict[str, Any]]:
-    """What tells the runs apart, one entry a run."""
+    """The parameters and the end of each run."""
     names = ("pga", "pgv_pga", "yaw", "friction", "trajectory_length")
     columns = {name: runs[name].values.astype(float).round(6).tolist() for name in names}
     columns["movement"] = [Movement(int(kind)).words for kind in runs["movement"]]
@@ -111,10 +111,10 @@ def _samples(runs: xr.Dataset, radius: float) -> tuple[dict[str, Any], float]:
     """Samples of all runs in few bytes, and by how much [m] positions err for those left out."""
     time, place, turn = runs["time"].values, _places(runs), runs["quaternion"].values
     run = np.repeat(np.arange(runs.sizes["run"]), runs["row_size"].values)
-    kept = fewer(time, place, turn, run, radius, MOST_SAMPLES)
-    error = _error(time, place, run, kept)
-    time, place, turn, run = time[kept], place[kept], turn[kept], run[kept]
-    speed = runs["speed"].values[kept]
+    indices = fewer(time, place, turn, run, radius, MOST_SAMPLES)
+    error = _error(time, place, run, indices)
+    time, place, turn, run = time[indices], place[indices], turn[indices], run[indices]
+    speed = runs["speed"].values[indices]
     starts = np.flatnonzero(np.diff(run, prepend=-1))
     low = np.minimum.reduceat(place, starts) if len(starts) else np.zeros((0, 3))
     high = np.maximum.reduceat(place, starts) if len(starts) else np.zeros((0, 3))
@@ -150,14 +150,14 @@ def fewer(
     -------
     ndarray of int, shape (k,), ascending
     """
-    kept = np.arange(len(time))
+    indices = np.arange(len(time))
     for number in itertools.count():
-        inside = run[kept[:-2]] == run[kept[2:]]
-        if len(kept) <= most or not inside.any():
+        inside = run[indices[:-2]] == run[indices[2:]]
+        if len(indices) <= most or not inside.any():
             break
         # Neighbours never go together, and few at once: each predicts the other.
         free = np.flatnonzero(inside & (np.arange(len(inside)) % 2 == number % 2)) + 1
-        before, here, after = kept[free - 1], kept[free], kept[free + 1]
+        before, here, after = indices[free - 1], indices[free], indices[free + 1]
         share = ((time[here] - time[before]) / (time[after] - time[before]))[:, None]
         predicted = (1.0 - share) * place[before] + share * place[after]
         same = np.sign(np.einsum("ij,ij->i", turn[before], turn[after]))[:, None]
@@ -165,15 +165,15 @@ def fewer(
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)
         off = np.minimum(*(np.linalg.norm(turn[here] - s * turned, axis=1) for s in (1, -1)))
         cost = np.linalg.norm(place[here] - predicted, axis=1) + 2.0 * radius * off
-        count = min(len(kept) - most, len(kept) // 8 + 1)
-        kept = np.delete(kept, free[np.argsort(cost, kind="stable")[:count]])
-    return kept
+        count = min(len(indices) - most, len(indices) // 8 + 1)
+        indices = np.delete(indices, free[np.argsort(cost, kind="stable")[:count]])
+    return indices
 
 
-def _error(time: Array, place: Array, run: Indices, kept: Indices) -> float:
-    """Largest distance [m] of a position from that between the samples kept."""
-    if len(kept) == len(time):
+def _error(time: Array, place: Array, run: Indices, indices: Indices) -> float:
+    """Largest distance [m] of a position from that between the stored samples."""
+    if len(indices) == len(time):
         return 0.0
     clock = time + run * (float(np.ptp(time)) + 1.0)  # ascends over all runs
-    between = [np.interp(clock, clock[kept], part[kept]) for part in place.T]
+    between = [np.interp(clock, clock[indices], part[indices]) for part in place.T]
     return float(np.linalg.norm(np.column_stack(between) - place, axis=1).max())

@@ -46,7 +46,7 @@ _SOFT = "#595959"
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """What both pictures of one run show.
+    """The scene of both pictures of one run.
 
     Attributes
     ----------

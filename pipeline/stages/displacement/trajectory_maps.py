@@ -163,8 +163,8 @@ def paths(
     starts = np.diff(run, prepend=-1) > 0
     step = np.hypot(*np.diff(points, axis=0, prepend=points[:1]).T)
     pieces = np.floor(np.cumsum(np.where(starts, 0.0, step)) / (_FINEST * inch))
-    kept = starts | (np.diff(pieces, prepend=-1.0) > 0) | np.roll(starts, -1)
-    points, run, pace = points[kept], run[kept], runs["speed"].values[kept]
+    drawn = starts | (np.diff(pieces, prepend=-1.0) > 0) | np.roll(starts, -1)
+    points, run, pace = points[drawn], run[drawn], runs["speed"].values[drawn]
     joined = run[1:] == run[:-1]
     look: Any = {"linewidths": 0.65, "alpha": 0.75, "capstyle": "round", "rasterized": True}
     lines = LineCollection(

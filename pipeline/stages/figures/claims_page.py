@@ -46,14 +46,14 @@ def publish(store: Store, derived: Path) -> None:
 
 
 def _section(store: Store, name: str) -> dict[str, Any]:
-    """What the page says of a figure; without picture and findings if it was never made."""
+    """Title, picture and findings of a figure; without the latter two if it was never made."""
     label, option = _label(name), name.removeprefix("fig_").lstrip("0")
     section: dict[str, Any] = {"name": name, "label": label, "option": option, "findings": []}
     section |= {"title": paper.load(name).TITLE, "image": ""}
     if store.manifest(name) is None or store.damage(name):
         return section
-    told = json.loads((store.folder / f"{name}.json").read_text(encoding="utf-8"))
-    section["findings"] = [Finding(**finding) for finding in told["findings"]]
+    stored = json.loads((store.folder / f"{name}.json").read_text(encoding="utf-8"))
+    section["findings"] = [Finding(**finding) for finding in stored["findings"]]
     section["image"] = data_uri((store.folder / f"{name}.png").read_bytes(), "png")
     return section
 
@@ -71,7 +71,7 @@ def _label(name: str) -> str:
 
 
 def speed_findings(derived: Path) -> list[Finding]:
-    """What the logs of the runs say about the paper's claims on speed."""
+    """Findings on the paper's claims on speed, from the logs of the runs."""
     measured, slowest = [], 0.0
     for site, stage, what in (
         ("double_rock", "runs", "Double Rock on a flat pedestal"),

@@ -142,7 +142,7 @@ def robot_limits(axes: Axes, highest: float) -> None:
 
 
 def print_source(rock: xr.Dataset) -> str:
-    """What the rock is, and that the physical results are not public."""
+    """The source of the rock; the physical results are not public."""
     return f"{rock.attrs['shape_source']}; the robot's own results are not public"
 
 

@@ -140,12 +140,12 @@ def _overlap(pulses: list[xr.Dataset]) -> Finding:
     for case in pulses:
         peak = float(np.abs(case["wanted_velocity"]).max())
         shares[case["case_drive"].item()] = float(np.sqrt(np.mean(_error(case) ** 2))) / peak
-    told = "; ".join(f"{name}: {100 * share:.2f} % of PGV" for name, share in shares.items())
+    result = "; ".join(f"{name}: {100 * share:.2f} % of PGV" for name, share in shares.items())
     return Finding(
         "Fig. 7a, section 4.1",
         "In a pulse of 0.2 g and 0.8 s the measured velocity overlaps the desired one.",
         f"rms error at most {100 * OVERLAP:g} % of PGV",
-        told,
+        result,
         max(shares.values()) <= OVERLAP,
     )
 
@@ -171,9 +171,9 @@ def _disturbance(record: xr.Dataset) -> Finding:
 
 
 def _outcomes(data: Data, kind: str, motion: str) -> Finding:
-    """What the motions of one kind do on flat ground and on the terrain."""
+    """Outcomes of the motions of one kind on flat ground and on the terrain."""
     flat, terrain = _named(data[f"{kind} on flat ground"]), _named(data[f"{kind} on the terrain"])
-    told = "; ".join(
+    result = "; ".join(
         f"{name}: {outcome.name.lower()} on flat ground, {terrain[name].name.lower()} on the "
         "terrain"
         for name, outcome in flat.items()
@@ -184,7 +184,7 @@ def _outcomes(data: Data, kind: str, motion: str) -> Finding:
         f"A motion of 0.4 g that topples Double Rock on flat ground leaves it standing on the "
         f"terrain, at yaw 0° (here {motion}).",
         f"it topples on flat ground and not on the terrain{at_least}",
-        f"{told}; the terrain is a surrogate",
+        f"{result}; the terrain is a surrogate",
         _topples_on_flat_ground_alone(flat, terrain),
     )
 

@@ -97,7 +97,7 @@ def findings(data: Data) -> list[Finding]:
     grids = {yaw: measures.grid(responses, yaw) for yaw in yaws}
     share = {yaw: 100.0 * measures.toppled_share(grids[yaw]) for yaw in yaws}
     opposite = {yaw: measures.differing(grids[yaw], grids[yaw + 180.0]) for yaw in (0.0, 90.0)}
-    told = "; ".join(f"{yaw:g}° and {yaw + 180:g}°: {100 * value:.1f} % of the cells"
+    result = "; ".join(f"{yaw:g}° and {yaw + 180:g}°: {100 * value:.1f} % of the cells"
                      for yaw, value in opposite.items())  # fmt: skip
     sizes = {yaw: sorted(locate(pga, grids[yaw]).cluster_sizes.tolist())[::-1] for yaw in yaws}
     return [
@@ -106,7 +106,7 @@ def findings(data: Data) -> list[Finding]:
             "Opposite directions of shaking give different responses.",
             f"more than {100 * DIFFERENT:g} % of the cells differ, for 0° and 180° and for 90° "
             "and 270°",
-            told,
+            result,
             by_rule(min(opposite.values()) > DIFFERENT, *opposite.values()),
         ),
         Finding(
@@ -185,13 +185,13 @@ def _logistic(fragility: xr.Dataset, yaws: list[float]) -> Finding:
     fit = fragility.isel(friction=0)
     best = [str(name) for name in fit["recommended"].values]
     loss = fit.isel(yaw=yaws.index(300.0)).set_index(model="model")["log_loss"]
-    told = ", ".join(f"{name} {float(loss.sel(model=name)):.4f}" for name in loss["model"].values)
+    result = ", ".join(f"{name} {float(loss.sel(model=name)):.4f}" for name in loss["model"].values)
     return Finding(
         "section 5.2",
         "Logistic regression is not the right model at yaw 300°.",
         "another model is recommended there for its cross-validated log loss",
-        f"log loss at 300°: {told}; recommended there: {best[yaws.index(300.0)]}, and the logistic "
-        f"at {best.count('logistic')} of {len(best)} yaws",
+        f"log loss at 300°: {result}; recommended there: {best[yaws.index(300.0)]}, and the "
+        f"logistic at {best.count('logistic')} of {len(best)} yaws",
         best[yaws.index(300.0)] != "logistic",
     )
 

@@ -107,7 +107,7 @@ def findings(data: Data) -> list[Finding]:
     share = {yaw: measures.toppled_share(gridded(data[yaw])[2]) for yaw in YAWS}
     flat = {yaw: measures.toppled_share(measures.grid(data["flat"], float(yaw))) for yaw in YAWS}
     left = {yaw: share[yaw] / flat[yaw] if flat[yaw] else math.nan for yaw in YAWS}
-    told = {
+    result = {
         yaw: f"{100 * share[yaw]:.1f} % of the runs overturn, {100 * flat[yaw]:.1f} % on flat "
         f"ground: a factor of {left[yaw]:.2f}, on a surrogate terrain"
         for yaw in YAWS
@@ -117,14 +117,14 @@ def findings(data: Data) -> list[Finding]:
             "Fig. 14, section 5.3",
             "Surrounding pedestals much reduce the fragility at yaw 0°.",
             f"the toppled share falls to less than {MUCH:g} of that on flat ground",
-            told["0"],
+            result["0"],
             by_rule(left["0"] < MUCH, left["0"]),
         ),
         Finding(
             "Fig. 14, section 5.3",
             "They reduce it only slightly at yaw 90°.",
             f"the toppled share falls, but stays at {MUCH:g} of that on flat ground at least",
-            told["90"],
+            result["90"],
             by_rule(MUCH <= left["90"] < 1.0, left["90"]),
         ),
         Finding(

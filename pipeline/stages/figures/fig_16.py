@@ -43,7 +43,7 @@ def findings(data: Data) -> list[Finding]:
     both = (long[["pga", "pgv_pga"]] >= middle).all(axis=1)
     above = float(both.mean()) if len(both) else math.nan
     trends = {name: spearmanr(runs[name], length) for name in ("pga", "pgv_pga")}
-    told = "; ".join(
+    result = "; ".join(
         f"{correlation_figures.NAMES[name]}: {one.statistic:.2f}, p = "
         f"{correlation_figures.power(one.pvalue)}"
         for name, one in trends.items()
@@ -61,7 +61,7 @@ def findings(data: Data) -> list[Finding]:
             "Fig. 16b, c, section 5.4",
             "Length grows with PGA and with PGV/PGA.",
             "rank correlations over the runs above 0, p below 0.001",
-            told,
+            result,
             by_rule(
                 all(one.statistic > 0.0 and one.pvalue < 1e-3 for one in trends.values()),
                 *(one.pvalue for one in trends.values()),

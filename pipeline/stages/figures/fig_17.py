@@ -20,5 +20,5 @@ def draw(data: Data) -> Figure:
 
 
 def findings(data: Data) -> list[Finding]:
-    """What the paper says of it is in its Table 1."""
+    """The paper's claims on these means are in its Table 1."""
     return []

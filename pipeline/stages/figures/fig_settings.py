@@ -129,9 +129,9 @@ def _changes(outcomes: dict[str, Array], study: str, claim: str, rule: str) -> F
         name: measures.differing(outcomes[f"{rock}-{study}"], outcomes[f"{rock}-{BASE}"])
         for rock, name in ROCKS.items()
     }
-    told = "; ".join(f"{name}: {100 * value:.1f} % differ" for name, value in apart.items())
+    result = "; ".join(f"{name}: {100 * value:.1f} % differ" for name, value in apart.items())
     found = by_rule(max(apart.values()) <= SAME, *apart.values())
-    return Finding("sections 4.1 and 5.1", claim, rule, told, found)
+    return Finding("sections 4.1 and 5.1", claim, rule, result, found)
 
 
 def _loop() -> Finding:
@@ -139,12 +139,12 @@ def _loop() -> Finding:
     radius = {
         rate: spectral_radius(replace(PUBLISHED, period=1.0 / rate)) for rate in (1000.0, 200.0)
     }
-    told = "; ".join(f"{rate:g} Hz: spectral radius {value:.3g}" for rate, value in radius.items())
+    radii = "; ".join(f"{rate:g} Hz: spectral radius {one:.3g}" for rate, one in radius.items())
     return Finding(
         "section 3 and public model",
         "The published gains hold the table at control rates of 100 to 200 Hz.",
         "the sampled loop is stable, its spectral radius at most 1",
-        f"{told}. With forces held for 5 ms the loop blows up: they were held for 1 ms, and "
+        f"{radii}. With forces held for 5 ms the loop is unstable: they were held for 1 ms, and "
         "only the commands came at 200 Hz.",
         bool(math.isfinite(radius[200.0]) and radius[200.0] <= 1.0 + 1e-9),
     )

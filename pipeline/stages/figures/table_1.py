@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing import style
 from pipeline.stages.datasets.displaced_runs import overturned_runs
-from pipeline.stages.datasets.kinds_of_end import told, ways
+from pipeline.stages.datasets.kinds_of_end import in_words, ways
 from pipeline.stages.displacement.correlation_figures import TABLE_1, power
 from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.fig_15 import SOURCES as SOURCES
@@ -47,7 +47,7 @@ def draw(data: Data) -> Figure:
             figure.text(left, height, text, size=9)
     _rule(figure, 0.09)
     runs = data["displacement"]
-    moved = told(ways(runs["outcome"].values, runs["movement"].values))
+    moved = in_words(ways(runs["outcome"].values, runs["movement"].values))
     diagrams.note(figure, f"{diagrams.terrain_source(data['rock'])}; {moved}")
     return figure
 

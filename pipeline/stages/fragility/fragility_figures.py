@@ -21,7 +21,7 @@ from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import DecidedBy, Movement, Outcome
 
 PROVED, UPRIGHT, OVERTURNED, UNDECIDED = range(4)
-"""What a cell of the diagram shows."""
+"""Classes of cells of the diagram."""
 
 _MOST_NAMED, _LONGEST = 16, 14
 """Records named at the side of a diagram, and letters of a name."""
@@ -193,7 +193,7 @@ RULES = len(DecidedBy)
 
 
 def axes_of(responses: xr.Dataset) -> dict[str, Any]:
-    """What the cells of all diagrams share."""
+    """Axes and codes that all diagrams have in common."""
     ratios = responses["pgv_pga"].values
     records = responses["record"].values if rows_of(responses) == "record" else None
     return {

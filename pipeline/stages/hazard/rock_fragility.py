@@ -22,7 +22,7 @@ from vsr_core.hazard.averaging import (
 )
 
 FITTED, DRAWN = "fits", "members"
-"""What the range of a survival comes from: intervals of fits, or members of an ensemble."""
+"""Origin of the range of a survival probability: intervals of fits, or members of an ensemble."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -189,8 +189,8 @@ def spread(trials: tuple[Trial, ...]) -> float:
 def _notes(prepared: Prepared) -> list[Row]:
     """Notes of each step; those of none of them are about the ground."""
     rows = [{"step": step.name, "notes": list(step.notes)} for step in prepared.steps]
-    told = {note for row in rows for note in row["notes"]}
-    rows.append({"step": "ground", "notes": [n for n in prepared.notes if n not in told]})
+    known = {note for row in rows for note in row["notes"]}
+    rows.append({"step": "ground", "notes": [n for n in prepared.notes if n not in known]})
     return [row for row in rows if row["notes"]]
 
 

@@ -1,4 +1,4 @@
-"""Which run is meant: a cell of a study's grid, and perhaps another one beside it."""
+"""The run to replay: a cell of a study's grid, and perhaps another one beside it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pipeline.workflow.datasets import rows_of
 from vsr_core import engines
 
 NEIGHBOUR = "neighbour"
-"""What asks for the nearest cell that ends on the other side."""
+"""Selects the nearest cell with the other outcome."""
 
 AS_PRINTED = 1e-3
 """Share by which a number may differ from that of the grid, which is printed to three digits."""
@@ -37,13 +37,13 @@ class Choice:
     engine: str
 
     def among(self, responses: xr.Dataset) -> xr.Dataset:
-        """What the study found of it."""
+        """The results of this run in the study."""
         at = responses.sel(yaw=self.group.yaw, friction=self.group.friction, pga=self.cell.pga)
         return at.isel({rows_of(responses): self.cell.row})
 
 
 def chosen(config: Config, shaking: Shaking, given: Mapping[str, str | None]) -> Choice:
-    """The run of a study that is told by coordinates.
+    """The run of a study at given coordinates.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def chosen(config: Config, shaking: Shaking, given: Mapping[str, str | None]) ->
     own = shaking.dimension
     other = "record" if own == "pgv_pga" else "pgv_pga"
     if (wrong := given.get(other)) is not None:
-        rule = f"the rows of this study are told by {own}"
+        rule = f"the runs of this study are selected by {own}"
         remedy = f"give {_option(own)} in its place"
         raise InputError(Problem(_option(other), "", wrong, rule, remedy))
     yaw = _at("yaw", config.yaw, given.get("yaw"))
@@ -64,15 +64,15 @@ def chosen(config: Config, shaking: Shaking, given: Mapping[str, str | None]) ->
     return Choice(group, Cell(row, shaking.pga[pga]), config.engine)
 
 
-def other(config: Config, shaking: Shaking, first: Choice, wanted: str) -> Choice:
-    """The run that differs from another one by what is told.
+def other(config: Config, shaking: Shaking, first: Choice, request: str) -> Choice:
+    """The run that differs from another one in the given coordinates.
 
     Parameters
     ----------
-    wanted : str, such as ``engine=bullet`` or ``yaw=30,pga=0.5``
+    request : str, such as ``engine=bullet`` or ``yaw=30,pga=0.5``
     """
-    changed = _pairs(wanted, shaking)
-    told = {
+    changed = _pairs(request, shaking)
+    coordinates = {
         "yaw": repr(first.group.yaw),
         "friction": repr(first.group.friction),
         shaking.dimension: str(shaking.rows[first.cell.row]),
@@ -82,35 +82,35 @@ def other(config: Config, shaking: Shaking, first: Choice, wanted: str) -> Choic
     if engine not in engines.names():
         rule, remedy = f"the engines are {', '.join(engines.names())}", "choose one of these"
         raise InputError(Problem("--and", "engine", engine, rule, remedy))
-    second = replace(chosen(config, shaking, told | changed), engine=engine)
+    second = replace(chosen(config, shaking, coordinates | changed), engine=engine)
     if second == first:
         rule = "a second run differs from the first"
-        raise InputError(Problem("--and", "", wanted, rule, _KINDS))
+        raise InputError(Problem("--and", "", request, rule, _KINDS))
     return second
 
 
 _KINDS = "give e.g. engine=bullet, pga=0.5 or neighbour"
 
 
-def _pairs(wanted: str, shaking: Shaking) -> dict[str, str]:
+def _pairs(request: str, shaking: Shaking) -> dict[str, str]:
     known = ("engine", "yaw", "friction", shaking.dimension, "pga")
-    pairs = dict(part.partition("=")[::2] for part in wanted.split(","))
+    pairs = dict(part.partition("=")[::2] for part in request.split(","))
     pairs = {key.strip(): value.strip() for key, value in pairs.items()}
     if not all(key in known and value for key, value in pairs.items()):
         rule = f"it is {NEIGHBOUR}, or key=value of {', '.join(known)}, parted by commas"
-        raise InputError(Problem("--and", "", repr(wanted), rule, _KINDS))
+        raise InputError(Problem("--and", "", repr(request), rule, _KINDS))
     return pairs
 
 
 def neighbour(responses: xr.Dataset, first: Choice) -> Choice:
-    """The nearest cell that ends on the other side: in its row, else among all of its yaw."""
+    """The nearest cell with the other outcome: at its PGV/PGA, else among all of its yaw."""
     runs = responses.sel(yaw=first.group.yaw, friction=first.group.friction)
     overturned = runs["overturned"].values
     column = int(np.flatnonzero(runs["pga"].values == first.cell.pga)[0])
     side = int(overturned[first.cell.row, column])
     rows, columns = np.nonzero(overturned == 1 - side)
     if side < 0 or not len(rows):
-        rule = "a neighbour ends on the other side, and at this yaw and friction no run does"
+        rule = "a neighbour has the other outcome, and at this yaw and friction no run has"
         raise InputError(Problem("--and", "", NEIGHBOUR, rule, "name the second run, e.g. yaw=30"))
     away = np.hypot(rows - first.cell.row, columns - column)
     away += np.where(rows == first.cell.row, 0.0, overturned.size)

@@ -21,7 +21,7 @@ from vsr_core.arrays import Array, Indices
 SCRIPTS = tuple(
     f"{part}.js" for part in ("geometry", "samples", "drawing", "controls", "playing", "stage")
 )
-"""What plays a run, in the order in which the scripts build on each other."""
+"""Scripts that play a run, in the order in which they depend on each other."""
 
 SHOWN_AFTER = 1.5
 """Time [s] after the decision that the first view still holds."""
@@ -79,7 +79,7 @@ def named(choice: Choice, shaking: Shaking) -> str:
 def scene(
     rock: xr.Dataset, terrain: xr.Dataset | None, runs: Sequence[Played], most_faces: int
 ) -> dict[str, Any]:
-    """What runs are played in: the surface of the rock, and the ground.
+    """The scene of the replay: the surface of the rock, and the ground.
 
     Parameters
     ----------

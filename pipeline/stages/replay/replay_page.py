@@ -33,22 +33,22 @@ LONGEST_NAME = 120
 MOST_ROCK_FACES = 20_000
 
 
-def make(job: Job, given: Mapping[str, str | None], wanted: str | None) -> str:
+def make(job: Job, given: Mapping[str, str | None], second: str | None) -> str:
     """Make the study as far as its outcomes, and a page that plays a run of it.
 
     Parameters
     ----------
     given : mapping, coordinates of the run as ``choice.chosen`` takes them
-    wanted : str or None, the run beside it: ``neighbour``, or what is different
+    second : str or None, the run beside it: ``neighbour``, or what is different
     """
     config, shaking = job.config, motion_grid.of_site(job.site)
     choices = [chosen(config, shaking, given)]
-    beside_it = wanted is not None and wanted.strip() != NEIGHBOUR
+    beside_it = second is not None and second.strip() != NEIGHBOUR
     if beside_it:
-        choices.append(other(config, shaking, choices[0], str(wanted)))
+        choices.append(other(config, shaking, choices[0], str(second)))
     graph.make("responses", job)
     study, responses = load_study(config, job.store), read(job.path(RESPONSES))
-    if wanted is not None and not beside_it:
+    if second is not None and not beside_it:
         choices.append(neighbour(responses, choices[0]))
     runs = [played(study, responses, choice) for choice in choices]
     text = page(job, runs, study.motions)
@@ -94,7 +94,7 @@ def page(job: Job, runs: list[Played], shaking: Shaking) -> str:
 
 
 def _facts(run: Played, shaking: Shaking) -> dict[str, Any]:
-    """What the page says of a run in words and numbers."""
+    """Results of a run for the page."""
     choice, response = run.choice, run.replay.response
     record = shaking.dimension == "record"
     return {
@@ -121,20 +121,20 @@ def _facts(run: Played, shaking: Shaking) -> dict[str, Any]:
 def _slug(runs: list[Played], shaking: Shaking) -> str:
     """File name of a page, without its suffix."""
     first, *rest = (run.choice for run in runs)
-    said = f"yaw {first.group.yaw:g} friction {first.group.friction:g} "
-    said += f"{shaking.dimension} {_row(first.cell.row, shaking)} pga {first.cell.pga:.6g}"
+    name = f"yaw {first.group.yaw:g} friction {first.group.friction:g} "
+    name += f"{shaking.dimension} {_row(first.cell.row, shaking)} pga {first.cell.pga:.6g}"
     for choice in rest:
-        said += " and" + f" {choice.engine}" * (choice.engine != first.engine)
+        name += " and" + f" {choice.engine}" * (choice.engine != first.engine)
         if choice.group != first.group:
-            said += f" yaw {choice.group.yaw:g} friction {choice.group.friction:g}"
+            name += f" yaw {choice.group.yaw:g} friction {choice.group.friction:g}"
         if choice.cell.row != first.cell.row:
-            said += f" {shaking.dimension} {_row(choice.cell.row, shaking)}"
+            name += f" {shaking.dimension} {_row(choice.cell.row, shaking)}"
         if choice.cell.pga != first.cell.pga:
-            said += f" pga {choice.cell.pga:.6g}"
-    slug = re.sub(r"[^A-Za-z0-9.]+", "-", said).strip("-.")
+            name += f" pga {choice.cell.pga:.6g}"
+    slug = re.sub(r"[^A-Za-z0-9.]+", "-", name).strip("-.")
     if len(slug) <= LONGEST_NAME:
         return slug
-    return f"{slug[:LONGEST_NAME]}-{keys.digest(said)[:8]}"
+    return f"{slug[:LONGEST_NAME]}-{keys.digest(name)[:8]}"
 
 
 def _row(row: int, shaking: Shaking) -> str:

@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.stages.datasets.bullet_sample import beyond_errors
-from pipeline.stages.datasets.kinds_of_end import kinds, told, ways
+from pipeline.stages.datasets.kinds_of_end import in_words, kinds, ways
 from pipeline.stages.fragility.summary import (
     groups,
     typical_pga,
@@ -46,7 +46,7 @@ def about_rock(rock: xr.Dataset) -> Row:
 
 
 def left_out(responses: xr.Dataset, gains: dict[str, float]) -> list[Row]:
-    """What was left out of the scene, why that is harmless, and what it gains where measured.
+    """Simplifications of the scene, their justification, and the measured speed-up.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def counts(responses: xr.Dataset) -> Row:
             for code in DecidedBy
             if (rule == code).any()
         ],
-        "ways": told(left),
+        "ways": in_words(left),
         "total": outcome.size,
         "toppled": float((outcome == Outcome.OVERTURNED).sum() / max(decided.sum(), 1)),
         "proved": int((decided & (rule == DecidedBy.NO_UPLIFT_BOUND)).sum()),

@@ -46,10 +46,10 @@ def chosen(responses: xr.Dataset) -> list[Place]:
     below = np.maximum(first - 1, 0)[..., None]
     upright = np.take_along_axis(overturned, below, -1)[..., 0] == 0
     tilted = np.take_along_axis(tilt, below, -1)[..., 0]
-    wanted = known & upright & long_rows(responses["pgv_pga"].values)
+    candidates = known & upright & long_rows(responses["pgv_pga"].values)
     places = []
-    if wanted.any():
-        *at, row = _largest(np.where(wanted, tilted, -1.0))
+    if candidates.any():
+        *at, row = _largest(np.where(candidates, tilted, -1.0))
         column = int(first[(*at, row)])
         places = [
             Place((*at, row, column - 1), "just below the boundary"),

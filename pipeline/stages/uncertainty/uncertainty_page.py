@@ -1,4 +1,4 @@
-"""What the page of the uncertainty says."""
+"""The page of the uncertainty: its sentences, tables and figures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _KINDS = {"smooth": "monotonic", "rough": "non-monotonic"}
 
 
 def facts(job: Job, found: xr.Dataset, drawn: dict[str, str]) -> dict[str, Any]:
-    """What fills the template."""
+    """Values for the template."""
     config = job.config.uncertainty
     rock = read(job.path("rock.nc")).attrs
     by = (

@@ -79,11 +79,11 @@ def _rows(targets: dict[Place, Target]) -> list[Record]:
         {
             "yaw": yaw,
             "pgv_pga": pgv_pga,
-            "boundary": in_si.in_g(wanted.boundary),
-            "answer": "Housner's equation" if wanted.exact else "two engines at 1/16 of the step",
-            "spread": wanted.spread,
+            "boundary": in_si.in_g(target.boundary),
+            "answer": "Housner's equation" if target.exact else "two engines at 1/16 of the step",
+            "spread": target.spread,
         }
-        for (yaw, pgv_pga), wanted in targets.items()
+        for (yaw, pgv_pga), target in targets.items()
     ]
 
 

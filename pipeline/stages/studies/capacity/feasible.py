@@ -34,7 +34,7 @@ from vsr_core.table.capacity import LIMITS, Table, binding, commands, largest_pg
 FILE, TABLE, PICTURE = "feasible.nc", "feasible.csv", "feasible"
 
 _BINDING = ("none", *LIMITS)
-"""What limits a motion, by its code."""
+"""Limits of a motion, by code."""
 
 _COLUMNS = {
     "pgv_pga": "pgv_pga_s",
@@ -79,7 +79,7 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
 
 
 def _dataset(motion: PulseConfig, table: Table, mass: float) -> xr.Dataset:
-    """What each motion asks of the table, and the limit that it goes beyond furthest."""
+    """Loads of each motion on the table, and the limit that it exceeds most."""
     cells = pd.MultiIndex.from_product([motion.pgv_pga, motion.pga], names=["pgv_pga", "pga"])
     pulses = [CosinePulse.from_g(pga, ratio) for ratio, pga in cells]
     asked = [loads(pulse, mass) for pulse in pulses]

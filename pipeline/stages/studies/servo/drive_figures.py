@@ -21,13 +21,18 @@ _LAY = 1.0
 
 @style.styled
 def tracking(drive: xr.Dataset) -> Figure:
-    """Velocity wanted and measured in the pulse (the paper's Fig. 7a), and their difference."""
+    """Velocity commanded and measured in the pulse (the paper's Fig. 7a), and their difference."""
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.2))
     cases = [case for case in split(drive, "row_size") if case["case_motion"].item() == A_PULSE]
     first = cases[0]
     upper.plot(
-        first["time"], first["wanted_velocity"], color=style.INK, lw=3.2, alpha=0.35, label="wanted"
+        first["time"],
+        first["wanted_velocity"],
+        color=style.INK,
+        lw=3.2,
+        alpha=0.35,
+        label="commanded",
     )
     for number, case in enumerate(cases):
         colour = style.SERIES[number]
@@ -38,7 +43,7 @@ def tracking(drive: xr.Dataset) -> Figure:
     upper.legend()
     upper.grid(visible=True)
     lower.grid(visible=True)
-    lower.set_ylabel("measured less\nwanted [mm/s]")
+    lower.set_ylabel("measured less\ncommanded [mm/s]")
     lower.set_xlabel("time [s]")
     return figure
 
@@ -52,7 +57,12 @@ def disturbed(drive: xr.Dataset) -> Figure:
     time, measured = case["time"].values, case["table_velocity"].values
     push = time[_largest_push(case)]
     upper.plot(
-        case["time"], case["wanted_velocity"], color=style.INK, lw=2.4, alpha=0.35, label="wanted"
+        case["time"],
+        case["wanted_velocity"],
+        color=style.INK,
+        lw=2.4,
+        alpha=0.35,
+        label="commanded",
     )
     upper.plot(
         case["time"], case["table_velocity"], color=style.SERIES[0], lw=0.8, label="measured"
@@ -67,7 +77,7 @@ def disturbed(drive: xr.Dataset) -> Figure:
     error = _error(case)[inside]
     lower.plot(time[inside], error, color=style.SERIES[0], lw=0.9, marker=".", ms=2.0)
     lower.axhline(0.0, color=style.INK, lw=0.6)
-    lower.set_ylabel("measured less\nwanted [mm/s]")
+    lower.set_ylabel("measured less\ncommanded [mm/s]")
     lower.set_xlabel("time [s], around the largest push of the falling rock")
     lower.set_xlim(start, stop)
     start, stop = push - 2.0 * _AROUND[0], push + 2.0 * _AROUND[1]
@@ -116,7 +126,7 @@ def boundaries(drive: xr.Dataset) -> Figure:
 
 
 def _error(case: xr.Dataset) -> Array:
-    """Velocity measured less wanted [mm/s]."""
+    """Velocity measured less commanded [mm/s]."""
     return 1e3 * (case["table_velocity"].values - case["wanted_velocity"].values)
 
 

@@ -89,7 +89,7 @@ def confusions(tests: Tests, made: Predictions) -> list[dict[str, Any]]:
 
 
 def assumed(config: ShakeTableConfig) -> list[tuple[str, str, str]]:
-    """What was assumed of the tests, in words."""
+    """Assumptions on the tests, in words."""
     record = config.acceleration or "the merged record, or else that of the accelerometer"
     return [
         *in_words(config, "from the scan's +x"),

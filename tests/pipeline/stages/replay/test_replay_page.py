@@ -110,7 +110,7 @@ def test_a_cell_is_told_as_it_is_printed(site: Path) -> None:
         ({"pga": "much"}, ("--pga", "'much'", "is a number")),
         ({"pga": "nan"}, ("--pga", "'nan'", "is a number")),
         ({"yaw": None}, ("--yaw", "nothing", "0, 40 deg", "choose one")),
-        ({"record": "northridge"}, ("--record", "northridge", "told by pgv_pga")),
+        ({"record": "northridge"}, ("--record", "northridge", "selected by pgv_pga")),
     ],
 )
 def test_a_cell_outside_the_grid(site: Path, given: dict[str, Any], words: tuple[str, ...]) -> None:
