@@ -19,7 +19,7 @@ from pipeline.config.schema import COMPILED
 from pipeline.stages.runs.scenes import Group, load_scenes, terrain_case
 from pipeline.workflow.store import Store
 from vsr_core.engines import load
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.run.cases import Settings, TerrainCase
 from vsr_core.run.displacement import displace

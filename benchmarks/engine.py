@@ -14,7 +14,7 @@ from pipeline.cli import DONE, UNRESOLVED
 from vsr_core import GRAVITY
 from vsr_core.engines import load
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.rock import solid
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.input_checks import longest_step

@@ -28,8 +28,8 @@ from vsr_core import GRAVITY, engines
 from vsr_core.engines import bullet
 from vsr_core.engines.interface import Solver, World
 from vsr_core.judge import proofs
-from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.ground_motion import GroundMotion
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock

@@ -22,7 +22,7 @@ from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.overturning import simulate
 from vsr_core.run.time_step import step_unit

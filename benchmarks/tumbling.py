@@ -20,7 +20,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock
-from vsr_core.surrogates.ground_shapes import ramp, rough
+from vsr_core.surrogates.ground import ramp, rough
 from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference._ground import sheet

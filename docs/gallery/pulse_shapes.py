@@ -8,9 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.motions.ricker_pulse import RickerPulse
-from vsr_core.motions.sine_pulse import SinePulse
+from vsr_core.motions.pulses import CosinePulse, RickerPulse, SinePulse
 
 pga, ratio = 0.5 * GRAVITY, 0.3
 figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.8), sharex=True, layout="constrained")

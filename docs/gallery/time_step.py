@@ -10,7 +10,7 @@ import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.rock.solid import block
 from vsr_core.run.cases import Settings, prepare

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 
 PGA, RATIO = 0.5, 0.3
 pulse = CosinePulse.from_g(PGA, RATIO)

@@ -6,7 +6,7 @@ RUN_CODE = (
     "vsr_core.run.cases:prepare",
     "vsr_core.run.overturning:simulate",
     "vsr_core.judge.proofs:barrier",
-    "vsr_core.motions.cosine_pulse:CosinePulse",
+    "vsr_core.motions.pulses:CosinePulse",
 )
 """What determines a run on a flat pedestal, besides its engine and its kind of motion."""
 
@@ -24,13 +24,13 @@ ENGINES = ("vsr_core.engines.bullet", "vsr_core.engines.mujoco", "vsr_core.engin
 ENGINE_CODE = tuple(f"{engine}:build" for engine in ENGINES)
 """Roots of the code of stages that run in any engine."""
 
-RECORD_CODE = ("vsr_core.motions.records.recorded_motion:RecordedMotion",)
+RECORD_CODE = ("vsr_core.motions.records.trace:RecordedMotion",)
 TABLE_CODE = ("vsr_core.motions.sampled:SampledMotion",)
 AXIS_CODE = ("vsr_core.motions.six_axes:AxisPulses", "vsr_core.motions.six_axes:AxisPulse")
 MOTION_CODE = (
-    "vsr_core.motions.cosine_pulse:CosinePulse",
-    "vsr_core.motions.sine_pulse:SinePulse",
-    "vsr_core.motions.ricker_pulse:RickerPulse",
+    "vsr_core.motions.pulses:CosinePulse",
+    "vsr_core.motions.pulses:SinePulse",
+    "vsr_core.motions.pulses:RickerPulse",
     *RECORD_CODE,
     *TABLE_CODE,
     *AXIS_CODE,
@@ -38,8 +38,8 @@ MOTION_CODE = (
 """Roots of the code of all motions, which runs reach through a variable."""
 
 VALIDATION_CODE = (
-    "vsr_core.validation.recorded_test:standing_case",
-    "vsr_core.validation.recorded_test:shaken",
+    "vsr_core.validation.specimen:standing_case",
+    "vsr_core.validation.specimen:shaken",
     "vsr_core.validation.specimen:drawn",
     "vsr_core.engines.nonsmooth:build",
 )

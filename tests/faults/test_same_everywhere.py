@@ -20,7 +20,7 @@ from pipeline import ROOT
 from pipeline.stages.runs import runner
 from pipeline.workflow.run_store import RUNS
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Response
 from vsr_core.rock import solid
 from vsr_core.run.cases import Case, Settings, prepare

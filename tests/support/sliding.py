@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 
 
 def rigid_plastic_slip(pulse: CosinePulse, friction: float) -> float:

@@ -144,7 +144,7 @@ QUICK_WAYS = ways.pairwise({"product": QUICK, **SCENES}) + [
 def test_each_pair_has_a_way(
     way: Way, go: Callable[[Way, str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vsr_core.scan.distance.SAMPLES", 100)
+    monkeypatch.setattr("vsr_core.scan.weighing.SAMPLES", 100)
     for name in ("separation", "closed_rock", "seat"):
         monkeypatch.setattr(scan_figures, name, lambda *given: EMPTY)
     monkeypatch.setattr(timelapse, "timelapse", lambda *given: EMPTY)

@@ -53,7 +53,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "hill.yaml").write_text(site)
     line = ["run", "displacement", "--site", str(place / "hill.yaml"), "--workers", "0"]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vsr_core.scan.distance.SAMPLES", 100)
+        patch.setattr("vsr_core.scan.weighing.SAMPLES", 100)
         for name in ("separation", "closed_rock", "seat"):  # of the page of the scan
             patch.setattr(scan_figures, name, lambda *given: EMPTY)
         patch.setattr(timelapse, "timelapse", lambda *given: EMPTY)

@@ -21,7 +21,7 @@ from pipeline.stages.studies.validation.recorded_runs import Draw, Role
 from pipeline.workflow.rows import RunRow
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.run import rocking_block
 from vsr_core.validation import priors, specimen

@@ -66,25 +66,25 @@ class Forward:
 
 
 @dataclass(frozen=True)
-class Found:
+class ObservedBoulder:
     """A fallen rock that was observed.
 
     Attributes
     ----------
     place : (float, float) [m], x and y
     sigma : float [m], standard deviation of each coordinate
-    identity : float, probability that it is the rock of the runs, before looking at the place
-    area : float [m^2], over which another rock could as well lie; needed if ``identity`` < 1
+    association_probability : float, prior probability that it is the rock of the runs
+    area : float [m^2], over which another rock could as well lie; needed if that is below 1
 
     Raises
     ------
     InvalidInput
-        If ``sigma``, ``identity`` or ``area`` is out of range.
+        If ``sigma``, a probability or ``area`` is out of range.
     """
 
     place: tuple[float, float]
     sigma: float
-    identity: float = 1.0
+    association_probability: float = 1.0
     area: float = math.inf
 
     def __post_init__(self) -> None:
@@ -94,15 +94,15 @@ class Found:
                 "a place is finite and its uncertainty above 0",
                 "give sigma in metres, at least the accuracy of the survey",
             )
-        if not 0.0 < self.identity <= 1.0 or not self.area > 0.0:
+        if not 0.0 < self.association_probability <= 1.0 or not self.area > 0.0:
             raise InvalidInput(
-                f"identity {self.identity} and area {self.area} m2",
+                f"association probability {self.association_probability} and area {self.area} m2",
                 "a probability above 0 and an area above 0",
                 "correct them",
             )
-        if self.identity < 1.0 and math.isinf(self.area):
+        if self.association_probability < 1.0 and math.isinf(self.area):
             raise InvalidInput(
-                f"identity {self.identity} without an area",
+                f"association probability {self.association_probability} without an area",
                 "another rock may lie anywhere on an area",
                 "give the plan area of the terrain [m2]",
             )
@@ -121,8 +121,8 @@ class Origin:
         is no answer
     weight : ndarray, shape (n,), share of each run in the answer; 0 where there is none
     evidence : float [1/m^2], density of the rock's ends at the place, before the observation
-    identity : float, posterior probability that the observed rock is the one of the runs; NaN if
-        that was certain and yet no run explains it
+    association_probability : float, posterior; NaN if it
+        was certain and yet no run explains the place
     near : int, runs that end within ``REACH`` sigma of the place
     nearest : float [m], from the place to the nearest end; inf without any
     effective : float, effective sample size: the number of equal weights that scatter as much
@@ -135,7 +135,7 @@ class Origin:
     probability: Array
     weight: Array
     evidence: float
-    identity: float
+    association_probability: float
     near: int
     nearest: float
     effective: float
@@ -177,7 +177,7 @@ class Origin:
         return inside
 
 
-def trace(forward: Forward, found: Found, prior: Array | None = None) -> Origin:
+def trace(forward: Forward, found: ObservedBoulder, prior: Array | None = None) -> Origin:
     """Probability of each start and motion, given where the fallen rock was observed.
 
     Parameters
@@ -197,7 +197,7 @@ def trace(forward: Forward, found: Found, prior: Array | None = None) -> Origin:
     >>> pga, zeros = np.array([0.4, 0.8]), np.zeros(2)
     >>> ends = np.array([[2.0, 0.0], [8.0, 0.0]])
     >>> runs = Forward(np.zeros(2, dtype=int), pga, zeros + 0.3, ends)
-    >>> trace(runs, Found((7.5, 0.0), 1.0)).of_motion
+    >>> trace(runs, ObservedBoulder((7.5, 0.0), 1.0)).of_motion
     array([[0., 1.]])
     """
     start, at_start = np.unique(forward.start, return_inverse=True)
@@ -214,17 +214,18 @@ def trace(forward: Forward, found: Found, prior: Array | None = None) -> Origin:
     weight = before[cell] / runs[cell] * _kernel(distance, found.sigma)
     evidence = float(weight.sum())
     effective, after = 0.0, np.full(runs.shape, np.nan)
-    identity = math.nan if found.identity == 1.0 else 0.0
+    association = math.nan if found.association_probability == 1.0 else 0.0
     if evidence > 0.0:
         weight = weight / evidence
         effective = 1.0 / float(weight @ weight)
-        other = (1.0 - found.identity) / found.area
-        identity = found.identity * evidence / (found.identity * evidence + other)
-        after = (1.0 - identity) * before  # another rock says nothing of this one
-        np.add.at(after, cell, identity * weight)
+        other = (1.0 - found.association_probability) / found.area
+        known = found.association_probability * evidence
+        association = known / (known + other)
+        after = (1.0 - association) * before  # another rock says nothing of this one
+        np.add.at(after, cell, association * weight)
     statement = _statement(found, near, nearest, effective)
     return Origin(
-        start, pga, ratio, after, weight, evidence, identity, near, nearest, effective, statement
+        start, pga, ratio, after, weight, evidence, association, near, nearest, effective, statement
     )
 
 
@@ -257,7 +258,7 @@ def _kernel(distance: Array, sigma: float) -> Array:
     return np.where(scaled <= REACH, height * np.exp(-0.5 * scaled**2), 0.0)
 
 
-def _statement(found: Found, near: int, nearest: float, effective: float) -> str:
+def _statement(found: ObservedBoulder, near: int, nearest: float, effective: float) -> str:
     reach = f"{REACH:g} sigma ({REACH * found.sigma:.3g} m)"
     if not near:
         where = (

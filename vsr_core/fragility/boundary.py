@@ -1,4 +1,4 @@
-"""The overturning boundary read off the grid: its intervals, balanced islands, toppled clusters.
+"""A grid of outcomes as a table of counts, and the overturning boundary read off it.
 
 The first-overturning PGA of a row is the geometric middle of the interval that brackets it, from
 the last PGA that leaves the rock standing to the first that topples it.
@@ -6,13 +6,147 @@ the last PGA that leaves the rock standing to the first that topples it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from vsr_core.arrays import Array, Indices
-from vsr_core.fragility.cells import outcomes
-from vsr_core.fragility.result import Boundary
+from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.errors import InvalidInput
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Counts of runs on the product of PGV/PGA and PGA values.
+
+    Attributes
+    ----------
+    ln_pga : ndarray, shape (n_pga,) [ln g]
+    ln_ratio : ndarray, shape (n_ratio,) [ln s]
+    toppled, trials : ndarray, shape (n_ratio, n_pga)
+        Overturned and decided runs of each cell; trials is 0 where nothing was decided.
+    """
+
+    ln_pga: Array
+    ln_ratio: Array
+    toppled: Array
+    trials: Array
+
+    @property
+    def usable(self) -> Mask:
+        """Rows with at least one decided run, shape (n_ratio,)."""
+        return self.trials.sum(axis=1) > 0
+
+    @property
+    def varied(self) -> bool:
+        """Whether both outcomes occur."""
+        return 0 < self.toppled.sum() < self.trials.sum()
+
+
+def outcomes(overturned: npt.ArrayLike) -> Array:
+    """Outcomes as 1.0, 0.0 and NaN.
+
+    Raises
+    ------
+    InvalidInput
+        For any other value.
+
+    Examples
+    --------
+    >>> outcomes([1, 0, -1])
+    array([ 1.,  0., nan])
+    """
+    array = np.array(overturned, dtype=np.float64)
+    array[array == -1] = np.nan
+    if not np.isin(array[~np.isnan(array)], (0.0, 1.0)).all():
+        raise InvalidInput(
+            "overturned holds values other than 0, 1, -1 and NaN",
+            "a run overturned (1), did not (0) or is undecided (-1 or NaN)",
+            "pass the variable `overturned` of the responses",
+        )
+    return array
+
+
+def counted(pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Cells:
+    """Count the runs of a grid with one run in each cell.
+
+    Parameters
+    ----------
+    pga : array_like, shape (n_pga,) [g]
+        Positive, strictly increasing.
+    pgv_pga : array_like, shape (n_ratio,) [s]
+        Positive, strictly increasing.
+    overturned : array_like, shape (n_ratio, n_pga)
+        1, 0, or NaN / -1 for an undecided run, which adds no trial.
+
+    Raises
+    ------
+    InvalidInput
+        If an axis or the shape does not fit, or no run is decided.
+    """
+    columns, rows = _axis(pga, "pga"), _axis(pgv_pga, "pgv_pga")
+    grid = outcomes(overturned)
+    if grid.shape != (rows.size, columns.size):
+        raise InvalidInput(
+            f"overturned of shape {grid.shape} for {rows.size} PGV/PGA and {columns.size} PGA",
+            "its shape is (n_ratio, n_pga)",
+            "transpose or reshape it",
+        )
+    decided = ~np.isnan(grid)
+    if not decided.any():
+        raise InvalidInput(
+            "no decided run", "a fit needs at least one outcome", "check the runs' outcome codes"
+        )
+    toppled = np.where(decided, grid, 0.0)
+    return Cells(np.log(columns), np.log(rows), toppled, decided.astype(np.float64))
+
+
+def _axis(values: npt.ArrayLike, name: str) -> Array:
+    axis = np.asarray(values, dtype=np.float64)
+    if not (np.isfinite(axis) & (axis > 0)).all():
+        raise InvalidInput(
+            f"{name} holds values that are not finite and above 0",
+            "fragility is fitted in ln PGA and ln PGV/PGA",
+            f"leave such runs out or correct {name}",
+        )
+    if axis.ndim != 1 or axis.size == 0 or (np.diff(axis) <= 0).any():
+        raise InvalidInput(
+            f"{name} of shape {axis.shape} that is not one strictly increasing axis",
+            "the grid's axes increase",
+            f"sort the grid along {name} and merge repeated values",
+        )
+    return axis
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """First-overturning PGA of each PGV/PGA row, read off the grid without a model.
+
+    Attributes
+    ----------
+    pga : ndarray, shape (n_ratio,) [g]
+        Geometric middle of the interval; inf in a row that never topples, NaN in a row without
+        decided cells.
+    lower : ndarray, shape (n_ratio,) [g]
+        Largest balanced PGA below the first overturned one. NaN when the first decided cell
+        already overturned. In a censored row: the largest balanced PGA.
+    upper : ndarray, shape (n_ratio,) [g]
+        First overturned PGA; inf in a row that never topples, NaN in a row without decided cells.
+    censored : ndarray of bool, shape (n_ratio,)
+        The row has decided cells and none overturned: the boundary lies above the grid.
+    islands : ndarray of int, shape (n_ratio,)
+        Balanced cells above the first overturned one.
+    cluster_sizes : ndarray of int, shape (n_clusters,)
+        Cells in each group of toppled cells that balanced cells separate from the others.
+    """
+
+    pga: Array
+    lower: Array
+    upper: Array
+    censored: Mask
+    islands: Indices
+    cluster_sizes: Indices
 
 
 def locate(pga: npt.ArrayLike, overturned: npt.ArrayLike) -> Boundary:

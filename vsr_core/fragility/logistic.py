@@ -7,9 +7,8 @@ from scipy.optimize import linprog
 from scipy.special import expit, logit
 
 from vsr_core.arrays import Array, Indices
-from vsr_core.fragility.cells import Cells
-from vsr_core.fragility.model import FragilityModel
-from vsr_core.fragility.newton import Evaluate, maximise
+from vsr_core.fragility.boundary import Cells
+from vsr_core.fragility.model import Evaluate, FragilityModel, maximise
 
 
 class LogisticFragility(FragilityModel):

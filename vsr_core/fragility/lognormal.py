@@ -6,9 +6,8 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri
 
 from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.fragility.cells import Cells
-from vsr_core.fragility.model import FragilityModel
-from vsr_core.fragility.newton import Evaluate, maximise
+from vsr_core.fragility.boundary import Cells
+from vsr_core.fragility.model import Evaluate, FragilityModel, maximise
 
 MAX_BETA = 2.0
 """Largest beta: P then rises from 2.5 % to 97.5 % over a factor 2500 in PGA. A row that exceeds it

@@ -1,14 +1,171 @@
-"""What every fragility model offers, so that all are scored and resampled alike."""
+"""What every fragility model offers, how it is fitted, and what a fit returns.
+
+Rows are PGV/PGA values [s], columns PGA values [g]. A level PGA (median or band edge) of 0 means
+"below the smallest PGA tested" and inf "above the largest one"; being ordered numbers, they keep
+percentiles meaningful. NaN means "not known".
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from vsr_core.arrays import Array
-from vsr_core.fragility.cells import Cells
+from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.fragility.boundary import Boundary, Cells
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One fitted parameter with its 95 % bootstrap interval.
+
+    `value`, `lower` and `upper` have shape () for a parameter of the whole grid and (n_ratio,)
+    for one that each PGV/PGA row has of its own. `lower` and `upper` are NaN where the data
+    give no interval.
+    """
+
+    name: str
+    value: Array
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Cross-validation scores over left-out PGV/PGA rows; NaN with fewer than two rows.
+
+    Attributes
+    ----------
+    log_loss : float
+        Mean negative log probability of the observed outcome [nat per run].
+    log_loss_se : float
+        Its standard error from the spread between folds.
+    brier : float
+        Mean squared difference between probability and outcome.
+    accuracy : float
+        Share of runs on the right side of P = 0.5.
+    fold_log_loss : ndarray, shape (n_folds,)
+        Log loss of each fold; models are compared fold by fold.
+    """
+
+    log_loss: float
+    log_loss_se: float
+    brier: float
+    accuracy: float
+    fold_log_loss: Array
+
+
+@dataclass(frozen=True)
+class ModelFit:
+    """One model fitted to one grid.
+
+    Attributes
+    ----------
+    name : str
+        "logistic", "lognormal" or "smooth".
+    method : str
+        How it was estimated, in words.
+    separated : bool
+        A straight line (logistic), or every row's threshold (lognormal), divides the outcomes
+        without error, so the transition width comes from the grid and not from scatter. False
+        for "smooth", whose penalty makes the question moot.
+    parameters : tuple of Parameter
+        Empty for "smooth", whose spline coefficients mean nothing one by one.
+    median, median_lower, median_upper : ndarray, shape (n_ratio,) [g]
+        Smallest PGA with P >= 0.5 and its 95 % bootstrap interval. The logistic line goes on
+        beyond the tested PGA; the other models say 0 or inf there.
+    band_low, band_high : ndarray, shape (n_ratio,) [g]
+        PGA at P = 0.025 and P = 0.975: the 95 % band of the fitted model.
+    probability : ndarray, shape (n_ratio, n_pga)
+        P(overturned) at the grid cells.
+    """
+
+    name: str
+    method: str
+    separated: bool
+    parameters: tuple[Parameter, ...]
+    scores: Scores
+    median: Array
+    median_lower: Array
+    median_upper: Array
+    band_low: Array
+    band_high: Array
+    probability: Array
+
+
+@dataclass(frozen=True)
+class FragilityResult:
+    """Everything learnt from one grid: boundary, fitted models, and the recommended one.
+
+    `recommended` is a name out of `models`, or "none" when the outcomes do not vary; `reason`
+    is one sentence.
+    """
+
+    boundary: Boundary
+    models: tuple[ModelFit, ...]
+    recommended: str
+    reason: str
+
+    def model(self, name: str) -> ModelFit:
+        """Return the fitted model called `name`."""
+        return next(fitted for fitted in self.models if fitted.name == name)
+
+
+Evaluate = Callable[[Array, Indices], tuple[Array, Array]]
+
+MAX_STEP = 10.0
+"""Largest component of a step; the cap keeps a first step from a flat likelihood finite."""
+
+
+def maximise(
+    evaluate: Evaluate,
+    start: Array,
+    *,
+    tolerance: float = 1e-8,
+    max_iterations: int = 50,
+) -> tuple[Array, Mask]:
+    """Maximise a batch of functions, halving any step that makes its function worse.
+
+    Parameters
+    ----------
+    evaluate : callable
+        `evaluate(beta, which)` with beta (n, p) for the batch members `which` (n,) gives their
+        values (n,) and Newton steps (n, p).
+    start : ndarray, shape (batch, p)
+    tolerance : float
+        A member is done when the largest component of its next step is below this.
+
+    Returns
+    -------
+    beta : ndarray, shape (batch, p)
+    converged : ndarray of bool, shape (batch,)
+    """
+    beta = np.array(start, dtype=np.float64)
+    value, step = evaluate(beta, np.arange(len(beta)))
+    step = _capped(step)
+    converged = np.abs(step).max(axis=1) < tolerance
+    for _ in range(max_iterations):
+        busy = np.flatnonzero(~converged)
+        if busy.size == 0:
+            break
+        trial = beta[busy] + step[busy]
+        trial_value, trial_step = evaluate(trial, busy)
+        # rounding in the sum over cells may hide a gain in the last digits
+        better = trial_value >= value[busy] - 1e-10 * (1.0 + np.abs(value[busy]))
+        taken = busy[better]
+        beta[taken], value[taken] = trial[better], trial_value[better]
+        step[taken] = _capped(trial_step[better])
+        step[busy[~better]] /= 2
+        converged[busy] = np.abs(step[busy]).max(axis=1) < tolerance
+    return beta, converged
+
+
+def _capped(step: Array) -> Array:
+    size = np.abs(step).max(axis=1, keepdims=True)
+    return step * np.minimum(1.0, MAX_STEP / np.maximum(size, MAX_STEP))
 
 
 class FragilityModel(ABC):

@@ -7,11 +7,9 @@ from scipy.interpolate import BSpline
 from scipy.special import expit, logit
 
 from vsr_core.arrays import Array, Indices
-from vsr_core.fragility.boundary import first_crossing
-from vsr_core.fragility.cells import Cells
+from vsr_core.fragility.boundary import Cells, first_crossing
 from vsr_core.fragility.cross_validation import cross_validate
-from vsr_core.fragility.model import FragilityModel
-from vsr_core.fragility.newton import maximise
+from vsr_core.fragility.model import FragilityModel, maximise
 
 N_KNOTS = 10
 """Knots along each direction, fewer where the grid has fewer values."""

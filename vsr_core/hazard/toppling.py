@@ -1,4 +1,4 @@
-"""How often a year a rock would topple: its fragility over a hazard curve."""
+"""How often a year a rock would topple: one fragility in PGA, over a hazard curve."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from vsr_core.arrays import Array
 from vsr_core.hazard.curve import HazardCurve
+from vsr_core.hazard.ratio import RatioTable
 
 Fragility = Callable[[Array], Array]
 """Probability of toppling at peak ground accelerations [m/s^2], which does not fall with them."""
@@ -74,3 +76,130 @@ def any_of(fragilities: Sequence[Fragility]) -> Fragility:
         return 1.0 - stands
 
     return together
+
+
+RowFragility = Callable[[Array], Array]
+"""Probability of toppling of each row of PGV/PGA, shape (rows, n), at n accelerations [m/s^2]."""
+
+FINEST = 1.02
+"""Factor between accelerations at which an average is computed."""
+
+
+def lognormal_rows(medians: Array, betas: Array) -> RowFragility:
+    """Rows of lognormal fragilities, the mean over directions: a rock does not choose from where.
+
+    Parameters
+    ----------
+    medians, betas : ndarray, shape (directions, rows)
+        Of Phi(ln(PGA / median) / beta), medians in m/s^2.
+    """
+
+    def rows(level: Array) -> Array:
+        return ndtr(np.log(level / medians[..., None]) / betas[..., None]).mean(axis=0)
+
+    return rows
+
+
+def gridded_rows(levels: Array, probability: Array) -> RowFragility:
+    """Rows of probabilities on a grid, straight in ln PGA, and as at its ends beyond it.
+
+    Parameters
+    ----------
+    levels : ndarray, shape (n,) [m/s^2], ascending
+    probability : ndarray, shape (rows, n)
+    """
+    x = np.log(levels)
+
+    def rows(level: Array) -> Array:
+        return np.stack([np.interp(np.log(level), x, row) for row in probability])
+
+    return rows
+
+
+def continued_rows(rows: RowFragility, tried: Array, beyond: RowFragility) -> RowFragility:
+    """Rows that go on as others do beyond the levels that were tried.
+
+    What stands at the last level falls beyond it with the chance that the others have for what
+    stands there; below the first level what falls is by as much rarer as it is there.
+
+    Parameters
+    ----------
+    tried : ndarray, shape (2,) [m/s^2], the first and the last level
+    """
+    first, last = beyond(tried).T[:, :, None]
+
+    def all_rows(level: Array) -> Array:
+        inner, outer = rows(np.clip(level, *tried)), beyond(level)
+        stand = np.divide(1.0 - outer, 1.0 - last, out=np.ones_like(outer), where=last < 1.0)
+        rarer = np.divide(outer, first, out=np.ones_like(outer), where=first > 0.0)
+        above = 1.0 - (1.0 - inner) * np.minimum(stand, 1.0)
+        return np.where(level > tried[1], above, inner * np.minimum(rarer, 1.0))
+
+    return all_rows
+
+
+def averaged(rows: RowFragility, ratios: Array, table: RatioTable, levels: Array) -> Fragility:
+    """Probability of toppling given PGA alone.
+
+    PGV/PGA is lognormal at each PGA, and each row stands for the values nearer to its own than to
+    another's, in logarithms. The result is made not to fall.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (rows,) [s], ascending, PGV/PGA of the rows
+    levels : ndarray, shape (2,) [m/s^2], accelerations between which it is wanted
+
+    Returns
+    -------
+    Fragility, between the levels; beyond them with their values
+    """
+    number = 2 + int(np.log(levels[1] / levels[0]) / np.log(FINEST))
+    at = np.geomspace(levels[0], levels[1], number)
+    chance = np.maximum.accumulate((row_shares(ratios, *table.at(at)) * rows(at)).sum(axis=0))
+    x = np.log(at)
+
+    def fragility(level: Array) -> Array:
+        return np.interp(np.log(level), x, chance)
+
+    return fragility
+
+
+def row_shares(ratios: Array, medians: Array, log_sds: Array) -> Array:
+    """Share of a lognormal PGV/PGA that each row of a grid stands for.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (rows,) [s], ascending
+    medians : ndarray, shape (n,) [s]
+    log_sds : ndarray, shape (n,)
+
+    Returns
+    -------
+    ndarray, shape (rows, n), columns sum to 1
+    """
+    x = np.log(ratios)
+    borders = np.concatenate([[-np.inf], 0.5 * (x[1:] + x[:-1]), [np.inf]])
+    below = ndtr((borders[:, None] - np.log(medians)) / log_sds)
+    return np.diff(below, axis=0)
+
+
+def rate_by_row(
+    curve: HazardCurve,
+    fragility: Fragility,
+    rows: RowFragility,
+    ratios: Array,
+    table: RatioTable,
+) -> tuple[Array, Array]:
+    """Which PGA and which PGV/PGA the earthquakes have that topple a rock.
+
+    Returns
+    -------
+    levels : ndarray, shape (m,) [m/s^2]
+    rates : ndarray, shape (rows, m) [1/year], whose sum is the rate of toppling
+    """
+    whole = toppling(curve, fragility)
+    parts = row_shares(ratios, *table.at(whole.levels)) * rows(whole.levels)
+    total = parts.sum(axis=0)
+    return whole.levels, whole.parts * np.divide(
+        parts, total, out=np.zeros_like(parts), where=total > 0.0
+    )

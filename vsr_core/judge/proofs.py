@@ -34,8 +34,7 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array, matrix_product
 from vsr_core.compiled.compiling import compiled
-from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import contact_tilts
+from vsr_core.rock.body import Rock, contact_tilts
 from vsr_core.rock.tipping import TOPPLED_TILT, rest_tilts, tipping
 from vsr_core.scene import Contact
 

@@ -23,8 +23,8 @@ from scipy.integrate import cumulative_trapezoid
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
-from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.ground_motion import GroundMotion
+from vsr_core.motions.pulses import CosinePulse
 
 Axis = Literal["x", "y", "z", "roll", "pitch", "yaw"]
 

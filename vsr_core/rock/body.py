@@ -1,4 +1,7 @@
-"""A rock as a rigid body in its rest pose."""
+"""A rock as a rigid body in its rest pose, and its convex hull: which corners can touch a pedestal.
+
+All vectors are relative to the centre of mass.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,182 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError
 
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Indices, Mask, matrix_product
 from vsr_core.errors import InvalidInput
-from vsr_core.rock.hull import Hull, convex_hull
+
+_FLAT = 1e-6  # difference of unit normals below which neighbouring facets are of one face
+
+
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """Convex hull about the centre of mass.
+
+    Attributes
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    facets : ndarray of int, shape (m, 3), indices of each triangle's corners
+    normals : ndarray, shape (m, 3), outward unit normals
+    offsets : ndarray, shape (m,) [m], distance of each facet's plane from the centre of mass
+    neighbours : ndarray of int, shape (m, 3), facet across the edge opposite corner k
+    face : ndarray of int, shape (m,), number of the flat face that each facet is part of
+    """
+
+    vertices: Array
+    facets: Indices
+    normals: Array
+    offsets: Array
+    neighbours: Indices
+    face: Indices
+
+    def turned(self, rotation: Array) -> Hull:
+        """The same hull with every vector turned.
+
+        Parameters
+        ----------
+        rotation : ndarray, shape (3, 3)
+        """
+        return Hull(
+            matrix_product(self.vertices, rotation.T),
+            self.facets,
+            matrix_product(self.normals, rotation.T),
+            self.offsets,
+            self.neighbours,
+            self.face,
+        )
+
+
+def convex_hull(points: Array) -> Hull:
+    """Convex hull of points about the centre of mass.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3) [m], relative to the centre of mass
+
+    Raises
+    ------
+    InvalidInput
+        If the points span no volume, or the centre of mass lies outside their hull.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> cube = convex_hull(np.array(list(product((-1.0, 1.0), repeat=3))))
+    >>> len(cube.vertices), len(cube.facets), len(set(cube.face.tolist()))
+    (8, 12, 6)
+    """
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError) as error:
+        raise InvalidInput(
+            "a flat or empty point set", "a rock has volume", "check the mesh"
+        ) from error
+    normals, offsets = hull.equations[:, :3], -hull.equations[:, 3]
+    if offsets.min() <= 0.0:
+        raise InvalidInput(
+            "a centre of mass outside the hull", "it lies inside", "check the mesh's winding"
+        )
+    number = np.full(len(points), -1)
+    number[hull.vertices] = np.arange(len(hull.vertices))
+    face = _flat_faces(normals, hull.neighbors)
+    corners, facets = points[hull.vertices], number[hull.simplices]
+    return Hull(corners, facets, normals, offsets, hull.neighbors, face)
+
+
+def touching(hull: Hull, tilt: float) -> Mask:
+    """Vertices that can touch a plane while the rock is tilted by at most ``tilt``.
+
+    Parameters
+    ----------
+    tilt : float [rad]
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    return contact_tilts(hull)[0] <= tilt
+
+
+def corners(hull: Hull, tolerance: float) -> Mask:
+    """Vertices without which the hull would change; the others lie on lines between their like.
+
+    Whatever force acts between two corners, forces at these do the same.
+
+    Parameters
+    ----------
+    tolerance : float [m], distance of a vertex from such a line
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> cube = np.array(list(product((-1.0, 1.0), repeat=3)))
+    >>> int(corners(convex_hull(np.vstack([cube, [[1.0, 0.2, 1.0]]])), 1e-6).sum())
+    8
+    """
+    rings: list[set[int]] = [set() for _ in hull.vertices]
+    for facet in hull.facets.tolist():
+        for corner in facet:
+            rings[corner].update(facet)
+    kept = np.ones(len(hull.vertices), dtype=bool)
+    for vertex, ring in enumerate(rings):
+        ring.discard(vertex)
+        others = np.array(sorted(ring))
+        to = hull.vertices[others] - hull.vertices[vertex]
+        length = np.linalg.norm(to, axis=1)
+        one, other = np.triu_indices(len(others), 1)
+        opposite = (to[one] * to[other]).sum(axis=1) < 0.0
+        off = np.linalg.norm(np.cross(to[one], to[other]), axis=1)
+        near = opposite & (off <= tolerance * np.linalg.norm(to[one] - to[other], axis=1))
+        if not near.any() or not length.all():
+            continue
+        at = int(np.argmax(near))
+        kept[vertex] = False
+        ends = int(others[one[at]]), int(others[other[at]])
+        for end, far in (ends, ends[::-1]):
+            rings[end].add(far)
+        for neighbour in ring:
+            rings[neighbour].discard(vertex)
+    return kept
+
+
+def contact_tilts(hull: Hull) -> tuple[Array, Array]:
+    """Least and greatest tilt at which each vertex can touch a plane.
+
+    A vertex touches for the directions of ``down`` between the normals of its facets. The range
+    of their tilts is widened by the widest angle between neighbouring facets there, because an
+    arc between two normals may pass a tilt that neither has; it encloses the true one.
+
+    Returns
+    -------
+    least, greatest : ndarray, shape (n,) [rad]
+    """
+    facing = np.arccos(np.clip(-hull.normals[:, 2], -1.0, 1.0))
+    cosine = np.einsum("ij,ikj->ik", hull.normals, hull.normals[hull.neighbours])
+    widest = np.arccos(np.clip(cosine, -1.0, 1.0)).max(axis=1)
+    least = np.full(len(hull.vertices), np.inf)
+    greatest = np.full(len(hull.vertices), -np.inf)
+    for corner in hull.facets.T:
+        np.minimum.at(least, corner, facing - widest)
+        np.maximum.at(greatest, corner, facing + widest)
+    return least, greatest
+
+
+def _flat_faces(normals: Array, neighbours: Indices) -> Indices:
+    """Number of the flat face of each facet: neighbours with the same normal are one face."""
+    facet, corner = np.nonzero(
+        np.linalg.norm(normals[neighbours] - normals[:, None], axis=2) < _FLAT
+    )
+    pairs = (np.ones(len(facet)), (facet, neighbours[facet, corner]))
+    size = (len(normals), len(normals))
+    return np.asarray(connected_components(coo_array(pairs, shape=size), directed=False)[1])
+
 
 LARGEST_SIZE = 30.0
 """A rock with a longer side than this [m] was probably not given in metres."""

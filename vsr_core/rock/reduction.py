@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import touching
+from vsr_core.rock.body import Rock, touching
 from vsr_core.rock.tipping import tipping
 
 SEAT_SHARE = 0.01

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 
 from vsr_core.arrays import Array, Indices, matrix_product
 from vsr_core.errors import InvalidInput
-from vsr_core.rock.hull import Hull
+from vsr_core.rock.body import Hull
 
 MAX_SETTLING_TURN = np.radians(15.0)
 """A scan that has to turn further than this to rest did not stand [rad]."""

@@ -13,11 +13,6 @@ _ROUNDING = 64.0 * np.finfo(np.float64).eps
 def cross_products(vertices: Array, faces: Indices) -> Array:
     """Vector product of two sides of each face: its normal, twice its area long.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3) [m]
-    faces : ndarray of int, shape (m, 3)
-
     Returns
     -------
     ndarray, shape (m, 3) [m^2]
@@ -33,11 +28,6 @@ def cross_products(vertices: Array, faces: Indices) -> Array:
 
 def areas(vertices: Array, faces: Indices) -> Array:
     """Area of each face.
-
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3) [m]
-    faces : ndarray of int, shape (m, 3)
 
     Returns
     -------
@@ -99,11 +89,6 @@ def self_intersections(vertices: Array, faces: Indices) -> Indices:
 
     Two triangles in general position cross if and only if an edge of one pierces the other
     (Moeller 1997). Candidates come from a uniform grid over the bounding boxes.
-
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3) [m]
-    faces : ndarray of int, shape (m, 3)
 
     Returns
     -------

@@ -9,7 +9,7 @@ import numpy as np
 from vsr_core import engines
 from vsr_core.compiled.compiling import forget_others
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.rock import solid
 from vsr_core.run.cases import Settings, TerrainCase, prepare
 from vsr_core.run.displacement import displace

@@ -17,8 +17,7 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.judge import proofs
-from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull
+from vsr_core.rock.body import Rock, convex_hull
 from vsr_core.rock.tipping import settle
 from vsr_core.scene import Contact
 

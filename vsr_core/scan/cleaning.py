@@ -54,7 +54,6 @@ def clean(mesh: trimesh.Trimesh, *, alone: bool = False) -> Cleaned:
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh [m], z up
     alone : bool, whether it holds a rock alone, closed but for holes, and no ground
 
     Raises
@@ -184,11 +183,6 @@ def _merged(vertices: Array, faces: Indices, notes: list[str]) -> tuple[Indices,
 
 def with_area(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     """Faces that lie on a line turned about their longest side, into the face beyond it.
-
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3) [m]
-    faces : ndarray of int, shape (m, 3)
 
     Returns
     -------

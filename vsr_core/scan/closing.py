@@ -15,11 +15,19 @@ from vsr_core.errors import InvalidInput, InvalidPlace
 from vsr_core.rock.solid import checked
 from vsr_core.rock.triangles import self_intersections
 from vsr_core.scan.concave import smoothed_normals
-from vsr_core.scan.fill import Frame, across, area_vector, frame, uncrossed
-from vsr_core.scan.rim import laid, planes_beside
-from vsr_core.scan.separation import Separation
+from vsr_core.scan.separation import Separation, laid, planes_beside
 from vsr_core.scan.topology import means_beside, rims, touching
-from vsr_core.scan.underside import Height, lower_hull, planes, poisson
+from vsr_core.scan.underside import (
+    Frame,
+    Height,
+    across,
+    area_vector,
+    frame,
+    lower_hull,
+    planes,
+    poisson,
+    uncrossed,
+)
 
 Closing = Literal["caps", "hull", "poisson"]
 
@@ -75,7 +83,6 @@ def at(mesh: trimesh.Trimesh, triangles: Array) -> Mask:
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh [m]
     triangles : ndarray, shape (k, 3, 3) [m]
     """
     if not len(triangles):

@@ -63,11 +63,6 @@ class Turns:
 def smoothed_normals(vertices: Array, faces: Indices, rounds: int) -> Array:
     """Unit normals of faces, averaged over all faces that share a vertex.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3) [m]
-    faces : ndarray of int, shape (m, 3)
-
     Returns
     -------
     ndarray, shape (m, 3)
@@ -101,11 +96,6 @@ def turns(vertices: Array, faces: Indices) -> Turns:
     The turn at an edge is the difference of the normals beside it along the line from the middle
     of one face to that of the other. Smoothing spreads it over neighbouring edges; it is scaled
     such that the deepest edge along a sharp, regular hollow keeps its turn.
-
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3) [m]
-    faces : ndarray of int, shape (m, 3)
 
     Raises
     ------

@@ -33,10 +33,6 @@ class Plane:
     def inside(self, mesh: trimesh.Trimesh) -> Array:
         """Height of each vertex over the plane.
 
-        Parameters
-        ----------
-        mesh : trimesh.Trimesh [m]
-
         Returns
         -------
         ndarray, shape (n,) [m]
@@ -68,10 +64,6 @@ class Box:
     def inside(self, mesh: trimesh.Trimesh) -> Array:
         """Distance of each vertex to the box, positive inside.
 
-        Parameters
-        ----------
-        mesh : trimesh.Trimesh [m]
-
         Returns
         -------
         ndarray, shape (n,) [m]
@@ -102,10 +94,6 @@ class Polygon:
 
     def inside(self, mesh: trimesh.Trimesh) -> Array:
         """Distance of each vertex to the prism's walls, positive inside.
-
-        Parameters
-        ----------
-        mesh : trimesh.Trimesh [m]
 
         Returns
         -------
@@ -142,10 +130,6 @@ class Colour:
     def inside(self, mesh: trimesh.Trimesh) -> Array:
         """Tolerance less each vertex's distance from the colour.
 
-        Parameters
-        ----------
-        mesh : trimesh.Trimesh [m]
-
         Returns
         -------
         ndarray, shape (n,)
@@ -178,7 +162,6 @@ def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh [m]
     cut : Cut, in the mesh's coordinates
 
     Returns

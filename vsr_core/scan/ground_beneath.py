@@ -8,8 +8,8 @@ import trimesh
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidPlace
 from vsr_core.scan.closing import Closed
-from vsr_core.scan.distance import signed_distance
 from vsr_core.scan.separation import Separation
+from vsr_core.scan.weighing import signed_distance
 from vsr_core.terrain.surface import Terrain
 
 _LARGEST_PUSH = 0.1  # of the rock's size: ground that reaches deeper into the rock is no noise

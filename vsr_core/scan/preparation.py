@@ -14,22 +14,22 @@ from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.reduction import in_flight, on_its_seat
 from vsr_core.rock.solid import from_mesh
-from vsr_core.scan.alternatives import Alternative, alternatives
 from vsr_core.scan.cleaning import Cleaned, clean
 from vsr_core.scan.closing import Closed, Closing, close
 from vsr_core.scan.cuts import Cut
-from vsr_core.scan.distance import hausdorff
 from vsr_core.scan.ground_beneath import depth_in, ground_beneath
-from vsr_core.scan.proposal import Undecided, propose
-from vsr_core.scan.refusal import Refused, Seen, refusing
-from vsr_core.scan.rim import settled
-from vsr_core.scan.separation import Separation, by_cut
+from vsr_core.scan.proposal import Alternative, Undecided, alternatives, propose
+from vsr_core.scan.separation import Separation, by_cut, settled
 from vsr_core.scan.weighing import (
     Measure,
+    Refused,
+    Seen,
     Step,
     Tell,
     Trial,
+    hausdorff,
     measured,
+    refusing,
     tipping_angles,
     tried,
 )
@@ -86,7 +86,6 @@ def prepare_scan(
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh [m]
     cut : what of it is the rock, in its coordinates; None to propose the hollow around the rock
     near : three floats [m], a point on the rock, where several rocks stand on the ground
     density : float [kg/m^3]

@@ -45,10 +45,6 @@ class Edges:
 def edges(faces: Indices) -> Edges:
     """Edges of faces.
 
-    Parameters
-    ----------
-    faces : ndarray of int, shape (m, 3)
-
     Examples
     --------
     >>> found = edges(np.array([[0, 1, 2], [2, 1, 3]]))
@@ -73,7 +69,6 @@ def ends(faces: Indices, side: Indices) -> Indices:
 
     Parameters
     ----------
-    faces : ndarray of int, shape (m, 3)
     side : ndarray of int, shape (k,), 3 face + k (see ``Edges``)
 
     Returns
@@ -92,10 +87,6 @@ def ends(faces: Indices, side: Indices) -> Indices:
 def border(faces: Indices) -> Indices:
     """Vertices from and to which the open edges run.
 
-    Parameters
-    ----------
-    faces : ndarray of int, shape (m, 3)
-
     Returns
     -------
     ndarray of int, shape (k, 2)
@@ -111,14 +102,6 @@ def border(faces: Indices) -> Indices:
 def touching(faces: Indices, vertices: Indices) -> Mask:
     """Faces with a corner among some vertices.
 
-    Parameters
-    ----------
-    faces : ndarray of int, shape (m, 3)
-
-    Returns
-    -------
-    ndarray of bool, shape (m,)
-
     Examples
     --------
     >>> touching(np.array([[0, 1, 2], [2, 1, 3]]), np.array([0])).tolist()
@@ -132,7 +115,6 @@ def means_beside(faces: Indices, values: Array, vertices: Indices) -> Array:
 
     Parameters
     ----------
-    faces : ndarray of int, shape (m, 3)
     values : ndarray, shape (n, d), of all vertices; nan where unknown
     vertices : ndarray of int, shape (k,), each with a neighbour whose value is known
 
@@ -159,10 +141,6 @@ def means_beside(faces: Indices, values: Array, vertices: Indices) -> Array:
 
 def rims(faces: Indices) -> list[Indices]:
     """Open rims of faces.
-
-    Parameters
-    ----------
-    faces : ndarray of int, shape (m, 3)
 
     Returns
     -------

@@ -1,18 +1,105 @@
-"""What each step from scan to solid changed: weighed before and after."""
+"""What each step from scan to solid changed, weighed; what was made of a scan that is refused."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 import trimesh
+from trimesh.proximity import closest_point
 
-from vsr_core.arrays import Array
-from vsr_core.errors import InvalidInput
-from vsr_core.rock.hull import convex_hull
-from vsr_core.rock.solid import LARGEST_LEVELLING
+from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.errors import InvalidInput, InvalidPlace
+from vsr_core.rock.body import convex_hull
+from vsr_core.rock.solid import FARTHEST, LARGEST_LEVELLING
 from vsr_core.rock.tipping import settle, tipping
+from vsr_core.rock.triangles import chunks
+from vsr_core.scan.topology import edges
+
+SAMPLES = 20_000
+"""Points, beside the vertices, at which a distance between surfaces is measured."""
+
+_ON = 1e-9  # a barycentric share below this is none
+_AT_ONCE = 10_000  # points looked up at a time, to save memory
+
+
+def signed_distance(mesh: trimesh.Trimesh, points: Array) -> tuple[Array, Array, Indices]:
+    """Distance of points from a surface, positive on the side to which its normals point.
+
+    The sign is that of the pseudonormal of the nearest face, edge or vertex, which is exact
+    (Baerentzen & Aanaes 2005) but for points nearest to an open rim.
+
+    Returns
+    -------
+    distance : ndarray, shape (n,) [m]
+    nearest : ndarray, shape (n, 3) [m], on the surface
+    face : ndarray of int, shape (n,), that it is on
+
+    Examples
+    --------
+    >>> cube = trimesh.creation.box((2.0, 2.0, 2.0))
+    >>> signed_distance(cube, np.array([[0.0, 0.0, 0.9], [0.0, 0.0, 1.5]]))[0].round(9).tolist()
+    [-0.1, 0.5]
+    """
+    distance, nearest = np.empty(len(points)), np.empty((len(points), 3))
+    face = np.empty(len(points), dtype=np.int64)
+    for chunk in chunks(len(points), _AT_ONCE):
+        nearest[chunk], distance[chunk], face[chunk] = closest_point(mesh, points[chunk])
+    share = trimesh.triangles.points_to_barycentric(mesh.triangles[face], nearest)
+    side = np.einsum("ij,ij->i", points - nearest, _pseudonormals(mesh, face, share))
+    return np.where(side < 0.0, -distance, distance), nearest, face
+
+
+def _pseudonormals(mesh: trimesh.Trimesh, face: Indices, share: Array) -> Array:
+    """Normal of the face, edge or vertex that a point with these barycentric shares lies on."""
+    faces = np.asarray(mesh.faces, dtype=np.int64)
+    normal = np.array(mesh.face_normals[face])
+    off = share < _ON
+    side = edges(faces).pairs
+    across = np.arange(3 * len(faces)) // 3
+    across[side[:, 0]], across[side[:, 1]] = side[:, 1] // 3, side[:, 0] // 3
+    for k in range(3):
+        on_edge = off[:, k] & (off.sum(axis=1) == 1)
+        opposite = 3 * face[on_edge] + (k + 1) % 3
+        normal[on_edge] += mesh.face_normals[across[opposite]]
+        at_vertex = ~off[:, k] & (off.sum(axis=1) == 2)
+        normal[at_vertex] = mesh.vertex_normals[faces[face[at_vertex], k]]
+    return normal
+
+
+def hausdorff(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
+    """Largest distance from either surface to the other.
+
+    Measured at all vertices of both and at ``SAMPLES`` points spread over each by area, exactly
+    to the other's faces: a lower bound, as every sampled one, that is exact where the largest
+    distance is at a vertex.
+
+    Parameters
+    ----------
+    one, other : trimesh.Trimesh [m]
+
+    Returns
+    -------
+    float [m]
+
+    Examples
+    --------
+    >>> small, large = (trimesh.creation.box((1.0, 1.0, height)) for height in (1.0, 1.5))
+    >>> round(hausdorff(small, large), 6)
+    0.25
+    """
+    return max(_farthest(one, other), _farthest(other, one))
+
+
+def _farthest(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
+    """Largest distance of a point of one surface from another [m]."""
+    spread = trimesh.sample.sample_surface(one, SAMPLES, seed=0)[0]
+    points = np.concatenate([np.array(one.vertices)[np.unique(one.faces)], spread])
+    found = (closest_point(other, points[chunk])[1] for chunk in chunks(len(points), _AT_ONCE))
+    return max(float(distance.max()) for distance in found)
+
 
 DIRECTIONS = np.radians(np.arange(0.0, 360.0, 5.0))
 """Directions [rad] in which tipping is compared."""
@@ -106,7 +193,6 @@ def measured(mesh: trimesh.Trimesh, density: float) -> Measure:
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh [m]
     density : float [kg/m^3]
 
     Examples
@@ -153,3 +239,79 @@ def largest_change(one: Measure, other: Measure) -> float:
     float [rad]
     """
     return float(np.abs(one.tipping - other.tipping).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What was made of a scan.
+
+    Attributes
+    ----------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+    offset : ndarray, shape (3,) [m], the scan's coordinates are those of ``vertices`` plus these
+    parts : dict of ndarray of bool, shape (m,), what was taken for what, by name
+    """
+
+    vertices: Array
+    faces: Indices
+    offset: Array
+    parts: dict[str, Mask]
+
+    @classmethod
+    def nothing_of(cls, mesh: trimesh.Trimesh) -> Seen:
+        """Nothing yet but the scan itself, as far as it can be drawn."""
+        vertices = np.array(mesh.vertices, dtype=np.float64)
+        faces = np.array(mesh.faces, dtype=np.int64)
+        whole = (np.abs(vertices[faces]) < FARTHEST).all(axis=(1, 2))
+        used, local = np.unique(faces[whole], return_inverse=True)
+        middle = vertices[used].mean(axis=0) if len(used) else np.zeros(3)
+        return cls(vertices[used] - middle, local.reshape(-1, 3), middle, {})
+
+
+class Refused(InvalidInput):
+    """A refusal of a scan, and where it fails."""
+
+    def __init__(self, error: InvalidInput, seen: Seen) -> None:
+        places = [*error.places] if isinstance(error, InvalidPlace) else []
+        self.seen, self.places = seen, np.array(places).reshape(-1, 3) + seen.offset
+        super().__init__(error.given + _told(self.places), error.rule, error.remedy)
+
+
+def _told(places: Array) -> str:
+    if not len(places):
+        return ""
+    more = f" and {len(places) - 1} more places" if len(places) > 1 else ""
+    return f" at {place(places[0])}{more}"
+
+
+def place(point: Array) -> str:
+    """Coordinates as they are told.
+
+    Parameters
+    ----------
+    point : ndarray, shape (3,) [m]
+
+    Examples
+    --------
+    >>> place(np.array([1.0, 2.5, -0.001]))
+    '(1.00, 2.50, 0.00)'
+    """
+    return f"({', '.join(f'{round(x, 2) + 0.0:.2f}' for x in point.tolist())})"
+
+
+@contextmanager
+def refusing(seen: Seen, kind: type[Refused] = Refused) -> Iterator[None]:
+    """Add to a refusal what was made of the scan until then.
+
+    Raises
+    ------
+    Refused
+        In place of an InvalidInput.
+    """
+    try:
+        yield
+    except Refused:
+        raise
+    except InvalidInput as error:
+        raise kind(error, seen) from error

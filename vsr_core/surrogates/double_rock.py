@@ -34,7 +34,7 @@ import math
 import numpy as np
 
 from vsr_core.arrays import Array, Indices
-from vsr_core.surrogates.ring_stack import bezier, closed_stack, polygon_radius
+from vsr_core.surrogates.surrogate_site import bezier, closed_stack, polygon_radius
 
 _HEIGHT = 1.5085  # m
 _AROUND, _RINGS = 72, 60  # points of a ring, and rings, for which the constants were fitted

@@ -19,10 +19,25 @@ from scipy.spatial import ConvexHull
 
 from vsr_core.arrays import Array
 from vsr_core.surrogates.double_rock import double_rock
-from vsr_core.surrogates.ground_shapes import ramp, rise, rough, scattered, stepped, waves
-from vsr_core.surrogates.ground_sheet import Field, StandingBlock, resampled, rounded, sheet
-from vsr_core.surrogates.ring_stack import polygon_radius
-from vsr_core.surrogates.surrogate_site import SurrogateSite, over_origin, rim_around
+from vsr_core.surrogates.ground import (
+    Field,
+    StandingBlock,
+    ramp,
+    resampled,
+    rise,
+    rough,
+    rounded,
+    scattered,
+    sheet,
+    stepped,
+    waves,
+)
+from vsr_core.surrogates.surrogate_site import (
+    SurrogateSite,
+    over_origin,
+    polygon_radius,
+    rim_around,
+)
 
 # What the ground looks like; lengths in metres, in the site frame.
 CLEARANCE = 0.001  # of the seat below the rock's base

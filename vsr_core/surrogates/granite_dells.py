@@ -11,10 +11,14 @@ import math
 import numpy as np
 
 from vsr_core.arrays import Array, Indices
-from vsr_core.surrogates.ground_shapes import rise, rough, waves
-from vsr_core.surrogates.ground_sheet import sheet
-from vsr_core.surrogates.ring_stack import bezier, closed_stack
-from vsr_core.surrogates.surrogate_site import SurrogateSite, over_origin, rim_around
+from vsr_core.surrogates.ground import rise, rough, sheet, waves
+from vsr_core.surrogates.surrogate_site import (
+    SurrogateSite,
+    bezier,
+    closed_stack,
+    over_origin,
+    rim_around,
+)
 
 _EXTENT = (-9.0, 9.0, -8.0, 8.0)
 _CLEARANCE = 0.001  # m, of the seat below the boulder's base

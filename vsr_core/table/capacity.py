@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core.arrays import Array
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 
 LIMITS = ("acceleration", "velocity", "stroke", "payload")
 """What may bind, in the order in which it is named."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import betaincinv
 
 from vsr_core.arrays import Array
-from vsr_core.fragility.cells import Cells
+from vsr_core.fragility.boundary import Cells
 from vsr_core.fragility.lognormal import LognormalFragility
 
 LEVEL = 0.95

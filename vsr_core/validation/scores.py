@@ -1,14 +1,18 @@
-"""How well probabilities and predictions of overturning fit the observed outcomes."""
+"""How well probabilities of overturning fit the outcomes: scores, fragility curves, calibration."""
 
 from __future__ import annotations
 
 import warnings
+import zlib
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binomtest
+from numpy.typing import NDArray
+from scipy.stats import binomtest, norm
 
 from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.fragility.lognormal import probit_likelihood
+from vsr_core.fragility.model import maximise
 
 SMALLEST_PROBABILITY = 1e-3
 """Probabilities are kept this far from 0 and 1 for the log loss: the outcome of a single test of a
@@ -64,7 +68,7 @@ def scored(observed: Mask, predicted: Mask, probability: Array | None = None) ->
         )
 
 
-def decided(probability: Array) -> Mask:
+def predicted_to_overturn(probability: Array) -> Mask:
     """Whether each test is predicted to overturn: where that is likelier than the mean of all.
 
     If the probabilities are right, the threshold with the largest balanced accuracy is the share of
@@ -80,7 +84,7 @@ def decided(probability: Array) -> Mask:
 
     Examples
     --------
-    >>> decided(np.array([0.0, 0.1, 0.2, 0.4]))
+    >>> predicted_to_overturn(np.array([0.0, 0.1, 0.2, 0.4]))
     array([False, False,  True,  True])
     """
     return np.asarray(probability >= probability.mean())
@@ -149,3 +153,157 @@ def reliability(observed: Mask, probability: Array, classes: int = 8) -> Reliabi
         rows.append((probability[inside].mean(), hits / count, low, high, count))
     predicted, share, lower, upper, counts = np.array(rows).reshape(-1, 5).T
     return Reliability(predicted, share, lower, upper, counts.astype(np.int64))
+
+
+SAMPLES = 200
+"""Bootstrap samples of whole ground motions."""
+
+SEED = 1
+"""Of the bootstrap samples."""
+
+FLATTEST, STEEPEST = 0.05, 50.0
+"""Least and largest slope: of a curve that is nearly level, and of one that is a step."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Probability of overturning over an intensity measure.
+
+    Attributes
+    ----------
+    intensity, probability, low, high : ndarray, shape (k,); the last two a 95 % interval
+    median : float, intensity at a probability of one half
+    """
+
+    intensity: Array
+    probability: Array
+    low: Array
+    high: Array
+    median: float
+
+
+def curve(intensity: Array, share: Array, motions: NDArray[np.str_], at: Array) -> Curve:
+    """Lognormal fragility by maximum likelihood, with a bootstrap over ground motions.
+
+    Parameters
+    ----------
+    intensity : ndarray, shape (n,), above 0
+    share : ndarray, shape (n,), 0 or 1 of a test, a probability of a prediction
+    motions : ndarray of str, shape (n,)
+    at : ndarray, shape (k,), intensities at which it is evaluated
+
+    References
+    ----------
+    Baker, J. W. (2015). Efficient analytical fragility function fitting using dynamic structural
+    analysis. Earthquake Spectra 31(1), Eq. 11.
+    """
+    names, group = np.unique(motions, return_inverse=True)
+    chosen = np.random.default_rng(SEED).integers(0, len(names), (SAMPLES, len(names)))
+    counts = np.array([np.bincount(row, minlength=len(names)) for row in chosen])
+    weights = np.vstack([np.ones(len(share)), counts[:, group]])
+    centre = float(np.log(intensity).mean())
+    design = np.column_stack([np.ones(len(share)), np.log(intensity) - centre])
+    likelihood = probit_likelihood(design, np.zeros((len(weights), 1)), weights * share, weights)
+    fitted, _ = maximise(likelihood, np.tile([0.0, 1.0], (len(weights), 1)))
+    level, slope = fitted[:, :1], np.clip(fitted[:, 1:], FLATTEST, STEEPEST)
+    drawn = norm.cdf(level + slope * (np.log(at) - centre))
+    low, high = np.percentile(drawn[1:], [2.5, 97.5], axis=0)
+    median = float(np.exp(centre - level[0, 0] / slope[0, 0]))
+    return Curve(at, drawn[0], low, high, median)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """P = 1 / (1 + exp(-(intercept + slope * log-odds of the ensemble)))."""
+
+    intercept: float = 0.0
+    slope: float = 1.0
+    tests: int = 0
+
+    def probability(self, overturned: Array, members: Array) -> Array:
+        """Calibrated probabilities, shape (n,), of counts as in ``calibrate``."""
+        score = self.intercept + self.slope * _log_odds(overturned, members)
+        return np.asarray(1.0 / (1.0 + np.exp(-score)))
+
+
+def _log_odds(overturned: Array, members: Array) -> Array:
+    """Log-odds of overturning with half a member more on each side (Jeffreys), shape (n,)."""
+    return np.asarray(np.log((overturned + 0.5) / (members - overturned + 0.5)))
+
+
+def calibrate(overturned: Array, members: Array, observed: Mask) -> Calibration:
+    """Logistic regression of outcomes on the ensemble's log-odds (Platt 1999).
+
+    Parameters
+    ----------
+    overturned, members : ndarray, shape (n,), members that overturned and that have a verdict
+    observed : ndarray of bool, shape (n,)
+
+    Returns
+    -------
+    Calibration
+        One that changes nothing where all tests ended alike.
+    """
+    from sklearn.linear_model import LogisticRegression
+
+    if observed.all() or not observed.any():
+        return Calibration()
+    score = _log_odds(overturned, members)[:, None]
+    fit = LogisticRegression(C=np.inf).fit(score, observed)
+    return Calibration(float(fit.intercept_[0]), float(fit.coef_[0, 0]), len(observed))
+
+
+FOLDS = 10
+"""Parts into which the ground motions are divided; each is predicted from the others."""
+
+
+def logistic(features: Array, observed: Mask, motions: NDArray[np.str_]) -> Array:
+    """Probabilities of a logistic regression, cross-validated by ground motion.
+
+    Every test is predicted by a fit that saw no test of its motion. There is no penalty, as in the
+    published fit (Purvance et al. 2008); a part that separates would show as probabilities of 0
+    and 1.
+
+    Parameters
+    ----------
+    features : ndarray, shape (n, k)
+    observed : ndarray of bool, shape (n,)
+    motions : ndarray of str, shape (n,)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    from sklearn.linear_model import LogisticRegression
+    from sklearn.model_selection import GroupKFold
+
+    probability = np.full(len(observed), observed.mean())
+    parts = min(FOLDS, len(np.unique(motions)))
+    if parts < 2 or observed.all() or not observed.any():
+        return probability
+    for train, rest in GroupKFold(parts).split(features, observed, motions):
+        if len(np.unique(observed[train])) == 2:
+            fit = LogisticRegression(C=np.inf).fit(features[train], observed[train])
+            probability[rest] = fit.predict_proba(features[rest])[:, 1]
+    return probability
+
+
+def first_half(motions: NDArray[np.str_]) -> Mask:
+    """Tests whose ground motion belongs to the half that is used for calibration.
+
+    The half is fixed by the parity of the CRC-32 of the motion's name, whatever tests there are.
+
+    Parameters
+    ----------
+    motions : ndarray of str, shape (n,)
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+
+    Examples
+    --------
+    >>> first_half(np.array(["RSN3", "RSN316", "RSN316"]))
+    array([False,  True,  True])
+    """
+    return np.array([zlib.crc32(name.encode()) % 2 == 0 for name in motions.tolist()], dtype=bool)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from vsr_core.engines import load
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run.agreement import agrees_from, answer, levels
 from vsr_core.run.boundary_search import Topples, verdict
 from vsr_core.run.cases import Case, Settings

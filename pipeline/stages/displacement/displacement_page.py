@@ -30,9 +30,8 @@ from pipeline.stages.displacement.correlation_figures import (
 from pipeline.stages.displacement.origin_maps import SHARE, origin_maps
 from pipeline.stages.displacement.trajectory_maps import end_positions, side_view, trajectories
 from pipeline.workflow.pages import filled
-from vsr_core.displacement.correlation import STATISTICS, Correlation, correlations
-from vsr_core.displacement.least_shaking import lower_bound
-from vsr_core.displacement.origin import Found, trace
+from vsr_core.displacement.correlation import STATISTICS, Correlation, correlations, lower_bound
+from vsr_core.displacement.origin import ObservedBoulder, trace
 from vsr_core.outcome import StopReason
 
 Row = dict[str, Any]
@@ -61,7 +60,7 @@ def page(
     displacement: xr.Dataset,
     terrain: xr.Dataset,
     source: str,
-    found: Found | None = None,
+    found: ObservedBoulder | None = None,
     slots: Sequence[Slot] = (),
     *,
     surrogate: bool,
@@ -71,7 +70,7 @@ def page(
 
     Parameters
     ----------
-    found : Found, optional
+    found : ObservedBoulder, optional
         A fallen rock observed on the terrain, in the site's frame.
     slots : sequence of Slot
         Time-lapse, animation, page in three dimensions.
@@ -163,7 +162,9 @@ def _line(found: Correlation) -> Row:
     }
 
 
-def _origin(displacement: xr.Dataset, terrain: xr.Dataset, source: str, found: Found) -> Row:
+def _origin(
+    displacement: xr.Dataset, terrain: xr.Dataset, source: str, found: ObservedBoulder
+) -> Row:
     """The inverse: the shaking that explains the place, and the least that carries a rock there."""
     runs = forward([displacement], np.zeros((1, 2)))
     origin = trace(runs, found)

@@ -24,7 +24,7 @@ from pipeline.stages.runs.step_choice import FILE as TIME_STEP
 from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.writers import Writer, binary, text
-from vsr_core.displacement.origin import Found
+from vsr_core.displacement.origin import ObservedBoulder
 
 PAGE, SPACE = "displacement.html", "trajectories.html"
 STILL, FILM = "figures/timelapse.png", "figures/animation.webp"
@@ -91,7 +91,7 @@ def _numerics(job: Job) -> dict[str, Any]:
     }
 
 
-def _found(job: Job, terrain: xr.Dataset) -> Found | None:
+def _found(job: Job, terrain: xr.Dataset) -> ObservedBoulder | None:
     """The observed fallen rock, in the site's frame."""
     given = job.config.observed_boulder
     if given is None:
@@ -99,4 +99,4 @@ def _found(job: Job, terrain: xr.Dataset) -> Found | None:
     x, y, _ = terrain.attrs["origin_in_scan"]
     area = math.inf if given.deposit_area is None else given.deposit_area
     place = given.position[0] - x, given.position[1] - y
-    return Found(place, given.position_sd, given.association_probability, area)
+    return ObservedBoulder(place, given.position_sd, given.association_probability, area)

@@ -18,7 +18,7 @@ from pipeline.drawing.ground_map import around, draw, relief
 from pipeline.stages.displacement.correlation_figures import NAMES
 from pipeline.stages.displacement.trajectory_maps import WIDTH, named
 from vsr_core.arrays import Array, Mask
-from vsr_core.displacement.origin import REACH, Forward, Found, Origin
+from vsr_core.displacement.origin import REACH, Forward, ObservedBoulder, Origin
 
 SHARE = 0.95
 """Of the probability, that the outlined motions hold."""
@@ -31,7 +31,7 @@ _UNKNOWN = "#cfcfcf"
 def origin_maps(
     origin: Origin,
     forward: Forward,
-    found: Found,
+    found: ObservedBoulder,
     terrain: xr.Dataset,
     source: str,
     starts: Array | None = None,
@@ -91,7 +91,12 @@ def _outline(region: Mask, right: Array, up: Array) -> Iterator[Array]:
 
 
 def _ground(
-    axes: Axes, origin: Origin, forward: Forward, found: Found, terrain: xr.Dataset, starts: Array
+    axes: Axes,
+    origin: Origin,
+    forward: Forward,
+    found: ObservedBoulder,
+    terrain: xr.Dataset,
+    starts: Array,
 ) -> None:
     on_it = ~np.isnan(forward.end).any(axis=1)
     end, weight = forward.end[on_it], origin.weight[on_it]

@@ -12,11 +12,9 @@ from pipeline.config import in_si
 from pipeline.stages.hazard.rock_fragility import DRAWN
 from pipeline.stages.hazard.survival_analysis import BranchResults, Case, SurvivalAnalysis
 from vsr_core.arrays import Array
-from vsr_core.hazard.averaging import FINEST, rate_by_row
-from vsr_core.hazard.branches import effective_number, fractiles, mean_curve
-from vsr_core.hazard.curve import HazardCurve
+from vsr_core.hazard.curve import HazardCurve, effective_number, fractiles, mean_curve
 from vsr_core.hazard.survival import largest_scale
-from vsr_core.hazard.toppling import PARTS, toppling
+from vsr_core.hazard.toppling import FINEST, PARTS, rate_by_row, toppling
 
 COLUMNS = ("branch", "path", "weight", "toppling_rate", "survival", "survival_low",
            "survival_high", "rejected", "new_weight")  # fmt: skip

@@ -18,7 +18,7 @@ from pipeline.workflow.datasets import read
 from pipeline.workflow.grammar import form, listed
 from pipeline.workflow.stage import Job
 from vsr_core.arrays import Array, Mask
-from vsr_core.hazard.ground_motion import CORRELATION, LOG_SD
+from vsr_core.hazard.ratio import CORRELATION, LOG_SD
 from vsr_core.hazard.survival import survival
 from vsr_core.hazard.toppling import toppling
 

@@ -14,7 +14,7 @@ from pipeline.stages.fragility.products import FILE as FITS
 from pipeline.stages.uncertainty.products import FILE as ENSEMBLE
 from pipeline.workflow.datasets import read, rows_of
 from vsr_core.arrays import Array
-from vsr_core.hazard.averaging import (
+from vsr_core.hazard.toppling import (
     RowFragility,
     continued_rows,
     gridded_rows,

@@ -18,9 +18,8 @@ from pipeline.config import in_si
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.stages.hazard.hazard_model import UNITS, HazardModel, reading, refused
 from vsr_core.arrays import Array
-from vsr_core.hazard.branches import mean_curve
-from vsr_core.hazard.ground_motion import LOG_SD, ratios_of_scenarios
-from vsr_core.hazard.ratio import RatioTable, ratio_of_curves
+from vsr_core.hazard.curve import mean_curve
+from vsr_core.hazard.ratio import LOG_SD, RatioTable, ratio_of_curves, ratios_of_scenarios
 
 DEFAULT, SMALLER, LARGER = (6.5, 20.0), (5.5, 10.0), (7.5, 40.0)
 """Magnitude and distance [km] of the earthquake assumed where nothing is known of PGV, and of two

@@ -13,9 +13,7 @@ from pipeline.stages.hazard.hazard_model import HazardModel
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility
 from pipeline.stages.hazard.shaking_ratio import ShakingRatio
 from vsr_core.arrays import Array, Mask
-from vsr_core.hazard.averaging import RowFragility, averaged
-from vsr_core.hazard.branches import mean_curve, reweighed
-from vsr_core.hazard.curve import HazardCurve
+from vsr_core.hazard.curve import HazardCurve, mean_curve, posterior_weights
 from vsr_core.hazard.ratio import RatioTable
 from vsr_core.hazard.survival import (
     Standing,
@@ -24,7 +22,7 @@ from vsr_core.hazard.survival import (
     survival_of,
     uniform_ages,
 )
-from vsr_core.hazard.toppling import any_of, toppling
+from vsr_core.hazard.toppling import RowFragility, any_of, averaged, toppling
 
 REACH = 10.0
 """How far beyond the first and last level of a curve a fragility is known, as a factor: components
@@ -139,7 +137,7 @@ class SurvivalAnalysis:
         """The branches weighted by a given survival under each."""
         together = any_of([rock.fragility for rock in self.standing])
         rates = np.array([toppling(curve, together).rate for curve in self.curves])
-        new = reweighed(self.weights, survival, self.minimum)
+        new = posterior_weights(self.weights, survival, self.minimum)
         after = None
         if not new.rejected.all():
             after = mean_curve(self.curves, new.weights, self.model.levels)

@@ -14,7 +14,7 @@ from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.writers import text
 from vsr_core.scan import cuts
 from vsr_core.scan.preparation import Miscut, Prepared, prepare_scan
-from vsr_core.scan.refusal import Refused
+from vsr_core.scan.weighing import Refused
 
 
 def make(job: Job) -> Product:

@@ -32,8 +32,7 @@ from pipeline.stages.mesh.scan_views import (
 )
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.scan.preparation import Prepared
-from vsr_core.scan.refusal import Seen
-from vsr_core.scan.weighing import DIRECTIONS, Trial
+from vsr_core.scan.weighing import DIRECTIONS, Seen, Trial
 
 ROCK, ADDED = "#7fa8d6", "#f0a030"
 """Colours of the rock, and of what no scan saw."""

@@ -17,11 +17,10 @@ from pipeline.workflow.pages import filled
 from pipeline.workflow.stage import Refusal
 from pipeline.workflow.writers import text
 from vsr_core.arrays import Array
-from vsr_core.scan.alternatives import Alternative
 from vsr_core.scan.cuts import Cut
 from vsr_core.scan.preparation import Prepared
-from vsr_core.scan.refusal import Refused, place
-from vsr_core.scan.weighing import DIRECTIONS, Measure, Step, Trial
+from vsr_core.scan.proposal import Alternative
+from vsr_core.scan.weighing import DIRECTIONS, Measure, Refused, Step, Trial, place
 from vsr_core.scan.whole_rock import Unseen, WholeRock
 
 Row = dict[str, Any]

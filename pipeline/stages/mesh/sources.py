@@ -14,8 +14,7 @@ from pipeline.stages.mesh import mesh_files
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import named
 from vsr_core.errors import InvalidInput
-from vsr_core.scan.refusal import Refused
-from vsr_core.scan.weighing import Tell
+from vsr_core.scan.weighing import Refused, Tell
 from vsr_core.scan.whole_rock import WholeRock, whole_rock
 from vsr_core.surrogates import GENERATORS, SITES
 from vsr_core.surrogates.raw_scan import scan

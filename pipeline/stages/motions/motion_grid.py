@@ -28,13 +28,10 @@ from pipeline.workflow import keys
 from pipeline.workflow.code_roots import AXIS_CODE, RECORD_CODE, TABLE_CODE
 from pipeline.workflow.datasets import read, split
 from pipeline.workflow.store import Store
-from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.ground_motion import GroundMotion
-from vsr_core.motions.records.recorded_motion import RecordedMotion
-from vsr_core.motions.records.trace import Trace
-from vsr_core.motions.ricker_pulse import RickerPulse
+from vsr_core.motions.pulses import CosinePulse, RickerPulse, SinePulse
+from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.motions.sampled import SampledMotion
-from vsr_core.motions.sine_pulse import SinePulse
 from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 from vsr_core.source import tracing
 

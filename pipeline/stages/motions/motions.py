@@ -18,8 +18,7 @@ from pipeline.stages.motions.record_inputs import Ready
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Job, Product
-from vsr_core.motions.records.measures import spectrum
-from vsr_core.motions.records.trace import Trace
+from vsr_core.motions.records.trace import Trace, spectrum
 
 MEASURES = {
     "pga": "record_pga",
@@ -32,7 +31,7 @@ MEASURES = {
     "cav": "cav",
     "significant_duration": "significant_duration",
 }
-"""Variables of the intensity measures, by their names in `vsr_core.motions.records.measures`."""
+"""Variables of the intensity measures, by their names in `vsr_core.motions.records.trace`."""
 
 _IN_G = ("record_pga", "sa_1hz", "sa_2hz")
 

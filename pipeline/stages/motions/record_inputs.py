@@ -19,12 +19,11 @@ from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.workflow.keys import digest_file
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.records import formats, record_checks
+from vsr_core.motions.records import formats
 from vsr_core.motions.records.formats import SUFFIXES
-from vsr_core.motions.records.measures import Measures, measures
 from vsr_core.motions.records.processing import process
-from vsr_core.motions.records.record import Record
-from vsr_core.motions.records.trace import Trace
+from vsr_core.motions.records.record import Record, check_rest, repaired
+from vsr_core.motions.records.trace import Measures, Trace, measures
 
 Loaded = TypeVar("Loaded")
 
@@ -144,9 +143,9 @@ def _loaded(
 def _ready(path: Path, response: bytes | None, motion: RecordConfig) -> Ready:
     corners = None if motion.response is None else motion.response.corners
     reading = formats.Reading(motion.component, motion.unit, response, corners)
-    record = record_checks.sound(formats.read(path.read_bytes(), path.suffix, reading))
+    record = repaired(formats.read(path.read_bytes(), path.suffix, reading))
     trace = process(record.acceleration, record.interval, motion.processing.how())
-    record_checks.settled(trace)
+    check_rest(trace)
     return Ready(path.stem, shown(path), record, trace, measures(trace))
 
 

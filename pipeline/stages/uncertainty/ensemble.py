@@ -29,7 +29,7 @@ from vsr_core.fragility.boundary import interval, middle
 from vsr_core.judge.proofs import static_limits
 from vsr_core.outcome import FoundBy, Outcome
 from vsr_core.run.cases import Case, Settings, never_starts
-from vsr_core.uncertainty import guess, search
+from vsr_core.uncertainty import search
 from vsr_core.uncertainty.search import UNKNOWN, Table
 
 TOGETHER = 8
@@ -138,8 +138,8 @@ def outcomes(wanted: Search) -> Ensemble:
         for start in range(0, len(wanted.draws), TOGETHER):
             part, runner = slice(start, start + TOGETHER), _Runner(wanted, store)
             draws, own = wanted.draws[part], table[part]
-            scale = np.array([guess.scales(draw.rock.hull, draw.yaws()) for draw in draws])
-            chosen, offset = guess.offsets(np.array(known), np.array(scales))
+            scale = np.array([search.scales(draw.rock.hull, draw.yaws()) for draw in draws])
+            chosen, offset = search.offsets(np.array(known), np.array(scales))
             own[_proved(wanted, draws)] = 0
             found_by[part][own == 0] = FoundBy.PROVED
             base = np.take_along_axis(scale, chosen[None, None], axis=1)[:, 0]
@@ -189,7 +189,7 @@ def _search(
 ) -> None:
     """Find the boundary of some rows of each draw, then of all, in place."""
     ordered = wanted.motions.dimension == "pgv_pga"
-    first = guess.first_rows(table.shape[2], ordered=ordered)
+    first = search.first_rows(table.shape[2], ordered=ordered)
     for rows in (first, np.arange(table.shape[2])):
         column = search.expected_columns(expected[:, :, rows], wanted.ln_pga).ravel()
         may = np.broadcast_to(rough[rows], expected[:, :, rows].shape).ravel()
@@ -197,12 +197,12 @@ def _search(
             here = table[:, :, rows]
             ask = np.zeros(table.shape, dtype=bool)
             flat = here.reshape(-1, table.shape[3])
-            ask[:, :, rows] = search.wanted(flat, column, may).reshape(here.shape)
+            ask[:, :, rows] = search.next_cells(flat, column, may).reshape(here.shape)
             if not ask.any():
                 break
             runner.run(draws, table, ask)
         found = wanted.boundaries(table[:, :, rows])
-        expected = guess.from_own_rows(expected, found, rows)
+        expected = search.from_own_rows(expected, found, rows)
 
 
 def _tested(runner: _Runner, draws: Sequence[Draw], table: Table, rough: Mask) -> Indices:

@@ -26,7 +26,7 @@ from vsr_core.arrays import Array
 from vsr_core.fragility.boundary import interval, middle
 from vsr_core.outcome import FoundBy
 from vsr_core.run.cases import Settings
-from vsr_core.uncertainty import guess, probability, search, sensitivity
+from vsr_core.uncertainty import probability, search, sensitivity
 from vsr_core.uncertainty.sensitivity import Shares
 from vsr_core.validation.priors import Priors
 
@@ -72,7 +72,7 @@ def _search(job: Job, draws: list[Draw], nominal: Array, step: float) -> Search:
     config = job.config
     settings = Settings(step, config.simulation.reduce, config.engine)
     motions = motion_grid.of_store(config, job.store)
-    given = guess.scales(draws[0].given[0].hull, np.radians(config.yaw))
+    given = search.scales(draws[0].given[0].hull, np.radians(config.yaw))
     return Search(job, draws, given, motions, settings, nominal.astype(np.int8))
 
 

@@ -14,7 +14,7 @@ from pipeline.config import in_si
 from pipeline.config.priors_schema import PriorsConfig, UncertaintyConfig
 from pipeline.stages.uncertainty.draws import Draw, base_alone
 from vsr_core.arrays import Array
-from vsr_core.uncertainty import guess
+from vsr_core.uncertainty import search
 from vsr_core.uncertainty.sensitivity import Unknown
 from vsr_core.validation.priors import Priors
 from vsr_core.validation.specimen import Form
@@ -33,7 +33,7 @@ def base_effects(draws: Sequence[Draw], shape: Form, given: Array) -> Array:
     """
     yaws = np.radians(draws[0].config.yaw)
     hulls = [base_alone(draw, shape).hull for draw in draws]
-    return np.array([guess.scales(hull, yaws)[1:3] - given[1:3] for hull in hulls])
+    return np.array([search.scales(hull, yaws)[1:3] - given[1:3] for hull in hulls])
 
 
 def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int) -> list[Unknown]:

@@ -473,7 +473,7 @@ def test_every_function_that_a_run_enters_is_in_its_key(engine: str) -> None:
     """Followed while it runs, so that a call the syntax does not show would be found."""
     from vsr_core import GRAVITY
     from vsr_core.judge import proofs
-    from vsr_core.motions.cosine_pulse import CosinePulse
+    from vsr_core.motions.pulses import CosinePulse
     from vsr_core.rock import solid
     from vsr_core.run.cases import Settings, prepare
     from vsr_core.run.overturning import simulate
@@ -497,7 +497,7 @@ def test_every_function_that_a_run_enters_is_in_its_key(engine: str) -> None:
 
 @pytest.mark.parametrize("engine", ["bullet", "nonsmooth"])
 def test_every_function_that_a_displacement_run_enters_is_in_its_key(engine: str) -> None:
-    from vsr_core.motions.cosine_pulse import CosinePulse
+    from vsr_core.motions.pulses import CosinePulse
     from vsr_core.run.cases import Settings
 
     rock = grounds.lump()

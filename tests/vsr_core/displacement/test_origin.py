@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from vsr_core.displacement.least_shaking import lower_bound
-from vsr_core.displacement.origin import REACH, Forward, Found, Origin, trace
+from vsr_core.displacement.correlation import lower_bound
+from vsr_core.displacement.origin import REACH, Forward, ObservedBoulder, Origin, trace
 from vsr_core.errors import InvalidInput
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ def mean_pga(origin: Origin) -> float:
     return float(origin.of_motion.sum(axis=0) @ origin.pga)
 
 
-def by_hand(forward: Forward, found: Found) -> Array:
+def by_hand(forward: Forward, found: ObservedBoulder) -> Array:
     """Bayes' rule, cell after cell and run after run."""
     starts, ratios, pgas = map(np.unique, (forward.start, forward.pgv_pga, forward.pga))
     odds = np.zeros((len(starts), len(ratios), len(pgas)))
@@ -63,7 +63,7 @@ def test_fine_grid_gives_the_continuous_posterior() -> None:
     forward = Forward(
         zeros.astype(int), pga, zeros + 0.3, np.column_stack([10.0 * pga, zeros])
     )  # fmt: skip
-    origin = trace(forward, Found((8.0, 0.0), 0.5))
+    origin = trace(forward, ObservedBoulder((8.0, 0.0), 0.5))
     probability = origin.of_motion[0]
     cut = stats.truncnorm(-REACH, REACH)
     middle = probability @ pga
@@ -82,7 +82,7 @@ def test_bayes_rule_by_hand(x: float, y: float, sigma: float, seed: int) -> None
     forward = linear(2, 2, noise=0.4, seed=seed)
     some = np.random.default_rng(seed).random(len(forward.pga)) < 0.8  # cells of 0, 1 and 2 runs
     forward = Forward(*(getattr(forward, n)[some] for n in ("start", "pga", "pgv_pga", "end")))
-    found = Found((x, y), sigma)
+    found = ObservedBoulder((x, y), sigma)
     away = np.hypot(*(forward.end - found.place).T)
     origin = trace(forward, found)
     assert origin.nearest == pytest.approx(away.min())
@@ -97,7 +97,7 @@ def test_bayes_rule_by_hand(x: float, y: float, sigma: float, seed: int) -> None
 
 
 def test_order_and_copies_of_runs_do_not_matter() -> None:
-    forward, found = linear(2, 2, noise=0.5), Found((6.0, 3.0), 1.0)
+    forward, found = linear(2, 2, noise=0.5), ObservedBoulder((6.0, 3.0), 1.0)
     base = trace(forward, found)
     order = np.random.default_rng(5).permutation(len(forward.pga))
     names = ("start", "pga", "pgv_pga", "end")
@@ -116,10 +116,10 @@ def test_runs_that_stay_explain_only_where_they_stand() -> None:
     toppled = pga > 0.45
     end = np.where(toppled, 10.0 * pga, 0.0)[:, None] * [1.0, 0.0]
     forward = Forward(start, pga, ratio, end)
-    moved = trace(forward, Found((7.0, 0.0), 0.5)).of_motion.sum(axis=0)
+    moved = trace(forward, ObservedBoulder((7.0, 0.0), 0.5)).of_motion.sum(axis=0)
     assert (moved[PGA < 0.45] == 0.0).all()
     assert moved[np.isclose(PGA, 0.7)] == pytest.approx(moved.max())
-    still = trace(forward, Found((0.2, 0.0), 0.5)).of_motion.sum(axis=0)
+    still = trace(forward, ObservedBoulder((0.2, 0.0), 0.5)).of_motion.sum(axis=0)
     np.testing.assert_allclose(still[PGA < 0.45], 1.0 / (PGA < 0.45).sum())
     assert (still[PGA > 0.45] == 0.0).all()
 
@@ -127,23 +127,28 @@ def test_runs_that_stay_explain_only_where_they_stand() -> None:
 def test_no_answer_rather_than_a_wrong_one() -> None:
     forward = linear()
     for origin in (
-        trace(forward, Found((20.0, 3.0), 1.0)),
+        trace(forward, ObservedBoulder((20.0, 3.0), 1.0)),
         trace(Forward(forward.start, forward.pga, forward.pgv_pga, forward.end * np.nan),
-              Found((5.0, 3.0), 1.0)),
+              ObservedBoulder((5.0, 3.0), 1.0)),
     ):  # fmt: skip
         assert not origin.answered
         assert origin.near == 0
         assert origin.effective == 0.0
         assert origin.statement.startswith("No answer: no forward run ends within 3 sigma (3 m)")
         assert np.isnan(origin.probability).all()
-        assert math.isnan(origin.identity)
+        assert math.isnan(origin.association_probability)
         assert not origin.region(0.95).any()
-    assert "the nearest ends 10 m away" in trace(forward, Found((20.0, 3.0), 1.0)).statement
+    assert (
+        "the nearest ends 10 m away" in trace(forward, ObservedBoulder((20.0, 3.0), 1.0)).statement
+    )
 
 
 def test_few_runs_are_said_to_be_few() -> None:
     forward = linear()
-    sparse, rich = trace(forward, Found((5.0, 3.0), 0.2)), trace(forward, Found((5.0, 3.0), 2.0))
+    sparse, rich = (
+        trace(forward, ObservedBoulder((5.0, 3.0), 0.2)),
+        trace(forward, ObservedBoulder((5.0, 3.0), 2.0)),
+    )
     assert sparse.near == 1
     assert sparse.effective == pytest.approx(1.0)
     assert "few" in sparse.statement
@@ -157,13 +162,15 @@ def test_rocks_that_leave_the_terrain_count_against_their_cell() -> None:
     end = zeros[:, None] * [1.0, 1.0]
     end[6:] = np.nan
     pga = np.repeat([0.4, 0.8], 4)
-    origin = trace(Forward(zeros.astype(int), pga, zeros + 0.3, end), Found((0.1, 0.0), 0.5))
+    origin = trace(
+        Forward(zeros.astype(int), pga, zeros + 0.3, end), ObservedBoulder((0.1, 0.0), 0.5)
+    )
     np.testing.assert_allclose(origin.of_motion[0], [2.0 / 3.0, 1.0 / 3.0])
     assert origin.nearest == pytest.approx(0.1)
 
 
 def test_prior_multiplies() -> None:
-    forward, found = linear(2), Found((14.0, 3.0), 4.0)
+    forward, found = linear(2), ObservedBoulder((14.0, 3.0), 4.0)
     plain = trace(forward, found)
     prior = np.random.default_rng(7).random(plain.probability.shape)
     weighed = trace(forward, found, 42.0 * prior)
@@ -178,24 +185,24 @@ def test_prior_that_forbids_what_is_near_gets_no_answer() -> None:
     forward = linear(2)
     prior = np.ones((2, len(RATIO), len(PGA)))
     prior[0] = 0.0
-    origin = trace(forward, Found((5.0, 3.0), 1.0), prior)
+    origin = trace(forward, ObservedBoulder((5.0, 3.0), 1.0), prior)
     assert origin.near > 0
     assert not origin.answered
     assert "no prior probability" in origin.statement
     for bad in (prior[0], -prior, 0.0 * prior):
         with pytest.raises(InvalidInput, match="prior"):
-            trace(forward, Found((5.0, 3.0), 1.0), bad)
+            trace(forward, ObservedBoulder((5.0, 3.0), 1.0), bad)
 
 
 def test_several_starts_are_told_apart() -> None:
     forward = linear(3)
     for start in range(3):
-        origin = trace(forward, Found((20.0 * start + 5.0, 3.0), 1.0))
+        origin = trace(forward, ObservedBoulder((20.0 * start + 5.0, 3.0), 1.0))
         assert origin.of_start[start] == pytest.approx(1.0)
     # halfway between ends of two starts: mirror images, even odds
     zeros = np.zeros(2)
     pair = Forward(np.array([4, 9]), zeros + 0.5, zeros + 0.3, np.array([[-1.0, 0.0], [1.0, 0.0]]))
-    origin = trace(pair, Found((0.0, 0.7), 1.0))
+    origin = trace(pair, ObservedBoulder((0.0, 0.7), 1.0))
     np.testing.assert_array_equal(origin.start, [4, 9])
     np.testing.assert_allclose(origin.of_start, 0.5)
 
@@ -203,38 +210,39 @@ def test_several_starts_are_told_apart() -> None:
 def test_uncertain_identity() -> None:
     """Odds of ours to another: the prior odds times the ratio of the densities at the place."""
     forward, area, before = linear(), 400.0, 0.3
-    certain = trace(forward, Found((5.0, 3.0), 1.0))
-    origin = trace(forward, Found((5.0, 3.0), 1.0, before, area))
+    certain = trace(forward, ObservedBoulder((5.0, 3.0), 1.0))
+    origin = trace(forward, ObservedBoulder((5.0, 3.0), 1.0, before, area))
     odds = before / (1.0 - before) * certain.evidence * area
-    assert origin.identity == pytest.approx(odds / (1.0 + odds))
+    assert origin.association_probability == pytest.approx(odds / (1.0 + odds))
     flat = np.full(certain.probability.shape, 1.0 / certain.probability.size)
     np.testing.assert_allclose(
         origin.probability,
-        origin.identity * certain.probability + (1.0 - origin.identity) * flat,
+        origin.association_probability * certain.probability
+        + (1.0 - origin.association_probability) * flat,
     )
-    assert certain.identity == 1.0
-    far = trace(forward, Found((50.0, 3.0), 1.0, before, area))
+    assert certain.association_probability == 1.0
+    far = trace(forward, ObservedBoulder((50.0, 3.0), 1.0, before, area))
     assert not far.answered
-    assert far.identity == 0.0
+    assert far.association_probability == 0.0
 
 
 def test_evidence_is_a_density_over_the_ground() -> None:
     """Its integral over all places is 1, whatever the noise of the ends and the cut."""
     forward = linear(1, 2, noise=0.3)
     x, y = np.arange(-4.0, 15.0, 0.3), np.arange(-4.0, 11.0, 0.3)
-    total = sum(trace(forward, Found((a, b), 0.8)).evidence for a in x for b in y) * 0.09
+    total = sum(trace(forward, ObservedBoulder((a, b), 0.8)).evidence for a in x for b in y) * 0.09
     assert total == pytest.approx(1.0, abs=0.005)
 
 
 def test_smallest_region() -> None:
     forward = linear()
-    origin = trace(forward, Found((5.2, 3.1), 1.0))
+    origin = trace(forward, ObservedBoulder((5.2, 3.1), 1.0))
     region, motion = origin.region(0.8), origin.of_motion
     held = motion[region].sum()
     assert held >= 0.8
     assert held - motion[region].min() < 0.8
     assert motion[region].min() >= motion[~region].max()
-    assert trace(forward, Found((20.0, 3.0), 1.0)).region(0.8).sum() == 0
+    assert trace(forward, ObservedBoulder((20.0, 3.0), 1.0)).region(0.8).sum() == 0
 
 
 def test_region_does_not_choose_among_equals() -> None:
@@ -243,9 +251,9 @@ def test_region_does_not_choose_among_equals() -> None:
     pga, ratio = np.array([0.4, 0.8, 0.4, 0.8]), np.array([0.2, 0.2, 0.6, 0.6])
     end = np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 9.0], [9.0, 9.0]])
     forward = Forward(zeros.astype(int), pga, ratio, end)
-    certain = trace(forward, Found((0.0, 0.0), 1.0))
+    certain = trace(forward, ObservedBoulder((0.0, 0.0), 1.0))
     area = 2.0 / certain.evidence  # as probable as another rock at even odds times two
-    origin = trace(forward, Found((0.0, 0.0), 1.0, 0.5, area))
+    origin = trace(forward, ObservedBoulder((0.0, 0.0), 1.0, 0.5, area))
     np.testing.assert_allclose(origin.of_motion, [[0.75, 1 / 12], [1 / 12, 1 / 12]])
     np.testing.assert_array_equal(origin.region(0.5), [[True, False], [False, False]])
     assert origin.region(0.8).all()
@@ -264,7 +272,7 @@ def test_calibrated_by_simulation() -> None:
         a, b = rng.integers(len(PGA)), rng.integers(len(RATIO))
         end = np.array([10.0 * PGA[a], 10.0 * RATIO[b]]) + rng.normal(0.0, bounce, 2)
         place = end + rng.normal(0.0, sigma, 2)
-        origin = trace(forward, Found((float(place[0]), float(place[1])), sigma))
+        origin = trace(forward, ObservedBoulder((float(place[0]), float(place[1])), sigma))
         if origin.answered:
             marginal = origin.of_motion.sum(axis=0)
             ranks.append(marginal[:a].sum() + rng.random() * marginal[a])
@@ -276,7 +284,7 @@ def test_calibrated_by_simulation() -> None:
     for _ in range(400):
         a, b = rng.integers(len(PGA)), rng.integers(len(RATIO))
         place = np.array([10.0 * PGA[a], 10.0 * RATIO[b]]) + rng.normal(0.0, 1.44, 2)
-        origin = trace(sure, Found((float(place[0]), float(place[1])), sigma))
+        origin = trace(sure, ObservedBoulder((float(place[0]), float(place[1])), sigma))
         if origin.answered:
             marginal = origin.of_motion.sum(axis=0)
             proud.append(marginal[:a].sum() + rng.random() * marginal[a])
@@ -286,7 +294,9 @@ def test_calibrated_by_simulation() -> None:
 def test_posterior_mean_of_the_linear_model_follows_the_place() -> None:
     forward = linear(1, 60, noise=0.5, seed=3)
     for x in (3.0, 5.0, 8.0):
-        assert mean_pga(trace(forward, Found((x, 3.5), 0.6))) == pytest.approx(x / 10.0, abs=0.015)
+        assert mean_pga(trace(forward, ObservedBoulder((x, 3.5), 0.6))) == pytest.approx(
+            x / 10.0, abs=0.015
+        )
 
 
 @pytest.mark.parametrize(
@@ -294,13 +304,16 @@ def test_posterior_mean_of_the_linear_model_follows_the_place() -> None:
     [
         ({"place": (0.0, math.nan), "sigma": 1.0}, "finite"),
         ({"place": (0.0, 0.0), "sigma": 0.0}, "above 0"),
-        ({"place": (0.0, 0.0), "sigma": 1.0, "identity": 1.5, "area": 9.0}, "probability"),
-        ({"place": (0.0, 0.0), "sigma": 1.0, "identity": 0.5}, "plan area"),
+        (
+            {"place": (0.0, 0.0), "sigma": 1.0, "association_probability": 1.5, "area": 9.0},
+            "probability",
+        ),
+        ({"place": (0.0, 0.0), "sigma": 1.0, "association_probability": 0.5}, "plan area"),
     ],
 )
 def test_impossible_finds_are_refused(found: dict[str, object], words: str) -> None:
     with pytest.raises(InvalidInput, match=words):
-        Found(**found)  # type: ignore[arg-type]
+        ObservedBoulder(**found)  # type: ignore[arg-type]
 
 
 def test_forward_runs_that_are_none_are_refused() -> None:

@@ -18,20 +18,18 @@ from sklearn.preprocessing import SplineTransformer
 
 from vsr_core.errors import InvalidInput
 from vsr_core.fragility import fit_all, lognormal, smooth
-from vsr_core.fragility.boundary import first_crossing, locate
-from vsr_core.fragility.cells import Cells, counted
+from vsr_core.fragility.boundary import Cells, counted, first_crossing, locate
 from vsr_core.fragility.cross_validation import (
     CLIP,
     bootstrap,
     cross_validate,
     folds,
     held_out_probability,
+    recommend,
 )
 from vsr_core.fragility.logistic import LogisticFragility, is_separated
 from vsr_core.fragility.lognormal import LognormalFragility
-from vsr_core.fragility.newton import maximise
-from vsr_core.fragility.recommend import recommend
-from vsr_core.fragility.result import Scores
+from vsr_core.fragility.model import Scores, maximise
 from vsr_core.fragility.smooth import N_KNOTS, SmoothFragility, _splines
 
 AXIS = np.linspace(0.02, 1.0, 50)

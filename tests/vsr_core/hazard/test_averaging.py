@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from vsr_core.hazard.averaging import (
+from vsr_core.hazard.curve import HazardCurve
+from vsr_core.hazard.ratio import RatioTable
+from vsr_core.hazard.toppling import (
     averaged,
     gridded_rows,
     lognormal_rows,
     rate_by_row,
     row_shares,
+    toppling,
 )
-from vsr_core.hazard.curve import HazardCurve
-from vsr_core.hazard.ratio import RatioTable
-from vsr_core.hazard.toppling import toppling
 
 RATIOS = np.linspace(0.02, 1.0, 50)
 LEVELS = np.array([0.1, 50.0])

@@ -9,10 +9,16 @@ import pytest
 
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
-from vsr_core.hazard import ground_motion
+from vsr_core.hazard import ratio
 from vsr_core.hazard.curve import HazardCurve
-from vsr_core.hazard.ground_motion import CORRELATION, PGA, PGV, ratios_of_scenarios
-from vsr_core.hazard.ratio import RatioTable, ratio_of_curves
+from vsr_core.hazard.ratio import (
+    CORRELATION,
+    PGA,
+    PGV,
+    RatioTable,
+    ratio_of_curves,
+    ratios_of_scenarios,
+)
 
 
 def test_the_ratio_of_curves_is_where_both_are_as_rare() -> None:
@@ -64,7 +70,7 @@ def test_one_earthquake_has_the_spread_that_its_pga_leaves() -> None:
     one = ratios_of_scenarios(
         np.array([6.0]), np.array([9.0]), np.array([1.0]), np.ones((1, 1)), np.array([0.5, 5.0])
     )
-    np.testing.assert_allclose(one.log_sds, ground_motion.LOG_SD)
+    np.testing.assert_allclose(one.log_sds, ratio.LOG_SD)
     slope = np.diff(np.log(one.medians))[0] / np.log(10.0)
     assert slope == pytest.approx(CORRELATION * PGV.log_sd / PGA.log_sd - 1.0)
 

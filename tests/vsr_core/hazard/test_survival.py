@@ -12,8 +12,14 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from vsr_core.errors import InvalidInput
-from vsr_core.hazard.branches import effective_number, fractiles, mean_curve, reweighed
-from vsr_core.hazard.curve import HazardCurve, curve_of_probabilities
+from vsr_core.hazard.curve import (
+    HazardCurve,
+    curve_of_probabilities,
+    effective_number,
+    fractiles,
+    mean_curve,
+    posterior_weights,
+)
 from vsr_core.hazard.survival import (
     Standing,
     largest_scale,
@@ -147,16 +153,16 @@ def test_the_largest_factor_leaves_just_the_chance_asked_for() -> None:
 
 
 def test_weights_by_hand() -> None:
-    new = reweighed(np.array([0.5, 0.25, 0.25]), np.array([0.4, 0.8, 0.04]), 0.05)
+    new = posterior_weights(np.array([0.5, 0.25, 0.25]), np.array([0.4, 0.8, 0.04]), 0.05)
     assert new.rejected.tolist() == [False, False, True]
     assert new.weights.tolist() == pytest.approx([0.5, 0.5, 0.0])
     assert effective_number(new.weights) == pytest.approx(2.0)
-    none = reweighed(np.array([0.7, 0.3]), np.array([0.01, 0.0]), 0.05)
+    none = posterior_weights(np.array([0.7, 0.3]), np.array([0.01, 0.0]), 0.05)
     assert none.rejected.all()
     assert none.weights.tolist() == [0.0, 0.0]
     assert effective_number(none.weights) == 0.0
     with pytest.raises(InvalidInput, match="sum to 1"):
-        reweighed(np.array([0.5, 0.4]), np.array([0.5, 0.5]), 0.05)
+        posterior_weights(np.array([0.5, 0.4]), np.array([0.5, 0.5]), 0.05)
 
 
 def test_mean_and_fractiles_of_three_curves() -> None:

@@ -18,7 +18,7 @@ from pipeline import ROOT
 from vsr_core import GRAVITY
 from vsr_core.judge import on_pedestal, proofs
 from vsr_core.judge.proofs import Barrier, barrier, reachable_energy, static_limits
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson, quad
 
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 
 PGA = st.floats(0.01, 3.0)
 RATIO = st.floats(0.005, 2.0)

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson, quad
 
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.ricker_pulse import REACH, RickerPulse
-from vsr_core.motions.sine_pulse import SinePulse
+from vsr_core.motions.pulses import REACH, RickerPulse, SinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.rock.solid import block
 from vsr_core.run.cases import Settings, prepare

@@ -18,22 +18,14 @@ from support import record_files as files
 from pipeline import ROOT
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.motions.records import (
-    at2,
-    columns,
-    cosmos,
-    netcdf,
-    processing,
-    record_checks,
-    waveforms,
-)
-from vsr_core.motions.records.formats import Reading, read
-from vsr_core.motions.records.measures import measures, spectrum
+from vsr_core.motions.pulses import CosinePulse
+from vsr_core.motions.records import processing
+from vsr_core.motions.records.columns import read_netcdf, read_table
+from vsr_core.motions.records.formats import Reading, from_stream, read
 from vsr_core.motions.records.processing import Processing, process
-from vsr_core.motions.records.record import Record, factor
-from vsr_core.motions.records.recorded_motion import RecordedMotion
-from vsr_core.motions.records.trace import Trace
+from vsr_core.motions.records.record import Record, check_rest, factor, repaired
+from vsr_core.motions.records.text_files import read_at2, read_cosmos
+from vsr_core.motions.records.trace import RecordedMotion, Trace, measures, spectrum
 
 VALUES = files.shaking(7, 100.0, 4.0, 4.0, 0.6)
 STEP = 0.01
@@ -67,10 +59,10 @@ def test_at2_with_either_header(named: bool) -> None:
 
 def test_at2_that_breaks_its_word_is_refused() -> None:
     text = files.at2(VALUES, STEP)
-    refusal(lambda: at2.read(files.at2(VALUES, STEP, number=399), None), "400", "NPTS = 399")
-    refusal(lambda: at2.read(text.replace("ACCELERATION", "VELOCITY"), None), "VELOCITY", "AT2")
-    refusal(lambda: at2.read(text, "m/s2"), "motion.unit m/s2", "in G")
-    refusal(lambda: at2.read(text[:-20] + "word\n", None), "word", "numbers")
+    refusal(lambda: read_at2(files.at2(VALUES, STEP, number=399), None), "400", "NPTS = 399")
+    refusal(lambda: read_at2(text.replace("ACCELERATION", "VELOCITY"), None), "VELOCITY", "AT2")
+    refusal(lambda: read_at2(text, "m/s2"), "motion.unit m/s2", "in G")
+    refusal(lambda: read_at2(text[:-20] + "word\n", None), "word", "numbers")
 
 
 def test_cosmos_with_several_channels() -> None:
@@ -90,19 +82,19 @@ def test_cosmos_velocity_is_passed_over() -> None:
     both = files.cosmos((VALUES, 90), interval=STEP, parameter=2) + files.cosmos(
         (VALUES, 180), interval=STEP
     )
-    assert cosmos.read(both, None).channels == ("180",)
+    assert read_cosmos(both, None).channels == ("180",)
     only = files.cosmos((VALUES, 90), interval=STEP, parameter=2)
-    refusal(lambda: cosmos.read(only, None), "without an acceleration")
+    refusal(lambda: read_cosmos(only, None), "without an acceleration")
 
 
 def test_cosmos_that_breaks_its_word_is_refused() -> None:
     text = files.cosmos((VALUES, 90), interval=STEP)
     lines = text.splitlines()
-    refusal(lambda: cosmos.read("\n".join(lines[:-5]), None), "ends early")
-    refusal(lambda: cosmos.read(text.replace("     400 acc", "     392 acc"), None), "header")
+    refusal(lambda: read_cosmos("\n".join(lines[:-5]), None), "ends early")
+    refusal(lambda: read_cosmos(text.replace("     400 acc", "     392 acc"), None), "header")
     wrong_step = text.replace("    10.000000     4.000000", "    20.000000     4.000000")
     assert wrong_step != text
-    refusal(lambda: cosmos.read(wrong_step, None), "400 samples of 20 ms", "4 s")
+    refusal(lambda: read_cosmos(wrong_step, None), "400 samples of 20 ms", "4 s")
 
 
 @pytest.mark.parametrize(
@@ -125,14 +117,14 @@ def test_table_with_its_unit_in_the_heading(heading: str, one: float) -> None:
 
 def test_table_without_a_unit_needs_one() -> None:
     text = files.csv(VALUES, STEP, "raw")
-    refusal(lambda: columns.read(text, None, None), "without a unit", "motion.unit")
-    assert columns.read(text, "raw", "cm/s2").acceleration[50] == pytest.approx(0.01 * VALUES[50])
-    refusal(lambda: columns.read(text, None, "counts"), "counts", "motion.response")
-    refusal(lambda: columns.read(text, None, "furlong"), "'furlong'", "m/s2")
+    refusal(lambda: read_table(text, None, None), "without a unit", "motion.unit")
+    assert read_table(text, "raw", "cm/s2").acceleration[50] == pytest.approx(0.01 * VALUES[50])
+    refusal(lambda: read_table(text, None, "counts"), "counts", "motion.response")
+    refusal(lambda: read_table(text, None, "furlong"), "'furlong'", "m/s2")
     known = files.csv(VALUES, STEP)
-    refusal(lambda: columns.read(known, None, "gal"), "motion.unit gal", "m/s2")
-    refusal(lambda: columns.read(known.replace("time", "age"), None, None), "age", "named time")
-    refusal(lambda: columns.read(known + "4.01,x\n", None, None), "row 402", "numbers")
+    refusal(lambda: read_table(known, None, "gal"), "motion.unit gal", "m/s2")
+    refusal(lambda: read_table(known.replace("time", "age"), None, None), "age", "named time")
+    refusal(lambda: read_table(known + "4.01,x\n", None, None), "row 402", "numbers")
 
 
 @pytest.mark.parametrize("form", [".6g", ".8g", ".4f"])
@@ -140,7 +132,7 @@ def test_table_whose_times_are_rounded(form: str) -> None:
     step = 0.00125
     times = np.arange(9000) * step
     rows = [f"{t:{form}},{math.sin(t)}" for t in times]
-    found = columns.read("\n".join(["time,a [m/s2]", *rows]), None, None)
+    found = read_table("\n".join(["time,a [m/s2]", *rows]), None, None)
     assert found.interval == pytest.approx(step, rel=1e-5)
     assert len(found.acceleration) == 9000
 
@@ -148,15 +140,15 @@ def test_table_whose_times_are_rounded(form: str) -> None:
 def test_uneven_steps_are_refused_and_left_out_ones_are_gaps() -> None:
     lines = files.csv(VALUES, STEP).splitlines()
     late = [*lines[:50], lines[50].replace(",", "4,"), *lines[51:]]
-    refusal(lambda: columns.read("\n".join(late), None, None), "time steps that differ", "resample")
+    refusal(lambda: read_table("\n".join(late), None, None), "time steps that differ", "resample")
     holes = [*lines[:50], *lines[53:]]
-    found = columns.read("\n".join(holes), None, None)
+    found = read_table("\n".join(holes), None, None)
     assert np.flatnonzero(np.isnan(found.acceleration)).tolist() == [49, 50, 51]
     assert "3 time steps were left out" in found.repairs[0]
     coarse = [f"{t:.5g},0.1" for t in np.arange(9000) * 0.00125]  # 1 ms from 10 s on
-    refusal(lambda: columns.read("\n".join([lines[0], *coarse]), None, None), "time steps")
+    refusal(lambda: read_table("\n".join([lines[0], *coarse]), None, None), "time steps")
     turned = [lines[0], *reversed(lines[1:])]
-    refusal(lambda: columns.read("\n".join(turned), None, None), "not increasing")
+    refusal(lambda: read_table("\n".join(turned), None, None), "not increasing")
 
 
 def test_netcdf(tmp_path: Path) -> None:
@@ -168,8 +160,8 @@ def test_netcdf(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6, atol=1e-9)
     files.netcdf(path, VALUES, STEP, "m")
     content = path.read_bytes()
-    refusal(lambda: netcdf.read(content, None, None), "acceleration along time", "units")
-    refusal(lambda: netcdf.read(content, "acceleration", "m/s2"), "the unit 'm'")
+    refusal(lambda: read_netcdf(content, None, None), "acceleration along time", "units")
+    refusal(lambda: read_netcdf(content, "acceleration", "m/s2"), "the unit 'm'")
 
 
 def test_unknown_format_is_refused() -> None:
@@ -193,15 +185,15 @@ def trace(data, start: float, channel: str = "HNE", calib: float = 1.0, **more) 
 
 def test_waveforms_keep_gaps_and_are_cut_to_common_times() -> None:
     masked = np.ma.masked_array(100.0 * VALUES, mask=np.arange(400) == 20)
-    found = waveforms.from_stream([trace(masked, 5.0), trace(VALUES[10:], 5.1, "HNN")], "gal")
+    found = from_stream([trace(masked, 5.0), trace(VALUES[10:], 5.1, "HNN")], "gal")
     assert found.channels == ("HNE", "HNN")
     assert found.acceleration.shape == (390, 2)
     assert np.flatnonzero(np.isnan(found.acceleration[:, 0])).tolist() == [10]
     np.testing.assert_allclose(found.acceleration[11:, 0], VALUES[21:])
     np.testing.assert_allclose(found.acceleration[:, 1], 0.01 * VALUES[10:])
     assert found.repairs == ("HNE: 10 samples that others lack were cut",)
-    refusal(lambda: waveforms.from_stream([trace(VALUES, 0.0)], None), "without a unit")
-    japanese = waveforms.from_stream([trace(1e3 * VALUES, 0.0, calib=1e-3, knet={})], None)
+    refusal(lambda: from_stream([trace(VALUES, 0.0)], None), "without a unit")
+    japanese = from_stream([trace(1e3 * VALUES, 0.0, calib=1e-3, knet={})], None)
     np.testing.assert_allclose(japanese.acceleration, VALUES)
 
 
@@ -296,7 +288,7 @@ def test_obspys_examples_of_miniseed_with_a_gap_and_with_two_channels() -> None:
     missing = np.isnan(found.acceleration)
     assert missing.any()
     assert (~missing).sum() == sum(len(piece) for piece in pieces)
-    refusal(lambda: record_checks.sound(found), "gap")
+    refusal(lambda: repaired(found), "gap")
     two = example("io/mseed", "two_channels.mseed")
     names = sorted({trace.stats.channel for trace in obspy.read(io.BytesIO(two))})
     assert len(names) == 2
@@ -324,28 +316,28 @@ def test_obspys_broken_example_is_refused() -> None:
 
 def test_a_sound_record_is_left_alone() -> None:
     before = record(VALUES)
-    assert record_checks.sound(before) is before
+    assert repaired(before) is before
 
 
 @pytest.mark.parametrize("limit", [0.5, 0.9])
 def test_clipping_is_refused(limit: float) -> None:
     top = limit * VALUES.max()
-    refusal(lambda: record_checks.sound(record(np.minimum(VALUES, top))), "in a row", "clipped")
-    refusal(lambda: record_checks.sound(record(np.maximum(VALUES, -top))), "in a row", "clipped")
+    refusal(lambda: repaired(record(np.minimum(VALUES, top))), "in a row", "clipped")
+    refusal(lambda: repaired(record(np.maximum(VALUES, -top))), "in a row", "clipped")
 
 
 def test_a_smooth_top_of_rounded_samples_is_no_clipping() -> None:
     t = np.arange(4000) * 0.001
     smooth = np.round(np.cos(2.0 * np.pi * t), 4)  # five in a row at the very top
     assert (smooth == 1.0).sum() > 10
-    assert record_checks.sound(record(smooth, 0.001)) is not None
+    assert repaired(record(smooth, 0.001)) is not None
 
 
 def test_short_gaps_are_bridged_and_long_ones_refused() -> None:
     holed = VALUES.copy()
     holed[100:103] = np.nan
     holed[:2] = holed[-1] = np.inf
-    found = record_checks.sound(record(holed))
+    found = repaired(record(holed))
     assert len(found.acceleration) == 397
     line = np.interp([100, 101, 102], [99, 103], VALUES[[99, 103]])
     np.testing.assert_allclose(found.acceleration[98:101], line)
@@ -354,8 +346,8 @@ def test_short_gaps_are_bridged_and_long_ones_refused() -> None:
     assert "3 missing samples at the ends were cut" in said
     assert "3 missing samples at 1 s were bridged" in said
     holed[200:206] = np.nan
-    refusal(lambda: record_checks.sound(record(holed)), "a gap of 6 samples, 0.06 s, at 2 s", "cut")
-    refusal(lambda: record_checks.sound(record(np.full(50, np.nan))), "without a number")
+    refusal(lambda: repaired(record(holed)), "a gap of 6 samples, 0.06 s, at 2 s", "cut")
+    refusal(lambda: repaired(record(np.full(50, np.nan))), "without a number")
 
 
 @pytest.mark.parametrize("unit_error", [100.0, GRAVITY * 3, 1e-8])
@@ -363,27 +355,25 @@ def test_a_wrong_unit_shows_in_the_pga(unit_error: float) -> None:
     wrong = record(VALUES * unit_error)
     if 1e-6 <= np.abs(wrong.acceleration).max() / GRAVITY <= 5.0:
         pytest.fail("the case shows nothing")
-    refusal(lambda: record_checks.sound(wrong), "a PGA of", "motion.unit", "gal")
+    refusal(lambda: repaired(wrong), "a PGA of", "motion.unit", "gal")
 
 
 def test_an_offset_is_no_pga() -> None:
-    assert record_checks.sound(record(VALUES + 60.0)).acceleration.max() > 5.0 * GRAVITY
+    assert repaired(record(VALUES + 60.0)).acceleration.max() > 5.0 * GRAVITY
 
 
 def test_nothing_that_moves_is_refused() -> None:
-    refusal(lambda: record_checks.sound(record(np.full(100, 0.3))), "all alike")
+    refusal(lambda: repaired(record(np.full(100, 0.3))), "all alike")
 
 
 def test_drift_is_refused() -> None:
     pulse = CosinePulse.from_g(0.3, 0.2)
     t = np.arange(0.0, pulse.duration, 0.001)
     level = Trace(pulse.acceleration(t), 0.001)
-    record_checks.settled(level)
-    refusal(
-        lambda: record_checks.settled(Trace(level.acceleration + 0.05, 0.001)), "PGV", "highpass"
-    )
+    check_rest(level)
+    refusal(lambda: check_rest(Trace(level.acceleration + 0.05, 0.001)), "PGV", "highpass")
     half = Trace(pulse.acceleration(t[: len(t) // 2]), 0.001)  # stops, but elsewhere
-    refusal(lambda: record_checks.settled(half), "100% of its PGD")
+    refusal(lambda: check_rest(half), "100% of its PGD")
 
 
 def test_units() -> None:
@@ -549,7 +539,7 @@ def test_standard_order_takes_offset_and_slope_away() -> None:
     t = np.arange(len(VALUES)) * STEP
     plain, tilted = (process(v, STEP, how) for v in (VALUES, VALUES + 0.7 + 0.3 * t))
     np.testing.assert_allclose(tilted.acceleration, plain.acceleration, atol=1e-9)
-    record_checks.settled(plain)
+    check_rest(plain)
     powers = np.column_stack([(plain.times / plain.duration) ** k for k in range(2, 7)])
     rest = plain.displacement / np.abs(plain.displacement).max()
     weights = np.linalg.lstsq(powers, rest, rcond=None)[0]
@@ -652,8 +642,8 @@ def test_shake_table_record_of_the_shared_data() -> None:
     if not path.is_file():
         pytest.skip("the shared data are not here")
     refusal(lambda: read(path.read_bytes(), ".csv", PLAIN), "without a unit")
-    found = record_checks.sound(read(path.read_bytes(), ".csv", Reading("raw_acc", "m/s2")))
+    found = repaired(read(path.read_bytes(), ".csv", Reading("raw_acc", "m/s2")))
     assert found.interval == pytest.approx(1.0 / 800.0)
     assert len(found.acceleration) == 20000
     trace = process(found.acceleration, found.interval, Processing("standard", 0.2, 40.0))
-    record_checks.settled(trace)
+    check_rest(trace)

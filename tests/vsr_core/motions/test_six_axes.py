@@ -21,7 +21,7 @@ from vsr_core.engines.bullet import BulletWorld
 from vsr_core.engines.interface import Solver, TurningWorld
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import Barrier, barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.sampled import SampledMotion, sampled
 from vsr_core.motions.six_axes import (
     AXES,

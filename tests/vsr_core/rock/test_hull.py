@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from vsr_core.errors import InvalidInput
-from vsr_core.rock.hull import Hull, contact_tilts, convex_hull, touching
+from vsr_core.rock.body import Hull, contact_tilts, convex_hull, touching
 from vsr_core.rock.tipping import MAX_SETTLING_TURN, base_polygon, rest_tilts, settle, tipping
 
 Array = NDArray[np.float64]

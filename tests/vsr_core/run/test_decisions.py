@@ -11,7 +11,7 @@ import pytest
 from support import grounds
 
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome, Response
 from vsr_core.run import displacement, overturning
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare

@@ -27,9 +27,8 @@ from vsr_core.engines.interface import Solver
 from vsr_core.errors import InvalidInput
 from vsr_core.judge import on_terrain, proofs, track
 from vsr_core.judge.proofs import Barrier, barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.motions.records.recorded_motion import RecordedMotion
-from vsr_core.motions.records.trace import Trace
+from vsr_core.motions.pulses import CosinePulse
+from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, StopReason
 from vsr_core.rock import reduction, solid

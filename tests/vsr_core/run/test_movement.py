@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from support import grounds
 
 from vsr_core.judge.on_terrain import DROPPED_SHARE
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Movement, Outcome
 from vsr_core.rock import solid
 from vsr_core.run.cases import Settings, TerrainCase

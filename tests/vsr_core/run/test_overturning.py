@@ -19,7 +19,7 @@ from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import SOLVER
 from vsr_core.engines.interface import Solver
 from vsr_core.judge.proofs import Barrier, barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock

@@ -17,8 +17,7 @@ from support import grounds
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.motions.sine_pulse import SinePulse
+from vsr_core.motions.pulses import CosinePulse, SinePulse
 from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 from vsr_core.outcome import DecidedBy, Outcome
 from vsr_core.rock import solid

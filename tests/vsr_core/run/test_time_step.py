@@ -12,7 +12,7 @@ from support.sliding import rigid_plastic_slip
 from vsr_core import GRAVITY
 from vsr_core.engines import load
 from vsr_core.judge import proofs
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.run import time_step

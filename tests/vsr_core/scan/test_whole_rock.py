@@ -11,11 +11,17 @@ import pytest
 import trimesh
 
 from vsr_core.scan.closing import Closing
-from vsr_core.scan.holes import LARGEST_HOLE, without_chords, without_slits
-from vsr_core.scan.refusal import Refused
 from vsr_core.scan.topology import border
-from vsr_core.scan.weighing import measured
-from vsr_core.scan.whole_rock import WholeRock, other_closings, unseen, whole_rock
+from vsr_core.scan.weighing import Refused, measured
+from vsr_core.scan.whole_rock import (
+    LARGEST_HOLE,
+    WholeRock,
+    other_closings,
+    unseen,
+    whole_rock,
+    without_chords,
+    without_slits,
+)
 
 Array = np.ndarray
 

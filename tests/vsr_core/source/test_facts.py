@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from vsr_core.source import facts
+from vsr_core.source import tracing
 
 TEXT = b"from vsr_core import G\nLIMIT = 3\ndef used(x):\n    return x * LIMIT * G\n"
 
@@ -18,8 +18,8 @@ TEXT = b"from vsr_core import G\nLIMIT = 3\ndef used(x):\n    return x * LIMIT *
 @pytest.fixture
 def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The file of a process that has read nothing yet, and may write."""
-    path = tmp_path / "facts.json"
-    monkeypatch.setattr(facts, "_FILE", path)
+    path = tmp_path / "tracing.json"
+    monkeypatch.setattr(tracing, "_FILE", path)
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     next_process()
     yield path
@@ -28,20 +28,20 @@ def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def next_process() -> None:
-    facts._kept.cache_clear()
-    facts._new.clear()
+    tracing._kept.cache_clear()
+    tracing._new.clear()
 
 
 def test_the_next_process_takes_what_was_kept(kept: Path) -> None:
-    read = facts.of("vsr_core.a", TEXT)
+    read = tracing.facts_of("vsr_core.a", TEXT)
     assert read.definitions["used"][1] == ["G", "LIMIT"]
     assert read.imports == [("G", "vsr_core", "G")]
-    facts.keep()
+    tracing.keep_facts()
     changed = json.loads(kept.read_text())
     changed["vsr_core.a"][1] = {"seen": ["", []]}
     kept.write_text(json.dumps(changed))
     next_process()
-    assert set(facts.of("vsr_core.a", TEXT).definitions) == {"seen"}
+    assert set(tracing.facts_of("vsr_core.a", TEXT).definitions) == {"seen"}
 
 
 def test_another_text_of_the_same_size_and_time_is_read_anew(kept: Path, tmp_path: Path) -> None:
@@ -50,32 +50,32 @@ def test_another_text_of_the_same_size_and_time_is_read_anew(kept: Path, tmp_pat
     for text in (TEXT, TEXT.replace(b"3", b"4")):
         file.write_bytes(text)
         os.utime(file, (1.0, 1.0))
-        found.append(facts.of("vsr_core.a", file.read_bytes()))
-        facts.keep()
+        found.append(tracing.facts_of("vsr_core.a", file.read_bytes()))
+        tracing.keep_facts()
         next_process()
     old, new = (each.definitions for each in found)
     assert {name for name in old if old[name] != new[name]} == {"LIMIT"}
 
 
 def test_a_changed_reader_reads_anew(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    facts.of("vsr_core.a", TEXT)
-    facts.keep()
+    tracing.facts_of("vsr_core.a", TEXT)
+    tracing.keep_facts()
     next_process()
-    monkeypatch.setattr(facts, "_reader", lambda: b"another Python")
-    facts.of("vsr_core.a", TEXT)
-    assert facts._new == {"vsr_core.a"}
+    monkeypatch.setattr(tracing, "_reader", lambda: b"another Python")
+    tracing.facts_of("vsr_core.a", TEXT)
+    assert tracing._new == {"vsr_core.a"}
 
 
 @pytest.mark.parametrize("damage", ["", "{", "[1]", '{"vsr_core.a": ["", {}, []]}'])
 def test_a_damaged_file_is_no_matter(kept: Path, damage: str) -> None:
     kept.write_text(damage)
-    assert set(facts.of("vsr_core.a", TEXT).definitions) == {"LIMIT", "used"}
+    assert set(tracing.facts_of("vsr_core.a", TEXT).definitions) == {"LIMIT", "used"}
 
 
 def test_nothing_is_written_where_python_writes_no_bytecode(
     kept: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    facts.of("vsr_core.a", TEXT)
-    facts.keep()
+    tracing.facts_of("vsr_core.a", TEXT)
+    tracing.keep_facts()
     assert not kept.exists()

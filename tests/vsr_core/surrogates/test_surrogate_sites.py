@@ -13,13 +13,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, KDTree
 
-from vsr_core.rock.hull import convex_hull
+from vsr_core.rock.body import convex_hull
 from vsr_core.rock.tipping import tipping
 from vsr_core.rock.triangles import self_intersections
 from vsr_core.surrogates import SITES, double_rock_terrain
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.surrogates.double_rock_terrain import GAP, LIP_HEIGHT, NICHE_WIDTH, NICHE_X, NICHE_Y
-from vsr_core.surrogates.ground_sheet import offset, resampled, rounded
+from vsr_core.surrogates.ground import offset, resampled, rounded
 from vsr_core.surrogates.raw_scan import RawScan, scan
 from vsr_core.surrogates.surrogate_site import SurrogateSite
 

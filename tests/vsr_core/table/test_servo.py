@@ -23,7 +23,7 @@ from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet.driven import BulletDrivenWorld
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import Barrier, barrier, reachable_energy
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock

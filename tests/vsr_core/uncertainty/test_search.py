@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsr_core.uncertainty import guess, search
+from vsr_core.uncertainty import search
 from vsr_core.uncertainty.search import UNKNOWN, Table
 
 COLUMNS = 24
@@ -15,7 +15,7 @@ COLUMNS = 24
 def searched(truth: Table, expected: int, *, rough: bool) -> Table:
     """The table of one row once the search wants no more of it."""
     table = np.full((1, truth.size), UNKNOWN, dtype=np.int8)
-    while (ask := search.wanted(table, np.array([expected]), np.array([rough]))).any():
+    while (ask := search.next_cells(table, np.array([expected]), np.array([rough]))).any():
         assert (table[ask] == UNKNOWN).all()
         table[ask] = truth[None][ask]
     return table
@@ -60,12 +60,12 @@ def test_any_row_is_searched_to_an_end(row: list[int], expected: int, rough: boo
 def test_rows_between_are_expected_where_those_beside_them_moved() -> None:
     expected = np.array([[0.0, 1.0, 2.0, 3.0, 4.0]])
     found = np.array([[0.5, 4.5]])
-    moved = guess.from_own_rows(expected, found, np.array([0, 4]))
+    moved = search.from_own_rows(expected, found, np.array([0, 4]))
     np.testing.assert_allclose(moved, expected + 0.5)
-    rows = guess.first_rows(13, ordered=True)
+    rows = search.first_rows(13, ordered=True)
     assert rows[0] == 0
     assert rows[-1] == 12
-    np.testing.assert_array_equal(guess.first_rows(4, ordered=False), np.arange(4))
+    np.testing.assert_array_equal(search.first_rows(4, ordered=False), np.arange(4))
 
 
 def test_the_scale_that_boundaries_go_with_is_taken() -> None:
@@ -73,6 +73,6 @@ def test_the_scale_that_boundaries_go_with_is_taken() -> None:
     rng = np.random.default_rng(2)
     scale = rng.normal(size=(6, 4, 3))
     boundary = scale[:, 2][..., None] + np.array([0.1, -0.4])
-    chosen, offset = guess.offsets(boundary, scale)
+    chosen, offset = search.offsets(boundary, scale)
     assert chosen.tolist() == [2, 2, 2]
     np.testing.assert_allclose(offset, np.tile([0.1, -0.4], (3, 1)))

@@ -14,21 +14,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.motions.records.recorded_motion import RecordedMotion
-from vsr_core.motions.records.trace import Trace
+from vsr_core.motions.pulses import CosinePulse
+from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.run import cases, overturning, rocking_block
-from vsr_core.validation import (
-    calibration,
-    curves,
-    predictors,
-    priors,
-    recorded_test,
-    scores,
-    specimen,
-)
+from vsr_core.validation import priors, scores, specimen
 
 Array = NDArray[np.float64]
 
@@ -83,7 +74,7 @@ def test_the_limit_of_a_prediction_is_the_best_for_right_probabilities(
 ) -> None:
     """Expected balanced accuracy, computed for every limit, is largest at the mean."""
     probability = np.random.default_rng(seed).beta(0.6, 0.9, count)
-    chosen = scores.decided(probability)
+    chosen = scores.predicted_to_overturn(probability)
 
     def expected(sides: NDArray[np.bool_]) -> float:
         right = probability[sides].sum() / probability.sum()
@@ -113,19 +104,17 @@ def test_a_motion_is_predicted_without_its_own_tests() -> None:
     motions = np.repeat([f"motion {k}" for k in range(60)], 10)
     happened = np.repeat(rng.uniform(size=60) < 0.5, 10)
     names = np.repeat(rng.normal(size=(60, 8)), 10, axis=0)  # eight numbers that know the motion
-    probability = predictors.logistic(names, happened, motions)
+    probability = scores.logistic(names, happened, motions)
     assert np.mean((probability >= 0.5) == happened) < 0.65
-    told = predictors.logistic(
-        happened[:, None] + 0.1 * rng.normal(size=(600, 1)), happened, motions
-    )
+    told = scores.logistic(happened[:, None] + 0.1 * rng.normal(size=(600, 1)), happened, motions)
     assert np.mean((told >= 0.5) == happened) > 0.99
 
 
 def test_a_motion_is_on_one_half_whatever_its_tests() -> None:
     names = np.array([f"RSN{k}" for k in range(400)])
-    half = predictors.first_half(names)
+    half = scores.first_half(names)
     order = np.random.default_rng(1).permutation(400)
-    np.testing.assert_array_equal(predictors.first_half(names[order]), half[order])
+    np.testing.assert_array_equal(scores.first_half(names[order]), half[order])
     assert 0.4 < half.mean() < 0.6
 
 
@@ -133,9 +122,9 @@ def test_calibration_finds_what_made_the_outcomes() -> None:
     rng = np.random.default_rng(5)
     members = np.full(20_000, 20.0)
     overturned = rng.integers(0, 21, 20_000).astype(float)
-    true = calibration.Calibration(0.8, 0.6)
+    true = scores.Calibration(0.8, 0.6)
     happened = rng.uniform(size=20_000) < true.probability(overturned, members)
-    found = calibration.calibrate(overturned, members, happened)
+    found = scores.calibrate(overturned, members, happened)
     assert found.intercept == pytest.approx(0.8, abs=0.08)
     assert found.slope == pytest.approx(0.6, abs=0.04)
     assert found.tests == 20_000
@@ -143,7 +132,7 @@ def test_calibration_finds_what_made_the_outcomes() -> None:
 
 def test_calibration_without_a_choice_changes_nothing() -> None:
     counts, members = np.array([1.0, 5.0, 9.0]), np.full(3, 10.0)
-    found = calibration.calibrate(counts, members, np.ones(3, dtype=bool))
+    found = scores.calibrate(counts, members, np.ones(3, dtype=bool))
     np.testing.assert_allclose(found.probability(counts, members), (counts + 0.5) / 11.0)
 
 
@@ -155,7 +144,7 @@ def test_curve_finds_the_fragility_that_made_the_outcomes() -> None:
     happened = rng.uniform(size=4000) < norm.cdf(np.log(intensity / 0.3) / 0.4)
     motions = np.array([f"m{k % 40}" for k in range(4000)])
     at = np.array([0.15, 0.3, 0.6])
-    found = curves.curve(intensity, happened.astype(float), motions, at)
+    found = scores.curve(intensity, happened.astype(float), motions, at)
     assert found.median == pytest.approx(0.3, rel=0.05)
     exact = norm.cdf(np.log(at / 0.3) / 0.4)
     assert ((found.low <= exact + 0.02) & (exact - 0.02 <= found.high)).all()
@@ -291,8 +280,8 @@ def shake_block(pga: float, azimuth: float = 0.0, turn: float = 0.0) -> bool:
     mesh.apply_transform(trimesh.transformations.rotation_matrix(turn, [0, 0, 1]))
     member = plain(azimuth=azimuth, friction=2.0)
     rock = specimen.drawn(specimen.form(mesh, None), member, 2700.0)
-    case = recorded_test.standing_case(rock, member)
-    (found,) = recorded_test.shaken(case, [pulse(pga, 0.3)], 0.005, 1.0)
+    case = specimen.standing_case(rock, member)
+    (found,) = specimen.shaken(case, [pulse(pga, 0.3)], 0.005, 1.0)
     return found.outcome.overturned == 1
 
 
@@ -312,10 +301,10 @@ def test_a_turned_specimen_under_a_turned_drive(turn: float) -> None:
 def test_amplitude_scales_the_motion() -> None:
     member = plain(friction=2.0)
     rock = specimen.drawn(specimen.form(block(), None), member, 2700.0)
-    case = recorded_test.standing_case(rock, member)
+    case = specimen.standing_case(rock, member)
     weak, strong = pulse(0.3, 0.1), 2.5 * pulse(0.3, 0.1)
-    (one,) = recorded_test.shaken(case, [weak], 0.005, 2.5)
-    (other,) = recorded_test.shaken(case, [strong], 0.005, 1.0)
+    (one,) = specimen.shaken(case, [weak], 0.005, 2.5)
+    (other,) = specimen.shaken(case, [strong], 0.005, 1.0)
     assert one.peak_tilt == pytest.approx(other.peak_tilt, rel=1e-6)
     assert one.peak_tilt > 0.0
 
@@ -328,7 +317,7 @@ def test_rests_are_passed_over_without_a_difference(monkeypatch: pytest.MonkeyPa
     """
     member = plain(friction=2.0)
     rock = specimen.drawn(specimen.form(block(), None), member, 2700.0)
-    case = recorded_test.standing_case(rock, member)
+    case = specimen.standing_case(rock, member)
     chosen = cases.Settings(5e-4)
 
     def runs() -> list[Response]:

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.run import rocking_block

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from vsr_core import GRAVITY, engines
 from vsr_core.engines.interface import Engine, Solver, World
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run import rocking_block
 from vsr_core.scene import Scene
 from vsr_core.verification import reference

@@ -27,7 +27,7 @@ from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import BulletWorld, collision_shapes
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import Barrier, barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock.body import Rock
 from vsr_core.run import input_checks

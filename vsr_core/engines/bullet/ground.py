@@ -15,7 +15,7 @@ import numpy as np
 from vsr_core.arrays import Array, Indices
 from vsr_core.engines.bullet.binding import pybullet
 from vsr_core.engines.bullet.collision_shapes import leave_to_the_rock
-from vsr_core.rock.hull import convex_hull
+from vsr_core.rock.body import convex_hull
 from vsr_core.scene import State
 from vsr_core.terrain.surface import Terrain
 

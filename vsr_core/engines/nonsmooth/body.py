@@ -14,8 +14,7 @@ import numpy as np
 
 from vsr_core.arrays import Array, matrix_product
 from vsr_core.compiled.records import Matrix, Records, Twist, Vector
-from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import corners
+from vsr_core.rock.body import Rock, corners
 from vsr_core.scene import Contact
 
 

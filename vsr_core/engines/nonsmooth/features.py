@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.compiled.records import Vector, layout
 from vsr_core.compiled.vectors import sharpest
-from vsr_core.rock.hull import Hull
+from vsr_core.rock.body import Hull
 from vsr_core.rock.triangles import areas, cross_products
 from vsr_core.terrain.surface import Terrain
 

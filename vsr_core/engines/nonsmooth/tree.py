@@ -14,8 +14,7 @@ from vsr_core.compiled.records import Records
 from vsr_core.engines.nonsmooth import features
 from vsr_core.engines.nonsmooth.body import corners_of
 from vsr_core.engines.nonsmooth.features import Columns, Edge, Face, Features, Side, Vertex, unit
-from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import convex_hull
+from vsr_core.rock.body import Rock, convex_hull
 from vsr_core.terrain.surface import Terrain
 
 LEAF = 6

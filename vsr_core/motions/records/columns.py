@@ -1,17 +1,28 @@
-"""Plain tables: a line of names, then a column of times and one or more of acceleration.
+"""Columns given beside their times: plain tables, and NetCDF with the units that it states.
 
-A name may hold its unit: ``acceleration [m/s2]``, ``acc (g)``, ``acc_g``.
+A table is a line of names, then a column of times and one or more of acceleration. A name may hold
+its unit: ``acceleration [m/s2]``, ``acc (g)``, ``acc_g``. NetCDF holds variables along ``time``.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.named_columns import Column, of_text
-from vsr_core.motions.records.record import Record, is_acceleration
-from vsr_core.motions.records.timed_columns import on_times
+from vsr_core.motions.named_columns import Column, of_netcdf, of_text
+from vsr_core.motions.records.record import (
+    Record,
+    check_sampling,
+    factor,
+    is_acceleration,
+    is_raw,
+    side_by_side,
+    stated,
+)
 
 
-def read(text: str, component: str | None, unit: str | None) -> Record:
+def read_table(text: str, component: str | None, unit: str | None) -> Record:
     """The accelerations in a table's text.
 
     Raises
@@ -35,3 +46,158 @@ def _by_suffix(column: Column) -> Column:
     """The column with the unit that ends its name, as in ``acc_g``."""
     head, mark, tail = column.name.rpartition("_")
     return Column(head, tail, column.values) if mark and is_acceleration(tail) else column
+
+
+MAGIC = (b"CDF", b"\x89HDF")
+
+
+def read_netcdf(content: bytes, component: str | None, unit: str | None) -> Record:
+    """The accelerations along ``time`` in a file's content, one channel per variable.
+
+    Parameters
+    ----------
+    component, unit : str or None
+        See ``on_times``; times must state their unit.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no time in seconds or no such variable, or the time steps are uneven.
+    """
+    file = of_netcdf(content)
+    time = next(column for column in file.columns if column.name == "time")
+    others = [column for column in file.columns if column is not time]
+    return on_times(
+        time._replace(unit=time.unit or ""),
+        others,
+        component,
+        unit,
+        station=file.attributes.get("station", ""),
+        source=f"NetCDF file: {file.attributes.get('title') or 'no title'}",
+    )
+
+
+_SECONDS = ("s", "sec", "second", "seconds")
+
+UNEVEN = 0.02
+"""Farthest time from an even grid, as a share of the step."""
+
+COARSE = 0.3
+"""The same where the times are written with too few digits, at most."""
+
+
+def on_times(
+    time: Column,
+    others: list[Column],
+    component: str | None,
+    unit: str | None,
+    *,
+    station: str = "",
+    source: str,
+) -> Record:
+    """The record of the accelerations among columns.
+
+    Parameters
+    ----------
+    time : Column [s]
+    component : str or None
+        Name of the one to take; without it, those in a unit of acceleration or, if there is none,
+        a single one without a unit (or in counts or volts, which is refused with the reason).
+
+    Raises
+    ------
+    InvalidInput
+        If times are not in seconds or in even steps, or accelerations are not there or of several
+        units.
+    """
+    if time.unit is not None and time.unit.split(" since ")[0].strip() not in _SECONDS:
+        raise InvalidInput(
+            f"times in {time.unit or 'no unit'}", "they are in s", "set the unit of time to s"
+        )
+    names, units, values = zip(*_wanted(others, component), strict=True)
+    if len(set(units)) > 1:
+        raise InvalidInput(
+            f"{', '.join(names)} in {', '.join(map(str, units))}",
+            "they share a unit",
+            "name one of them as motion.component",
+        )
+    name = stated(units[0], unit)
+    even, interval, repairs = _evenly(time.values, side_by_side(values) * factor(name))
+    return Record(even, interval, names, station, source, name, repairs)
+
+
+def _wanted(columns: list[Column], component: str | None) -> list[Column]:
+    listed = ", ".join(column.name for column in columns) or "nothing"
+    if component is not None:
+        found = [column for column in columns if column.name == component]
+        if len(found) != 1:
+            raise InvalidInput(
+                f"no column {component!r}", f"the columns are {listed}", "name one of them"
+            )
+        return found
+    if len(columns) == 1 and (columns[0].unit is None or is_raw(columns[0].unit)):
+        return columns
+    accelerations = [column for column in columns if is_acceleration(column.unit or "")]
+    if not accelerations:
+        raise InvalidInput(
+            f"{listed} along time without a unit of acceleration",
+            "one of them is the acceleration, with units such as m s-2",
+            "name it as motion.component, and its unit as motion.unit",
+        )
+    return accelerations
+
+
+def _evenly(times: Array, values: Array) -> tuple[Array, float, tuple[str, ...]]:
+    """Values on an even grid of times, nan where a step was left out; interval [s], repairs."""
+    if len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+        raise InvalidInput(
+            f"{len(times)} times that are not increasing numbers",
+            "each is later than the one before",
+            "sort them and drop those that repeat",
+        )
+    elapsed, written = times - times[0], _printed(times)
+    step = float(np.median(np.diff(elapsed)))
+    check_sampling(step, float(elapsed[-1]) / step)
+    interval = _interval(elapsed, float(written[-1]))
+    places = np.rint(elapsed / interval).astype(np.int64)
+    late = np.abs(elapsed - places * interval) / interval
+    allowed = np.clip(written / interval, UNEVEN, COARSE)
+    if (late > allowed).any() or (np.diff(places) < 1).any():
+        raise InvalidInput(
+            f"time steps that differ: one sample is {late.max():.0%} of a step of "
+            f"{1e3 * interval:.4g} ms from its place",
+            f"all are equal to {UNEVEN:.0%}, or to the last digit that is written",
+            "resample the record to equal steps, band-limited",
+        )
+    if len(places) == places[-1] + 1:
+        return values, interval, ()
+    filled = np.full((int(places[-1]) + 1, *values.shape[1:]), np.nan)
+    filled[places] = values
+    lost = len(filled) - len(places)
+    return filled, interval, (f"{lost} time steps were left out in the file",)
+
+
+def _interval(elapsed: Array, written: float) -> float:
+    """Step [s] of rounded times, from ever longer spans, so that none is lost count of.
+
+    A whole number of samples a second is taken, if it agrees to the digits that are ``written``.
+    """
+    interval, last = float(np.median(np.diff(elapsed))), len(elapsed) - 1
+    at = 1
+    while at < 2 * last:
+        end = float(elapsed[min(at, last)])
+        interval = end / max(1, round(end / interval))
+        at *= 2
+    rate = round(1.0 / interval)
+    if rate and abs(round(end / interval) / rate - end) <= written:
+        return 1.0 / rate
+    return interval
+
+
+def _printed(times: Array) -> Array:
+    """Unit in the last digit written of each time [s]: of fixed decimals, or of fixed digits."""
+    numbers = [f"{time:.12g}" for time in times.tolist()]
+    digits = max(len(word.replace(".", "").lstrip("0")) for word in numbers)
+    decimals = max(len(word.partition(".")[2]) for word in numbers)
+    leading = np.floor(np.log10(np.maximum(np.abs(times), 1e-12)))
+    return np.maximum(10.0 ** (leading + 1 - digits), 10.0**-decimals)

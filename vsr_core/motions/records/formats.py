@@ -1,12 +1,158 @@
-"""Which format a file is in, by its content, and its record."""
+"""Which format a file is in, by its content, and its record; miniSEED, SAC and K-NET by ObsPy."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import io
+import warnings
+from dataclasses import dataclass, replace
+from typing import Any
 
-from vsr_core.errors import InvalidInput
-from vsr_core.motions.records import at2, columns, cosmos, netcdf, waveforms
-from vsr_core.motions.records.record import Record
+import numpy as np
+
+from vsr_core.errors import InvalidInput, reason
+from vsr_core.motions.records import columns, text_files
+from vsr_core.motions.records.record import Record, check_sampling, factor, side_by_side, stated
+
+Corners = tuple[float, float, float, float]
+
+MOST_WARNINGS, WARNING_LENGTH = 3, 160
+"""Warnings of ObsPy that are kept, and characters of each."""
+
+
+def read_waveforms(
+    content: bytes,
+    kind: str,
+    unit: str | None,
+    response: bytes | None,
+    corners: Corners | None,
+) -> Record:
+    """The record in a file's content, its channels cut to the time that all have.
+
+    What ObsPy warns of is among the record's repairs.
+
+    Parameters
+    ----------
+    kind : str, ObsPy's name of the format
+    unit : str or None, for formats that do not state one
+    response : bytes or None, StationXML; with it the response is removed, to acceleration
+    corners : tuple of float [Hz], of the cosine taper of the spectrum before that
+
+    Raises
+    ------
+    InvalidInput
+        If ObsPy cannot read it, the response does not fit, or the unit is not known.
+    """
+    import obspy  # type: ignore[import-not-found,import-untyped,unused-ignore]
+
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            # By name: left to find out, ObsPy tries Python's pickles too, which run what they hold.
+            stream = obspy.read(io.BytesIO(content), format=kind)
+            _check_span(stream)
+            if response is not None:
+                inventory = obspy.read_inventory(io.BytesIO(response), format="STATIONXML")
+                stream = _without_response(stream, inventory, corners)
+            stream.merge()
+    except InvalidInput:
+        raise
+    except Exception as error:  # noqa: BLE001 (readers of many formats raise what they like)
+        raise _unreadable(error) from None
+    record = from_stream(stream, "m/s2" if response is not None else unit)
+    return replace(record, repairs=(*record.repairs, *_warnings(caught)))
+
+
+def from_stream(stream: Any, unit: str | None) -> Record:
+    """The record of an ObsPy stream whose traces are merged, one for each channel.
+
+    K-NET and KiK-net samples come as counts with a factor to m/s^2 (``stats.calib``).
+
+    Parameters
+    ----------
+    unit : str or None
+        Of the samples, unless they are K-NET's or KiK-net's.
+
+    Raises
+    ------
+    InvalidInput
+        If the channels have no time step or no time in common, or the unit is not known.
+    """
+    if len({trace.stats.delta for trace in stream}) != 1:
+        raise InvalidInput(
+            "channels of several time steps", "they share one", "keep one in the file"
+        )
+    start = max(trace.stats.starttime for trace in stream)
+    end = min(trace.stats.endtime for trace in stream)
+    interval = float(stream[0].stats.delta)
+    number = round((end - start) / interval) + 1
+    if number < 1:
+        raise InvalidInput(
+            "channels at different times", "they have some in common", "keep one of them"
+        )
+    japanese = all("knet" in trace.stats for trace in stream)
+    name = stated("m/s2" if japanese else None, unit)
+    columns, repairs = [], []
+    for trace in stream:
+        first = round((start - trace.stats.starttime) / interval)
+        samples = np.ma.filled(np.ma.asarray(trace.data).astype(np.float64), np.nan)
+        part = samples[first : first + number]
+        if len(part) < len(samples):
+            lost = len(samples) - len(part)
+            repairs.append(f"{trace.stats.channel}: {lost} samples that others lack were cut")
+        columns.append(part * (trace.stats.calib if japanese else factor(name)))
+    ids = [".".join((t.stats.network, t.stats.station, t.stats.location)) for t in stream]
+    channels = [str(trace.stats.channel) for trace in stream]
+    if len(set(channels)) < len(channels):
+        channels = [f"{one}.{channel}" for one, channel in zip(ids, channels, strict=True)]
+    return Record(
+        side_by_side(columns),
+        interval,
+        tuple(channels),
+        str(stream[0].stats.station),
+        f"{getattr(stream[0].stats, '_format', 'waveforms')} of {ids[0]} from {start}",
+        "gal by its scale factor" if japanese else name,
+        tuple(repairs),
+    )
+
+
+def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> Any:
+    if corners is None:
+        raise InvalidInput(
+            "a response without corners",
+            "dividing by it needs a band, or it makes noise of the ends of the spectrum",
+            "give motion.response.corners, four frequencies [Hz]",
+        )
+    stream.merge()
+    pieces = stream.split()  # a gap has no spectrum
+    pieces.detrend("linear")
+    pieces.remove_response(inventory, output="ACC", water_level=None, pre_filt=corners)
+    return pieces
+
+
+def _check_span(stream: Any) -> None:
+    """Refuse traces whose gaps would be filled with more samples than a record has."""
+    start = min(trace.stats.starttime for trace in stream)
+    end = max(trace.stats.endtime for trace in stream)
+    for trace in stream:
+        check_sampling(float(trace.stats.delta), (end - start) / (trace.stats.delta or 1.0))
+
+
+def _warnings(caught: list[warnings.WarningMessage]) -> list[str]:
+    """What ObsPy warned of about a file, e.g. blocks that it passed over."""
+    said = [" ".join(str(w.message).split()) for w in caught if issubclass(w.category, UserWarning)]
+    said = [f"ObsPy: {text[:WARNING_LENGTH]}" for text in dict.fromkeys(said)]
+    more = len(said) - MOST_WARNINGS
+    return said[:MOST_WARNINGS] + ([f"ObsPy: {more} more warnings"] if more > 0 else [])
+
+
+def _unreadable(error: Exception) -> InvalidInput:
+    said = reason(error).partition(" for file ")[0]  # a temporary one of ObsPy's
+    return InvalidInput(
+        f"a record that ObsPy cannot read ({said[:120]})",
+        "it is miniSEED, SAC, K-NET or KiK-net, and a response is StationXML of its channels",
+        "download it again, or convert it",
+    )
+
 
 SUFFIXES = (
     *(".at2", ".v2", ".cosmos", ".csv", ".txt", ".nc", ".mseed", ".miniseed", ".sac", ".knet"),
@@ -27,7 +173,7 @@ class Reading:
     component: str | None = None
     unit: str | None = None
     response: bytes | None = None
-    corners: waveforms.Corners | None = None
+    corners: Corners | None = None
 
 
 def read(content: bytes, suffix: str, how: Reading) -> Record:
@@ -47,21 +193,21 @@ def read(content: bytes, suffix: str, how: Reading) -> Record:
 
 
 def _whole(content: bytes, suffix: str, how: Reading) -> Record:
-    if content.startswith(netcdf.MAGIC):
-        return netcdf.read(content, how.component, how.unit)
+    if content.startswith(columns.MAGIC):
+        return columns.read_netcdf(content, how.component, how.unit)
     kind = _waveform(content, suffix)
     if kind is not None:
-        return waveforms.read(content, kind, how.unit, how.response, how.corners)
+        return read_waveforms(content, kind, how.unit, how.response, how.corners)
     if b"\0" in content[:512]:
         raise _unknown()
     text = content.decode("latin-1")
     start = text[:2000]
-    if at2.is_one(start):
-        return at2.read(text, how.unit)
-    if cosmos.is_one(start):
-        return cosmos.read(text, how.unit)
+    if text_files.is_at2(start):
+        return text_files.read_at2(text, how.unit)
+    if text_files.is_cosmos(start):
+        return text_files.read_cosmos(text, how.unit)
     if suffix in (".csv", ".txt"):
-        return columns.read(text, how.component, how.unit)
+        return columns.read_table(text, how.component, how.unit)
     raise _unknown()
 
 

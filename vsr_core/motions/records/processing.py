@@ -1,4 +1,4 @@
-"""From a sound record to a motion: filters and baseline correction, only as configured.
+"""From a repaired record to a motion: filters and baseline correction, only as configured.
 
 Two orders, both with Butterworth filters run forward and backward over a record with zeros at both
 ends. The zeros stay: the filters' response runs out in them, and without it velocity and
@@ -66,7 +66,7 @@ class Processing:
 
 
 def process(acceleration: Array, interval: float, how: Processing) -> Trace:
-    """The motion of a sound record.
+    """The motion of a repaired record.
 
     Parameters
     ----------

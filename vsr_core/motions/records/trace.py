@@ -1,4 +1,4 @@
-"""Acceleration, velocity and displacement that are one motion.
+"""A motion by the samples of its acceleration: its integrals, intensity measures, and its run.
 
 The acceleration is the straight line between its samples; velocity and displacement are its exact
 integrals from rest. Whatever is done to a motion is done to the samples of its acceleration, so
@@ -7,12 +7,16 @@ that the three never part.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 
+from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.motions.ground_motion import GroundMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,3 +57,223 @@ class Trace:
 
 def _summed(steps: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+DAMPING = 0.05
+"""Damping of the oscillators, as a share of the critical."""
+
+SIGNIFICANT = (0.05, 0.95)
+"""Shares of the Arias intensity between which the significant duration lies."""
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Intensity measures of a motion.
+
+    Attributes
+    ----------
+    pga : float [m/s^2], and ``pgv`` [m/s], ``pgd`` [m]: largest absolute values at the samples
+    pgv_pga : float [s]
+    sa_1hz, sa_2hz : float [m/s^2], pseudo-spectral acceleration at 5 % damping
+    arias : float [m/s], pi / (2 g) times the integral of the squared acceleration
+    cav : float [m/s], integral of the absolute acceleration
+    significant_duration : float [s], from 5 to 95 % of the Arias intensity
+    """
+
+    pga: float
+    pgv: float
+    pgd: float
+    pgv_pga: float
+    sa_1hz: float
+    sa_2hz: float
+    arias: float
+    cav: float
+    significant_duration: float
+
+
+def measures(trace: Trace) -> Measures:
+    """Intensity measures of a motion that is not zero throughout.
+
+    References
+    ----------
+    Arias, A. (1970), in Seismic Design for Nuclear Power Plants, MIT Press: Arias intensity.
+    """
+    pga, pgv, pgd = (
+        float(np.abs(part).max())
+        for part in (trace.acceleration, trace.velocity, trace.displacement)
+    )
+    energy = _squared(trace)
+    sa_1hz, sa_2hz = spectrum(trace, np.array([1.0, 2.0]))
+    starts, ends = (_reached(energy, trace.interval, share) for share in SIGNIFICANT)
+    return Measures(
+        pga=pga,
+        pgv=pgv,
+        pgd=pgd,
+        pgv_pga=pgv / pga,
+        sa_1hz=float(sa_1hz),
+        sa_2hz=float(sa_2hz),
+        arias=0.5 * math.pi / GRAVITY * float(energy.sum()),
+        cav=float(cav_increments(trace).sum()),
+        significant_duration=ends - starts,
+    )
+
+
+def spectrum(trace: Trace, frequencies: Array, damping: float = DAMPING) -> Array:
+    """Pseudo-spectral acceleration: squared angular frequency times the largest displacement.
+
+    Exact for an acceleration that is straight between its samples, which then stops; the largest
+    of the relative displacement at the samples, those of one more period included.
+
+    Parameters
+    ----------
+    frequencies : ndarray, shape (n,) [Hz]
+        Of the oscillators.
+
+    Returns
+    -------
+    ndarray, shape (n,) [m/s^2]
+
+    References
+    ----------
+    Nigam, N. C. & Jennings, P. C. (1969), BSSA 59(2), 909-922.
+    """
+    found = [_largest(trace, 2.0 * math.pi * float(f), damping) for f in frequencies]
+    return np.array(found)
+
+
+def cav_increments(trace: Trace) -> Array:
+    """Integral of the absolute acceleration over each interval; they add up to the CAV.
+
+    Returns
+    -------
+    ndarray, shape (n - 1,) [m/s]
+
+    Examples
+    --------
+    >>> cav_increments(Trace(np.array([0.0, 1.0, -1.0]), 0.5))
+    array([0.25, 0.25])
+    """
+    a, b = trace.acceleration[:-1], trace.acceleration[1:]
+    total = np.abs(a) + np.abs(b)
+    crosses = a * b < 0.0
+    # two triangles where the line crosses zero, one trapezium where it does not
+    squares = np.divide(a**2 + b**2, total, out=total.copy(), where=crosses)
+    return 0.5 * trace.interval * squares
+
+
+def _squared(trace: Trace) -> Array:
+    """Integral of the squared acceleration over each interval, shape (n - 1,)."""
+    a, b = trace.acceleration[:-1], trace.acceleration[1:]
+    return trace.interval / 3.0 * (a**2 + a * b + b**2)
+
+
+def _reached(steps: Array, interval: float, share: float) -> float:
+    """Time [s] at which a sum of ``steps`` reaches a share of its whole."""
+    so_far = np.concatenate([[0.0], np.cumsum(steps)])
+    return float(np.interp(share * so_far[-1], so_far, interval * np.arange(len(so_far))))
+
+
+def _largest(trace: Trace, w: float, damping: float) -> float:
+    h = trace.interval
+    system = np.zeros((4, 4))
+    system[0, 1] = system[2, 3] = 1.0
+    system[1, :3] = -(w**2), -2.0 * damping * w, -1.0
+    moved = scipy.linalg.expm(system * h)
+    step, held, rising = moved[:2, :2], moved[:2, 2], moved[:2, 3]
+    tail = np.zeros(math.ceil(2.0 * math.pi / (w * h)))
+    starts = np.concatenate([trace.acceleration[:-1], tail])
+    slopes = np.concatenate([np.diff(trace.acceleration) / h, tail])
+    push = np.outer(held, starts) + np.outer(rising, slopes)
+    # x[k + 1] = step x[k] + push[k] from rest, as a filter of second order for the displacement
+    below = [1.0, -float(np.trace(step)), float(np.linalg.det(step))]
+    relative = scipy.signal.lfilter([0.0, 1.0, -step[1, 1]], below, np.append(push[0], 0.0))
+    relative += scipy.signal.lfilter([0.0, 0.0, step[0, 1]], below, np.append(push[1], 0.0))
+    return w**2 * float(np.abs(relative).max())
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedMotion(GroundMotion):
+    """Motion whose acceleration is straight between samples; the table rests before and after.
+
+    Velocity and displacement are the exact integrals. Two motions are the same only if they are one
+    object.
+    """
+
+    trace: Trace
+
+    @classmethod
+    def scaled(cls, trace: Trace, pga: float) -> RecordedMotion:
+        """The motion scaled to another PGA; its velocity and displacement grow with it.
+
+        Parameters
+        ----------
+        pga : float [g]
+        """
+        factor = pga * GRAVITY / float(np.abs(trace.acceleration).max())
+        return cls(Trace(factor * trace.acceleration, trace.interval))
+
+    @property
+    def duration(self) -> float:
+        """Time of the last sample [s]."""
+        return self.trace.duration
+
+    @property
+    def shortest_time(self) -> float:
+        """Ten samples [s]: a time step then skips none."""
+        return 10.0 * self.trace.interval
+
+    @property
+    def peak_acceleration(self) -> float:
+        """Largest absolute acceleration [m/s^2]."""
+        return float(np.abs(self.trace.acceleration).max())
+
+    def acceleration(self, t: Array) -> Array:
+        """Acceleration [m/s^2] at times ``t`` [s]; zero outside the record."""
+        k, s, slope = self._place(t)
+        return np.where(self._inside(t), self.trace.acceleration[k] + slope * s, 0.0)
+
+    def velocity(self, t: Array) -> Array:
+        """Velocity [m/s] at times ``t`` [s]; zero outside the record."""
+        k, s, slope = self._place(t)
+        a, v = self.trace.acceleration[k], self.trace.velocity[k]
+        return np.where(self._inside(t), v + s * (a + 0.5 * slope * s), 0.0)
+
+    def displacement(self, t: Array) -> Array:
+        """Displacement [m] at times ``t`` [s]; afterwards the table stays where it is."""
+        k, s, slope = self._place(np.clip(t, 0.0, self.duration))
+        a, v, d = (
+            part[k]
+            for part in (self.trace.acceleration, self.trace.velocity, self.trace.displacement)
+        )
+        return np.asarray(d + s * (v + s * (a / 2.0 + slope * s / 6.0)))
+
+    def remaining_impulse(self, t: float) -> float:
+        """Integral of |acceleration| [m/s] from ``t`` [s] to the end."""
+        if t <= 0.0:
+            return float(self._left[0])
+        h = self.trace.interval
+        k = int(t / h)
+        if k >= len(self._left) - 1:
+            return 0.0
+        a, b = float(self.trace.acceleration[k]), float(self.trace.acceleration[k + 1])
+        here = a + (b - a) * (t / h - k)
+        rest = h * (k + 1) - t
+        if here * b >= 0.0:
+            piece = 0.5 * rest * (abs(here) + abs(b))
+        else:  # two triangles
+            piece = 0.5 * rest * (here**2 + b**2) / (abs(here) + abs(b))
+        return piece + float(self._left[k + 1])
+
+    @cached_property
+    def _left(self) -> Array:
+        """Integral of |acceleration| from each sample to the end."""
+        return np.concatenate([[0.0], np.cumsum(cav_increments(self.trace)[::-1])])[::-1]
+
+    def _inside(self, t: Array) -> np.ndarray:
+        return (t >= 0.0) & (t <= self.duration)
+
+    def _place(self, t: Array) -> tuple[np.ndarray, Array, Array]:
+        """Interval that holds each time, the time since its start, and its slope."""
+        h, a = self.trace.interval, self.trace.acceleration
+        k = np.clip(np.floor(t / h).astype(np.int64), 0, len(a) - 2)
+        return k, t - h * k, (a[k + 1] - a[k]) / h

@@ -20,9 +20,8 @@ from typing import Protocol, cast
 import numpy as np
 
 from vsr_core.arrays import Array
-from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.rock.body import Rock
-from vsr_core.rock.hull import touching
+from vsr_core.motions.pulses import CosinePulse
+from vsr_core.rock.body import Rock, touching
 from vsr_core.scene import Scene
 
 Setting = dict[str, float]

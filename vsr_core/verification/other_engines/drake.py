@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Scene, resting
 from vsr_core.verification.other_engines import (

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 from vsr_core.arrays import Array
 from vsr_core.engines.bullet.binding import pybullet
 from vsr_core.engines.bullet.collision_shapes import level_sheet
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.scene import Scene, resting
 from vsr_core.verification.other_engines import AFTER, Setting, Test, largest_tilt
 

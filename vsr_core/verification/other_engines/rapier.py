@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vsr_core.arrays import Array
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Scene, resting
 from vsr_core.verification.other_engines import (

@@ -23,7 +23,7 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene, State
-from vsr_core.surrogates.ground_shapes import rough
+from vsr_core.surrogates.ground import rough
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import OWN, REBOUNDS, case
 from vsr_core.verification.reference._ground import in_parts, sheet

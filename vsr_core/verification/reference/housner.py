@@ -18,7 +18,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from vsr_core.arrays import Array
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run.rocking_block import Block
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.reference import case

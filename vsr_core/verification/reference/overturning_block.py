@@ -16,7 +16,7 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run.boundary_search import halved, verdict
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate

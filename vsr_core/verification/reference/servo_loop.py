@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.scene import Contact, Scene
 from vsr_core.table.servo import PUBLISHED
 from vsr_core.verification.reference import BULLET, case

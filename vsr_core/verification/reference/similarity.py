@@ -12,7 +12,7 @@ import math
 from functools import cache
 
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Response
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.reference import case
 from vsr_core.verification.reference._run import largest, middles, run, whole

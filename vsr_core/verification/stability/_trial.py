@@ -11,8 +11,8 @@ from vsr_core.arrays import Array
 from vsr_core.engines.interface import World
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import Barrier, barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.ground_motion import GroundMotion
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock.body import Rock
 from vsr_core.run import rocking_block

@@ -11,8 +11,8 @@ import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
-from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.ground_motion import GroundMotion
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run.cases import Settings
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run import rocking_block
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.rocks import GRIPPING, box, leaning, unit

@@ -6,7 +6,7 @@ import math
 from functools import partial
 
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.run import rocking_block
 from vsr_core.scene import Contact, Scene

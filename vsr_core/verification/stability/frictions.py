@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.rocks import box
 from vsr_core.verification.stability import Measured, sweep

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.rock.body import Rock
 from vsr_core.run.reductions import reduce

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.scene import Contact, Scene
 from vsr_core.table.servo import Servo
 from vsr_core.verification.rocks import GRIPPING, box

@@ -6,7 +6,7 @@ import math
 from functools import partial
 
 from vsr_core import GRAVITY, engines
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.rocks import GRIPPING, box

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.run import rocking_block
 from vsr_core.run.input_checks import longest_step, longest_step_on_springs, softest

@@ -6,7 +6,7 @@ import time
 from typing import Any, NamedTuple
 
 from vsr_core import engines
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run import time_step as ladder
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.overturning import simulate

@@ -28,7 +28,7 @@ from pipeline.workflow.stage import Job
 from pipeline.workflow.store import writing
 from vsr_core import GRAVITY
 from vsr_core.fragility.boundary import locate
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.table.capacity import LIMITS, Table, binding, commands, largest_pga, loads
 
 FILE, TABLE, PICTURE = "feasible.nc", "feasible.csv", "feasible"

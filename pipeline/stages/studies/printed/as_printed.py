@@ -13,7 +13,7 @@ from pipeline.stages.runs.scenes import flat_scene, groups, load_scenes
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Job, Product
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.scene import Scene
 from vsr_core.verification.other_engines.published_setup import Coefficients, build
 

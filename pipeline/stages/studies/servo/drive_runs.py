@@ -16,10 +16,9 @@ from pipeline.stages.runs.scenes import Scenes, flat_scene, groups
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.stage import Job
 from vsr_core.judge.proofs import Barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
 from vsr_core.motions.ground_motion import GroundMotion
-from vsr_core.motions.records.recorded_motion import RecordedMotion
-from vsr_core.motions.records.trace import Trace
+from vsr_core.motions.pulses import CosinePulse
+from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.run.boundary_search import Bracket, first_boundary, verdict
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.input_checks import PERIOD_SHARE

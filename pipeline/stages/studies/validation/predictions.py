@@ -20,9 +20,8 @@ from vsr_core.arrays import Array, Mask
 from vsr_core.judge import proofs
 from vsr_core.outcome import Outcome
 from vsr_core.validation import scores
-from vsr_core.validation.calibration import Calibration, calibrate
-from vsr_core.validation.predictors import first_half, logistic
 from vsr_core.validation.priors import best_guess
+from vsr_core.validation.scores import Calibration, calibrate, first_half, logistic
 from vsr_core.validation.specimen import Form, drawn, form
 
 _NEAR = 0.5
@@ -172,7 +171,7 @@ def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, Predictor
     velocity = logistic(intensity.sum(axis=1, keepdims=True), observed, motions)
 
     def decided(origin: Origin, probability: Array) -> Predictor:
-        return Predictor(origin, scores.decided(probability), probability)
+        return Predictor(origin, scores.predicted_to_overturn(probability), probability)
 
     constant = np.zeros(len(observed), dtype=bool)
     found = {
@@ -223,4 +222,4 @@ def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
 
 
 def _decided(probability: Array) -> NDArray[np.int8]:
-    return np.array([scores.decided(row) for row in probability], dtype=np.int8)
+    return np.array([scores.predicted_to_overturn(row) for row in probability], dtype=np.int8)

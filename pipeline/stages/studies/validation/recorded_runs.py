@@ -19,8 +19,7 @@ from vsr_core import engines
 from vsr_core.run.cases import Case
 from vsr_core.source import tracing
 from vsr_core.validation.priors import Member
-from vsr_core.validation.recorded_test import shaken, standing_case
-from vsr_core.validation.specimen import Form, drawn
+from vsr_core.validation.specimen import Form, drawn, shaken, standing_case
 
 
 class Role(Enum):

@@ -17,7 +17,7 @@ from pipeline.stages.studies.validation import predictions
 from pipeline.stages.studies.validation.predictions import Origin, Predictions, compared, predictors
 from pipeline.stages.studies.validation.recorded_tests import Tests
 from pipeline.stages.uncertainty.unknowns import in_words, uniform
-from vsr_core.validation import curves, scores
+from vsr_core.validation import scores
 
 _SCORES = ["specimen", "predictor", "subset", "n", "accuracy", "balanced_accuracy", "f1",
            "matthews", "brier", "log_loss", "mcnemar_p"]  # fmt: skip
@@ -75,7 +75,7 @@ def confusions(tests: Tests, made: Predictions) -> list[dict[str, Any]]:
     """Right and wrong predictions of the ensemble by classes of PGA and of PGV/PGA."""
     rows: list[dict[str, Any]] = []
     for row, specimen, observed in compared(tests):
-        kind = 2 * scores.decided(made.share[row]) + observed
+        kind = 2 * scores.predicted_to_overturn(made.share[row]) + observed
         for name, unit, values in (("PGA", "g", tests.pga), ("PGV/PGA", "s", tests.pgv_pga)):
             edges = np.quantile(values, np.linspace(0.0, 1.0, _CLASSES + 1))
             number = np.clip(np.searchsorted(edges, values, "right") - 1, 0, _CLASSES - 1)
@@ -216,7 +216,7 @@ def fragility(tests: Tests, made: Predictions) -> Figure:
                 (observed.astype(np.float64), "experiment", OVERTURNED),
                 (made.share[row], "ensemble, priors only", UPRIGHT),
             ):
-                found = curves.curve(values, share, motions, grid)
+                found = scores.curve(values, share, motions, grid)
                 axes.fill_between(grid, found.low, found.high, color=colour, alpha=0.18, lw=0)
                 text = f"{name}, median {found.median:.3g}"
                 axes.plot(grid, found.probability, color=colour, lw=1.4, label=text)

@@ -47,7 +47,7 @@ from pipeline.stages.displacement.trajectory_maps import (
 from pipeline.workflow.datasets import catalogue
 from vsr_core import outcome
 from vsr_core.displacement.correlation import correlations
-from vsr_core.displacement.origin import Found, trace
+from vsr_core.displacement.origin import ObservedBoulder, trace
 from vsr_core.outcome import Movement, Outcome, StopReason
 
 Array = NDArray[np.float64]
@@ -468,7 +468,7 @@ def test_powers_of_ten() -> None:
 
 
 def test_maps_of_the_origin(runs: xr.Dataset, ground: xr.Dataset) -> None:
-    known, found = forward([runs], np.zeros((1, 2))), Found((7.0, 0.0), 0.8)
+    known, found = forward([runs], np.zeros((1, 2))), ObservedBoulder((7.0, 0.0), 0.8)
     origin = trace(known, found)
     figure = origin_maps(origin, known, found, ground, SOURCE)
     motions, places = figure.axes[:2]
@@ -491,7 +491,7 @@ def test_region_is_outlined_cell_by_cell(ground: xr.Dataset) -> None:
     known = forward([runs], np.zeros((1, 2)))
     rests = np.flatnonzero(np.hypot(*np.nan_to_num(known.end).T) > 1.0)
     place = known.end[rests[0]]
-    found = Found((float(place[0]), float(place[1])), 1e-3)
+    found = ObservedBoulder((float(place[0]), float(place[1])), 1e-3)
     figure = origin_maps(trace(known, found), known, found, ground, SOURCE)
     sides = np.array(artist(figure.axes[0], "region").get_segments())
     assert len(sides) == 4
@@ -503,7 +503,7 @@ def test_region_is_outlined_cell_by_cell(ground: xr.Dataset) -> None:
 
 
 def test_no_answer_shows_no_map(runs: xr.Dataset, ground: xr.Dataset) -> None:
-    known, found = forward([runs], np.zeros((1, 2))), Found((-3.0, 5.0), 0.1)
+    known, found = forward([runs], np.zeros((1, 2))), ObservedBoulder((-3.0, 5.0), 0.1)
     figure = origin_maps(trace(known, found), known, found, ground, SOURCE)
     assert not artists(figure.axes[0], "motions")
     assert "no answer" in texts(figure)
@@ -512,7 +512,7 @@ def test_no_answer_shows_no_map(runs: xr.Dataset, ground: xr.Dataset) -> None:
 
 def test_starts_are_named_with_their_probability(runs: xr.Dataset, ground: xr.Dataset) -> None:
     starts = np.array([[0.0, 0.0], [-3.0, 4.0]])
-    known, found = forward([runs, runs], starts), Found((7.0, 1.5), 0.8)
+    known, found = forward([runs, runs], starts), ObservedBoulder((7.0, 1.5), 0.8)
     origin = trace(known, found)
     figure = origin_maps(origin, known, found, ground, SOURCE, starts)
     shown = {text.xy: text.get_text() for text in artists(figure.axes[1], "start")}
@@ -529,7 +529,7 @@ def every_figure(runs: xr.Dataset, ground: xr.Dataset) -> Iterator[Figure]:
         yield draw(runs, ground, SOURCE)
     for draw in (trajectory_lengths, ensemble_means):
         yield draw(runs, SOURCE)
-    known, found = forward([runs], np.zeros((1, 2))), Found((5.0, 0.0), 0.5)
+    known, found = forward([runs], np.zeros((1, 2))), ObservedBoulder((5.0, 0.0), 0.5)
     yield origin_maps(trace(known, found), known, found, ground, SOURCE)
 
 
@@ -620,7 +620,7 @@ def text(runs: xr.Dataset, ground: xr.Dataset) -> str:
         Slot("Time-lapse", "One fall.", image=style.data_uri(gif(), "gif")),
         Slot("In three dimensions", link="displacement_3d.html"),
     ]
-    found = Found((7.0, 0.0), 0.8)
+    found = ObservedBoulder((7.0, 0.0), 0.8)
     return page(HOSTILE, runs, ground, SOURCE, found, slots, surrogate=True)
 
 
@@ -676,7 +676,7 @@ def test_page_has_the_numbers(text: str, runs: xr.Dataset) -> None:
         assert row[2] == f"{one.line.r2:.2g}"
         assert row[4] == power(one.line.p)
         assert row[7] == str(one.line.n_groups)
-    origin = trace(forward([runs], np.zeros((1, 2))), Found((7.0, 0.0), 0.8))
+    origin = trace(forward([runs], np.zeros((1, 2))), ObservedBoulder((7.0, 0.0), 0.8))
     assert origin.statement in made.text
     far = np.hypot(*ends(runs)[mask].T) >= 7.0
     bounds = {row[0]: row[1] for row in made.cells if row and row[0] in ("PGA [g]", "PGV/PGA [s]")}
@@ -696,7 +696,9 @@ def test_page_says_what_the_terrain_is(runs: xr.Dataset, ground: xr.Dataset) -> 
 
 def test_page_of_directions_that_topple_nothing(ground: xr.Dataset) -> None:
     both = joined(falls(4, 5, least=99.0), falls(4, 5, least=99.0, yaw=90.0))
-    made = Page(page("rock", both, ground, SOURCE, Found((7.0, 0.0), 0.8), surrogate=True))
+    made = Page(
+        page("rock", both, ground, SOURCE, ObservedBoulder((7.0, 0.0), 0.8), surrogate=True)
+    )
     assert "In none of 32 runs did the rock leave its seat" in made.text
     assert "yaw 90 deg: the rock left its seat in 0 of 16 runs" in made.text
     assert "No line: no run overturned." in made.text

@@ -32,13 +32,12 @@ from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
 from vsr_core.rock.reduction import FLIGHT_SHARE, SEAT_SHARE
-from vsr_core.scan import cleaning, distance, preparation
-from vsr_core.scan.alternatives import Alternative, alternatives
+from vsr_core.scan import cleaning, preparation, weighing
 from vsr_core.scan.cuts import Colour, Plane
 from vsr_core.scan.ground_beneath import depth_in, ground_beneath
 from vsr_core.scan.preparation import Prepared, prepare_scan
-from vsr_core.scan.rim import settled
-from vsr_core.scan.separation import Separation, by_cut
+from vsr_core.scan.proposal import Alternative, alternatives
+from vsr_core.scan.separation import Separation, by_cut, settled
 from vsr_core.scan.weighing import DIRECTIONS, measured
 from vsr_core.terrain.surface import Terrain
 
@@ -107,7 +106,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Shown:
 
 @pytest.fixture(autouse=True)
 def _few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(distance, "SAMPLES", 100)
+    monkeypatch.setattr(weighing, "SAMPLES", 100)
 
 
 @pytest.fixture(autouse=True)

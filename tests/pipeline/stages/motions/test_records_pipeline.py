@@ -23,7 +23,7 @@ from pipeline.stages.runs import scenes
 from pipeline.workflow.datasets import read
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.source import tracing
 
 Refused = Callable[..., str]

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from vsr_core import GRAVITY
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.six_axes import AXES, AxisPulse, AxisPulses
 from vsr_core.rock import solid
 from vsr_core.run.cases import Settings, prepare

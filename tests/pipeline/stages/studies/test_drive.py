@@ -17,8 +17,8 @@ from pipeline.config.layers import load_site
 from pipeline.stages.studies.servo import drive_runs
 from vsr_core import GRAVITY
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
-from vsr_core.motions.records.recorded_motion import RecordedMotion
+from vsr_core.motions.pulses import CosinePulse
+from vsr_core.motions.records.trace import RecordedMotion
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene

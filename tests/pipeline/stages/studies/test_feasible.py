@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from pipeline.config.layers import TABLES, known, load_table
 from pipeline.stages.studies.capacity.feasible import feasible_grid
 from vsr_core import GRAVITY
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.table.capacity import LIMITS, Table, binding, commands, largest_pga, loads
 
 TABLE = Table(12.0, 0.5, 0.2, 2.0, 200.0, 0.05, 1600)

@@ -13,7 +13,7 @@ from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.stages.studies.validation import recorded_tests
 from pipeline.stages.studies.validation import validation_page as figures
 from pipeline.stages.studies.validation.predictions import Predictions
-from vsr_core.validation.calibration import Calibration
+from vsr_core.validation.scores import Calibration
 
 COUNT = 60
 

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from vsr_core import GRAVITY
 from vsr_core.engines.nonsmooth import build, features
 from vsr_core.engines.nonsmooth.tree import forget, ground
-from vsr_core.rock.hull import convex_hull
+from vsr_core.rock.body import convex_hull
 from vsr_core.scene import Contact, Scene, State
-from vsr_core.surrogates.ground_shapes import rough
+from vsr_core.surrogates.ground import rough
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import dissipation, rimless_wheel, runout
 from vsr_core.verification.reference._ground import axes, sheet, slope

@@ -13,7 +13,7 @@ import trimesh
 from vsr_core import GRAVITY, engines
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import barrier
-from vsr_core.motions.cosine_pulse import CosinePulse
+from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.rock import solid
 from vsr_core.run import overturning

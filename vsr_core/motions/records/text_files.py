@@ -1,4 +1,9 @@
-"""COSMOS V2 files: text, integer and real headers, comments, then a block of samples.
+"""Text files of strong-motion networks that ObsPy does not read: PEER NGA (.AT2) and COSMOS V2.
+
+AT2: four lines of header, then samples in g. The fourth line gives the number of samples and the
+time step, as ``NPTS=   7812, DT=   .0050 SEC`` or ``7812    0.0050    NPTS, DT``.
+
+COSMOS V2 files: text, integer and real headers, comments, then a block of samples.
 
 Each block begins with a line of how many entries follow and in which columns. What counts here:
 integers 1 to 3 (stage of processing, 1 for acceleration, unit), 54 (azimuth of the sensor), reals
@@ -19,7 +24,74 @@ import numpy as np
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.records.record import Record, factor, side_by_side, stated
+from vsr_core.motions.records.record import Record, check_sampling, factor, side_by_side, stated
+
+_NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)"
+_NAMED = re.compile(rf"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*{_NUMBER}", re.IGNORECASE)
+_PLAIN = re.compile(rf"^\s*(\d+)\s+{_NUMBER}\s+NPTS\s*,\s*DT", re.IGNORECASE)
+_UNIT = re.compile(r"IN UNITS OF\s+(\S+)", re.IGNORECASE)
+HEADER = 4
+
+
+def is_at2(start: str) -> bool:
+    r"""Whether a text is such a file.
+
+    Examples
+    --------
+    >>> is_at2("PEER\nevent\nACCELERATION\nNPTS=  100, DT= .0050 SEC")
+    True
+    """
+    lines = start.splitlines()
+    return len(lines) >= HEADER and bool(_NAMED.search(lines[3]) or _PLAIN.search(lines[3]))
+
+
+def read_at2(text: str, unit: str | None) -> Record:
+    """The record in a file's text.
+
+    Parameters
+    ----------
+    unit : str or None
+        Checked against the file's own.
+
+    Raises
+    ------
+    InvalidInput
+        If the file is no acceleration, or holds another number of samples than it says.
+    """
+    lines = text.splitlines()
+    found = _NAMED.search(lines[3]) or _PLAIN.search(lines[3])
+    quantity = lines[2].strip()
+    if found is None or not quantity.upper().startswith("ACCELERATION"):
+        raise InvalidInput(
+            f"an AT2 file whose third line is {quantity[:40]!r}",
+            "it says ACCELERATION TIME SERIES IN UNITS OF G",
+            "use the acceleration (.AT2), not velocity or displacement",
+        )
+    number, interval = float(found[1]), float(found[2].upper().replace("D", "E"))
+    check_sampling(interval, number)
+    in_file = _UNIT.search(quantity)
+    name = stated(in_file[1].rstrip(".") if in_file else None, unit)
+    words = " ".join(lines[HEADER:]).split()
+    try:
+        values = np.array([float(word) for word in words])
+    except ValueError as error:
+        raise InvalidInput(
+            f"an AT2 file with a word among its samples ({error})",
+            "they are numbers",
+            "download it again",
+        ) from None
+    if len(values) != number:
+        raise InvalidInput(
+            f"an AT2 file of {len(values)} samples that says NPTS = {number:.0f}",
+            "it holds as many as it says",
+            "download it again",
+        )
+    event = [part.strip() for part in lines[1].split(",")]
+    station = event[-2] if len(event) > 2 else ""
+    channel = event[-1] if len(event) > 1 else "1"
+    source = f"PEER NGA file: {lines[1].strip()}"
+    return Record(values * factor(name), interval, (channel,), station, source, name)
+
 
 TEXT_LINES = 13
 _UNITS = {2: "g", 4: "cm/s2", 10: "gal", 11: "mg", 50: "counts", 51: "volts", 52: "mv"}
@@ -33,19 +105,19 @@ DIGITS = 9
 _FORMAT = re.compile(r"\(\s*(\d+)\s*[IFE]\s*(\d+)(?:\.\d+)?\s*\)", re.IGNORECASE)
 
 
-def is_one(start: str) -> bool:
+def is_cosmos(start: str) -> bool:
     """Whether a text is such a file.
 
     Examples
     --------
-    >>> is_one("Corrected acceleration    (Format v01.20 with 13 text lines)")
+    >>> is_cosmos("Corrected acceleration    (Format v01.20 with 13 text lines)")
     True
     """
     first = start.split("\n", 1)[0].lower()
     return "(format v" in first and ("accel" in first or "velocity" in first or "displ" in first)
 
 
-def read(text: str, unit: str | None) -> Record:
+def read_cosmos(text: str, unit: str | None) -> Record:
     """The accelerations in a file's text, one channel each.
 
     Parameters
