@@ -84,7 +84,7 @@ def band(boundaries: Array) -> Array:
     >>> band(np.array([0.1, 0.2, 0.3, np.inf])).tolist()
     [0.1, 0.2, inf]
     """
-    found = np.nan_to_num(boundaries, nan=np.inf)
+    found = np.where(np.isnan(boundaries), np.inf, boundaries)
     return np.asarray(np.quantile(found, BAND, axis=0, method="inverted_cdf"))
 
 
