@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.drawing import style
-from pipeline.stages.figures import measures
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.diagrams import RATIO
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from vsr_core.arrays import Array
@@ -59,10 +59,10 @@ def draw(data: Data) -> Figure:
 def _curve(axes: Axes, responses: xr.Dataset, name: str) -> None:
     text, colour, marker = _LOOKS[name]
     ratios, pga = responses["pgv_pga"].values, responses["pga"].values
-    first = measures.first_overturning(pga, measures.grid(responses))
+    first = diagrams.first_overturning(pga, diagrams.grid(responses))
     look: Any = {"color": colour, "ls": "", "marker": marker, "ms": 3.2, "gid": f"{name}-first"}
     axes.plot(ratios, first, label=f"{text}: simulated", **look)
-    exact = measures.housner(*SIZES[name], ratios, pga[-1])
+    exact = diagrams.housner(*SIZES[name], ratios, pga[-1])
     axes.plot(
         ratios,
         exact,
@@ -88,8 +88,8 @@ def findings(data: Data) -> list[Finding]:
     ]
     for name, text in (("stated", "as stated, 5.5 cm high"), ("larger", "ten times as large")):
         found.append(_rise(data[name], text))
-    off = np.concatenate([measures.from_housner(data[name], *SIZES[name]) for name in SIZES])
-    median = measures.middle(off)
+    off = np.concatenate([diagrams.from_housner(data[name], *SIZES[name]) for name in SIZES])
+    median = diagrams.middle(off)
     found.append(
         Finding(
             "section 2.3",
@@ -120,8 +120,8 @@ def _rise(responses: xr.Dataset, text: str) -> Finding:
 
 
 def _rows(responses: xr.Dataset) -> tuple[Array, Array]:
-    outcomes = measures.grid(responses)
-    first = measures.first_overturning(responses["pga"].values, outcomes)
+    outcomes = diagrams.grid(responses)
+    first = diagrams.first_overturning(responses["pga"].values, outcomes)
     return responses["pgv_pga"].values, first
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pipeline.drawing import style
-from pipeline.stages.figures import diagrams, measures
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 
 TITLE = "PETG print of Double Rock, 12.8 cm high"
@@ -37,7 +37,7 @@ def draw(data: Data) -> Figure:
     axes = figure.add_axes((0.1, 0.24, 0.87, 0.69))
     responses, full = data["print"], data["full_fit"]
     ratios = responses["pgv_pga"].values
-    diagrams.cells(axes, responses["pga"].values, ratios, measures.grid(responses), pale=True)
+    diagrams.cells(axes, responses["pga"].values, ratios, diagrams.grid(responses), pale=True)
     diagrams.robot_limits(axes, axes.get_ylim()[1])
     look: Any = {"color": style.OVERTURNED, "lw": 2.0, "gid": "logistic"}
     diagrams.logistic(axes, data["fit"], label="logistic regression of these runs", **look)
@@ -60,10 +60,10 @@ def findings(data: Data) -> list[Finding]:
         ratios, math.sqrt(SIZE) * full["pgv_pga"].values, diagrams.median(full),
         left=math.nan, right=math.nan,
     )  # fmt: skip
-    off = measures.apart(diagrams.median(data["fit"]), similar)
-    median = measures.middle(off)
+    off = diagrams.apart(diagrams.median(data["fit"]), similar)
+    median = diagrams.middle(off)
     can = diagrams.feasible(pga, ratios)
-    toppled = measures.grid(responses)[can] == 1
+    toppled = diagrams.grid(responses)[can] == 1
     return [
         Finding(
             "Fig. 10, section 4.3",

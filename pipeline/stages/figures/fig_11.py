@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pipeline.drawing import style
-from pipeline.stages.figures import diagrams, measures
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from vsr_core.arrays import Mask
 
@@ -37,7 +37,7 @@ def draw(data: Data) -> Figure:
     responses = data["print"]
     pga, ratios = responses["pga"].values, responses["pgv_pga"].values
     for axes, yaw in zip(panels[0], YAWS, strict=True):
-        diagrams.cells(axes, pga, ratios, measures.grid(responses, yaw), pale=True)
+        diagrams.cells(axes, pga, ratios, diagrams.grid(responses, yaw), pale=True)
         diagrams.robot_limits(axes, axes.get_ylim()[1])
         for place, colour in enumerate((style.OVERTURNED, style.INK)):
             look: Any = {"color": colour, "lw": 2.2}
@@ -64,10 +64,10 @@ def findings(data: Data) -> list[Finding]:
 def _compared(data: Data, cells: Mask, which: str) -> Finding:
     responses = data["print"]
     pga = responses["pga"].values
-    outcomes = [np.where(cells, measures.grid(responses, yaw), -1) for yaw in YAWS]
-    share = [100.0 * measures.toppled_share(each) for each in outcomes]
-    first = [measures.first_overturning(pga, each) for each in outcomes]
-    rows = measures.lower_in(*first)
+    outcomes = [np.where(cells, diagrams.grid(responses, yaw), -1) for yaw in YAWS]
+    share = [100.0 * diagrams.toppled_share(each) for each in outcomes]
+    first = [diagrams.first_overturning(pga, each) for each in outcomes]
+    rows = diagrams.lower_in(*first)
     return Finding(
         "Fig. 11, section 4.3",
         f"The PLA print is more fragile at yaw 0° than at yaw 270° ({which}).",

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from pipeline.drawing import style
-from pipeline.stages.figures import diagrams, measures
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from vsr_core.arrays import Array
 from vsr_core.fragility.boundary import locate
@@ -49,8 +49,8 @@ def draw(data: Data) -> Figure:
     for axes, letter, (name, size) in zip(panels.flat, "bcde", SIZES.items(), strict=True):
         responses = data[name]
         pga, ratios = responses["pga"].values, responses["pgv_pga"].values
-        diagrams.cells(axes, pga, ratios, measures.grid(responses))
-        exact = measures.housner(size[0], size[2], ratios, pga[-1])
+        diagrams.cells(axes, pga, ratios, diagrams.grid(responses))
+        exact = diagrams.housner(size[0], size[2], ratios, pga[-1])
         axes.plot(exact, ratios, color="black", lw=1.2, gid="housner", label="Housner's equation")
         axes.set_title(f"({letter}) {name} m")
     diagrams.labelled(panels)
@@ -92,13 +92,13 @@ def _block(axes: Axes, left: float, size: tuple[float, float, float]) -> None:
 
 def findings(data: Data) -> list[Finding]:
     """Compare with section 5.1."""
-    outcomes = {name: measures.grid(data[name]) for name in SIZES}
-    first = {name: measures.first_overturning(data[name]["pga"].values, outcomes[name])
+    outcomes = {name: diagrams.grid(data[name]) for name in SIZES}
+    first = {name: diagrams.first_overturning(data[name]["pga"].values, outcomes[name])
              for name in SIZES}  # fmt: skip
-    share = {name: 100.0 * measures.toppled_share(outcomes[name]) for name in SIZES}
+    share = {name: 100.0 * diagrams.toppled_share(outcomes[name]) for name in SIZES}
 
     def weaker(one: str, other: str, claim: str) -> Finding:
-        rows = measures.lower_in(first[one], first[other])
+        rows = diagrams.lower_in(first[one], first[other])
         return Finding(
             "Fig. 12, section 5.1",
             claim,
@@ -111,12 +111,12 @@ def findings(data: Data) -> list[Finding]:
             ),
         )
 
-    apart = measures.differing(outcomes["1x1x3"], outcomes["1x2x3"])
+    apart = diagrams.differing(outcomes["1x1x3"], outcomes["1x2x3"])
     islands = {name: _islands(data[name]["pga"].values, outcomes[name]) for name in SIZES}
     off = np.concatenate(
-        [measures.from_housner(data[name], size[0], size[2]) for name, size in SIZES.items()]
+        [diagrams.from_housner(data[name], size[0], size[2]) for name, size in SIZES.items()]
     )
-    median = measures.middle(off)
+    median = diagrams.middle(off)
     return [
         weaker("1x1x3", "1x1x2", "The slenderer of two cuboids is more fragile."),
         weaker("0.5x0.5x1", "1x1x2", "The smaller of two similar cuboids is more fragile."),

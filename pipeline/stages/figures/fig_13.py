@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 from scipy.stats import spearmanr
 
 from pipeline.drawing import style
-from pipeline.stages.figures import diagrams, measures
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from pipeline.stages.fragility.summary import static_pga
 from vsr_core.arrays import Array
@@ -52,7 +52,7 @@ def draw(data: Data) -> Figure:
     )  # fmt: skip
     pga, ratios = responses["pga"].values, responses["pgv_pga"].values
     for place, (axes, yaw) in enumerate(zip(panels.flat, responses["yaw"].values, strict=False)):
-        diagrams.cells(axes, pga, ratios, measures.grid(responses, float(yaw)))
+        diagrams.cells(axes, pga, ratios, diagrams.grid(responses, float(yaw)))
         diagrams.logistic(axes, fragility, place, color="white", lw=2.6)
         diagrams.logistic(axes, fragility, place, color="black", lw=1.2, gid="logistic",
                           label="logistic regression")  # fmt: skip
@@ -94,9 +94,9 @@ def findings(data: Data) -> list[Finding]:
     responses = data["responses"]
     pga = responses["pga"].values
     yaws = [float(yaw) for yaw in responses["yaw"].values]
-    grids = {yaw: measures.grid(responses, yaw) for yaw in yaws}
-    share = {yaw: 100.0 * measures.toppled_share(grids[yaw]) for yaw in yaws}
-    opposite = {yaw: measures.differing(grids[yaw], grids[yaw + 180.0]) for yaw in (0.0, 90.0)}
+    grids = {yaw: diagrams.grid(responses, yaw) for yaw in yaws}
+    share = {yaw: 100.0 * diagrams.toppled_share(grids[yaw]) for yaw in yaws}
+    opposite = {yaw: diagrams.differing(grids[yaw], grids[yaw + 180.0]) for yaw in (0.0, 90.0)}
     result = "; ".join(f"{yaw:g}° and {yaw + 180:g}°: {100 * value:.1f} % of the cells"
                      for yaw, value in opposite.items())  # fmt: skip
     sizes = {yaw: sorted(locate(pga, grids[yaw]).cluster_sizes.tolist())[::-1] for yaw in yaws}

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import Window, relief
 from pipeline.drawing.ground_map import draw as draw_ground
-from pipeline.stages.figures import diagrams, measures
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from vsr_core.arrays import Array
 from vsr_core.outcome import Outcome
@@ -79,7 +79,7 @@ def _responses(axes: Axes, data: Data, yaw: str) -> None:
     pga, ratios, outcomes = gridded(data[yaw])
     diagrams.cells(axes, pga, ratios, outcomes)
     flat = data["flat"]
-    first = measures.first_overturning(flat["pga"].values, measures.grid(flat, float(yaw)))
+    first = diagrams.first_overturning(flat["pga"].values, diagrams.grid(flat, float(yaw)))
     for colour, width in (("white", 3.0), ("black", 1.4)):
         axes.plot(first, flat["pgv_pga"].values, color=colour, lw=width, gid="flat",
                   label="first overturning on flat ground" if width < 2 else None)  # fmt: skip
@@ -93,7 +93,7 @@ def gridded(displacement: xr.Dataset) -> tuple[Array, Array, Array]:
     Returns
     -------
     pga, ratios : ndarray [g], [s]
-    outcomes : ndarray, shape (ratios, pga), as ``measures.grid`` gives them
+    outcomes : ndarray, shape (ratios, pga), as ``diagrams.grid`` gives them
     """
     verdicts = np.array([outcome.overturned for outcome in Outcome])
     table = displacement[["pga", "pgv_pga"]].to_dataframe()[["pga", "pgv_pga"]]
@@ -104,8 +104,8 @@ def gridded(displacement: xr.Dataset) -> tuple[Array, Array, Array]:
 
 def findings(data: Data) -> list[Finding]:
     """Compare with section 5.3."""
-    share = {yaw: measures.toppled_share(gridded(data[yaw])[2]) for yaw in YAWS}
-    flat = {yaw: measures.toppled_share(measures.grid(data["flat"], float(yaw))) for yaw in YAWS}
+    share = {yaw: diagrams.toppled_share(gridded(data[yaw])[2]) for yaw in YAWS}
+    flat = {yaw: diagrams.toppled_share(diagrams.grid(data["flat"], float(yaw))) for yaw in YAWS}
     left = {yaw: share[yaw] / flat[yaw] if flat[yaw] else math.nan for yaw in YAWS}
     result = {
         yaw: f"{100 * share[yaw]:.1f} % of the runs overturn, {100 * flat[yaw]:.1f} % on flat "

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from pipeline.drawing import style
-from pipeline.stages.figures import diagrams, measures
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from vsr_core.arrays import Array
 
@@ -56,7 +56,7 @@ def _boundaries(axes: Axes, responses: xr.Dataset) -> None:
     for place, friction in enumerate(responses["friction"].values.tolist()):
         if friction in SHOWN:
             number = SHOWN.index(friction)
-            first = measures.first_overturning(pga, measures.grid(responses, friction=place))
+            first = diagrams.first_overturning(pga, diagrams.grid(responses, friction=place))
             axes.plot(first, ratios, color=viridis(shades[number]),
                       lw=7.0 - 1.1 * number, label=f"{friction:g}")  # fmt: skip
     axes.set(xlim=(0.0, pga[-1]), ylim=(0.0, ratios[-1]))
@@ -69,7 +69,7 @@ def _boundaries(axes: Axes, responses: xr.Dataset) -> None:
 def _shares(responses: xr.Dataset) -> Array:
     """Toppled share at each friction."""
     each = range(responses.sizes["friction"])
-    return np.array([measures.toppled_share(measures.grid(responses, friction=k)) for k in each])
+    return np.array([diagrams.toppled_share(diagrams.grid(responses, friction=k)) for k in each])
 
 
 def findings(data: Data) -> list[Finding]:

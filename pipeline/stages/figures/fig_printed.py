@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.drawing import style
-from pipeline.stages.figures import diagrams, measures
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from pipeline.stages.studies.printed.as_printed import FRICTION, RESTITUTION, ROLLING, WIDE
 
@@ -55,7 +55,7 @@ def _panel(axes: Axes, runs: xr.Dataset, size: tuple[float, float]) -> None:
     pga, ratios = runs["pga"].values, runs["pgv_pga"].values
     diagrams.cells(axes, pga, ratios, runs["overturned"].values)
     fine = np.linspace(ratios[0], ratios[-1], 21)
-    exact = measures.housner(*size, fine, pga[-1])
+    exact = diagrams.housner(*size, fine, pga[-1])
     axes.plot(exact, fine, color="white", lw=2.8)
     axes.plot(exact, fine, color="black", lw=1.3, label="Housner's equation", gid="housner")
 
@@ -64,7 +64,7 @@ def findings(data: Data) -> list[Finding]:
     """Say which readings of the coefficients the published figures cannot have had."""
     shares = {
         block: {
-            str(name): measures.toppled_share(data[block]["overturned"].sel(setting=name).values)
+            str(name): diagrams.toppled_share(data[block]["overturned"].sel(setting=name).values)
             for name in data[block]["setting"].values
         }
         for block in BLOCKS

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from pipeline.drawing import style
-from pipeline.stages.figures import diagrams, measures
+from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
 from vsr_core.arrays import Array
 from vsr_core.table.servo import PUBLISHED, spectral_radius
@@ -65,15 +65,15 @@ def draw(data: Data) -> Figure:
 
 def _panel(axes: Axes, responses: xr.Dataset, ours: xr.Dataset) -> None:
     pga, ratios = responses["pga"].values, responses["pgv_pga"].values
-    diagrams.cells(axes, pga, ratios, measures.grid(responses), pale=True)
-    first = measures.first_overturning(ours["pga"].values, measures.grid(ours))
+    diagrams.cells(axes, pga, ratios, diagrams.grid(responses), pale=True)
+    first = diagrams.first_overturning(ours["pga"].values, diagrams.grid(ours))
     axes.plot(first, ours["pgv_pga"].values, color="black", lw=1.3, gid="ours",
               label="first overturning with this project's settings")  # fmt: skip
 
 
 def findings(data: Data) -> list[Finding]:
     """Say what each setting does, and so which of them the published figures had."""
-    outcomes = {name: measures.grid(responses) for name, responses in data.items()}
+    outcomes = {name: diagrams.grid(responses) for name, responses in data.items()}
     return [
         _changes(
             outcomes,
@@ -106,14 +106,14 @@ def _share(outcomes: dict[str, Array], study: str) -> str:
     """Toppled share of both rocks, and that with our settings."""
     parts = []
     for rock, name in ROCKS.items():
-        share, ours = (100.0 * measures.toppled_share(outcomes[f"{rock}-{one}"])
+        share, ours = (100.0 * diagrams.toppled_share(outcomes[f"{rock}-{one}"])
                        for one in (study, BASE))  # fmt: skip
         parts.append(f"{name}: {share:.1f} % of the runs overturn, {ours:.1f} % with ours")
     return "; ".join(parts)
 
 
 def _slides(outcomes: dict[str, Array]) -> Finding:
-    share = measures.toppled_share(outcomes["cuboid_1x1x2-coefficients_of_both"])
+    share = diagrams.toppled_share(outcomes["cuboid_1x1x2-coefficients_of_both"])
     return Finding(
         "section 5.1",
         "A cuboid of 1x1x2 m overturns with the coefficients on rock and pedestal alike.",
@@ -126,7 +126,7 @@ def _slides(outcomes: dict[str, Array]) -> Finding:
 
 def _changes(outcomes: dict[str, Array], study: str, claim: str, rule: str) -> Finding:
     apart = {
-        name: measures.differing(outcomes[f"{rock}-{study}"], outcomes[f"{rock}-{BASE}"])
+        name: diagrams.differing(outcomes[f"{rock}-{study}"], outcomes[f"{rock}-{BASE}"])
         for rock, name in ROCKS.items()
     }
     result = "; ".join(f"{name}: {100 * value:.1f} % differ" for name, value in apart.items())

@@ -20,7 +20,6 @@ from pipeline.stages.figures import (
     fig_15,
     fig_16,
     fig_friction,
-    measures,
     paper,
     table_1,
 )
@@ -77,9 +76,9 @@ def test_housner_s_curve_is_that_integrated_apart(
     size: tuple[float, float], pga: tuple[float, ...]
 ) -> None:
     """Of event-located integration by other code, in steps of 0.01 g, at 0.15, 0.20 and 0.25 s."""
-    found = measures.housner(*size, np.array([0.15, 0.20, 0.25]), 1.5)
+    found = diagrams.housner(*size, np.array([0.15, 0.20, 0.25]), 1.5)
     np.testing.assert_array_equal(np.ceil(100.0 * found), 100.0 * np.array(pga))
-    assert np.isnan(measures.housner(*size, np.array([0.05]), 1.0)).all()
+    assert np.isnan(diagrams.housner(*size, np.array([0.05]), 1.0)).all()
 
 
 def cuboids(**levels: float) -> dict[str, xr.Dataset]:
