@@ -1,4 +1,4 @@
-"""Response diagrams on the paper's axes (PGA to the right, PGV/PGA upward), and measures of them."""
+"""Response diagrams with the paper's axes, PGA to the right and PGV/PGA upward, and their measures."""
 
 from __future__ import annotations
 
