@@ -1,4 +1,4 @@
-"""Response diagrams with the paper's axes, PGA to the right and PGV/PGA upward, and their measures."""
+"""Response diagrams on the paper's axes, PGA [g] to the right, PGV/PGA [s] upward; their measures."""
 
 from __future__ import annotations
 
