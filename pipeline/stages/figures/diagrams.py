@@ -1,4 +1,4 @@
-"""Response diagrams on the paper's axes, PGA [g] to the right, PGV/PGA [s] upward; their measures."""
+"""Response diagrams with PGA [g] to the right and PGV/PGA [s] upward, and measures of them."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ ROCK, ADDED = "#7fa8d6", "#f0a030"
 WIDTH = 9.6  # inches
 
 NOTHING = "#c4c4c4"
-"""Colour of what was taken for neither rock nor ground."""
+"""Colour of what is neither rock nor ground."""
 
 _SIDES = {
     "above": ("from above", ABOVE),
@@ -105,7 +105,7 @@ def rock_from_sides(
 
 @style.styled
 def scan_from_sides(seen: Seen, marks: Array, source: str) -> Figure:
-    """Draw a scan that was refused, and what was taken for what, from above and two sides.
+    """Draw a scan that was refused, its parts by colour, from above and two sides.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def scan_from_sides(seen: Seen, marks: Array, source: str) -> Figure:
         parts[name] = mask, str(known.get(name, colour))
         rest &= ~mask
     if rest.any():
-        parts = {"taken for nothing yet": (rest, NOTHING), **parts}
+        parts = {"not yet identified": (rest, NOTHING), **parts}
     return _from_sides(seen.vertices, seen.faces, parts, marks, source, ("above", "+y", "-x"))
 
 
