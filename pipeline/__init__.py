@@ -3,4 +3,4 @@
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-"""The project's folder: configs/, data/raw/ and data/derived/ lie here."""
+"""The folder of the packages: the checkout, or where they are installed."""

@@ -10,8 +10,7 @@ import traceback
 from pathlib import Path
 from typing import NoReturn
 
-from pipeline import ROOT
-from pipeline.config.paths import located
+from pipeline.config.paths import located, working_folder
 from pipeline.config.problems import InputError, Problem, Unfinished
 from pipeline.workflow.products import DELIVERABLES
 
@@ -31,7 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
     error; 3 internal error; 130 stopped by Ctrl-C or SIGTERM.
     """
     try:
-        options = _parser().parse_args(arguments)
+        options = parsed(arguments)
         verb = getattr(importlib.import_module("pipeline.commands"), options.verb)
         unresolved = verb(options)
         if options.verb in MAKING:
@@ -62,6 +61,11 @@ def main(arguments: list[str] | None = None) -> int:
         return BROKEN
 
 
+def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
+    """Options of a command line, checked."""
+    return _parser().parse_args(arguments)
+
+
 class _Parser(argparse.ArgumentParser):
     """Parser whose usage errors are one line, as all other errors are."""
 
@@ -77,9 +81,8 @@ def _parser() -> argparse.ArgumentParser:
     def add(name: str, text: str) -> argparse.ArgumentParser:
         sub = verbs.add_parser(name, help=text, description=text)
         sub.set_defaults(verb="list_all" if name == "list" else name)
-        sub.add_argument(
-            "--derived", type=_folder, default=ROOT / "data" / "derived", metavar="DIR"
-        )
+        results = working_folder() / "data" / "derived"
+        sub.add_argument("--derived", type=_folder, default=results, metavar="DIR")
         return sub
 
     _add_run(add("run", "make a product and its prerequisites"))
@@ -109,6 +112,8 @@ def _parser() -> argparse.ArgumentParser:
     clean = add("clean", "remove results of one site or all; never data/raw")
     clean.add_argument("--site", metavar="NAME")
     clean.add_argument("--yes", action="store_true", help="do not ask")
+    init = add("init", "write a commented site and a README into a new folder")
+    init.add_argument("folder", type=Path, metavar="FOLDER")
     fetch = add("fetch", "download a public scan into data/raw")
     fetch.add_argument("name", metavar="NAME")
     fetch.add_argument("--url", help="alternative address of the same file")

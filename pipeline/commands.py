@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from pipeline.config.layers import STUDIES, TABLES, known
+from pipeline.config.layers import CONFIGS, STUDIES, TABLES, known
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sweep import Sweep
 from pipeline.workflow import front_page, graph
@@ -198,6 +198,23 @@ def _agreed(question: str) -> bool:
         return input(question).strip().lower() == "y"
     except EOFError:  # nobody to ask
         return False
+
+
+def init(options: argparse.Namespace) -> int:
+    """Write a commented site, its schema and a README into a new folder."""
+    folder: Path = options.folder
+    name = folder.resolve().name
+    if folder.exists():
+        rule, remedy = "the folder exists", "give the name of a new one"
+        raise InputError(Problem("vsr init", "", str(folder), rule, remedy))
+    with writing(folder):
+        folder.mkdir(parents=True)
+        for source, target in (("site.yaml", f"{name}.yaml"), ("README.md", "README.md")):
+            text = (CONFIGS / "new" / source).read_text(encoding="utf-8")
+            (folder / target).write_text(text.replace("NAME", name), encoding="utf-8")
+        shutil.copyfile(CONFIGS / "schema.json", folder / "schema.json")
+    log(f"-> {folder / name}.yaml")
+    return 0
 
 
 def fetch(options: argparse.Namespace) -> int:

@@ -10,19 +10,17 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from pipeline import ROOT
 from pipeline.config.motion_schema import PULSES
-from pipeline.config.paths import located, shown
+from pipeline.config.paths import SHIPPED, located, shown
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.config.refusals import nearest, problem
 from pipeline.config.schema import Config, TableConfig
 from pipeline.config.yaml_text import DEEPEST, LONGEST, parse
 
-SITES = ROOT / "configs" / "sites"
-STUDIES = ROOT / "configs" / "studies"
-TABLES = ROOT / "configs" / "tables"
-BASE = ROOT / "configs" / "base.yaml"
+CONFIGS = SHIPPED / "configs"
+SITES, STUDIES, TABLES = CONFIGS / "sites", CONFIGS / "studies", CONFIGS / "tables"
+BASE = CONFIGS / "base.yaml"
 
 Checked = TypeVar("Checked", bound=BaseModel)
 

@@ -1,4 +1,4 @@
-"""Paths that a user gives: found beside the file that names them, and shown as they would write."""
+"""Where the shipped files are, where the user is, and the paths that a user gives."""
 
 from __future__ import annotations
 
@@ -8,14 +8,31 @@ from pathlib import Path
 from pipeline import ROOT
 from pipeline.config.problems import InputError, Problem
 
+_INSTALLED = ROOT / "pipeline" / "shipped"
+SHIPPED = _INSTALLED if _INSTALLED.is_dir() else ROOT
+"""The folder that holds the shipped ``configs/`` and ``data/raw/``."""
+
+
+def working_folder() -> Path:
+    """The folder whose ``data/`` is used: the checkout within one, else the current folder."""
+    here = Path.cwd()
+    return SHIPPED if SHIPPED == ROOT and here.is_relative_to(ROOT) else here
+
+
+def _own(path: Path) -> Path:
+    """In place of a scan that a shipped site names and that is not shipped: the user's own."""
+    plain = Path(os.path.normpath(path))
+    if plain.is_relative_to(SHIPPED / "data") and not plain.exists():
+        return working_folder() / plain.relative_to(SHIPPED)
+    return path
+
 
 def located(folder: Path, name: str, file: str, key: str) -> Path:
     """An absolute path, without links, of what a configuration names."""
-    path = folder / name
     try:
         if not name or not _is_text(name):
             raise ValueError("an empty name" if not name else "not in UTF-8")
-        found = Path(os.path.realpath(path))
+        found = Path(os.path.realpath(_own(folder / name)))
         found.stat()
     except FileNotFoundError:
         pass  # who wants the file says so better
@@ -38,7 +55,7 @@ def _is_text(name: str) -> bool:
 def shown(path: Path) -> str:
     """A path as a reader would write it: relative to where they stand, if it is below."""
     real = os.path.realpath(path)
-    for folder in (Path.cwd(), ROOT):
+    for folder in (Path.cwd(), SHIPPED):
         if Path(real).is_relative_to(os.path.realpath(folder)):
             return os.path.relpath(real, os.path.realpath(folder))
     return str(path)

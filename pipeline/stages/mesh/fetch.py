@@ -11,7 +11,7 @@ import pooch
 import requests
 import trimesh
 
-from pipeline import ROOT
+from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.mesh.sources import ORIGIN, SUFFIXES
 from pipeline.workflow.keys import digest_file
@@ -46,7 +46,7 @@ ORIGINALS = {
 }
 
 
-def fetch(name: str, url: str | None = None, raw: Path = ROOT / "data" / "raw") -> Path:
+def fetch(name: str, url: str | None = None, raw: Path | None = None) -> Path:
     """Download an original and keep it as ``<raw>/<name>/<name>.ply`` in metres.
 
     Parameters
@@ -56,7 +56,7 @@ def fetch(name: str, url: str | None = None, raw: Path = ROOT / "data" / "raw") 
     if name not in ORIGINALS:
         rule = f"originals are known of {', '.join(ORIGINALS)}"
         raise InputError(Problem("NAME", "", repr(name), rule, "give one of them"))
-    folder = raw / name
+    folder = (raw or working_folder() / "data" / "raw") / name
     there = [p.name for p in folder.glob("*") if p.suffix.lower() in SUFFIXES]
     if there:
         raise _problem(

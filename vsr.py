@@ -1,0 +1,141 @@
+"""The virtual shake robot from Python: a rock and its shaking in, an xarray dataset out.
+
+Products are made by the same stages, from the same store and under the same keys as by the command
+``vsr run``; what exists is read.
+
+>>> import vsr
+>>> fragility = vsr.fragility("double_rock", yaw=[0, 90])  # doctest: +SKIP
+>>> block = vsr.box(1.0, 1.0, 2.0, density=2110)
+>>> responses = vsr.responses(block, vsr.pulses([0.3, 0.5], [0.2]))  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline import cli, commands
+from pipeline.config.paths import working_folder
+from pipeline.config.problems import InputError as InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Settings = Mapping[str, Any]
+"""Keys of the configuration, as in a site's YAML."""
+
+Site = str | os.PathLike[str] | Settings
+
+
+def box(x: float, y: float, z: float, density: float) -> Settings:
+    """A block [m, kg m-3] as a site."""
+    return {"rock": {"shape": "box", "size": [x, y, z], "density": density}}
+
+
+def mesh(scan: str | os.PathLike[str], density: float, **more: Any) -> Settings:
+    """A scanned rock [kg m-3] as a site; ``more`` are other keys of ``rock``, e.g. ``scale``."""
+    return {
+        "rock": {"shape": "mesh", "mesh": str(Path(scan).resolve()), "density": density, **more}
+    }
+
+
+def pulses(pga: Any, pgv_pga: Any, kind: str = "cosine_pulse") -> Settings:
+    """A grid of pulses.
+
+    Parameters
+    ----------
+    pga, pgv_pga : number, sequence, array or mapping with start, stop and num [g, s]
+    """
+    return {"motion": {"kind": kind, "pga": pga, "pgv_pga": pgv_pga}}
+
+
+def records(files: Any, pga: Any, **more: Any) -> Settings:
+    """Recorded motions, each scaled to every PGA [g]; ``more`` are other keys of ``motion``."""
+    paths = [files] if isinstance(files, str | os.PathLike) else files
+    given = {"order": "none", "highpass": None, "lowpass": None}
+    found = [str(Path(path).resolve()) for path in paths]
+    return {"motion": {"kind": "record", "files": found, "pga": pga, "processing": given, **more}}
+
+
+def run(
+    product: str,
+    site: Site,
+    *layers: Settings,
+    name: str = "rock",
+    study: str | None = None,
+    derived: str | os.PathLike[str] | None = None,
+    workers: int | None = None,
+    **keys: Any,
+) -> xr.Dataset:
+    """Make a product and open its dataset.
+
+    Parameters
+    ----------
+    product : str, as of ``vsr run``
+    site : name of a shipped site, path of a YAML file, or its content
+    layers : settings over those of the site, later ones over earlier ones
+    name : str, of the folder of results, where the site is given by its content
+    derived : folder of results, by default ``data/derived`` of the working folder
+    keys : sections or keys of the configuration over all of these, e.g. ``yaw=[0, 90]``
+
+    Raises
+    ------
+    InputError
+        For what ``vsr run`` refuses; its text has one line for each problem.
+    """
+    import xarray
+
+    folder = Path(derived or working_folder() / "data" / "derived")
+    if isinstance(site, Mapping):
+        path = folder / f"{name}.yaml"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(_plain(site), indent=1), encoding="utf-8")  # which is YAML, too
+        site = path
+    words = ["run", product, "--site", os.fspath(site), "--derived", str(folder)]
+    for layer in (*layers, keys):
+        for key, value in layer.items():
+            words += ["--set", f"{key}={json.dumps(_plain(value))}"]
+    words += ["--study", study] if study else []
+    words += [] if workers is None else ["--workers", str(workers)]
+    commands.run(cli.parsed(words))
+    site_name = Path(site).stem if Path(site).suffix in (".yaml", ".yml") else os.fspath(site)
+    return xarray.load_dataset(folder / site_name / f"{product}.nc")
+
+
+def _plain(value: Any) -> Any:
+    """Arrays, tuples and paths as what JSON has."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_plain(one) for one in value]
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def responses(site: Site, *layers: Settings, **options: Any) -> xr.Dataset:
+    """How each run ended: dimensions yaw, friction, pgv_pga and pga."""
+    return run("responses", site, *layers, **options)
+
+
+def fragility(site: Site, *layers: Settings, **options: Any) -> xr.Dataset:
+    """First-overturning PGA and fitted fragility models of each yaw and friction."""
+    return run("fragility", site, *layers, **options)
+
+
+def displacement(site: Site, *layers: Settings, **options: Any) -> xr.Dataset:
+    """Trajectories of large displacements, over a terrain."""
+    return run("displacement", site, *layers, **options)
+
+
+def uncertainty(site: Site, *layers: Settings, **options: Any) -> xr.Dataset:
+    """Probability of overturning over the prior distributions of rock and shaking."""
+    return run("uncertainty", site, *layers, **options)
+
+
+def hazard(site: Site, *layers: Settings, **options: Any) -> xr.Dataset:
+    """Survival probability of the rock under each branch of a hazard model."""
+    return run("hazard", site, *layers, **options)
