@@ -13,6 +13,7 @@ from typing import NoReturn
 from pipeline.config.paths import located, working_folder
 from pipeline.config.problems import InputError, Problem, Unfinished
 from pipeline.workflow.products import DELIVERABLES
+from vsr_core.errors import InvalidInput
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
 
@@ -37,9 +38,9 @@ def main(arguments: list[str] | None = None) -> int:
             importlib.import_module("pipeline.workflow.front_page").renew(options.derived)
         return UNRESOLVED if unresolved else DONE
     except InputError as error:
-        for problem in error.problems:
-            print(f"vsr: {problem}", file=sys.stderr)
-        return REFUSED
+        return _refused(error)
+    except InvalidInput as error:  # what no stage has blamed on a key
+        return _refused(InputError.from_invalid(options.verb, "", error))
     except Unfinished as end:
         print(f"vsr: {end}", file=sys.stderr)
         return UNRESOLVED
@@ -59,6 +60,12 @@ def main(arguments: list[str] | None = None) -> int:
             where = f"no details, because of {unwritten}"
         print(f"vsr: internal error: {error!r}; {where}", file=sys.stderr)
         return BROKEN
+
+
+def _refused(error: InputError) -> int:
+    for problem in error.problems:
+        print(f"vsr: {problem}", file=sys.stderr)
+    return REFUSED
 
 
 def parsed(arguments: list[str] | None = None) -> argparse.Namespace:

@@ -21,11 +21,13 @@ from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import writing
+from vsr_core import engines
 
 
 def run(options: argparse.Namespace) -> int:
     """Make a product and all that it needs."""
     sweep, wanted = sweep_of(options), DELIVERABLES[options.product]
+    engines.require(wanted.engine)
     job = job_of(options, sweep)
     if options.product == "uncertainty":
         check_drawn(job)

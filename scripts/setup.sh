@@ -16,16 +16,14 @@ readonly PIP=(.venv/bin/python -m pip --disable-pip-version-check --no-input)
 
 # What a Python is, one fact per line; older Pythons than 3 fail on it, which is an answer too.
 readonly PROBE='
-import os, platform, sys, sysconfig
+import platform, sys
 try:
     import ensurepip, venv
     pip = bool(ensurepip.version())
 except Exception:
     pip = False
-built = sys.version_info[:2] == (3, 11) and (sys.platform, platform.machine()) == ("linux", "x86_64")
-header = os.path.join(sysconfig.get_path("include"), "Python.h")
 print(sys.version_info[1] if sys.implementation.name == "cpython" else 0, platform.python_version(),
-      int(pip), int(built), int(os.path.exists(header)), sys._base_executable, sep="\n")
+      int(pip), sys._base_executable, sep="\n")
 '
 
 say() { printf 'setup: %s\n' "$*" >&2; }
@@ -44,23 +42,16 @@ suits() { # does the Python at $1 do, as version 3.$2 or as any from 3.11? else 
   hint=${hint-}
   [[ -n $(type -P -- "$1") ]] || return 1
   while IFS= read -r fact; do facts+=("$fact"); done < <("$1" -I -c "$PROBE" 2>/dev/null)
-  [[ ${#facts[@]} == 6 ]] || return 1
-  local minor=${facts[0]} pip=${facts[2]} header=${facts[4]}
+  [[ ${#facts[@]} == 4 ]] || return 1
+  local minor=${facts[0]} pip=${facts[2]}
   ((minor >= 11)) && [[ -z ${2-} || $minor == "$2" ]] || return 1
-  version=${facts[1]} wheel=${facts[3]} python=${facts[5]}
-  if ((!pip)); then
-    hint=${hint:-"python3.$minor-venv for the Python $version found here"}
-  elif ((!wheel)) && ! command -v "${CXX:-g++}" >/dev/null; then
-    hint=${hint:-"g++ for the Python $version found here, on which pybullet builds from source"}
-  elif ((!wheel && !header)); then
-    hint=${hint:-"python3.$minor-dev for the Python $version found here, on which pybullet builds from source"}
-  else
-    return 0
-  fi
+  version=${facts[1]} python=${facts[3]}
+  ((pip)) && return
+  hint=${hint:-"python3.$minor-venv for the Python $version found here"}
   return 1
 }
 
-choose() { # sets python, version and wheel (0: pybullet has to be built), or ends with what to install
+choose() { # sets python and version, or ends with what to install
   local minor path
   hint=''
   if [[ -n ${PYTHON-} ]] && suits "$PYTHON"; then return; fi
@@ -71,7 +62,7 @@ choose() { # sets python, version and wheel (0: pybullet has to be built), or en
       return
     done < <(candidates "$minor")
   done
-  say "install Python 3.11 with venv, or ${hint:-"a newer Python and g++"}; then run this again"
+  say "install ${hint:-"Python 3.11 or newer, with venv"}; then run this again"
   exit 2
 }
 
@@ -110,10 +101,8 @@ add() { # install into .venv
 }
 
 install_environment() {
-  local about='half a minute'
   choose
-  ((wheel)) || about='4 to 5 minutes on two cores, as pybullet builds from source on this Python'
-  say "installing what a run needs into .venv, with Python $version, once: about $about"
+  say "installing what a run needs into .venv, with Python $version, once: about half a minute"
   rm -f .venv/.environment # before anything else, as the removal itself may be interrupted
   rm -rf .venv
   mkdir .venv

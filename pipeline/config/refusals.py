@@ -49,7 +49,7 @@ def problem(
         place, models = (*place, "kind"), [*models, None]
         given = error["ctx"]["tag"]
     if isinstance(refused, Refused) and refused.key:
-        place, given = (*place, refused.key), _of(given, refused.key)
+        place, given = (*place, *refused.key.split(".")), _of(given, refused.key)
     source = nearest(origin, place) or site
     key = ".".join(place)
     if error["type"] == "extra_forbidden":

@@ -12,6 +12,7 @@ from pydantic import (
     ValidationInfo,
     field_serializer,
     field_validator,
+    model_validator,
 )
 
 from pipeline.config import in_si
@@ -39,6 +40,7 @@ from pipeline.config.sections import (
     Values,
     as_values,
 )
+from vsr_core import engines
 from vsr_core.errors import InvalidInput
 from vsr_core.table.capacity import Table
 from vsr_core.table.servo import check
@@ -125,9 +127,16 @@ class Config(Section):
         return self.uncertainty.members > 0 and not self.on_terrain
 
     @property
-    def in_other_engine(self) -> bool:
-        """Whether runs are in another engine than Bullet, which then repeats a sample of them."""
-        return self.engine != "bullet"
+    def second_engine(self) -> str | None:
+        """Engine that repeats a sample of the runs: Bullet, or MuJoCo where that is not installed.
+
+        MuJoCo has no terrain, no restitution and no table that turns.
+        """
+        if self.engine == "bullet" or engines.available("bullet"):
+            return None if self.engine == "bullet" else "bullet"
+        turns = isinstance(self.motion, TableMotionConfig)
+        limited = self.on_terrain or turns or self.contact.restitution > 0.0
+        return None if limited or self.engine == "mujoco" else "mujoco"
 
     @property
     def long_runs(self) -> bool:
@@ -199,6 +208,17 @@ class Config(Section):
                 "set newton",
             )
         return simulation
+
+    @model_validator(mode="after")
+    def _has_its_engine(self) -> Config:
+        try:
+            engines.require(self.engine)
+        except InvalidInput as error:
+            key = "simulation.engine"
+            if self.simulation.engine == "auto":
+                key = "drive" if self.drive == "servo" else "contact.rolling_friction"
+            raise Refused(error.rule, error.remedy, key, error.given) from None
+        return self
 
     @field_serializer("servo", mode="wrap")
     def _empty_if_idle(

@@ -15,12 +15,14 @@ class Deliverable:
     Attributes
     ----------
     stage : str, the stage that ends it: fragility and displacement come with their reports
+    engine : str, that it cannot be made without, whatever the site
     unresolved : what an exit code of 1 means, after 1 and after any other number
     """
 
     stage: str
     shown: tuple[str, ...] = ()
     unresolved: tuple[str, str] = WITHOUT_VERDICT
+    engine: str = "nonsmooth"
 
 
 DELIVERABLES = {
@@ -42,7 +44,9 @@ DELIVERABLES = {
         "displacement_report", ("displacement.html", "trajectories.html", "correlation.csv")
     ),
     "hazard": Deliverable("hazard", ("hazard.html", "hazard.csv", "hazard.nc")),
-    "accuracy": Deliverable("accuracy", ("accuracy.html", "accuracy.csv", "work_precision.png")),
+    "accuracy": Deliverable(
+        "accuracy", ("accuracy.html", "accuracy.csv", "work_precision.png"), engine="bullet"
+    ),
     "stability": Deliverable(
         "stability",
         ("stability.html", "stability.csv", "stability_map.png"),
@@ -50,8 +54,9 @@ DELIVERABLES = {
             "case is silently wrong; stability.html says which",
             "cases are silently wrong; stability.html says which",
         ),
+        engine="bullet",
     ),
-    "drive": Deliverable("drive", ("drive.html", "drive.csv", "drive.nc")),
+    "drive": Deliverable("drive", ("drive.html", "drive.csv", "drive.nc"), engine="bullet"),
     "validation": Deliverable("validation", ("validation.html", "validation.csv", "validation.nc")),
 }
 """By the names that ``vsr run`` takes."""

@@ -31,6 +31,8 @@ def _modules(room: str) -> list[str]:
     return sorted(path.stem for path in folder.glob("[!_]*.py"))
 
 
+MUJOCO = "vsr_core.engines.mujoco:build"
+
 STAGES: tuple[Stage, ...] = (
     Stage(
         "scan",
@@ -127,13 +129,13 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "bullet_sample",
         make="pipeline.stages.datasets.bullet_sample:make",
-        applies="in_other_engine",
+        applies="second_engine",
         needs=("rock", "terrain", "time_step", "motions", "responses"),
         reads=("pedestal", "contact", "motion", "yaw", "drive", "simulation"),
-        code=(*TERRAIN_CODE, *MOTION_CODE, "vsr_core.engines.bullet:build"),
+        code=(*TERRAIN_CODE, *MOTION_CODE, "vsr_core.engines.bullet:build", MUJOCO),
         aside=True,
         workers="long_runs",
-        versions=("pybullet",),
+        versions=("pybullet", "mujoco"),
     ),
     Stage(
         "fragility",

@@ -63,16 +63,21 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
             "it has no forces of a table that turns",
             "use simulation.engine: auto",
         )
-    slenderness, sliding = _slenderness(scene), engines.load(settings.engine).SLIDING_SHARE
-    if sliding * slenderness < scene.contact.friction < slenderness:
-        raise InvalidInput(
-            f"a friction of {scene.contact.friction:g} for a rock that tips at {slenderness:.3g} g",
-            f"it slides before it tips, and {settings.engine} lifts what slides",
-            "use simulation.engine: bullet",
-        )
+    check_friction(scene, settings.engine)
     time_step = check_step(scene, settings, motion)
     if scene.contact.stiffness is not None:
         _check_springs(scene.contact, scene.contact.stiffness, scene.rock, time_step)
+
+
+def check_friction(scene: Scene, engine: str) -> None:
+    """Refuse a friction at which an engine topples a rock that should slide."""
+    slenderness, sliding = _slenderness(scene), engines.load(engine).SLIDING_SHARE
+    if sliding * slenderness < scene.contact.friction < slenderness:
+        raise InvalidInput(
+            f"a friction of {scene.contact.friction:g} for a rock that tips at {slenderness:.3g} g",
+            f"it slides before it tips, and {engine} lifts what slides",
+            "use simulation.engine: auto",
+        )
 
 
 def check_step(scene: Scene, settings: Settings, motion: GroundMotion) -> float:

@@ -1,7 +1,9 @@
-"""A sample of a study repeated in Bullet, an engine that shares no code with the default one.
+"""A sample of a study repeated in Bullet, or in MuJoCo where Bullet is not installed.
+
+Neither shares code with the default engine.
 
 Half of the sample stands next to the boundary, where the errors of both decide; the other half is
-spread over the grid, where they should not. Restitution is Newton's there, Bullet's only law.
+spread over the grid, where they should not. Restitution is Newton's there, the only law of both.
 """
 
 from __future__ import annotations
@@ -22,20 +24,21 @@ from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.grammar import counted, form
 from pipeline.workflow.stage import Job, Product
 from vsr_core.arrays import Array, Indices
+from vsr_core.errors import InvalidInput
 from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.run.displacement import respond
-from vsr_core.run.input_checks import longest_step
+from vsr_core.run.input_checks import check_friction, longest_step
 from vsr_core.run.overturning import simulate
 
 FILE = "bullet_sample.nc"
 
-ENGINE = "bullet"
-
 HALF = 50
 """Runs next to the boundary, and as many elsewhere."""
 
-BULLET_ERROR = 0.01
-"""Relative error of a boundary by Bullet at its usual step, on most scenes."""
+SECOND_ERROR = 0.01
+"""Relative error of a boundary by Bullet or MuJoCo at its usual step, on most scenes."""
+
+NAMES = {"bullet": "Bullet", "mujoco": "MuJoCo"}
 
 
 class Sample(NamedTuple):
@@ -48,18 +51,21 @@ class Sample(NamedTuple):
 def make(job: Job) -> Product:
     """Repeat the sample."""
     study, responses = load_study(job.config, job.store), read(job.path(RESPONSES))
+    engine = job.config.second_engine
+    assert engine is not None  # else the stage does not apply
     own = responses["overturned"].values
-    sample = chosen(own)
+    held = np.array([_holds(study, group, engine) for group in study.groups])
+    sample = chosen(np.where(held[:, None], own.reshape(len(held), -1), -1).reshape(own.shape))
     at = [int(place) for place in sample.places]
     grid = motion_grid.cells(study.motions)
     places = [(study.groups[i // len(grid)], grid[i % len(grid)]) for i in at]
-    found = _repeated(job, study, places)
+    found = _repeated(job, study, places, engine)
     groups, cells = zip(*places, strict=True) if places else ((), ())
     pga = np.array([cell.pga for cell in cells])
     dataset = xr.Dataset(
         {
             "overturned": ("sample", own.ravel()[at].astype("i1")),
-            "overturned_in_bullet": ("sample", np.array(found, dtype="i1")),
+            "overturned_in_other_engine": ("sample", np.array(found, dtype="i1")),
             "next_to_boundary": ("sample", sample.near.astype("i1")),
             "explained": ("sample", _explained(study, responses, groups, pga, sample.near)),
         },
@@ -70,12 +76,13 @@ def make(job: Job) -> Product:
             "pga": ("sample", pga),
         },
     )
-    same = int((dataset["overturned"] == dataset["overturned_in_bullet"]).sum())
-    agreed = f"{same} of {counted(len(at), 'run')} {form(same, 'ends', 'end')} in Bullet as here"
+    same = int((dataset["overturned"] == dataset["overturned_in_other_engine"]).sum())
+    name = dataset.attrs["other_engine"] = NAMES[engine]
+    agreed = f"{same} of {counted(len(at), 'run')} {form(same, 'ends', 'end')} in {name} as here"
     note = f"{agreed}; next to the boundary: {int(sample.near.sum())}"
     if beyond_errors(dataset):
         note += "; MORE DIFFER THAN THE NUMERICAL ERRORS EXPLAIN: report.html says what to do"
-    return Product({FILE: netcdf(described(dataset, job, "Sample in Bullet"))}, note)
+    return Product({FILE: netcdf(described(dataset, job, f"Sample in {name}"))}, note)
 
 
 def beyond_errors(sample: xr.Dataset) -> bool:
@@ -85,7 +92,7 @@ def beyond_errors(sample: xr.Dataset) -> bool:
     count are allowed, and one run.
     """
     near = sample["next_to_boundary"].values == 1
-    differs = sample["overturned"].values != sample["overturned_in_bullet"].values
+    differs = sample["overturned"].values != sample["overturned_in_other_engine"].values
     expected = float(sample["explained"].sum(skipna=False))
     return bool((differs & ~near).any()) or bool(differs.sum() > expected + 2 * expected**0.5 + 1)
 
@@ -123,13 +130,24 @@ def _spread(places: Indices, number: int) -> Indices:
 def repeat(
     shared: tuple[Case | TerrainCase, Settings, Shaking], cells: tuple[Cell, ...]
 ) -> list[int]:
-    """Outcomes of some cells in Bullet, on a worker."""
+    """Outcomes of some cells in the other engine, on a worker."""
     place, settings, motions = shared
     run: Any = simulate if isinstance(place, Case) else respond
     return [run(place, motions.motion(cell), settings).outcome.overturned for cell in cells]
 
 
-def _repeated(job: Job, study: Study, places: list[tuple[Group, Cell]]) -> list[int]:
+def _holds(study: Study, group: Group, engine: str) -> bool:
+    """Whether an engine can represent a rock as it slides or tips with one friction."""
+    if engine == "bullet":
+        return True
+    try:
+        check_friction(flat_case(study.scenes, group).full, engine)
+    except InvalidInput:
+        return False
+    return True
+
+
+def _repeated(job: Job, study: Study, places: list[tuple[Group, Cell]], engine: str) -> list[int]:
     config = job.config
     contact = config.contact.model_copy(update={"restitution_law": "newton"})
     scenes = replace(study.scenes, config=config.model_copy(update={"contact": contact}))
@@ -137,8 +155,8 @@ def _repeated(job: Job, study: Study, places: list[tuple[Group, Cell]]) -> list[
     def shared(group: Group) -> tuple[Case | TerrainCase, Settings, Shaking]:
         flat = flat_case(scenes, group)
         case = terrain_case(scenes, group) if config.on_terrain else flat
-        step = longest_step(flat.full, ENGINE)
-        return case, Settings(step, config.simulation.reduce, ENGINE), study.motions
+        step = longest_step(flat.full, engine)
+        return case, Settings(step, config.simulation.reduce, engine), study.motions
 
     batches = (Batch(group, (cell,)) for group, cell in places)
     cluster = job.cluster if config.long_runs else job.cluster.in_process()
@@ -159,5 +177,5 @@ def _explained(
     own = np.array([errors[frictions.index(group.friction)] for group in groups])
     levels = np.array(study.motions.pga)
     spacing = np.diff(levels).min() if len(levels) > 1 else np.inf
-    share = (own + BULLET_ERROR) * pga / spacing
+    share = (own + SECOND_ERROR) * pga / spacing
     return np.where(near, np.minimum(share, 1.0), 0.0)

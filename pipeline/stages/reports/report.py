@@ -114,9 +114,9 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
 
 
 def _other_engine(job: Job) -> dict[str, Any] | None:
-    """How a sample ended in Bullet; None where Bullet is what the runs were done in."""
-    if not job.config.in_other_engine:
-        return None
+    """How a sample ended in another engine; None where Bullet is that of the runs."""
+    if job.config.second_engine is None:
+        return None if job.config.engine == "bullet" else {"total": 0}
     job.awaited("bullet_sample")
     return report_tables.other_engine(read(job.path(SAMPLE)))
 

@@ -62,7 +62,7 @@ def left_out(responses: xr.Dataset, gains: dict[str, float]) -> list[Row]:
 
 
 def other_engine(sample: xr.Dataset) -> Row:
-    """How a sample of the runs ended in Bullet.
+    """How a sample of the runs ended in another engine.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def other_engine(sample: xr.Dataset) -> Row:
         measured; and ``odd``, whether more differ.
     """
     near = sample["next_to_boundary"].values == 1
-    differs = sample["overturned"].values != sample["overturned_in_bullet"].values
+    differs = sample["overturned"].values != sample["overturned_in_other_engine"].values
     expected = float(sample["explained"].sum(skipna=False))
     listed = [
         {
@@ -81,11 +81,12 @@ def other_engine(sample: xr.Dataset) -> Row:
             "pga": float(sample["pga"][i]),
             "near": bool(near[i]),
             "here": _SIDES[int(sample["overturned"][i])],
-            "bullet": _SIDES[int(sample["overturned_in_bullet"][i])],
+            "there": _SIDES[int(sample["overturned_in_other_engine"][i])],
         }
         for i in np.flatnonzero(differs)
     ]
     return {
+        "name": sample.attrs["other_engine"],
         "total": len(near),
         "near": int(near.sum()),
         "same": int((~differs).sum()),

@@ -7,6 +7,9 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from vsr_core.engines import missing
+from vsr_core.errors import InvalidInput
+
 
 @contextmanager
 def _silenced() -> Iterator[None]:
@@ -22,5 +25,8 @@ def _silenced() -> Iterator[None]:
         os.close(kept)
 
 
-with _silenced():
-    import pybullet as pybullet
+try:
+    with _silenced():
+        import pybullet as pybullet
+except ModuleNotFoundError:
+    raise InvalidInput("the engine 'bullet'", *missing("pybullet")) from None

@@ -40,7 +40,7 @@ def test_each_run_is_repeated_at_its_own_yaw_and_friction(
     job = Job(load_site(site), Store(derived / "rock"), cluster_of({"workers": 0}), "", print)
     bullet_sample.make(job).files[bullet_sample.FILE](derived / bullet_sample.FILE)
     sample = read(derived / bullet_sample.FILE)
-    toppled = sample["overturned_in_bullet"].values == 1
+    toppled = sample["overturned_in_other_engine"].values == 1
     assert sample.sizes["sample"] == 8
     expected = (sample["friction"] == 0.8) & (sample["yaw"] == 0) & (sample["pga"] == 0.6)
     np.testing.assert_array_equal(toppled, expected.values)
@@ -70,11 +70,12 @@ def test_what_may_differ_is_not_told_where_an_error_was_not_measured(
     sample = xr.Dataset(
         {
             "overturned": ("sample", ones),
-            "overturned_in_bullet": ("sample", np.array([0, 0, 0, 0, 1, 1])),
+            "overturned_in_other_engine": ("sample", np.array([0, 0, 0, 0, 1, 1])),
             "next_to_boundary": ("sample", ones),
             "explained": ("sample", np.array([explained, *np.zeros(5)])),
         },
         {name: ("sample", np.zeros(6)) for name in ("yaw", "friction", "row", "pga")},
+        {"other_engine": "Bullet"},
     )
     told = report_tables.other_engine(sample)
     assert (told["same"], told["odd"]) == (2, odd)
