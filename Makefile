@@ -183,5 +183,5 @@ clean: setup ## remove derived data, of SITE or of all; asks first, unless YES=1
 setup: ## make .venv now, as every target does when it is missing or stale
 	@scripts/setup.sh
 
-setup-dev: ## add to .venv what tests and checks need, and MuJoCo
+setup-dev: ## add to .venv what tests and checks need
 	@scripts/setup.sh dev

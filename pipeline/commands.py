@@ -213,7 +213,8 @@ def init(options: argparse.Namespace) -> int:
         folder.mkdir(parents=True)
         for source, target in (("site.yaml", f"{name}.yaml"), ("README.md", "README.md")):
             text = (CONFIGS / "new" / source).read_text(encoding="utf-8")
-            (folder / target).write_text(text.replace("NAME", name), encoding="utf-8")
+            text = text.replace("../schema.json", "schema.json").replace("NAME", name)
+            (folder / target).write_text(text, encoding="utf-8")
         shutil.copyfile(CONFIGS / "schema.json", folder / "schema.json")
     log(f"-> {folder / name}.yaml")
     return 0

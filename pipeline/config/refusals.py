@@ -27,7 +27,7 @@ RENAMED = {
     "share": "pga_ratio",
     "sigma": "position_sd",
 }
-"""Keys of version 0.2 and their names since."""
+"""Former names of keys, and those of today."""
 
 
 def problem(
@@ -77,7 +77,7 @@ def _of(section: Any, key: str) -> Any:
 def _instead(name: str, names: list[str]) -> str:
     """What to write in place of an unknown key."""
     if RENAMED.get(name) in names:
-        return f"it was renamed to {RENAMED[name]}"
+        return f"renamed to {RENAMED[name]}"
     near = difflib.get_close_matches(name, names, 1)
     return f"did you mean {near[0]}?" if near else f"the keys here are {', '.join(names)}"
 

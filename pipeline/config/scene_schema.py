@@ -190,8 +190,9 @@ class ServoConfig(Section):
         if round(periods) < 1 or not math.isclose(periods, round(periods), rel_tol=1e-6):
             raise Refused(
                 f"a command lasts a whole number of control periods, here of {self.period:g} s",
-                f"divide {1.0 / self.period:.6g} Hz by a whole number",
-                key="command_rate",
+                f"set command_rate to {1.0 / self.period:.6g} Hz divided by a whole number",
+                "period",
+                f"{self.period:g} s beside a command rate of {self.command_rate:g} Hz",
             )
         return self
 

@@ -188,10 +188,14 @@ class Config(Section):
     def _can_drive(cls, simulation: SimulationConfig, info: ValidationInfo) -> SimulationConfig:
         bullet = simulation.engine in ("auto", "bullet")
         if info.data.get("drive") == "servo" and not bullet:
-            raise Refused("a servo needs Bullet", "set engine: bullet, or drive: table_frame")
+            raise Refused(
+                "a servo needs Bullet", "set it to auto, or drive: table_frame", key="engine"
+            )
         pedestal = info.data.get("pedestal")
         if simulation.engine == "mujoco" and pedestal is not None and pedestal.shape == "mesh":
-            raise Refused("MuJoCo replaces a terrain by its convex hull", "set engine: auto")
+            raise Refused(
+                "MuJoCo replaces a terrain by its convex hull", "set it to auto", key="engine"
+            )
         return simulation
 
     @field_validator("simulation")

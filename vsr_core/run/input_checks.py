@@ -57,20 +57,20 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
     """
     scene = case.full
     _check_motion(motion, scene.drive)
-    if motion.columns == 9 and settings.engine == "mujoco":
-        raise InvalidInput(
-            f"a table that turns in {settings.engine}",
-            "it has no forces of a table that turns",
-            "use simulation.engine: auto",
-        )
-    check_friction(scene, settings.engine)
+    check_engine(scene, settings.engine, motion)
     time_step = check_step(scene, settings, motion)
     if scene.contact.stiffness is not None:
         _check_springs(scene.contact, scene.contact.stiffness, scene.rock, time_step)
 
 
-def check_friction(scene: Scene, engine: str) -> None:
-    """Refuse a friction at which an engine topples a rock that should slide."""
+def check_engine(scene: Scene, engine: str, motion: GroundMotion) -> None:
+    """Refuse a motion that an engine lacks, or a friction at which it topples what slides."""
+    if motion.columns == 9 and engine == "mujoco":
+        raise InvalidInput(
+            f"a table that turns in {engine}",
+            "it has no forces of a table that turns",
+            "use simulation.engine: auto",
+        )
     slenderness, sliding = _slenderness(scene), engines.load(engine).SLIDING_SHARE
     if sliding * slenderness < scene.contact.friction < slenderness:
         raise InvalidInput(

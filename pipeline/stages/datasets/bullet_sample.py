@@ -27,7 +27,7 @@ from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.run.displacement import respond
-from vsr_core.run.input_checks import check_friction, longest_step
+from vsr_core.run.input_checks import check_engine, longest_step
 from vsr_core.run.overturning import simulate
 
 FILE = "bullet_sample.nc"
@@ -137,11 +137,13 @@ def repeat(
 
 
 def _holds(study: Study, group: Group, engine: str) -> bool:
-    """Whether an engine can represent a rock as it slides or tips with one friction."""
+    """Whether an engine can represent a scene, as Bullet does all."""
     if engine == "bullet":
         return True
     try:
-        check_friction(flat_case(study.scenes, group).full, engine)
+        scene = flat_case(study.scenes, group).full
+        for motion in motion_grid.strongest(study.motions):
+            check_engine(scene, engine, motion)
     except InvalidInput:
         return False
     return True

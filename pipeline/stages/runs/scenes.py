@@ -23,7 +23,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import block, standing
 from vsr_core.run import displacement
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
-from vsr_core.run.input_checks import check, check_step, check_unshaken, longest_step
+from vsr_core.run.input_checks import check, check_engine, check_step, check_unshaken, longest_step
 from vsr_core.run.reductions import PROOFS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Scene
@@ -195,7 +195,10 @@ def check_scenes(site: Site, scenes: Scenes) -> None:
     strongest = motion_grid.strongest(shaking)
     key = "simulation.engine"
     try:
-        engines.load(engine).build(cases[0].scene, 1e-3, 1)
+        drive = cases[0].scene.drive
+        engines.load(engine).build(cases[0].scene, drive.period if drive else 1e-3, 1)
+        for case in cases:
+            check_engine(case.full, engine, strongest[0])
         given = simulation.time_step
         key = key if given == "auto" else "simulation.time_step"
         for case in cases:
