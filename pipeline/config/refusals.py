@@ -49,7 +49,10 @@ def problem(
         place, models = (*place, "kind"), [*models, None]
         given = error["ctx"]["tag"]
     if isinstance(refused, Refused) and refused.key:
-        place, given = (*place, *refused.key.split(".")), _of(given, refused.key)
+        keys = refused.key.split()
+        last = [key for key in keys if origin.get((*place, key)) == origin.get(place)]
+        key = (last or keys)[0]
+        place, given = (*place, *key.split(".")), _of(given, key)
     source = nearest(origin, place) or site
     key = ".".join(place)
     if error["type"] == "extra_forbidden":

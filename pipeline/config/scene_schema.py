@@ -191,7 +191,7 @@ class ServoConfig(Section):
             raise Refused(
                 f"a command lasts a whole number of control periods, here of {self.period:g} s",
                 f"set command_rate to {1.0 / self.period:.6g} Hz divided by a whole number",
-                "period",
+                "period command_rate",
                 f"{self.period:g} s beside a command rate of {self.command_rate:g} Hz",
             )
         return self

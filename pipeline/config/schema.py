@@ -180,7 +180,8 @@ class Config(Section):
             try:
                 check(in_si.servo(servo))
             except InvalidInput as error:
-                raise Refused(error.rule, error.remedy, "period", error.given) from None
+                keys = "period kp ki kd mass"
+                raise Refused(error.rule, error.remedy, keys, error.given) from None
         return servo
 
     @field_validator("simulation")

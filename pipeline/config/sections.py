@@ -24,7 +24,8 @@ class Refused(ValueError):
     rule, remedy : str
         Two short phrases without a full stop.
     key : str
-        The key to blame within the section that is checked, where it is not the section itself.
+        The key to blame within the section that is checked, where it is not the section itself;
+        of several, apart by blanks, the one that was set last.
     given : str
         What was given, where it is more than that value.
     """

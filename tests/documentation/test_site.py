@@ -87,7 +87,7 @@ def test_the_first_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
             if cell["cell_type"] == "code":
                 exec(compile("".join(cell["source"]), path.name, "exec"), names)
     assert not list(tmp_path.iterdir())
-    found = float(names["first"].sel(pgv_pga=0.25, method="nearest"))
+    found = float(names["grid"]["first-overturning PGA [g]"].sel(pgv_pga=0.25, method="nearest"))
     assert found == pytest.approx(0.67, abs=0.05)
 
 

@@ -22,8 +22,8 @@ REFUSED = {
     "lint SITE=double_rock": ("no variable SITE", "it takes none"),
     "frgility SITE=double_rock": ("no target `frgility`", "`make` alone lists"),
     "tests": ("no target `tests`",),
-    "fragility": ("SITE: got nothing", "double_rock", "e.g. SITE="),
-    "clean YES=1 SITE=": ("SITE: got ''", "leave it out"),
+    "fragility": ("--site: no site given", "with make SITE="),
+    "clean YES=1 SITE=": ("--site: got ''", "omit it"),
 }
 
 
