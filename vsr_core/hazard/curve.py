@@ -204,6 +204,7 @@ def fractiles(
     Returns
     -------
     ndarray, shape (len(shares), m) [1/year]: the least rate at which the weight of the branches
+        not above it reaches the share
     """
     rates = _rates(curves, levels)
     order = np.argsort(rates, axis=0)

@@ -196,10 +196,6 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     Vertices that an exporter split are merged and faces wound against their neighbours are
     turned. Anything else is refused.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh [m]
-
     Returns
     -------
     mesh : trimesh.Trimesh [m]

@@ -27,7 +27,7 @@ def scales(hull: Hull, yaw: Array) -> Array:
     """Static scales of the boundary: what topples the rock steadily, to either side of the shaking.
 
     A boundary of slow motions moves with them. Which of them goes best with the draws done so far
-    is told by `offsets`.
+    is found by `offsets`.
 
     Parameters
     ----------
@@ -37,6 +37,7 @@ def scales(hull: Hull, yaw: Array) -> Array:
     Returns
     -------
     ndarray, shape (4, k) [ln g]: nothing, the side that a pulse pushes the rock to first, the
+        other side, and their mean
     """
     both = tipping(hull, np.concatenate([math.pi - yaw, -yaw])).overturning
     first, other = np.log(both).reshape(2, -1)
