@@ -240,7 +240,10 @@ def test_priors_of_the_shake_table_are_in_the_same_words() -> None:
     [
         ("uncertainty.friction=[0.9,0.1]", ("uncertainty.friction", "lower end")),
         ("uncertainty.members=1", ("uncertainty.members", "2")),
-        ("uncertainty.amplitude={mean: 1, sd: 0.5}", ("uncertainty.amplitude", "gain")),
+        (
+            "uncertainty.amplitude={mean: 1, sd: 0.5}",
+            ("uncertainty.amplitude", "five standard deviations"),
+        ),
         ("uncertainty.scan.replica=none.ply", ("uncertainty.scan.replica", "not found")),
         ("uncertainty.scan.eror=1", ("uncertainty.scan.eror", "error")),
     ],

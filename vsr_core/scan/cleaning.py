@@ -284,7 +284,9 @@ def _one_piece(vertices: Array, faces: Indices, notes: list[str], alone: bool) -
             vertices[faces[second]].mean(axis=(0, 1))[None],
         )
     if loose > 0.0:
-        notes.append(f"{int((whole > 0).sum()) - 1} loose pieces dropped ({loose:.2g} m2)")
+        number = int((whole > 0).sum()) - 1
+        pieces = f"{number} loose piece{'s' * (number > 1)}"
+        notes.append(f"{pieces} dropped ({loose:.2g} m2)")
     turned = min(float(area[keep & against].sum()), float(area[keep & ~against].sum()))
     faces = faces[keep]
     if _looks_in(vertices, faces, sheet=not alone and bool(keep[rim].any())):

@@ -115,7 +115,7 @@ def a_vertex_on_an_edge() -> trimesh.Trimesh:
         (one_face_missing, "holes filled between the vertices of their rims: 1"),
         (many_faces_missing, "holes filled"),
         (inside_out, "all faces turned outward"),
-        (with_a_speck, "1 loose pieces dropped"),
+        (with_a_speck, "1 loose piece dropped"),
         (inside_out_and_open_above, "all faces turned outward"),
         (a_vertex_on_an_edge, "holes filled"),
     ],

@@ -66,7 +66,7 @@ def test_a_faulty_export_gives_the_rock_itself(
     assert vsr("run", "rock", "--site", site(tmp_path, faulty(), kind)).code == 0
     found = read(derived / "stone" / "rock.nc")
     assert found.attrs["mass_kg"] == pytest.approx(DENSITY * stone().volume, rel=1e-5)
-    for word in ("all faces turned outward", "1 loose pieces dropped", "of their rims: 2"):
+    for word in ("all faces turned outward", "1 loose piece dropped", "of their rims: 2"):
         assert word in found.attrs["repaired"]
 
 
