@@ -28,7 +28,7 @@ argument = $(call quoted,$(call read,$1))
 flag = $(if $(call read,$2),$1 $(call argument,$2))
 list = $(if $(call read,$2),--set $(call quoted,$1=[$(value $2)]))
 derived-flag = $(call flag,--derived,DERIVED)
-study-flags = --site $(call argument,SITE) $(call flag,--study,STUDY) $(call flag,--set,SET) $(derived-flag)
+study-flags = --site $(call argument,SITE) $(call flag,--name,NAME) $(call flag,--study,STUDY) $(call flag,--set,SET) $(derived-flag)
 site-flags = $(study-flags) $(call list,yaw,YAW) $(call list,contact.friction,FRICTION)
 cell-flags = $(call flag,--yaw,YAW) $(call flag,--friction,FRICTION) $(call flag,--pga,PGA) \
   $(call flag,--pgv-pga,PGV_PGA) $(call flag,--record,RECORD) $(call flag,--and,AND)

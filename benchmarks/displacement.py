@@ -16,7 +16,8 @@ from benchmarks.speed import WORKERS, cells
 from benchmarks.table import Row, say
 from pipeline.config.layers import load_site
 from pipeline.config.schema import COMPILED
-from pipeline.stages.runs.scenes import Group, load_scenes, terrain_case
+from pipeline.stages.mesh.products import Ground, Standing
+from pipeline.stages.runs.scenes import Group, Scenes, terrain_case
 from pipeline.workflow.store import Store
 from vsr_core.engines import load
 from vsr_core.motions.pulses import CosinePulse
@@ -67,8 +68,8 @@ def grid(folder: Path) -> Iterator[Row]:
 def against_bullet(folder: Path) -> Iterator[Row]:
     """CPU of a run with its trajectory in Bullet over that here; ``grid`` goes first."""
     say("trajectories in Bullet and in the compiled engine")
-    scenes = load_scenes(load_site(SITE).config, Store(folder / SITE))
-    site = terrain_case(scenes, Group(0.0, scenes.config.contact.friction[0]))
+    scenes = _scenes(folder)
+    site = terrain_case(scenes, Group(0.0, scenes.settings.contact.friction[0]))
     pulses = [CosinePulse.from_g(pga, pgv_pga) for pga, pgv_pga in cells(RUNS)]
     (own, found), (bullet, expected) = (_followed(site, pulses, e) for e in (COMPILED, "bullet"))
     differ = sum(a is not b for a, b in zip(found, expected, strict=True))
@@ -111,10 +112,15 @@ def _followed(
     return time.process_time() - start, found
 
 
+def _scenes(folder: Path) -> Scenes:
+    store = Store(folder / SITE)
+    return Scenes(load_site(SITE).config.scene, Standing.load(store), Ground.load(store))
+
+
 def reductions(folder: Path) -> Iterator[Row]:
     """CPU on a terrain four times as large, and without one reduction each; ``grid`` goes first."""
-    scenes = load_scenes(load_site(SITE).config, Store(folder / SITE))
-    group = Group(0.0, scenes.config.contact.friction[0])
+    scenes = _scenes(folder)
+    group = Group(0.0, scenes.settings.contact.friction[0])
     site, rock = terrain_case(scenes, group), scenes.rock
     say("a step on the terrain as it is")
     usual = _cost(site)

@@ -30,7 +30,7 @@ from pipeline.stages.motions.motion_grid import Cell
 from pipeline.stages.runs import runner
 from pipeline.stages.runs.overturning_runs import KIND
 from pipeline.stages.runs.runner import run_missing
-from pipeline.stages.runs.study import load_study
+from pipeline.stages.runs.study import Study
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.run_store import RUNS
@@ -151,10 +151,10 @@ def _measured(what: str, given: str, way: str, number: str, workers: str) -> dic
     site = load_site(SITE, settings=(*grid, f"simulation.engine={WAYS[way]}"))
     with Store(folder) as store, Cluster(int(workers)) as cluster:
         store.open()
-        job = Job(site, store, cluster, "", lambda line: None)
+        job = Job(site, store, cluster, lambda line: None)
         for stage in ("rock", "motions", "time_step"):
             graph.make(stage, job)
-        study = load_study(site.config, store)
+        study = graph.built(Study, job)
         if what == "wait":
             runner.LARGEST_BATCH = BATCH
         kind = replace(KIND, function={"fill": _nothing, "wait": _wait}[what], batch=BATCH)
@@ -162,7 +162,8 @@ def _measured(what: str, given: str, way: str, number: str, workers: str) -> dic
             list(cluster.run(_nothing, iter([]), lambda group: None))  # starts the workers
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         start, cpu = time.monotonic(), time.process_time()
-        done = run_missing(job, kind, study.groups, study.wanted, lambda group: None)
+        work = graph.work_of("runs", "", job)
+        done = run_missing(work, kind, study.groups, study.wanted, lambda group: None)
         seconds, cpu = time.monotonic() - start, time.process_time() - cpu
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     return {

@@ -17,7 +17,8 @@ import numpy as np
 
 from benchmarks.table import Row, say
 from pipeline.config.layers import load_site
-from pipeline.stages.runs.scenes import Group, flat_case, load_scenes
+from pipeline.stages.mesh.products import Standing
+from pipeline.stages.runs.scenes import Group, Scenes, flat_case
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
@@ -126,8 +127,8 @@ def case_of(site: Path, folder: Path) -> tuple[Case, Settings]:
         from pipeline.workflow import graph
 
         store.open()
-        graph.make("rock", Job(given, store, Cluster(0), "", lambda line: None))
-    case = flat_case(load_scenes(given.config, store, level=True), Group(0.0, 0.6))
+        graph.make("rock", (job := Job(given, store, Cluster(0), lambda line: None)))
+    case = flat_case(Scenes(given.config.scene, graph.built(Standing, job)), Group(0.0, 0.6))
     return case, Settings(STEP_SHARE * step_unit(case.full.rock))
 
 

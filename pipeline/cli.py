@@ -160,6 +160,9 @@ def _add_replay(replay: argparse.ArgumentParser) -> None:
 
 def _add_site(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--site", default="", metavar="NAME_OR_YAML")
+    sub.add_argument(
+        "--name", metavar="NAME", help="a variant: a folder of its own, stored runs shared"
+    )
     sub.add_argument("--study", metavar="NAME_OR_YAML")
     _add_settings(sub)
 

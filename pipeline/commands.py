@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import shutil
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 from pipeline.config.layers import CONFIGS, STUDIES, TABLES, known
@@ -32,10 +31,10 @@ def run(options: argparse.Namespace) -> int:
     if options.product == "uncertainty":
         check_drawn(job)
     if options.product == "hazard" and sweep is None:
-        for other in others_of(options, job):
+        for stage, other in others_of(job):
             log(f"{other.store.folder}:")
             with other.store, other.cluster:
-                graph.make(other.stage, other)
+                graph.make(stage, other)
     with job.store, job.cluster:
         if sweep is None:
             unresolved = graph.make(wanted.stage, job)
@@ -95,8 +94,8 @@ def _inspected(question: str, options: argparse.Namespace) -> int:
     job = job_of(options, sweep)
     if sweep is None:
         lines = list(ask(stage, job))
-        for other in others_of(options, job) if product == "hazard" else ():
-            lines += [f"{other.store.folder}:", *ask(other.stage, other)]
+        for other_stage, other in others_of(job) if product == "hazard" else ():
+            lines += [f"{other.store.folder}:", *ask(other_stage, other)]
         return _show(lines)
     swept = named("pipeline.workflow.sweeps:of_job")(sweep, stage, job)
     return _show(named("pipeline.workflow.sweeps:told")(ask, swept))
@@ -114,7 +113,7 @@ def figures(options: argparse.Namespace) -> int:
 def feasible(options: argparse.Namespace) -> int:
     """Print and write what a table of hardware can do of a site's motions."""
     make = named("pipeline.stages.studies.capacity.feasible:make")
-    job = replace(job_of(options), stage="feasible")
+    job = job_of(options)
     with job.store, job.cluster:
         job.store.open()
         lines = make(job, options.table, Path(options.export) if options.export else None)
@@ -127,7 +126,7 @@ def replay(options: argparse.Namespace) -> int:
     """Make a page that plays one run of a study, and the study as far as it needs it."""
     make = named("pipeline.stages.replay.replay_page:make")
     given = {name: vars(options)[name] for name in ("yaw", "friction", "pgv_pga", "record", "pga")}
-    job = replace(job_of(options), stage="replay")
+    job = job_of(options)
     with job.store, job.cluster:
         page = make(job, given, options.beside)
     log(f"-> {job.path(page)}")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import closing
@@ -14,14 +14,17 @@ from typing import Any
 from pipeline.config import in_si
 from pipeline.config.motion_schema import PulseGrid
 from pipeline.config.schema import Config
+from pipeline.stages.mesh.products import Ground, Standing
 from pipeline.stages.motions import motion_grid
-from pipeline.stages.motions.motion_grid import Cell, Shaking
+from pipeline.stages.motions.motion_grid import Cell, MotionData, Shaking
 from pipeline.stages.runs import displacement_runs, overturning_runs
 from pipeline.stages.runs.runner import Kind, Run
-from pipeline.stages.runs.scenes import MOST_RUNS, Scenes, flat_case, groups, left_out, load_scenes
-from pipeline.stages.runs.study import load_study
-from pipeline.workflow import graph
+from pipeline.stages.runs.scenes import Group, Scenes, flat_case, left_out
+from pipeline.stages.runs.step_choice import stored_steps
+from pipeline.stages.runs.study import Study
+from pipeline.workflow import graph, site_folder
 from pipeline.workflow.cluster import Cluster
+from pipeline.workflow.engine_input import find as find_engine
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.run_store import RunStore, is_there
 from pipeline.workflow.stage import Job
@@ -40,7 +43,8 @@ def why(product: str, job: Job) -> list[str]:
         if not reasons:
             lines.append(f"{name}: up to date")
         lines += [f"{name}: {reason}" for reason in reasons]
-    counts, total = _runs(job, _kind(product, job.config))
+    lines += [f"{site_folder.FILE}: {fault}" for fault in site_folder.faults(job)]
+    counts, total = _runs(job, product)
     if total:
         kept = counts.total()
         lines.append(f"runs: {kept} of {total} are stored and stay; {total - kept} to do")
@@ -53,7 +57,8 @@ def status(product: str, job: Job) -> list[str]:
     for name, identity in graph.identities(product, job.site).items():
         reasons = list(graph.why(BY_NAME[name], identity, job.store))
         lines.append(f"  {name:<20}{'done' if not reasons else 'to do: ' + reasons[0]}")
-    counts, total = _runs(job, _kind(product, job.config))
+    lines += [f"  {line}" for line in site_folder.told(job)]
+    counts, total = _runs(job, product)
     if total:
         lines.append(f"  {counts.total()} of {total} runs stored")
         lines += [
@@ -73,12 +78,13 @@ def plan(product: str, job: Job) -> list[str]:
     if not {"runs", "displacement_runs"} & {stage.name for stage in upstream(product)}:
         return lines
     with tempfile.TemporaryDirectory() as temporary:
-        scenes = load_scenes(job.config, _with_rock(job, Path(temporary)).store, level=True)
-    measured = not {"motions", "time_step", "terrain"} & set(todo)
-    lines += _planned_runs(job, scenes, _kind(product, job.config), measured=measured)
+        study = _study(job, Path(temporary))
+        assert study is not None
+        lines += _planned_runs(job, study, _kind(product, job.config))
     if "uncertainty" in todo:
-        lines.append(_planned_draws(job.config, motion_grid.of_site(job.site)))
-    dropped = left_out(job.config, flat_case(scenes, groups(job.config)[0]))
+        lines.append(_planned_draws(job.config, study.motions))
+    case = flat_case(study.scenes, study.groups[0])
+    dropped = left_out(study.settings, case, of_table=study.motion.kind == "table")
     lines.append("left out:")
     lines += [f"  {reduction}" for reduction in dropped] or ["  nothing (simulation.reduce: off)"]
     return lines
@@ -89,32 +95,53 @@ def _kind(product: str, config: Config) -> Kind[Any]:
     names = {stage.name for stage in upstream(product)}
     if "displacement_runs" in names:
         return displacement_runs.KIND
-    return overturning_runs.kind(config)
+    return overturning_runs.kind(on_terrain=config.on_terrain)
 
 
-def _planned_runs(job: Job, scenes: Scenes, kind: Kind[Any], *, measured: bool) -> list[str]:
-    """Runs to do and their cost; which are stored is known once the time step is ``measured``."""
-    config, motions = job.config, motion_grid.of_site(job.site)
-    each = motion_grid.count(motions)
-    study = load_study(config, job.store) if measured and each <= MOST_RUNS else None
-    proves = config.simulation.reduce and not config.on_terrain and config.motion.kind != "table"
+def _study(job: Job, aside: Path | None) -> Study | None:
+    """The study of a job; None where what it is made from is not fresh, and nothing may be made.
+
+    Parameters
+    ----------
+    aside : Path, of a folder in which rock, ground and records are made where they are not fresh
+    """
+    config, known = job.config, is_there(job.store.runs)
+    wanted = ["rock"]
+    if config.on_terrain and known:  # else no run is stored, whose key would tell of it
+        wanted.append("terrain")
+    if not isinstance(config.motion, PulseGrid):
+        wanted.append("motions")
+    at = job
+    if any(_is_stale(name, job) for name in wanted):
+        if aside is None:
+            return None
+        quiet = replace(job, log=lambda line: None, shows=False)
+        at = replace(quiet, store=Store(aside), cluster=Cluster(0))
+        with at.store:
+            for name in wanted:
+                graph.make(name, at)
+    ground = graph.built(Ground, at) if "terrain" in wanted else None
+    scenes = Scenes(config.scene, graph.built(Standing, at), ground)
+    steps = stored_steps(scenes, job.store.runs)
+    engine = find_engine(config.engine, job.site)
+    return Study(scenes, engine, config.yaw, config.motion, MotionData(at.store.folder), steps)
+
+
+def _planned_runs(job: Job, study: Study, kind: Kind[Any]) -> list[str]:
+    """Runs to do and their cost; which are stored is known once the time step is measured."""
+    settings, motions = study.settings, study.motions
+    proves = settings.simulation.reduce and not settings.on_terrain and study.motion.kind != "table"
     total = proved = new = 0
-    for group in groups(config):
+    for group in study.groups:
         limit = 0.0
         if proves:
-            still = flat_case(scenes, group).static_limits
+            still = flat_case(study.scenes, group).static_limits
             limit = in_si.in_g(min(-still[0], still[1]))
-        total += each
-        if study is None:
-            new += each
-            proved += len(motions.rows) * bisect_left(motions.pga, limit)
-            continue
-        runs = study.wanted(group)
-        kept = _stored(job.store, runs, kind)
-        left = [run.item for run in runs if run.key not in kept]
+        left = _left(job.store, study, group, kind)
+        total += motion_grid.count(motions)
         new += len(left)
         proved += sum(cell.pga < limit for cell in left)
-    steps = sorted(set(study.time_steps.values())) if study is not None else []
+    steps = sorted({step for step in study.steps.steps if not math.isnan(step)})
     text = ", ".join(f"{1e3 * step:.3g} ms" for step in steps)
     return [
         *_motions(motions),
@@ -122,6 +149,15 @@ def _planned_runs(job: Job, scenes: Scenes, kind: Kind[Any], *, measured: bool) 
         f"time step: {text or 'measured on the scene first, some seconds'}",
         f"cost: {_cost(job, new - proved, kind)}",
     ]
+
+
+def _left(store: Store, study: Study, group: Group, kind: Kind[Any]) -> list[Cell]:
+    """Cells of a group whose runs are not stored."""
+    if math.isnan(study.time_step(group)) or not is_there(store.runs):
+        return list(motion_grid.each_cell(study.motions))
+    runs = study.wanted(group)
+    kept = _stored(store, runs, kind)
+    return [run.item for run in runs if run.key not in kept]
 
 
 def _planned_draws(config: Config, motions: Shaking) -> str:
@@ -157,17 +193,6 @@ def _cost(job: Job, runs: int, kind: Kind[Any]) -> str:
     return f"about {seconds:.0f} s on {workers} workers at {each:.1f} ms a run ({source})"
 
 
-def _with_rock(job: Job, folder: Path) -> Job:
-    """The job with its rock at hand: as stored, or made in a temporary folder."""
-    if not _is_stale("rock", job):
-        return job
-    quiet = replace(job, log=lambda line: None, shows=False)
-    aside = replace(quiet, store=Store(folder), cluster=Cluster(0))
-    with aside.store:
-        graph.make("rock", aside)
-    return aside
-
-
 def _is_stale(name: str, job: Job) -> bool:
     return any(graph.why(BY_NAME[name], graph.identities(name, job.site)[name], job.store))
 
@@ -180,17 +205,13 @@ def _stored(store: Store, runs: Iterable[Run], kind: Kind[Any]) -> dict[bytes, i
         return database.outcomes(run.key for run in runs)
 
 
-def _runs(job: Job, kind: Kind[Any]) -> tuple[Counter[int], int]:
+def _runs(job: Job, product: str) -> tuple[Counter[int], int]:
     """Outcomes of the runs stored, and how many are wanted; none where no key is known yet."""
     if not isinstance(job.site.settings, Config):
         return Counter(), 0
-    needed = [BY_NAME[name] for name in ("rock", "terrain", "time_step", "motions")]
-    names = [stage.name for stage in needed if stage.is_for(job.config)]
-    if any(job.store.manifest(name) is None or job.store.damage(name) for name in names):
+    kind, study = _kind(product, job.config), _study(job, None)
+    if study is None or any(map(math.isnan, study.steps.steps)):
         return Counter(), 0
-    if not isinstance(job.config.motion, PulseGrid) and _is_stale("motions", job):
-        return Counter(), 0  # which runs are wanted is known once the records are read anew
-    study = load_study(job.config, job.store)
     counts: Counter[int] = Counter()
     for group in study.groups:
         counts.update(_stored(job.store, study.wanted(group), kind).values())

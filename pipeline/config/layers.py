@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import difflib
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -25,33 +25,39 @@ BASE = CONFIGS / "base.yaml"
 Checked = TypeVar("Checked", bound=BaseModel)
 
 
-@dataclass(frozen=True)
-class Site:
-    """What products are made for, and from which settings.
+class Request(NamedTuple):
+    """What a command names: a site, perhaps a study of it, and settings over both."""
+
+    site: str
+    study: str | None = None
+    settings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where the settings of a site stand: what messages name, and what paths are relative to.
 
     Attributes
     ----------
-    settings : the checked configuration of a rock, or what is assumed of a series of recorded
-        shake-table tests
     file : str, where they stand, as a reader would write it
+    path : Path, of that file, or of a folder of recorded tests
     places : dict, from the parts of a key to where it was set above the base, as a reader would
         write it, and the folder which a path there is relative to
     """
 
     name: str
-    settings: Config | ShakeTableConfig
     file: str
-    folder: Path
+    path: Path
     places: dict[tuple[str, ...], tuple[str, Path]] = field(default_factory=dict)
+    request: Request | None = None
 
     @property
-    def config(self) -> Config:
-        """The configuration, of a site that is a rock."""
-        assert isinstance(self.settings, Config)
-        return self.settings
+    def folder(self) -> Path:
+        """Folder that paths are relative to."""
+        return self.path if self.path.is_dir() else self.path.parent
 
     @property
-    def origin(self) -> str:
+    def label(self) -> str:
         """Where the settings stand, for provenance: never a path that only one machine knows."""
         return Path(self.file).name if Path(self.file).is_absolute() else self.file
 
@@ -73,6 +79,30 @@ class Site:
         """
         found = nearest(self.places, tuple(key.split(".")))
         return self.file if found is None else found[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site(Origin):
+    """What products are made for, and from which settings.
+
+    Attributes
+    ----------
+    settings : the checked configuration of a rock, or what is assumed of a series of recorded
+        shake-table tests
+    """
+
+    settings: Config | ShakeTableConfig
+
+    @property
+    def config(self) -> Config:
+        """The configuration, of a site that is a rock."""
+        assert isinstance(self.settings, Config)
+        return self.settings
+
+    @property
+    def origin(self) -> Origin:
+        """Where the settings stand, without them."""
+        return Origin(**{one.name: getattr(self, one.name) for one in fields(Origin)})
 
 
 def known(folder: Path = SITES) -> list[str]:
@@ -99,6 +129,7 @@ class Layers:
     """
 
     path: Path
+    request: Request
     files: tuple[tuple[str, dict[str, Any]], ...]
     parents: dict[str, Path]
     settings: tuple[dict[str, Any], ...]
@@ -125,7 +156,14 @@ class Layers:
             for key, at in origin.items()
             if at != shown(BASE)  # what is to be other than in the base is set by the site
         }
-        return Site(self.path.stem, config, file, folder, places)
+        return Site(
+            name=self.path.stem,
+            file=file,
+            path=self.path,
+            places=places,
+            request=self.request,
+            settings=config,
+        )
 
     def merged(self, *more: dict[str, Any]) -> tuple[dict[str, Any], dict[tuple[str, ...], str]]:
         """Merge them, unchecked.
@@ -152,7 +190,9 @@ def read_layers(site: str, study: str | None, settings: tuple[str, ...]) -> Laye
     sweep = files[-1][1].pop("sweep", None) if study else None
     parents = {shown(file): file.parent for file in paths}
     parted = [one for given in settings for one in _parted(given)]
-    return Layers(path, files, parents, tuple(map(_setting, parted)), sweep)
+    return Layers(
+        path, Request(site, study, settings), files, parents, tuple(map(_setting, parted)), sweep
+    )
 
 
 def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple[Checked, str]:

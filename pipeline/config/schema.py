@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
     BeforeValidator,
@@ -30,6 +30,7 @@ from pipeline.config.sections import (
     MOST_SCENES,
     SHORTEST_STEP,
     SMALLEST_PGA,
+    Key,
     Lax,
     Mass,
     Range,
@@ -73,6 +74,34 @@ class SimulationConfig(Section):
     )
 
 
+class SceneSettings(NamedTuple):
+    """What the scenes of a study are set up by, and how they are run."""
+
+    pedestal: PedestalConfig
+    contact: ContactConfig
+    drive: Annotated[str, Key("drive")]
+    servo: ServoConfig | None
+    simulation: SimulationConfig
+
+    @property
+    def on_terrain(self) -> bool:
+        """Whether the rock stands on a terrain."""
+        return self.pedestal.shape == "mesh"
+
+    @property
+    def engine(self) -> str:
+        """Name of the physics engine: of ``auto`` the cheapest that can hold the scene."""
+        given = self.simulation.engine
+        if given != "auto":
+            return given
+        rolls = self.contact.rolling_friction > 0.0
+        return "bullet" if self.drive == "servo" or rolls else COMPILED
+
+    def with_contact(self, **changes: Any) -> SceneSettings:
+        """The same with another contact."""
+        return self._replace(contact=self.contact.model_copy(update=changes))
+
+
 class Config(Section):
     """Everything that determines the products of a site."""
 
@@ -103,9 +132,20 @@ class Config(Section):
     )
 
     @property
+    def scene(self) -> SceneSettings:
+        """What the scenes are set up by."""
+        servo = self.servo if self.drive == "servo" else None
+        return SceneSettings(self.pedestal, self.contact, self.drive, servo, self.simulation)
+
+    @property
     def on_terrain(self) -> bool:
         """Whether the rock stands on a terrain."""
-        return self.pedestal.shape == "mesh"
+        return self.scene.on_terrain
+
+    @property
+    def own_servo(self) -> ServoConfig:
+        """The servo, also where it drives nothing."""
+        return self.servo
 
     @property
     def rock_alone(self) -> bool:
@@ -115,11 +155,7 @@ class Config(Section):
     @property
     def engine(self) -> str:
         """Name of the physics engine: of ``auto`` the cheapest that can hold the scene."""
-        given = self.simulation.engine
-        if given != "auto":
-            return given
-        rolls = self.contact.rolling_friction > 0.0
-        return "bullet" if self.drive == "servo" or rolls else COMPILED
+        return self.scene.engine
 
     @property
     def uncertain(self) -> bool:

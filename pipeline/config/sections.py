@@ -6,7 +6,7 @@ digits and a run ends in time that one would wait for.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
 
@@ -33,6 +33,12 @@ class Refused(ValueError):
     def __init__(self, rule: str, remedy: str, key: str = "", given: str = "") -> None:
         super().__init__(f"{rule}; {remedy}")
         self.rule, self.remedy, self.key, self.given = rule, remedy, key, given
+
+
+class Key(NamedTuple):
+    """Of an annotation: the dotted key of the one setting that a parameter takes."""
+
+    name: str
 
 
 class Section(BaseModel):

@@ -21,22 +21,9 @@ TERRAIN_CODE = (
 ENGINES = ("vsr_core.engines.bullet", "vsr_core.engines.mujoco", "vsr_core.engines.nonsmooth")
 """Modules of all engines, which are found by name only."""
 
-ENGINE_CODE = tuple(f"{engine}:build" for engine in ENGINES)
-"""Roots of the code of stages that run in any engine."""
-
 RECORD_CODE = ("vsr_core.motions.records.trace:RecordedMotion",)
 TABLE_CODE = ("vsr_core.motions.sampled:SampledMotion",)
 AXIS_CODE = ("vsr_core.motions.six_axes:AxisPulses", "vsr_core.motions.six_axes:AxisPulse")
-MOTION_CODE = (
-    "vsr_core.motions.pulses:CosinePulse",
-    "vsr_core.motions.pulses:SinePulse",
-    "vsr_core.motions.pulses:RickerPulse",
-    *RECORD_CODE,
-    *TABLE_CODE,
-    *AXIS_CODE,
-)
-"""Roots of the code of all motions, which runs reach through a variable."""
-
 VALIDATION_CODE = (
     "vsr_core.validation.specimen:standing_case",
     "vsr_core.validation.specimen:shaken",

@@ -6,11 +6,12 @@ import json
 import platform
 import sys
 from contextlib import closing
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, cached_property
 from pathlib import Path
 from threading import Lock
 from types import ModuleType
-from typing import Any, cast
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 import threadpoolctl
@@ -19,7 +20,8 @@ from xarray.backends import NetCDF4DataStore
 
 from pipeline.config.yaml_text import parse
 from pipeline.workflow.keys import installed_version
-from pipeline.workflow.stage import Job
+from pipeline.workflow.stage import Work
+from pipeline.workflow.store import Store
 from pipeline.workflow.writers import Writer
 from vsr_core import outcome
 
@@ -73,7 +75,7 @@ def spelled(units: str) -> str:
     return {"1": "", "degree": "deg"}.get(units, units)
 
 
-def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
+def described(dataset: xr.Dataset, work: Work, title: str) -> xr.Dataset:
     """Give a dataset CF attributes for every variable, and its provenance."""
     for name in dataset.variables:
         entry = catalogue()[str(name)]
@@ -83,16 +85,14 @@ def described(dataset: xr.Dataset, job: Job, title: str) -> xr.Dataset:
             attributes["flag_values"] = [flag.value for flag in flags]
             attributes["flag_meanings"] = " ".join(flag.name.lower() for flag in flags)
         dataset[name].attrs.update(attributes)
-    engine = _ENGINES[job.site.settings.engine]
+    engine = _ENGINES[work.engine]
     versions = {name: installed_version(name) for name in (*_VERSIONS, engine.lower())}
     dataset.attrs |= {
         "Conventions": "CF-1.11",
-        "title": f"{title}: {job.site.name}",
+        "title": f"{title}: {work.origin.name}",
         "source": f"virtual shake robot {versions['vsr']}, {engine} {versions[engine.lower()]}",
-        "history": f"made by stage {job.stage} from {job.site.origin}",
         "references": "Chen et al. (2024), Virtual Shake Robot, Seismica 3(1)",
-        "vsr_key": job.key,
-        "vsr_config_json": json.dumps(job.site.settings.model_dump(mode="json"), sort_keys=True),
+        **work.provenance,
         "vsr_versions_json": json.dumps(versions, sort_keys=True),
         "vsr_processor_json": json.dumps(_processor(), sort_keys=True),
     }
@@ -112,6 +112,25 @@ def _processor() -> dict[str, str]:
         "simd": " ".join(np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])),
         "libc": " ".join(platform.libc_ver()),
     }
+
+
+@dataclass(frozen=True)
+class Stored:
+    """The product of a stage, of a dataset that is read when it is first looked at."""
+
+    FILE: ClassVar[str]
+
+    folder: Path
+
+    @classmethod
+    def load(cls, store: Store) -> Self:
+        """The product as it is in a folder."""
+        return cls(store.folder)
+
+    @cached_property
+    def data(self) -> xr.Dataset:
+        """The dataset."""
+        return read(self.folder / self.FILE)
 
 
 def rows_of(dataset: xr.Dataset) -> str:

@@ -51,18 +51,22 @@ def text(derived: Path, folders: list[Path], known: Facts) -> tuple[str, Facts]:
             key = f"{(folder / name).relative_to(derived)} {checksum}"
             with suppress(OSError):
                 read[key] = known.get(key) or _page(folder / name)
-                yield {"href": _href(derived, folder / name), **read[key]}
+                yield {"name": name, "href": _href(derived, folder / name), **read[key]}
 
     sites: dict[str, list[Facts]] = {}
     for folder in folders:
         manifests = _manifests(folder)
         made = {name: sum_ for one in manifests for name, sum_ in one["files"].items()}
+        stale = {
+            name: one["stale"] for one in manifests if one.get("stale") for name in one["files"]
+        }
         place = folder.relative_to(derived)
         entry = {
             "name": " / ".join(place.parts),
             "pages": list(pages_of(folder, {n: s for n, s in made.items() if n.endswith(".html")})),
+            "stale": stale,
             "data": [
-                {"name": name, "href": _href(derived, folder / name)}
+                {"name": name, "href": _href(derived, folder / name), "stale": name in stale}
                 for name in sorted(made)
                 if name.endswith(_DATA) and (folder / name).is_file()
             ],

@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError
-from pipeline.workflow import aside, keys
-from pipeline.workflow.registry import BY_NAME, upstream
-from pipeline.workflow.run_store import RunsLost
-from pipeline.workflow.stage import Job, Product, Refusal, Stage
+from pipeline.workflow import aside, keys, pages, site_folder
+from pipeline.workflow.parameters import WORK, Asked, Made, Parts, Setting, Values, changes
+from pipeline.workflow.registry import (
+    BY_NAME,
+    FINDERS,
+    MAKERS,
+    asked,
+    inputs_of,
+    needs,
+    settings_of,
+    upstream,
+)
+from pipeline.workflow.run_store import RUNS, RunsLost, is_there
+from pipeline.workflow.stage import Input, Job, Product, Refusal, Stage, Work, named
 from pipeline.workflow.store import Store
 from vsr_core.source import tracing
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What a stage's product is made from, and the key of it all."""
+    """What a stage's product is made from, and the key of it all.
+
+    Attributes
+    ----------
+    inputs : dict, what was found besides the configuration, by the paths of its classes
+    """
 
     facts: dict[str, Any]
+    inputs: dict[str, Input | None] = field(default_factory=dict, compare=False)
 
     @property
     def key(self) -> str:
@@ -30,23 +49,81 @@ class Identity:
 
 
 def identities(name: str, site: Site) -> dict[str, Identity]:
-    """Identity of each stage that a product needs and that applies, each after what it needs."""
+    """Identity of each stage that a product needs and that applies, each after what it needs.
+
+    What cannot be made is refused.
+    """
     found: dict[str, Identity] = {}
-    for stage in upstream(name):
-        if not stage.is_for(site.settings):
-            continue
-        found[stage.name] = Identity(
-            {
-                "config": stage.settings(site.settings),
-                "code": tracing.reached(stage.roots()),
-                "inputs": stage.input_digests(site),
-                "versions": {
-                    library: keys.installed_version(library) for library in stage.versions
-                },
-                "needs": {need: found[need].key for need in stage.needs if need in found},
-            }
-        )
+    inputs: dict[str, Input | None] = {}
+    values = Values(site.settings)
+    stages = [stage for stage in upstream(name) if stage.applies(site.settings)]
+    for stage in stages:
+        if stage.refuses:
+            named(stage.refuses)(site)
+    for stage in stages:
+        for path in inputs_of(stage.make):
+            if path not in inputs:
+                inputs[path] = _found(path, site)
+        own = {path: inputs[path] for path in inputs_of(stage.make)}
+        above = {need: found[need].key for need in needs(stage.name) if need in found}
+        found[stage.name] = identity(stage, values, own, above)
     return found
+
+
+def identity(
+    stage: Stage, values: Values, inputs: dict[str, Input | None], above: dict[str, str]
+) -> Identity:
+    """What a stage's product is made from.
+
+    Parameters
+    ----------
+    above : dict, keys of the products that it needs
+    """
+    digests: dict[str, str] = {}
+    for one in inputs.values():
+        digests |= one.digests() if one is not None else {}
+    config = {key: values.plain(key) for key in sorted(settings_of(stage.make))}
+    return made_from(stage, config, digests, above, inputs)
+
+
+def made_from(
+    stage: Stage,
+    config: dict[str, Any],
+    digests: dict[str, str],
+    above: dict[str, str],
+    inputs: dict[str, Input | None] | None = None,
+) -> Identity:
+    """The identity of what is made from some settings, files and products."""
+    roots = [stage.make, *stage.code]
+    for path, one in (inputs or {}).items():
+        roots += [FINDERS[path].find, *(one.code if one is not None else ())]
+    code = tracing.reached(roots)
+    digests = digests | {name: pages.digest(name) for name in stage.files}
+    versions = {library: keys.installed_version(library) for library in stage.versions}
+    facts = {"config": config, "code": code, "inputs": digests, "versions": versions}
+    return Identity({**facts, "needs": above}, inputs or {})
+
+
+def _found(path: str, site: Site) -> Input | None:
+    nothing: dict[Made, Any] = {}  # an input is found before any product is made
+    found: Input | None = _built(asked(FINDERS[path].find), site, nothing.__getitem__)
+    return found
+
+
+def _built(parts: Parts, site: Site, made: Callable[[Made], Any], work: Work | None = None) -> Any:
+    """Call a function, or a class, with what its parameters stand for, and nothing else."""
+    values = Values(site.settings)
+
+    def value(one: Asked) -> Any:
+        if isinstance(one, Setting):
+            return values.given(one.key)
+        if isinstance(one, Made):
+            return made(one)
+        if isinstance(one, Parts):
+            return _built(one, site, made, work)
+        return work if one.what == WORK else site.origin
+
+    return named(parts.path)(**{name: value(one) for name, one in parts.asked.items()})
 
 
 def why(stage: Stage, identity: Identity, store: Store) -> Iterator[str]:
@@ -55,20 +132,19 @@ def why(stage: Stage, identity: Identity, store: Store) -> Iterator[str]:
     if manifest is None:
         yield "never made here"
         return
-    damage = store.damage(stage.name) or stage.fault(store)
-    if damage:
+    if damage := store.damage(stage.name):
         yield damage
+    elif stage.in_database and not is_there(store.runs):
+        yield f"{RUNS} is missing"
     if manifest["retry"]:
         yield f"{manifest['retry']} runs crashed and are tried again"
     if manifest["key"] != identity.key:
-        yield from _differences(manifest["facts"], identity.facts)
+        yield from differences(manifest["facts"], identity.facts)
 
 
-def _differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
-    was, now = (dict(_leaves(facts["config"])) for facts in (old, new))
-    for key in sorted(now):
-        if was.get(key) != now[key]:
-            yield f"{key} changed: {_change(was.get(key), now[key])}"
+def differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
+    """What tells the facts of two identities apart, in words."""
+    yield from changes(old["config"], new["config"])
     for part, label in (("inputs", "file"), ("versions", "version of"), ("code", "code")):
         for item in sorted({*old[part], *new[part]}):
             if old[part].get(item) != new[part].get(item):
@@ -89,45 +165,149 @@ def make(name: str, job: Job) -> int:
     """Bring a product up to date; returns the number of unresolved runs."""
     wanted = identities(name, job.site)
     _forget_crashed(name, job.store)
+    made = False
     try:
-        _make_all(wanted, job)
+        made = _Making(wanted, job).all()
     except RunsLost as lost:
         for problem in lost.problems:
             job.log(f"{problem.file}: {problem.given}; they are done again")
-        _make_all(wanted, job)
+        for stage in wanted:
+            if BY_NAME[stage].in_database:
+                job.store.forget(stage)
+        made = _Making(wanted, job).all()
+    site_folder.settle(job)
+    if made:
+        site_folder.mark(job)
     manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
     return max(int(manifest["unresolved"]) for manifest in manifests)
 
 
-def _make_all(wanted: dict[str, Identity], job: Job) -> None:
-    """Make the stages that are not fresh, some of them beside others."""
-    under_way: dict[str, Callable[[], str]] = {}
-    ahead = list(wanted)
-    waited_for = {need for needed in wanted for need in BY_NAME[needed].late}
+def built(what: type[T], job: Job) -> T:
+    """A product that is there, or a class whose fields are settings and such products."""
+    path = f"{what.__module__}:{what.__name__}"
+    if path in MAKERS:
+        found: T = _Products({}, job).get(Made(path))
+    else:
+        inputs = {product: _found(product, job.site) for product in inputs_of(path)}
+        found = _built(asked(path), job.site, _Products(inputs, job).get)
+    return found
 
-    def awaited(name: str) -> None:
-        if name in under_way:
-            for coming in ahead:  # meanwhile, what will be needed next
-                BY_NAME[coming].get_ready(job.site)
-            job.log(under_way.pop(name)())
 
-    for needed, identity in wanted.items():
-        stage = BY_NAME[needed]
-        ahead.remove(needed)
-        # What reads the user's files ends, or refuses them, before anything else is made.
-        for other in (under_way.keys() - waited_for) | (set(stage.needs) - set(stage.late)):
-            awaited(other)
-        if not _is_ours_to_make(stage, identity, job.store):
-            continue
-        own = replace(job, awaited=awaited)
-        if aside.POSSIBLE and job.cluster.free and stage.is_made_aside(job.site.settings):
+class _Products:
+    """Products and inputs as functions ask for them, each loaded once."""
+
+    def __init__(
+        self,
+        inputs: dict[str, Input | None],
+        job: Job,
+        awaited: Callable[[str], None] = lambda name: None,
+    ) -> None:
+        self._inputs, self._job, self._awaited = inputs, job, awaited
+        self._loaded: dict[str, Any] = {}
+
+    def get(self, one: Made) -> Any:
+        """Load a product, or say how to."""
+        if one.product in FINDERS:
+            return self._inputs[one.product]
+        return partial(self._load, one.product) if one.late else self._load(one.product)
+
+    def _load(self, product: str) -> Any:
+        stage = BY_NAME[MAKERS[product]]
+        if not stage.applies(self._job.site.settings):
+            return None
+        self._awaited(stage.name)
+        if product not in self._loaded:
+            load = getattr(named(product), "load")  # noqa: B009 (of a class, as the checker sees)
+            self._loaded[product] = load(self._job.store)
+        return self._loaded[product]
+
+
+class _Making:
+    """Making stages that are not fresh, some of them beside others."""
+
+    def __init__(self, wanted: dict[str, Identity], job: Job) -> None:
+        self._wanted, self._job = wanted, job
+        self._under_way: dict[str, Callable[[], str]] = {}
+        self._ahead = list(wanted)
+        inputs = {path: one for part in wanted.values() for path, one in part.inputs.items()}
+        self._products = _Products(inputs, job, self._awaited)
+
+    def all(self) -> bool:
+        """Make them in their order; returns whether there was any."""
+        made = False
+        late = {need for name in self._wanted for need in needs(name, late=True)}
+        for name, own in self._wanted.items():
+            stage = BY_NAME[name]
+            self._ahead.remove(name)
+            # What reads the user's files ends, or refuses them, before anything else is made.
+            for other in (self._under_way.keys() - late) | set(needs(name, late=False)):
+                self._awaited(other)
+            if _is_ours_to_make(stage, own, self._job.store):
+                self._begin(stage, own)
+                made = True
+        for name in tuple(self._under_way):
+            self._awaited(name)
+        return made
+
+    def _begin(self, stage: Stage, own: Identity) -> None:
+        job = self._job
+        if aside.POSSIBLE and job.cluster.free and stage.aside(job.site.settings):
             # A copy of a process that once had workers cannot have any: Dask's threads are gone.
-            own = replace(own, cluster=job.cluster.in_process())
-            under_way[needed] = aside.begin(partial(_make, stage, identity, own))
+            alone = replace(job, cluster=job.cluster.in_process())
+            self._under_way[stage.name] = aside.begin(partial(self._make, stage, own, alone))
         else:
-            job.log(_make(stage, identity, own))
-    for needed in tuple(under_way):
-        awaited(needed)
+            job.log(self._make(stage, own, job, settles=True))
+
+    def _awaited(self, name: str) -> None:
+        if name not in self._under_way:
+            return
+        for coming in self._ahead:  # meanwhile, what will be needed next
+            named(BY_NAME[coming].make)
+            for one in self._wanted[coming].inputs.values():
+                if one is not None:
+                    one.get_ready()
+        line = self._under_way.pop(name)()
+        site_folder.settle(self._job)
+        self._job.log(line)
+
+    def _make(self, stage: Stage, own: Identity, job: Job, *, settles: bool = False) -> str:
+        """Make and keep a stage's products; returns a line that says so."""
+        if lender := job.store.borrow(stage.name, own.key):
+            return f"{stage.name}: as in {lender}"
+        work = work_of(stage.name, own.key, job)
+        try:
+            product: Product = _built(asked(stage.make), job.site, self._products.get, work)
+        except Refusal as refusal:
+            if not job.shows:
+                raise InputError(*refusal.problems) from None
+            job.store.show(stage.name, refusal.files)
+            raise refusal.shown_in(job.store.folder) from None
+        if settles:
+            site_folder.settle(job)
+        keep(stage.name, own, product, job.store)
+        return f"{stage.name}: {product.summary}"
+
+
+def work_of(stage: str, key: str, job: Job) -> Work:
+    """What the function of a stage works with."""
+    site, store = job.site, job.store
+    provenance = {
+        "history": f"made by stage {stage} from {site.label}",
+        "vsr_key": key,
+        "vsr_config_json": json.dumps(site.settings.model_dump(mode="json"), sort_keys=True),
+    }
+    return Work(
+        stage,
+        site.origin,
+        job.cluster,
+        job.log,
+        store.runs,
+        store.up,
+        site.settings.engine,
+        provenance,
+        partial(store.note, stage),
+        store.notes,
+    )
 
 
 def _is_ours_to_make(stage: Stage, identity: Identity, store: Store) -> bool:
@@ -138,22 +318,7 @@ def _is_ours_to_make(stage: Stage, identity: Identity, store: Store) -> bool:
     return not just_owned or any(why(stage, identity, store))
 
 
-def _make(stage: Stage, identity: Identity, job: Job) -> str:
-    """Make and keep a stage's products; returns a line that says so."""
-    if lender := job.store.borrow(stage.name, identity.key):
-        return f"{stage.name}: as in {lender}"
-    try:
-        product = stage.product(replace(job, key=identity.key, stage=stage.name))
-    except Refusal as refusal:
-        if not job.shows:
-            raise InputError(*refusal.problems) from None
-        job.store.show(stage.name, refusal.files)
-        raise refusal.shown_in(job.store.folder) from None
-    keep(stage, identity, product, job.store)
-    return f"{stage.name}: {product.summary}"
-
-
-def keep(stage: Stage, identity: Identity, product: Product, store: Store) -> None:
+def keep(name: str, identity: Identity, product: Product, store: Store) -> None:
     """Write what a stage made, and what it was made from."""
     facts = {
         "key": identity.key,
@@ -161,7 +326,7 @@ def keep(stage: Stage, identity: Identity, product: Product, store: Store) -> No
         "unresolved": product.unresolved,
         "retry": product.retry,
     }
-    store.publish(stage.name, facts, product.files)
+    store.publish(name, facts, product.files)
 
 
 def _forget_crashed(name: str, store: Store) -> None:
@@ -169,26 +334,7 @@ def _forget_crashed(name: str, store: Store) -> None:
     forgotten: set[str] = set()
     for stage in upstream(name):
         crashed = (store.manifest(stage.name) or {"retry": 0})["retry"]
-        if crashed or forgotten.intersection(stage.needs):
+        if crashed or forgotten.intersection(needs(stage.name)):
             store.open()
             store.forget(stage.name)
             forgotten.add(stage.name)
-
-
-def _leaves(tree: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Values of a configuration by dotted key."""
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            yield from _leaves(value, f"{above}{key}.")
-        else:
-            yield f"{above}{key}", value
-
-
-def _change(old: Any, new: Any) -> str:
-    if isinstance(old, list) and isinstance(new, list):
-        added, removed = (
-            len(set(map(str, new)) - set(map(str, old))),
-            len(set(map(str, old)) - set(map(str, new))),
-        )
-        return f"{added} values added, {removed} removed"
-    return f"{old!r} is now {new!r}"

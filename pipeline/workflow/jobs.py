@@ -15,6 +15,7 @@ from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.slips import warnings
 from pipeline.config.sweep import Sweep, load_sweep
+from pipeline.workflow import graph, site_folder
 from pipeline.workflow.cluster import Cluster, check_settings
 from pipeline.workflow.products import DELIVERABLES, GRIDDED
 from pipeline.workflow.stage import Job, named
@@ -33,16 +34,13 @@ def check_drawn(job: Job) -> None:
     raise InputError(Problem(job.site.file_of(key), key, given, rule, remedy))
 
 
-def others_of(options: argparse.Namespace, job: Job) -> Iterator[Job]:
-    """Jobs of other rocks and other settings, whose fragilities a site's hazard reads."""
-    named("pipeline.stages.hazard.hazard:inputs")(job.site)  # refused before anything is made
-    compared = named("pipeline.stages.hazard.others:compared")
-    file, settings = str(options.site), _settings(vars(options))
-    found = named("pipeline.stages.hazard.others:rocks")(job.site)
-    found += compared(job.site, file, options.study, settings)
-    for other in found:
+def others_of(job: Job) -> Iterator[tuple[str, Job]]:
+    """Stages and jobs of other rocks and settings, whose fragilities a site's hazard reads."""
+    graph.identities("hazard", job.site)  # refused before anything is made
+    found = named("pipeline.stages.hazard.others:find")(job.config.hazard, job.site)
+    for other in (*found.rocks, *found.compared):
         store = Store(other.folder(job.store.folder))
-        yield replace(job, site=other.site, store=store, stage=other.stage)
+        yield other.stage, replace(job, site=other.site, store=store)
 
 
 def _settings(given: dict[str, Any]) -> tuple[str, ...]:
@@ -92,7 +90,10 @@ def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
     sites = [site] if sweep is None else [member.site for member in sweep.members]
     for warning in dict.fromkeys(str(one) for each in sites for one in warnings(each)):
         log(f"vsr: warning: {warning}")
-    return Job(site, Store(options.derived / site.name), cluster_of(given), "", log)
+    store = site_folder.store_of(site, options.derived, given.get("name"))
+    if store.folder.name.partition("@")[0] != site.name:
+        log(f"vsr: results of another {site.name}.yaml are there; those of this: {store.folder}")
+    return Job(site, store, cluster_of(given), log)
 
 
 def cluster_of(given: dict[str, Any]) -> Cluster:

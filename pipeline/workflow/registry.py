@@ -1,23 +1,20 @@
 """All stages, in the order of the mission: from a scan to fragility, displacement and studies.
 
-A stage is declared here and written in its room under ``pipeline/stages``. Functions are named by
+A stage is declared here and written in its room under ``pipeline/stages``. What it is made from is
+what its function asks for (``pipeline.workflow.parameters``). Functions and classes are named by
 their paths, so that nothing is imported before it is needed.
 """
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 from pipeline import ROOT
-from pipeline.workflow.code_roots import (
-    ENGINE_CODE,
-    ENGINES,
-    MOTION_CODE,
-    RUN_CODE,
-    TERRAIN_CODE,
-    VALIDATION_CODE,
-)
-from pipeline.workflow.stage import Stage
+from pipeline.workflow import parameters
+from pipeline.workflow.code_roots import ENGINES
+from pipeline.workflow.parameters import Made, Parts, Setting
+from pipeline.workflow.stage import Finder, Stage
 
 SCENE_SCRIPTS = tuple(
     f"{part}.js" for part in ("geometry", "samples", "drawing", "controls", "playing")
@@ -33,167 +30,116 @@ def _modules(room: str) -> list[str]:
 
 MUJOCO = "vsr_core.engines.mujoco:build"
 
+INPUTS = tuple(
+    Finder(f"pipeline.{module}:{find}", f"pipeline.{module}:{gives}")
+    for module, find, gives in (
+        ("stages.mesh.sources", "find", "Source"),
+        ("stages.motions.motion_grid", "find", "MotionFiles"),
+        ("workflow.engine_input", "find", "Engine"),
+        ("stages.uncertainty.draws", "find_replica", "Replica"),
+        ("stages.hazard.curve_folder", "find", "Curves"),
+        ("stages.hazard.others", "find", "Others"),
+        ("stages.studies.validation.recorded_tests", "find", "Folder"),
+    )
+)
+"""What stages read besides the configuration and each other's products."""
+
+
 STAGES: tuple[Stage, ...] = (
     Stage(
         "scan",
         make="pipeline.stages.mesh.scan:make",
-        applies="on_terrain",
-        reads=("rock", "pedestal"),
-        code=("pipeline.stages.mesh.sources:load", "vsr_core.surrogates.raw_scan:scan"),
-        inputs="pipeline.stages.mesh.sources:digests",
+        gives=("pipeline.stages.mesh.products:ScanData",),
+        applies=lambda site: site.on_terrain,
         files=("prep.html", "refused.html"),
         versions=("trimesh", "scipy"),
     ),
     Stage(
         "closed_rock",
         make="pipeline.stages.mesh.closed_rock:make",
-        applies="rock_alone",
-        reads=("rock",),
-        code=("pipeline.stages.mesh.sources:load", "vsr_core.surrogates.double_rock:double_rock"),
-        inputs="pipeline.stages.mesh.sources:digests",
+        applies=lambda site: site.rock_alone,
         files=("closed_rock.html", "refused.html"),
         versions=("trimesh", "scipy"),
     ),
     Stage(
         "rock",
         make="pipeline.stages.mesh.rock:make",
-        aside=True,
-        needs=("scan",),
-        reads=("rock", "pedestal", "contact.rolling_friction"),
-        code=("pipeline.stages.mesh.sources:load", "vsr_core.surrogates.double_rock:double_rock"),
-        inputs="pipeline.stages.mesh.sources:digests",
+        gives=("pipeline.stages.mesh.products:RockData", "pipeline.stages.mesh.products:Standing"),
+        aside=lambda site: True,
         versions=("trimesh", "scipy"),
     ),
     Stage(
         "time_step",
         make="pipeline.stages.runs.step_choice:make",
-        needs=("rock",),
-        reads=("pedestal", "contact", "drive", "servo", "simulation"),
-        code=(*RUN_CODE, "pipeline.stages.runs.step_choice:measure_rows", *ENGINE_CODE),
-        inputs="pipeline.stages.runs.scenes:engine_version",
-        ready="pipeline.stages.runs.step_choice:load_engine",
+        gives=(
+            "pipeline.stages.runs.step_choice:StepData",
+            "pipeline.stages.runs.step_choice:TimeSteps",
+        ),
+        refuses="pipeline.stages.runs.scenes:refuse_grid",
     ),
     Stage(
         "terrain",
         make="pipeline.stages.mesh.terrain:make",
-        applies="on_terrain",
-        needs=("scan", "rock"),
-        reads=("pedestal", "contact", "simulation.engine", "simulation.reduce"),
-        code=ENGINE_CODE,
-        inputs="pipeline.stages.runs.scenes:engine_version",
+        gives=("pipeline.stages.mesh.products:TerrainData", "pipeline.stages.mesh.products:Ground"),
+        applies=lambda site: site.on_terrain,
     ),
     Stage(
         "motions",
         make="pipeline.stages.motions.motions:make",
-        reads=("motion",),
-        inputs="pipeline.stages.motions.motions:inputs",
+        gives=("pipeline.stages.motions.motion_grid:MotionData",),
         versions=("scipy",),
     ),
     Stage(
         "runs",
         make="pipeline.stages.runs.overturning_runs:make",
-        needs=("rock", "terrain", "time_step", "motions"),
-        reads=("pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
-        code=(
-            *TERRAIN_CODE,
-            "pipeline.stages.runs.overturning_runs:simulate_batch",
-            "pipeline.stages.runs.overturning_runs:respond_batch",
-            *MOTION_CODE,
-            *ENGINE_CODE,
-        ),
-        made_elsewhere=True,
-        inputs="pipeline.stages.runs.scenes:engine_version",
-        check="pipeline.stages.runs.runner:database_is_there",
+        gives=("pipeline.stages.runs.overturning_runs:Runs",),
+        in_database=True,
     ),
     Stage(
         "displacement_runs",
         make="pipeline.stages.runs.displacement_runs:make",
-        needs=("rock", "terrain", "time_step", "motions"),
-        reads=("pedestal", "contact", "motion", "yaw", "drive", "simulation"),
-        code=(
-            *TERRAIN_CODE,
-            "pipeline.stages.runs.displacement_runs:follow_batch",
-            *MOTION_CODE,
-            *ENGINE_CODE,
-        ),
-        made_elsewhere=True,
-        inputs="pipeline.stages.runs.displacement_runs:inputs",
-        check="pipeline.stages.runs.runner:database_is_there",
+        gives=("pipeline.stages.runs.displacement_runs:Journeys",),
+        refuses="pipeline.stages.runs.displacement_runs:refuse_level_ground",
+        in_database=True,
     ),
     Stage(
         "responses",
         make="pipeline.stages.datasets.responses:make",
-        needs=("rock", "motions", "time_step", "runs"),
-        reads=("contact", "motion", "yaw", "drive", "servo", "simulation"),
+        gives=("pipeline.stages.datasets.responses:Responses",),
     ),
     Stage(
         "bullet_sample",
         make="pipeline.stages.datasets.bullet_sample:make",
-        applies="second_engine",
-        needs=("rock", "terrain", "time_step", "motions", "responses"),
-        reads=("pedestal", "contact", "motion", "yaw", "drive", "simulation"),
-        code=(*TERRAIN_CODE, *MOTION_CODE, "vsr_core.engines.bullet:build", MUJOCO),
-        aside=True,
-        workers="long_runs",
+        gives=("pipeline.stages.datasets.bullet_sample:BulletSample",),
+        applies=lambda site: site.second_engine is not None,
+        aside=lambda site: not site.long_runs,
+        code=("vsr_core.engines.bullet:build", MUJOCO),
         versions=("pybullet", "mujoco"),
     ),
     Stage(
         "fragility",
         make="pipeline.stages.fragility.fragility_fits:make",
-        needs=("responses",),
+        gives=("pipeline.stages.fragility.products:Fits",),
         versions=("scipy",),
     ),
     Stage(
         "uncertainty",
         make="pipeline.stages.uncertainty.uncertainty:make",
-        applies="uncertain",
-        needs=("rock", "time_step", "motions", "responses"),
-        reads=(
-            "rock.density",
-            "pedestal",
-            "contact",
-            "motion",
-            "yaw",
-            "drive",
-            "servo",
-            "simulation",
-            "uncertainty",
-        ),
-        code=(
-            *RUN_CODE,
-            "pipeline.stages.uncertainty.ensemble:simulate_draw",
-            *MOTION_CODE,
-            *ENGINE_CODE,
-        ),
-        inputs="pipeline.stages.uncertainty.draws:inputs",
+        gives=("pipeline.stages.uncertainty.products:EnsembleData",),
+        applies=lambda site: site.uncertain,
+        refuses="pipeline.stages.uncertainty.draws:refuse_contact",
         files=("uncertainty.html", "catalogue.yaml"),
         versions=("scikit-learn", "scipy", "trimesh", "matplotlib", "jinja2"),
     ),
     Stage(
         "hazard",
         make="pipeline.stages.hazard.hazard:make",
-        needs=("rock", "fragility", "uncertainty"),
-        reads=("hazard", "uncertainty.members"),
-        inputs="pipeline.stages.hazard.hazard:inputs",
-        check="pipeline.stages.hazard.others:changed",
         files=("hazard.html",),
         versions=("scipy", "matplotlib", "jinja2"),
     ),
     Stage(
         "report",
         make="pipeline.stages.reports.report:make",
-        needs=(
-            "rock",
-            "terrain",
-            "time_step",
-            "motions",
-            "responses",
-            "bullet_sample",
-            "fragility",
-        ),
-        late=("bullet_sample",),
-        reads=("rock", "pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
-        code=(*TERRAIN_CODE, *MOTION_CODE, *ENGINE_CODE),
         files=(
             "report.html",
             *SCENE_SCRIPTS,
@@ -207,14 +153,11 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "displacement",
         make="pipeline.stages.datasets.displacement_dataset:make",
-        needs=("rock", "terrain", "time_step", "motions", "displacement_runs"),
-        reads=("contact", "motion", "yaw", "drive", "simulation"),
+        gives=("pipeline.stages.datasets.displacement_dataset:Displacement",),
     ),
     Stage(
         "displacement_report",
         make="pipeline.stages.displacement.displacement_report:make",
-        needs=("rock", "terrain", "displacement", "time_step"),
-        reads=("observed_boulder", "motion", "simulation"),
         files=(
             "displacement.html",
             "scene3d.html",
@@ -227,15 +170,8 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "accuracy",
         make="pipeline.stages.studies.accuracy.accuracy:make",
-        needs=("rock", "time_step"),
-        reads=("pedestal", "contact", "motion", "yaw", "drive", "servo", "simulation"),
         code=(
-            *RUN_CODE,
-            "pipeline.stages.studies.accuracy.worker_tasks:find_target",
-            "pipeline.stages.studies.accuracy.worker_tasks:score",
-            "pipeline.stages.studies.accuracy.worker_tasks:run_cells",
-            "pipeline.stages.studies.accuracy.worker_tasks:run_reference",
-            *ENGINE_CODE,
+            *(f"{engine}:build" for engine in ENGINES),
             *(
                 f"vsr_core.verification.other_engines.{name}:build"
                 for name in _modules("other_engines")
@@ -249,8 +185,6 @@ STAGES: tuple[Stage, ...] = (
         "stability",
         make="pipeline.stages.studies.stability.stability:make",
         code=(
-            "pipeline.stages.studies.stability.stability:run_cases",
-            "vsr_core.verification.stability:cases",
             *(f"vsr_core.verification.stability.{name}:CASES" for name in _modules("stability")),
             *(
                 f"{engine}:{name}"
@@ -264,36 +198,58 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "drive",
         make="pipeline.stages.studies.servo.drive:make",
-        needs=("rock",),
-        reads=("pedestal", "contact", "motion", "yaw"),
-        code=(
-            "pipeline.stages.studies.servo.drive_runs:run_rows",
-            "vsr_core.engines.bullet:build",
-            "vsr_core.engines.bullet:SOLVER",
-        ),
-        inputs="pipeline.stages.studies.servo.drive:inputs",
+        refuses="pipeline.stages.studies.servo.drive:refuse_servo",
+        code=("vsr_core.engines.bullet:build", "vsr_core.engines.bullet:SOLVER"),
         files=("drive.html",),
         versions=("pybullet", "matplotlib", "jinja2"),
     ),
     Stage(
         "as_printed",
         make="pipeline.stages.studies.printed.as_printed:make",
-        needs=("rock",),
-        reads=("pedestal", "contact", "motion"),
-        code=("pipeline.stages.studies.printed.as_printed:run_cells",),
         versions=("pybullet",),
     ),
     Stage(
         "validation",
         make="pipeline.stages.studies.validation.validation:make",
-        code=VALIDATION_CODE,
-        inputs="pipeline.stages.studies.validation.validation:inputs",
+        code=("vsr_core.engines.nonsmooth:build",),
         files=("validation.html",),
         versions=("scikit-learn", "scipy"),
     ),
 )
 
 BY_NAME = {stage.name: stage for stage in STAGES}
+FINDERS = {finder.gives: finder for finder in INPUTS}
+MAKERS = {product: stage.name for stage in STAGES for product in stage.gives}
+
+
+@cache
+def asked(path: str) -> Parts:
+    """What a function or class asks for."""
+    return parameters.of(path, frozenset((*FINDERS, *MAKERS)))
+
+
+def settings_of(path: str) -> set[str]:
+    """Dotted keys of the configuration that a function reads, itself or for its inputs."""
+    every = list(asked(path).each())
+    for one in tuple(every):
+        if isinstance(one, Made) and one.product in FINDERS:
+            every += asked(FINDERS[one.product].find).each()
+    return {one.key for one in every if isinstance(one, Setting)}
+
+
+def inputs_of(path: str) -> list[str]:
+    """Classes of the inputs that a function asks for."""
+    made = (one.product for one in asked(path).each() if isinstance(one, Made))
+    return sorted({product for product in made if product in FINDERS})
+
+
+def needs(name: str, *, late: bool | None = None) -> tuple[str, ...]:
+    """Stages whose products a stage asks for; only those, or none, that may come late."""
+    wanted: dict[str, None] = {}
+    for one in asked(BY_NAME[name].make).each():
+        if isinstance(one, Made) and one.product in MAKERS and late in (None, one.late):
+            wanted[MAKERS[one.product]] = None
+    return tuple(wanted)
 
 
 def upstream(name: str) -> tuple[Stage, ...]:
@@ -301,5 +257,5 @@ def upstream(name: str) -> tuple[Stage, ...]:
     wanted = {name}
     for stage in reversed(STAGES):
         if stage.name in wanted:
-            wanted.update(stage.needs)
+            wanted.update(needs(stage.name))
     return tuple(stage for stage in STAGES if stage.name in wanted)

@@ -10,7 +10,7 @@ from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
 
 from vsr_core.outcome import DecidedBy, StopReason
 
-Row = TypeVar("Row", bound="RunRow | TerrainRow | DisplacementRow")
+Row = TypeVar("Row", bound="RunRow | TerrainRow | DisplacementRow | StepRow")
 
 
 class RunRow(NamedTuple):
@@ -59,10 +59,25 @@ class DisplacementRow(NamedTuple):
     trajectory: bytes = b""
 
 
+class StepRow(NamedTuple):
+    """What was measured for a time step on one PGV/PGA: ``vsr_core.run.time_step.Row``.
+
+    Attributes
+    ----------
+    numbers : bytes, its errors and steps, one after the other
+    """
+
+    key: bytes
+    exact: int
+    reference: float | None
+    numbers: bytes
+
+
 TABLES: dict[type, str] = {
     RunRow: "runs",
     TerrainRow: "terrain_runs",
     DisplacementRow: "displacement_runs",
+    StepRow: "time_step_rows",
 }
 """Table of the database for each kind of row."""
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import importlib
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel
-
-from pipeline.config.layers import Site
+from pipeline.config.layers import Origin, Site
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.schema import Config
-from pipeline.workflow import pages
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.store import Store
 from pipeline.workflow.writers import Writer
@@ -50,7 +48,7 @@ class Refusal(InputError):
 
 @dataclass(frozen=True)
 class Job:
-    """What a stage's function is given.
+    """What a command asks for: a site, where its products are, and where its runs are done.
 
     Attributes
     ----------
@@ -60,10 +58,7 @@ class Job:
     site: Site
     store: Store
     cluster: Cluster
-    key: str
     log: Callable[[str], None]
-    stage: str = ""
-    awaited: Callable[[str], None] = lambda name: None
     shows: bool = True
 
     @property
@@ -72,86 +67,93 @@ class Job:
         return self.site.config
 
     def path(self, name: str) -> Path:
-        """Path of an upstream product."""
+        """Path of a product."""
         return self.store.folder / name
 
 
 @dataclass(frozen=True)
-class Stage:
-    """Declaration of a stage; functions are named by their paths, ``"package.module:function"``.
+class Work:
+    """What a stage's function works with; none of it decides the product.
 
     Attributes
     ----------
+    runs : Path, of the folder with the database of runs
+    up : str, the way from the products to the folder of all results, as a link has it
+    provenance : dict, attributes of every dataset: the key, and from which settings
+    engine : str, name of the engine that is told as the source of a dataset
+    note, notes : keep facts that no product may hold, such as times, and read those of a stage
+    """
+
+    stage: str
+    origin: Origin
+    cluster: Cluster
+    log: Callable[[str], None]
+    runs: Path
+    up: str
+    engine: str
+    provenance: dict[str, str] = field(repr=False)
+    note: Callable[..., None]
+    notes: Callable[[str], list[dict[str, Any]]]
+
+
+class Input(ABC):
+    """What is read besides the configuration, such as files of a user.
+
+    Attributes
+    ----------
+    code : tuple of str, roots of code that is found by it
+    """
+
+    code: tuple[str, ...] = ()
+
+    @abstractmethod
+    def digests(self) -> dict[str, str]:
+        """What tells it from others, by name."""
+
+    def get_ready(self) -> None:  # noqa: B027 (most need nothing)
+        """Load what it needs, while other stages are made."""
+
+
+@dataclass(frozen=True)
+class Finder:
+    """Declaration of an input: the function that finds it, and the class of what is found.
+
+    The function takes settings, and the ``Origin`` of them; None is no input.
+    """
+
+    find: str
+    gives: str
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Declaration of a stage; functions and classes are named by their paths.
+
+    Attributes
+    ----------
+    make : str, its function, whose parameters are what its product is made from
+    gives : tuple of str, classes of its product, as other functions ask for it
+    applies : whether a site with some settings has any use for it
+    refuses : str, function of a site that refuses what cannot be made, before anything is
     aside : whether it is made in a process of its own, beside the stages that do not need it
+    code : tuple of str, roots of code that its function finds by names of modules
+    in_database : bool, whether its product is rows of the database of runs
     """
 
     name: str
     make: str
-    applies: str = ""
-    needs: tuple[str, ...] = ()
-    late: tuple[str, ...] = ()
-    reads: tuple[str, ...] = ()
+    gives: tuple[str, ...] = ()
+    applies: Callable[[Any], bool] = lambda settings: True
+    refuses: str = ""
+    aside: Callable[[Any], bool] = lambda settings: False
     code: tuple[str, ...] = ()
-    aside: bool = False
-    workers: str = ""
-    made_elsewhere: bool = False
-    inputs: str = ""
     files: tuple[str, ...] = ()
     versions: tuple[str, ...] = ()
-    ready: str = ""
-    check: str = ""
-
-    def roots(self) -> tuple[str, ...]:
-        """Roots of its code.
-
-        Returns
-        -------
-        tuple of str, as ``tracing.reached`` takes them
-        """
-        return self.code if self.made_elsewhere else (self.make, *self.code)
-
-    def is_for(self, settings: BaseModel) -> bool:
-        """Whether a site with these settings has any use for it."""
-        return not self.applies or bool(getattr(settings, self.applies))
-
-    def is_made_aside(self, settings: BaseModel) -> bool:
-        """Whether it is made in a process of its own."""
-        return self.aside and not (self.workers and getattr(settings, self.workers))
-
-    def settings(self, settings: BaseModel) -> dict[str, Any]:
-        """The part of the settings that it reads, by dotted key."""
-        whole = settings.model_dump(mode="json")
-        return {key: _at(whole, key) for key in self.reads}
-
-    def product(self, job: Job) -> Product:
-        """Make it."""
-        made: Product = named(self.make)(job)
-        return made
-
-    def get_ready(self, site: Site) -> None:
-        """Load its code, while what it needs is still made."""
-        named(self.make)
-        if self.ready:
-            named(self.ready)(site)
-
-    def input_digests(self, site: Site) -> dict[str, str]:
-        """Digests of what decides its product besides configuration and code, by name."""
-        given = named(self.inputs)(site) if self.inputs else {}
-        return given | {name: pages.digest(name) for name in self.files}
-
-    def fault(self, store: Store) -> str:
-        """What is wrong with its products beyond their checksums, or an empty string."""
-        return str(named(self.check)(store)) if self.check else ""
+    in_database: bool = False
 
 
 def named(path: str) -> Callable[..., Any]:
-    """The function at ``"package.module:function"``."""
+    """The function or class at ``"package.module:name"``."""
     module, _, name = path.partition(":")
     function: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return function
-
-
-def _at(tree: dict[str, Any], key: str) -> Any:
-    for part in key.split("."):
-        tree = tree[part]
-    return tree

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
+from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.journal import settle
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.owner import LOCK, Ownership
-from pipeline.workflow.writers import Writer, text
+from pipeline.workflow.writers import Writer, marked, text
 
 LOG = "log.jsonl"
 
@@ -55,17 +56,20 @@ class Store:
     @property
     def runs(self) -> Path:
         """Folder of the database of runs."""
-        return self.folder if self._home is None else self._home.folder
+        return self.folder if self._home is None else self._home.runs
 
     @property
     def up(self) -> str:
         """The way from here to the folder of all results, as a link has it."""
-        return "../" * (1 + len(self.folder.relative_to(self.runs).parts))
+        return f"{os.path.relpath(self.runs.parent, self.folder)}/"
 
     def __enter__(self) -> Store:
         return self
 
     def __exit__(self, *error: object) -> None:
+        if self._home is not None:
+            self._home.__exit__(*error)
+            self._is_open = False
         if self._home is None and not self._owned and (self.folder / LOCK).exists():
             with suppress(InputError):  # there was nothing to do: what a killed owner left goes
                 self.open()
@@ -98,6 +102,26 @@ class Store:
             return dict(json.loads((self._manifests / f"{stage}.json").read_text()))
         except (OSError, ValueError):
             return None
+
+    def manifests(self) -> dict[str, dict[str, Any]]:
+        """Manifests of all that was made here, by stage, each after those that it needs."""
+        found = {path.stem: self.manifest(path.stem) for path in self._manifests.glob("*.json")}
+        there = {name: one for name, one in sorted(found.items()) if one is not None}
+        order = TopologicalSorter({name: one["facts"]["needs"] for name, one in there.items()})
+        return {name: there[name] for name in order.static_order() if name in there}
+
+    def mark(self, stage: str, reason: str) -> None:
+        """Say of a stage's products that other settings made them, and why; or that none did."""
+        manifest = self.manifest(stage) or {"files": {}}
+        for name in manifest["files"]:
+            if name.endswith(".html") and (self.folder / name).is_file():
+                page = (self.folder / name).read_text(encoding="utf-8")
+                put = self._put(self.folder / name, text(marked(page, reason)))
+                manifest["files"][name] = put
+        manifest |= {"stale": reason}
+        self._put(
+            self._manifests / f"{stage}.json", text(json.dumps(manifest, indent=1, sort_keys=True))
+        )
 
     def damage(self, stage: str) -> str:
         """What is wrong with a stage's products on disk, or an empty string."""

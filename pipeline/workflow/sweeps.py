@@ -17,11 +17,9 @@ from pipeline.workflow import graph
 from pipeline.workflow.datasets import catalogue
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.graph import Identity
-from pipeline.workflow.keys import installed_version
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.stage import Job, Product, Stage, named
 from pipeline.workflow.store import Store
-from vsr_core.source import tracing
 
 FOLDER = "studies"
 """Of the sweeps of a site, in its own folder."""
@@ -83,7 +81,7 @@ def make(swept: Swept) -> int:
     if any(graph.why(COMPARISON, wanted, swept.job.store)):
         swept.job.store.open()
         product: Product = named(COMPARISON.make)(swept, wanted.key)
-        graph.keep(COMPARISON, wanted, product, swept.job.store)
+        graph.keep(COMPARISON.name, wanted, product, swept.job.store)
         swept.job.log(f"study: {product.summary}")
     return unresolved
 
@@ -106,9 +104,7 @@ def _check(stage: str, member: Job) -> None:
     if wanted is None or not any(graph.why(BY_NAME["time_step"], wanted, member.store)):
         return
     graph.make("rock", member)
-    scenes = named("pipeline.stages.runs.scenes:load_scenes")
-    check = named("pipeline.stages.runs.scenes:check_scenes")
-    check(member.site, scenes(member.config, member.store, level=True))
+    named("pipeline.stages.runs.scenes:refuse_runs")(member)
 
 
 def _wanted(swept: Swept) -> Identity:
@@ -122,16 +118,7 @@ def _wanted(swept: Swept) -> Identity:
         member.name: graph.identities(swept.stage, member.site)[swept.stage].key
         for member in sweep.members
     }
-    versions = {library: installed_version(library) for library in COMPARISON.versions}
-    return Identity(
-        {
-            "config": {"sweep": dimensions, "product": swept.stage},
-            "code": tracing.reached(COMPARISON.roots()),
-            "inputs": COMPARISON.input_digests(swept.job.site),
-            "versions": versions,
-            "needs": needs,
-        }
-    )
+    return graph.made_from(COMPARISON, {"sweep": dimensions, "product": swept.stage}, {}, needs)
 
 
 def _log(job: Job, member: Member, line: str) -> None:

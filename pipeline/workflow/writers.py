@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import html
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -50,3 +52,21 @@ def _shown(value: Any) -> Any:
     ('0.123457', 1234567)
     """
     return f"{value:.6g}" if isinstance(value, float) else value
+
+
+_MARK = re.compile(r"<!--other settings-->.*?<!--/other settings-->\n", re.DOTALL)
+
+
+def marked(page: str, reason: str) -> str:
+    """A page that says at its head that other settings made it, and why; without a reason, not.
+
+    >>> marked("<body><h1>Rock</h1>", "")
+    '<body><h1>Rock</h1>'
+    """
+    page = _MARK.sub("", page)
+    if not reason:
+        return page
+    words = f"This page was made with other settings ({html.escape(reason)}); make it again."
+    head = f'<p class="note" role="note"><strong>Stale.</strong> {words}</p>'
+    mark = f"<!--other settings-->{head}<!--/other settings-->\n"
+    return re.sub(r"<body[^>]*>\n?", lambda body: body[0] + mark, page, count=1)

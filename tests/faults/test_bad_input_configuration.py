@@ -210,7 +210,7 @@ def test_any_text_is_taken_or_refused(tmp_path: Path, text: str) -> None:
 def planned(folder: Path, given: tuple[str, ...]) -> list[str]:
     site = load_site("cuboid_1x1x2", None, given)
     store = Store(folder / site.name)
-    return status.plan("responses", Job(site, store, Cluster(0), "", lambda line: None))
+    return status.plan("responses", Job(site, store, Cluster(0), lambda line: None))
 
 
 @settings(SOME, max_examples=25)

@@ -69,6 +69,17 @@ def users(module: str, names: Iterable[str]) -> Iterator[str]:
                 yield f"{other}:{definition}"
 
 
+def parts_of(name: str) -> dict[str, str]:
+    """Parameters of a function, or fields of a class, with the text of their annotations."""
+    module, _, definition = name.partition(":")
+    return dict(_parse(module).parts.get(definition, ()))
+
+
+def meant(module: str, name: str) -> str:
+    """The definition that a name in a module stands for; empty where it is not the project's."""
+    return next(_meant(module, _parse(module), name), "")
+
+
 @cache
 def _definition(name: str) -> tuple[str, tuple[str, ...]]:
     """Digest of one definition, and the first-party definitions it mentions."""
@@ -82,6 +93,7 @@ def _definition(name: str) -> tuple[str, tuple[str, ...]]:
 class _Module:
     definitions: dict[str, tuple[str, list[str]]]
     imports: dict[str, str]  # local name -> "module" or "module:name"
+    parts: dict[str, list[tuple[str, str]]]
 
 
 @cache
@@ -94,7 +106,7 @@ def _parse(name: str) -> _Module:
             imports[local] = f"{module}.{inner}"
         elif module in files:
             imports[local] = f"{module}:{inner}" if inner else module
-    return _Module(read.definitions, imports)
+    return _Module(read.definitions, imports, read.parts)
 
 
 @cache
@@ -142,10 +154,14 @@ class Facts(NamedTuple):
     definitions : dict
         From the name of each top-level definition to its digest, without docstrings, and to the
         names in it that may stand for other definitions: ``"name"`` or ``"module.name"``.
+    parts : dict
+        From the name of each function or class to its parameters or fields, each with its
+        annotation.
     """
 
     definitions: dict[str, tuple[str, list[str]]]
     imports: list[tuple[str, str, str]]
+    parts: dict[str, list[tuple[str, str]]]
 
 
 def facts_of(module: str, text: bytes) -> Facts:
@@ -206,7 +222,25 @@ def _parsed(text: bytes) -> Facts:
             for name, parts in nodes.items()
         },
         imports,
+        {name: found for node in tree.body for name, found in _signature(node)},
     )
+
+
+def _signature(node: ast.stmt) -> Iterator[tuple[str, list[tuple[str, str]]]]:
+    """A function or class with its parameters or fields, if it has any."""
+    if isinstance(node, ast.FunctionDef | ast.ClassDef) and (found := list(_annotated(node))):
+        yield node.name, found
+
+
+def _annotated(node: ast.stmt) -> Iterator[tuple[str, str]]:
+    """Parameters of a function, or fields of a class, with their annotations."""
+    if isinstance(node, ast.FunctionDef):
+        every = (*node.args.args, *node.args.kwonlyargs)
+        yield from ((one.arg, ast.unparse(one.annotation)) for one in every if one.annotation)
+    elif isinstance(node, ast.ClassDef):
+        for one in node.body:
+            if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name):
+                yield one.target.id, ast.unparse(one.annotation)
 
 
 def _defined(node: ast.stmt) -> Iterator[str]:

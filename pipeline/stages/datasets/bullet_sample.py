@@ -8,21 +8,21 @@ spread over the grid, where they should not. Restitution is Newton's there, the 
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from pipeline.stages.datasets.responses import FILE as RESPONSES
+from pipeline.config.sections import Key
+from pipeline.stages.datasets.responses import Responses
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
-from pipeline.stages.runs.study import Study, load_study
+from pipeline.stages.runs.study import Study
 from pipeline.workflow.batches import Batch
-from pipeline.workflow.datasets import described, netcdf, read
+from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.grammar import counted, form
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.run.cases import Case, Settings, TerrainCase
@@ -30,7 +30,6 @@ from vsr_core.run.displacement import respond
 from vsr_core.run.input_checks import check_engine, longest_step
 from vsr_core.run.overturning import simulate
 
-FILE = "bullet_sample.nc"
 
 HALF = 50
 """Runs next to the boundary, and as many elsewhere."""
@@ -41,6 +40,12 @@ SECOND_ERROR = 0.01
 NAMES = {"bullet": "Bullet", "mujoco": "MuJoCo"}
 
 
+class BulletSample(Stored):
+    """The sample, and how its runs ended in both engines."""
+
+    FILE = "bullet_sample.nc"
+
+
 class Sample(NamedTuple):
     """Places of the runs in the study's grid, and whether each is next to the boundary."""
 
@@ -48,18 +53,20 @@ class Sample(NamedTuple):
     near: Array
 
 
-def make(job: Job) -> Product:
+def make(
+    work: Work,
+    study: Study,
+    responses: Responses,
+    engine: Annotated[str, Key("second_engine")],
+) -> Product:
     """Repeat the sample."""
-    study, responses = load_study(job.config, job.store), read(job.path(RESPONSES))
-    engine = job.config.second_engine
-    assert engine is not None  # else the stage does not apply
-    own = responses["overturned"].values
+    own = responses.data["overturned"].values
     held = np.array([_holds(study, group, engine) for group in study.groups])
     sample = chosen(np.where(held[:, None], own.reshape(len(held), -1), -1).reshape(own.shape))
     at = [int(place) for place in sample.places]
     grid = motion_grid.cells(study.motions)
     places = [(study.groups[i // len(grid)], grid[i % len(grid)]) for i in at]
-    found = _repeated(job, study, places, engine)
+    found = _repeated(work, study, places, engine)
     groups, cells = zip(*places, strict=True) if places else ((), ())
     pga = np.array([cell.pga for cell in cells])
     dataset = xr.Dataset(
@@ -67,7 +74,7 @@ def make(job: Job) -> Product:
             "overturned": ("sample", own.ravel()[at].astype("i1")),
             "overturned_in_other_engine": ("sample", np.array(found, dtype="i1")),
             "next_to_boundary": ("sample", sample.near.astype("i1")),
-            "explained": ("sample", _explained(study, responses, groups, pga, sample.near)),
+            "explained": ("sample", _explained(study, responses.data, groups, pga, sample.near)),
         },
         {
             "yaw": ("sample", [group.yaw for group in groups]),
@@ -82,7 +89,7 @@ def make(job: Job) -> Product:
     note = f"{agreed}; next to the boundary: {int(sample.near.sum())}"
     if beyond_errors(dataset):
         note += "; MORE DIFFER THAN THE NUMERICAL ERRORS EXPLAIN: report.html says what to do"
-    return Product({FILE: netcdf(described(dataset, job, f"Sample in {name}"))}, note)
+    return Product({BulletSample.FILE: netcdf(described(dataset, work, f"Sample in {name}"))}, note)
 
 
 def beyond_errors(sample: xr.Dataset) -> bool:
@@ -149,19 +156,20 @@ def _holds(study: Study, group: Group, engine: str) -> bool:
     return True
 
 
-def _repeated(job: Job, study: Study, places: list[tuple[Group, Cell]], engine: str) -> list[int]:
-    config = job.config
-    contact = config.contact.model_copy(update={"restitution_law": "newton"})
-    scenes = replace(study.scenes, config=config.model_copy(update={"contact": contact}))
+def _repeated(
+    work: Work, study: Study, places: list[tuple[Group, Cell]], engine: str
+) -> list[int]:
+    scenes, settings = study.scenes.with_contact(restitution_law="newton"), study.settings
 
     def shared(group: Group) -> tuple[Case | TerrainCase, Settings, Shaking]:
         flat = flat_case(scenes, group)
-        case = terrain_case(scenes, group) if config.on_terrain else flat
+        case = terrain_case(scenes, group) if settings.on_terrain else flat
         step = longest_step(flat.full, engine)
-        return case, Settings(step, config.simulation.reduce, engine), study.motions
+        return case, Settings(step, settings.simulation.reduce, engine), study.motions
 
     batches = (Batch(group, (cell,)) for group, cell in places)
-    cluster = job.cluster if config.long_runs else job.cluster.in_process()
+    long_runs = settings.on_terrain or study.motions.dimension == "record"
+    cluster = work.cluster if long_runs else work.cluster.in_process()
     found = {(group, cell): result for group, cell, result in cluster.each(repeat, batches, shared)}
     return [-1 if found[place] is None else found[place] for place in places]
 
@@ -175,7 +183,7 @@ def _explained(
     as often as the errors are a share of that interval; nan where the own one was not measured.
     """
     errors = responses["boundary_error"].values
-    frictions = list(study.scenes.config.contact.friction)
+    frictions = study.settings.contact.friction
     own = np.array([errors[frictions.index(group.friction)] for group in groups])
     levels = np.array(study.motions.pga)
     spacing = np.diff(levels).min() if len(levels) > 1 else np.inf

@@ -9,41 +9,41 @@ import xarray as xr
 from pipeline.stages.datasets.displaced_runs import overturned_runs
 from pipeline.stages.datasets.kinds_of_end import ways
 from pipeline.stages.datasets.stored_runs import moved, stored, tally
-from pipeline.stages.runs.displacement_runs import KIND
-from pipeline.stages.runs.study import Study, load_study
+from pipeline.stages.mesh.products import RockData
+from pipeline.stages.runs.displacement_runs import KIND, Journeys
+from pipeline.stages.runs.study import Study
 from pipeline.stages.runs.trajectory_packing import SAMPLE, unpack
 from pipeline.workflow import writers
-from pipeline.workflow.datasets import described, netcdf
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.datasets import Stored, described, netcdf
+from pipeline.workflow.stage import Product, Work
 from vsr_core.displacement.correlation import correlations, row
 from vsr_core.run.movement import air_share
 
-FILE, TABLE = "displacement.nc", "correlation.csv"
+TABLE = "correlation.csv"
 
 
-def make(job: Job) -> Product:
-    """Assemble the displacement runs and correlate them.
+class Displacement(Stored):
+    """Every displacement run with its trajectory."""
 
-    Returns
-    -------
-    Product
-        ``displacement.nc`` and ``correlation.csv``.
-    """
-    study = load_study(job.config, job.store)
-    runs = stored(job, KIND, study)
-    dataset = _dataset(job, runs, study)
+    FILE = "displacement.nc"
+
+
+def make(work: Work, study: Study, journeys: Journeys, rock: RockData) -> Product:
+    """Assemble the displacement runs and correlate them."""
+    runs = stored(journeys.database, KIND, study)
+    dataset = _dataset(rock, runs, study)
     found = correlations(overturned_runs(dataset))
     counts = ways(dataset["outcome"].values, dataset["movement"].values)
     moved_so = {f"n_{way.name.lower()}": count for way, count in counts.items()}
     text, unresolved = tally(runs["outcome"])
     files = {
-        FILE: netcdf(described(dataset, job, "Large displacement")),
+        Displacement.FILE: netcdf(described(dataset, work, "Large displacement")),
         TABLE: writers.table(pd.DataFrame([row(one) | moved_so for one in found])),
     }
     return Product(files, f"{text}; {dataset.sizes['sample']} samples", unresolved=unresolved)
 
 
-def _dataset(job: Job, runs: pd.DataFrame, study: Study) -> xr.Dataset:
+def _dataset(rock: RockData, runs: pd.DataFrame, study: Study) -> xr.Dataset:
     """Every run, then the samples of their trajectories one after the other."""
     tracks = [unpack(packed) if packed else np.empty(0, SAMPLE) for packed in runs["trajectory"]]
     samples = np.concatenate(tracks)
@@ -56,7 +56,7 @@ def _dataset(job: Job, runs: pd.DataFrame, study: Study) -> xr.Dataset:
         {
             "row_size": ("run", np.array([len(track) for track in tracks], np.int32)),
             "outcome": ("run", runs["outcome"].to_numpy(np.int8)),
-            "movement": ("run", moved(job, runs, np.array(in_air)).astype(np.int8)),
+            "movement": ("run", moved(rock, runs, np.array(in_air)).astype(np.int8)),
             "largest_tilt": ("run", runs["peak_tilt"].to_numpy(float)),
             "air_share": ("run", np.array(in_air)),
             "stop_reason": ("run", runs["stop_reason"].to_numpy(np.int8)),

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from pipeline.stages.mesh.products import ROCK
+from pipeline.stages.mesh.products import RockData
 from pipeline.stages.runs import runner
 from pipeline.stages.runs.runner import Kind
 from pipeline.stages.runs.study import Study
-from pipeline.workflow.datasets import read
-from pipeline.workflow.stage import Job
 from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import Outcome
 from vsr_core.run.movement import movements, no_return_tilt
 
 
-def stored(job: Job, kind: Kind[Any], study: Study) -> pd.DataFrame:
+def stored(database: Path, kind: Kind[Any], study: Study) -> pd.DataFrame:
     """All runs of a study.
+
+    Parameters
+    ----------
+    database : Path, of the folder with the database of runs
 
     Returns
     -------
@@ -29,7 +32,7 @@ def stored(job: Job, kind: Kind[Any], study: Study) -> pd.DataFrame:
     """
     parts = [
         pd.DataFrame(rows, columns=kind.row._fields).drop(columns="key").assign(**group._asdict())
-        for group, rows in runner.stored(job, kind, study.groups, study.wanted)
+        for group, rows in runner.stored(database, kind, study.groups, study.wanted)
     ]
     runs, motions = pd.concat(parts, ignore_index=True), study.motions
     pga = np.tile(motions.pga, len(runs) // len(motions.pga))
@@ -37,16 +40,15 @@ def stored(job: Job, kind: Kind[Any], study: Study) -> pd.DataFrame:
     return runs.assign(motion=np.tile(motion, len(study.groups)), pga=pga)
 
 
-def moved(job: Job, runs: pd.DataFrame, air_share: Array) -> Indices:
+def moved(rock: RockData, runs: pd.DataFrame, air_share: Array) -> Indices:
     """How the rock of a site moved in each of its runs.
 
     Returns
     -------
     ndarray of int, see ``vsr_core.run.movement.movements``
     """
-    rock = read(job.path(ROCK))
-    angles = np.radians(rock["tipping_angle"].values)
-    limit = no_return_tilt(angles, float(rock.attrs["barrier_toppled_tilt"]))
+    angles = np.radians(rock.data["tipping_angle"].values)
+    limit = no_return_tilt(angles, float(rock.data.attrs["barrier_toppled_tilt"]))
     return movements(
         runs["outcome"].to_numpy(), runs["peak_tilt"].to_numpy(float), air_share, limit
     )

@@ -7,9 +7,12 @@ from typing import Any
 
 import xarray as xr
 
+from pipeline.config.motion_schema import MotionConfig
+from pipeline.config.scene_schema import ObservedBoulder as BoulderConfig
+from pipeline.config.schema import SimulationConfig
 from pipeline.drawing import style
 from pipeline.stages.datasets import displaced_runs
-from pipeline.stages.datasets.displacement_dataset import FILE as DISPLACEMENT
+from pipeline.stages.datasets.displacement_dataset import Displacement
 from pipeline.stages.displacement import (
     correlation_figures,
     displacement_page,
@@ -19,10 +22,9 @@ from pipeline.stages.displacement import (
 )
 from pipeline.stages.displacement.displacement_page import Slot
 from pipeline.stages.fragility.summary import time_steps
-from pipeline.stages.mesh.products import ROCK, TERRAIN
-from pipeline.stages.runs.step_choice import FILE as TIME_STEP
-from pipeline.workflow.datasets import read
-from pipeline.workflow.stage import Job, Product
+from pipeline.stages.mesh.products import RockData, TerrainData
+from pipeline.stages.runs.step_choice import StepData
+from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.writers import Writer, binary, text
 from vsr_core.displacement.origin import ObservedBoulder
 
@@ -30,9 +32,18 @@ PAGE, SPACE = "displacement.html", "trajectories.html"
 STILL, FILM = "figures/timelapse.png", "figures/animation.webp"
 
 
-def make(job: Job) -> Product:
+def make(
+    work: Work,
+    runs: Displacement,
+    ground: TerrainData,
+    shape: RockData,
+    boulder: BoulderConfig | None,
+    time_step: StepData,
+    motion: MotionConfig,
+    simulation: SimulationConfig,
+) -> Product:
     """Draw the figures and fill in the pages."""
-    displacement, terrain, rock = (read(job.path(name)) for name in (DISPLACEMENT, TERRAIN, ROCK))
+    displacement, terrain, rock = runs.data, ground.data, shape.data
     source = rock.attrs["shape_source"]
     files = _figures(displacement, terrain, source)
     words = "Rotate, zoom and play any run; one file that works offline."
@@ -50,16 +61,21 @@ def make(job: Job) -> Product:
             Slot("The same run in motion", image=style.data_uri(film, "webp")),
         ]
     page = displacement_page.page(
-        job.site.name,
+        work.origin.name,
         displacement,
         terrain,
         source,
-        _found(job, terrain),
+        _found(boulder, terrain),
         slots,
         surrogate=bool(rock.attrs["surrogate"]),
-        numerics=_numerics(job),
+        numerics={
+            "time_steps": time_steps(time_step.data),
+            "simulation": simulation,
+            "records": motion.kind == "record",
+            "tables": motion.kind == "table",
+        },
     )
-    space = scene3d.page(displacement, terrain, rock, job.site.name, source)
+    space = scene3d.page(displacement, terrain, rock, work.origin.name, source)
     files |= {PAGE: text(page), SPACE: text(space)}
     sizes = f"{len(page) / 1e6:.1f} MB, and {len(space) / 1e6:.1f} MB in three dimensions"
     return Product(files, sizes)
@@ -80,20 +96,8 @@ def _figures(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> dict
     return files
 
 
-def _numerics(job: Job) -> dict[str, Any]:
-    """Time steps with their measured errors, for the page."""
-    kind = job.config.motion.kind
-    return {
-        "time_steps": time_steps(read(job.path(TIME_STEP))),
-        "simulation": job.config.simulation,
-        "records": kind == "record",
-        "tables": kind == "table",
-    }
-
-
-def _found(job: Job, terrain: xr.Dataset) -> ObservedBoulder | None:
+def _found(given: BoulderConfig | None, terrain: xr.Dataset) -> ObservedBoulder | None:
     """The observed fallen rock, in the site's frame."""
-    given = job.config.observed_boulder
     if given is None:
         return None
     x, y, _ = terrain.attrs["origin_in_scan"]

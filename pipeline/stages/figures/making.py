@@ -16,11 +16,9 @@ from pipeline.stages.figures.paper import RECORDED, Source
 from pipeline.workflow import graph, keys, writers
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import read
-from pipeline.workflow.graph import Identity
 from pipeline.workflow.registry import upstream
 from pipeline.workflow.stage import Job, Product, Stage
 from pipeline.workflow.store import Store
-from vsr_core.source import tracing
 
 FOLDER = "figures"
 """Of the derived data, where the figures go."""
@@ -87,7 +85,7 @@ def _bring(sources: list[Source], site: Site, asked: Asked) -> int:
     """Make the datasets of one folder; returns the number of unresolved runs."""
     folder = sources[0].folder
     store = Store(asked.derived / folder)
-    job = Job(site, store, asked.cluster, "", lambda line: asked.log(f"{folder}: {line}"))
+    job = Job(site, store, asked.cluster, lambda line: asked.log(f"{folder}: {line}"))
     with store:
         return max(graph.make(stage, job) for stage in _last({s.stage for s in sources}))
 
@@ -103,16 +101,9 @@ def _draw(
 ) -> None:
     """Draw a figure and compare it with the paper, unless that was done from the same."""
     module = f"{paper.__package__}.{name}"
-    stage = Stage(name, f"{module}:draw", code=(f"{module}:findings",))
-    identity = Identity(
-        {
-            "config": {},
-            "code": tracing.reached(stage.roots()),
-            "inputs": {path.name: keys.digest_file(path) for path in paper.inputs(figure)},
-            "versions": {library: keys.installed_version(library) for library in _LIBRARIES},
-            "needs": needs,
-        }
-    )
+    stage = Stage(name, f"{module}:draw", code=(f"{module}:findings",), versions=_LIBRARIES)
+    inputs = {path.name: keys.digest_file(path) for path in paper.inputs(figure)}
+    identity = graph.made_from(stage, {}, inputs, needs)
     if not any(graph.why(stage, identity, store)):
         return
     store.open()
@@ -130,5 +121,5 @@ def _draw(
         remedy = f"leave them out, or give another figure (it looks for {missing})"
         raise InputError(Problem("--set", "", given, rule, remedy)) from missing
     files[f"{name}.json"] = writers.text(json.dumps(found, indent=1, ensure_ascii=False))
-    graph.keep(stage, identity, Product(files, figure.TITLE), store)
+    graph.keep(name, identity, Product(files, figure.TITLE), store)
     asked.log(f"{FOLDER}: {name}")

@@ -10,11 +10,11 @@ import pandas as pd
 import xarray as xr
 from threadpoolctl import threadpool_limits
 
-from pipeline.stages.datasets.responses import FILE as RESPONSES
-from pipeline.stages.fragility.products import FILE, TABLE
+from pipeline.stages.datasets.responses import Responses
+from pipeline.stages.fragility.products import TABLE, Fits
 from pipeline.workflow import writers
-from pipeline.workflow.datasets import described, netcdf, read, rows_of
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.datasets import described, netcdf, rows_of
+from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.fragility import FragilityResult, ModelFit, fit_all
 
@@ -22,31 +22,25 @@ _COLUMNS = ["yaw_deg", "friction", "toppled_share", "model", "recommended", "log
             "accuracy", "separated", "method", "quantity", "pgv_pga_s", "value", "lower",
             "upper"]  # fmt: skip
 
-_Fits = dict[tuple[int, int], FragilityResult]
+_Found = dict[tuple[int, int], FragilityResult]
 
 
-def make(job: Job) -> Product:
-    """Fit every model to the responses of every yaw and friction.
-
-    Returns
-    -------
-    Product
-        ``fragility.nc`` and ``fragility.csv``.
-    """
-    data = read(job.path(RESPONSES))
-    fits = _fit(data, job.cluster.workers)
+def make(work: Work, responses: Responses) -> Product:
+    """Fit every model to the responses of every yaw and friction."""
+    data = responses.data
+    fits = _fit(data, work.cluster.workers)
     dataset = _dataset(data, fits)
     table = _table(dataset, fits)
     names = [_recommended(fit) for fit in fits.values()]
     best = ", ".join(f"{name} for {names.count(name)}" for name in sorted(set(names)))
     files = {
-        FILE: netcdf(described(dataset, job, "Fragility")),
+        Fits.FILE: netcdf(described(dataset, work, "Fragility")),
         TABLE: writers.table(table),
     }
     return Product(files, f"grids fitted: {len(fits)}; recommended: {best}")
 
 
-def _fit(data: xr.Dataset, workers: int) -> _Fits:
+def _fit(data: xr.Dataset, workers: int) -> _Found:
     """Fits by position of yaw and friction; none where no run is resolved."""
     overturned = data["overturned"].values
     decided = [at for at in np.ndindex(overturned.shape[:2]) if (overturned[at] >= 0).any()]
@@ -63,7 +57,7 @@ def _recommended(fit: FragilityResult) -> str:
     return fit.recommended if few else f"{fit.recommended} (too few PGV/PGA levels to compare)"
 
 
-def _dataset(data: xr.Dataset, fits: _Fits) -> xr.Dataset:
+def _dataset(data: xr.Dataset, fits: _Found) -> xr.Dataset:
     """All fits on (yaw, friction); NaN and empty texts where there is none."""
     row, overturned = rows_of(data), data["overturned"].drop_attrs().drop_encoding()
     groups = {place: _group(fit, row) for place, fit in fits.items()}
@@ -130,7 +124,7 @@ def _pair(lower: Array, upper: Array) -> Array:
     return np.stack([lower, upper], axis=-1)
 
 
-def _table(dataset: xr.Dataset, fits: _Fits) -> pd.DataFrame:
+def _table(dataset: xr.Dataset, fits: _Found) -> pd.DataFrame:
     """The boundary's rows, then those of each model, of each yaw and friction."""
     rows = {"pgv_pga_s": dataset["pgv_pga"].values.astype(str)}
     if rows_of(dataset) == "record":

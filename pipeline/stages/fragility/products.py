@@ -1,4 +1,13 @@
-"""Names of the fits' products, for who reads them without fitting."""
+"""The fits as a product, for who reads them without fitting."""
 
-FILE = "fragility.nc"
+from __future__ import annotations
+
+from pipeline.workflow.datasets import Stored
+
 TABLE = "fragility.csv"
+
+
+class Fits(Stored):
+    """Fitted models, and the boundary, of each direction and friction."""
+
+    FILE = "fragility.nc"

@@ -7,13 +7,21 @@ branches: the curve is the mean of the model.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from pipeline.config.hazard_schema import HazardConfig
+from pipeline.config.layers import Origin
+from pipeline.config.paths import located
+from pipeline.config.problems import InputError, Problem
 from pipeline.stages.hazard import openquake
 from pipeline.stages.hazard.hazard_model import UNITS, Branch, HazardModel, reading, refused
+from pipeline.stages.hazard.shaking_ratio import disaggregation_files, load_disaggregation
+from pipeline.workflow.keys import digest_file
+from pipeline.workflow.stage import Input
 from vsr_core.hazard.curve import HazardCurve
 
 ABOUT = "about.txt"
@@ -68,3 +76,67 @@ def _nshmp_curve(path: Path, unit: float) -> tuple[HazardCurve, tuple[float, flo
         levels, rates = (np.array(list(part), dtype=float) for part in (names, map(row.get, names)))
         location = float(row["lon"]), float(row["lat"])
         return HazardCurve(unit * levels[rates > 0.0], rates[rates > 0.0]), location
+
+
+@dataclass(frozen=True, eq=False)
+class Curves(Input):
+    """A hazard model's curves and disaggregation, read and checked.
+
+    Attributes
+    ----------
+    disaggregated : Path, of the disaggregation, if there is one
+    """
+
+    path: Path
+    model: HazardModel
+    disaggregated: Path | None
+
+    def digests(self) -> dict[str, str]:
+        """Digests of the files, by their names."""
+        found = files(self.path)
+        if self.disaggregated is not None:
+            found += [one for one in disaggregation_files(self.disaggregated) if one not in found]
+        return {_name(path): digest_file(path) for path in found}
+
+
+def find(hazard: HazardConfig, origin: Origin) -> Curves:
+    """The curves that a site names; errors in them are reported before anything runs."""
+    if hazard.curves is None:
+        raise InputError(
+            Problem(
+                origin.file,
+                "hazard.curves",
+                "nothing",
+                "a folder of hazard curves is required",
+                "give CURVES=folder (--curves), or set the key",
+            )
+        )
+    if hazard.age is None:
+        raise InputError(
+            Problem(
+                origin.file,
+                "hazard.age",
+                "nothing",
+                "the age of the rock is required",
+                "give AGE=years AGE_SD=years (--age, --age-sd), or set the key",
+            )
+        )
+    path, disaggregated = _located(origin, "curves", hazard.curves), None
+    if hazard.disaggregation is not None:
+        disaggregated = _located(origin, "disaggregation", hazard.disaggregation)
+    elif path.is_dir() and disaggregation_files(path):
+        disaggregated = path
+    model = load(path)
+    if disaggregated is not None:
+        load_disaggregation(disaggregated)
+    return Curves(path, model, disaggregated)
+
+
+def _name(path: Path) -> str:
+    """Its name, with the folder that tells nshmp-haz's measures apart."""
+    return "/".join(path.parts[-2:]) if path.name == "curves.csv" else path.name
+
+
+def _located(origin: Origin, key: str, name: str) -> Path:
+    key = f"hazard.{key}"
+    return located(origin.folder_of(key), name, origin.file_of(key), key)

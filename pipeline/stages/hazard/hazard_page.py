@@ -14,9 +14,8 @@ from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard.hazard_dataset import COLUMNS
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, ShakingRatio
 from pipeline.stages.hazard.survival_analysis import SAME_ROCK, SurvivalAnalysis
-from pipeline.workflow.datasets import read
+from pipeline.stages.mesh.products import RockData
 from pipeline.workflow.grammar import form, listed
-from pipeline.workflow.stage import Job
 from vsr_core.arrays import Array, Mask
 from vsr_core.hazard.ratio import CORRELATION, LOG_SD
 from vsr_core.hazard.survival import survival
@@ -30,7 +29,9 @@ MOST_NAMED = 8
 
 
 def page(
-    job: Job,
+    site: str,
+    config: HazardConfig,
+    shape: RockData,
     analysis: SurvivalAnalysis,
     ratio: ShakingRatio,
     hazard: xr.Dataset,
@@ -38,9 +39,8 @@ def page(
     about: str,
 ) -> dict[str, Any]:
     """Values for the template."""
-    config, rock = job.config.hazard, analysis.rocks[0].fragility
-    with read(job.path("rock.nc")) as shape:
-        origin = {"source": shape.attrs["shape_source"], "surrogate": shape.attrs["surrogate"]}
+    rock, known = analysis.rocks[0].fragility, shape.data.attrs
+    origin = {"source": known["shape_source"], "surrogate": known["surrogate"]}
     drawn = {
         "curves": figures.curves(hazard, rock.tested),
         "survival": figures.survival(hazard, config.minimum_survival_probability),
@@ -49,7 +49,7 @@ def page(
     if hazard.sizes["branch"] > 1:
         drawn["weights"] = figures.weights(hazard)
     return {
-        "site": job.site.name,
+        "site": site,
         "curves": curves,
         "about": about,
         "origin": origin,

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from pipeline.config import in_si
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.fragility.products import FILE as FITS
-from pipeline.stages.uncertainty.products import FILE as ENSEMBLE
-from pipeline.workflow.datasets import read, rows_of
+from pipeline.stages.fragility.products import Fits
+from pipeline.workflow.datasets import rows_of
 from vsr_core.arrays import Array
 from vsr_core.hazard.toppling import (
     RowFragility,
@@ -49,20 +47,15 @@ class RockFragility:
     records: bool
 
 
-def load(folder: Path, uncertain: bool) -> RockFragility:
-    """Fragility of a rock, with all that is not known of it or as it was scanned."""
-    return of_members(read(folder / ENSEMBLE)) if uncertain else of_fits(folder)
-
-
-def of_fits(folder: Path) -> RockFragility:
-    """Fragility of the fits in a folder of products."""
-    data = read(folder / FITS)
+def of_fits(fits: Fits) -> RockFragility:
+    """Fragility of the fits of a rock."""
+    data = fits.data
     data = data.isel({rows_of(data): np.argsort(data["pgv_pga"].values, kind="stable")})
     known = np.isfinite(data["theta"].values).all(axis=2)
     if not known.any():
         raise InputError(
             Problem(
-                str(folder / FITS),
+                str(fits.folder / fits.FILE),
                 "theta",
                 "no direction with a fragility",
                 "some runs have a verdict",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 import trimesh
 import xarray as xr
@@ -9,11 +11,14 @@ from threadpoolctl import threadpool_limits
 
 from pipeline.config import in_si
 from pipeline.config.problems import InputError, Problem
+from pipeline.config.scene_schema import RockConfig
+from pipeline.config.sections import Key
 from pipeline.stages.mesh import sources
-from pipeline.stages.mesh.products import BARRIER_SCALARS, ROCK, SCAN, SCAN_PAGE
-from pipeline.workflow.datasets import described, netcdf, read
+from pipeline.stages.mesh.products import BARRIER_SCALARS, SCAN_PAGE, RockData, ScanData
+from pipeline.stages.mesh.sources import Source
+from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.progress import Steps
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.stage import Product, Work
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import barrier
 from vsr_core.rock import solid
@@ -21,20 +26,28 @@ from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import Solid
 from vsr_core.rock.tipping import base_polygon, tipping
 
+Origin = dict[str, str | int]
+"""Where a shape is from, as attributes: its source in words, and whether that is a surrogate."""
+
 BASE_TOLERANCE = 0.003
 """Share of the height of the centre of mass that the drawn base polygon may stand off."""
 
 
-def make(job: Job) -> Product:
+def make(
+    work: Work,
+    rock: RockConfig,
+    rolling_friction: Annotated[float, Key("contact.rolling_friction")],
+    source: Source | None,
+    scan: ScanData | None,
+) -> Product:
     """Read, check, weigh and set down the rock."""
-    made, level, origin, repaired = _solid(job)
-    rolling, radius = job.config.contact.rolling_friction, made.rock.radius
-    if rolling > 0.05 * radius:
+    made, level, origin, repaired = _solid(work, rock, source, scan)
+    if rolling_friction > 0.05 * made.rock.radius:
         raise InputError(
             Problem(
-                job.site.file_of("contact.rolling_friction"),
+                work.origin.file_of("contact.rolling_friction"),
                 "contact.rolling_friction",
-                f"{rolling} m on a rock of radius {radius:.3g} m",
+                f"{rolling_friction} m on a rock of radius {made.rock.radius:.3g} m",
                 "it is a length, at most a twentieth of the rock's radius",
                 "give metres; 0 if you have a coefficient in mind",
             )
@@ -50,49 +63,41 @@ def make(job: Job) -> Product:
     note = f"{origin['shape_source']}; {made.rock.mass:.4g} kg, turned {turned:.2f} deg to rest"
     if repaired:
         note += "; repaired, as `vsr prep` shows"
-    return Product({ROCK: netcdf(described(dataset, job, "Rock"))}, note)
+    return Product({RockData.FILE: netcdf(described(dataset, work, "Rock"))}, note)
 
 
-Origin = dict[str, str | int]
-"""Where a shape is from, as attributes: its source in words, and whether that is a surrogate."""
-
-
-def _solid(job: Job) -> tuple[Solid, Rock, Origin, tuple[str, ...]]:
+def _solid(
+    work: Work, rock: RockConfig, source: Source | None, scan: ScanData | None
+) -> tuple[Solid, Rock, Origin, tuple[str, ...]]:
     """The rock as it stands, the same on level ground, where it is from, what was repaired."""
-    rock, terrain = job.config.rock, job.config.on_terrain
-    if rock.shape == "box":
+    if source is None:
         assert rock.size is not None
         made = solid.box(rock.size, rock.density)
         return made, made.rock, {"shape_source": "box", "surrogate": 0}, ()
-    mesh, origin, repaired, where, file = _from_scan(job) if terrain else _from_file(job)
+    where = f"{work.origin.file_of('rock.mesh')}: rock.mesh"
+    if scan is not None:
+        mesh, origin, repaired = _from_scan(work, scan)
+        name = str(origin["shape_source"])
+    else:
+        where, name = where if source.path else work.origin.file, source.name
+        with Steps(work.stage, work.log) as steps:
+            whole = sources.closed(source, rock.closing, work.origin, steps.tell)
+        mesh, origin, repaired = whole.rock, source.attributes, whole.repaired
     try:
-        made = solid.from_mesh(mesh, rock.density, as_scanned=terrain)
-        level = solid.standing(made.rock) if terrain else made.rock
+        made = solid.from_mesh(mesh, rock.density, as_scanned=scan is not None)
+        level = solid.standing(made.rock) if scan is not None else made.rock
     except InvalidInput as error:
-        raise InputError.from_invalid(where, file, error) from None
+        raise InputError.from_invalid(where, name, error) from None
     return made, level, origin, repaired
 
 
-_Given = tuple[trimesh.Trimesh, Origin, tuple[str, ...], str, str]
-"""A closed mesh, where it is from, what was repaired, and what to name if it is refused."""
-
-
-def _from_file(job: Job) -> _Given:
-    """The rock of a scan of it alone."""
-    source = sources.find(job.site)
-    where = f"{job.site.file_of('rock.mesh')}: rock.mesh" if source.path else job.site.file
-    with Steps(job.stage, job.log) as steps:
-        whole = sources.closed(source, job.site, steps.tell)
-    return whole.rock, source.attributes, whole.repaired, where, source.name
-
-
-def _from_scan(job: Job) -> _Given:
-    """The rock in the pose in which it stands on its terrain."""
-    scan = read(job.path(SCAN))
-    if not scan.attrs["accepted"]:
+def _from_scan(work: Work, scan: ScanData) -> tuple[trimesh.Trimesh, Origin, tuple[str, ...]]:
+    """The rock in the pose in which it stands on its terrain, where from, what was repaired."""
+    data = scan.data
+    if not data.attrs["accepted"]:
         raise InputError(
             Problem(
-                job.site.file_of("pedestal.cut"),
+                work.origin.file_of("pedestal.cut"),
                 "pedestal.cut",
                 "nothing",
                 "it says what of the scan is the rock",
@@ -100,12 +105,11 @@ def _from_scan(job: Job) -> _Given:
                 "give a plane, box, polygon or colour",
             )
         )
-    faces = scan["rock_face"].values.astype(np.int64)
-    mesh = trimesh.Trimesh(scan["rock_vertex"].values, faces, process=False)
-    origin: Origin = {name: scan.attrs[name] for name in ("shape_source", "surrogate")}
+    faces = data["rock_face"].values.astype(np.int64)
+    mesh = trimesh.Trimesh(data["rock_vertex"].values, faces, process=False)
+    origin: Origin = {name: data.attrs[name] for name in ("shape_source", "surrogate")}
     mesh, repaired = solid.checked(mesh)
-    where = f"{job.site.file_of('rock.mesh')}: rock.mesh"
-    return mesh, origin, repaired, where, str(origin["shape_source"])
+    return mesh, origin, repaired
 
 
 def _dataset(made: Solid, level: Rock) -> xr.Dataset:

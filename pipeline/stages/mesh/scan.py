@@ -5,46 +5,48 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from pipeline.config.schema import Config
+from pipeline.config.scene_schema import PedestalConfig, RockConfig
 from pipeline.stages.mesh import scan_page, sources
-from pipeline.stages.mesh.products import SCAN, SCAN_PAGE
+from pipeline.stages.mesh.products import SCAN_PAGE, ScanData
+from pipeline.stages.mesh.sources import Source
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.progress import Steps
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.writers import text
 from vsr_core.scan import cuts
 from vsr_core.scan.preparation import Miscut, Prepared, prepare_scan
 from vsr_core.scan.weighing import Refused
 
 
-def make(job: Job) -> Product:
+def make(work: Work, rock: RockConfig, pedestal: PedestalConfig, source: Source) -> Product:
     """Separate, close and weigh; a proposed cut is shown, and used once it is accepted."""
-    source = sources.find(job.site)
-    prepared = _prepared(job, source)
-    accepted = job.config.pedestal.cut is not None
+    prepared = _prepared(work, rock, pedestal, source)
+    accepted = pedestal.cut is not None
     dataset = _dataset(prepared)
     dataset.attrs |= {"accepted": int(accepted), **source.attributes}
     page = scan_page.page(
-        job.site.name, source.label, prepared, accepted=accepted, surrogate=source.surrogate
+        work.origin.name, source.label, prepared, accepted=accepted, surrogate=source.surrogate
     )
-    files = {SCAN: netcdf(described(dataset, job, "Scan")), SCAN_PAGE: text(page)}
-    return Product(files, _summary(prepared, job))
+    files = {
+        ScanData.FILE: netcdf(described(dataset, work, "Scan")),
+        SCAN_PAGE: text(page),
+    }
+    return Product(files, _summary(prepared, rock, pedestal))
 
 
-def _summary(prepared: Prepared, job: Job) -> str:
+def _summary(prepared: Prepared, rock: RockConfig, pedestal: PedestalConfig) -> str:
     solid = prepared.steps[-1].after
-    given = job.config.pedestal.cut
-    how = "cut as given" if given not in (None, "proposal") else "cut along the hollow"
+    how = "cut as given" if pedestal.cut not in (None, "proposal") else "cut along the hollow"
     length = sum(seam.length for seam in prepared.separation.seams)
     return (
         f"{how}, {length:.2f} m long; rock of {solid.volume:.4g} m3 closed by "
-        f"{job.config.rock.closing}; ground of {len(prepared.terrain.faces)} faces"
+        f"{rock.closing}; ground of {len(prepared.terrain.faces)} faces"
     )
 
 
-def _cut_of(config: Config) -> cuts.Cut | None:
+def _cut_of(pedestal: PedestalConfig) -> cuts.Cut | None:
     """The user's cut in the terms of the physics; None where one is to be proposed."""
-    cut = config.pedestal.cut
+    cut = pedestal.cut
     if cut is None or cut == "proposal":
         return None
     kinds = {
@@ -56,24 +58,23 @@ def _cut_of(config: Config) -> cuts.Cut | None:
     return kinds[cut.kind](**cut.model_dump(exclude={"kind"}))
 
 
-def _prepared(job: Job, source: sources.Source) -> Prepared:
-    config = job.config
-    mesh = sources.load(source, job.site)
+def _prepared(work: Work, rock: RockConfig, pedestal: PedestalConfig, source: Source) -> Prepared:
+    mesh = sources.load(source, work.origin)
     try:
-        with Steps(job.stage, job.log) as steps:
+        with Steps(work.stage, work.log) as steps:
             return prepare_scan(
                 mesh,
-                _cut_of(config),
-                near=config.pedestal.point_on_rock,
-                closing=config.rock.closing,
-                density=config.rock.density,
-                clearance=config.pedestal.clearance,
+                _cut_of(pedestal),
+                near=pedestal.point_on_rock,
+                closing=rock.closing,
+                density=rock.density,
+                clearance=pedestal.clearance,
                 tell=steps.tell,
             )
     except Miscut as error:
-        raise scan_page.refusal(job.site, source, "pedestal.cut", error) from None
+        raise scan_page.refusal(work.origin, source, "pedestal.cut", error) from None
     except Refused as error:
-        raise scan_page.refusal(job.site, source, "rock.mesh", error) from None
+        raise scan_page.refusal(work.origin, source, "rock.mesh", error) from None
 
 
 def _dataset(prepared: Prepared) -> xr.Dataset:

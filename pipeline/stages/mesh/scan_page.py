@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config.layers import Site
+from pipeline.config.layers import Origin
 from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import png_uri, svg_uri
 from pipeline.stages.mesh import scan_figures
@@ -196,7 +196,7 @@ def _notes(prepared: Prepared) -> list[Row]:
 _MOST_PLACES = 12  # that are ringed and listed
 
 
-def refusal(site: Site, source: Source, key: str, error: Refused) -> InputError:
+def refusal(origin: Origin, source: Source, key: str, error: Refused) -> InputError:
     """A refusal with its page, where there is anything to see.
 
     Parameters
@@ -207,13 +207,13 @@ def refusal(site: Site, source: Source, key: str, error: Refused) -> InputError:
     -------
     InputError, a Refusal where there are faces to show
     """
-    file = site.file_of(key)
+    file = origin.file_of(key)
     if key == "rock.mesh":
         file, key = f"{file}: {key}", source.name
     problem = Problem(file, key, error.given, error.rule, error.remedy)
     if not len(error.seen.faces):
         return InputError(problem)
-    return Refusal(problem, {SCAN_PAGE: text(_refused_page(site.name, source, error))})
+    return Refusal(problem, {SCAN_PAGE: text(_refused_page(origin.name, source, error))})
 
 
 def _refused_page(site: str, source: Source, error: Refused) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 import xarray as xr
@@ -10,16 +11,20 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.config import in_si
 from pipeline.config.problems import InputError
-from pipeline.stages.mesh.products import SCAN, TERRAIN, load_rock
-from pipeline.workflow.datasets import described, netcdf, read
-from pipeline.workflow.stage import Job, Product
+from pipeline.config.scene_schema import ContactConfig
+from pipeline.config.sections import Key
+from pipeline.stages.mesh.products import ScanData, Standing, TerrainData
+from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.engine_input import Engine
+from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.engines import load
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
+from vsr_core.rock.body import Rock
 from vsr_core.run.displacement import settled
 from vsr_core.run.time_step import step_unit
-from vsr_core.scene import Scene, State
+from vsr_core.scene import Contact, Scene, State
 from vsr_core.terrain.coarsening import coarser
 from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
@@ -37,56 +42,60 @@ THICKNESS_SHARE = 0.05
 """Thickness of the parts, as a share of the rock's radius: more than a run may sink in."""
 
 
-def make(job: Job) -> Product:
+def make(
+    work: Work,
+    contact: ContactConfig,
+    reduce: Annotated[bool, Key("simulation.reduce")],
+    engine: Engine,
+    scan: ScanData,
+    standing: Standing,
+) -> Product:
     """Make the ground light enough to run on, and set the rock down."""
-    scan = read(job.path(SCAN))
-    whole = Terrain(scan["terrain_vertex"].values, scan["terrain_face"].values.astype(np.int64))
+    data, rock = scan.data, standing.rock
+    whole = Terrain(data["terrain_vertex"].values, data["terrain_face"].values.astype(np.int64))
     try:
-        terrain = _light(whole, job) if job.config.simulation.reduce else whole
-        starts = {
-            friction: _rest(terrain, job, friction) for friction in job.config.contact.friction
-        }
+        terrain = _light(whole, rock) if reduce else whole
+        seated = reduction.on_its_seat(rock) if reduce else rock
+        height = rock.height
+        starts = [
+            _rest(terrain, seated, height, in_si.contact(contact, friction), engine.name)
+            for friction in contact.friction
+        ]
     except InvalidInput as error:
-        raise InputError.from_invalid(job.site.file_of("pedestal"), "pedestal", error) from None
-    dataset = _dataset(whole, terrain, starts)
-    dataset.attrs["origin_in_scan"] = scan.attrs["origin_in_scan"]
+        file = work.origin.file_of("pedestal")
+        raise InputError.from_invalid(file, "pedestal", error) from None
+    dataset = _dataset(whole, terrain, starts).assign_coords(friction=list(contact.friction))
+    dataset.attrs["origin_in_scan"] = data.attrs["origin_in_scan"]
     fewer = f"{len(terrain.light.faces)} of which stand for it, " if terrain.light else ""
     note = f"{len(whole.faces)} faces, {fewer}{len(terrain.parts)} convex parts"
-    return Product({TERRAIN: netcdf(described(dataset, job, "Terrain"))}, note)
+    return Product({TerrainData.FILE: netcdf(described(dataset, work, "Terrain"))}, note)
 
 
-def _light(whole: Terrain, job: Job) -> Terrain:
-    radius = load_rock(job.store)[0].radius
-
+def _light(whole: Terrain, rock: Rock) -> Terrain:
     def tolerance(points: Array) -> Array:
-        near = np.hypot(points[:, 0], points[:, 1]) < NEAR_RADII * radius
-        return np.where(near, SEAT_SHARE, SLOPE_SHARE) * radius
+        near = np.hypot(points[:, 0], points[:, 1]) < NEAR_RADII * rock.radius
+        return np.where(near, SEAT_SHARE, SLOPE_SHARE) * rock.radius
 
     light = coarser(whole, tolerance)
-    made = convex_parts(light, tolerance, THICKNESS_SHARE * radius)
+    made = convex_parts(light, tolerance, THICKNESS_SHARE * rock.radius)
     return replace(whole, parts=made, light=light)
 
 
-def _rest(terrain: Terrain, job: Job, friction: float) -> State:
-    rock, _ = load_rock(job.store)
-    scanned = State(np.array([0.0, 0.0, rock.height]), np.eye(3), np.zeros(3), np.zeros(3))
-    if job.config.simulation.reduce:
-        rock = reduction.on_its_seat(rock)
-    scene = Scene(
-        rock,
-        in_si.contact(job.config.contact, friction),
-        0.0,
-        "terrain",
-        start=scanned,
-        terrain=terrain,
-    )
-    engine = job.config.engine
+def _rest(terrain: Terrain, rock: Rock, height: float, contact: Contact, engine: str) -> State:
+    """Where a rock comes to rest, let go as it was scanned.
+
+    Parameters
+    ----------
+    height : float [m], of its centre of mass as scanned
+    """
+    scanned = State(np.array([0.0, 0.0, height]), np.eye(3), np.zeros(3), np.zeros(3))
+    scene = Scene(rock, contact, 0.0, "terrain", start=scanned, terrain=terrain)
     return settled(scene, load(engine).LADDER.longest * step_unit(rock), engine)
 
 
-def _dataset(whole: Terrain, terrain: Terrain, starts: dict[float, State]) -> xr.Dataset:
+def _dataset(whole: Terrain, terrain: Terrain, starts: list[State]) -> xr.Dataset:
     parts, light = terrain.parts, terrain.light or Terrain(np.empty((0, 3)), _NO_FACES)
-    turns = np.array([state.rotation for state in starts.values()])
+    turns = np.array([state.rotation for state in starts])
     return xr.Dataset(
         {
             "terrain_vertex": (("terrain_corner", "xyz"), whole.vertices),
@@ -100,9 +109,8 @@ def _dataset(whole: Terrain, terrain: Terrain, starts: dict[float, State]) -> xr
             "part_size": ("part", np.array([len(p) for p in parts], np.int32)),
             "start_position": (
                 ("friction", "xyz"),
-                np.array([state.position for state in starts.values()]),
+                np.array([state.position for state in starts]),
             ),
             "start_quaternion": (("friction", "xyzw"), Rotation.from_matrix(turns).as_quat()),
-        },
-        {"friction": list(starts)},
+        }
     )

@@ -1,7 +1,7 @@
 """The ground motions of a study: rows of a grid, each at every PGA.
 
 A row is one PGV/PGA of the cosine pulses or one record. Each kind of motion in the configuration
-has a class here that makes its motions; `of_store` and `of_site` choose it.
+has a class here that makes its motions; `of_data` and `of_files` choose it.
 """
 
 from __future__ import annotations
@@ -9,10 +9,11 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from pipeline.config import in_si
-from pipeline.config.layers import Site
+from pipeline.config.layers import Origin, Site
 from pipeline.config.motion_schema import (
     AxisPulseConfig,
     MotionConfig,
@@ -21,21 +22,18 @@ from pipeline.config.motion_schema import (
     RecordConfig,
     TableMotionConfig,
 )
-from pipeline.config.schema import Config
-from pipeline.stages.motions import table_motions
-from pipeline.stages.motions.record_inputs import load
+from pipeline.stages.motions import record_inputs, table_motions
+from pipeline.stages.motions.record_inputs import Ready
 from pipeline.workflow import keys
 from pipeline.workflow.code_roots import AXIS_CODE, RECORD_CODE, TABLE_CODE
-from pipeline.workflow.datasets import read, split
-from pipeline.workflow.store import Store
+from pipeline.workflow.datasets import Stored, split
+from pipeline.workflow.stage import Input
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.pulses import CosinePulse, RickerPulse, SinePulse
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.motions.sampled import SampledMotion
 from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 from vsr_core.source import tracing
-
-FILE = "motions.nc"
 
 Shape = type[CosinePulse] | type[SinePulse] | type[RickerPulse]
 
@@ -217,34 +215,76 @@ class Tables:
         return ["table", keys.digest(tracing.reached(TABLE_CODE))]
 
 
-def of_store(config: Config, store: Store) -> Shaking:
+class MotionData(Stored):
+    """The motions as a product: pulses by their peaks, records as processed."""
+
+    FILE = "motions.nc"
+
+
+@dataclass(frozen=True, eq=False)
+class MotionFiles(Input):
+    """Files of motions, read and checked.
+
+    Attributes
+    ----------
+    records : tuple of Ready, or tables : names, motions and PGV/PGA of a table's
+    """
+
+    paths: tuple[Path, ...]
+    records: tuple[Ready, ...] = ()
+    tables: table_motions.Loaded | None = None
+
+    def digests(self) -> dict[str, str]:
+        """Digests of the files, by their names."""
+        return {path.name: keys.digest_file(path) for path in self.paths}
+
+
+def find(motion: MotionConfig, origin: Origin) -> MotionFiles | None:
+    """The files of a site's motions; what cannot be used is refused."""
+    if isinstance(motion, RecordConfig):
+        ready = record_inputs.load(origin, motion)
+        paths = record_inputs.find(origin, motion.files)
+        if motion.response is not None:
+            paths.append(record_inputs.response_file(origin, motion))
+        return MotionFiles(tuple(paths), ready)
+    if isinstance(motion, TableMotionConfig) and motion.files is not None:
+        paths = record_inputs.find(origin, motion.files)
+        return MotionFiles(tuple(paths), tables=table_motions.of_files(origin, paths))
+    return None
+
+
+def of_data(motion: MotionConfig, stored: MotionData) -> Shaking:
     """The motions of a study; records as the stage of motions has made them."""
-    pulses = _pulses(config.motion)
+    pulses = _pulses(motion)
     if pulses is not None:
         return pulses
-    data = read(store.folder / FILE)
-    if isinstance(config.motion, TableMotionConfig):
-        return Tables(*table_motions.of_dataset(data), config.motion.pga)
+    data = stored.data
+    if isinstance(motion, TableMotionConfig):
+        return Tables(*table_motions.of_dataset(data), motion.pga)
     traces = tuple(
         Trace(one["acceleration"].values.copy(), one["interval"].item())
         for one in split(data, "record_size")
     )
     names = tuple(map(str, data["record"].values))
-    return Records(names, traces, tuple(data["pgv_pga"].values.tolist()), config.motion.pga)
+    return Records(names, traces, tuple(data["pgv_pga"].values.tolist()), motion.pga)
 
 
-def of_site(site: Site) -> Shaking:
+def of_files(motion: MotionConfig, files: MotionFiles | None) -> Shaking:
     """The motions of a study; records from their files, before any product is made."""
-    motion = site.config.motion
     pulses = _pulses(motion)
     if pulses is not None:
         return pulses
-    if isinstance(motion, TableMotionConfig):
-        return Tables(*table_motions.of_site(site, motion), motion.pga)
-    assert isinstance(motion, RecordConfig)
-    ready = load(site, motion)
-    names, traces = tuple(one.name for one in ready), tuple(one.trace for one in ready)
-    return Records(names, traces, tuple(one.measures.pgv_pga for one in ready), motion.pga)
+    assert files is not None
+    if files.tables is not None:
+        return Tables(*files.tables, motion.pga)
+    names, traces = zip(*((one.name, one.trace) for one in files.records), strict=True)
+    ratios = tuple(one.measures.pgv_pga for one in files.records)
+    return Records(names, traces, ratios, motion.pga)
+
+
+def of_site(site: Site) -> Shaking:
+    """The motions that a site asks for."""
+    return of_files(site.config.motion, find(site.config.motion, site.origin))
 
 
 def _pulses(motion: MotionConfig) -> Shaking | None:

@@ -10,14 +10,13 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.config.layers import Site
-from pipeline.config.motion_schema import PulseGrid, RecordConfig, TableMotionConfig
-from pipeline.stages.motions import record_inputs, table_motions
-from pipeline.stages.motions.motion_grid import FILE, SHAPES
+from pipeline.config.motion_schema import MotionConfig, PulseGrid, TableMotionConfig
+from pipeline.stages.motions import table_motions
+from pipeline.stages.motions.motion_grid import SHAPES, MotionData, MotionFiles
 from pipeline.stages.motions.record_inputs import Ready
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.grammar import counted
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.stage import Product, Work
 from vsr_core.motions.records.trace import Trace, spectrum
 
 MEASURES = {
@@ -39,9 +38,8 @@ _OSCILLATORS = 90
 """Frequencies of the response spectrum, evenly in their logarithm from 0.1 to 50 Hz."""
 
 
-def make(job: Job) -> Product:
+def make(work: Work, motion: MotionConfig, files: MotionFiles | None) -> Product:
     """Make the motions of the configuration's kind."""
-    motion = job.config.motion
     if isinstance(motion, PulseGrid):
         dataset, summary = _pulses(motion.pgv_pga, motion.pga, motion.kind)
     elif isinstance(motion, TableMotionConfig) and motion.pulses:
@@ -50,11 +48,14 @@ def make(job: Job) -> Product:
         axes = table_motions.named(motion.pulses)
         dataset.attrs["axes"] = axes
         summary += f" of {axes}"
-    elif isinstance(motion, TableMotionConfig):
-        dataset, summary = table_motions.dataset(job, motion)
     else:
-        dataset, summary = _records(job, motion)
-    return Product({FILE: netcdf(described(dataset, job, "Ground motions"))}, summary)
+        assert files is not None
+        if files.tables is not None:
+            dataset, summary = table_motions.dataset(files.tables, motion.pga)
+        else:
+            dataset, summary = _records(files.records, motion.pga)
+    made = {MotionData.FILE: netcdf(described(dataset, work, "Ground motions"))}
+    return Product(made, summary)
 
 
 def _pulses(
@@ -81,9 +82,8 @@ def _pulses(
     return dataset, f"{pgv_pga.size} x {pga.size} {name}s, {shaking:.0f} s of shaking"
 
 
-def _records(job: Job, motion: RecordConfig) -> tuple[xr.Dataset, str]:
+def _records(ready: tuple[Ready, ...], pga: tuple[float, ...]) -> tuple[xr.Dataset, str]:
     """Every record as processed, its measures, and what it was before."""
-    ready = record_inputs.load(job.site, motion)
     frequency = np.geomspace(0.1, 50.0, _OSCILLATORS)
     table = pd.DataFrame([_facts(one) for one in ready]).set_index("record")
     sizes = dict.fromkeys(("record_size", "raw_size"), np.int32)
@@ -102,8 +102,8 @@ def _records(job: Job, motion: RecordConfig) -> tuple[xr.Dataset, str]:
     dataset["record_size"].attrs["sample_dimension"] = "sample"
     dataset["raw_size"].attrs["sample_dimension"] = "raw_sample"
     repaired = sum(bool(one.record.repairs) for one in ready)
-    shaking = len(motion.pga) * sum(one.trace.duration for one in ready)
-    summary = f"{counted(len(ready), 'record')} x {len(motion.pga)} PGA, {shaking:.0f} s of shaking"
+    shaking = len(pga) * sum(one.trace.duration for one in ready)
+    summary = f"{counted(len(ready), 'record')} x {len(pga)} PGA, {shaking:.0f} s of shaking"
     return dataset, summary + (f"; {repaired} records were repaired" if repaired else "")
 
 
@@ -129,8 +129,3 @@ def _facts(one: Ready) -> dict[str, Any]:
             for own, name in MEASURES.items()
         },
     }
-
-
-def inputs(site: Site) -> dict[str, str]:
-    """Digests of the files of the motions, whatever their kind."""
-    return record_inputs.digests(site) | table_motions.digests(site)

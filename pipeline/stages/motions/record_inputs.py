@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from pipeline.config.layers import Site
+from pipeline.config.layers import Origin
 from pipeline.config.motion_schema import RecordConfig
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem, not_found
@@ -44,27 +44,27 @@ class Ready:
     measures: Measures
 
 
-def find(site: Site, files: tuple[str, ...]) -> list[Path]:
+def find(origin: Origin, files: tuple[str, ...]) -> list[Path]:
     """The files named as ``motion.files``, those of folders by name."""
     found: list[Path] = []
     for name in files:
-        path = located(site.folder_of(_FILES), name, site.file_of(_FILES), _FILES)
+        path = located(origin.folder_of(_FILES), name, origin.file_of(_FILES), _FILES)
         inside = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
         if not path.exists():
-            raise not_found(site.file_of(_FILES), _FILES, shown(path))
+            raise not_found(origin.file_of(_FILES), _FILES, shown(path))
         if path.is_dir() and not inside:
             raise _problem(
-                site,
+                origin,
                 f"{shown(path)}, a folder without records",
                 f"they end in {' '.join(SUFFIXES)}",
                 "put records there",
             )
         found += inside if path.is_dir() else [path]
-    each(site.file_of(_FILES), found, check_file)
+    each(origin.file_of(_FILES), found, check_file)
     twice = [name for name, times in Counter(p.stem for p in found).items() if times > 1]
     if twice:
         raise _problem(
-            site,
+            origin,
             f"{', '.join(twice)} more than once",
             "a record has a name of its own",
             "rename it",
@@ -98,26 +98,11 @@ def check_file(path: Path) -> None:
         )
 
 
-def digests(site: Site) -> dict[str, str]:
-    """Digests of the files of records, for the key of what is made of them.
-
-    All are read first: what cannot be used is refused before any work starts.
-    """
-    motion = site.config.motion
-    if not isinstance(motion, RecordConfig):
-        return {}
-    load(site, motion)
-    files = find(site, motion.files)
-    if motion.response is not None:
-        files.append(_response(site, motion))
-    return {path.name: digest_file(path) for path in files}
-
-
-def load(site: Site, motion: RecordConfig) -> tuple[Ready, ...]:
+def load(origin: Origin, motion: RecordConfig) -> tuple[Ready, ...]:
     """The records of a site, processed."""
-    files = tuple((path, digest_file(path)) for path in find(site, motion.files))
-    response = None if motion.response is None else _response(site, motion).read_bytes()
-    return _loaded(site.file_of(_FILES), files, response, motion)
+    files = tuple((path, digest_file(path)) for path in find(origin, motion.files))
+    response = None if motion.response is None else response_file(origin, motion).read_bytes()
+    return _loaded(origin.file_of(_FILES), files, response, motion)
 
 
 @lru_cache(maxsize=4)
@@ -158,14 +143,15 @@ def _same(one: Trace, other: Trace) -> bool:
     return bool(np.allclose(first, second, rtol=0.0, atol=1e-5))
 
 
-def _response(site: Site, motion: RecordConfig) -> Path:
+def response_file(origin: Origin, motion: RecordConfig) -> Path:
+    """The file with the responses of the instruments."""
     assert motion.response is not None
-    file = site.file_of(_RESPONSE)
-    path = located(site.folder_of(_RESPONSE), motion.response.file, file, _RESPONSE)
+    file = origin.file_of(_RESPONSE)
+    path = located(origin.folder_of(_RESPONSE), motion.response.file, file, _RESPONSE)
     if not path.is_file():
         raise not_found(file, _RESPONSE, shown(path))
     return path
 
 
-def _problem(site: Site, given: str, rule: str, remedy: str) -> InputError:
-    return InputError(Problem(site.file_of(_FILES), _FILES, given, rule, remedy))
+def _problem(origin: Origin, given: str, rule: str, remedy: str) -> InputError:
+    return InputError(Problem(origin.file_of(_FILES), _FILES, given, rule, remedy))

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.config.layers import Site
-from pipeline.config.motion_schema import AxisPulseConfig, TableMotionConfig
+from pipeline.config.layers import Origin
+from pipeline.config.motion_schema import AxisPulseConfig
 from pipeline.stages.motions import record_inputs, table_files
 from pipeline.workflow.datasets import split
-from pipeline.workflow.keys import digest_file
-from pipeline.workflow.stage import Job
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.sampled import SampledMotion
 
@@ -21,23 +20,9 @@ Loaded = tuple[tuple[str, ...], tuple["SampledMotion", ...], tuple[float, ...]]
 """Names, motions and their PGV/PGA [s], by ascending PGV/PGA."""
 
 
-def digests(site: Site) -> dict[str, str]:
-    """Digests of the files of table motions, for the key of what is made of them.
-
-    All are read first.
-    """
-    motion = site.config.motion
-    if not isinstance(motion, TableMotionConfig) or motion.files is None:
-        return {}
-    of_site(site, motion)
-    return {path.name: digest_file(path) for path in record_inputs.find(site, motion.files)}
-
-
-def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
-    """The motions in the files of a site."""
-    assert motion.files is not None
-    paths = record_inputs.find(site, motion.files)
-    file = site.file_of("motion.files")
+def of_files(origin: Origin, paths: list[Path]) -> Loaded:
+    """The motions in files of a site."""
+    file = origin.file_of("motion.files")
     motions = record_inputs.each(file, paths, lambda path: _moving(table_files.load(path)))
     found = dict(zip((path.stem for path in paths), motions, strict=True))
     ratios = {name: one.peak_velocity / one.peak_acceleration for name, one in found.items()}
@@ -45,9 +30,9 @@ def of_site(site: Site, motion: TableMotionConfig) -> Loaded:
     return names, tuple(found[name] for name in names), tuple(ratios[name] for name in names)
 
 
-def dataset(job: Job, motion: TableMotionConfig) -> tuple[xr.Dataset, str]:
+def dataset(loaded: Loaded, pga: tuple[float, ...]) -> tuple[xr.Dataset, str]:
     """The motions as they are in the files, and their peaks."""
-    names, motions, ratios = of_site(job.site, motion)
+    names, motions, ratios = loaded
     samples = np.concatenate([one.samples for one in motions])
     data = xr.Dataset(
         {
@@ -65,8 +50,8 @@ def dataset(job: Job, motion: TableMotionConfig) -> tuple[xr.Dataset, str]:
     )
     data["record_size"].attrs["sample_dimension"] = "sample"
     turning = sum(one.turns for one in motions)
-    shaking = len(motion.pga) * sum(one.duration for one in motions)
-    summary = f"{len(names)} motions of a table x {len(motion.pga)} PGA, {shaking:.0f} s of shaking"
+    shaking = len(pga) * sum(one.duration for one in motions)
+    summary = f"{len(names)} motions of a table x {len(pga)} PGA, {shaking:.0f} s of shaking"
     return data, summary + (f"; {turning} of them turn it" if turning else "")
 
 

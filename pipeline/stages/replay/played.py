@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import xarray as xr
 
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.datasets.responses import FILE as RESPONSES
+from pipeline.stages.datasets.responses import Responses
 from pipeline.stages.replay.choice import Choice
 from pipeline.stages.runs.scenes import Scenes, flat_case, terrain_case
 from pipeline.stages.runs.study import Study
@@ -59,7 +59,7 @@ def played(
     longest : float [s], for which it goes on at most after its outcome was decided
     """
     scenes = study.scenes
-    own = choice.engine == scenes.config.engine
+    own = choice.engine == scenes.settings.engine
     motion = study.motions.motion(choice.cell)
     try:
         place, settings = (_own if own else _elsewhere)(study, choice)
@@ -76,21 +76,19 @@ def played(
 
 
 def _own(study: Study, choice: Choice) -> tuple[Case | TerrainCase, Settings]:
-    return _place(study.scenes, choice), study.settings(choice.group.friction)
+    return _place(study.scenes, choice), study.how(choice.group)
 
 
 def _elsewhere(study: Study, choice: Choice) -> tuple[Case | TerrainCase, Settings]:
     """The run in another engine: at its usual step, and with the impacts that it knows."""
-    scenes = study.scenes
     engines.load(choice.engine)
-    contact = scenes.config.contact.model_copy(update={"restitution_law": "newton"})
-    scenes = replace(scenes, config=scenes.config.model_copy(update={"contact": contact}))
+    scenes = study.scenes.with_contact(restitution_law="newton")
     step = longest_step(flat_case(scenes, choice.group).full, choice.engine)
-    return _place(scenes, choice), Settings(step, scenes.config.simulation.reduce, choice.engine)
+    return _place(scenes, choice), Settings(step, scenes.settings.simulation.reduce, choice.engine)
 
 
 def _place(scenes: Scenes, choice: Choice) -> Case | TerrainCase:
-    case = terrain_case if scenes.config.on_terrain else flat_case
+    case = terrain_case if scenes.settings.on_terrain else flat_case
     return case(scenes, choice.group)
 
 
@@ -102,4 +100,4 @@ def _compare(found: Response, stored: xr.Dataset) -> None:
         given = f"{found.outcome.name.lower()}, {found.decided_by.how}"
         rule = f"the run stored for this cell has another {', '.join(differs)}"
         remedy = "make the study anew: vsr clean, then vsr run fragility"
-        raise InputError(Problem(RESPONSES, "", given, rule, remedy))
+        raise InputError(Problem(Responses.FILE, "", given, rule, remedy))

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from pipeline.stages.datasets.responses import FILE as RESPONSES
-from pipeline.stages.mesh.products import ROCK, TERRAIN
+from pipeline.stages.datasets.responses import Responses
+from pipeline.stages.mesh.products import RockData, TerrainData
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Shaking
 from pipeline.stages.replay.choice import NEIGHBOUR, chosen, neighbour, other
 from pipeline.stages.replay.film import film, named, scene, scripts
 from pipeline.stages.replay.played import Played, played
-from pipeline.stages.runs.study import load_study
+from pipeline.stages.runs.study import Study
 from pipeline.workflow import graph, keys, writers
-from pipeline.workflow.datasets import read
+from pipeline.workflow.graph import Identity
 from pipeline.workflow.pages import filled
 from pipeline.workflow.pages import source as text_of
-from pipeline.workflow.stage import Job
+from pipeline.workflow.stage import Job, Product
 
 PAGE, OWN_SCRIPTS = "replay.html", ("panels.js", "replay.js")
 
@@ -31,6 +31,15 @@ LONGEST_NAME = 120
 """Letters of a file name; of a longer one a digest tells what is cut off."""
 
 MOST_ROCK_FACES = 20_000
+
+
+class Parts(NamedTuple):
+    """What a page is made from."""
+
+    study: Study
+    responses: Responses
+    rock: RockData
+    terrain: TerrainData | None
 
 
 def make(job: Job, given: Mapping[str, str | None], second: str | None) -> str:
@@ -47,28 +56,31 @@ def make(job: Job, given: Mapping[str, str | None], second: str | None) -> str:
     if beside_it:
         choices.append(other(config, shaking, choices[0], str(second)))
     graph.make("responses", job)
-    study, responses = load_study(config, job.store), read(job.path(RESPONSES))
+    parts = graph.built(Parts, job)
+    study, responses = parts.study, parts.responses.data
     if second is not None and not beside_it:
         choices.append(neighbour(responses, choices[0]))
     runs = [played(study, responses, choice) for choice in choices]
-    text = page(job, runs, study.motions)
+    text = page(job.site.name, f"../{job.store.up}", parts, runs)
     slug = _slug(runs, study.motions)
     name = f"{FOLDER}/{slug}.html"
-    facts = {"choices": [repr(choice) for choice in choices]}
-    manifest = {"key": keys.digest(facts), "facts": facts, "unresolved": 0, "retry": 0}
-    job.store.publish(f"replay-{slug}", manifest, {name: writers.text(text)})
+    made_from = graph.identities("responses", job.site)["responses"].facts
+    facts = made_from | {"inputs": {"choices": repr(choices)}}
+    graph.keep(
+        f"replay-{slug}", Identity(facts), Product({name: writers.text(text)}, name), job.store
+    )
     return name
 
 
-def page(job: Job, runs: list[Played], shaking: Shaking) -> str:
+def page(site: str, up: str, parts: Parts, runs: list[Played]) -> str:
     """The page of some runs.
 
     Returns
     -------
     str, HTML that holds all it needs
     """
-    rock = read(job.path(ROCK))
-    terrain = read(job.path(TERRAIN)) if job.config.on_terrain else None
+    rock, settings, shaking = parts.rock.data, parts.study.settings, parts.study.motions
+    terrain = None if parts.terrain is None else parts.terrain.data
     data = {
         "scene": scene(rock, terrain, runs, MOST_ROCK_FACES),
         "films": [film(run, shaking) for run in runs],
@@ -77,12 +89,12 @@ def page(job: Job, runs: list[Played], shaking: Shaking) -> str:
     return filled(
         PAGE,
         {
-            "site": job.site.name,
-            "up": f"../{job.store.up}",
+            "site": site,
+            "up": up,
             "source": rock.attrs["shape_source"],
             "mass": float(rock.attrs["mass_kg"]),
-            "on_terrain": job.config.on_terrain,
-            "driven": job.config.drive == "servo",
+            "on_terrain": settings.on_terrain,
+            "driven": settings.drive == "servo",
             "runs": [_facts(run, shaking) for run in runs],
             "data": data,
             "scripts": [

@@ -6,39 +6,38 @@ import json
 import os
 import shlex
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 from markupsafe import Markup
 
-from pipeline.config.layers import SITES, Site, known, load_site
+from pipeline.config.layers import SITES, Origin, known, load_site
 from pipeline.config.motion_schema import RecordConfig, TableMotionConfig
 from pipeline.config.problems import InputError
-from pipeline.config.schema import Config
+from pipeline.config.scene_schema import RockConfig
 from pipeline.config.sections import Range
 from pipeline.drawing.style import png_uri, svg_uri
-from pipeline.stages.datasets.bullet_sample import FILE as SAMPLE
-from pipeline.stages.datasets.responses import FILE as RESPONSES
+from pipeline.stages.datasets.bullet_sample import BulletSample
+from pipeline.stages.datasets.responses import Responses
 from pipeline.stages.fragility.fragility_figures import (
     axes_of,
     cells_of,
     fragility_by_yaw,
     overturning_diagram,
 )
-from pipeline.stages.fragility.products import FILE as FRAGILITY
-from pipeline.stages.fragility.products import TABLE
+from pipeline.stages.fragility.products import TABLE, Fits
 from pipeline.stages.fragility.rock_views import rock_views
 from pipeline.stages.fragility.summary import groups, long_rows_in_words, time_steps
-from pipeline.stages.mesh.products import ROCK as ROCK
-from pipeline.stages.motions.motion_grid import FILE as MOTIONS
+from pipeline.stages.mesh.products import RockData, TerrainData
 from pipeline.stages.motions.record_figure import record_figure
 from pipeline.stages.replay import film
 from pipeline.stages.reports import report_tables, teaching_runs
-from pipeline.stages.runs.step_choice import FILE as TIME_STEP
+from pipeline.stages.runs.step_choice import StepData
+from pipeline.stages.runs.study import Study
 from pipeline.workflow import pages, writers
-from pipeline.workflow.datasets import read
 from pipeline.workflow.grammar import counted
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.parameters import Later
+from pipeline.workflow.stage import Product, Work
 
 FILE = "report.html"
 
@@ -62,25 +61,52 @@ _PAPER = (
 )
 
 
-def make(job: Job) -> Product:
+class Parts(NamedTuple):
+    """What the page is made from."""
+
+    rock: RockConfig
+    study: Study
+    shape: RockData
+    terrain: TerrainData | None
+    time_step: StepData
+    responses: Responses
+    fits: Fits
+
+    def settings(self) -> dict[str, Any]:
+        """The settings of what is on the page, as plain data."""
+        scene = self.study.settings
+        sections = {"rock": self.rock, "pedestal": scene.pedestal, "contact": scene.contact,
+                    "motion": self.study.motion}  # fmt: skip
+        return {
+            **{name: section.model_dump(mode="json") for name, section in sections.items()},
+            "yaw": list(self.study.yaw),
+            "drive": scene.drive,
+            "servo": {} if scene.servo is None else scene.servo.model_dump(mode="json"),
+            "simulation": scene.simulation.model_dump(mode="json"),
+        }
+
+
+def make(work: Work, parts: Parts, sample: Later[BulletSample | None]) -> Product:
     """Draw the figures and fill in the page."""
-    rock, responses, fragility = (read(job.path(name)) for name in (ROCK, RESPONSES, FRAGILITY))
-    facts = _facts(job, rock, responses, fragility)
-    text = pages.filled(FILE, facts | {"up": job.store.up})
+    facts = _facts(work, parts, sample)
+    text = pages.filled(FILE, facts | {"up": work.up})
     lost = facts["unresolved"]["total"]
     verdict = f"{counted(lost, 'run')} UNRESOLVED" if lost else "all runs are resolved"
     note = f"{len(text) / 1e6:.2f} MB, diagrams: {len(facts['diagrams'])}; {verdict}"
     return Product({FILE: writers.text(text)}, note)
 
 
-def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any]:
+def _facts(work: Work, parts: Parts, sample: Later[BulletSample | None]) -> dict[str, Any]:
     """Everything that the page says."""
+    study, settings = parts.study, parts.settings()
+    rock, responses, fragility = parts.shape.data, parts.responses.data, parts.fits.data
+    motions = study.motion_data.data
     rows = report_tables.by_yaw(responses, fragility)
     return {
-        "site": job.site.name,
-        "on_terrain": job.config.on_terrain,
+        "site": work.origin.name,
+        "on_terrain": study.settings.on_terrain,
         "rock": report_tables.about_rock(rock),
-        "density": job.config.rock.density,
+        "density": parts.rock.density,
         "rows": rows,
         "answers": report_tables.answer(rows, fragility["friction"].values),
         "long_rows": long_rows_in_words(fragility["pgv_pga"].values),
@@ -89,40 +115,44 @@ def _facts(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any
         "unresolved": report_tables.unresolved(responses, _MOST_LISTED),
         "boundary": report_tables.boundary(fragility),
         "models": report_tables.models(fragility),
-        **_pictures(job, rock, responses, fragility),
-        **_records(job),
-        "pulse": job.config.motion.kind.replace("_", " "),
-        "tables": _tables(job, responses),
-        "axes": read(job.path(MOTIONS)).attrs.get("axes"),
+        **_pictures(work, parts),
+        **_records(study),
+        "pulse": study.motion.kind.replace("_", " "),
+        "tables": _tables(study),
+        "axes": motions.attrs.get("axes"),
         "left_out": report_tables.left_out(
             responses, yaml.safe_load(GAINS.read_text(encoding="utf-8"))
         ),
-        "other_engine": _other_engine(job),
-        "time_steps": time_steps(read(job.path(TIME_STEP))),
-        "simulation": job.config.simulation,
-        "settings": _settings(job.config),
-        "command": command(job.site),
+        "other_engine": _other_engine(sample(), study.settings.engine),
+        "time_steps": time_steps(parts.time_step.data),
+        "simulation": study.settings.simulation,
+        "settings": _in_yaml(settings),
+        "command": command(work.origin, settings),
         "versions": json.loads(responses.attrs["vsr_versions_json"]),
         "keys": {
             name: data.attrs["vsr_key"]
-            for name, data in ((ROCK, rock), (RESPONSES, responses), (FRAGILITY, fragility))
+            for name, data in (
+                (RockData.FILE, rock),
+                (Responses.FILE, responses),
+                (Fits.FILE, fragility),
+            )
         },
-        "timings": _timings(job.store.notes("runs")),
+        "timings": _timings(work.notes("runs")),
         "paper": _PAPER,
-        "files": {"responses": RESPONSES, "fragility": FRAGILITY, "table": TABLE},
+        "files": {"responses": Responses.FILE, "fragility": Fits.FILE, "table": TABLE},
     }
 
 
-def _other_engine(job: Job) -> dict[str, Any] | None:
+def _other_engine(sample: BulletSample | None, engine: str) -> dict[str, Any] | None:
     """How a sample ended in another engine; None where Bullet is that of the runs."""
-    if job.config.second_engine is None:
-        return None if job.config.engine == "bullet" else {"total": 0}
-    job.awaited("bullet_sample")
-    return report_tables.other_engine(read(job.path(SAMPLE)))
+    if sample is None:
+        return None if engine == "bullet" else {"total": 0}
+    return report_tables.other_engine(sample.data)
 
 
-def _pictures(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, Any]:
+def _pictures(work: Work, parts: Parts) -> dict[str, Any]:
     """Pictures, and what scripts tell of the cells and play of the runs in them."""
+    rock, responses, fragility = parts.shape.data, parts.responses.data, parts.fits.data
     # the smaller of the two, as measured: cells as PNG, lines as SVG; PNG for shaded surfaces,
     # which any viewer shows at once
     diagrams, cells = [], []
@@ -130,7 +160,12 @@ def _pictures(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, 
         figure = overturning_diagram(responses, fragility, place, name)
         diagrams.append({"name": name, "image": png_uri(figure)})
         cells.append(cells_of(responses, place, figure))
-    watched = teaching_runs.packed(job, responses, rock)
+    terrain = None if parts.terrain is None else parts.terrain.data
+    try:
+        watched = teaching_runs.packed(parts.study, responses, rock, terrain)
+    except InputError as error:
+        work.log(f"report: no run is played in it: {error}")
+        watched = None
     scripts = [*film.scripts(), pages.source("cells.js")]
     return {
         "diagrams": diagrams,
@@ -142,52 +177,56 @@ def _pictures(job: Job, rock: Any, responses: Any, fragility: Any) -> dict[str, 
     }
 
 
-def _records(job: Job) -> dict[str, Any]:
+def _records(study: Study) -> dict[str, Any]:
     """Table and pictures of the records; empty where the motions are pulses."""
-    if not isinstance(job.config.motion, RecordConfig):
+    if not isinstance(study.motion, RecordConfig):
         return {"records": [], "processing": None}
-    motions = read(job.path(MOTIONS))
+    motions = study.motion_data.data
     rows = report_tables.records(motions)
     for number, row in enumerate(rows[:_MOST_DRAWN]):
         row["image"] = png_uri(record_figure(motions, number))
-    return {"records": rows, "processing": job.config.motion.processing}
+    return {"records": rows, "processing": study.motion.processing}
 
 
-def _tables(job: Job, responses: Any) -> list[str]:
+def _tables(study: Study) -> list[str]:
     """Names of the motions in several axes; none where they are others."""
-    motion = job.config.motion
+    motion = study.motion
     if not isinstance(motion, TableMotionConfig) or motion.files is None:
         return []
-    return [str(name) for name in responses["record"].values]
+    return [str(name) for name in study.motions.rows]
 
 
-def _settings(config: Config) -> str:
-    """Write the resolved configuration as YAML, evenly spaced values as a range again."""
-    tree = _shorter(config.model_dump(mode="json"))
+def _in_yaml(settings: dict[str, Any]) -> str:
+    """Write resolved settings as YAML, evenly spaced values as a range again."""
+    tree = _shorter(settings)
     return str(yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, width=90))
 
 
-_PATHS = {"rock.mesh", "motion.files", "motion.response.file", "uncertainty.scan.replica"}
+_PATHS = {"rock.mesh", "motion.files", "motion.response.file"}
 
 
-def command(site: Site) -> list[str]:
-    """Arguments that make the report again, as a shell takes them."""
+def command(site: Origin, settings: dict[str, Any]) -> list[str]:
+    """Arguments that make the report again, as a shell takes them.
+
+    Parameters
+    ----------
+    settings : dict, of what is on the page, as plain data
+    """
     name = site.name if site.file == f"configs/sites/{site.name}.yaml" else site.file
     shared = name in known(SITES)
     try:
         plain = load_site(name if shared else site.file).config.model_dump(mode="json")
     except InputError:  # the file is gone or edited since; the settings are on the page
         return [shlex.quote(name)]
-    given = _leaves(site.config.model_dump(mode="json"))
-    own = _leaves(plain)
+    given, own = _leaves(settings), _leaves(plain)
     changed = {key: value for key, value in given.items() if value != own.get(key, own)}
     for key in _PATHS & changed.keys():  # as the site's own file would name them
         names, folder = changed[key], site.folder_of(key)
         listed = [names] if isinstance(names, str) else names or []
         moved = [os.path.relpath(folder / name, site.folder) for name in listed]
         changed[key] = moved[0] if isinstance(names, str) else moved or None
-    settings = (f"{key}={_flow(value)}" for key, value in changed.items())
-    return [shlex.quote(name), *map(shlex.quote, settings)]
+    told = (f"{key}={_flow(value)}" for key, value in changed.items())
+    return [shlex.quote(name), *map(shlex.quote, told)]
 
 
 def _leaves(tree: dict[str, Any], above: str = "") -> dict[str, Any]:

@@ -7,17 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from pipeline.config.problems import InputError
 from pipeline.stages.fragility.summary import long_rows
-from pipeline.stages.mesh.products import TERRAIN
 from pipeline.stages.motions.motion_grid import Cell
 from pipeline.stages.replay.choice import Choice
 from pipeline.stages.replay.film import film, named, scene
 from pipeline.stages.replay.played import played
 from pipeline.stages.runs.scenes import Group
-from pipeline.stages.runs.study import load_study
-from pipeline.workflow.datasets import read
-from pipeline.workflow.stage import Job
+from pipeline.stages.runs.study import Study
 from vsr_core.arrays import Array
 
 SPACING, AFTERWARDS = 0.02, 1.5
@@ -64,23 +60,18 @@ def chosen(responses: xr.Dataset) -> list[Place]:
     return places
 
 
-def packed(job: Job, responses: xr.Dataset, rock: xr.Dataset) -> dict[str, Any] | None:
+def packed(
+    study: Study, responses: xr.Dataset, rock: xr.Dataset, terrain: xr.Dataset | None
+) -> dict[str, Any] | None:
     """Those runs and what they are played in."""
     places = chosen(responses)
     if not places:
         return None
-    study = load_study(job.config, job.store)
     shaking = study.motions
-    choices = [_choice(responses, place, job.config.engine) for place in places]
-    try:
-        runs = [
-            played(study, responses, choice, spacing=SPACING, longest=AFTERWARDS)
-            for choice in choices
-        ]
-    except InputError as error:
-        job.log(f"report: no run is played in it: {error}")
-        return None
-    terrain = read(job.path(TERRAIN)) if job.config.on_terrain else None
+    choices = [_choice(responses, place, study.settings.engine) for place in places]
+    runs = [
+        played(study, responses, choice, spacing=SPACING, longest=AFTERWARDS) for choice in choices
+    ]
     return {
         "scene": scene(rock, terrain, runs, MOST_ROCK_FACES),
         "films": [film(run, shaking) for run in runs],

@@ -7,12 +7,11 @@ from typing import Any
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.motions.motion_grid import Cell, Shaking
-from pipeline.stages.runs.runner import Kind
-from pipeline.stages.runs.scenes import engine_version, terrain_case
-from pipeline.stages.runs.study import run_study
+from pipeline.stages.runs.runner import Kind, StoredRuns
+from pipeline.stages.runs.study import Study, run_study
 from pipeline.stages.runs.trajectory_packing import pack
 from pipeline.workflow.rows import DisplacementRow
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.stage import Product, Work
 from vsr_core.run.cases import Settings, TerrainCase
 from vsr_core.run.displacement import displace
 
@@ -30,19 +29,22 @@ def follow_batch(
     return rows
 
 
-def make(job: Job) -> Product:
+KIND = Kind("displacement_runs", "displacement runs", DisplacementRow, follow_batch, batch=4)
+
+
+class Journeys(StoredRuns):
+    """The displacement runs of a study, with their trajectories."""
+
+
+def make(work: Work, study: Study) -> Product:
     """Do the missing displacement runs."""
-    return run_study(job, KIND, terrain_case)
+    return run_study(work, study, KIND)
 
 
-def inputs(site: Site) -> dict[str, str]:
-    """Tell the version of the engine; a rock that has no terrain is refused before any work."""
+def refuse_level_ground(site: Site) -> None:
+    """Refuse a rock that has no terrain to travel over."""
     shape = site.config.pedestal.shape
     if shape != "mesh":
         file, rule = site.file_of("pedestal.shape"), "a rock travels over a terrain"
         remedy = "set pedestal.shape: mesh, with the terrain in the rock's scan"
         raise InputError(Problem(file, "pedestal.shape", shape, rule, remedy))
-    return engine_version(site)
-
-
-KIND = Kind("displacement_runs", "displacement runs", DisplacementRow, follow_batch, batch=4)

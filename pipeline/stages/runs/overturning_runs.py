@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline.config.schema import Config
 from pipeline.stages.motions.motion_grid import Cell, Shaking
-from pipeline.stages.runs.runner import Kind
-from pipeline.stages.runs.scenes import flat_case, terrain_case
-from pipeline.stages.runs.study import run_study
+from pipeline.stages.runs.runner import Kind, StoredRuns
+from pipeline.stages.runs.study import Study, run_study
 from pipeline.workflow.rows import RunRow, TerrainRow
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.stage import Product, Work
 from vsr_core.outcome import Response
 from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.run.displacement import displace
@@ -47,15 +45,19 @@ def values(response: Response) -> tuple[Any, ...]:
     return int(r.outcome), int(r.decided_by), r.peak_tilt, r.final_tilt, r.slip, r.steps
 
 
-def make(job: Job) -> Product:
-    """Do the missing runs."""
-    return run_study(job, kind(job.config), terrain_case if job.config.on_terrain else flat_case)
-
-
-def kind(config: Config) -> Kind[Any]:
-    """Runs on a flat pedestal or on a terrain, as a configuration has it."""
-    return ON_TERRAIN if config.on_terrain else KIND
-
-
 KIND = Kind("runs", "runs", RunRow, simulate_batch, batch=40)
 ON_TERRAIN = Kind("runs", "runs", TerrainRow, respond_batch, batch=40)
+
+
+class Runs(StoredRuns):
+    """The runs of a study, each up to where its outcome is decided."""
+
+
+def kind(*, on_terrain: bool) -> Kind[Any]:
+    """Runs on a flat pedestal or on a terrain."""
+    return ON_TERRAIN if on_terrain else KIND
+
+
+def make(work: Work, study: Study) -> Product:
+    """Do the missing runs."""
+    return run_study(work, study, kind(on_terrain=study.settings.on_terrain))

@@ -13,15 +13,16 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import compress, islice
 from operator import attrgetter
-from typing import Any, Generic, NamedTuple, TypeVar
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 from pipeline.config.problems import Problem, Unfinished
 from pipeline.config.schema import COMPILED
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.progress import Progress
 from pipeline.workflow.rows import Row
-from pipeline.workflow.run_store import RUNS, RunsLost, RunStore, is_there
-from pipeline.workflow.stage import Job
+from pipeline.workflow.run_store import RUNS, RunsLost, RunStore
+from pipeline.workflow.stage import Work
 from pipeline.workflow.store import Store
 from vsr_core.outcome import Outcome
 
@@ -80,7 +81,7 @@ class Tally:
 
 
 def run_missing(
-    job: Job,
+    work: Work,
     kind: Kind[Row],
     groups: Sequence[G],
     wanted: Wanted[G],
@@ -96,16 +97,16 @@ def run_missing(
     """
     start, cpu = time.monotonic(), 0.0
     opened: AbstractContextManager[RunStore[Row]] = (
-        nullcontext(store) if store else closing(RunStore(job.store.runs, kind.row, job.log))
+        nullcontext(store) if store else closing(RunStore(work.runs, kind.row, work.log))
     )
     with opened as runs:
         todo = [missing(wanted(group), runs) for group in groups]
         total = sum(map(sum, todo))
-        compiled = job.site.settings.engine == COMPILED
+        compiled = work.engine == COMPILED
         quick = compiled and total <= QUICK
-        shares = quick if job.cluster.local else compiled
-        cluster = job.cluster.in_threads() if shares else job.cluster
-        cluster = job.cluster.in_process() if total < SMALL else cluster
+        shares = quick if work.cluster.local else compiled
+        cluster = work.cluster.in_threads() if shares else work.cluster
+        cluster = work.cluster.in_process() if total < SMALL else cluster
         least, planned = QUICK_BATCH if quick else kind.batch, 0
 
         def size() -> int:
@@ -120,20 +121,20 @@ def run_missing(
                     planned += len(items)
                     yield Batch(group, items)
 
-        with Progress(total, job.log) as progress:
+        with Progress(total, work.log) as progress:
             for batch, done in cluster.run(partial(_timed, kind.function), batches(), shared):
                 values, used = done or ([(int(Outcome.CRASHED),)] * len(batch.items), 0.0)
                 rows = [kind.row(r.key, *v) for r, v in zip(batch.items, values, strict=True)]
                 runs.add(rows)
                 cpu += used
-                progress.add([row.outcome for row in rows])
+                progress.add([int(one[0]) for one in values])
     total = progress.outcomes.total()
     if total != planned:
         given = f"{total} of {planned} {kind.what} came back"
         raise Unfinished(f"{given}; the same command does the others")
     seconds = time.monotonic() - start
     workers = cluster.workers if cluster.local else -1
-    job.store.note(kind.stage, runs=total, seconds=seconds, cpu_seconds=cpu, workers=workers)
+    work.note(runs=total, seconds=seconds, cpu_seconds=cpu, workers=workers)
     rate = f" in {seconds:.1f} s, {1e3 * cpu / total:.1f} ms of CPU each" if total else ""
     crashed = progress.outcomes[Outcome.CRASHED]
     lost = f", {crashed} of them crashed" if crashed else ""
@@ -141,28 +142,40 @@ def run_missing(
 
 
 def stored(
-    job: Job, kind: Kind[Row], groups: Sequence[G], wanted: Wanted[G]
+    database: Path, kind: Kind[Row], groups: Sequence[G], wanted: Wanted[G]
 ) -> Iterator[tuple[G, list[Row]]]:
     """Read the wanted runs of each group, in their order and in parts.
+
+    Parameters
+    ----------
+    database : Path, of its folder
 
     Yields
     ------
     (group, list of rows), one group after the other, at most ``AT_ONCE`` rows at a time
     """
-    try:
-        with closing(RunStore(job.store.runs, kind.row, reads=True)) as runs:
-            for group in groups:
-                for part in _parts(wanted(group)):
-                    found = runs.get(run.key for run in part)
-                    lost = sum(run.key not in found for run in part)
-                    if lost:
-                        given = f"{lost} {kind.what} fewer than were done"
-                        rule, remedy = "every run that was done is kept", "start again to redo them"
-                        raise RunsLost(Problem(str(job.store.runs / RUNS), "", given, rule, remedy))
-                    yield group, [found[run.key] for run in part]
-    except RunsLost:
-        job.store.forget(kind.stage)
-        raise
+    with closing(RunStore(database, kind.row, reads=True)) as runs:
+        for group in groups:
+            for part in _parts(wanted(group)):
+                found = runs.get(run.key for run in part)
+                lost = sum(run.key not in found for run in part)
+                if lost:
+                    given = f"{lost} {kind.what} fewer than were done"
+                    rule, remedy = "every run that was done is kept", "start again to redo them"
+                    raise RunsLost(Problem(str(database / RUNS), "", given, rule, remedy))
+                yield group, [found[run.key] for run in part]
+
+
+@dataclass(frozen=True)
+class StoredRuns:
+    """Runs as the product of a stage: rows of the database in a folder."""
+
+    database: Path
+
+    @classmethod
+    def load(cls, store: Store) -> Self:
+        """The runs of a site."""
+        return cls(store.runs)
 
 
 def missing(wanted: Iterable[Run], runs: RunStore[Any]) -> bytes:
@@ -172,11 +185,6 @@ def missing(wanted: Iterable[Run], runs: RunStore[Any]) -> bytes:
         known = runs.outcomes(run.key for run in part)
         marks.extend(known.get(run.key, crashed) == crashed for run in part)
     return bytes(marks)
-
-
-def database_is_there(store: Store) -> str:
-    """Tell what is wrong with the database of runs."""
-    return "" if is_there(store.runs) else f"{RUNS} is missing"
 
 
 def _parts(runs: Iterable[Run]) -> Iterator[list[Run]]:

@@ -7,14 +7,15 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from pipeline.config import in_si
-from pipeline.config.layers import Site
+from pipeline.config.layers import Origin, Site
 from pipeline.config.problems import InputError, Problem
-from pipeline.config.schema import COMPILED, Config
-from pipeline.stages.mesh.products import Ground, load_rock, load_terrain
+from pipeline.config.schema import COMPILED, SceneSettings
+from pipeline.stages.mesh.products import Ground, Standing
 from pipeline.stages.motions import motion_grid
-from pipeline.workflow import keys
+from pipeline.stages.motions.motion_grid import Shaking
+from pipeline.workflow import graph, keys
 from pipeline.workflow.code_roots import RUN_CODE, TERRAIN_CODE
-from pipeline.workflow.store import Store
+from pipeline.workflow.stage import Job
 from vsr_core import engines
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import Barrier
@@ -49,67 +50,65 @@ class Group(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scenes:
-    """What the scenes of all groups of a configuration are built from, read once."""
+    """What the scenes of all groups of a study are built from."""
 
-    config: Config
-    rock: Rock
-    barrier: Barrier
-    ground: Ground | None
+    settings: SceneSettings
+    standing: Standing
+    ground: Ground | None = None
+
+    @property
+    def rock(self) -> Rock:
+        """The rock in the pose in which it stands."""
+        return self.standing.rock
 
     @cached_property
     def level_rock(self) -> Rock:
         """The rock as it stands on a flat pedestal."""
-        return standing(self.rock) if self.config.on_terrain else self.rock
+        return standing(self.rock) if self.settings.on_terrain else self.rock
+
+    def with_contact(self, **changes: Any) -> Scenes:
+        """The same with another contact."""
+        return replace(self, settings=self.settings.with_contact(**changes))
 
 
-def load_scenes(config: Config, store: Store, *, level: bool = False) -> Scenes:
-    """Read the rock, and its terrain where it stands on one.
-
-    Parameters
-    ----------
-    store : Store, which holds the products of the stages ``rock`` and ``terrain``
-    level : bool, whether only scenes on a flat pedestal are wanted, for which no terrain is read
-    """
-    ground = load_terrain(store) if config.on_terrain and not level else None
-    return Scenes(config, *load_rock(store), ground)
-
-
-def groups(config: Config) -> tuple[Group, ...]:
+def groups(yaw: tuple[float, ...], settings: SceneSettings) -> tuple[Group, ...]:
     """List the groups of a study."""
-    return tuple(Group(yaw, friction) for yaw in config.yaw for friction in config.contact.friction)
+    return tuple(Group(one, friction) for one in yaw for friction in settings.contact.friction)
 
 
 def flat_scene(scenes: Scenes, group: Group, drive: Servo | None = None) -> Scene:
     """Set the rock on a flat pedestal."""
-    contact = in_si.contact(scenes.config.contact, group.friction)
+    contact = in_si.contact(scenes.settings.contact, group.friction)
     return Scene(scenes.level_rock, contact, in_si.angle(group.yaw), drive=drive)
 
 
 def flat_case(scenes: Scenes, group: Group) -> Case:
     """Prepare the scene of a group on a flat pedestal, driven as the configuration says."""
-    config = scenes.config
-    drive = in_si.servo(config.servo) if config.drive == "servo" else None
-    scene = flat_scene(scenes, group, drive)
-    return prepare(scene, scenes.barrier, reduce=config.simulation.reduce)
+    scene = flat_scene(scenes, group, _servo(scenes.settings))
+    return prepare(scene, scenes.standing.barrier, reduce=scenes.settings.simulation.reduce)
+
+
+def _servo(settings: SceneSettings) -> Servo | None:
+    return None if settings.servo is None else in_si.servo(settings.servo)
 
 
 def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
     """Set the rock on its terrain for the shaking of a group."""
-    ground, rock, toppled = scenes.ground, scenes.rock, scenes.barrier.toppled_tilt
+    ground, rock, settings = scenes.ground, scenes.rock, scenes.settings
     assert ground is not None
-    reduce = scenes.config.simulation.reduce
+    toppled, reduce = scenes.standing.barrier.toppled_tilt, settings.simulation.reduce
     seat = Scene(
         reduction.on_its_seat(rock) if reduce else rock,
-        in_si.contact(scenes.config.contact, group.friction),
+        in_si.contact(settings.contact, group.friction),
         in_si.angle(group.yaw),
         "terrain",
-        start=ground.starts[group.friction],
+        start=ground.starts[settings.contact.friction.index(group.friction)],
         terrain=ground.terrain if reduce else replace(ground.terrain, parts=(), light=None),
     )
     if not reduce:
         return TerrainCase(seat, seat, toppled)
     flight = replace(seat, rock=reduction.in_flight(rock))
-    engine = scenes.config.engine
+    engine = settings.engine
     step = engines.load(engine).LADDER.longest * step_unit(rock)
     still = displacement.limits_on_seat(seat, step, engine)
     return TerrainCase(seat, flight, toppled, still)
@@ -127,7 +126,7 @@ def code(engine: str, *, terrain: bool) -> tuple[str, ...]:
 
 def identity(scenes: Scenes) -> dict[str, Any]:
     """Tell what all runs of a study share, but for group, motion and time step."""
-    config, rock, ground = scenes.config, scenes.rock, scenes.ground
+    config, rock, ground = scenes.settings, scenes.rock, scenes.ground
     parts = (rock.vertices, rock.inertia, rock.axes)
     engine = config.engine
     return {
@@ -141,7 +140,7 @@ def identity(scenes: Scenes) -> dict[str, Any]:
             config.contact.restitution_law,
             config.contact.rolling_friction,
         ],
-        "drive": config.servo.model_dump() if config.drive == "servo" else config.drive,
+        "drive": config.drive if config.servo is None else config.servo.model_dump(),
         "simulation": [engine, config.simulation.reduce],
         "engine": engines.load(engine).VERSION,
         "code": keys.digest(tracing.reached(code(engine, terrain=ground is not None))),
@@ -149,9 +148,7 @@ def identity(scenes: Scenes) -> dict[str, Any]:
 
 
 def _ground_identity(ground: Ground) -> str:
-    starts = (
-        array for start in ground.starts.values() for array in (start.position, start.rotation)
-    )
+    starts = (array for start in ground.starts for array in (start.position, start.rotation))
     terrain = ground.terrain
     light = (terrain.light.vertices, terrain.light.faces) if terrain.light else ()
     arrays = (terrain.vertices, terrain.faces, *light, *terrain.parts, *starts)
@@ -168,39 +165,53 @@ class LeftOut(NamedTuple):
         return f"{self.what}: {self.reduction.why}"
 
 
-def left_out(config: Config, case: Case) -> list[LeftOut]:
-    """List what the runs of a configuration leave out of the scene."""
+def left_out(settings: SceneSettings, case: Case, *, of_table: bool) -> list[LeftOut]:
+    """List what the runs of a study leave out of the scene.
+
+    Parameters
+    ----------
+    of_table : bool, whether the motions are those of a table in several axes
+    """
     reductions = case.reductions
-    if config.engine == COMPILED:  # which takes all corners
+    if settings.engine == COMPILED:  # which takes all corners
         reductions = tuple(r for r in reductions if r is not Reduction.HULL_VERTICES)
-    if config.motion.kind == "table":
+    if of_table:
         reductions = tuple(r for r in reductions if r not in PROOFS)
-    elif config.on_terrain:
-        reductions = TERRAIN_REDUCTIONS if config.simulation.reduce else ()
+    elif settings.on_terrain:
+        reductions = TERRAIN_REDUCTIONS if settings.simulation.reduce else ()
     every = len(case.full.rock.vertices)
     gone = every - len(case.scene.rock.vertices)
     counted = {Reduction.HULL_VERTICES: f"{gone} of {every} {Reduction.HULL_VERTICES.what}"}
     return [LeftOut(reduction, counted.get(reduction, reduction.what)) for reduction in reductions]
 
 
-def check_scenes(site: Site, scenes: Scenes) -> None:
-    """See that scenes, engine and a given time step go together, before any run."""
-    simulation, engine = scenes.config.simulation, scenes.config.engine
-    shaking = motion_grid.of_site(site)
-    if (count := motion_grid.count(shaking)) > MOST_RUNS:
-        rule = f"a direction and friction has at most {MOST_RUNS:,}, which are held in memory"
-        remedy = "part the study in several, or thin out its grid"
-        raise InputError(Problem(site.file_of("motion"), "motion", f"{count:,} runs", rule, remedy))
-    cases = [flat_case(scenes, group) for group in groups(scenes.config)]
-    strongest = motion_grid.strongest(shaking)
-    key = "simulation.engine"
+def refuse_engine(scenes: Scenes, origin: Origin) -> None:
+    """Refuse a scene that the engine cannot hold, before any run."""
+    settings = scenes.settings
+    case = flat_case(scenes, Group(0.0, settings.contact.friction[0]))
+    drive = case.scene.drive
     try:
-        drive = cases[0].scene.drive
-        engines.load(engine).build(cases[0].scene, drive.period if drive else 1e-3, 1)
+        engines.load(settings.engine).build(case.scene, drive.period if drive else 1e-3, 1)
+    except InvalidInput as error:
+        key = "simulation.engine"
+        raise InputError.from_invalid(origin.file_of(key), key, error) from None
+
+
+def refuse_motions(
+    scenes: Scenes, yaw: tuple[float, ...], motions: Shaking, origin: Origin
+) -> None:
+    """Refuse motions that go not together with scenes, engine and a given time step."""
+    simulation, engine = scenes.settings.simulation, scenes.settings.engine
+    cases = [flat_case(scenes, group) for group in groups(yaw, scenes.settings)]
+    strongest, given = motion_grid.strongest(motions), simulation.time_step
+    key = "simulation.engine" if given == "auto" else "simulation.time_step"
+    try:
         for case in cases:
             check_engine(case.full, engine, strongest[0])
-        given = simulation.time_step
-        key = key if given == "auto" else "simulation.time_step"
+    except InvalidInput as error:
+        where = "simulation.engine"
+        raise InputError.from_invalid(origin.file_of(where), where, error) from None
+    try:
         for case in cases:
             step = longest_step(case.full, engine) if given == "auto" else given
             settings = Settings(step, simulation.reduce, engine)
@@ -208,37 +219,38 @@ def check_scenes(site: Site, scenes: Scenes) -> None:
                 check(case, settings, motion)
         check_unshaken(cases[0], settings, strongest[0])
     except InvalidInput as error:
-        raise InputError.from_invalid(site.file_of(key), key, error) from None
+        raise InputError.from_invalid(origin.file_of(key), key, error) from None
 
 
-def engine_version(site: Site) -> dict[str, str]:
-    """Tell the version of the engine that a site names, for the identity of a stage.
+def refuse_runs(job: Job) -> None:
+    """Refuse what can be told once the rock of a site is made."""
+    config = job.config
+    scenes = Scenes(config.scene, graph.built(Standing, job))
+    refuse_engine(scenes, job.site)
+    refuse_motions(scenes, config.yaw, motion_grid.of_site(job.site), job.site)
 
-    What can be said of a given time step before the rock is made is said here, before any work.
+
+def refuse_grid(site: Site) -> None:
+    """Refuse too many runs, and a given time step that a block's motions do not go together with.
+
+    That is what can be said before the rock is made.
     """
-    name = site.config.engine
-    try:
-        version = engines.load(name).VERSION
-    except InvalidInput as error:
-        file = site.file_of("simulation.engine")
-        raise InputError.from_invalid(file, "simulation.engine", error) from None
-    _check_step_of_block(site)
-    return {f"engine {name}": version}
-
-
-def _check_step_of_block(site: Site) -> None:
-    config, step = site.config, site.config.simulation.time_step
-    if config.rock.size is None or config.rock.shape != "box" or step == "auto":
+    motions, settings = motion_grid.of_site(site), site.config.scene
+    if (count := motion_grid.count(motions)) > MOST_RUNS:
+        rule = f"a direction and friction has at most {MOST_RUNS:,}, which are held in memory"
+        remedy = "part the study in several, or thin out its grid"
+        raise InputError(Problem(site.file_of("motion"), "motion", f"{count:,} runs", rule, remedy))
+    size, step = site.config.rock.size, settings.simulation.time_step
+    if size is None or site.config.rock.shape != "box" or step == "auto":
         return
-    rock = block(config.rock.size, config.rock.density)
-    settings = Settings(step, config.simulation.reduce, config.engine)
-    drive = in_si.servo(config.servo) if config.drive == "servo" else None
-    contact = in_si.contact(config.contact, config.contact.friction[0])
-    strongest = motion_grid.strongest(motion_grid.of_site(site))
+    rock = block(size, site.config.rock.density)
+    how = Settings(step, settings.simulation.reduce, settings.engine)
+    contact = in_si.contact(settings.contact, settings.contact.friction[0])
     try:
-        for yaw in config.yaw:
-            for motion in strongest:
-                check_step(Scene(rock, contact, in_si.angle(yaw), drive=drive), settings, motion)
+        for yaw in site.config.yaw:
+            scene = Scene(rock, contact, in_si.angle(yaw), drive=_servo(settings))
+            for motion in motion_grid.strongest(motions):
+                check_step(scene, how, motion)
     except InvalidInput as error:
-        file = site.file_of("simulation.time_step")
-        raise InputError.from_invalid(file, "simulation.time_step", error) from None
+        key = "simulation.time_step"
+        raise InputError.from_invalid(site.file_of(key), key, error) from None

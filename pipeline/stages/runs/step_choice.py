@@ -1,56 +1,61 @@
 """The time step of each friction, chosen from the error that the scene itself shows.
 
 The step does not depend on the directions and motions of a study: a wider grid or another yaw keeps
-it, and with it every run that is stored.
+it, and with it every run that is stored. What was measured is stored as runs are, row by row.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from itertools import product
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.config.layers import Site
-from pipeline.config.schema import COMPILED, Config
-from pipeline.stages.runs.scenes import (
-    Group,
-    Scenes,
-    check_scenes,
-    flat_case,
-    identity,
-    load_scenes,
-)
+from pipeline.config.schema import COMPILED, SceneSettings
+from pipeline.stages.mesh.products import Standing
+from pipeline.stages.runs.scenes import Group, Scenes, flat_case, identity, refuse_engine
 from pipeline.workflow import keys
 from pipeline.workflow.batches import Batch
-from pipeline.workflow.datasets import described, netcdf, read
+from pipeline.workflow.datasets import Stored, described, netcdf
+from pipeline.workflow.engine_input import Engine
 from pipeline.workflow.grammar import counted
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.rows import StepRow
+from pipeline.workflow.run_store import RunStore, is_there
+from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.store import Store
 from vsr_core import engines
-from vsr_core.rock.body import Rock
 from vsr_core.run import time_step as ladder
 from vsr_core.run.cases import Case, Settings
-from vsr_core.run.time_step import (
-    Boundary,
-    Choice,
-    Front,
-    Place,
-    Row,
-    longest,
-    step_unit,
-)
-from vsr_core.scene import Contact, Scene
+from vsr_core.run.time_step import Boundary, Choice, Front, Place, Row, longest, step_unit
 from vsr_core.source import tracing
-
-FILE = "time_step.nc"
 
 FEW = 4
 """Rows up to this number are measured without starting worker processes."""
+
+
+class StepData(Stored):
+    """The time step of each friction, and what was measured for it."""
+
+    FILE = "time_step.nc"
+
+
+@dataclass(frozen=True)
+class TimeSteps:
+    """Time steps in the order of the frictions [s]; nan where one has to be measured first."""
+
+    steps: tuple[float, ...]
+
+    @classmethod
+    def load(cls, store: Store) -> TimeSteps:
+        """The time steps of a folder."""
+        return cls(tuple(StepData.load(store).data["time_step"].values.tolist()))
 
 
 class Rows(NamedTuple):
@@ -60,52 +65,64 @@ class Rows(NamedTuple):
     boundary: Boundary
 
 
-def load_engine(site: Site) -> None:
-    """Load the machine code of the engine that a site names, by the world of a block."""
-    corners = np.array(list(product((-1.0, 1.0), repeat=3)))
-    block = Rock("hull", corners, 1.0, np.ones(3), np.eye(3))
-    engines.load(site.config.engine).build(Scene(block, Contact(1.0)), 1e-3, 1)
+class Wanted(NamedTuple):
+    """A row of a lot: number of its friction, and its place."""
+
+    friction: int
+    place: Place
 
 
-def time_steps(config: Config, store: Store) -> dict[float, float]:
-    """Look up the time steps of a configuration.
-
-    Returns
-    -------
-    dict, from friction to its time step [s]; nan where it has to be measured first
-    """
-    simulation, frictions = config.simulation, config.contact.friction
-    if simulation.time_step != "auto":
-        return dict.fromkeys(frictions, simulation.time_step)
-    names, before = _names(load_scenes(config, store, level=True)), _measured_before(store)
-    return {
-        friction: _choice(before[name], simulation.tolerance).time_step
-        if (name := names[friction]) in before
-        else math.nan
-        for friction in frictions
-    }
-
-
-def make(job: Job) -> Product:
+def make(work: Work, settings: SceneSettings, standing: Standing, engine: Engine) -> Product:
     """Measure the scene, or take the step that is given, and choose."""
-    scenes, simulation = load_scenes(job.config, job.store, level=True), job.config.simulation
-    check_scenes(job.site, scenes)
-    frictions = job.config.contact.friction
+    scenes, simulation = Scenes(settings, standing), settings.simulation
+    refuse_engine(scenes, work.origin)
+    frictions = settings.contact.friction
     if simulation.time_step != "auto":
         known = {name: ("friction", np.full(len(frictions), math.nan)) for name in _CHOSEN}
         known["time_step"] = ("friction", np.full(len(frictions), simulation.time_step))
         dataset = xr.Dataset(known, {"friction": list(frictions)})
         note = f"time step {1e3 * simulation.time_step:.4g} ms as given; its error was not measured"
-        return Product({FILE: netcdf(described(dataset, job, "Time step"))}, note)
-    dataset = _measured(job, scenes)
-    dataset.attrs["step_unit_s"] = step_unit(scenes.level_rock)
-    dataset.attrs["longest_step_s"] = longest(scenes.level_rock, job.config.engine)
-    choices = [
-        _choice(dataset.isel(friction=at), simulation.tolerance) for at in range(len(frictions))
-    ]
+        return Product({StepData.FILE: netcdf(described(dataset, work, "Time step"))}, note)
+
+    def measured(wanted: list[Wanted]) -> dict[Wanted, Row]:
+        return _measured(work, scenes, wanted, database)
+
+    with closing(RunStore(work.runs, StepRow, work.log)) as database:
+        found = _lots(scenes, measured)
+    dataset = _dataset(scenes, found)
+    choices = _choices(dataset, simulation.tolerance)
     for name, field in _CHOSEN.items():
         dataset[name] = ("friction", [float(getattr(choice, field)) for choice in choices])
-    return Product({FILE: netcdf(described(dataset, job, "Time step"))}, _summary(choices))
+    files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
+    return Product(files, _summary(choices))
+
+
+def stored_steps(scenes: Scenes, database: Path) -> TimeSteps:
+    """Time steps as far as they are known without a measurement.
+
+    Parameters
+    ----------
+    database : Path, of its folder
+    """
+    simulation, frictions = scenes.settings.simulation, scenes.settings.contact.friction
+    if simulation.time_step != "auto":
+        return TimeSteps((simulation.time_step,) * len(frictions))
+    if not is_there(database):
+        return TimeSteps((math.nan,) * len(frictions))
+    with closing(RunStore(database, StepRow, reads=True)) as rows:
+        steps = []
+        for friction in frictions:
+            contact = scenes.settings.contact.model_copy(update={"friction": (friction,)})
+            alone = replace(scenes, settings=scenes.settings._replace(contact=contact))
+            known = partial(_known, alone, rows)
+            try:
+                found = _lots(alone, known)
+            except KeyError:
+                steps.append(math.nan)
+                continue
+            (choice,) = _choices(_dataset(alone, found), simulation.tolerance)
+            steps.append(choice.time_step)
+    return TimeSteps(tuple(steps))
 
 
 _CHOSEN = {
@@ -145,107 +162,122 @@ def measure_rows(shared: tuple[Case, Settings, Boundary], items: tuple[float, ..
     return [ladder.measure(case, pgv_pga, settings, boundary) for pgv_pga in items]
 
 
-def _measured(job: Job, scenes: Scenes) -> xr.Dataset:
-    """What was measured for each friction, now or before."""
-    names, before = _names(scenes), _measured_before(job.store)
-    frictions = job.config.contact.friction
-    shares = engines.load(job.config.engine).LADDER.shares
-    new = _measure(job, scenes, [f for f in frictions if names[f] not in before])
-    parts = [
-        before[names[friction]]
-        if names[friction] in before
-        else _rows(names[friction], new[friction], shares)
-        for friction in frictions
-    ]
-    return xr.concat(
-        parts, xr.IndexVariable("friction", list(frictions)), coords="minimal", combine_attrs="drop"
-    ).drop_encoding()
+def _lots(
+    scenes: Scenes, measured: Callable[[list[Wanted]], dict[Wanted, Row]]
+) -> list[dict[Place, Row]]:
+    """All rows of each friction, lot after lot until there are enough; nan in those not needed."""
+    unknown = np.full(len(_shares(scenes)), math.nan)
+    found: list[dict[Place, Row]] = [{} for _ in scenes.settings.contact.friction]
+    for lot in ladder.lots(scenes.level_rock):
+        few = [at for at, rows in enumerate(found) if not ladder.enough(list(rows.values()))]
+        known = measured([Wanted(at, place) for at in few for place in lot]) if few else {}
+        for at, rows in enumerate(found):
+            for place in lot:
+                nothing = Row(place.pgv_pga, math.nan, False, unknown, unknown)
+                rows[place] = known.get(Wanted(at, place), nothing)
+    return found
 
 
-def _rows(name: str, rows: dict[Place, Row], shares: Sequence[float]) -> xr.Dataset:
-    """Rows of one friction."""
-    yaws, ratios, boundaries = zip(*rows, strict=True)
-    known = rows.values()
+def _measured(
+    work: Work, scenes: Scenes, wanted: list[Wanted], database: RunStore[StepRow]
+) -> dict[Wanted, Row]:
+    """Rows of a lot, of which those that are not stored are measured; none that died."""
+    settings = scenes.settings
+    keys_of = _keys(scenes, wanted)
+    stored = database.get(keys_of.values())
+    missing = [one for one in wanted if keys_of[one] not in stored]
+    if missing:
+        sliding = " of sliding" * (missing[0].place.boundary is Boundary.DISPLACED)
+        boundaries = counted(len(missing), "boundary", "boundaries") + sliding
+        told = f"{boundaries} at {counted(len(_shares(scenes)), 'time step')}"
+        work.log(f"time_step: measuring {told}")
+
+    def shared(rows: Rows) -> tuple[Case, Settings, Boundary]:
+        how = Settings(math.nan, settings.simulation.reduce, settings.engine)
+        return flat_case(scenes, rows.group), how, rows.boundary
+
+    items = {(_rows_of(scenes, one), one.place.pgv_pga): one for one in missing}
+    batches = [Batch(rows, (pgv_pga,)) for rows, pgv_pga in items]
+    cluster = work.cluster.in_process() if len(batches) <= FEW else work.cluster
+    if settings.engine == COMPILED:
+        cluster = cluster.in_threads()
+    for rows, pgv_pga, row in cluster.each(measure_rows, iter(batches), shared):
+        if row is not None:
+            own = keys_of[items[rows, pgv_pga]]
+            stored[own] = _packed(own, row)
+            database.add([stored[own]])
+    return {one: _unpacked(one, stored[own]) for one, own in keys_of.items() if own in stored}
+
+
+def _known(scenes: Scenes, database: RunStore[StepRow], wanted: list[Wanted]) -> dict[Wanted, Row]:
+    """Stored rows; a KeyError where one is not."""
+    keys_of = _keys(scenes, wanted)
+    stored = database.get(keys_of.values())
+    return {one: _unpacked(one, stored[own]) for one, own in keys_of.items()}
+
+
+def _rows_of(scenes: Scenes, wanted: Wanted) -> Rows:
+    friction = scenes.settings.contact.friction[wanted.friction]
+    return Rows(Group(in_si.in_degrees(wanted.place.yaw), friction), wanted.place.boundary)
+
+
+def _keys(scenes: Scenes, wanted: list[Wanted]) -> dict[Wanted, bytes]:
+    """What tells each row from all others, on a flat pedestal whatever the site's is."""
+    code = keys.digest(tracing.reached(["vsr_core.run.time_step:measure"]))
+    common = [identity(replace(scenes, ground=None)), code, list(_shares(scenes))]
+    return {
+        one: bytes.fromhex(keys.digest([*common, *_rows_of(scenes, one), one.place.pgv_pga]))
+        for one in wanted
+    }
+
+
+def _shares(scenes: Scenes) -> Sequence[float]:
+    """Steps of the ladder, in units of sqrt(radius / g)."""
+    return engines.load(scenes.settings.engine).LADDER.shares
+
+
+def _packed(key: bytes, row: Row) -> StepRow:
+    numbers = np.concatenate([row.error, row.steps]).astype("<f8").tobytes()
+    return StepRow(key, int(row.exact), row.reference, numbers)
+
+
+def _unpacked(wanted: Wanted, row: StepRow) -> Row:
+    error, steps = np.frombuffer(row.numbers, "<f8").reshape(2, -1)
+    reference = math.nan if row.reference is None else row.reference
+    return Row(wanted.place.pgv_pga, reference, bool(row.exact), error, steps)
+
+
+def _dataset(scenes: Scenes, found: list[dict[Place, Row]]) -> xr.Dataset:
+    """What was measured for each friction."""
+    yaws, ratios, boundaries = zip(*found[0], strict=True)
+    rows = [list(of_friction.values()) for of_friction in found]
+    table: dict[str, Any] = {
+        "row_reference": [[in_si.in_g(row.reference) for row in own] for own in rows],
+        "row_error": [[row.error for row in own] for own in rows],
+        "row_steps": [[row.steps for row in own] for own in rows],
+    }
+    dims = ("friction", "row", "step_share")
+    level = scenes.level_rock
     return xr.Dataset(
+        {name: (dims[: np.ndim(values)], np.array(values)) for name, values in table.items()},
         {
-            "measurement": name,
-            "row_reference": ("row", [in_si.in_g(row.reference) for row in known]),
-            "row_error": (("row", "step_share"), [row.error for row in known]),
-            "row_steps": (("row", "step_share"), [row.steps for row in known]),
-        },
-        {
+            "friction": list(scenes.settings.contact.friction),
             "row_yaw": ("row", [in_si.in_degrees(yaw) for yaw in yaws]),
             "row_pgv_pga": ("row", list(ratios)),
             "row_displaced": ("row", np.array(boundaries, "i1")),
-            "step_share": list(shares),
+            "step_share": list(_shares(scenes)),
+        },
+        {
+            "step_unit_s": step_unit(level),
+            "longest_step_s": longest(level, scenes.settings.engine),
         },
     )
 
 
-def _measure(job: Job, scenes: Scenes, frictions: Sequence[float]) -> dict[float, dict[Place, Row]]:
-    """All rows of each friction; nan in those not needed, or that killed their worker."""
-    shares = engines.load(job.config.engine).LADDER.shares
-    unknown = np.full(len(shares), math.nan)
-    found: dict[float, dict[Place, Row]] = {friction: {} for friction in frictions}
-    for lot in ladder.lots(scenes.level_rock):
-        wanting = [f for f in frictions if not ladder.enough(list(found[f].values()))]
-        if wanting:
-            of_sliding = " of sliding" * (lot[0].boundary is Boundary.DISPLACED)
-            boundaries = counted(len(lot), "boundary", "boundaries") + of_sliding
-            told = f"{boundaries} at {counted(len(shares), 'time step')}"
-            job.log(f"time_step: measuring {told}")
-        known = _measure_lot(job, scenes, wanting, lot)
-        for friction in frictions:
-            for place in lot:
-                found[friction][place] = known.get((friction, place)) or Row(
-                    place.pgv_pga, math.nan, False, unknown, unknown
-                )
-    return found
-
-
-def _measure_lot(
-    job: Job, scenes: Scenes, frictions: Sequence[float], lot: Sequence[Place]
-) -> dict[tuple[float, Place], Row | None]:
-    """Rows of a lot by friction and place; None for one that killed its worker."""
-
-    def shared(rows: Rows) -> tuple[Case, Settings, Boundary]:
-        settings = Settings(math.nan, job.config.simulation.reduce, job.config.engine)
-        return flat_case(scenes, rows.group), settings, rows.boundary
-
-    wanted = {
-        (Rows(Group(in_si.in_degrees(place.yaw), f), place.boundary), place.pgv_pga): (f, place)
-        for f in frictions
-        for place in lot
-    }
-    batches = [Batch(rows, (pgv_pga,)) for rows, pgv_pga in wanted]
-    cluster = job.cluster.in_process() if len(batches) <= FEW else job.cluster
-    if job.config.engine == COMPILED:
-        cluster = cluster.in_threads()
-    done = cluster.each(measure_rows, iter(batches), shared)
-    return {wanted[rows, pgv_pga]: row for rows, pgv_pga, row in done}
-
-
-def _names(scenes: Scenes) -> dict[float, str]:
-    """Identity of what is measured for each friction, on a flat pedestal whatever the site's is."""
-    assert scenes.ground is None
-    parts = ("measure", "lots", "enough")
-    roots = [f"vsr_core.run.time_step:{part}" for part in parts]
-    code = keys.digest(tracing.reached(roots))
-    common = identity(scenes)
-    frictions = scenes.config.contact.friction
-    return {friction: keys.digest([common, friction, code]) for friction in frictions}
-
-
-def _measured_before(store: Store) -> dict[str, xr.Dataset]:
-    """What the product measured for each friction, by its identity."""
-    if store.manifest("time_step") is None or store.damage("time_step"):
-        return {}
-    old = read(store.folder / FILE)
-    if "measurement" not in old:
-        return {}
-    rows = old[["measurement", "row_reference", "row_error", "row_steps"]]
-    names = old["measurement"].values.tolist()
-    return {name: rows.isel(friction=at, drop=True) for at, name in enumerate(names)}
+def _choices(dataset: xr.Dataset, tolerance: float) -> list[Choice]:
+    return [
+        _choice(dataset.isel(friction=at), tolerance) for at in range(dataset.sizes["friction"])
+    ]
 
 
 def _choice(dataset: xr.Dataset, tolerance: float) -> Choice:

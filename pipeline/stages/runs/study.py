@@ -4,20 +4,52 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Annotated, Any
 
-from pipeline.config.schema import Config
+from pipeline.config.motion_schema import MotionConfig
+from pipeline.config.schema import SceneSettings
+from pipeline.config.sections import Key
 from pipeline.stages.motions import motion_grid
-from pipeline.stages.motions.motion_grid import Shaking
+from pipeline.stages.motions.motion_grid import MotionData, Shaking
 from pipeline.stages.runs.runner import Kind, Run, run_missing
-from pipeline.stages.runs.scenes import Group, Scenes, groups, identity, load_scenes
-from pipeline.stages.runs.step_choice import time_steps
+from pipeline.stages.runs.scenes import (
+    Group,
+    Scenes,
+    flat_case,
+    groups,
+    identity,
+    refuse_motions,
+    terrain_case,
+)
+from pipeline.stages.runs.step_choice import TimeSteps
 from pipeline.workflow import keys
-from pipeline.workflow.stage import Job, Product
-from pipeline.workflow.store import Store
-from vsr_core.run.cases import Settings
+from pipeline.workflow.engine_input import Engine
+from pipeline.workflow.stage import Product, Work
+from vsr_core.run.cases import Case, Settings, TerrainCase
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """The cells of a grid, with what tells the motion of each.
+
+    Attributes
+    ----------
+    tokens : bytes, of one cell after the other and equally long
+    """
+
+    motions: Shaking
+    tokens: bytes
+
+    @classmethod
+    def of(cls, motions: Shaking) -> Cells:
+        """All cells of some motions."""
+        told = bytearray()
+        for cell in motion_grid.each_cell(motions):
+            told += motions.token(cell)
+        return cls(motions, bytes(told))
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,18 +62,17 @@ class GridRuns:
     Attributes
     ----------
     scene : bytes, digest of all that its runs share
-    tokens : bytes, what tells the motion of each cell, one after the other and equally long
     """
 
     scene: bytes
-    motions: Shaking
-    tokens: bytes
+    cells: Cells
 
     def __iter__(self) -> Iterator[Run]:
-        width = len(self.tokens) // motion_grid.count(self.motions)
-        starts = range(0, len(self.tokens), width)
-        keys_of_runs = run_keys(self.scene, (self.tokens[at : at + width] for at in starts))
-        return map(Run, keys_of_runs, motion_grid.each_cell(self.motions))
+        motions, tokens = self.cells.motions, self.cells.tokens
+        width = len(tokens) // motion_grid.count(motions)
+        starts = range(0, len(tokens), width)
+        keys_of_runs = run_keys(self.scene, (tokens[at : at + width] for at in starts))
+        return map(Run, keys_of_runs, motion_grid.each_cell(motions))
 
 
 def run_keys(scene: bytes, tokens: Iterable[bytes]) -> Iterator[bytes]:
@@ -66,44 +97,53 @@ def scene_digest(shared: dict[str, Any], group: Group, time_step: float) -> byte
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """What a configuration asks for, read once from the products that it is made of.
-
-    Attributes
-    ----------
-    scenes : Scenes, with rock, energy barrier and terrain
-    time_steps : dict, from friction to time step [s]; nan where it has to be measured first
-    """
+    """The scenes, motions and time steps of a configuration, each read once."""
 
     scenes: Scenes
-    motions: Shaking
-    time_steps: dict[float, float]
-    groups: tuple[Group, ...]
-    _tokens: bytes
-    _identity: dict[str, Any]
+    engine: Engine
+    yaw: Annotated[tuple[float, ...], Key("yaw")]
+    motion: MotionConfig
+    motion_data: MotionData
+    steps: TimeSteps
+
+    @property
+    def settings(self) -> SceneSettings:
+        """What the scenes are set up by."""
+        return self.scenes.settings
+
+    @cached_property
+    def motions(self) -> Shaking:
+        """The motions, rows of a grid at every PGA."""
+        return motion_grid.of_data(self.motion, self.motion_data)
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """Directions and frictions, of a scene each."""
+        return groups(self.yaw, self.settings)
+
+    @cached_property
+    def cells(self) -> Cells:
+        """The cells of the grid, which all groups have in common."""
+        return Cells.of(self.motions)
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """What all runs share, but for group and time step."""
+        return shared_identity(self.scenes, self.motions)
 
     def wanted(self, group: Group) -> GridRuns:
         """The runs of a group, one for each cell of the grid."""
-        scene = scene_digest(self._identity, group, self.time_steps[group.friction])
-        return GridRuns(scene, self.motions, self._tokens)
+        return GridRuns(scene_digest(self.identity, group, self.time_step(group)), self.cells)
 
-    def settings(self, friction: float) -> Settings:
-        """How the runs of a friction are computed."""
-        config, step = self.scenes.config, self.time_steps[friction]
+    def time_step(self, group: Group) -> float:
+        """Time step of the runs of a group [s]; nan where it has to be measured first."""
+        return self.steps.steps[self.settings.contact.friction.index(group.friction)]
+
+    def how(self, group: Group) -> Settings:
+        """How the runs of a group are computed."""
+        step = self.time_step(group)
         assert not math.isnan(step)
-        return Settings(step, config.simulation.reduce, config.engine)
-
-
-def load_study(config: Config, store: Store) -> Study:
-    """Read what a study is from the products of the stages before its runs."""
-    scenes, motions = load_scenes(config, store), motion_grid.of_store(config, store)
-    return Study(
-        scenes,
-        motions,
-        time_steps(config, store),
-        groups(config),
-        _tokens(motions),
-        shared_identity(scenes, motions),
-    )
+        return Settings(step, self.settings.simulation.reduce, self.settings.engine)
 
 
 def shared_identity(scenes: Scenes, motions: Shaking) -> dict[str, Any]:
@@ -111,24 +151,18 @@ def shared_identity(scenes: Scenes, motions: Shaking) -> dict[str, Any]:
     return {**identity(scenes), "motion": motions.identity()}
 
 
-def _tokens(motions: Shaking) -> bytes:
-    told = bytearray()
-    for cell in motion_grid.each_cell(motions):
-        told += motions.token(cell)
-    return bytes(told)
-
-
-def run_study(job: Job, kind: Kind[Any], place: Callable[[Scenes, Group], Any]) -> Product:
+def run_study(work: Work, study: Study, kind: Kind[Any]) -> Product:
     """Do the missing runs of a study.
 
     Parameters
     ----------
-    kind : Kind, whose function takes what ``place`` gives, Settings and the motions; and cells
+    kind : Kind, whose function takes a prepared scene, Settings and the motions; and cells
     """
-    study = load_study(job.config, job.store)
+    refuse_motions(study.scenes, study.yaw, study.motions, work.origin)
+    place = terrain_case if study.settings.on_terrain else flat_case
 
-    def shared(group: Group) -> tuple[Any, Settings, Shaking]:
-        return place(study.scenes, group), study.settings(group.friction), study.motions
+    def shared(group: Group) -> tuple[Case | TerrainCase, Settings, Shaking]:
+        return place(study.scenes, group), study.how(group), study.motions
 
-    done = run_missing(job, kind, study.groups, study.wanted, shared)
+    done = run_missing(work, kind, study.groups, study.wanted, shared)
     return Product({}, done.summary, retry=done.crashed)

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.config import in_si
-from pipeline.config.layers import Site
+from pipeline.config.layers import Origin, Site
 from pipeline.config.paths import located, shown
-from pipeline.config.priors_schema import PriorsConfig
+from pipeline.config.priors_schema import PriorsConfig, ScanErrorConfig, UncertaintyConfig
 from pipeline.config.problems import InputError, Problem, not_found
-from pipeline.config.schema import Config
+from pipeline.config.schema import SceneSettings
 from pipeline.stages.mesh import mesh_files
-from pipeline.stages.mesh.products import ROCK, load_rock
+from pipeline.stages.mesh.products import RockData, Standing
 from pipeline.stages.runs.scenes import Group, Scenes
-from pipeline.workflow.datasets import read
+from pipeline.stages.runs.study import Study
 from pipeline.workflow.keys import digest_file
-from pipeline.workflow.store import Store
+from pipeline.workflow.stage import Input
 from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
@@ -54,20 +54,23 @@ class Draw:
 
     Attributes
     ----------
-    given : (Rock, Barrier) of the site as it is
+    yaw : tuple of float [degree], directions of the site
+    given : Standing, the rock of the site as it is
     """
 
     number: int
     member: Member
     rock: Rock
-    config: Config
-    given: tuple[Rock, Barrier]
+    settings: SceneSettings
+    yaw: tuple[float, ...]
+    given: Standing
 
     @cached_property
     def scenes(self) -> Scenes:
         """What its scenes are built from."""
-        limits = self.given[1] if self.rock is self.given[0] else barrier(self.rock)
-        return Scenes(self.config, self.rock, limits, None)
+        as_it_is = self.rock is self.given.rock
+        standing = self.given if as_it_is else Standing(self.rock, barrier(self.rock))
+        return Scenes(self.settings, standing)
 
     def group(self, yaw: float) -> Group:
         """The scene of a direction.
@@ -85,25 +88,29 @@ class Draw:
         -------
         ndarray, shape (yaws,) [rad]
         """
-        return np.radians([self.group(yaw).yaw for yaw in self.config.yaw])
+        return np.radians([self.group(yaw).yaw for yaw in self.yaw])
 
 
-def draws(site: Site, store: Store, shape: Form) -> list[Draw]:
-    """Draw the members of a site's ensemble."""
-    config, given = site.config, load_rock(store)
-    members = physics.draws(priors(config.uncertainty), config.uncertainty.members)
+def draws(
+    study: Study, config: UncertaintyConfig, density: float, shape: Form, origin: Origin
+) -> list[Draw]:
+    """Draw the members of a site's ensemble.
+
+    Parameters
+    ----------
+    density : float [kg m-3]
+    """
+    given = study.scenes.standing
     found = []
-    for number, member in enumerate(members):
+    for number, member in enumerate(physics.draws(priors(config), config.members)):
         contact = {"friction": (member.friction,), "restitution": member.restitution}
-        own = config.contact.model_copy(update=contact)
-        own_config = config.model_copy(update={"contact": own})
         try:
-            rock = _rock(given[0], shape, member, config.rock.density)
+            rock = _rock(given.rock, shape, member, density)
         except InvalidInput as error:
-            raise InputError.from_invalid(
-                site.file_of("uncertainty"), "uncertainty", error
-            ) from None
-        found.append(Draw(number, member, rock, own_config, given))
+            file = origin.file_of("uncertainty")
+            raise InputError.from_invalid(file, "uncertainty", error) from None
+        settings = study.settings.with_contact(**contact)
+        found.append(Draw(number, member, rock, settings, study.yaw, given))
     return found
 
 
@@ -115,57 +122,65 @@ def _rock(given: Rock, shape: Form, member: Member, density: float) -> Rock:
     return drawn(shape, member, density)
 
 
-def base_alone(draw: Draw, shape: Form) -> Rock:
+def base_alone(draw: Draw, shape: Form, density: float) -> Rock:
     """The rock of a draw with its base, and the centre of mass where it would be as scanned."""
     member = replace(draw.member, centre=np.zeros(3))
-    return _rock(draw.given[0], shape, member, draw.config.rock.density)
+    return _rock(draw.given.rock, shape, member, density)
 
 
-def surface(site: Site, store: Store) -> Form:
+def surface(rock: RockData, told: ScanErrorConfig, replica: Replica | None) -> Form:
     """The rock's surface, and what is known of its error; a box is as its size says."""
     import trimesh
 
-    told, data = site.config.uncertainty.scan, read(store.folder / ROCK)
-    vertices = data["surface_vertex"].values.astype(np.float64)
-    mesh = trimesh.Trimesh(vertices, data["surface_face"].values, process=False)
-    own_error = 0.0 if site.config.rock.shape == "box" else told.error
-    path = replica_path(site)
-    if path is None:
+    vertices = rock.data["surface_vertex"].values.astype(np.float64)
+    mesh = trimesh.Trimesh(vertices, rock.data["surface_face"].values, process=False)
+    own_error = 0.0 if rock.data.attrs["shape_source"] == "box" else told.error
+    if replica is None:
         return form(mesh, None, own_error, told.correlation_length)
     try:
-        other = checked(mesh_files.read(path))[0]
+        other = checked(mesh_files.read(replica.path))[0]
     except InvalidInput as error:
-        raise _refused(site, f"{shown(path)}, {error.given}", error.rule, error.remedy) from None
+        raise replica.refused(f", {error.given}", error.rule, error.remedy) from None
     made = form(mesh, other, own_error, told.correlation_length)
     if not made.replica:
-        given, rule = f"{shown(path)}, of another form", "the two scans are of one form"
-        raise _refused(site, given, rule, "turn it as the first, or leave it out")
+        rule, remedy = "the two scans are of one form", "turn it as the first, or leave it out"
+        raise replica.refused(", of another form", rule, remedy)
     return made
 
 
-def replica_path(site: Site) -> Path | None:
-    """Path of the second scan, where one is named."""
-    name = site.config.uncertainty.scan.replica
+@dataclass(frozen=True)
+class Replica(Input):
+    """A second scan, of the same rock or of a copy of it.
+
+    Attributes
+    ----------
+    file : str, where it is named
+    """
+
+    path: Path
+    file: str
+
+    def digests(self) -> dict[str, str]:
+        """Digest of the file, by its name."""
+        return {self.path.name: digest_file(self.path)}
+
+    def refused(self, given: str, rule: str, remedy: str) -> InputError:
+        """An error that names it."""
+        return InputError(Problem(self.file, _REPLICA, f"{shown(self.path)}{given}", rule, remedy))
+
+
+def find_replica(uncertainty: UncertaintyConfig, origin: Origin) -> Replica | None:
+    """The second scan, where one is named."""
+    name, file = uncertainty.scan.replica, origin.file_of(_REPLICA)
     if name is None:
         return None
-    path = located(site.folder_of(_REPLICA), name, site.file_of(_REPLICA), _REPLICA)
-    if not path.is_file():
-        raise not_found(site.file_of(_REPLICA), _REPLICA, shown(path))
-    return path
+    found = Replica(located(origin.folder_of(_REPLICA), name, file, _REPLICA), file)
+    if not found.path.is_file():
+        raise not_found(file, _REPLICA, shown(found.path))
+    return found
 
 
-def inputs(site: Site) -> dict[str, str]:
-    """Digest of the second scan, for the identity of the stage."""
-    path = replica_path(site)
-    _check_contact(site)
-    return {} if path is None else {path.name: digest_file(path)}
-
-
-def _refused(site: Site, given: str, rule: str, remedy: str) -> InputError:
-    return InputError(Problem(site.file_of(_REPLICA), _REPLICA, given, rule, remedy))
-
-
-def _check_contact(site: Site) -> None:
+def refuse_contact(site: Site) -> None:
     """Refuse restitutions that the engine does not have, before the first draw."""
     config, most = site.config, site.config.uncertainty.restitution[1]
     own = config.contact.model_copy(update={"restitution": most})

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline.config import in_si
+from pipeline.stages.mesh.products import Standing
 from pipeline.stages.motions.motion_grid import Cell, Pulses, Shaking, TablePulses
 from pipeline.stages.runs import overturning_runs
 from pipeline.stages.runs.runner import Kind, Run, run_missing
@@ -23,7 +24,7 @@ from pipeline.stages.runs.study import run_keys, scene_digest, shared_identity
 from pipeline.stages.uncertainty.draws import Draw
 from pipeline.workflow.rows import RunRow
 from pipeline.workflow.run_store import RunStore
-from pipeline.workflow.stage import Job
+from pipeline.workflow.stage import Work
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.fragility.boundary import interval, middle
 from vsr_core.judge.proofs import static_limits
@@ -96,7 +97,7 @@ class Search:
     nominal : ndarray of int, shape (yaws, rows, pga), outcomes of the site as it is
     """
 
-    job: Job
+    work: Work
     draws: Sequence[Draw]
     given: Array
     motions: Shaking
@@ -134,7 +135,7 @@ def outcomes(wanted: Search) -> Ensemble:
     scales = [wanted.given]
     log_gain = np.log([draw.member.amplitude for draw in wanted.draws])
     tested, crashed = np.zeros((2, 2), dtype=np.int64), 0
-    with closing(RunStore(wanted.job.store.runs, RunRow, wanted.job.log)) as store:
+    with closing(RunStore(wanted.work.runs, RunRow, wanted.work.log)) as store:
         for start in range(0, len(wanted.draws), TOGETHER):
             part, runner = slice(start, start + TOGETHER), _Runner(wanted, store)
             draws, own = wanted.draws[part], table[part]
@@ -165,14 +166,15 @@ def _rough(wanted: Search) -> Mask:
 def _proved(wanted: Search, draws: Sequence[Draw]) -> Mask:
     """Cells in which a draw provably stands, shape (draws, yaws, rows, pga)."""
     shape = (len(draws), *wanted.nominal.shape)
-    config = wanted.job.config
     along_x = isinstance(wanted.motions, Pulses) and not isinstance(wanted.motions, TablePulses)
-    if not along_x or config.drive == "servo":  # the peak of what the rock feels is not the PGA
+    if (
+        not along_x or draws[0].settings.drive == "servo"
+    ):  # the peak of what the rock feels is not the PGA
         return np.zeros(shape, dtype=bool)
     still = np.zeros((len(draws), shape[1], shape[3]), dtype=bool)
     for at, draw in enumerate(draws):
         peaks = in_si.acceleration(draw.member.amplitude * np.array(wanted.motions.pga))
-        contact = in_si.contact(draw.config.contact, draw.member.friction)
+        contact = in_si.contact(draw.settings.contact, draw.member.friction)
         for yaw, angle in enumerate(draw.yaws()):
             limits = static_limits(draw.rock, contact, float(angle))
             still[at, yaw] = [never_starts(limits, peak, wanted.settings) for peak in peaks]
@@ -232,7 +234,12 @@ class _Runner:
         wanted = {draw: self._runs(draw, cells) for draw, cells in zip(draws, ask, strict=True)}
         groups = [draw for draw, runs in wanted.items() if runs]
         done = run_missing(
-            self._wanted.job, KIND, groups, wanted.__getitem__, self._shared, self._store
+            self._wanted.work,
+            KIND,
+            groups,
+            wanted.__getitem__,
+            self._shared,
+            self._store,
         )
         self.crashed += done.crashed
         sides = [outcome.overturned for outcome in Outcome]
@@ -254,17 +261,17 @@ class _Runner:
     def _digests(self, draw: Draw) -> list[bytes]:
         if draw.number not in self._scenes:
             # any barrier will do: it follows from the rock and is no part of the identity
-            told = Scenes(draw.config, draw.rock, draw.given[1], None)
+            told = Scenes(draw.settings, Standing(draw.rock, draw.given.barrier))
             shared = shared_identity(told, self._wanted.motions)
             step = self._wanted.settings.time_step
             self._scenes[draw.number] = [
-                scene_digest(shared, draw.group(yaw), step) for yaw in draw.config.yaw
+                scene_digest(shared, draw.group(yaw), step) for yaw in draw.yaw
             ]
         return self._scenes[draw.number]
 
     def _shared(self, draw: Draw) -> tuple[tuple[Case, ...], Settings, Shaking]:
         if draw.number not in self._cases:
             self._cases[draw.number] = tuple(
-                flat_case(draw.scenes, draw.group(yaw)) for yaw in draw.config.yaw
+                flat_case(draw.scenes, draw.group(yaw)) for yaw in draw.yaw
             )
         return self._cases[draw.number], self._wanted.settings, self._wanted.motions

@@ -1,3 +1,11 @@
-"""Names of the products of an ensemble, for stages that read them and draw none of its figures."""
+"""The ensemble as a product, for who reads it without drawing."""
 
-FILE = "uncertainty.nc"
+from __future__ import annotations
+
+from pipeline.workflow.datasets import Stored
+
+
+class EnsembleData(Stored):
+    """Outcomes of every draw, and what is told of them."""
+
+    FILE = "uncertainty.nc"

@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
 from scipy.stats import binomtest
 
-from pipeline.config.schema import Config
+from pipeline.config.priors_schema import UncertaintyConfig
+from pipeline.config.sections import Key
 from pipeline.drawing.style import pictures, png_uri
-from pipeline.stages.datasets.responses import FILE as RESPONSES
-from pipeline.stages.motions import motion_grid
-from pipeline.stages.runs.step_choice import time_steps
+from pipeline.stages.datasets.responses import Responses
+from pipeline.stages.mesh.products import RockData
+from pipeline.stages.runs.scenes import Group
+from pipeline.stages.runs.study import Study
 from pipeline.stages.uncertainty import draws as drawing
 from pipeline.stages.uncertainty import uncertainty_page as page
 from pipeline.stages.uncertainty import unknowns as told
-from pipeline.stages.uncertainty.draws import Draw
+from pipeline.stages.uncertainty.draws import Draw, Replica
 from pipeline.stages.uncertainty.ensemble import Ensemble, Search, outcomes
-from pipeline.stages.uncertainty.products import FILE
+from pipeline.stages.uncertainty.products import EnsembleData
 from pipeline.workflow import pages, writers
-from pipeline.workflow.datasets import described, netcdf, read
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.fragility.boundary import interval, middle
 from vsr_core.outcome import FoundBy
-from vsr_core.run.cases import Settings
 from vsr_core.uncertainty import probability, search, sensitivity
 from vsr_core.uncertainty.sensitivity import Shares
 from vsr_core.validation.priors import Priors
@@ -33,52 +34,59 @@ from vsr_core.validation.priors import Priors
 PAGE = "uncertainty.html"
 
 
-def make(job: Job) -> Product:
+def make(
+    work: Work,
+    study: Study,
+    responses: Responses,
+    rock: RockData,
+    replica: Replica | None,
+    config: UncertaintyConfig,
+    density: Annotated[float, Key("rock.density")],
+) -> Product:
     """Draw what is not known, find the outcomes of all draws, and what decides them."""
-    shape = drawing.surface(job.site, job.store)
-    draws = drawing.draws(job.site, job.store, shape)
-    friction = nearest_friction(job.config)
-    responses = read(job.path(RESPONSES)).isel(friction=friction)
-    step = time_steps(job.config, job.store)[job.config.contact.friction[friction]]
-    wanted = _search(job, draws, responses["overturned"].values, step)
-    job.log(f"uncertainty: {len(draws)} draws of {wanted.nominal.size} cells")
+    shape = drawing.surface(rock, config.scan, replica)
+    draws = drawing.draws(study, config, density, shape, work.origin)
+    friction = nearest_friction(study.settings.contact.friction, config)
+    grid = responses.data.isel(friction=friction)
+    settings = study.how(Group(study.yaw[0], study.settings.contact.friction[friction]))
+    given = search.scales(draws[0].given.rock.hull, np.radians(study.yaw))
+    nominal = grid["overturned"].values.astype(np.int8)
+    wanted = Search(work, draws, given, study.motions, settings, nominal)
+    work.log(f"uncertainty: {len(draws)} draws of {wanted.nominal.size} cells")
     found = outcomes(wanted)
-    known = drawing.priors(job.config.uncertainty)
-    base = None if shape.replica else told.base_effects(draws, shape, wanted.given)
+    known = drawing.priors(config)
+    base = None if shape.replica else told.base_effects(draws, shape, density, wanted.given)
     dataset = _dataset(wanted, found)
     shares = _shares(draws, known, base, dataset["member_boundary"].values)
     dataset = dataset.merge(_indices(shares, draws, known, base))
-    dataset = described(dataset, job, "Overturning with its uncertainty")
+    dataset = described(dataset, work, "Overturning with its uncertainty")
     drawn = {
-        "uncertainty_bands": page.bands(dataset, responses),
+        "uncertainty_bands": page.bands(dataset, grid),
         "uncertainty_shares": page.shares(dataset),
         "uncertainty_surface": page.surface(dataset),
     }
-    facts = page.facts(job, dataset, {name: png_uri(figure) for name, figure in drawn.items()})
-    files = {FILE: netcdf(dataset), PAGE: writers.text(pages.filled(PAGE, facts))}
+    facts = page.facts(
+        work.origin.name,
+        rock,
+        config,
+        dataset,
+        {name: png_uri(figure) for name, figure in drawn.items()},
+    )
+    files = {EnsembleData.FILE: netcdf(dataset), PAGE: writers.text(pages.filled(PAGE, facts))}
     for name, figure in drawn.items():
         files |= pictures(name, figure)
     lost = int((found.overturned < 0).sum())
     return Product(files, page.summary(dataset), unresolved=lost, retry=found.crashed)
 
 
-def nearest_friction(config: Config) -> int:
+def nearest_friction(frictions: tuple[float, ...], config: UncertaintyConfig) -> int:
     """Number of the site's friction that is nearest to the middle of its prior."""
-    middle = np.mean(config.uncertainty.friction)
-    return int(np.abs(np.array(config.contact.friction) - middle).argmin())
-
-
-def _search(job: Job, draws: list[Draw], nominal: Array, step: float) -> Search:
-    config = job.config
-    settings = Settings(step, config.simulation.reduce, config.engine)
-    motions = motion_grid.of_store(config, job.store)
-    given = search.scales(draws[0].given[0].hull, np.radians(config.yaw))
-    return Search(job, draws, given, motions, settings, nominal.astype(np.int8))
+    return int(np.abs(np.array(frictions) - np.mean(config.friction)).argmin())
 
 
 def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
     """Outcomes, probabilities, boundaries and surfaces."""
-    motions, config = wanted.motions, wanted.job.config
+    motions = wanted.motions
     row = motions.dimension
     grid = ("yaw", row, "pga")
     pga, ratio = np.array(motions.pga), np.array(motions.pgv_pga)
@@ -110,7 +118,7 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
         },
         {
             "member": np.arange(len(wanted.draws)),
-            "yaw": list(config.yaw),
+            "yaw": list(wanted.draws[0].yaw),
             row: list(motions.rows),
             "pga": pga,
             "rows_kind": ["smooth", "rough"],

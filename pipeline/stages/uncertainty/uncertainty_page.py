@@ -10,12 +10,13 @@ import xarray as xr
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
+from pipeline.config.priors_schema import UncertaintyConfig
 from pipeline.drawing import style
+from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty import unknowns
 from pipeline.stages.uncertainty.ensemble import CHECKED
-from pipeline.workflow.datasets import label, read, rows_of
+from pipeline.workflow.datasets import label, rows_of
 from pipeline.workflow.grammar import listed
-from pipeline.workflow.stage import Job
 from vsr_core.outcome import FoundBy
 from vsr_core.uncertainty.probability import chance
 from vsr_core.uncertainty.sensitivity import SUPPORTED
@@ -23,18 +24,19 @@ from vsr_core.uncertainty.sensitivity import SUPPORTED
 _KINDS = {"smooth": "monotonic", "rough": "non-monotonic"}
 
 
-def facts(job: Job, found: xr.Dataset, drawn: dict[str, str]) -> dict[str, Any]:
+def facts(
+    site: str, rock: RockData, config: UncertaintyConfig, found: xr.Dataset, drawn: dict[str, str]
+) -> dict[str, Any]:
     """Values for the template."""
-    config = job.config.uncertainty
-    rock = read(job.path("rock.nc")).attrs
+    origin = rock.data.attrs
     by = (
         np.bincount(found["found_by"].values.ravel(), minlength=len(FoundBy))
         / found["found_by"].size
     )
     return {
-        "site": job.site.name,
-        "source": rock["shape_source"],
-        "surrogate": bool(rock["surrogate"]),
+        "site": site,
+        "source": origin["shape_source"],
+        "surrogate": bool(origin["surrogate"]),
         "members": found.sizes["member"],
         "cells": found["probability"].size,
         "directions": directions(found),
@@ -59,7 +61,7 @@ def facts(job: Job, found: xr.Dataset, drawn: dict[str, str]) -> dict[str, Any]:
         "undecided": int((found["overturned"] < 0).sum()),
         "records": rows_of(found) == "record",
         "assumed": unknowns.assumed(
-            config, box=job.config.rock.shape == "box", replica=config.scan.replica is not None
+            config, box=origin["shape_source"] == "box", replica=config.scan.replica is not None
         ),
         "pictures": drawn,
     }

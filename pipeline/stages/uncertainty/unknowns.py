@@ -20,19 +20,20 @@ from vsr_core.validation.priors import Priors
 from vsr_core.validation.specimen import Form
 
 
-def base_effects(draws: Sequence[Draw], shape: Form, given: Array) -> Array:
+def base_effects(draws: Sequence[Draw], shape: Form, density: float, given: Array) -> Array:
     """What the drawn base alone does to the static tipping, shape (draws, 2, yaws) [ln].
 
     Parameters
     ----------
+    density : float [kg m-3]
     given : ndarray, shape (4, yaws), static scales of the site's own rock
 
     Returns
     -------
     ndarray, for the side that a pulse pushes the rock to first, and for the other
     """
-    yaws = np.radians(draws[0].config.yaw)
-    hulls = [base_alone(draw, shape).hull for draw in draws]
+    yaws = np.radians(draws[0].yaw)
+    hulls = [base_alone(draw, shape, density).hull for draw in draws]
     return np.array([search.scales(hull, yaws)[1:3] - given[1:3] for hull in hulls])
 
 
@@ -72,7 +73,7 @@ def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int)
         effect = base[:, :, yaw] / max(float(base[:, :, yaw].std()), 1e-12)
         add("base", effect, lambda u: effect[(u[:, 0] * len(effect)).astype(int)])
     if known.centre:
-        turn = math.radians(draws[0].config.yaw[yaw])
+        turn = math.radians(draws[0].yaw[yaw])
         x, y, z = np.array([member.centre for member in members]).T / known.centre
         along = math.cos(turn) * x - math.sin(turn) * y
         across = math.sin(turn) * x + math.cos(turn) * y

@@ -10,13 +10,11 @@ from typing import Any
 
 import pytest
 import xarray as xr
+from support.jobs import work
 
 from pipeline.config.layers import Site, load_site
 from pipeline.config.priors_schema import ShakeTableConfig
-from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import described, read
-from pipeline.workflow.stage import Job
-from pipeline.workflow.store import Store
 
 GRID = "motion: {pga: [0.01, 0.02], pgv_pga: 0.3}\nsimulation: {time_step: 0.001}\n"
 
@@ -39,15 +37,15 @@ def test_history_names_the_stage_and_no_folder(
     [("configs/sites/rock.yaml", "configs/sites/rock.yaml"), ("/home/me/rock.yaml", "rock.yaml")],
 )
 def test_a_file_of_the_project_is_named_by_its_place_in_it(file: str, origin: str) -> None:
-    assert replace(load_site("cuboid_1x1x2"), file=file).origin == origin
+    assert replace(load_site("cuboid_1x1x2"), file=file).label == origin
 
 
 def test_settings_are_those_of_what_was_made(tmp_path: Path) -> None:
     """A series of tests is no site: its provenance is what was assumed of it, and nothing else."""
     assumed = ShakeTableConfig(members=3)
-    site = Site("tests", assumed, str(tmp_path / "tests"), tmp_path)
-    job = Job(site, Store(tmp_path), Cluster(0), "key", lambda line: None, "validation")
-    attributes = described(xr.Dataset({"pga": 0.1}), job, "Title").attrs
+    site = Site(name="tests", file=str(tmp_path / "tests"), path=tmp_path, settings=assumed)
+    made = described(xr.Dataset({"pga": 0.1}), work(site, tmp_path, "validation"), "Title")
+    attributes = made.attrs
     assert json.loads(attributes["vsr_config_json"]) == assumed.model_dump(mode="json")
     assert attributes["history"] == "made by stage validation from tests"
     assert "numba" in attributes["source"]

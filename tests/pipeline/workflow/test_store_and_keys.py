@@ -17,14 +17,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 from support import grounds
 from support.following import compiled_beneath, following
 
 from pipeline import ROOT
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
-from pipeline.stages.hazard.others import NOTED
 from pipeline.stages.runs.runner import Run, missing
 from pipeline.stages.runs.scenes import code as run_code
 from pipeline.workflow import keys, store
@@ -128,18 +126,6 @@ def test_runs_without_their_database_are_not_fresh(shelf: Store, stage: str) -> 
     with closing(RunStore(shelf.folder, RunRow)) as runs:
         runs.add([row(1)])
     assert list(why(BY_NAME[stage], identity, shelf)) == []
-
-
-def test_hazard_is_not_fresh_when_what_it_read_of_another_rock_changed(shelf: Store) -> None:
-    other = shelf.folder / "fragility.nc"
-    other.write_text("as it was read")
-    noted = {NOTED: json.dumps({other.name: keys.digest_file(other)})}
-    identity = Identity({"config": {}})
-    writer = xr.Dataset(attrs=noted).to_netcdf
-    shelf.publish("hazard", {**FACTS, "key": identity.key}, {"hazard.nc": writer})
-    assert list(why(BY_NAME["hazard"], identity, shelf)) == []
-    other.write_text("made anew")
-    assert list(why(BY_NAME["hazard"], identity, shelf)) == ["fragility.nc changed"]
 
 
 def test_left_parts_go_when_the_store_opens(shelf: Store) -> None:
@@ -433,13 +419,13 @@ def test_key_does_not_depend_on_the_order_or_spelling_in_yaml(
 # Keys of code
 
 DECIDES = {
-    "vsr_core.judge.proofs:barrier": {"rock", "runs"},
-    "vsr_core.rock.tipping:rest_tilts": {"rock", "runs"},
+    "vsr_core.judge.proofs:barrier": {"rock"},  # which runs take from the rock
+    "vsr_core.rock.tipping:rest_tilts": {"rock"},
     "vsr_core.rock.triangles:self_intersections": {"rock"},
     "pipeline.stages.runs.overturning_runs:simulate_batch": {"runs"},
-    "pipeline.stages.runs.overturning_runs:make": set(),
+    "pipeline.stages.runs.overturning_runs:make": {"runs"},
     "pipeline.stages.fragility.fragility_figures:fragility_by_yaw": {"report"},
-    "pipeline.workflow.dispatch:_next": {"rock"},  # by annotations
+    "pipeline.workflow.dispatch:_next": {"rock", "runs"},  # by annotations
 }
 """Functions, and which of the stages of rock, runs and report they have to decide."""
 

@@ -12,12 +12,10 @@ import jinja2
 import pandas as pd
 import pytest
 import xarray as xr
+from support.jobs import work
 
 from pipeline.config.layers import load_site
 from pipeline.workflow import datasets, keys, pages, writers
-from pipeline.workflow.cluster import Cluster
-from pipeline.workflow.stage import Job
-from pipeline.workflow.store import Store
 
 
 def test_text_and_bytes_as_given(tmp_path: Path) -> None:
@@ -52,8 +50,7 @@ def test_a_page_with_a_place_left_empty_is_an_error() -> None:
 def test_a_dataset_names_the_engine_in_use(tmp_path: Path, engine: str, library: str) -> None:
     pytest.importorskip("mujoco")
     site = load_site("cuboid_1x1x2", None, (f"simulation.engine={engine}",))
-    job = Job(site, Store(tmp_path), Cluster(0), "key", print)
-    attributes = datasets.described(xr.Dataset(), job, "Nothing").attrs
+    attributes = datasets.described(xr.Dataset(), work(site, tmp_path), "Nothing").attrs
     assert attributes["source"].endswith(f", {library} {version(library)}")
     versions = json.loads(attributes["vsr_versions_json"])
     assert versions[engine.replace("bullet", "pybullet")] == version(library)

@@ -12,11 +12,18 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from support.jobs import job
 
 from pipeline.config import in_si
 from pipeline.config.layers import load_site
+from pipeline.stages.mesh.products import Standing
+from pipeline.stages.motions.motion_grid import MotionData
+from pipeline.stages.runs.scenes import Scenes
 from pipeline.stages.runs.scenes import code as run_code
-from pipeline.stages.runs.study import load_study
+from pipeline.stages.runs.step_choice import stored_steps
+from pipeline.stages.runs.study import Study
+from pipeline.workflow import graph
+from pipeline.workflow.engine_input import find as find_engine
 from pipeline.workflow.graph import identities
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
@@ -519,7 +526,13 @@ def test_run_keys_hold_the_servo_that_drives(
     store = Store(derived / "rock")
 
     def run_keys(*settings: str) -> tuple[bytes, ...]:
-        study = load_study(load_site(site, None, settings).config, store)
+        asked = job(load_site(site, None, settings), store)
+        config = asked.config
+        scenes = Scenes(config.scene, graph.built(Standing, asked))
+        steps = stored_steps(scenes, store.runs)
+        engine = find_engine(config.engine, asked.site)
+        motions = MotionData(store.folder)
+        study = Study(scenes, engine, config.yaw, config.motion, motions, steps)
         return tuple(run.key for run in study.wanted(study.groups[0]))
 
     assert run_keys("servo.period=0.0005") == run_keys()

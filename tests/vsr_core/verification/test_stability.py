@@ -172,7 +172,7 @@ def make_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[...,
         monkeypatch.setattr(stability, "cases", lambda: cases)
         store = Store(tmp_path / f"products-{len(cases)}")
         store.open()
-        job = Job(load_site("cuboid_1x1x2"), store, Cluster(0), "", lambda line: None)
+        job = Job(load_site("cuboid_1x1x2"), store, Cluster(0), lambda line: None)
         assert graph.make("stability", job) == expected
         return store.folder
 

@@ -13,53 +13,53 @@ from pipeline.config import in_si
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import pictures
-from pipeline.stages.runs.step_choice import FILE as TIME_STEP
-from pipeline.stages.runs.study import load_study
+from pipeline.stages.runs.step_choice import StepData
+from pipeline.stages.runs.study import Study
 from pipeline.stages.studies.accuracy import comparison
 from pipeline.stages.studies.accuracy.accuracy_page import cheapest, facts, work_precision
 from pipeline.stages.studies.accuracy.comparison import Place, SampledCell
 from pipeline.workflow import pages, writers
-from pipeline.workflow.datasets import described, netcdf, read
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.stage import Product, Work
 from vsr_core.verification.work_precision import Target
 
 FILE, TABLE, PAGE, PICTURE = "accuracy.nc", "accuracy.csv", "accuracy.html", "work_precision"
 
 
-def make(job: Job) -> Product:
+def make(work: Work, study: Study, measured: StepData) -> Product:
     """Compare ways of running on the site's own rows, and run the reference suite."""
-    if job.config.on_terrain:
+    if study.settings.on_terrain:
         raise InputError(
             Problem(
-                job.site.file_of("pedestal.shape"),
+                work.origin.file_of("pedestal.shape"),
                 "pedestal.shape",
                 "a terrain",
                 "other ways of running are compared on a flat pedestal",
                 "use the site of the same rock on a flat pedestal, or set pedestal.shape: flat",
             )
         )
-    if not isinstance(job.config.motion, PulseConfig):
+    if not isinstance(study.motion, PulseConfig):
         raise InputError(
             Problem(
-                job.site.file_of("motion.kind"),
+                work.origin.file_of("motion.kind"),
                 "motion.kind",
-                job.config.motion.kind,
+                study.motion.kind,
                 "other ways of running are compared under pulses",
                 "use the site with motion.kind: cosine_pulse",
             )
         )
-    study = load_study(job.config, job.store)
-    targets = comparison.find_targets(job, study)
-    records = comparison.score_ways(job, study, targets)
-    cells = comparison.sample_cells(job, study)
+    site = work.origin.name
+    targets = comparison.find_targets(work, study)
+    records = comparison.score_ways(work, study, targets)
+    cells = comparison.sample_cells(work, study)
     records += comparison.compare_cells(cells)
-    records += comparison.run_suite(job)
+    records += comparison.run_suite(work)
     records += comparison.absent_peers()
     table = pd.DataFrame(records)
-    diagram = work_precision(table, job.config.simulation.tolerance, job.site.name)
-    shown = facts(job.site.name, job.config, table, targets, read(job.path(TIME_STEP)), diagram)
+    diagram = work_precision(table, study.settings.simulation.tolerance, site)
+    shown = facts(site, study.settings, table, targets, measured.data, diagram)
     files = {
-        FILE: netcdf(described(_dataset(targets, cells), job, "Accuracy")),
+        FILE: netcdf(described(_dataset(targets, cells), work, "Accuracy")),
         TABLE: writers.table(table[list(comparison.COLUMNS)]),
         PAGE: writers.text(pages.filled(PAGE, shown)),
         **pictures(PICTURE, diagram),

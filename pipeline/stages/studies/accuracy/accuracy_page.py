@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pipeline.config import in_si
-from pipeline.config.schema import Config
+from pipeline.config.schema import SceneSettings
 from pipeline.drawing.style import FAINT, INK, MARKERS, SERIES, png_uri, styled, svg_uri
 from pipeline.stages.runs.step_choice import kept
 from pipeline.stages.studies.accuracy.comparison import Place, Record
@@ -28,7 +28,7 @@ _CHOICE = ("time_step", "boundary_error", "boundary_error_worst")
 
 def facts(
     site: str,
-    config: Config,
+    config: SceneSettings,
     table: pd.DataFrame,
     targets: dict[Place, Target],
     chosen: xr.Dataset,

@@ -20,7 +20,7 @@ from pipeline.stages.studies.accuracy import worker_tasks
 from pipeline.stages.studies.accuracy.worker_tasks import Way
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.grammar import counted
-from pipeline.workflow.stage import Job
+from pipeline.workflow.stage import Work
 from vsr_core import engines
 from vsr_core.errors import InvalidInput
 from vsr_core.outcome import Outcome
@@ -88,20 +88,20 @@ def _places(rock: Rock) -> list[Place]:
     return [(yaw, periods[at % len(periods)]) for at, yaw in enumerate(yaws)][:MOST_ROWS]
 
 
-def find_targets(job: Job, study: Study) -> dict[Place, Target]:
+def find_targets(work: Work, study: Study) -> dict[Place, Target]:
     """Find what is right on the rows of the site that something topples."""
     names = installed()
     batches = (Batch(yaw, ((ratio, names),)) for yaw, ratio in _places(study.scenes.rock))
-    job.log("accuracy: references of the boundaries")
-    done = job.cluster.each(worker_tasks.find_target, batches, partial(_case, study))
+    work.log("accuracy: references of the boundaries")
+    done = work.cluster.each(worker_tasks.find_target, batches, partial(_case, study))
     found = {(yaw, ratio): target for yaw, (ratio, _), target in done if target is not None}
     return {place: target for place, target in sorted(found.items()) if target.passing}
 
 
-def score_ways(job: Job, study: Study, targets: dict[Place, Target]) -> list[Record]:
+def score_ways(work: Work, study: Study, targets: dict[Place, Target]) -> list[Record]:
     """Score every way of running on every row, summed up over the rows."""
     case = _case(study, 0.0)
-    engine, friction = job.config.engine, job.config.contact.friction[0]
+    engine = study.settings.engine
     ways = [("project", name) for name in installed()]
     ways += [("peer", name) for name in other_engines.names() if not other_engines.missing(name)]
     ways += [
@@ -111,13 +111,13 @@ def score_ways(job: Job, study: Study, targets: dict[Place, Target]) -> list[Rec
     ]
 
     def shared(place: Place) -> tuple[Case, Target, Settings]:
-        return _case(study, place[0]), targets[place], study.settings(friction)
+        return _case(study, place[0]), targets[place], study.how(_group(study, place[0]))
 
     boundaries = counted(len(targets), "boundary", "boundaries")
-    job.log(f"accuracy: {counted(len(ways), 'way')} of running on {boundaries}")
+    work.log(f"accuracy: {counted(len(ways), 'way')} of running on {boundaries}")
     batches = (Batch(place, (way,)) for way in ways for place in targets)
     scored: dict[Way, list[Score]] = defaultdict(list)
-    for _, _, results in job.cluster.each(worker_tasks.score, batches, shared):
+    for _, _, results in work.cluster.each(worker_tasks.score, batches, shared):
         for way, found in results or ():
             scored[way].append(found)
     return [
@@ -138,26 +138,30 @@ def score_ways(job: Job, study: Study, targets: dict[Place, Target]) -> list[Rec
 
 
 def _case(study: Study, yaw: float) -> Case:
-    return flat_case(study.scenes, Group(yaw, study.scenes.config.contact.friction[0]))
+    return flat_case(study.scenes, _group(study, yaw))
+
+
+def _group(study: Study, yaw: float) -> Group:
+    return Group(yaw, study.settings.contact.friction[0])
 
 
 def _kept(errors: list[float]) -> float:
     return float(np.quantile(errors, ladder.KEPT_BY, method="inverted_cdf"))
 
 
-def sample_cells(job: Job, study: Study) -> list[SampledCell]:
+def sample_cells(work: Work, study: Study) -> list[SampledCell]:
     """Run random cells of the grid in every engine, and at a sixteenth of the step."""
-    config = job.config
-    assert isinstance(config.motion, PulseConfig)
-    own, names = study.settings(config.contact.friction[0]), installed()
+    motion = study.motion
+    assert isinstance(motion, PulseConfig)
+    own, names = study.how(_group(study, study.yaw[0])), installed()
     every = {name: replace(own, engine=name) for name in names}
     every[FINE] = replace(own, time_step=own.time_step / 16.0)
     rng = random.Random(1)
-    grid = [(r, a) for r in config.motion.pgv_pga for a in config.motion.pga]
-    wanted = [(rng.choice(config.yaw), *rng.choice(grid)) for _ in range(CELLS)]
+    grid = [(r, a) for r in motion.pgv_pga for a in motion.pga]
+    wanted = [(rng.choice(study.yaw), *rng.choice(grid)) for _ in range(CELLS)]
 
     def batches() -> Iterator[Batch]:
-        for yaw in sorted(set(config.yaw)):
+        for yaw in sorted(set(study.yaw)):
             cells = [(r, in_si.acceleration(a)) for at, r, a in wanted if at == yaw]
             for start in range(0, len(cells), 10):
                 yield Batch(yaw, tuple(cells[start : start + 10]))
@@ -165,10 +169,10 @@ def sample_cells(job: Job, study: Study) -> list[SampledCell]:
     def shared(yaw: float) -> tuple[Case, tuple[Settings, ...]]:
         return _case(study, yaw), tuple(every.values())
 
-    job.log(f"accuracy: {CELLS} cells in {', '.join(names)}, and at a sixteenth of the step")
+    work.log(f"accuracy: {CELLS} cells in {', '.join(names)}, and at a sixteenth of the step")
     found = [
         SampledCell(yaw, pgv_pga, in_si.in_g(pga), dict(zip(every, outcomes, strict=True)))
-        for yaw, (pgv_pga, pga), outcomes in job.cluster.each(
+        for yaw, (pgv_pga, pga), outcomes in work.cluster.each(
             worker_tasks.run_cells, batches(), shared
         )
         if outcomes is not None
@@ -194,16 +198,16 @@ def _side(outcome: int) -> int:
     return Outcome(outcome).overturned
 
 
-def run_suite(job: Job) -> list[Record]:
+def run_suite(work: Work) -> list[Record]:
     """Run every case of the reference suite in every engine, at each of ``STEPS``."""
     cases = {case.name: case for case in reference.cases()}
     there = installed()
     items = [
         (name, engine) for name, case in cases.items() for engine in case.engines if engine in there
     ]
-    job.log(f"accuracy: reference suite, {len(items)} cases")
+    work.log(f"accuracy: reference suite, {len(items)} cases")
     batches = (Batch(STEPS, (item,)) for item in items)
-    done = job.cluster.each(worker_tasks.run_reference, batches, lambda steps: steps)
+    done = work.cluster.each(worker_tasks.run_reference, batches, lambda steps: steps)
     found = [result for _, _, results in done for result in results or ()]
     return [
         record(

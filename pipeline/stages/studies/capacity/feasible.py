@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +19,12 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.config.schema import TableConfig
 from pipeline.drawing import style
 from pipeline.drawing.style import pictures
-from pipeline.stages.datasets.responses import FILE as RESPONSES
-from pipeline.stages.mesh.products import load_rock
-from pipeline.workflow import graph, keys, writers
-from pipeline.workflow.datasets import described, label, netcdf, read
-from pipeline.workflow.stage import Job
+from pipeline.stages.datasets.responses import Responses
+from pipeline.stages.mesh.products import Standing
+from pipeline.workflow import graph, writers
+from pipeline.workflow.datasets import described, label, netcdf
+from pipeline.workflow.graph import Identity
+from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import writing
 from vsr_core import GRAVITY
 from vsr_core.fragility.boundary import locate
@@ -56,21 +56,22 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
         file = job.site.file_of("motion.kind")
         raise InputError(Problem(file, "motion.kind", repr(motion.kind), rule, remedy))
     graph.make("rock", job)
-    rock, _ = load_rock(job.store)
+    rock = graph.built(Standing, job).rock
     label = Path(file).stem
-    facts = {"table": config.model_dump(mode="json"), "motion": motion.model_dump(mode="json")}
-    job = replace(job, key=keys.digest(facts))
+    above = {"rock": graph.identities("rock", job.site)["rock"].key}
+    table = {"table": config.model_dump(mode="json"), "motion": motion.model_dump(mode="json")}
+    identity = Identity({"config": table, "code": {}, "inputs": {}, "versions": {}, "needs": above})
+    work = graph.work_of("feasible", identity.key, job)
     dataset = _dataset(motion, config.table(), rock.mass)
     dataset.attrs |= {"table": label, "unchecked": ", ".join(config.unstated)}
-    dataset = described(dataset, job, f"What {label} can do")
+    dataset = described(dataset, work, f"What {label} can do")
     dataset["binding"].attrs |= {
         "flag_values": list(range(len(_BINDING))),
         "flag_meanings": " ".join(_BINDING),
     }
     figure = feasible_grid(dataset, _boundaries(job))
     files = {FILE: netcdf(dataset), TABLE: writers.table(_table(dataset))}
-    manifest = {"key": job.key, "facts": facts, "unresolved": 0, "retry": 0}
-    job.store.publish(PICTURE, manifest, files | pictures(PICTURE, figure))
+    graph.keep(PICTURE, identity, Product(files | pictures(PICTURE, figure), label), job.store)
     lines = _told(dataset, config, rock.mass)
     if export is not None:
         number = _export(dataset, config.table(), export)
@@ -100,10 +101,10 @@ def _dataset(motion: PulseConfig, table: Table, mass: float) -> xr.Dataset:
 
 def _boundaries(job: Job) -> xr.Dataset | None:
     """The site's responses, if they are there and of cosine pulses."""
-    path = job.path(RESPONSES)
-    if not path.is_file():
+    stored = Responses.load(job.store)
+    if not (stored.folder / stored.FILE).is_file():
         return None
-    responses = read(path)
+    responses = stored.data
     return responses if "pgv_pga" in responses.dims else None
 
 

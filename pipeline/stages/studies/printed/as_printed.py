@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 import xarray as xr
 
-from pipeline.config.motion_schema import PulseConfig
+from pipeline.config.motion_schema import MotionConfig, PulseConfig
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.runs.scenes import flat_scene, groups, load_scenes
+from pipeline.config.schema import SceneSettings
+from pipeline.config.sections import Key
+from pipeline.stages.mesh.products import Standing
+from pipeline.stages.runs.scenes import Group, Scenes, flat_scene
 from pipeline.workflow.batches import Batch
 from pipeline.workflow.datasets import described, netcdf
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.stage import Product, Work
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.scene import Scene
 from vsr_core.verification.other_engines.published_setup import Coefficients, build
@@ -49,20 +53,26 @@ OVERTURNED = 1.0
 """Largest tilt from which the public scripts call a rock toppled [rad]."""
 
 
-def make(job: Job) -> Product:
+def make(
+    work: Work,
+    settings: SceneSettings,
+    yaw: Annotated[tuple[float, ...], Key("yaw")],
+    motion: MotionConfig,
+    standing: Standing,
+) -> Product:
     """Run a thin grid of pulses with each setting."""
-    motion = job.config.motion
     if not isinstance(motion, PulseConfig):
         rule, remedy = "the grid is one of cosine pulses", "use a site or study of cosine pulses"
-        file = job.site.file_of("motion.kind")
+        file = work.origin.file_of("motion.kind")
         raise InputError(Problem(file, "motion.kind", repr(motion.kind), rule, remedy))
     pga, ratios = thinned(motion.pga), thinned(motion.pgv_pga)
-    scene = flat_scene(load_scenes(job.config, job.store), groups(job.config)[0])
+    group = Group(yaw[0], settings.contact.friction[0])
+    scene = flat_scene(Scenes(settings, standing), group)
     batches = (Batch(name, ((ratio, level),)) for name in SETTINGS for ratio in ratios
                for level in pga)  # fmt: skip
     done = {
         (name, *cell): verdict
-        for name, cell, verdict in job.cluster.each(run_cells, batches, lambda name: (name, scene))
+        for name, cell, verdict in work.cluster.each(run_cells, batches, lambda name: (name, scene))
     }
     outcomes = np.array(
         [[[done[name, ratio, level] for level in pga] for ratio in ratios] for name in SETTINGS],
@@ -75,7 +85,7 @@ def make(job: Job) -> Product:
     )
     shares = ", ".join(f"{name} {100 * (grid == 1).mean():.0f} %"
                        for name, grid in zip(SETTINGS, outcomes, strict=True))  # fmt: skip
-    return Product({FILE: netcdf(described(dataset, job, "As printed"))}, f"toppled: {shares}")
+    return Product({FILE: netcdf(described(dataset, work, "As printed"))}, f"toppled: {shares}")
 
 
 def thinned(values: tuple[float, ...]) -> tuple[float, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
@@ -11,16 +11,21 @@ import xarray as xr
 
 from pipeline.config import in_si
 from pipeline.config.layers import Site
+from pipeline.config.motion_schema import MotionConfig
 from pipeline.config.problems import InputError
+from pipeline.config.scene_schema import ServoConfig
+from pipeline.config.schema import SceneSettings
+from pipeline.config.sections import Key
 from pipeline.drawing.style import pictures, svg_uri
-from pipeline.stages.motions import record_inputs
-from pipeline.stages.runs.scenes import load_scenes
+from pipeline.stages.mesh.products import Standing
+from pipeline.stages.motions.motion_grid import MotionFiles
+from pipeline.stages.runs.scenes import Group, Scenes
 from pipeline.stages.studies.servo import drive_figures as figures
 from pipeline.stages.studies.servo import drive_runs
 from pipeline.stages.studies.servo.drive_runs import Followed
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.stage import Product, Work
 from vsr_core.errors import InvalidInput
 from vsr_core.run.boundary_search import Bracket
 from vsr_core.table.servo import check
@@ -39,7 +44,15 @@ _SAMPLED = {
 """Variables of the samples, and what they are in a ``TableHistory``."""
 
 
-def make(job: Job) -> Product:
+def make(
+    work: Work,
+    settings: SceneSettings,
+    servo: Annotated[ServoConfig, Key("own_servo")],
+    yaw: Annotated[tuple[float, ...], Key("yaw")],
+    motion: MotionConfig,
+    files: MotionFiles | None,
+    standing: Standing,
+) -> Product:
     """Follow a pulse and a rougher motion, and look for the boundary with and without a servo.
 
     Returns
@@ -47,41 +60,41 @@ def make(job: Job) -> Product:
     Product
         Dataset, table, page and figures of the driven table.
     """
-    scenes = load_scenes(job.config, job.store, level=True)
-    drives = drive_runs.drives(in_si.servo(job.config.servo))
-    waves = drive_runs.rough(job.site)
-    tracks, records = drive_runs.tracks(scenes, drives, waves)
-    rows = drive_runs.rows(job, scenes, drives)
-    dataset = described(_dataset(tracks, rows), job, "Driven table")
+    scenes, group = Scenes(settings, standing), Group(yaw[0], settings.contact.friction[0])
+    drives = drive_runs.drives(in_si.servo(servo))
+    waves = drive_runs.rough(motion, files)
+    tracks, records = drive_runs.tracks(scenes, group, drives, waves)
+    rows = drive_runs.rows(work, motion, scenes, group, drives)
+    dataset = described(_dataset(tracks, rows), work, "Driven table")
     drawn = {
         "drive_tracking": figures.tracking(dataset),
         "drive_disturbance": figures.disturbed(dataset),
         "drive_boundary": figures.boundaries(dataset),
     }
     page = {
-        "site": job.site.name,
+        "site": work.origin.name,
         "records": records,
         "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
         "pga": records[-1]["pga_g"],
         "wanted_pga": waves.pga,
         "made": waves.name == drive_runs.ROUGH,
         "motion": waves.name,
-        "tried": job.config.motion.pga[-1],
+        "tried": motion.pga[-1],
         "mass": scenes.rock.mass,
         "table_mass": drives[-1].servo.mass if drives[-1].servo else math.nan,
         "shift": _shift(dataset),
         "rows": np.column_stack([dataset["pgv_pga"], dataset["first_overturning_pga"].T]).tolist(),
         "drives": [drive.name for drive in drives],
     }
-    files = {
+    made = {
         FILE: netcdf(dataset),
         TABLE: writers.table(pd.DataFrame(records, columns=drive_runs.COLUMNS)),
         PAGE: writers.text(pages.filled(PAGE, page)),
     }
     for name, figure in drawn.items():
-        files |= pictures(name, figure)
+        made |= pictures(name, figure)
     worst = max(record["rms_m_per_s"] for record in records if not record["note"])
-    return Product(files, f"rms errors up to {worst:.2g} m/s; boundary {_shift(dataset)}")
+    return Product(made, f"rms errors up to {worst:.2g} m/s; boundary {_shift(dataset)}")
 
 
 def _dataset(
@@ -120,16 +133,9 @@ def _shift(dataset: xr.Dataset) -> str:
     return f"shifted by {np.median(change):+.1f} % in the median row and by {worst:+.1f} % at most"
 
 
-def inputs(site: Site) -> dict[str, str]:
-    """The servo, which the configuration leaves out where it is idle, and the records.
-
-    Returns
-    -------
-    dict, the servo's settings, and digests of the records by their names
-    """
-    servo = in_si.servo(site.config.servo)
+def refuse_servo(site: Site) -> None:
+    """Refuse a servo that is not stable, which counts here even where it drives nothing else."""
     try:
-        check(servo)
+        check(in_si.servo(site.config.servo))
     except InvalidInput as error:
         raise InputError.from_invalid(site.file_of("servo"), "servo", error) from None
-    return {"servo": repr(sorted(asdict(servo).items())), **record_inputs.digests(site)}

@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline.config import in_si
-from pipeline.config.layers import Site
-from pipeline.config.motion_schema import PulseConfig, RecordConfig
-from pipeline.stages.motions import record_inputs
-from pipeline.stages.runs.scenes import Scenes, flat_scene, groups
+from pipeline.config.motion_schema import MotionConfig, PulseConfig
+from pipeline.stages.motions.motion_grid import MotionFiles
+from pipeline.stages.runs.scenes import Group, Scenes, flat_scene
 from pipeline.workflow.batches import Batch
-from pipeline.workflow.stage import Job
+from pipeline.workflow.stage import Work
 from vsr_core.judge.proofs import Barrier
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.pulses import CosinePulse
@@ -122,18 +121,17 @@ class Rough(NamedTuple):
     trace: Trace
 
 
-def rough(site: Site) -> Rough:
+def rough(motion: MotionConfig, files: MotionFiles | None) -> Rough:
     """The record of the largest PGV/PGA of a site, or a made motion where it has none."""
-    motion = site.config.motion
-    if isinstance(motion, RecordConfig):
-        longest = record_inputs.load(site, motion)[-1]  # they ascend
+    if files is not None and files.records:
+        longest = files.records[-1]  # they ascend
         return Rough(f"{RECORD} {longest.name}", motion.pga[0], longest.trace)
     pga, ratio = SYNTHETIC
     return Rough(ROUGH, pga, synthetic(ratio))
 
 
 def tracks(
-    scenes: Scenes, drives: list[Drive], waves: Rough
+    scenes: Scenes, group: Group, drives: list[Drive], waves: Rough
 ) -> tuple[dict[Followed, TableHistory], list[Record]]:
     """Follow the table through the pulse with each servo, and through the rough motion.
 
@@ -141,13 +139,13 @@ def tracks(
     ----------
     drives : list of Drive, the first the table's own frame
     """
-    step, place = STEP_SHARE * step_unit(scenes.level_rock), groups(scenes.config)[0]
+    step = STEP_SHARE * step_unit(scenes.level_rock)
     found: dict[Followed, TableHistory] = {}
     records = []
     pulse = CosinePulse.from_g(*PULSE)
     for drive in drives[1:]:
         assert drive.servo is not None
-        scene = flat_scene(scenes, place, drive.servo)
+        scene = flat_scene(scenes, group, drive.servo)
         name = Followed(A_PULSE, drive.name)
         found[name] = track(scene, pulse, step, AFTER)
         records.append(_record(name, scene, PULSE[0], found[name], pulse))
@@ -163,8 +161,8 @@ def tracks(
     }
     last = drives[-1].servo
     assert last is not None
-    scene = flat_scene(scenes, place, last)
-    pga, motion, course = _toppling(scene, scenes.barrier, step, waves)
+    scene = flat_scene(scenes, group, last)
+    pga, motion, course = _toppling(scene, scenes.standing.barrier, step, waves)
     name = Followed(waves.name, drives[-1].name)
     found[name] = course
     return found, [*records, refused, _record(name, scene, pga, course, motion)]
@@ -210,7 +208,9 @@ def _record(
     }
 
 
-def rows(job: Job, scenes: Scenes, drives: list[Drive]) -> dict[tuple[str, float], Bracket]:
+def rows(
+    work: Work, motion: MotionConfig, scenes: Scenes, group: Group, drives: list[Drive]
+) -> dict[tuple[str, float], Bracket]:
     """Find the boundary for each drive and PGV/PGA.
 
     Parameters
@@ -221,12 +221,11 @@ def rows(job: Job, scenes: Scenes, drives: list[Drive]) -> dict[tuple[str, float
     -------
     dict, from the name of a drive and a PGV/PGA [s] to a Bracket [g]
     """
-    place = groups(scenes.config)[0]
+    limits_of = scenes.standing.barrier
     cases = {
-        drive.name: prepare(flat_scene(scenes, place, drive.servo), scenes.barrier, reduce=True)
+        drive.name: prepare(flat_scene(scenes, group, drive.servo), limits_of, reduce=True)
         for drive in drives
     }
-    motion = job.config.motion
     ends = motion.pgv_pga if isinstance(motion, PulseConfig) else DEFAULT_RATIOS
     held = max(drive.servo.command_period for drive in drives if drive.servo)
     ratios = np.geomspace(max(ends[0], held / PERIOD_SHARE, 0.05 * ends[-1]), ends[-1], ROWS)
@@ -234,9 +233,9 @@ def rows(job: Job, scenes: Scenes, drives: list[Drive]) -> dict[tuple[str, float
     lowest = in_si.in_g(min(-limits[0], limits[1]))
     levels = np.geomspace(min(lowest, 0.5 * motion.pga[-1]), motion.pga[-1], LEVELS).tolist()
     items = [(name, float(ratio)) for ratio in ratios for name in cases]
-    job.log(f"drive: boundary of {len(ratios)} PGV/PGA with {len(drives)} drives")
+    work.log(f"drive: boundary of {len(ratios)} PGV/PGA with {len(drives)} drives")
     shared = cases, levels, STEP_SHARE * step_unit(scenes.level_rock)
     batches = (Batch("drives", (item,)) for item in items)
-    done = job.cluster.each(run_rows, batches, lambda name: shared)
+    done = work.cluster.each(run_rows, batches, lambda name: shared)
     found = {item: bracket or Bracket(math.nan, math.nan) for _, item, bracket in done}
     return {item: found[item] for item in items}

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch, Rectangle
 from pipeline.drawing.style import INK, SERIES, cell_edges, pictures, styled, svg_uri
 from pipeline.workflow import pages, writers
 from pipeline.workflow.batches import Batch
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.verification import stability
 from vsr_core.verification.stability import ExtremeCase, Finding, Verdict
@@ -33,7 +33,7 @@ _DIED = Finding(
 )
 
 
-def make(job: Job) -> Product:
+def make(work: Work) -> Product:
     """Run all cases and say what became of them.
 
     Returns
@@ -42,8 +42,8 @@ def make(job: Job) -> Product:
         Table, page and map of verdicts; a case that is silently wrong counts as unresolved.
     """
     cases = stability.cases()
-    job.log(f"stability: {len(cases)} cases")
-    table = _table(cases, _findings(job, cases))
+    work.log(f"stability: {len(cases)} cases")
+    table = _table(cases, _findings(work, cases))
     points = pd.DataFrame.from_dict(POINTS, "index", columns=["time_step", "stiffness"])
     points = points.join(table.set_index("case")["verdict"], how="inner")
     figure = stability_map(points, limits())
@@ -65,12 +65,12 @@ def run_cases(shared: None, names: tuple[str, ...]) -> list[Finding]:
     return [cases[name].run() for name in names]
 
 
-def _findings(job: Job, cases: dict[str, ExtremeCase]) -> dict[str, Finding]:
+def _findings(work: Work, cases: dict[str, ExtremeCase]) -> dict[str, Finding]:
     order = sorted(cases, key=lambda name: cases[name].family not in _HEAVY)
 
     starts = range(0, len(order), _BATCH)
     batches = (Batch(None, tuple(order[start : start + _BATCH])) for start in starts)
-    done = job.cluster.each(run_cases, batches, lambda nothing: nothing)
+    done = work.cluster.each(run_cases, batches, lambda nothing: nothing)
     return {name: finding or _DIED for _, name, finding in done}
 
 

@@ -9,13 +9,13 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config.sweep import GRIDS, Dimension, Sweep
-from pipeline.stages.datasets.responses import FILE as RESPONSES
-from pipeline.stages.fragility.products import FILE as FRAGILITY
-from pipeline.stages.mesh.products import load_rock
+from pipeline.stages.datasets.responses import Responses
+from pipeline.stages.fragility.products import Fits
+from pipeline.stages.mesh.products import Standing
 from pipeline.stages.studies.sweeps.changes import quantity
 from pipeline.workflow.datasets import described, read
 from pipeline.workflow.registry import upstream
-from pipeline.workflow.stage import Job
+from pipeline.workflow.stage import Job, Work
 from pipeline.workflow.sweeps import Swept
 from vsr_core.rock.solid import standing
 from vsr_core.rock.tipping import tipping
@@ -23,7 +23,7 @@ from vsr_core.rock.tipping import tipping
 TITLE = "Study"
 
 
-def stacked(swept: Swept, job: Job) -> xr.Dataset:
+def stacked(swept: Swept, work: Work) -> xr.Dataset:
     """Stack the products of all members.
 
     Returns
@@ -39,7 +39,7 @@ def stacked(swept: Swept, job: Job) -> xr.Dataset:
     ragged = _ragged(parts)
     parts = [part.drop_dims(ragged) for part in parts]
     data = _nested(parts, sweep.parted)
-    data = described(data, job, TITLE)
+    data = described(data, work, TITLE)
     for name, variable in data.data_vars.items():
         filled = variable.dtype.kind in "if"
         data[name].encoding = {"_FillValue": _fill(variable)} if filled else {}
@@ -67,13 +67,13 @@ def _files(job: Job, stage: str) -> tuple[str, ...]:
         files = (job.store.manifest(one.name) or {"files": {}})["files"]
         found = tuple(sorted(name for name in files if name.endswith(".nc")))
         if found and one.name != "bullet_sample":
-            return (RESPONSES, FRAGILITY) if FRAGILITY in found else found
+            return (Responses.FILE, Fits.FILE) if Fits.FILE in found else found
     return ()
 
 
 def _rock(job: Job, yaw: xr.DataArray) -> xr.Dataset:
     """Size of the rock, and the steady acceleration that topples it along the shaking."""
-    rock, _ = load_rock(job.store)
+    rock = Standing.load(job.store).rock
     level = standing(rock) if job.config.on_terrain else rock
     along = np.radians([-yaw.values, 180.0 - yaw.values])
     weakest = [tipping(level.hull, pair).overturning.min() for pair in along.T]

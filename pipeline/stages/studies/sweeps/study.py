@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from os.path import relpath
 from typing import Any
 
@@ -11,7 +10,7 @@ import xarray as xr
 
 from pipeline.config.sweep import Dimension
 from pipeline.drawing.style import svg_uri
-from pipeline.stages.mesh.products import ROCK
+from pipeline.stages.mesh.products import RockData
 from pipeline.stages.studies.sweeps import sweep_figures as figures
 from pipeline.stages.studies.sweeps.changes import (
     BOUNDARY,
@@ -25,8 +24,8 @@ from pipeline.stages.studies.sweeps.changes import (
 )
 from pipeline.stages.studies.sweeps.sentences import about, headline
 from pipeline.stages.studies.sweeps.stacking import stacked
-from pipeline.workflow import pages, writers
-from pipeline.workflow.datasets import netcdf, read
+from pipeline.workflow import graph, pages, writers
+from pipeline.workflow.datasets import netcdf
 from pipeline.workflow.grammar import listed
 from pipeline.workflow.stage import Product
 from pipeline.workflow.sweeps import DATA, PAGE, Swept
@@ -40,8 +39,8 @@ def make(swept: Swept, key: str) -> Product:
     Product
         ``study.nc`` and ``study.html``.
     """
-    job = replace(swept.job, key=key, stage="study")
-    data = stacked(swept, job)
+    job = swept.job
+    data = stacked(swept, graph.work_of("study", key, job))
     dimensions = swept.sweep.dimensions
     compared = [_compared(swept, data, one) for one in dimensions] if BOUNDARY in data else []
     page = {
@@ -115,4 +114,5 @@ def _members(swept: Swept) -> list[dict[str, str]]:
 def _surrogate(swept: Swept) -> bool:
     """Whether the rock is a surrogate of one that is not public."""
     job = swept.jobs[swept.sweep.reference.place]
-    return bool(job.store.manifest("rock")) and bool(read(job.path(ROCK)).attrs["surrogate"])
+    there = job.store.manifest("rock") is not None
+    return there and bool(RockData.load(job.store).data.attrs["surrogate"])

@@ -14,7 +14,7 @@ from pipeline.stages.studies.validation.recorded_tests import Tests, acceleratio
 from pipeline.workflow import keys
 from pipeline.workflow.code_roots import VALIDATION_CODE
 from pipeline.workflow.rows import RunRow
-from pipeline.workflow.stage import Job
+from pipeline.workflow.stage import Work
 from vsr_core import engines
 from vsr_core.run.cases import Case
 from vsr_core.source import tracing
@@ -73,18 +73,19 @@ KIND = Kind("validation", "tests", RunRow, run_tests, batch=8)
 class Series:
     """Recorded tests and the specimens that they shook."""
 
+    folder: Path
     tests: Tests
     forms: dict[int, Form]
 
 
 def outcomes(
-    job: Job,
+    work: Work,
     series: Series,
     members: Mapping[Draw, Member],
     wanted: Mapping[Draw, tuple[int, ...]],
 ) -> Outcomes:
     """Simulate those of the wanted tests that are not stored yet."""
-    tests, draws, folder = series.tests, tuple(wanted), job.site.folder
+    tests, draws, folder = series.tests, tuple(wanted), series.folder
     identities = _identities(series, {draw: members[draw] for draw in draws})
     records = accelerations(folder, tests.config.acceleration)
     digests = {number: keys.digest_bytes(row.tobytes()) for number, row in records.items()}
@@ -102,11 +103,11 @@ def outcomes(
         case = standing_case(rock, member)
         return Shared(folder, variable, tests.interval, member.amplitude, case)
 
-    done = run_missing(job, KIND, draws, runs, shared)
+    done = run_missing(work, KIND, draws, runs, shared)
     if done.runs:
-        job.log(f"validation: {done.summary}")
+        work.log(f"validation: {done.summary}")
     rows: dict[Draw, list[RunRow]] = {draw: [] for draw in draws}
-    for draw, part in stored(job, KIND, draws, runs):
+    for draw, part in stored(work.runs, KIND, draws, runs):
         rows[draw].extend(part)
     return {draw: dict(zip(wanted[draw], rows[draw], strict=True)) for draw in draws}
 

@@ -14,12 +14,14 @@ import xarray as xr
 from pandas.api.types import is_numeric_dtype
 
 from pipeline.config import in_si
-from pipeline.config.layers import Site, load_file
+from pipeline.config.layers import Origin, Site, load_file
 from pipeline.config.paths import located, shown
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.config.sections import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA
 from pipeline.stages.mesh import mesh_files
+from pipeline.workflow.keys import digest_file
+from pipeline.workflow.stage import Input
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.records.record import check_sampling
 from vsr_core.rock.solid import checked
@@ -75,7 +77,25 @@ def site_of(folder: Path) -> Site:
         raise _problem(
             folder, "", "no scan", "there is one for each specimen", "call it sp1.ply, in metres"
         )
-    return Site(folder.name, assumptions(folder), shown(folder), folder)
+    return Site(name=folder.name, file=shown(folder), path=folder, settings=assumptions(folder))
+
+
+@dataclass(frozen=True)
+class Folder(Input):
+    """A folder of tests, and the files in it that count."""
+
+    path: Path
+
+    def digests(self) -> dict[str, str]:
+        """Digests of the files, by their names."""
+        names = [RECORDS, OUTCOMES, ASSUMED, *(scan.name for scan in scans_in(self.path).values())]
+        paths = [self.path / name for name in names]
+        return {path.name: digest_file(path) for path in paths if path.is_file()}
+
+
+def find(origin: Origin) -> Folder:
+    """The tests that a site stands for."""
+    return Folder(origin.folder)
 
 
 def scans_in(folder: Path) -> dict[int, Path]:

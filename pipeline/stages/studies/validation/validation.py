@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pandas as pd
 
-from pipeline.config.layers import Site
 from pipeline.drawing.style import pictures, png_uri
 from pipeline.stages.studies.validation import predictions
 from pipeline.stages.studies.validation import validation_page as page
@@ -20,9 +19,7 @@ from pipeline.stages.studies.validation.recorded_runs import (
     outcomes,
 )
 from pipeline.stages.studies.validation.recorded_tests import (
-    ASSUMED,
-    OUTCOMES,
-    RECORDS,
+    Folder,
     accelerations,
     scan,
     scans_in,
@@ -32,8 +29,7 @@ from pipeline.stages.uncertainty.draws import priors
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.grammar import counted
-from pipeline.workflow.keys import digest_file
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.stage import Product, Work
 from vsr_core.outcome import Outcome
 from vsr_core.validation.priors import Member, best_guess, draws, extremes
 
@@ -55,7 +51,7 @@ _DOUBTFUL, _MOST_DOUBTFUL = (0.15, 0.85), 40
 prior."""
 
 
-def make(job: Job) -> Product:
+def make(work: Work, folder: Folder) -> Product:
     """Predict the tests, score the predictions beside others', and say what they depend on.
 
     Returns
@@ -63,12 +59,12 @@ def make(job: Job) -> Product:
     Product
         Dataset, tables, page and figures of the validation.
     """
-    tests = tests_in(job.site.folder)
-    accelerations(job.site.folder, tests.config.acceleration)  # what is wrong is told at once
-    forms = predictions.forms({n: scan(path) for n, path in scans_in(job.site.folder).items()})
-    series = Series(tests, forms)
-    found, predicted = _predict(job, series)
-    at_ends, doubts = _doubtful(job, series, predicted)
+    tests = tests_in(folder.path)
+    accelerations(folder.path, tests.config.acceleration)  # what is wrong is told at once
+    forms = predictions.forms({n: scan(path) for n, path in scans_in(folder.path).items()})
+    series = Series(folder.path, tests, forms)
+    found, predicted = _predict(work, series)
+    at_ends, doubts = _doubtful(work, series, predicted)
     scores = page.scored(tests, predicted)
     failed = page.failed(tests, predicted)
     drawn = {
@@ -78,7 +74,7 @@ def make(job: Job) -> Product:
         "validation_tests": page.map_of_tests(tests, predicted),
     }
     facts = {
-        "site": job.site.name,
+        "site": work.origin.name,
         "tests": len(tests.number),
         "forms": forms,
         "compared": tests.observed,
@@ -91,7 +87,7 @@ def make(job: Job) -> Product:
         "failed": list(failed.itertuples()),
         "pictures": {name: png_uri(figure) for name, figure in drawn.items()},
     }
-    dataset = described(predictions.dataset(tests, predicted), job, "Shake-table tests")
+    dataset = described(predictions.dataset(tests, predicted), work, "Shake-table tests")
     files = {
         FILE: netcdf(dataset),
         TABLE: writers.table(scores),
@@ -109,7 +105,7 @@ def make(job: Job) -> Product:
     return Product(files, _summary(scores), unresolved=predicted.lost, retry=crashed)
 
 
-def _predict(job: Job, series: Series) -> tuple[Outcomes, Predictions]:
+def _predict(work: Work, series: Series) -> tuple[Outcomes, Predictions]:
     tests, drawn = series.tests, priors(series.tests.config)
     members = {
         Draw(specimen, Role.MEMBER, number): member
@@ -119,19 +115,19 @@ def _predict(job: Job, series: Series) -> tuple[Outcomes, Predictions]:
     guesses = {Draw(specimen, Role.BEST_GUESS): best_guess(drawn) for specimen in tests.specimens}
     first = [draw for draw in members if int(draw.of) < _FIRST]
     specimens = counted(len(tests.specimens), "specimen")
-    job.log(f"validation: {counted(len(tests.number), 'test')}, {specimens}")
+    work.log(f"validation: {counted(len(tests.number), 'test')}, {specimens}")
     every = dict.fromkeys([*guesses, *first], tests.number)
-    found = outcomes(job, series, guesses | members, every)
+    found = outcomes(work, series, guesses | members, every)
     open_ones = {
         specimen: predictions.undecided(tests, specimen, series.forms[specimen], found)
         for specimen in tests.specimens
     }
     rest = {draw: open_ones[draw.specimen] for draw in members if draw not in every}
-    found |= outcomes(job, series, members, rest)
+    found |= outcomes(work, series, members, rest)
     return found, predictions.predictions(tests, found)
 
 
-def _doubtful(job: Job, series: Series, predicted: Predictions) -> tuple[Outcomes, pd.DataFrame]:
+def _doubtful(work: Work, series: Series, predicted: Predictions) -> tuple[Outcomes, pd.DataFrame]:
     """What each unknown does to the tests that are in doubt, from one end of it to the other."""
     tests, (least, most) = series.tests, _DOUBTFUL
     members: dict[Draw, Member] = {}
@@ -144,7 +140,7 @@ def _doubtful(job: Job, series: Series, predicted: Predictions) -> tuple[Outcome
             for role, member in zip((Role.LOW, Role.HIGH), pair, strict=True):
                 draw = Draw(specimen, role, unknown)
                 members[draw], wanted[draw] = member, tuple(doubtful)
-    found = outcomes(job, series, members, wanted)
+    found = outcomes(work, series, members, wanted)
     rows = []
     for draw in members:
         if draw.role is Role.LOW:
@@ -165,10 +161,3 @@ def _summary(scores: pd.DataFrame) -> str:
         for row in rows.itertuples()
     ]
     return "; ".join(parts) or "no outcomes to compare with"
-
-
-def inputs(site: Site) -> dict[str, str]:
-    """Digests of the files in the folder of tests."""
-    names = [RECORDS, OUTCOMES, ASSUMED, *(path.name for path in scans_in(site.folder).values())]
-    paths = [site.folder / name for name in names]
-    return {path.name: digest_file(path) for path in paths if path.is_file()}

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from support.jobs import built, work
 
-from pipeline.config.layers import load_site
 from pipeline.stages.datasets import bullet_sample
+from pipeline.stages.datasets.bullet_sample import BulletSample
+from pipeline.stages.datasets.responses import Responses
 from pipeline.stages.reports import report_tables
 from pipeline.stages.runs.scenes import Group
+from pipeline.stages.runs.study import Study
 from pipeline.workflow.datasets import read
-from pipeline.workflow.jobs import cluster_of
-from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
 
 SITE = """
@@ -37,9 +38,11 @@ def test_each_run_is_repeated_at_its_own_yaw_and_friction(
     """
     site = write_site(SITE)
     assert vsr("run", "responses", "--site", site, "--workers", 0).code == 0
-    job = Job(load_site(site), Store(derived / "rock"), cluster_of({"workers": 0}), "", print)
-    bullet_sample.make(job).files[bullet_sample.FILE](derived / bullet_sample.FILE)
-    sample = read(derived / bullet_sample.FILE)
+    folder = derived / "rock"
+    study, responses = built(Study, site, folder), Responses.load(Store(folder))
+    made = bullet_sample.make(work(site, folder), study, responses, "bullet")
+    made.files[BulletSample.FILE](derived / BulletSample.FILE)
+    sample = read(derived / BulletSample.FILE)
     toppled = sample["overturned_in_other_engine"].values == 1
     assert sample.sizes["sample"] == 8
     expected = (sample["friction"] == 0.8) & (sample["yaw"] == 0) & (sample["pga"] == 0.6)
@@ -51,7 +54,7 @@ def test_the_error_of_a_run_is_that_of_its_friction() -> None:
     """Errors of 1 and 3 % and Bullet's of 1 %, as a share of steps of 0.02 g at 0.4 and 0.2 g."""
     contact = SimpleNamespace(friction=(0.5, 0.6, 0.7))
     study: Any = SimpleNamespace(
-        scenes=SimpleNamespace(config=SimpleNamespace(contact=contact)),
+        settings=SimpleNamespace(contact=contact),
         motions=SimpleNamespace(pga=(0.2, 0.22, 0.4)),
     )
     responses = xr.Dataset({"boundary_error": ("friction", [0.01, 0.03, np.nan])})

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
 import pytest
 
 from pipeline.stages.datasets import stored_runs
-from pipeline.stages.motions.motion_grid import Pulses, each_cell
+from pipeline.stages.motions.motion_grid import Pulses
 from pipeline.stages.runs import overturning_runs, runner
 from pipeline.stages.runs.scenes import Group
-from pipeline.stages.runs.study import GridRuns, Study
+from pipeline.stages.runs.study import Cells, GridRuns
 from pipeline.workflow.rows import RunRow
 from vsr_core.outcome import Outcome
 
@@ -22,21 +24,23 @@ GROUPS = (Group(0.0, 0.4), Group(0.0, 0.6), Group(90.0, 0.4))
 
 def test_every_run_is_at_its_own_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run tells here by its tilt and its slip for which PGV/PGA and PGA it was done."""
-    tokens = b"".join(map(PULSES.token, each_cell(PULSES)))
+    cells = Cells.of(PULSES)
 
-    class Asked(Study):
+    class Asked(SimpleNamespace):
         def wanted(self, group: Group) -> GridRuns:
-            return GridRuns(repr(group).encode(), PULSES, tokens)
+            return GridRuns(repr(group).encode(), cells)
 
-    def done(job: Any, kind: Any, groups: Any, wanted: Any) -> Iterator[tuple[Group, list[RunRow]]]:
+    def done(
+        database: Any, kind: Any, groups: Any, wanted: Any
+    ) -> Iterator[tuple[Group, list[RunRow]]]:
         for group in groups:
             for run in wanted(group):
                 ratio = PULSES.pgv_pga[run.item.row]
                 yield group, [RunRow(run.key, 0, 0, ratio, group.friction, run.item.pga, 1)]
 
     monkeypatch.setattr(runner, "stored", done)
-    study = Asked(None, PULSES, {}, GROUPS, tokens, {})  # type: ignore[arg-type]
-    runs = stored_runs.stored(None, overturning_runs.KIND, study)  # type: ignore[arg-type]
+    study: Any = Asked(motions=PULSES, groups=GROUPS)
+    runs = stored_runs.stored(Path(), overturning_runs.KIND, study)
     assert len(runs) == 18
     assert (runs["pga"] == runs["slip"]).all()
     assert (runs["friction"] == runs["final_tilt"]).all()

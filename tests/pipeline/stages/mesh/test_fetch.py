@@ -17,7 +17,7 @@ import pytest
 import trimesh
 
 from pipeline import ROOT, cli
-from pipeline.config.layers import load_site
+from pipeline.config.layers import Site, load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.mesh import fetch, sources
 from pipeline.stages.mesh.fetch import ORIGINALS, Original
@@ -120,6 +120,12 @@ def test_fetched_and_scaled(serve: Callable[[bytes], str], published: bytes, raw
     assert origin["from"] == "someone (licence)"
 
 
+def source_of(site: Site) -> sources.Source:
+    found = sources.find(site.config.rock, site.config.pedestal, site)
+    assert found is not None
+    return found
+
+
 def test_label_says_where_the_shape_is_from(
     serve: Callable[[bytes], str],
     published: bytes,
@@ -132,7 +138,7 @@ def test_label_says_where_the_shape_is_from(
     file = tmp_path / "site.yaml"
     file.write_text("rock: {shape: mesh, mesh: raw/model/, density: 2000, fallback: double_rock}\n")
     site = load_site(str(file))
-    assert sources.find(site).label == "public original, someone (licence)"
+    assert source_of(site).label == "public original, someone (licence)"
     assert vsr("run", "rock", "--site", file).code == 0
     rock = read(derived / "site" / "rock.nc")
     assert rock.attrs["shape_source"] == "public original, someone (licence)"
@@ -140,10 +146,10 @@ def test_label_says_where_the_shape_is_from(
     mesh = trimesh.load(path, process=False)
     mesh.apply_scale(1.1)
     path.write_bytes(mesh.export(file_type="ply"))
-    assert "public" not in sources.find(site).label
-    assert "scan" in sources.find(site).label
+    assert "public" not in source_of(site).label
+    assert "scan" in source_of(site).label
     path.unlink()
-    assert "surrogate" in sources.find(site).label
+    assert "surrogate" in source_of(site).label
 
 
 def test_wrong_checksum(serve: Callable[[bytes], str], published: bytes, raw: Path) -> None:

@@ -26,6 +26,7 @@ from support.small_scan import FAR, NOISE, STONE, survey, tapered, write_ply
 from pipeline import ROOT, cli
 from pipeline.config.layers import load_site
 from pipeline.stages.mesh import scan_figures, scan_page
+from pipeline.stages.mesh.sources import Source, find
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import read
@@ -238,7 +239,7 @@ def test_cuts_by_hand_give_the_same_rock(tmp_path: Path, quick: None, kind: str)
     where = site(tmp_path, cut_by(kind).strip())
     store = Store(tmp_path / "derived" / "hill")
     store.open()
-    job = Job(load_site(str(where)), store, Cluster(0), "", lambda line: None)
+    job = Job(load_site(str(where)), store, Cluster(0), lambda line: None)
     graph.make("scan", job)  # without the terrain, which takes longer
     see_that_it_is_the_rock(tmp_path / "derived" / "hill")
     assert read(tmp_path / "derived" / "hill" / "scan.nc").attrs["accepted"] == 1
@@ -520,15 +521,20 @@ def test_scan_with_the_usual_faults() -> None:
 # A user's scan, in place of a surrogate
 
 
+def source_of(where: Path) -> Source:
+    found = load_site(str(where))
+    source = find(found.config.rock, found.config.pedestal, found)
+    assert source is not None
+    return source
+
+
 def test_a_scan_in_the_folder_takes_the_surrogates_place(
     tmp_path: Path, shown: Shown, quick: None
 ) -> None:
-    from pipeline.stages.mesh import sources
-
     where = site(tmp_path, rock="mesh: raw/, fallback: granite_dells")
-    assert "surrogate" in sources.find(load_site(str(where))).label
+    assert "surrogate" in source_of(where).label
     (tmp_path / "raw").mkdir()
-    assert "surrogate" in sources.find(load_site(str(where))).label
+    assert "surrogate" in source_of(where).label
     write_ply(tmp_path / "raw" / "mine.ply", survey(), FAR)
     said = run("why", "rock", "--site", where, "--derived", shown.derived).out
     assert "scan: file mine.ply new" in said

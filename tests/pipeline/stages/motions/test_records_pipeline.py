@@ -17,11 +17,11 @@ from pipeline import ROOT, cli
 from pipeline.config.layers import known, load_site
 from pipeline.stages.fragility.fragility_figures import overturning_diagram
 from pipeline.stages.motions import motion_grid
+from pipeline.stages.motions.motion_grid import MotionData
 from pipeline.stages.motions.record_figure import record_figure
 from pipeline.stages.motions.record_inputs import find
 from pipeline.stages.runs import scenes
 from pipeline.workflow.datasets import read
-from pipeline.workflow.store import Store
 from vsr_core import GRAVITY
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.source import tracing
@@ -181,8 +181,8 @@ def test_every_function_that_a_recorded_motion_enters_is_in_its_key(folder: Path
 
     rock = solid.box((0.5, 0.5, 1.0), 2000.0).rock
     case = prepare(Scene(rock, Contact(0.6)), proofs.barrier(rock), reduce=True)
-    config = load_site(str(folder / "rock.yaml")).config
-    motions = motion_grid.of_store(config, Store(folder / "derived" / "rock"))
+    motion = load_site(str(folder / "rock.yaml")).config.motion
+    motions = motion_grid.of_data(motion, MotionData(folder / "derived" / "rock"))
     with following() as entered:
         for cell in motion_grid.cells(motions):
             simulate(case, motions.motion(cell), Settings(0.0014))

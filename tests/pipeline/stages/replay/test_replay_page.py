@@ -14,6 +14,7 @@ import pytest
 import xarray as xr
 from scipy.spatial.transform import Rotation, Slerp
 from support.browser import PHONE, Opened, settle, until
+from support.jobs import built
 
 from pipeline import cli
 from pipeline.config.layers import load_site
@@ -22,9 +23,8 @@ from pipeline.stages.motions import motion_grid
 from pipeline.stages.replay import replay_page
 from pipeline.stages.replay.choice import chosen, neighbour
 from pipeline.stages.replay.played import played
-from pipeline.stages.runs.study import Study, load_study
+from pipeline.stages.runs.study import Study
 from pipeline.workflow.datasets import read
-from pipeline.workflow.store import Store
 from vsr_core.outcome import DecidedBy, Outcome
 
 SITE = """
@@ -70,7 +70,7 @@ def pair(site: Path, alone: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def study(site: Path, alone: Path) -> Study:
-    return load_study(load_site(str(site)).config, Store(alone.parents[1]))
+    return built(Study, str(site), alone.parents[1])
 
 
 @pytest.fixture(scope="module")

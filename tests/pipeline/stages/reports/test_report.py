@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from PIL import Image
+from support.jobs import built, work
 
 from pipeline import cli
 from pipeline.config.layers import load_site
@@ -29,8 +30,6 @@ from pipeline.stages.fragility.fragility_figures import (
 from pipeline.stages.fragility.rock_views import rock_views
 from pipeline.stages.reports import report, report_tables
 from pipeline.workflow.datasets import read
-from pipeline.workflow.stage import Job
-from pipeline.workflow.store import Store
 from vsr_core.outcome import DecidedBy, Outcome
 
 SITE = """
@@ -79,9 +78,8 @@ def products(made: Path) -> dict[str, xr.Dataset]:
 
 
 def remade(folder: Path, site: Path) -> str:
-    job = Job(load_site(str(site)), Store(folder), None, "", print)  # type: ignore[arg-type]
-    out = folder / "again.html"
-    report.make(job).files["report.html"](out)
+    parts, out = built(report.Parts, str(site), folder), folder / "again.html"
+    report.make(work(str(site), folder), parts, lambda: None).files["report.html"](out)
     return out.read_text(encoding="utf-8")
 
 

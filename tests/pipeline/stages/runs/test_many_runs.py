@@ -18,10 +18,11 @@ from pipeline.stages.motions.motion_grid import Cell, Pulses, cells
 from pipeline.stages.runs import runner
 from pipeline.stages.runs.runner import Kind, Run, missing, run_missing, stored
 from pipeline.stages.runs.study import GridRuns
+from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.rows import RunRow
 from pipeline.workflow.run_store import RunStore
-from pipeline.workflow.stage import Job
+from pipeline.workflow.stage import Job, Work
 from pipeline.workflow.store import Store
 from vsr_core.outcome import Outcome
 
@@ -47,11 +48,11 @@ KIND = Kind("runs", "runs", RunRow, work, batch=5)
 
 
 @pytest.fixture
-def job(tmp_path: Path) -> Iterator[Job]:
+def job(tmp_path: Path) -> Iterator[Work]:
     with Store(tmp_path) as store:
         store.open()
         site = load_site("cuboid_1x1x2", settings=("simulation.engine=bullet",))
-        yield Job(site, store, Cluster(0), "", lambda line: None)
+        yield graph.work_of("runs", "key", Job(site, store, Cluster(0), lambda line: None))
 
 
 def test_keys_are_those_of_runs_taken_one_by_one() -> None:
@@ -69,7 +70,7 @@ def test_keys_are_those_of_runs_taken_one_by_one() -> None:
     assert len(both) == 24
 
 
-def test_parts_give_what_the_whole_gives(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parts_give_what_the_whole_gives(job: Work, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runner, "AT_ONCE", 7)
     motions = grid(5, 6)
 
@@ -77,13 +78,13 @@ def test_parts_give_what_the_whole_gives(job: Job, monkeypatch: pytest.MonkeyPat
         return runs_of(scene, motions)
 
     stays = [run.key for run in wanted(SCENES[0])][::3]
-    with closing(RunStore(job.store.folder, RunRow)) as runs:
+    with closing(RunStore(job.runs, RunRow)) as runs:
         runs.add([RunRow(key, int(Outcome.OVERTURNED)) for key in stays])
         marks = missing(wanted(SCENES[0]), runs)
         assert marks == bytes(0 if place % 3 == 0 else 1 for place in range(30))
     assert run_missing(job, KIND, SCENES, wanted, lambda scene: None).runs == 50
     found: dict[bytes, list[RunRow]] = {scene: [] for scene in SCENES}
-    for scene, rows in stored(job, KIND, SCENES, wanted):
+    for scene, rows in stored(job.runs, KIND, SCENES, wanted):
         assert len(rows) <= 7
         found[scene] += rows
     assert [row.steps for row in found[SCENES[1]]] == [row for row in range(5) for _ in range(6)]
@@ -94,7 +95,7 @@ def test_parts_give_what_the_whole_gives(job: Job, monkeypatch: pytest.MonkeyPat
         assert row.steps == (0 if toppled else place // 6)
 
 
-def test_a_batch_is_written_to_few_pages(job: Job) -> None:
+def test_a_batch_is_written_to_few_pages(job: Work) -> None:
     """Rows of a batch lie side by side, although keys are as good as random."""
     motions = grid(100, 100)
     order: list[list[bytes]] = []
@@ -116,7 +117,7 @@ def test_a_batch_is_written_to_few_pages(job: Job) -> None:
 
 
 @pytest.mark.parametrize(("each", "largest"), [(1e-6, 1000), (1e-3, 300), (1e-2, 30), (1.0, 5)])
-def test_batches_follow_the_cost_of_a_run(job: Job, each: float, largest: int) -> None:
+def test_batches_follow_the_cost_of_a_run(job: Work, each: float, largest: int) -> None:
     sizes: list[int] = []
 
     class Costly(Cluster):
@@ -134,7 +135,7 @@ def test_batches_follow_the_cost_of_a_run(job: Job, each: float, largest: int) -
     assert sum(sizes) == 3600
 
 
-def test_memory_does_not_grow_with_the_grid(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_does_not_grow_with_the_grid(job: Work, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runner, "AT_ONCE", 1000)
     monkeypatch.setattr(runner, "LARGEST_BATCH", 50)
 

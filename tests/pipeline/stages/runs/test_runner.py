@@ -11,11 +11,12 @@ import pytest
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError, Unfinished
 from pipeline.stages.runs.runner import Kind, Run, run_missing, stored
+from pipeline.workflow import graph
 from pipeline.workflow.batches import Batch, Done
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.rows import RunRow
 from pipeline.workflow.run_store import RunStore
-from pipeline.workflow.stage import Job
+from pipeline.workflow.stage import Job, Work
 from pipeline.workflow.store import Store
 from vsr_core.outcome import Outcome
 
@@ -49,15 +50,15 @@ class Deadly(Cluster):
                 yield Done(one, None if dies else function(shared(batch.shared), one.items))
 
 
-def job_in(folder: Path, cluster: Cluster) -> tuple[Job, list[str]]:
-    store, lines = Store(folder), []
-    with store:
+def work_in(folder: Path, cluster: Cluster) -> Work:
+    with Store(folder) as store:
         store.open()
-    return Job(load_site("cuboid_1x1x2"), store, cluster, "", lines.append), lines
+    job = Job(load_site("cuboid_1x1x2"), Store(folder), cluster, lambda line: None)
+    return graph.work_of("runs", "key", job)
 
 
 def test_only_what_is_not_stored_is_run_and_rows_come_in_order(tmp_path: Path) -> None:
-    job, _ = job_in(tmp_path, Cluster(0))
+    work = work_in(tmp_path, Cluster(0))
     with closing(RunStore(tmp_path, RunRow)) as runs:
         runs.add([RunRow(bytes([11]) * 16, int(Outcome.OVERTURNED), 0, 1.0, 1.0, 0.0, 7)])
     asked: list[Any] = []
@@ -67,44 +68,42 @@ def test_only_what_is_not_stored_is_run_and_rows_come_in_order(tmp_path: Path) -
         asked.append(group)
         return group, done
 
-    tally = run_missing(job, KIND, GROUPS, wanted, shared)
+    tally = run_missing(work, KIND, GROUPS, wanted, shared)
     assert asked == list(GROUPS)
     assert sorted(done) == [0, 1, 2, 3, 3, 10, 12, 13, 13]
     assert (tally.runs, tally.crashed) == (9, 0)
     assert tally.summary.startswith("9 runs done in ")
-    rows = dict(stored(job, KIND, GROUPS, wanted))
+    rows = dict(stored(tmp_path, KIND, GROUPS, wanted))
     assert [row.steps for row in rows["north"]] == [0, 1, 2, 3, 3]
     assert [row.steps for row in rows["east", 0.6]] == [10, 7, 12, 13, 13]
-    (note,) = job.store.notes("runs")
+    (note,) = work.notes("runs")
     assert note["runs"] == 9
     assert note["workers"] == 0
     assert note["cpu_seconds"] >= 0.0
-    again = run_missing(job, KIND, GROUPS, wanted, shared)
+    again = run_missing(work, KIND, GROUPS, wanted, shared)
     assert again.summary == "0 runs done"
     assert len(done) == 9
 
 
 def test_a_run_that_kills_its_worker_is_stored_as_crashed_and_tried_again(tmp_path: Path) -> None:
-    job, _ = job_in(tmp_path, Deadly(0))
+    work = work_in(tmp_path, Deadly(0))
     done: list[int] = []
-    tally = run_missing(job, KIND, GROUPS, wanted, lambda group: (group, done))
+    tally = run_missing(work, KIND, GROUPS, wanted, lambda group: (group, done))
     assert tally.crashed == 1
-    ((_, rows), _) = stored(job, KIND, GROUPS, wanted)
+    ((_, rows), _) = stored(tmp_path, KIND, GROUPS, wanted)
     assert rows[2] == RunRow(bytes([2]) * 16, int(Outcome.CRASHED))
     assert rows[2].peak_tilt is rows[2].slip is None
-    job, _ = job_in(tmp_path, Cluster(0))
+    work = work_in(tmp_path, Cluster(0))
     done.clear()
-    assert run_missing(job, KIND, GROUPS, wanted, lambda group: (group, done)).crashed == 0
+    assert run_missing(work, KIND, GROUPS, wanted, lambda group: (group, done)).crashed == 0
     assert done == [2]
 
 
 def test_a_run_that_is_lost_is_told(tmp_path: Path) -> None:
-    job, _ = job_in(tmp_path, Cluster(0))
-    run_missing(job, KIND, GROUPS[:1], wanted, lambda group: (group, []))
-    job.store.publish("runs", {"retry": 0, "unresolved": 0}, {})
+    work = work_in(tmp_path, Cluster(0))
+    run_missing(work, KIND, GROUPS[:1], wanted, lambda group: (group, []))
     with pytest.raises(InputError, match="5 runs fewer than were done"):
-        list(stored(job, KIND, GROUPS, wanted))
-    assert job.store.manifest("runs") is None
+        list(stored(tmp_path, KIND, GROUPS, wanted))
 
 
 class Losing(Cluster):
@@ -117,8 +116,8 @@ class Losing(Cluster):
 
 
 def test_what_was_planned_is_stored_or_crashed_or_told(tmp_path: Path) -> None:
-    job, _ = job_in(tmp_path, Losing(0))
+    work = work_in(tmp_path, Losing(0))
     with pytest.raises(Unfinished, match="5 of 10 runs came back"):
-        run_missing(job, KIND, GROUPS, wanted, lambda group: (group, []))
-    job, _ = job_in(tmp_path, Cluster(0))
-    assert run_missing(job, KIND, GROUPS, wanted, lambda group: (group, [])).runs == 5
+        run_missing(work, KIND, GROUPS, wanted, lambda group: (group, []))
+    work = work_in(tmp_path, Cluster(0))
+    assert run_missing(work, KIND, GROUPS, wanted, lambda group: (group, [])).runs == 5

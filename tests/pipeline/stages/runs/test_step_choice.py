@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import math
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
 
 from pipeline.config.layers import load_site
+from pipeline.config.schema import Config
+from pipeline.stages.mesh.products import Standing
 from pipeline.stages.runs import step_choice
 from pipeline.stages.runs.scenes import Scenes
 from pipeline.workflow.datasets import read
+from pipeline.workflow.run_store import RUNS
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY
 from vsr_core.judge.proofs import barrier
 from vsr_core.rock import solid
+from vsr_core.run import time_step
 from vsr_core.run.rocking_block import Block, first_overturning_pga
 
 GRID = """
@@ -29,23 +34,28 @@ simulation: {time_step: auto}
 """
 
 
+def stored(config: Config, derived: Path) -> tuple[float, ...]:
+    """Time steps that are known in the database."""
+    scenes = Scenes(config.scene, Standing.load(Store(derived / "rock")))
+    return step_choice.stored_steps(scenes, derived / "rock").steps
+
+
 def test_a_friction_more_keeps_what_was_measured(
     write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path, tmp_path: Path
 ) -> None:
     site, two = write_site(GRID), ("--set", "contact.friction=[0.6, 0.7]")
     assert vsr("run", "responses", "--site", site, "--workers", 0).code == 0
     config = load_site(site, settings=two[1:]).config
-    known = step_choice.time_steps(config, Store(derived / "rock"))
-    assert known[0.6] > 0.0
-    assert math.isnan(known[0.7])
+    known = stored(config, derived)
+    assert known[0] > 0.0
+    assert math.isnan(known[1])
     more = vsr("run", "responses", "--site", site, "--workers", 0, *two)
     assert "measuring 2 boundaries" in more.err  # of the new friction only
     whole = tmp_path / "whole"
     assert vsr("run", "responses", "--site", site, "--workers", 0, *two, into=whole).code == 0
-    made, anew = (read(folder / "rock" / step_choice.FILE) for folder in (derived, whole))
+    made, anew = (read(folder / "rock" / step_choice.StepData.FILE) for folder in (derived, whole))
     assert made.drop_attrs().equals(anew.drop_attrs())
-    steps = step_choice.time_steps(config, Store(derived / "rock"))
-    assert list(steps.values()) == made["time_step"].values.tolist()
+    assert list(stored(config, derived)) == made["time_step"].values.tolist()
 
 
 def test_code_of_terrains_decides_no_time_step(
@@ -53,13 +63,14 @@ def test_code_of_terrains_decides_no_time_step(
 ) -> None:
     """It is measured on a flat pedestal, and its stage is not made again for a terrain's sake."""
     rock = solid.box((0.5, 1.0, 2.0), 2000.0).rock
-    scenes = Scenes(load_site("double_rock_terrain").config, rock, barrier(rock), None)
+    scenes = Scenes(load_site("double_rock_terrain").config.scene, Standing(rock, barrier(rock)))
     scenes.__dict__["level_rock"] = rock
-    before = step_choice._names(scenes)
+    wanted = [step_choice.Wanted(0, place) for place in time_step.lots(rock)[0]]
+    before = step_choice._keys(scenes, wanted)
     edit_function("vsr_core/run/displacement.py", "displace", "str(1)")
-    assert step_choice._names(scenes) == before
+    assert step_choice._keys(scenes, wanted) == before
     edit_function("vsr_core/judge/proofs.py", "cannot_topple", "str(1)")
-    assert step_choice._names(scenes) != before
+    assert step_choice._keys(scenes, wanted) != before
 
 
 def test_a_reference_is_told_in_g_and_a_tighter_tolerance_takes_a_shorter_step(
@@ -68,7 +79,7 @@ def test_a_reference_is_told_in_g_and_a_tighter_tolerance_takes_a_shorter_step(
     """Housner's block of 0.25 m and 1 m; half the tolerance, at most half the longest step."""
     site = write_site(GRID)
     assert vsr("run", "responses", "--site", site, "--workers", 0).code == 0
-    made = read(derived / "rock" / step_choice.FILE).isel(friction=0)
+    made = read(derived / "rock" / step_choice.StepData.FILE).isel(friction=0)
     first = made.isel(row=0)
     assert (first["row_yaw"].item(), first["row_displaced"].item()) == (0.0, 0)
     exact = first_overturning_pga(
@@ -78,7 +89,7 @@ def test_a_reference_is_told_in_g_and_a_tighter_tolerance_takes_a_shorter_step(
     longest = made.attrs["longest_step_s"]
     assert made["time_step"].item() <= longest
     tight = load_site(site, settings=("simulation.tolerance=0.005",)).config
-    step = step_choice.time_steps(tight, Store(derived / "rock"))[0.6]
+    (step,) = stored(tight, derived)
     assert 0.0 < step <= 0.5 * longest * (1.0 + 1e-9)
     assert step < made["time_step"].item()
 
@@ -86,15 +97,16 @@ def test_a_reference_is_told_in_g_and_a_tighter_tolerance_takes_a_shorter_step(
 def test_a_measurement_that_was_damaged_is_not_believed(
     write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
 ) -> None:
-    """A sound file with other numbers in it: what it says of the error is worth nothing."""
+    """A row with another number in it is no row."""
     site = write_site(GRID)
     assert vsr("run", "responses", "--site", site, "--workers", 0).code == 0
-    path, config = derived / "rock" / step_choice.FILE, load_site(site).config
+    path, config = derived / "rock" / step_choice.StepData.FILE, load_site(site).config
     made = read(path)
-    assert step_choice.time_steps(config, Store(derived / "rock"))[0.6] > 0.0
-    with netCDF4.Dataset(path, "a") as data:
-        data["row_error"][:] = 0.11
-    assert math.isnan(step_choice.time_steps(config, Store(derived / "rock"))[0.6])
+    assert stored(config, derived)[0] > 0.0
+    with closing(sqlite3.connect(derived / "rock" / RUNS)) as database, database:
+        database.execute("UPDATE time_step_rows SET reference = reference + 0.1")
+    assert math.isnan(stored(config, derived)[0])
+    path.unlink()
     again = vsr("run", "responses", "--site", site, "--workers", 0)
     assert again.code == 0
     assert "measuring 2 boundaries" in again.err
@@ -109,7 +121,7 @@ def test_a_rock_that_nothing_moves_has_no_measured_error(
     site = write_site(slab + GRID.replace("0.6", "8.0"))
     ran = vsr("run", "fragility", "--site", site, "--workers", 0)
     assert ran.code == 0
-    made = read(derived / "rock" / step_choice.FILE).isel(friction=0)
+    made = read(derived / "rock" / step_choice.StepData.FILE).isel(friction=0)
     assert np.isposinf(made["row_reference"].values).all()
     assert set(made["row_displaced"].values.tolist()) == {0, 1}
     assert made["within_tolerance"].item() == 0
@@ -131,7 +143,7 @@ def test_a_rock_that_slides_is_measured_by_its_sliding(
     site = write_site(GRID.replace("0.6", "0.1"))
     ran = vsr("run", "fragility", "--site", site, "--workers", 0)
     assert ran.code == 0
-    made = read(derived / "rock" / step_choice.FILE).isel(friction=0)
+    made = read(derived / "rock" / step_choice.StepData.FILE).isel(friction=0)
     slides = made["row_displaced"].values == 1
     assert np.isposinf(made["row_reference"].values[~slides]).all()
     assert (made["row_reference"].values[slides] > 0.1).all()

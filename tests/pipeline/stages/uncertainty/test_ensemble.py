@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import cast
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pipeline.config.layers import load_site
 from pipeline.config.motion_schema import AxisPulseConfig
+from pipeline.stages.mesh.products import Standing
 from pipeline.stages.motions.motion_grid import Pulses, Shaking, ShapedPulses, TablePulses
 from pipeline.stages.uncertainty import ensemble
 from pipeline.stages.uncertainty.draws import Draw
-from pipeline.workflow.stage import Job
 from vsr_core.judge.proofs import barrier
 from vsr_core.rock.solid import block
 from vsr_core.run.cases import Settings
@@ -39,10 +38,11 @@ def test_a_block_stands_below_its_width_over_height(
     config = load_site("cuboid_1x1x2", None, (f"drive={drive}",)).config
     rock = block((1.0, 1.0, 2.0), 2000.0)
     member = best_guess(Priors((0.0, 0.0), 0.0, friction=(0.7, 0.7), amplitude=(1.25, 0.0)))
-    draw = Draw(0, member, rock, config, (rock, barrier(rock)))
+    standing = Standing(rock, barrier(rock))
+    draw = Draw(0, member, rock, config.scene, config.yaw, standing)
     nominal = np.zeros((len(config.yaw), len(RATIO), len(PGA)), np.int8)
-    job = cast(Job, SimpleNamespace(config=config))
+    nothing: Any = None
     given = np.zeros((4, len(config.yaw)))
-    wanted = ensemble.Search(job, [draw], given, motions, Settings(1e-3), nominal)
+    wanted = ensemble.Search(nothing, [draw], given, motions, Settings(1e-3), nominal)
     found = ensemble._proved(wanted, [draw])
     np.testing.assert_array_equal(found, np.broadcast_to(np.array(still, bool), found.shape))
