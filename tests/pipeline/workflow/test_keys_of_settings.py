@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Literal, NamedTuple, get_args, get_origin
+from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pytest
@@ -22,13 +22,16 @@ from pipeline import ROOT
 from pipeline.config.layers import Site, load_site
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.schema import Config
-from pipeline.stages.datasets.responses import settings_of_runs
+from pipeline.stages.mesh.products import Standing
+from pipeline.stages.motions.motion_grid import MotionData
 from pipeline.stages.runs import study
 from pipeline.stages.runs.scenes import Scenes
+from pipeline.stages.runs.step_choice import stored_steps
 from pipeline.stages.studies.validation import recorded_runs
-from pipeline.workflow import graph, keys, pages
-from pipeline.workflow.registry import STAGES
-from pipeline.workflow.stage import Stage
+from pipeline.workflow import graph, keys, pages, registry
+from pipeline.workflow.parameters import Values
+from pipeline.workflow.registry import BY_NAME, STAGES, settings_of
+from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import Store
 from vsr_core.rock.solid import block
 from vsr_core.source import tracing
@@ -83,7 +86,6 @@ class Base(NamedTuple):
     site: str
     products: tuple[str, ...]
     settings: tuple[str, ...] = ()
-    reads_files: bool = False  # else the files that it names need not be there
 
 
 STEP = "simulation.time_step=0.001"
@@ -115,10 +117,8 @@ def shaken(motion: str) -> Base:
 BASES = {
     "block": Base("cuboid_1x1x2", FLAT, (STEP, "rock.mesh=a.ply", *ASKED, ROCKS, RATIO, COMPARE)),
     "bullet": Base("cuboid_1x1x2", ("report",), (STEP, "simulation.engine=bullet")),
-    "servo": Base(
-        "cuboid_1x1x2", ("report", "accuracy", "drive"), (STEP, "drive=servo"), reads_files=True
-    ),
-    "idle servo": Base("cuboid_1x1x2", ("drive",), (STEP,), reads_files=True),
+    "servo": Base("cuboid_1x1x2", ("report", "accuracy", "drive"), (STEP, "drive=servo")),
+    "idle servo": Base("cuboid_1x1x2", ("drive",), (STEP,)),
     "terrain": on_terrain(),
     "plane": on_terrain("{kind: plane, point: [0, 0, 1], normal: [0, 0, 1]}"),
     "box": on_terrain("{kind: box, low: [0, 0, 0], high: [1, 1, 1]}"),
@@ -249,9 +249,11 @@ def test_every_setting_is_changed_in_a_configuration_at_least() -> None:
 
 @pytest.fixture
 def only_settings(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
-    """Keys without code and versions, which other tests are about."""
+    """Keys without code, versions and files, which other tests are about."""
     monkeypatch.setattr(tracing, "reached", lambda roots: {})
     monkeypatch.setattr(keys, "installed_version", lambda name: "1")
+    monkeypatch.setattr(graph, "_found", lambda path, site: None)
+    monkeypatch.setattr(graph, "named", lambda path: lambda site: None)
     return monkeypatch
 
 
@@ -268,8 +270,6 @@ def stage_keys(base: str, config: Config) -> dict[str, str]:
 def test_stages_change_with_every_setting_that_decides_them(
     only_settings: pytest.MonkeyPatch, base: str
 ) -> None:
-    if not BASES[base].reads_files:
-        only_settings.setattr(Stage, "input_digests", lambda stage, site: {})
     before = stage_keys(base, site_of(base).config)
     stale = {}
     for change in (one for one in changes() if one.base == base):
@@ -277,18 +277,43 @@ def test_stages_change_with_every_setting_that_decides_them(
         same = {stage for stage in before if after.get(stage) == before[stage]}
         wanted = set().union(*(DECIDES[key] for key in DECIDES if change.among((key,))))
         if change.key[0] == "servo" and change.config.drive != "servo":
-            wanted = {"drive"} if BASES[base].reads_files else set()  # it drives nothing else
-        if left := wanted & same:
+            wanted &= {"drive"}  # it drives nothing else
+        if left := wanted & same & before.keys():
             stale[change.dotted] = left
     assert stale == {}
 
 
-def run_keys(config: Config, monkeypatch: pytest.MonkeyPatch, folder: Path) -> set[bytes]:
+@pytest.mark.parametrize("stage", [stage.name for stage in STAGES])
+def test_what_leaves_the_key_of_a_stage_leaves_all_that_it_is_given(
+    only_settings: pytest.MonkeyPatch, stage: str
+) -> None:
+    """A function is given what its key is made of: with the same key, the same."""
+    asked = settings_of(BY_NAME[stage].make)
+    for base in BASES:
+        before = Values(site_of(base).config)
+        for change in (one for one in changes() if one.base == base):
+            after = Values(change.config)
+            same = all(before.plain(key) == after.plain(key) for key in asked)
+            assert same == all(before.given(key) == after.given(key) for key in asked), change.key
+
+
+@pytest.mark.parametrize("stage", [stage.name for stage in STAGES])
+def test_a_function_takes_what_is_read_off_its_text(stage: str) -> None:
+    """Its parameters are those of the key; none of them is what holds all settings or products."""
+    make = named(BY_NAME[stage].make)
+    hints = get_type_hints(make)
+    hints.pop("return")
+    assert list(registry.asked(BY_NAME[stage].make).asked) == list(hints)
+    assert not {Config, Site, Job, Store} & set(hints.values())
+
+
+def run_keys(config: Config, folder: Path) -> set[bytes]:
     """Keys of all runs on the grid of a block."""
     assert config.rock.size is not None
-    scenes = Scenes(config, block(config.rock.size, config.rock.density), None, None)
-    monkeypatch.setattr(study, "load_scenes", lambda *_: scenes)
-    asked = study.load_study(config, Store(folder))
+    nothing: Any = None
+    scenes = Scenes(config.scene, Standing(block(config.rock.size, config.rock.density), nothing))
+    steps, motions = stored_steps(scenes, folder), MotionData(folder)
+    asked = study.Study(scenes, nothing, config.yaw, config.motion, motions, steps)
     return {run.key for group in asked.groups for run in asked.wanted(group)}
 
 
@@ -296,14 +321,14 @@ def run_keys(config: Config, monkeypatch: pytest.MonkeyPatch, folder: Path) -> s
 def test_runs_change_with_every_setting_but_those_that_cannot_count(
     only_settings: pytest.MonkeyPatch, tmp_path: Path, base: str
 ) -> None:
-    before = run_keys(site_of(base).config, only_settings, tmp_path)
+    before = run_keys(site_of(base).config, tmp_path)
     wrong = {}
     for change in (one for one in changes() if one.base == base):
         if change.config.rock.shape == "mesh":
             continue
         idle = change.among(NO_RUN) or (change.key[0] == "servo" and change.config.drive != "servo")
         idle |= change.leaf[1] == "engine" and change.config.engine == site_of(base).config.engine
-        same = run_keys(change.config, only_settings, tmp_path) == before
+        same = run_keys(change.config, tmp_path) == before
         if same != idle:
             wrong[change.dotted] = same
     assert wrong == {}
@@ -319,27 +344,8 @@ def test_pulses_of_other_shapes_and_axes_are_other_runs(
     found = []
     for motion in motions:
         config = load_site("cuboid_1x1x2", None, (STEP, f"motion={motion}")).config
-        found.append(run_keys(config, only_settings, tmp_path))
+        found.append(run_keys(config, tmp_path))
     assert len(set().union(*found)) == sum(map(len, found)) == 4 * len(motions)
-
-
-@pytest.mark.parametrize("base", ["block", "servo", "terrain", "record", "pulses"])
-def test_the_settings_beside_the_runs_are_those_of_the_runs(
-    only_settings: pytest.MonkeyPatch, base: str
-) -> None:
-    """What ``config.yaml`` says cannot change and leave the file as it was."""
-    only_settings.setattr(Stage, "input_digests", lambda stage, site: {})
-    config = site_of(base).config
-    before, said = stage_keys(base, config)["responses"], settings_of_runs(config)
-    stale = {
-        change.dotted
-        for change in changes()
-        if change.base == base
-        and settings_of_runs(change.config) != said
-        and stage_keys(base, change.config)["responses"] == before
-    }
-    assert stale == set()
-    assert str(config.contact.friction[0]) in said
 
 
 @pytest.mark.parametrize("change", [{"density": 2600.0}, {"interval": 0.01}, {"friction": 0.7}])
@@ -373,7 +379,7 @@ def test_pages_change_with_every_template_that_the_code_of_their_room_names(
     monkeypatch.setattr(pages, "digest", lambda name: "another text")
     changed: dict[str, set[str]] = {}
     for stage in STAGES:
-        digests = replace(stage, inputs="").input_digests(site_of("block"))
+        digests = graph.made_from(stage, {}, {}, {}).facts["inputs"]
         told = {name for name, digest in digests.items() if digest == "another text"}
         room = stage.make.rpartition(".")[0].replace(".", "/")
         changed[room] = changed.get(room, set()) | told
