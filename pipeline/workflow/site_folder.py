@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import keys
@@ -52,7 +54,6 @@ def settle(job: Job) -> None:
     key, store = _key(job.site), job.store
     if (store.manifest(SETTINGS) or {}).get("key") == key and not store.damage(SETTINGS):
         return
-    import yaml  # which is slow to load, and needed once
 
     tree = job.site.settings.model_dump(mode="json")
     settings = yaml.safe_dump(tree, sort_keys=False)

@@ -18,7 +18,6 @@ from pipeline.workflow.code_roots import RUN_CODE, TERRAIN_CODE
 from pipeline.workflow.stage import Job
 from vsr_core import engines
 from vsr_core.errors import InvalidInput
-from vsr_core.judge.proofs import Barrier
 from vsr_core.rock import reduction
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import block, standing

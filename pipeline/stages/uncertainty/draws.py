@@ -23,7 +23,7 @@ from pipeline.workflow.stage import Input
 from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.judge.proofs import Barrier, barrier
+from vsr_core.judge.proofs import barrier
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import block, checked
 from vsr_core.scene import Scene

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,12 @@ def alone(site: Path, quick_time_step: None) -> Path:
 @pytest.fixture(scope="module")
 def pair(site: Path, alone: Path) -> Path:
     return page_of(site, "--and", "engine=bullet")
+
+
+def config_of(study: Study) -> Any:
+    """As much of the configuration as tells a cell."""
+    settings = study.settings
+    return SimpleNamespace(yaw=study.yaw, contact=settings.contact, engine=settings.engine)
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +154,7 @@ def test_the_neighbour_is_the_nearest_that_ends_otherwise(
     for yaw in ("0", "40"):
         for pga in ("0.2", "0.4", "0.6", "0.8"):
             given = CELL | {"yaw": yaw, "pga": pga}
-            first = chosen(study.scenes.config, study.motions, given)
+            first = chosen(config_of(study), study.motions, given)
             second = neighbour(responses, first)
             both = [int(choice.among(responses)["overturned"]) for choice in (first, second)]
             assert sorted(both) == [0, 1]
@@ -166,7 +173,7 @@ def test_every_cell_ends_again_as_it_is_stored(study: Study, responses: xr.Datas
     for cell in motion_grid.cells(study.motions)[::3]:
         row = repr(study.motions.pgv_pga[cell.row])
         given = {"yaw": "40", "pgv_pga": row, "pga": repr(cell.pga)}
-        run = played(study, responses, chosen(study.scenes.config, study.motions, given))
+        run = played(study, responses, chosen(config_of(study), study.motions, given))
         stored = responses.sel(yaw=40.0, pga=cell.pga).isel(friction=0, pgv_pga=cell.row)
         assert run.own
         assert int(stored["outcome"]) == run.replay.response.outcome
@@ -174,7 +181,7 @@ def test_every_cell_ends_again_as_it_is_stored(study: Study, responses: xr.Datas
 
 
 def test_a_run_that_ends_otherwise_is_refused(study: Study, responses: xr.Dataset) -> None:
-    choice = chosen(study.scenes.config, study.motions, CELL)
+    choice = chosen(config_of(study), study.motions, CELL)
     changed = responses.copy(deep=True)
     changed["outcome"].loc[{"yaw": 40.0, "pga": 0.6}] = int(Outcome.DISPLACED)
     with pytest.raises(InputError, match=r"responses\.nc: got .*; .* another outcome; "):
@@ -183,7 +190,7 @@ def test_a_run_that_ends_otherwise_is_refused(study: Study, responses: xr.Datase
 
 def test_what_is_packed_is_the_run(alone: Path, study: Study, responses: xr.Dataset) -> None:
     (film,) = films(alone)
-    run = played(study, responses, chosen(study.scenes.config, study.motions, CELL)).replay
+    run = played(study, responses, chosen(config_of(study), study.motions, CELL)).replay
     np.testing.assert_allclose(numbers(film["time"]), run.time, rtol=1e-6)
     np.testing.assert_allclose(numbers(film["place"]).reshape(-1, 3), run.position, atol=1e-6)
     np.testing.assert_allclose(
@@ -218,7 +225,7 @@ def test_records_of_long_names_have_pages_of_their_own(
 ) -> None:
     monkeypatch.setattr(replay_page, "LONGEST_NAME", 20)
     cells = (CELL, CELL | {"pga": "0.8"})
-    choices = [chosen(study.scenes.config, study.motions, cell) for cell in cells]
+    choices = [chosen(config_of(study), study.motions, cell) for cell in cells]
     runs = [played(study, responses, choice) for choice in choices]
     names = {replay_page._slug([run], study.motions) for run in runs}
     assert len(names) == 2
@@ -247,7 +254,7 @@ def test_one_cursor_moves_all_views(
     opened: Opened, alone: Path, study: Study, responses: xr.Dataset
 ) -> None:
     page = drawn(opened(alone))
-    run = played(study, responses, chosen(study.scenes.config, study.motions, CELL)).replay
+    run = played(study, responses, chosen(config_of(study), study.motions, CELL)).replay
     turns = Slerp(run.time, Rotation.from_quat(run.quaternion))
     cursors = []
     for time in (0.25, 0.6, 1.1):

@@ -337,9 +337,9 @@ def test_counts_leave_out_what_is_undecided(products: dict[str, xr.Dataset]) -> 
 
 def test_command_names_what_was_set() -> None:
     plain = load_site("cuboid_1x1x2")
-    assert report.command(plain) == ["cuboid_1x1x2"]
+    assert report.command(plain, plain.config.model_dump(mode="json")) == ["cuboid_1x1x2"]
     changed = load_site("cuboid_1x1x2", None, ("yaw=[0, 90]", "motion.pga.num=11"))
-    name, *settings = report.command(changed)
+    name, *settings = report.command(changed, changed.config.model_dump(mode="json"))
     again = load_site(name, None, tuple(text.strip("'") for text in settings))
     assert again.config == changed.config
 
@@ -355,7 +355,7 @@ def test_command_finds_the_records_of_a_study_in_another_folder(tmp_path: Path) 
         "processing: {order: none, highpass: null, lowpass: null}}"
     )
     study = load_site(str(tmp_path / "rocks/tor.yaml"), str(tmp_path / "studies/mine.yaml"))
-    name, *settings = report.command(study)
+    name, *settings = report.command(study, study.config.model_dump(mode="json"))
     again = load_site(name, None, tuple(shlex.split(text)[0] for text in settings))
     (file,) = again.config.motion.files
     assert (again.folder_of("motion.files") / file).resolve() == tmp_path / "studies" / "quakes"

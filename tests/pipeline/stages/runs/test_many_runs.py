@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 
 from pipeline.config.layers import load_site
-from pipeline.stages.motions.motion_grid import Cell, Pulses, cells
+from pipeline.stages.motions.motion_grid import Cell, Pulses
 from pipeline.stages.runs import runner
 from pipeline.stages.runs.runner import Kind, Run, missing, run_missing, stored
-from pipeline.stages.runs.study import GridRuns
+from pipeline.stages.runs.study import Cells, GridRuns
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.rows import RunRow
@@ -37,7 +37,7 @@ def grid(rows: int, columns: int) -> Pulses:
 
 
 def runs_of(scene: bytes, motions: Pulses) -> GridRuns:
-    return GridRuns(scene, motions, b"".join(map(motions.token, cells(motions))))
+    return GridRuns(scene, Cells.of(motions))
 
 
 def work(shared: Any, items: tuple[Cell, ...]) -> list[tuple[Any, ...]]:

@@ -1,0 +1,108 @@
+"""A folder of results holds products of one configuration, and says what other settings left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from pipeline.config.layers import load_site
+
+SMALL = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2, 0.5]}\n"
+OTHER = ("--set", "contact.friction=0.7")
+
+Vsr = Callable[..., Any]
+
+
+def settings_in(folder: Path) -> dict[str, Any]:
+    return dict(yaml.safe_load((folder / "config.yaml").read_text(encoding="utf-8")))
+
+
+def test_every_setting_is_beside_the_products_after_any_command(
+    vsr: Vsr, write_site: Callable[..., str], derived: Path
+) -> None:
+    site = write_site(SMALL)
+    for command in ((), OTHER, ("--set", "hazard.minimum_survival_probability=0.2"), ()):
+        assert vsr("run", "rock", "--site", site, *command).code == 0
+        settings = load_site(site, None, command[1:]).config.model_dump(mode="json")
+        assert settings_in(derived / "rock") == settings
+
+
+@pytest.mark.parametrize("again", [(), OTHER])
+def test_what_other_settings_made_is_marked_until_it_is_made_again(
+    vsr: Vsr, write_site: Callable[..., str], derived: Path, again: tuple[str, ...]
+) -> None:
+    site, page = write_site(SMALL), derived / "rock" / "report.html"
+    command = ("--site", site, "--workers", "0")
+    assert vsr("run", "fragility", *command).code == 0
+    whole = page.read_text(encoding="utf-8")
+    assert "Stale" not in whole
+    assert vsr("run", "responses", *command, *OTHER).code == 0
+    reason = "contact.friction changed: 1 values added, 1 removed"
+    assert (
+        f"report is of other settings than config.yaml: {reason}" in vsr("status", *command[:2]).out
+    )
+    stale = page.read_text(encoding="utf-8")
+    assert reason in stale
+    assert "Stale" in (derived / "index.html").read_text(encoding="utf-8")
+    assert "is not what was written" not in vsr("why", *command[:2], *OTHER).out
+    assert vsr("run", "fragility", *command, *again).code == 0
+    made = page.read_text(encoding="utf-8")
+    assert "Stale" not in made
+    assert (made == whole) == (not again)
+    assert "of other settings" not in vsr("status", *command[:2], *again).out
+
+
+def test_a_variant_has_products_of_its_own_and_shares_the_runs(
+    vsr: Vsr, write_site: Callable[..., str], derived: Path
+) -> None:
+    site = write_site(SMALL)
+    command = ("run", "responses", "--site", site, "--workers", "0")
+    assert vsr(*command).code == 0
+    before = (derived / "rock" / "responses.nc").read_bytes()
+    made = vsr(*command, "--name", "wider", "--set", "yaw=[0, 90]")
+    assert "4 runs done" in made.err
+    assert (derived / "rock" / "responses.nc").read_bytes() == before
+    assert settings_in(derived / "rock@wider")["yaw"] == [0.0, 90.0]
+    assert settings_in(derived / "rock")["yaw"] == [0.0]
+    assert not (derived / "rock@wider" / "runs.sqlite").exists()
+    planned = vsr("plan", "responses", "--site", site, "--set", "yaw=[0, 90]").out
+    assert "8 stored, 0 to do" in planned
+    assert vsr(*command, "--name", "../elsewhere").code == 2
+
+
+def test_plan_knows_the_stored_runs_and_the_step_of_a_study_that_was_not_the_last(
+    vsr: Vsr, write_site: Callable[..., str]
+) -> None:
+    site = write_site(SMALL + "simulation: {engine: bullet, time_step: auto}\n")
+    command = ("responses", "--site", site)
+    assert vsr("run", *command, "--workers", "0").code == 0
+    first = vsr("plan", *command).out
+    assert "4 stored, 0 to do" in first
+    thinner = (*command, "--set", "rock.size=[0.4, 1, 2]")
+    assert "4 to do" in vsr("plan", *thinner).out
+    assert vsr("run", *thinner, "--workers", "0").code == 0
+    again = vsr("plan", *command).out
+    assert again.splitlines()[1:3] == first.splitlines()[1:3]
+
+
+def test_two_files_of_one_name_are_two_sites(
+    vsr: Vsr, write_site: Callable[..., str], derived: Path, tmp_path: Path
+) -> None:
+    first = write_site(SMALL)
+    (tmp_path / "b").mkdir()
+    second = tmp_path / "b" / "rock.yaml"
+    second.write_text(Path(first).read_text(encoding="utf-8").replace("[0.5, 1.0", "[0.6, 1.0"))
+    assert vsr("run", "rock", "--site", first).code == 0
+    whole = (derived / "rock" / "rock.nc").read_bytes()
+    told = vsr("run", "rock", "--site", second).err
+    (other,) = (path for path in derived.glob("rock-*"))
+    assert str(other) in told
+    assert (derived / "rock" / "rock.nc").read_bytes() == whole
+    assert "done" in vsr("status", "rock", "--site", first).out
+    assert "to do" not in vsr("status", "rock", "--site", second).out
+    Path(first).unlink()  # moved: its folder is that of the file that is left
+    assert vsr("status", "rock", "--site", second).out.startswith(f"rock in {derived / 'rock'}\n")
