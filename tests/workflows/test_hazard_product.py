@@ -512,10 +512,13 @@ def test_rocks_of_one_site_are_combined(
         expected.append(alone[-1] * spared)
     assert min(np.array(expected) / alone) < 0.98
     np.testing.assert_allclose(found["survival"], expected, rtol=0.02)
-    read_before = json.loads(found.attrs["vsr_others_json"])
-    assert list(read_before) == ["../broad/fragility.nc"]
     (derived / "broad" / "fragility.nc").write_bytes(b"else")
-    assert "broad/fragility.nc changed" in vsr("why", "hazard", "--site", site).out
+    why = vsr("why", "hazard", "--site", site).out
+    assert "hazard: up to date" in why
+    assert "fragility: fragility.nc is not what was written" in why
+    other = Path(site).with_name("broad.yaml")
+    other.write_text(other.read_text(encoding="utf-8").replace("density: 2", "density: 1"))
+    assert "hazard: file ../broad edited" in vsr("why", "hazard", "--site", site).out
 
 
 @pytest.mark.parametrize(
