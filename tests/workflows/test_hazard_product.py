@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import html
-import json
 import math
 import re
 import shutil
