@@ -30,7 +30,6 @@ from vsr_core.run.displacement import respond
 from vsr_core.run.input_checks import check_engine, longest_step
 from vsr_core.run.overturning import simulate
 
-
 HALF = 50
 """Runs next to the boundary, and as many elsewhere."""
 
@@ -156,9 +155,7 @@ def _holds(study: Study, group: Group, engine: str) -> bool:
     return True
 
 
-def _repeated(
-    work: Work, study: Study, places: list[tuple[Group, Cell]], engine: str
-) -> list[int]:
+def _repeated(work: Work, study: Study, places: list[tuple[Group, Cell]], engine: str) -> list[int]:
     scenes, settings = study.scenes.with_contact(restitution_law="newton"), study.settings
 
     def shared(group: Group) -> tuple[Case | TerrainCase, Settings, Shaking]:
