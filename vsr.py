@@ -18,8 +18,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import cli, commands
+from pipeline.config.layers import load_site
 from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError as InputError
+from pipeline.workflow.site_folder import store_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -101,8 +103,8 @@ def run(
     words += ["--study", study] if study else []
     words += [] if workers is None else ["--workers", str(workers)]
     commands.run(cli.parsed(words))
-    site_name = Path(site).stem if Path(site).suffix in (".yaml", ".yml") else os.fspath(site)
-    return xarray.load_dataset(folder / site_name / f"{product}.nc")
+    store = store_of(load_site(os.fspath(site)), folder, None)
+    return xarray.load_dataset(store.folder / f"{product}.nc")
 
 
 def _plain(value: Any) -> Any:
