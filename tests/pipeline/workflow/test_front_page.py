@@ -66,7 +66,7 @@ def test_each_product_is_listed_with_what_its_page_says(results: Path) -> None:
     assert "A rock&#39;s report" in text
     assert "It topples at 0.3 g &amp; more" in text
     assert "3 runs unresolved" in text
-    assert "Error of the boundary: 0.12 %, not measured at 1 of 2." in text
+    assert "Numerical error of the boundary: 0.12 %, not measured at 1 of 2." in text
     assert HOSTILE not in text
     shown = re.search(r'src="data:image/png;base64,([^"]+)"', text)
     assert shown

@@ -104,7 +104,7 @@ def test_page_of_a_closed_scan(
 ) -> None:
     assert vsr("prep", "--site", site(tmp_path, stone())).code == 0
     page = (derived / "stone" / "prep.html").read_text()
-    assert "taken as it is" in page
+    assert "used unchanged" in page
     assert 'id="holes"' not in page
     assert not np.any(drawn["rock_from_sides"][2])
 
