@@ -159,7 +159,7 @@ def test_file_cut_short(tmp_path: Path, refused: Refused, kind: str) -> None:
 
 def test_missing_file(tmp_path: Path, refused: Refused) -> None:
     where = site(tmp_path, "nowhere.ply")
-    refused("run", "rock", "--site", where, words=(str(where), "rock.mesh", "nowhere.ply", "there"))
+    refused("run", "rock", "--site", where, words=(str(where), "rock.mesh", "nowhere.ply", "not found"))
 
 
 def test_unknown_format(tmp_path: Path, refused: Refused) -> None:
