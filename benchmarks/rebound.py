@@ -21,7 +21,7 @@ from pipeline.drawing.style import png
 from vsr_core.engines.bullet.world import RESTITUTION_THRESHOLD, SCALED_RADIUS
 from vsr_core.scene import Contact
 from vsr_core.verification.reference import dissipation, impact, incline, rimless_wheel, runout
-from vsr_core.verification.reference._ground import slope
+from vsr_core.verification.reference._run import slope
 
 PAGE, FIGURE = ROOT / "docs" / "rebound.md", ROOT / "docs" / "rebound.png"
 

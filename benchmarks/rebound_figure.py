@@ -15,7 +15,7 @@ from pipeline.drawing.style import FAINT, INK, MARKERS, SERIES, styled
 from vsr_core.scene import Contact
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import impact, rimless_wheel, runout
-from vsr_core.verification.reference._ground import axes, slope
+from vsr_core.verification.reference._run import axes, slope
 from vsr_core.verification.rocks import box
 
 Array = NDArray[np.float64]

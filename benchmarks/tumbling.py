@@ -23,7 +23,7 @@ from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.surrogates.ground import ramp, rough
 from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
-from vsr_core.verification.reference._ground import sheet
+from vsr_core.verification.reference._run import sheet
 from vsr_core.verification.rocks import DENSITY
 
 Array = NDArray[np.float64]

@@ -59,9 +59,10 @@ def jobs(workers: int) -> Iterator[Jobs]:
         seconds = _seconds(str(settings["walltime"]))
         lifetime = ["--lifetime", f"{(1.0 - 2.0 * SHARE) * seconds:.0f}s"]
         stagger = ["--lifetime-stagger", f"{SHARE * seconds:.0f}s"]
+        preload = ["--preload", "pipeline.workflow.workers"]
         cluster = SLURMCluster(
             processes=settings["cores"],
-            worker_extra_args=[*settings["worker-extra-args"], *lifetime, *stagger],
+            worker_extra_args=[*settings["worker-extra-args"], *lifetime, *stagger, *preload],
         )
     except (ImportError, ValueError, TypeError, OSError) as error:
         rule = "dask-jobqueue is installed, with cores, memory and walltime of a job configured"

@@ -16,7 +16,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import IO, Any, NamedTuple
 
 from pipeline.workflow import provenance
@@ -72,7 +72,6 @@ def door() -> Callable[[bytes, bytes, str], Any]:
 
 def do(task: bytes, shared: bytes) -> Any:
     """Do a batch."""
-    _keep_memory()
     function, items, together, apart = pickle.loads(task)  # noqa: S301 (from our client)
     thing = _unpickled(shared)
     if apart:
@@ -100,7 +99,6 @@ def _apart(function: Work, shared: Any, items: tuple[Any, ...]) -> list[Any]:
     return results
 
 
-@cache
 def _keep_memory() -> None:
     """Have malloc keep what is freed.
 
@@ -114,8 +112,9 @@ def _keep_memory() -> None:
 
 
 def dask_setup(worker: Any) -> None:
-    """Dask calls this in each worker of its client's: Ctrl-C is for the client, which ends them."""
+    """Dask calls this in each worker that we start: Ctrl-C is for the client, which ends them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _keep_memory()
     provenance.here()  # before any of it is edited
 
 
@@ -152,6 +151,7 @@ def _in_child(function: Work, shared: Any, items: tuple[Any, ...]) -> Iterator[A
 def serve() -> None:
     """Do the items that come in, one by one, until no more come."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _keep_memory()
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what is printed must not get between the results
     with suppress(EOFError, BrokenPipeError):

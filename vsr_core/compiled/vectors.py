@@ -33,6 +33,17 @@ def assign_matrix(target: Array, source: Array) -> None:
 
 
 @compiled
+def length(vector: Array) -> float:
+    """Length of the first three components.
+
+    Parameters
+    ----------
+    vector : ndarray, shape (n,), n >= 3
+    """
+    return math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+
+
+@compiled
 def cross(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Cross product of (a, b, c) and (x, y, z)."""
     return b * z - c * y, c * x - a * z, a * y - b * x

@@ -11,6 +11,7 @@ from vsr_core.compiled.compiling import forget_others
 from vsr_core.judge.proofs import barrier
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.rock import solid
+from vsr_core.run import displacement, overturning
 from vsr_core.run.cases import Settings, TerrainCase, prepare
 from vsr_core.run.displacement import displace
 from vsr_core.run.overturning import simulate
@@ -31,7 +32,13 @@ def main() -> None:
     corners = np.array([[-9.0, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]])
     level = Terrain(corners, np.array([[0, 1, 2], [0, 2, 3]]))
     seat = replace(scene, pedestal="terrain", terrain=level, start=resting(scene))
-    displace(TerrainCase(seat, replace(seat), 1.0), pulse, settings)  # topples, and goes on
+    place = TerrainCase(seat, replace(seat), 1.0)
+    displace(place, pulse, settings)  # topples, and goes on
+    # As engines are judged whose steps are asked for one by one.
+    case = prepare(scene, barrier(rock), reduce=True)
+    overturning.complete(overturning.set_up(case, scene, pulse, settings, 0.01), case, settings)
+    stepped = displacement.set_up(place, pulse, settings, 0.01, follow=False)
+    displacement.complete(stepped, place, settings)
     for stood in (scene, seat):
         world = engines.load(settings.engine).build(stood, 0.01, 1)
         world.advance([0.0])

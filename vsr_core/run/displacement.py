@@ -142,7 +142,7 @@ def _compiled(
     values = samples(motion, None, taken.interval, taken.pulse_samples)
     wait = on_terrain.longest_wait(case.seat.rock.radius)
     shaking = Shaking(
-        values,
+        np.outer(values, along(case.seat)),
         taken.interval,
         on_terrain.monitored(taken.interval),
         first_sample(values, case, settings),
@@ -300,7 +300,8 @@ def settled(scene: Scene, time_step: float, engine: str = "bullet") -> State:
     assert scene.start is not None
     radius = scene.rock.radius
     world = engines.load(engine).build(scene, time_step, 1)
-    record, inertia = records.room(RunRecord), loop.inertia_of(scene.rock)
+    record = records.room(RunRecord)
+    write = loop.writer(record, scene.rock)
     criteria = on_terrain.criteria(
         scene.rock,
         scene.contact,
@@ -313,7 +314,7 @@ def settled(scene: Scene, time_step: float, engine: str = "bullet") -> State:
     for interval in range(math.ceil(LONGEST_TIME / MONITORING_TIME)):
         world.advance([0.0] * math.ceil(MONITORING_TIME / time_step))
         state, time = world.state(), interval * MONITORING_TIME
-        loop.write(record, scene.rock, inertia, state)
+        write(state)
         note(record, criteria)
         note_rest(record, criteria, time)
         if rests(record, criteria, time):
@@ -341,7 +342,7 @@ def _stays(case: TerrainCase) -> DisplacementRun:
     assert case.seat.start is not None
     stands = Response(Outcome.BALANCED, DecidedBy.NO_UPLIFT_BOUND, 0.0, 0.0, 0.0, 0)
     record, kept = records.room(RunRecord), track.room(1)
-    loop.write(record, case.seat.rock, loop.inertia_of(case.seat.rock), case.seat.start)
+    loop.writer(record, case.seat.rock)(case.seat.start)
     track.begin(kept, record, 0.0)
     return DisplacementRun(stands, StopReason.REST, of_track(kept, 1))
 

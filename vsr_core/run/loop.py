@@ -64,7 +64,7 @@ class Run:
     values : ndarray, shape (last_sample,) or (last_sample, 3 or 9), samples of the motion
     impulses : ndarray, shape (last_sample + 1,) [m/s], integral of the table's absolute
         acceleration up to each sample
-    inertia : ndarray, shape (3, 3) [m^2], of the rock about its centre of mass per unit mass
+    write : callable, writes a state into the record
     start : State, before the first step
     sample : int, samples taken or passed over
     skipped : int, samples passed over because nothing could move the rock
@@ -79,9 +79,9 @@ class Run:
     values: Array
     impulses: Array
     world: World
-    inertia: Array
     start: State
     record: RunRecord
+    write: Callable[[State], None]
     sample: int = 0
     skipped: int = 0
 
@@ -131,7 +131,7 @@ class Run:
     def step(self) -> None:
         """Step to the next judgement, and write the record."""
         self.take(self.until_judged())
-        write(self.record, self.scene.rock, self.inertia, self.world.state())
+        self.write(self.world.state())
         if self.scene.drive is not None:
             self.record.table_speed = cast(DrivenWorld, self.world).table()[1]
 
@@ -160,6 +160,7 @@ def set_up(
     start = start or world.state()
     values = samples(motion, scene.drive, sampled.interval, last)
     sizes = np.abs(values) if values.ndim == 1 else np.linalg.norm(values[:, :3], axis=1)
+    record = records.room(RunRecord)
     run = Run(
         scene=scene,
         motion=motion,
@@ -170,12 +171,12 @@ def set_up(
         values=values,
         impulses=sampled.interval * np.concatenate([[0.0], np.cumsum(sizes)]),
         world=world,
-        inertia=inertia_of(scene.rock),
         start=start,
-        record=records.room(RunRecord),
+        record=record,
+        write=writer(record, scene.rock),
     )
-    write(run.record, scene.rock, run.inertia, start)
-    run_record.begin(run.record, criteria)
+    run.write(start)
+    run_record.begin(record, criteria)
     return run
 
 
@@ -196,19 +197,23 @@ def inertia_of(rock: Rock) -> Array:
     return matrix_product(rock.axes * (rock.inertia / rock.mass), rock.axes.T)
 
 
-def write(record: RunRecord, rock: Rock, inertia: Array, state: State) -> None:
-    """Write the state of a rock into the record of its run.
+def writer(record: RunRecord, rock: Rock) -> Callable[[State], None]:
+    """What writes states of a rock into the record of its run."""
+    inertia, vertices, is_sphere = inertia_of(rock), rock.vertices, rock.shape == "sphere"
+    # Views, once: attributes of a record are slow to find.
+    position, rotation, velocity = record.position, record.rotation, record.velocity
+    spin, turned, lever = record.spin, record.inertia, record.lever
+    lever[:] = 0.0, 0.0, rock.radius
 
-    Parameters
-    ----------
-    inertia : ndarray, shape (3, 3) [m^2], of ``inertia_of``
-    """
-    turn = state.rotation
-    record.position[:], record.rotation[:] = state.position, turn
-    record.velocity[:], record.spin[:] = state.velocity, state.angular_velocity
-    record.inertia[:] = turn @ inertia @ turn.T
-    lowest = rock.vertices[int(np.argmin(rock.vertices @ turn[2]))]
-    record.lever[:] = (0.0, 0.0, rock.radius) if rock.shape == "sphere" else -(turn @ lowest)
+    def write(state: State) -> None:
+        turn = state.rotation
+        position[:], rotation[:] = state.position, turn
+        velocity[:], spin[:] = state.velocity, state.angular_velocity
+        turned[:] = turn @ inertia @ turn.T
+        if not is_sphere:
+            lever[:] = -(turn @ vertices[(vertices @ turn[2]).argmin()])
+
+    return write
 
 
 def first_push(values: Array, static_limits: tuple[float, float]) -> int:

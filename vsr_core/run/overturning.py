@@ -221,7 +221,9 @@ def _judge(run: Run, first: int) -> tuple[int, int]:
 def _pass_over_rest(run: Run) -> None:
     """Go on at the next push if the rock rests: until then nothing moves it."""
     record, criteria = run.record, run.criteria
-    if record.tilt > criteria.limits.toppled_tilt or not rests(record, criteria, run.time):
+    if record.rest_since < 0.0 or record.tilt > criteria.limits.toppled_tilt:
+        return
+    if not rests(record, criteria, run.time):
         return
     lowest, highest = as_it_stands(run.scene.rock, run.scene.contact, record.rotation)
     ahead = run.values[run.sample : run.sampled.pulse_samples]

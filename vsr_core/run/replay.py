@@ -120,6 +120,7 @@ class _Camera:
     def __init__(self, run: Run, spacing: float, *, whole: bool) -> None:
         self.run, self.world = run, run.world
         self._record = records.room(RunRecord)
+        self._write = loop.writer(self._record, run.scene.rock)
         self._each = 10**9 if whole else max(1, int(spacing / run.sampled.interval + 1e-9))
         self.frames = [self._frame(0.0, run.start)]
 
@@ -149,7 +150,7 @@ class _Camera:
     def _frame(self, time: float, state: State) -> _Frame:
         driven, record = hasattr(self.world, "table"), self._record
         table = cast(DrivenWorld, self.world).table()[1] if driven else None
-        loop.write(record, self.run.scene.rock, self.run.inertia, state)
+        self._write(state)
         note(record, self.run.criteria)
         tilt, kinetic = float(record.tilt), float(record.kinetic)
         return _Frame(time, state, tilt, kinetic, self.world.footing()[0], table)
@@ -226,10 +227,11 @@ def _go_on(
         follow=True,
     )
     record.rest_since = -1.0
+    write = loop.writer(record, rock)
     while run.sample < run.last_sample and run.time < until:
         run.take(run.until_judged())
         frame = camera.frames[-1]
-        loop.write(record, rock, run.inertia, frame.state)
+        write(frame.state)
         note(record, criteria)
         note_rest(record, criteria, frame.time)
         gone = not np.isfinite(frame.state.position).all()

@@ -35,7 +35,7 @@ def criteria(radius: float = 1.0) -> Criteria:
 
 def record(state: State = STANDING) -> RunRecord:
     made = records.room(RunRecord)
-    loop.write(made, BLOCK, loop.inertia_of(BLOCK), state)
+    loop.writer(made, BLOCK)(state)
     judge.begin(made, criteria())
     return made
 
@@ -105,20 +105,18 @@ def test_tilt_and_slip_are_those_of_the_base() -> None:
     """Tilted by 0.1 rad about the foot of its axis, the base's centre stays where it is."""
     made = record()
     turn = Rotation.from_euler("y", 0.1).as_matrix()
-    loop.write(
-        made, BLOCK, loop.inertia_of(BLOCK), replace(STANDING, position=turn[:, 2], rotation=turn)
-    )
+    loop.writer(made, BLOCK)(replace(STANDING, position=turn[:, 2], rotation=turn))
     judge.note(made, criteria())
     assert (made.tilt, made.peak_tilt) == pytest.approx((0.1, 0.1))
     assert made.slip == pytest.approx(0.0, abs=1e-12)
-    loop.write(made, BLOCK, loop.inertia_of(BLOCK), shifted(0.3))
+    loop.writer(made, BLOCK)(shifted(0.3))
     judge.note(made, criteria())
     assert (made.tilt, made.peak_tilt, made.slip) == pytest.approx((0.0, 0.1, 0.3))
 
 
 def at(made: RunRecord, time: float, state: State, kinetic: float = 0.5) -> bool:
     """Whether a rock rests that is in a state with a kinetic energy."""
-    loop.write(made, BLOCK, loop.inertia_of(BLOCK), state)
+    loop.writer(made, BLOCK)(state)
     made.kinetic = kinetic
     judge.note_rest(made, criteria(), time)
     return judge.rests(made, criteria(), time)

@@ -16,11 +16,13 @@ from vsr_core.run import rocking_block
 from vsr_core.run.rocking_block import (
     Block,
     first_overturning_pga,
-    free_amplitude,
     free_peak,
-    free_period,
     overturning_intervals,
     rocking_response,
+)
+from vsr_core.verification.rocking_forms import (
+    free_amplitude,
+    free_period,
     slender_overturns,
     slender_pga_without_impact,
 )

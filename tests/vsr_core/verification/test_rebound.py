@@ -22,8 +22,7 @@ from benchmarks.rebound_figure import _stronge
 from vsr_core import GRAVITY
 from vsr_core.scene import Contact
 from vsr_core.verification.reference import dissipation, impact, incline, rimless_wheel, runout
-from vsr_core.verification.reference._ground import axes, slope
-from vsr_core.verification.reference._run import Path
+from vsr_core.verification.reference._run import Path, axes, slope
 from vsr_core.verification.reference.impact import UP, Motion
 from vsr_core.verification.reference.rimless_wheel import RADIUS, WHEELS, Wheel
 from vsr_core.verification.rocks import sphere

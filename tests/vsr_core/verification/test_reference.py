@@ -14,8 +14,7 @@ from vsr_core.engines.interface import Engine, Solver, World
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run import rocking_block
 from vsr_core.scene import Scene
-from vsr_core.verification import reference
-from vsr_core.verification.families import modules
+from vsr_core.verification import modules, reference
 from vsr_core.verification.reference import (
     Reference,
     cases,

@@ -37,9 +37,8 @@ from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.source import tracing
 from vsr_core.table.servo import PUBLISHED
-from vsr_core.verification import stability
-from vsr_core.verification.families import modules
-from vsr_core.verification.reference._ground import slope
+from vsr_core.verification import modules, stability
+from vsr_core.verification.reference._run import slope
 from vsr_core.verification.rocks import box, frustum, leaning, unit, upright
 from vsr_core.verification.stability import ExtremeCase, Measured, Verdict
 

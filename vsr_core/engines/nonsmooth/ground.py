@@ -1,4 +1,4 @@
-"""Points at which a rock may touch a terrain in the next step."""
+"""A rock on a terrain: the points at which it may touch that in the next step, and its steps."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import math
 
 from vsr_core.arrays import Array
 from vsr_core.compiled.compiling import compiled, inlined
-from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
+from vsr_core.compiled.vectors import length
+from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState, Stepping
 from vsr_core.engines.nonsmooth.near import NEAR_STEPS, move_on, renew
 from vsr_core.engines.nonsmooth.pairs import CORNER, EDGES, beside
 from vsr_core.engines.nonsmooth.sphere import gather_sphere, touch_sphere
+from vsr_core.engines.nonsmooth.stepping import step
 from vsr_core.engines.nonsmooth.touching import BORDER, DEEPEST, TINY, corner, edges, vertex
 from vsr_core.engines.nonsmooth.tree import Ground
 
@@ -133,3 +135,38 @@ def _is_inside(ground: Ground, rock: RockState, point: Point, at: int, radius: f
         if beside(ground.plates, other.other, p, q, r, BORDER * radius):
             return False
     return True
+
+
+@compiled
+def advance(
+    body: Body,
+    ground: Ground,
+    rock: RockState,
+    points: Points,
+    values: Array,
+    now: int,
+    until: int,
+    stepping: Stepping,
+) -> float:
+    """Step a rock on a terrain from one sample of its table to another.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, 3) [m/s^2], in the site's frame; beyond the last the table rests
+
+    Returns
+    -------
+    float [m/s], integral of the table's absolute acceleration
+    """
+    push, given, interval, gravity = rock.push, 0.0, stepping.interval, stepping.gravity
+    for n in range(now, until):
+        push[0] = push[1] = 0.0
+        push[2] = -gravity
+        if n < len(values):
+            for k in range(3):
+                push[k] -= values[n, k]
+            given += interval * length(values[n])
+        speed = interval * (abs(push[0]) + abs(push[1]) + abs(push[2]))
+        find(body, ground, rock, points, interval, speed)
+        step(body, rock, points, push, interval, gravity, stepping.rounds, stepping.residual)
+    return given

@@ -25,8 +25,7 @@ import math
 
 from vsr_core.arrays import Array
 from vsr_core.compiled.compiling import compiled
-from vsr_core.engines.nonsmooth.body import Point, Points, RockState
-from vsr_core.engines.nonsmooth.points import GRIPS, OPEN, SLIDES, excess
+from vsr_core.engines.nonsmooth.body import GRIPS, OPEN, SLIDES, Point, Points, RockState, excess
 from vsr_core.engines.nonsmooth.sweeps import begin, go_back, save, sweep, sweep_together
 
 STIFFNESS = 1e4

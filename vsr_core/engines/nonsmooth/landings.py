@@ -7,8 +7,15 @@ import math
 from vsr_core.arrays import Array
 from vsr_core.compiled.compiling import compiled
 from vsr_core.compiled.vectors import cross
-from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
-from vsr_core.engines.nonsmooth.points import OPEN, add_impulse, tangents
+from vsr_core.engines.nonsmooth.body import (
+    OPEN,
+    Body,
+    Point,
+    Points,
+    RockState,
+    add_impulse,
+    tangents,
+)
 
 LIFTING_SHARE = 2e-3
 """Speed at which a point that is in the ground is lifted at most, as a share of sqrt(g radius)."""

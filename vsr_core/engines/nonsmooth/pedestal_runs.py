@@ -10,13 +10,11 @@ import numpy as np
 from vsr_core.arrays import Array, Indices
 from vsr_core.compiled import records
 from vsr_core.compiled.compiling import compiled
-from vsr_core.compiled.vectors import assign, assign_matrix
+from vsr_core.compiled.vectors import assign, assign_matrix, length
 from vsr_core.engines.interface import Solver
 from vsr_core.engines.nonsmooth import body as bodies
 from vsr_core.engines.nonsmooth import monitoring, plane
-from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
-from vsr_core.engines.nonsmooth.stepping import step
-from vsr_core.engines.nonsmooth.turning import feel
+from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState, Stepping
 from vsr_core.engines.nonsmooth.world import set_state
 from vsr_core.judge import on_pedestal
 from vsr_core.judge.record import GOES_ON, Criteria, RunRecord
@@ -132,6 +130,7 @@ def _run(
     interval, last = shaking.intervals[n], shaking.last[n]
     values = shaking.values[shaking.ends[n] : shaking.ends[n + 1]]
     pulse, whole = len(values), _impulse(values, interval)
+    stepping = Stepping(interval, table.gravity, table.rounds, table.residual)
     first = -1 if table.moving else _first_push(values, shaking.limits[n])
     monitoring.start(record, criteria, body, table.axes, rock, points, interval)
     outcome, by = on_pedestal.judge(record, criteria, 0.0, 0.0, math.inf, True, True)
@@ -141,7 +140,7 @@ def _run(
         until = min(now + shaking.monitored[n], last)
         if now < pulse:
             until = min(until, pulse)
-        impulse += _advance(body, table, values, now, until, interval, rock, points)
+        impulse += plane.advance(body, rock, points, values, now, until, stepping, table.on_ground)
         now = until
         monitoring.write(record, body, table.axes, rock, points, interval)
         remaining = max(0.0, whole - impulse)
@@ -154,49 +153,12 @@ def _run(
 
 
 @compiled
-def _advance(
-    body: Body,
-    table: Table,
-    values: Array,
-    now: int,
-    until: int,
-    interval: float,
-    rock: RockState,
-    points: Points,
-) -> float:
-    """Step from one sample to another; beyond the last the table rests.
-
-    Returns how much the table can have added to sqrt(2 e) [m/s].
-    """
-    push, given = rock.push, 0.0
-    for n in range(now, until):
-        push[0] = push[1] = 0.0
-        push[2] = -table.gravity
-        if n < len(values) and values.shape[1] == 9:
-            given += feel(body, rock, values[n], interval, table.gravity)
-        elif n < len(values):
-            for k in range(3):
-                push[k] -= values[n, k]
-            given += interval * _size(values[n])
-        if table.on_ground:
-            speed = interval * (abs(push[0]) + abs(push[1]) + abs(push[2]))
-            plane.find(body, rock, points, interval, speed)
-        step(body, rock, points, push, interval, table.gravity, table.rounds, table.residual)
-    return given
-
-
-@compiled
 def _impulse(values: Array, interval: float) -> float:
     """Integral of the absolute acceleration over samples [m/s]."""
     total = 0.0
     for n in range(len(values)):
-        total += _size(values[n])
+        total += length(values[n])
     return interval * total
-
-
-@compiled
-def _size(vector: Array) -> float:
-    return math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
 
 
 @compiled

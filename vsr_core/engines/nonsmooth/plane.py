@@ -1,9 +1,13 @@
-"""Points of a rock near a level pedestal: its corners, or the lowest point of a sphere."""
+"""A rock on a level pedestal: its corners near that, or the lowest point of a sphere."""
 
 from __future__ import annotations
 
+from vsr_core.arrays import Array
 from vsr_core.compiled.compiling import compiled
-from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
+from vsr_core.compiled.vectors import length
+from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState, Stepping
+from vsr_core.engines.nonsmooth.stepping import step
+from vsr_core.engines.nonsmooth.turning import feel
 
 NEAR_SHARE = 0.03
 """Height up to which corners are near, as a share of the radius: they are looked at in every step,
@@ -75,3 +79,42 @@ def _lowest_of_sphere(body: Body, rock: RockState, point: Point) -> None:
 def _level(point: Point) -> None:
     point.normal[0] = point.normal[1] = 0.0
     point.normal[2] = 1.0
+
+
+@compiled
+def advance(
+    body: Body,
+    rock: RockState,
+    points: Points,
+    values: Array,
+    now: int,
+    until: int,
+    stepping: Stepping,
+    on_ground: bool,
+) -> float:
+    """Step a rock on a level pedestal from one sample of its table to another.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, 3) or (n, 9), as of a motion; beyond the last the table rests
+    on_ground : bool, whether there is a pedestal
+
+    Returns
+    -------
+    float [m/s], how much the table can have added to sqrt(2 e)
+    """
+    push, given, interval, gravity = rock.push, 0.0, stepping.interval, stepping.gravity
+    for n in range(now, until):
+        push[0] = push[1] = 0.0
+        push[2] = -gravity
+        if n < len(values) and values.shape[1] == 9:
+            given += feel(body, rock, values[n], interval, gravity)
+        elif n < len(values):
+            for k in range(3):
+                push[k] -= values[n, k]
+            given += interval * length(values[n])
+        if on_ground:
+            speed = interval * (abs(push[0]) + abs(push[1]) + abs(push[2]))
+            find(body, rock, points, interval, speed)
+        step(body, rock, points, push, interval, gravity, stepping.rounds, stepping.residual)
+    return given

@@ -20,7 +20,7 @@ import math
 from vsr_core.arrays import Array
 from vsr_core.compiled.compiling import compiled
 from vsr_core.compiled.vectors import assign, inertia_turned, matrix, turned
-from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
+from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState, add_impulse
 from vsr_core.engines.nonsmooth.impulses import solve
 from vsr_core.engines.nonsmooth.landings import (
     LIFTING_SHARE,
@@ -31,7 +31,6 @@ from vsr_core.engines.nonsmooth.landings import (
     velocity_at,
     want,
 )
-from vsr_core.engines.nonsmooth.points import add_impulse
 from vsr_core.engines.nonsmooth.rebounds import hold_back, repay
 
 ROUNDS = 6

@@ -6,8 +6,7 @@ import math
 
 from vsr_core.compiled.compiling import compiled
 from vsr_core.compiled.vectors import assign
-from vsr_core.engines.nonsmooth.body import Point, Points, RockState
-from vsr_core.engines.nonsmooth.points import add_impulse, excess
+from vsr_core.engines.nonsmooth.body import Point, Points, RockState, add_impulse, excess
 
 SLIDING_SWEEPS = 6
 """Turns between normal impulse and friction of a sliding point, each time it is looked at."""

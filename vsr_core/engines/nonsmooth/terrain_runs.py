@@ -12,12 +12,12 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.compiled import records
 from vsr_core.compiled.compiling import compiled
+from vsr_core.compiled.vectors import length
 from vsr_core.engines.interface import Solver
 from vsr_core.engines.nonsmooth import body as bodies
 from vsr_core.engines.nonsmooth import ground as grounds
 from vsr_core.engines.nonsmooth import monitoring
-from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
-from vsr_core.engines.nonsmooth.stepping import step
+from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState, Stepping
 from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
 from vsr_core.engines.nonsmooth.world import set_state
 from vsr_core.judge import ground_lookup, on_terrain, track
@@ -51,7 +51,7 @@ class Shaking(NamedTuple):
 
     Attributes
     ----------
-    values : ndarray, shape (samples,) [m/s^2], acceleration of the table in each step
+    values : ndarray, shape (samples, 3) [m/s^2], acceleration of the table in each step
     interval : float [s], time step
     monitored : int, steps from one judgement to the next
     first, last : int, step with which it begins, and at which it is out of time
@@ -62,21 +62,6 @@ class Shaking(NamedTuple):
     monitored: int
     first: int
     last: int
-
-
-class Table(NamedTuple):
-    """What runs have in common besides their rock and ground.
-
-    Attributes
-    ----------
-    axes : ndarray, shape (3, 3), principal axes of the rock in its rest pose, as columns
-    along : ndarray, shape (2,), direction of the shaking
-    """
-
-    axes: Array
-    along: Array
-    rounds: int
-    residual: float
 
 
 def site(seat: Scene, flight: Scene) -> Site:
@@ -106,8 +91,7 @@ def run(
     start = site.seat.start
     assert start is not None
     axes = np.ascontiguousarray(site.seat.rock.axes)
-    along = np.array([math.cos(site.seat.yaw), -math.sin(site.seat.yaw)])
-    table = Table(axes, along, solver.iterations, solver.residual)
+    stepping = Stepping(shaking.interval, GRAVITY, solver.iterations, solver.residual)
     rock, points = records.room(RockState), records.rows(Point, MOST_POINTS)
     record = records.room(RunRecord)
     kept = track.room(math.ceil(shaking.last / shaking.monitored) + 1)
@@ -117,7 +101,8 @@ def run(
     track.begin(kept, record, shaking.first * shaking.interval)
     # With another ground to go on, a rock first comes to the moment in which it topples.
     stops = criteria._replace(follow=criteria.follow and site.flying is None)
-    body, under, given = site.body, site.ground, (table, shaking, rock, points, record, kept)
+    given = axes, stepping, shaking, rock, points, record, kept
+    body, under = site.body, site.ground
     outcome, stop, now = _run(body, under, site.lookup, stops, *given, shaking.first)
     if criteria.follow and record.toppled and site.flying is not None and site.below is not None:
         body, under = site.flying, site.below
@@ -144,7 +129,8 @@ def _run(
     ground: Ground,
     lookup: Lookup,
     criteria: Criteria,
-    table: Table,
+    axes: Array,
+    stepping: Stepping,
     shaking: Shaking,
     rock: RockState,
     points: Points,
@@ -154,16 +140,21 @@ def _run(
 ) -> tuple[int, int, int]:
     """Step a rock until it rests, leaves its terrain, topples or shows no sound run."""
     interval, pulse = shaking.interval, len(shaking.values)
-    impulse = 0.0
+    values, change, impulse = shaking.values, record.change, 0.0
     for n in range(min(now, pulse)):
-        impulse += interval * abs(shaking.values[n])
+        impulse += interval * length(values[n])
     while now < shaking.last:
         until = min(now + shaking.monitored, shaking.last)
         if now < pulse:
             until = min(until, pulse)
-        impulse += _advance(body, ground, table, shaking, now, until, rock, points, record.change)
+        impulse += grounds.advance(body, ground, rock, points, values, now, until, stepping)
+        change[0] = change[1] = change[2] = 0.0
+        for n in range(now, until):
+            for k in range(3):
+                change[k] -= interval * values[n, k] if n < pulse else 0.0
+            change[2] -= interval * GRAVITY
         now = until
-        monitoring.write(record, body, table.axes, rock, points, interval)
+        monitoring.write(record, body, axes, rock, points, interval)
         if ground.search[0].full:
             record.position[0] = math.nan  # a list of what touches was too short
         deepest, late = -1.0, 2 * now >= pulse + shaking.last
@@ -178,34 +169,3 @@ def _run(
             return outcome, stop, now
     outcome, stop = on_terrain.out_of_time(record, criteria)
     return outcome, stop, now
-
-
-@compiled
-def _advance(
-    body: Body,
-    ground: Ground,
-    table: Table,
-    shaking: Shaking,
-    now: int,
-    until: int,
-    rock: RockState,
-    points: Points,
-    change: Array,
-) -> float:
-    """Step from one place in the motion to another.
-
-    Writes the change of velocity by weight and shaking into ``change`` [m/s], and returns the
-    integral of the table's absolute acceleration [m/s].
-    """
-    change[:] = 0.0
-    given, interval, push = 0.0, shaking.interval, rock.push
-    for n in range(now, until):
-        shaken = shaking.values[n] if n < len(shaking.values) else 0.0
-        push[0], push[1], push[2] = -shaken * table.along[0], -shaken * table.along[1], -GRAVITY
-        speed = interval * (abs(push[0]) + abs(push[1]) + abs(push[2]))
-        grounds.find(body, ground, rock, points, interval, speed)
-        step(body, rock, points, push, interval, GRAVITY, table.rounds, table.residual)
-        for k in range(3):
-            change[k] += interval * push[k]
-        given += interval * abs(shaken)
-    return given

@@ -17,10 +17,9 @@ from vsr_core.engines.interface import Solver
 from vsr_core.engines.nonsmooth import body as bodies
 from vsr_core.engines.nonsmooth import ground as grounds
 from vsr_core.engines.nonsmooth import plane
-from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState
-from vsr_core.engines.nonsmooth.stepping import drift, step
+from vsr_core.engines.nonsmooth.body import Body, Point, RockState, Stepping
+from vsr_core.engines.nonsmooth.stepping import drift
 from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
-from vsr_core.engines.nonsmooth.turning import feel
 from vsr_core.scene import Scene, State, resting
 
 
@@ -38,8 +37,9 @@ class NonsmoothWorld:
             self._along = math.cos(scene.yaw), -math.sin(scene.yaw)
         self._points = records.rows(Point, most)
         self._rock = records.room(RockState)
-        self._step, self._substeps, self._solver = time_step, substeps, solver
-        self._gravity, self._given = scene.gravity, 0.0
+        self._step, self._substeps = time_step, substeps
+        effort = solver.iterations, solver.residual
+        self._stepping, self._given = Stepping(time_step, scene.gravity, *effort), 0.0
         self._on_ground = scene.pedestal != "none"
         self.put(scene.start or resting(scene))
 
@@ -69,18 +69,17 @@ class NonsmoothWorld:
         ----------
         acceleration : array, shape (n,) along +x, or (n, 3) [m/s^2]
         """
-        along = np.ascontiguousarray(acceleration, dtype=np.float64).reshape(-1, 3)
-        held = self._substeps, self._step, self._gravity
-        effort = self._solver.iterations, self._solver.residual
-        body, rock, points = self._body, self._rock, self._points
+        along = np.asarray(acceleration, dtype=np.float64).reshape(-1, 3)
         if self._ground is None:
-            advance(body, rock, points, along, *held, self._on_ground, *effort)
-        else:
-            cos, sin = self._along
-            turned = along @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-            advance_on(body, self._ground, rock, points, turned, *held, *effort)
-            if self._ground.search[0].full:
-                rock.place[:] = math.nan  # a list of what touches was too short
+            self._step_on_level(along)
+            return
+        cos, sin = self._along
+        turned = along @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        values = np.repeat(turned, self._substeps, axis=0)
+        own = self._body, self._ground, self._rock, self._points
+        grounds.advance(*own, values, 0, len(values), self._stepping)
+        if self._ground.search[0].full:
+            self._rock.place[:] = math.nan  # a list of what touches was too short
 
     def turn(self, samples: Sequence[Sequence[float]] | Array) -> None:
         """Step through a motion that turns the table, one time step a sample.
@@ -89,11 +88,13 @@ class NonsmoothWorld:
         ----------
         samples : array, shape (n, 9), those of a ``TableMotion``
         """
-        whole = np.ascontiguousarray(samples, dtype=np.float64).reshape(-1, 9)
-        held = self._step, self._gravity, self._on_ground
-        effort = self._solver.iterations, self._solver.residual
-        given = advance_turning(self._body, self._rock, self._points, whole, *held, *effort)
-        self._given += given
+        self._given += self._step_on_level(np.asarray(samples, dtype=np.float64).reshape(-1, 9))
+
+    def _step_on_level(self, samples: Array) -> float:
+        """How much that can have added to sqrt(2 e) [m/s]."""
+        values = np.repeat(samples, self._substeps, axis=0)
+        own = self._body, self._rock, self._points
+        return plane.advance(*own, values, 0, len(values), self._stepping, self._on_ground)
 
     def impulse(self) -> float:
         """Upper bound of the growth of sqrt(2 e) by ``turn`` so far.
@@ -138,101 +139,6 @@ class NonsmoothWorld:
 def _bears(point: Point) -> bool:
     """Whether a point of contact bears some of the rock."""
     return bool(point.impulse[0] + point.given[0] > 0.0)
-
-
-@compiled
-def advance(
-    body: Body,
-    rock: RockState,
-    points: Points,
-    acceleration: Array,
-    substeps: int,
-    time_step: float,
-    gravity: float,
-    on_ground: bool,
-    sweeps: int,
-    residual: float,
-) -> None:
-    """Step a rock on a level pedestal through samples of the table's acceleration.
-
-    Parameters
-    ----------
-    acceleration : ndarray, shape (n, 3) [m/s^2]
-    substeps : int, steps for which a sample is held
-    time_step : float [s]
-    gravity : float [m/s^2]
-    on_ground : bool, whether there is a pedestal
-    """
-    push = rock.push
-    for n in range(len(acceleration)):
-        push[0], push[1] = -acceleration[n, 0], -acceleration[n, 1]
-        push[2] = -gravity - acceleration[n, 2]
-        speed = (abs(push[0]) + abs(push[1]) + abs(push[2])) * time_step
-        for _ in range(substeps):
-            if on_ground:
-                plane.find(body, rock, points, time_step, speed)
-            step(body, rock, points, push, time_step, gravity, sweeps, residual)
-
-
-@compiled
-def advance_turning(
-    body: Body,
-    rock: RockState,
-    points: Points,
-    samples: Array,
-    time_step: float,
-    gravity: float,
-    on_ground: bool,
-    rounds: int,
-    residual: float,
-) -> float:
-    """Step a rock on a level pedestal through samples of a table that turns.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n, 9), of ``TableMotion.acceleration``
-
-    Returns
-    -------
-    float [m/s], upper bound of the growth of sqrt(2 e)
-    """
-    push, given = rock.push, 0.0
-    for n in range(len(samples)):
-        given += feel(body, rock, samples[n], time_step, gravity)
-        if on_ground:
-            speed = (abs(push[0]) + abs(push[1]) + abs(push[2])) * time_step
-            plane.find(body, rock, points, time_step, speed)
-        step(body, rock, points, push, time_step, gravity, rounds, residual)
-    return given
-
-
-@compiled
-def advance_on(
-    body: Body,
-    ground: Ground,
-    rock: RockState,
-    points: Points,
-    acceleration: Array,
-    substeps: int,
-    time_step: float,
-    gravity: float,
-    sweeps: int,
-    residual: float,
-) -> None:
-    """Step a rock on a terrain through samples of its acceleration.
-
-    Parameters
-    ----------
-    acceleration : ndarray, shape (n, 3) [m/s^2], in the site's frame
-    """
-    push = rock.push
-    for n in range(len(acceleration)):
-        push[0], push[1] = -acceleration[n, 0], -acceleration[n, 1]
-        push[2] = -gravity - acceleration[n, 2]
-        speed = (abs(push[0]) + abs(push[1]) + abs(push[2])) * time_step
-        for _ in range(substeps):
-            grounds.find(body, ground, rock, points, time_step, speed)
-            step(body, rock, points, push, time_step, gravity, sweeps, residual)
 
 
 @compiled

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from vsr_core.verification.families import modules
+from vsr_core.verification import modules
 
 BOTH = ("bullet", "mujoco", "nonsmooth")
 """Engines that can hold a case without restitution and without a drive."""

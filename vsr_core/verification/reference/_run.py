@@ -1,15 +1,20 @@
-"""Shared by the families: a run in an engine, and what was read meanwhile."""
+"""Shared by the families: a run in an engine, what was read meanwhile, and slopes."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
-from vsr_core import engines
-from vsr_core.arrays import Array
-from vsr_core.scene import Scene
+from vsr_core import GRAVITY, engines
+from vsr_core.arrays import Array, Indices
+from vsr_core.rock.body import Rock
+from vsr_core.scene import Contact, Scene, State
+from vsr_core.terrain.convex_parts import convex_parts
+from vsr_core.terrain.surface import Terrain
 
 READINGS = 2400
 """Readings of the state in a run, at most."""
@@ -85,3 +90,81 @@ def largest(values: Array) -> float:
     """Largest length of vectors, shape (n, 3), or size of numbers, shape (n,); nan if any is."""
     sizes = np.linalg.norm(values, axis=1) if values.ndim == 2 else np.abs(values)
     return float(sizes.max())
+
+
+TOLERANCE, THICKNESS = 1e-4, 0.05
+"""Of convex parts [m]: how far they may stand out, and how thick they are."""
+
+
+def axes(angle: float) -> Array:
+    """Axes of a slope down +x as columns, shape (3, 3): downhill, across, normal."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+
+
+@cache
+def slope(angle: float, ends: tuple[float, float], half: float, cell: float, cut: bool) -> Terrain:
+    """Even slope down +x through the origin.
+
+    Parameters
+    ----------
+    angle : float [rad]
+    ends : tuple of float [m], along it, the origin at 0
+    half : float [m], width to each side
+    cell : float [m], of its squares, two triangles each
+    cut : bool, whether each square is a convex part; else its triangles are the ground
+    """
+    along = np.linspace(*ends, max(1, round((ends[1] - ends[0]) / cell)) + 1)
+    across = np.linspace(-half, half, max(1, round(2.0 * half / cell)) + 1)
+    turn = axes(angle)
+    vertices, faces = sheet(along, np.zeros(len(along)), across)
+    if not cut:
+        return Terrain(vertices @ turn.T, faces)
+    held: list[Array] = []
+    for x in pairwise(along):
+        for y in pairwise(across):
+            square = Terrain(*sheet(np.array(x), np.zeros(2), np.array(y)))
+            held += [part @ turn.T for part in in_parts(square)]
+    return Terrain(vertices @ turn.T, faces, tuple(held))
+
+
+def sheet(x: Array, z: Array, across: Array) -> tuple[Array, Indices]:
+    """Vertices [m] and triangles of a profile (x, z), both shape (n,), drawn out along y."""
+    width = len(across)
+    vertices = np.column_stack([np.repeat(x, width), np.tile(across, len(x)), np.repeat(z, width)])
+    a = (width * np.arange(len(x) - 1)[:, None] + np.arange(width - 1)).ravel()
+    b, c, d = a + width, a + width + 1, a + 1
+    faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    return vertices, faces.astype(np.int64)
+
+
+def in_parts(terrain: Terrain, tolerance: float = TOLERANCE) -> tuple[Array, ...]:
+    """Convex parts of a terrain that stand for it to ``tolerance`` [m]."""
+    return convex_parts(terrain, lambda points: np.full(len(points), tolerance), THICKNESS)
+
+
+def scene(
+    rock: Rock,
+    contact: Contact,
+    ground: Terrain,
+    angle: float,
+    start: State,
+    gravity: float = GRAVITY,
+) -> Scene:
+    """Scene on a slope; ``start`` is told in the slope's axes."""
+    turn = axes(angle)
+    told = (start.position, start.rotation, start.velocity, start.angular_velocity)
+    placed = State(*(turn @ part for part in told))
+    return Scene(rock, contact, pedestal="terrain", start=placed, terrain=ground, gravity=gravity)
+
+
+def seen(path: Path, angle: float) -> Path:
+    """A path in the slope's axes."""
+    turn = axes(angle)
+    return Path(
+        path.time,
+        path.position @ turn,
+        turn.T @ path.rotation,
+        path.velocity @ turn,
+        path.angular_velocity @ turn,
+    )

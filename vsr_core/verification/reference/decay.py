@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsr_core.arrays import Array
-from vsr_core.run.rocking_block import Block, free_amplitude, free_period
+from vsr_core.run.rocking_block import Block
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.reference import case
 from vsr_core.verification.reference._run import Path, run, whole
+from vsr_core.verification.rocking_forms import free_amplitude, free_period
 from vsr_core.verification.rocks import GRIPPING, box, leaning
 
 SLENDER, STOCKY = Block(0.2, 1.0), Block(0.7, 1.0)

@@ -26,8 +26,7 @@ from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.ground import rough
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import OWN, REBOUNDS, case
-from vsr_core.verification.reference._ground import in_parts, sheet
-from vsr_core.verification.reference._run import Path, run, whole
+from vsr_core.verification.reference._run import Path, in_parts, run, sheet, whole
 from vsr_core.verification.rocks import hull
 
 CORNERS, SIZE = 14, (0.6, 0.45, 0.35)

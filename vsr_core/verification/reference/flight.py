@@ -1,4 +1,4 @@
-"""Flight without contact: free fall, and the spinning boxes of a published benchmark.
+"""Free fall, the spinning boxes of a published benchmark, and the rebound from a fall.
 
 Linear and angular momentum and energy are exact; the orientation is that of Euler's equations,
 integrated by SciPy to ten digits.
@@ -11,6 +11,7 @@ Euler's equations: Goldstein, Poole & Safko (2002), Classical Mechanics, 3rd ed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -20,10 +21,11 @@ from scipy.integrate import solve_ivp
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.reference import case
+from vsr_core.verification.reference import BOTH, REBOUNDS, Reference, case
 from vsr_core.verification.reference._run import Path, largest, run, whole
-from vsr_core.verification.rocks import STILL, Triple, box, upright
+from vsr_core.verification.rocks import STILL, Triple, box, sphere, upright
 
 SIZE = (0.1, 0.4, 0.9)
 """Sides of the benchmark's box [m]."""
@@ -154,7 +156,7 @@ def _fall(engine: str, time_step: float) -> float:
 FREE_FALL = "g t^2 / 2; an engine that updates the velocity first falls g t dt / 2 too far"
 EULER = 'Euler\'s equations of a free body, inputs of github.com/scpeters/benchmark "boxes" '
 
-CASES = (
+_FLIGHTS = (
     case("free fall", FREE_FALL, 1.1e-3, _fall, order=1.0),
     case("box SIMPLE, position", f"{EULER}SIMPLE", 1e-9, _position, SIMPLE),
     case("box SIMPLE, velocity", f"{EULER}SIMPLE", 1e-9, _velocity, SIMPLE),
@@ -167,3 +169,36 @@ CASES = (
     case("box COMPLEX, orientation", f"{EULER}COMPLEX", 0.1, _orientation, COMPLEX,
          step=2.5e-4, order=1.0),
 )  # fmt: skip
+
+
+HEIGHT = 1.0
+"""Of the fall [m]."""
+
+
+def _rebound(rock: Rock, restitution: float, engine: str, time_step: float) -> float:
+    """Error of the height of the first rebound, relative to the height of the fall."""
+    start = upright((0.0, 0.0, rock.height + HEIGHT))
+    scene = Scene(rock, Contact(0.6, restitution), start=start)
+    down = math.sqrt(2.0 * HEIGHT / GRAVITY)
+    # Up to the top of an exact rebound and a little on, but not to the next impact.
+    number, step = whole(down * (1.0 + 1.2 * max(restitution, 0.5)), time_step)
+    path = run(engine, scene, step, np.zeros(number))
+    height = path.position[path.time > 1.1 * down, 2] - rock.height
+    return abs(float(height.max()) / HEIGHT - restitution**2)
+
+
+def _bounce(
+    name: str, rock: Rock, e: float, tolerance: float, engines: tuple[str, ...] = REBOUNDS
+) -> Reference:
+    answer = "e^2 of the height of the fall."
+    return case(f"bounce of a {name}, e = {e:g}", answer, tolerance, _rebound, rock, e,
+                engines=engines)  # fmt: skip
+
+
+CASES = (
+    *_FLIGHTS,
+    _bounce("sphere", sphere(0.1), 0.0, 0.02, BOTH),
+    _bounce("sphere", sphere(0.1), 0.5, 1e-3),
+    _bounce("sphere", sphere(0.1), 1.0, 0.01),
+    _bounce("box on its face", box(1.0, 1.0, 0.5), 0.5, 2e-3),
+)

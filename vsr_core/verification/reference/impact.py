@@ -28,8 +28,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, State
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import REBOUNDS, Reference, case
-from vsr_core.verification.reference._ground import scene, seen, slope
-from vsr_core.verification.reference._run import Path, run
+from vsr_core.verification.reference._run import Path, run, scene, seen, slope
 from vsr_core.verification.rocks import box, sphere
 
 ANGLE = math.radians(25.0)

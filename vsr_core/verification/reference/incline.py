@@ -18,8 +18,7 @@ from vsr_core import GRAVITY
 from vsr_core.scene import Contact
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import REBOUNDS, Reference, case
-from vsr_core.verification.reference._ground import scene, seen, slope
-from vsr_core.verification.reference._run import run, whole
+from vsr_core.verification.reference._run import run, scene, seen, slope, whole
 from vsr_core.verification.rocks import sphere, upright
 
 RADIUS = 0.5

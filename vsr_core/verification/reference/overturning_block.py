@@ -1,4 +1,4 @@
-"""The PGA that overturns a block, against Housner's equation and closed forms.
+"""The PGA that overturns a block, against Housner's equation, closed forms and similar blocks.
 
 References
 ----------
@@ -17,17 +17,14 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.judge.proofs import barrier
 from vsr_core.motions.pulses import CosinePulse
+from vsr_core.outcome import Response
 from vsr_core.run.boundary_search import halved, verdict
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate
-from vsr_core.run.rocking_block import (
-    Block,
-    first_overturning_pga,
-    slender_overturns,
-    slender_pga_without_impact,
-)
+from vsr_core.run.rocking_block import Block, first_overturning_pga
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.reference import case
+from vsr_core.verification.rocking_forms import slender_overturns, slender_pga_without_impact
 from vsr_core.verification.rocks import GRIPPING, box
 
 BLOCKS = (
@@ -161,9 +158,50 @@ def _after_impact(engine: str, time_step: float) -> float:
 GRID = "Housner's equation, eight blocks of 5 cm to 5 m and slenderness 2 to 8, eight PGV/PGA"
 CLOSED = "closed form of the linearised equation (Zhang & Makris 2001), alpha = 0.05."
 
-CASES = (
+_BOUNDARIES = (
     case("first-overturning PGA, median of 64", GRID, 4e-3, _median),
     case("first-overturning PGA, worst of 64", GRID, 0.01, _worst),
     case("slender block, overturned at once", CLOSED, 2e-3, _at_once),
     case("slender block, overturned after an impact", CLOSED, 6e-3, _after_impact, step=2.5e-4),
+)
+
+
+SIMILAR_FRICTION = 0.6
+"""That of the paper."""
+
+SIMILAR_PULSES = ((0.6, 0.15), (0.8, 0.2), (1.1, 0.2), (0.65, 0.3), (1.3, 0.3), (0.7, 0.4))
+"""PGA [g] and PGV/PGA [s] of the pulses on the larger block; some overturn it."""
+
+
+@cache
+def _similar(width: float) -> Case:
+    scene = Scene(box(width, width, 2.0 * width), Contact(SIMILAR_FRICTION))
+    return prepare(scene, barrier(scene.rock), reduce=True)
+
+
+def _similar_run(width: float, pulse: CosinePulse, engine: str, time_step: float) -> Response:
+    return simulate(_similar(width), pulse, Settings(time_step, engine=engine))
+
+
+def _similarity(engine: str, time_step: float) -> float:
+    """Largest difference of the peak tilts of two blocks, relative to alpha; 1 if outcomes differ.
+
+    The step is that of the larger block.
+    """
+    alpha, half = math.atan(0.5), math.sqrt(0.5)
+    apart = []
+    for pga, pgv_pga in SIMILAR_PULSES:
+        large = _similar_run(1.0, CosinePulse.from_g(pga, pgv_pga), engine, time_step)
+        small = _similar_run(0.5, CosinePulse.from_g(pga, half * pgv_pga), engine, half * time_step)
+        if large.outcome is not small.outcome:
+            return 1.0
+        apart.append(abs(large.peak_tilt - small.peak_tilt) / alpha)
+    return max(apart)
+
+
+SIMILAR = "1x1x2 m at PGV/PGA = x moves as 0.5x0.5x1 m at x / sqrt(2): dimensional analysis"
+
+CASES = (
+    *_BOUNDARIES,
+    case("similar blocks", SIMILAR, 1e-6, _similarity),
 )

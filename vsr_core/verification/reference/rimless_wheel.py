@@ -25,8 +25,7 @@ from vsr_core import GRAVITY
 from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact
 from vsr_core.verification.reference import REBOUNDS, Reference, case
-from vsr_core.verification.reference._ground import scene, seen, slope
-from vsr_core.verification.reference._run import Path, run, whole
+from vsr_core.verification.reference._run import Path, run, scene, seen, slope, whole
 from vsr_core.verification.rocks import GRIPPING, hull, upright
 
 RADIUS, WIDTH = 0.5, 0.6

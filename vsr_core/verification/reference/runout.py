@@ -27,8 +27,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.scene import Contact, State
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import REBOUNDS, case
-from vsr_core.verification.reference._ground import axes, in_parts, scene, sheet, slope
-from vsr_core.verification.reference._run import run, whole
+from vsr_core.verification.reference._run import axes, in_parts, run, scene, sheet, slope, whole
 from vsr_core.verification.rocks import DENSITY, upright
 
 SIZE = (0.4, 0.4, 0.1)

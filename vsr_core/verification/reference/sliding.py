@@ -1,4 +1,4 @@
-"""Blocks that slide and do not tip, against closed forms of Coulomb's law.
+"""Blocks that slide and do not tip, against closed forms of Coulomb's law; a sphere that rolls.
 
 References
 ----------
@@ -19,7 +19,7 @@ from vsr_core.motions.pulses import CosinePulse
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.reference import case
 from vsr_core.verification.reference._run import largest, middles, run, whole
-from vsr_core.verification.rocks import box, upright
+from vsr_core.verification.rocks import box, sphere, upright
 
 SIZE = (1.0, 1.0, 0.5)
 """Sides of the block [m]; it could tip only at a friction of 2."""
@@ -142,7 +142,35 @@ SHAKEN = (
     "remain at any step, because its contacts lift what slides fast."
 )
 
-CASES = (
+_SLIDES = (
     case("slide to rest", BRAKING, 2e-3, _braking, order=1.0),
     case("sliding under a cosine pulse", SHAKEN, 0.01, _shaken),
+)
+
+
+PUSH = 2.0
+"""Acceleration of the table [m/s^2], a slope of 11.5 deg. Rolling needs a friction of 2/7 PUSH/g,
+0.06."""
+
+DURATION = 2.0
+"""Time of rolling [s]."""
+
+
+@cache
+def _sphere() -> Scene:
+    return Scene(sphere(0.5), Contact(0.6), pedestal="plane")
+
+
+def _rolling(engine: str, time_step: float) -> float:
+    """Error of the distance on the table, relative to (5/7) PUSH t^2 / 2."""
+    number, step = whole(DURATION, time_step)
+    path = run(engine, _sphere(), step, np.full(number, PUSH))
+    return abs(float(path.position[-1, 0]) / (5.0 / 14.0 * PUSH * DURATION**2) + 1.0)
+
+
+ROLLING = "(5/7) a for a uniform sphere that rolls: I / (m r^2) = 2/5"
+
+CASES = (
+    *_SLIDES,
+    case("rolling sphere", ROLLING, 6e-4, _rolling, order=1.0),
 )

@@ -18,7 +18,7 @@ from enum import Enum
 from functools import partial
 
 from vsr_core.errors import InvalidInput
-from vsr_core.verification.families import modules
+from vsr_core.verification import modules
 
 
 class Verdict(Enum):

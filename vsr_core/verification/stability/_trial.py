@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from functools import cache
 
+import numpy as np
+
 from vsr_core import GRAVITY, engines
 from vsr_core.arrays import Array
 from vsr_core.engines.interface import World
@@ -169,3 +171,25 @@ def _check_unshaken(scene: Scene, settings: Settings) -> None:
 @cache
 def _barrier(rock: Rock) -> Barrier:
     return barrier(rock)
+
+
+SLIDE_STEPS = 200_000
+
+
+def slip(motion: GroundMotion, friction: float, rest: float = 2.0) -> float:
+    """Farthest travel [m] relative to the table, rigid-plastic: x'' = -a - mu g sgn(x'), or stuck.
+
+    Parameters
+    ----------
+    friction : float, Coulomb's coefficient
+    rest : float [s], time after the motion
+    """
+    dt = (motion.duration + rest) / SLIDE_STEPS
+    grip, x, v, farthest = friction * GRAVITY, 0.0, 0.0, 0.0
+    middles = (np.arange(SLIDE_STEPS, dtype=np.float64) + 0.5) * dt
+    for a in motion.acceleration(middles).tolist():
+        free = v - a * dt
+        v = math.copysign(max(abs(free) - grip * dt, 0.0), free)
+        x += v * dt
+        farthest = max(farthest, abs(x))
+    return farthest

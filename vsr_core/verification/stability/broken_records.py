@@ -18,8 +18,15 @@ from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.rocks import box
 from vsr_core.verification.stability import ExtremeCase, Measured
-from vsr_core.verification.stability._slide import slip
-from vsr_core.verification.stability._trial import BOTH, decided, prepared, respond, same, step_of
+from vsr_core.verification.stability._trial import (
+    BOTH,
+    decided,
+    prepared,
+    respond,
+    same,
+    slip,
+    step_of,
+)
 
 FRICTION = 0.3
 

@@ -6,8 +6,8 @@ import math
 from functools import partial
 
 from vsr_core.motions.pulses import CosinePulse
-from vsr_core.run import rocking_block
 from vsr_core.scene import Contact, Scene
+from vsr_core.verification import rocking_forms
 from vsr_core.verification.rocks import GRIPPING, box, leaning, unit
 from vsr_core.verification.stability import Measured, sweep
 from vsr_core.verification.stability._trial import (
@@ -36,8 +36,8 @@ def _swing(height: float, share: float, engine: str) -> Measured:
         lean = released * block.alpha
         scene = Scene(rock, Contact(GRIPPING), start=leaning(rock, lean))
         world = checked_world(scene, step, engine)
-        expected = rocking_block.free_amplitude(block, lean, 1)
-        time = 0.25 * rocking_block.free_period(block, lean) + 0.5 * rocking_block.free_period(
+        expected = rocking_forms.free_amplitude(block, lean, 1)
+        time = 0.25 * rocking_forms.free_period(block, lean) + 0.5 * rocking_forms.free_period(
             block, expected
         )
         swing = 0.0

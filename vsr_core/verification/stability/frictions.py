@@ -7,8 +7,7 @@ from vsr_core.motions.pulses import CosinePulse
 from vsr_core.scene import Contact, Scene
 from vsr_core.verification.rocks import box
 from vsr_core.verification.stability import Measured, sweep
-from vsr_core.verification.stability._slide import slip
-from vsr_core.verification.stability._trial import BOTH, boundary, respond, same, step_of
+from vsr_core.verification.stability._trial import BOTH, boundary, respond, same, slip, step_of
 
 PULSE = CosinePulse.from_g(0.5, 0.3)
 

@@ -18,7 +18,7 @@ from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.ground import rough
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.reference import dissipation, rimless_wheel, runout
-from vsr_core.verification.reference._ground import axes, sheet, slope
+from vsr_core.verification.reference._run import axes, sheet, slope
 from vsr_core.verification.reference.rimless_wheel import WHEELS
 from vsr_core.verification.rocks import box, hull, sphere, upright
 
