@@ -25,6 +25,9 @@ def angle(degrees: float) -> float:
     Returns
     -------
     float [rad]
+
+    >>> angle(180.0) == math.pi
+    True
     """
     return math.radians(degrees)
 
@@ -39,6 +42,9 @@ def in_degrees(radians: float) -> float:
     Returns
     -------
     float [degree]
+
+    >>> in_degrees(angle(90.0))
+    90.0
     """
     return math.degrees(radians)
 
@@ -53,6 +59,9 @@ def acceleration(pga: Values) -> Values:
     Returns
     -------
     float or ndarray [m/s^2]
+
+    >>> acceleration(1.0)
+    9.80665
     """
     return pga * GRAVITY
 
@@ -67,6 +76,9 @@ def in_g(acceleration: Values) -> Values:
     Returns
     -------
     float or ndarray [g]
+
+    >>> in_g(acceleration(0.5))
+    0.5
     """
     return acceleration / GRAVITY
 

@@ -291,7 +291,11 @@ def _setting(item: str) -> dict[str, Any]:
 
 
 def nested(key: str, value: Any) -> dict[str, Any]:
-    """A layer of settings with one key."""
+    """A layer of settings with one key.
+
+    >>> nested("contact.friction", 0.4)
+    {'contact': {'friction': 0.4}}
+    """
     for part in reversed(key.split(".")):
         value = {part: value}
     return dict(value)

@@ -147,7 +147,13 @@ def _description(place: tuple[str, ...], models: list[type[BaseModel] | None]) -
 
 
 def meaning(key: str) -> tuple[str, str]:
-    """What a key of the configuration means, and its unit."""
+    """What a key of the configuration means, and its unit.
+
+    >>> meaning("contact.restitution")
+    ('coefficient of normal restitution of the pair', '1')
+    >>> meaning("motion.kind")
+    ('motion.kind', '1')
+    """
     place, models = _walk(tuple(key.split(".")), Config)
     field = models[-1].model_fields.get(place[-1]) if models[-1] else None
     if field is None or field.description is None or ".".join(place) != key:

@@ -51,8 +51,7 @@ def catalogue() -> dict[str, dict[str, str]]:
 def label(name: str) -> str:
     """Axis label of a variable.
 
-    Returns
-    -------
+    >>> label("pga")
     'peak ground acceleration [g]'
     """
     entry = catalogue()[name]
@@ -62,8 +61,7 @@ def label(name: str) -> str:
 def labelled(text: str, units: str) -> str:
     """Label of what has a name and a unit.
 
-    Returns
-    -------
+    >>> labelled("speed", "m s-1"), labelled("friction", "1")
     ('speed [m s-1]', 'friction')
     """
     unit = spelled(units)
@@ -71,7 +69,11 @@ def labelled(text: str, units: str) -> str:
 
 
 def spelled(units: str) -> str:
-    """A unit as figures and sentences spell it; nothing for a pure number."""
+    """A unit as figures and sentences spell it; nothing for a pure number.
+
+    >>> spelled("degree"), spelled("1")
+    ('deg', '')
+    """
     return {"1": "", "degree": "deg"}.get(units, units)
 
 

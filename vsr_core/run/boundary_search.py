@@ -41,12 +41,20 @@ class Bracket:
 
 
 def verdict(outcome: Outcome) -> bool | None:
-    """Tell whether a run toppled the rock."""
+    """Tell whether a run toppled the rock; None where that is unresolved.
+
+    >>> [verdict(o) for o in (Outcome.OVERTURNED, Outcome.DISPLACED, Outcome.UNSETTLED)]
+    [True, False, None]
+    """
     return None if outcome.overturned < 0 else outcome is Outcome.OVERTURNED
 
 
 def left_its_place(outcome: Outcome) -> bool | None:
-    """Tell whether a run toppled or displaced the rock."""
+    """Tell whether a run toppled or displaced the rock.
+
+    >>> [left_its_place(o) for o in (Outcome.BALANCED, Outcome.DISPLACED, Outcome.UNSTABLE)]
+    [False, True, None]
+    """
     return None if outcome.overturned < 0 else outcome is not Outcome.BALANCED
 
 
@@ -60,9 +68,16 @@ def halved(
     low, high : float, levels at which the rock is taken to stand and to topple
     tolerance : float, width of the bracket as a share of its upper end at which it is narrow enough
 
-    Returns
-    -------
+    >>> halved(lambda level: level > 3.1, 0.0, 8.0, 3)
+    Bracket(stands=3.0, topples=4.0, decided=True)
+
+    No end is a level without a verdict:
+
+    >>> found = halved(lambda level: None if 3.0 < level < 5.0 else level > 3.1, 0.0, 8.0, 3)
+    >>> 0.0 < found.stands <= 3.0, 5.0 <= found.topples < 8.0
     (True, True)
+    >>> halved(lambda level: None, 0.0, 8.0, 3)
+    Bracket(stands=0.0, topples=8.0, decided=False)
     """
     for _ in range(halvings):
         if high - low <= tolerance * high:
@@ -84,9 +99,8 @@ def first_boundary(topples: Topples, levels: Iterable[float], halvings: int) -> 
     ----------
     levels : iterable of float, ascending; below the first the rock is taken to stand from 0 on
 
-    Returns
-    -------
     >>> first_boundary(lambda level: level > 3.1, [1.0, 2.0, 4.0, 8.0], 1)
+    Bracket(stands=3.0, topples=4.0, decided=True)
     """
     stands = 0.0
     for level in levels:

@@ -55,7 +55,11 @@ def moved(rock: RockData, runs: pd.DataFrame, air_share: Array) -> Indices:
 
 
 def tally(outcome: pd.Series) -> tuple[str, int]:
-    """Count runs by outcome."""
+    """Count runs by outcome.
+
+    >>> tally(pd.Series([Outcome.BALANCED, Outcome.OVERTURNED, Outcome.BALANCED]))
+    ('2 balanced, 1 overturned', 0)
+    """
     counts = np.bincount(outcome, minlength=len(Outcome))
     words = ", ".join(f"{counts[o]} {o.name.lower()}" for o in Outcome if counts[o])
     return words, int(sum(counts[o] for o in Outcome if o.overturned == -1))

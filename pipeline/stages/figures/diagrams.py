@@ -218,6 +218,9 @@ def first_overturning(pga: Array, outcomes: Array) -> Array:
     Returns
     -------
     ndarray, shape (rows,) [g]; nan where the row does not overturn
+
+    >>> first_overturning(np.array([0.1, 0.2, 0.3]), np.array([[0, 0, 1], [0, 0, 0]])).round(4).tolist()
+    [0.2449, nan]
     """
     found = locate(pga, outcomes).pga
     return np.where(np.isfinite(found), found, np.nan)
@@ -230,6 +233,9 @@ def lower_in(one: Array, other: Array) -> float:
     ----------
     one, other : ndarray, shape (rows,) [g]
         Rows where neither is known do not count; an unknown one lies above the grid.
+
+    >>> lower_in(np.array([0.1, 0.3, np.nan]), np.array([0.2, 0.2, np.nan]))
+    0.5
     """
     known = np.isfinite(one) | np.isfinite(other)
     return _share((np.nan_to_num(one, nan=np.inf) <= np.nan_to_num(other, nan=np.inf))[known])
@@ -291,5 +297,9 @@ def apart(boundary: Array, reference: Array) -> Array:
 
 
 def middle(differences: Array) -> float:
-    """Median of the absolute values of differences."""
+    """Median of the absolute values of differences.
+
+    >>> middle(np.array([-0.3, 0.1, 0.2])), middle(np.array([]))
+    (0.2, nan)
+    """
     return float(np.median(np.abs(differences))) if differences.size else math.nan

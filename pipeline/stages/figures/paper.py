@@ -101,7 +101,11 @@ class PaperFigure(Protocol):
 
 
 def names() -> list[str]:
-    """Names of all figures and tables, in the order of the paper, ours last."""
+    """Names of all figures and tables, in the order of the paper, ours last.
+
+    >>> [name for name in names() if name.startswith("fig_1")][:2]
+    ['fig_10', 'fig_11']
+    """
     folder = [str(Path(__file__).parent)]
     known = [module.name for module in pkgutil.iter_modules(folder)]
     figures = (name for name in known if name.startswith(("fig_", "table_")))
@@ -112,6 +116,9 @@ def find(name: str) -> list[str]:
     """Names of the figures that a user means: ``12``, ``table_1``, ``friction``.
 
     A number brings its parts too.
+
+    >>> find("8"), find("table_1"), find("99")
+    (['fig_08'], ['table_1'], [])
     """
     known = names()
     if name in known:

@@ -95,6 +95,9 @@ def long_rows(ratios: Array) -> Mask:
     Returns
     -------
     ndarray of bool, shape (rows,)
+
+    >>> long_rows(np.array([0.1, 0.2, 0.4])).tolist()
+    [False, True, True]
     """
     rows = ratios >= LONG_PULSE - 1e-9
     return rows if rows.any() else np.ones_like(rows)
@@ -106,6 +109,9 @@ def long_rows_in_words(ratios: Array) -> str:
     Parameters
     ----------
     ratios : ndarray, shape (rows,) [s]
+
+    >>> long_rows_in_words(np.array([0.01, 0.1]))
+    'all PGV/PGA'
     """
     least = ratios[long_rows(ratios)].min()
     return "all PGV/PGA" if least < LONG_PULSE - 1e-9 else f"PGV/PGA ≥ {LONG_PULSE:g} s"

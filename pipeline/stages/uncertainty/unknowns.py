@@ -153,6 +153,9 @@ def uniform(ends: tuple[float, float]) -> str:
     Parameters
     ----------
     ends : (low, high)
+
+    >>> uniform((0.5, 0.9)), uniform((0.0, 0.0))
+    ('uniform from 0.5 to 0.9', '0, taken as known')
     """
     low, high = ends
     return f"{low:g}, taken as known" if low == high else f"uniform from {low:g} to {high:g}"

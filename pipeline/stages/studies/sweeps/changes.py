@@ -20,7 +20,13 @@ _NUMBERS = re.compile(r"[-+.\dex ]+")
 
 
 def quantity(key: str) -> tuple[str, str]:
-    """What a swept key means, and its unit: as datasets have it, or else the configuration."""
+    """What a swept key means, and its unit: as datasets have it, or else the configuration.
+
+    >>> quantity("contact.friction")
+    ('Coulomb friction of the pair rock-pedestal', '1')
+    >>> quantity("simulation.time_step")
+    ('time step', 's')
+    """
     if key in GRIDS:
         entry = catalogue()[GRIDS[key]]
         return entry["long_name"], entry["units"]

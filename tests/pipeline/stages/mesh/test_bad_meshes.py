@@ -159,7 +159,8 @@ def test_file_cut_short(tmp_path: Path, refused: Refused, kind: str) -> None:
 
 def test_missing_file(tmp_path: Path, refused: Refused) -> None:
     where = site(tmp_path, "nowhere.ply")
-    refused("run", "rock", "--site", where, words=(str(where), "rock.mesh", "nowhere.ply", "not found"))
+    words = (str(where), "rock.mesh", "nowhere.ply", "not found")
+    refused("run", "rock", "--site", where, words=words)
 
 
 def test_unknown_format(tmp_path: Path, refused: Refused) -> None:
