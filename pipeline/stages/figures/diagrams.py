@@ -219,7 +219,8 @@ def first_overturning(pga: Array, outcomes: Array) -> Array:
     -------
     ndarray, shape (rows,) [g]; nan where the row does not overturn
 
-    >>> first_overturning(np.array([0.1, 0.2, 0.3]), np.array([[0, 0, 1], [0, 0, 0]])).round(4).tolist()
+    >>> outcomes = np.array([[0, 0, 1], [0, 0, 0]])
+    >>> first_overturning(np.array([0.1, 0.2, 0.3]), outcomes).round(4).tolist()
     [0.2449, nan]
     """
     found = locate(pga, outcomes).pga
