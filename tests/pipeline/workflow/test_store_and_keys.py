@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import Ran
 from support import grounds
 from support.following import compiled_beneath, following
 
@@ -156,6 +157,19 @@ def test_flipped_byte_is_seen_and_mended(
     assert vsr(*command).code == 0
     assert path.read_bytes() == whole
     assert "is not what was written" not in vsr("why", "responses", "--site", site).out
+
+
+def test_what_was_made_from_crashed_runs_is_made_again(
+    write_site: Callable[..., str], vsr: Callable[..., Ran], derived: Path
+) -> None:
+    command = ("run", "responses", "--site", write_site(SMALL), "--workers", "0")
+    assert vsr(*command).code == 0
+    manifest = derived / "rock" / ".stages" / "runs.json"
+    facts = json.loads(manifest.read_text())
+    manifest.write_text(json.dumps(facts | {"retry": 1}))
+    again = vsr(*command).err.splitlines()
+    assert {line.split(":")[0] for line in again} >= {"runs", "responses"}
+    assert "rock" not in {line.split(":")[0] for line in again}
 
 
 # Runs
