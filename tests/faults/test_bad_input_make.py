@@ -16,7 +16,7 @@ from pipeline import ROOT
 REFUSED = {
     "plan SITE=double_rock YAWS=0,90": ("no variable YAWS", "did you mean YAW?"),
     "plan site=double_rock": ("no variable site", "did you mean SITE?"),
-    "plan SITE=double_rock PGA=0.4": ("no variable PGA", "it takes DERIVED FRICTION SET SITE"),
+    "plan SITE=double_rock PGA=0.4": ("no variable PGA", "it takes DERIVED FRICTION NAME SET SITE"),
     "figures SITE=double_rock": ("no variable SITE", "FIG"),
     "replay SITE=double_rock PGVPGA=0.4": ("no variable PGVPGA", "did you mean PGV_PGA?"),
     "lint SITE=double_rock": ("no variable SITE", "it takes none"),

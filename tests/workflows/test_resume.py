@@ -402,7 +402,7 @@ def test_clean_leaves_what_is_no_site(
 ) -> None:
     ran = vsr("clean", "--site", name, "--yes")
     assert ran.code == 2
-    assert ran.err.startswith(f"vsr: SITE: got '{name}'; ")
+    assert ran.err.startswith(f"vsr: --site: got '{name}'; ")
     assert (project["product"] / "rock.nc").is_file()
     assert project["raw"].is_file()
     assert project["mine"].is_file()

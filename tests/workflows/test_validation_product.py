@@ -188,7 +188,7 @@ def test_a_folder_without_outcomes_is_predicted(tmp_path: Path) -> None:
             np.testing.assert_array_equal(data["probability"].sel(specimen=number), share(number))
         assert data["happened"].isnull().all()
     page = (tmp_path / "to" / "unknown" / "validation.html").read_text(encoding="utf-8")
-    assert page.count("no observed outcomes, predicted all the same") == 2
+    assert page.count("no observed outcomes, predictions only") == 2
 
 
 def test_a_test_that_no_draw_took_near_toppling_is_decided(made: tuple[Path, Path]) -> None:

@@ -170,9 +170,9 @@ def test_another_file_is_another_motion(
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        (("drive=servo",), ("drive", "slides along x", "table_frame")),
+        (("drive=servo",), ("drive", "moves along x only", "table_frame")),
         (("motion.files=[absent.csv]",), ("motion.files", "absent.csv", "not found")),
-        (("motion.pgv_pga=0.2",), ("motion.pgv_pga", "of its own", "leave")),
+        (("motion.pgv_pga=0.2",), ("motion.pgv_pga", "has its own PGV/PGA", "remove")),
         (("motion.pgv=0.2",), ("motion.pgv", "unknown key", "did you mean")),
     ],
 )

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from pipeline.config.layers import load_site
+from pipeline.config.layers import Site, load_site
+from pipeline.stages.motions import motion_grid
 from pipeline.stages.studies.servo import drive_runs
 from vsr_core import GRAVITY
 from vsr_core.judge.proofs import barrier
@@ -179,9 +180,14 @@ def test_a_servo_of_the_site_is_one_case_more() -> None:
     assert drive_runs.drives(own)[-1].servo == own
 
 
+def rough(site: Site) -> drive_runs.Rough:
+    motion = site.config.motion
+    return drive_runs.rough(motion, motion_grid.find(motion, site.origin))
+
+
 def test_a_site_with_records_is_shaken_by_the_longest_and_others_by_a_made_motion() -> None:
-    recorded = drive_runs.rough(load_site("cuboid_1x1x2", "recorded_motion"))
+    recorded = rough(load_site("cuboid_1x1x2", "recorded_motion"))
     assert (recorded.name, recorded.pga) == ("record long", 0.4)
-    made = drive_runs.rough(load_site("cuboid_1x1x2"))
+    made = rough(load_site("cuboid_1x1x2"))
     assert (made.name, made.pga) == ("rough motion", 0.4)
     np.testing.assert_array_equal(made.trace.acceleration, synthetic(1.2).acceleration)

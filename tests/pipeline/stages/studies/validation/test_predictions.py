@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.config.priors_schema import ShakeTableConfig
-from pipeline.stages.studies.validation import predictions, recorded_tests, validation_tables
+from pipeline.stages.studies.validation import predictions, recorded_tests, validation_page
 from pipeline.stages.studies.validation.predictions import Origin, Predictions
 from pipeline.stages.studies.validation.recorded_runs import Draw, Role
 from pipeline.workflow.rows import RunRow
@@ -114,7 +114,7 @@ def test_each_specimen_has_its_own_predictors(made: Predictions) -> None:
 
 def test_each_half_is_scored_on_its_own_tests(made: Predictions) -> None:
     """Said to overturn from a share of its mean on, of 23 members of 48: not from one of four."""
-    scores = validation_tables.scored(TESTS, made).set_index(["predictor", "subset"])
+    scores = validation_page.scored(TESTS, made).set_index(["predictor", "subset"])
     sides = np.array(COUNTED[1][0]) >= 2
     right = sides == np.array(OBSERVED)
     for subset, tests in (
@@ -130,7 +130,7 @@ def test_each_half_is_scored_on_its_own_tests(made: Predictions) -> None:
 
 
 def test_failed_tests_are_those_all_have_wrong_with_their_own_share(made: Predictions) -> None:
-    failed = validation_tables.failed(TESTS, made).set_index("test")
+    failed = validation_page.failed(TESTS, made).set_index("test")
     wrong = (np.array(COUNTED[1][0]) >= 2) != np.array(OBSERVED)
     assert set(failed.index) <= set(np.array(TESTS.number)[wrong])
     # the best guess stands in all, so that what did not fall is never among them
