@@ -36,7 +36,7 @@ def main() -> None:
     displace(place, pulse, settings)  # topples, and goes on
     # As engines are judged whose steps are asked for one by one.
     case = prepare(scene, barrier(rock), reduce=True)
-    overturning.complete(overturning.set_up(case, scene, pulse, settings, 0.01), case, settings)
+    overturning.complete(overturning.set_up(case, scene, pulse, settings, 0.01), case)
     stepped = displacement.set_up(place, pulse, settings, 0.01, follow=False)
     displacement.complete(stepped, place, settings)
     for stood in (scene, seat):

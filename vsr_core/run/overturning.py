@@ -72,9 +72,9 @@ def _criteria(case: Case, scene: Scene, settings: Settings, *, turns: bool) -> C
     return on_pedestal.criteria(scene.rock, scene.contact, case.limits, proves=proves and not turns)
 
 
-def _limits(case: Case, motion: GroundMotion, settings: Settings) -> tuple[float, float]:
+def _limits(case: Case, motion: GroundMotion) -> tuple[float, float]:
     """Lowest and highest acceleration along x that move nothing [m/s^2]; zeros if not known."""
-    return case.static_limits if settings.reduce and motion.columns == 1 else (0.0, 0.0)
+    return case.static_limits if motion.columns == 1 else (0.0, 0.0)
 
 
 def _all_compiled(
@@ -110,7 +110,7 @@ def _compiled(
         np.array([s.interval for s in taken]),
         np.array([on_pedestal.monitored(s.interval, radius) for s in taken]),
         np.array([s.pulse_samples + math.ceil(wait / s.interval) for s in taken]),
-        np.array([_limits(case, motion, settings) for motion in motions]),
+        np.array([_limits(case, motion) for motion in motions]),
     )
     criteria = _criteria(case, scene, settings, turns=columns == 9)
     solver = settings.solver or nonsmooth.SOLVER
@@ -143,7 +143,7 @@ def _stepped(case: Case, motion: GroundMotion, settings: Settings) -> Response:
     simulated = case.scene
 
     def once(time_step: float) -> Response:
-        return complete(set_up(case, simulated, motion, settings, time_step), case, settings)
+        return complete(set_up(case, simulated, motion, settings, time_step), case)
 
     def attempt(time_step: float) -> Response:
         nonlocal simulated
@@ -183,17 +183,16 @@ def set_up(
     )
 
 
-def first_sample(run: Run, case: Case, settings: Settings) -> int:
+def first_sample(run: Run, case: Case) -> int:
     """Sample that can move the rock first; -1 for one that is on the move from its start."""
     ahead = run.values[: run.sampled.pulse_samples]
-    limits = _limits(case, run.motion, settings)
-    return -1 if run.scene.start is not None else first_push(ahead, limits)
+    return -1 if run.scene.start is not None else first_push(ahead, _limits(case, run.motion))
 
 
-def complete(run: Run, case: Case, settings: Settings) -> Response:
+def complete(run: Run, case: Case) -> Response:
     """Step a run to its end, from the first push on: until then nothing moves the rock."""
     record, criteria = run.record, run.criteria
-    first = first_sample(run, case, settings)
+    first = first_sample(run, case)
     outcome, by = _judge(run, first)
     if criteria.proves:
         run.skip(max(0, first))
@@ -213,8 +212,9 @@ def complete(run: Run, case: Case, settings: Settings) -> Response:
 def _judge(run: Run, first: int) -> tuple[int, int]:
     impulse, pulse = run.impulse, run.sampled.pulse_samples
     remaining = max(0.0, float(run.impulses[pulse]) - impulse)
+    moved = first < min(run.sample, pulse)
     return on_pedestal.judge(
-        run.record, run.criteria, run.time, impulse, remaining, run.sample > first, run.shaken
+        run.record, run.criteria, run.time, impulse, remaining, moved, run.shaken
     )
 
 

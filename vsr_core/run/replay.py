@@ -184,7 +184,7 @@ def _attempts(
                 if isinstance(place, TerrainCase):
                     displacement.complete(run, place, settings)
                 else:
-                    overturning.complete(run, place, settings)
+                    overturning.complete(run, place)
             yield run, camera
         time_step /= 2.0
 
@@ -207,7 +207,7 @@ def _passed_over(place: Case | TerrainCase, settings: Settings, run: Run) -> int
     if isinstance(place, TerrainCase):
         ahead = run.values[: run.sampled.pulse_samples]
         return displacement.first_sample(ahead, place, settings)
-    return max(0, overturning.first_sample(run, place, settings)) if run.criteria.proves else 0
+    return max(0, overturning.first_sample(run, place)) if run.criteria.proves else 0
 
 
 def _go_on(

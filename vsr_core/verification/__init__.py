@@ -12,7 +12,7 @@ def modules(package: str) -> dict[str, ModuleType]:
 
     Examples
     --------
-    >>> "rolling" in modules("vsr_core.verification.reference")
+    >>> "incline" in modules("vsr_core.verification.reference")
     True
     """
     inside = pkgutil.iter_modules(importlib.import_module(package).__path__)

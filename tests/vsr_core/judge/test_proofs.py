@@ -373,7 +373,7 @@ def claims_of(
 
     monkeypatch.setattr(overturning, "_judge", noting)
     run = overturning.set_up(case, case.full, motion, settings, settings.time_step)
-    response = overturning.complete(run, case, settings)
+    response = overturning.complete(run, case)
     monkeypatch.undo()
     return response, claims
 

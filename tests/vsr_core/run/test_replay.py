@@ -85,6 +85,13 @@ def test_it_is_the_run_of_the_study(pulse: CosinePulse, settings: Settings) -> N
     assert (np.diff(run.time) > 0.0).all()
 
 
+@pytest.mark.parametrize("settings", [FINE, COARSE])
+def test_it_is_the_run_of_the_study_on_a_table_that_turns(settings: Settings) -> None:
+    axes = ("x", 0.5 * GRAVITY), ("y", 0.5 * GRAVITY), ("roll", 0.5), ("pitch", 0.5)
+    turns = AxisPulses(tuple(AxisPulse(axis, peak, 0.2) for axis, peak in axes))
+    assert replay(case(), turns, settings).response == simulate(case(), turns, settings)
+
+
 def test_what_the_study_passes_over_is_passed_over() -> None:
     """A sine begins gently: until its push can lift the rock, no step is done."""
     gentle = SinePulse(0.6 * GRAVITY, 0.3)

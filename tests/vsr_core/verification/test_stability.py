@@ -229,7 +229,8 @@ def test_figures_are_the_same_bytes_every_time(tmp_path: Path) -> None:
 
 
 def test_an_edit_of_a_case_makes_the_stage_again() -> None:
-    reached = tracing.reached(BY_NAME["stability"].roots())
+    made = BY_NAME["stability"]
+    reached = tracing.reached([made.make, *made.code])
     for name in (
         "vsr_core.verification.stability.servo_gains:_tracks",
         "vsr_core.verification.stability.long_rest:_drift",
@@ -427,6 +428,31 @@ def test_a_rock_that_drifts_before_anything_moves_it_is_unstable(
     assert world.built == HALVINGS + 1
     strong, _ = told(monkeypatch, drifts, 0.8)  # slides, for all we know
     assert strong.outcome is Outcome.DISPLACED
+
+
+def test_a_rock_that_drifts_after_a_motion_that_moves_nothing_is_unstable(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def drifts(over: float) -> Callable[[float], dict[str, object]]:
+        return lambda time: {
+            "position": np.array([max(0.0, 0.2 * (time - over)), 0.0, 1.0]),
+            "velocity": np.array([0.2, 0.0, 0.0]),
+        }
+
+    weak, strong = (CosinePulse.from_g(pga_g, 0.3).duration for pga_g in (0.4, 0.8))
+    assert told(monkeypatch, drifts(weak), 0.4)[0].outcome is Outcome.UNSTABLE
+    assert told(monkeypatch, drifts(strong), 0.8)[0].outcome is Outcome.DISPLACED
+
+
+@pytest.mark.parametrize("engine", ["nonsmooth", "bullet", "mujoco"])
+def test_every_engine_is_watched_until_something_moves_the_rock(engine: str) -> None:
+    """A rock that moves though, by limits that are wrong, nothing can have moved it."""
+    case = prepare(Scene(BLOCK, Contact(0.6)), _limits(BLOCK), reduce=False)
+    pulse = CosinePulse.from_g(0.7, 0.3)
+    settings = Settings(0.02 * unit(BLOCK), reduce=False, engine=engine)
+    assert simulate(case, pulse, settings).outcome is not Outcome.UNSTABLE
+    wrong = replace(case, static_limits=(-1.001 * pulse.pga, 1.001 * pulse.pga))
+    assert simulate(wrong, pulse, settings).outcome is Outcome.UNSTABLE
 
 
 def test_a_rock_that_creeps_is_not_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,6 +23,9 @@ from vsr_core.engines.bullet.binding import pybullet
 
 Vector = tuple[float, float, float]
 
+Moving = tuple[Vector, Vector]
+"""Velocity, and angular velocity."""
+
 
 def turn(
     client: int,
@@ -31,7 +34,8 @@ def turn(
     samples: Iterable[Sequence[float]],
     step: float,
     weight: float,
-) -> float:
+    before: Moving | None,
+) -> tuple[float, Moving | None]:
     """Step through samples of a table that turns.
 
     Parameters
@@ -39,6 +43,7 @@ def turn(
     inertia : three principal moments of inertia per unit mass, in the body's axes
     step, weight : length of a step and gravity
         All in Bullet's units.
+    before : velocities at the start of the step before these; None where it was set there
 
     Returns
     -------
@@ -46,10 +51,10 @@ def turn(
         Upper bound of how much sqrt(2 e) grew by it, where e is the rock's energy per unit mass
         relative to the table: the integral of the length of the force, without Coriolis's, which
         does no work, and of that of the moment, each in the metric of the kinetic energy.
+    velocities at the start of the last step
     """
     mass = pybullet.getDynamicsInfo(rock, -1, client)[0]
     given = 0.0
-    before: tuple[Vector, Vector] | None = None
     for ax, ay, az, *rest in samples:
         omega, rate = _vector(rest[:3]), _vector(rest[3:])
         place, quaternion = pybullet.getBasePositionAndOrientation(rock, client)
@@ -69,7 +74,7 @@ def turn(
         torque = [mass * part for part in _in_table(axes, moment)]
         pybullet.applyExternalTorque(rock, -1, torque, pybullet.WORLD_FRAME, client)
         pybullet.stepSimulation(client)
-    return given
+    return given, before
 
 
 def _moment(inertia: Sequence[float], omega: Vector, rate: Vector, spin: Vector) -> Vector:
@@ -86,9 +91,7 @@ def _moment(inertia: Sequence[float], omega: Vector, rate: Vector, spin: Vector)
     )
 
 
-def _carried_on(
-    now: tuple[Vector, Vector], before: tuple[Vector, Vector] | None
-) -> tuple[Vector, Vector]:
+def _carried_on(now: Moving, before: Moving | None) -> Moving:
     """Velocity and angular velocity half a step on."""
     if before is None:
         return now

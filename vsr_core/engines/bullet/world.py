@@ -21,7 +21,7 @@ from vsr_core.engines.bullet.collision_shapes import (
 )
 from vsr_core.engines.bullet.ground import GroundBlocks
 from vsr_core.engines.bullet.springs import RIGID, Springs, exact_springs
-from vsr_core.engines.bullet.turning_table import turn
+from vsr_core.engines.bullet.turning_table import Moving, turn
 from vsr_core.engines.interface import Solver
 from vsr_core.scene import Scene, State, resting
 
@@ -109,6 +109,7 @@ class BulletWorld:
         self._rock = self._add_rock(scene)
         self._known: State | None = None  # as last read, until the next step
         self._impulse = 0.0
+        self._before: Moving | None = None  # velocities a step ago, where a table turns
         self._moments = scene.rock.inertia / scene.rock.mass * self._scale**2
         self._ground: GroundBlocks | None = None
         if scene.terrain is not None:
@@ -174,13 +175,14 @@ class BulletWorld:
         units = [1.0] * 3 + [1.0 / pace] * 3 + [1.0 / self._scale] * 3
         scaled = (np.asarray(samples) * units).tolist()
         self._known = None
-        given = turn(
+        given, self._before = turn(
             self._client,
             self._rock,
             self._moments.tolist(),
             scaled,
             self._sample * pace,
             self._weight,
+            self._before,
         )
         self._impulse += given / pace
 
@@ -205,7 +207,7 @@ class BulletWorld:
 
     def put(self, state: State) -> None:
         """Have the rock go on from a state."""
-        self._known = None
+        self._known = self._before = None
         pace = math.sqrt(self._scale)
         place = state.position * self._scale + self._lift
         pybullet.resetBasePositionAndOrientation(

@@ -144,8 +144,9 @@ def _run(
         now = until
         monitoring.write(record, body, table.axes, rock, points, interval)
         remaining = max(0.0, whole - impulse)
+        time, moved = now * interval, first < min(now, pulse)
         outcome, by = on_pedestal.judge(
-            record, criteria, now * interval, impulse, remaining, now > first, now < pulse
+            record, criteria, time, impulse, remaining, moved, now < pulse
         )
     if outcome == GOES_ON:
         outcome, by = on_pedestal.out_of_time(record, criteria), on_pedestal.SIMULATED
