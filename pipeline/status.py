@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import closing
@@ -19,7 +20,7 @@ from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell, MotionData, Shaking
 from pipeline.stages.runs import displacement_runs, overturning_runs
 from pipeline.stages.runs.runner import Kind, Run
-from pipeline.stages.runs.scenes import Group, Scenes, flat_case, left_out
+from pipeline.stages.runs.scenes import MOST_RUNS, Group, Scenes, flat_case, left_out
 from pipeline.stages.runs.step_choice import stored_steps
 from pipeline.stages.runs.study import Study
 from pipeline.workflow import graph, site_folder
@@ -71,7 +72,7 @@ def plan(product: str, job: Job) -> list[str]:
     """What would run, what it costs, and what is left out of the scene."""
     todo = [
         name
-        for name, identity in graph.identities(product, job.site).items()
+        for name, identity in graph.identities(product, job.site, to_make=False).items()
         if any(graph.why(BY_NAME[name], identity, job.store))
     ]
     lines = [f"stages to make: {', '.join(todo) or 'none'}"]
@@ -137,10 +138,15 @@ def _planned_runs(job: Job, study: Study, kind: Kind[Any]) -> list[str]:
         if proves:
             still = flat_case(study.scenes, group).static_limits
             limit = in_si.in_g(min(-still[0], still[1]))
-        left = _left(job.store, study, group, kind)
-        total += motion_grid.count(motions)
-        new += len(left)
-        proved += sum(cell.pga < limit for cell in left)
+        total += (each := motion_grid.count(motions))
+        known = not math.isnan(study.time_step(group)) and is_there(job.store.runs)
+        if known and each <= MOST_RUNS:
+            left = _left(job.store, study, group, kind)
+            new += len(left)
+            proved += sum(cell.pga < limit for cell in left)
+        else:
+            new += each
+            proved += len(motions.rows) * bisect_left(motions.pga, limit)
     steps = sorted({step for step in study.steps.steps if not math.isnan(step)})
     text = ", ".join(f"{1e3 * step:.3g} ms" for step in steps)
     return [
@@ -153,8 +159,6 @@ def _planned_runs(job: Job, study: Study, kind: Kind[Any]) -> list[str]:
 
 def _left(store: Store, study: Study, group: Group, kind: Kind[Any]) -> list[Cell]:
     """Cells of a group whose runs are not stored."""
-    if math.isnan(study.time_step(group)) or not is_there(store.runs):
-        return list(motion_grid.each_cell(study.motions))
     runs = study.wanted(group)
     kept = _stored(store, runs, kind)
     return [run.item for run in runs if run.key not in kept]

@@ -48,18 +48,18 @@ class Identity:
         return keys.digest(self.facts)
 
 
-def identities(name: str, site: Site) -> dict[str, Identity]:
+def identities(name: str, site: Site, *, to_make: bool = True) -> dict[str, Identity]:
     """Identity of each stage that a product needs and that applies, each after what it needs.
 
-    What cannot be made is refused.
+    What cannot be made is refused where it is ``to_make``; a plan tells what it would cost.
     """
     found: dict[str, Identity] = {}
     inputs: dict[str, Input | None] = {}
     values = Values(site.settings)
     stages = [stage for stage in upstream(name) if stage.applies(site.settings)]
     for stage in stages:
-        if stage.refuses:
-            named(stage.refuses)(site)
+        for path in filter(None, (stage.refuses, stage.bounds if to_make else "")):
+            named(path)(site)
     for stage in stages:
         for path in inputs_of(stage.make):
             if path not in inputs:

@@ -75,7 +75,8 @@ STAGES: tuple[Stage, ...] = (
             "pipeline.stages.runs.step_choice:StepData",
             "pipeline.stages.runs.step_choice:TimeSteps",
         ),
-        refuses="pipeline.stages.runs.scenes:refuse_grid",
+        refuses="pipeline.stages.runs.scenes:refuse_step",
+        bounds="pipeline.stages.runs.scenes:refuse_number",
     ),
     Stage(
         "terrain",

@@ -135,6 +135,7 @@ class Stage:
     gives : tuple of str, classes of its product, as other functions ask for it
     applies : whether a site with some settings has any use for it
     refuses : str, function of a site that refuses what cannot be made, before anything is
+    bounds : str, the same for what is too much to be made, of which a plan still tells the cost
     aside : whether it is made in a process of its own, beside the stages that do not need it
     code : tuple of str, roots of code that its function finds by names of modules
     in_database : bool, whether its product is rows of the database of runs
@@ -145,6 +146,7 @@ class Stage:
     gives: tuple[str, ...] = ()
     applies: Callable[[Any], bool] = lambda settings: True
     refuses: str = ""
+    bounds: str = ""
     aside: Callable[[Any], bool] = lambda settings: False
     code: tuple[str, ...] = ()
     files: tuple[str, ...] = ()

@@ -229,16 +229,20 @@ def refuse_runs(job: Job) -> None:
     refuse_motions(scenes, config.yaw, motion_grid.of_site(job.site), job.site)
 
 
-def refuse_grid(site: Site) -> None:
-    """Refuse too many runs, and a given time step that a block's motions do not go together with.
+def refuse_number(site: Site) -> None:
+    """Refuse more runs than can be done."""
+    if (count := motion_grid.count(motion_grid.of_site(site))) > MOST_RUNS:
+        rule = f"a direction and friction has at most {MOST_RUNS:,}, which are held in memory"
+        remedy = "part the study in several, or thin out its grid"
+        raise InputError(Problem(site.file_of("motion"), "motion", f"{count:,} runs", rule, remedy))
+
+
+def refuse_step(site: Site) -> None:
+    """Refuse a given time step that a block's motions do not go together with.
 
     That is what can be said before the rock is made.
     """
     motions, settings = motion_grid.of_site(site), site.config.scene
-    if (count := motion_grid.count(motions)) > MOST_RUNS:
-        rule = f"a direction and friction has at most {MOST_RUNS:,}, which are held in memory"
-        remedy = "part the study in several, or thin out its grid"
-        raise InputError(Problem(site.file_of("motion"), "motion", f"{count:,} runs", rule, remedy))
     size, step = site.config.rock.size, settings.simulation.time_step
     if size is None or site.config.rock.shape != "box" or step == "auto":
         return

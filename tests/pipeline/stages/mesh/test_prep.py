@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -94,6 +95,14 @@ class Shown:
     def products(self) -> Path:
         return self.derived / "hill"
 
+    def moved(self, folder: Path) -> Shown:
+        """The same in another folder; no site is left where it was."""
+        shutil.copytree(self.derived, folder / "derived")
+        settings = folder / "derived" / "hill" / ".stages" / "settings.json"
+        gone = settings.read_text().replace(str(self.site), str(folder / "gone.yaml"))
+        settings.write_text(gone)
+        return replace(self, site=site(folder), derived=folder / "derived")
+
 
 @pytest.fixture(scope="module")
 def shown(tmp_path_factory: pytest.TempPathFactory) -> Shown:
@@ -143,7 +152,10 @@ def test_a_proposal_is_shown_and_nothing_more(shown: Shown) -> None:
     assert shown.ran.out == ""
     assert str(shown.products / "prep.html") in shown.ran.err
     assert "to accept it, set pedestal.cut: proposal" in shown.ran.err.splitlines()[-1]
-    assert names(shown.products) == {"prep.html", "scan.nc", "scan.json"}
+    assert names(shown.products) == {
+        *("prep.html", "scan.nc", "scan.json"),
+        *("config.yaml", "settings.json"),
+    }
     assert read(shown.products / "scan.nc").attrs["accepted"] == 0
     see_that_it_is_the_rock(shown.products)
 
@@ -480,11 +492,12 @@ def test_rock_that_starts_in_the_ground(
 def test_a_refused_scan_leaves_the_products_of_the_last_good_one(
     shown: Shown, tmp_path: Path
 ) -> None:
+    here = shown.moved(tmp_path)
     write_ply(tmp_path / "scan.ply", tapered().solid)
-    before = {p: p.read_bytes() for p in shown.products.rglob("*") if p.is_file()}
-    ran = run("prep", "--site", site(tmp_path), "--derived", shown.derived)
+    before = {p: p.read_bytes() for p in here.products.rglob("*") if p.is_file()}
+    ran = run("prep", "--site", here.site, "--derived", here.derived)
     assert ran.code == 2
-    page = shown.products / "prep.html"
+    page = here.products / "prep.html"
     assert "is refused" in page.read_text()
     del before[page]
     assert {p: p.read_bytes() for p in before} == before
@@ -536,15 +549,17 @@ def test_a_scan_in_the_folder_takes_the_surrogates_place(
     (tmp_path / "raw").mkdir()
     assert "surrogate" in source_of(where).label
     write_ply(tmp_path / "raw" / "mine.ply", survey(), FAR)
-    said = run("why", "rock", "--site", where, "--derived", shown.derived).out
+    before = shown.moved(tmp_path).derived
+    where = site(tmp_path, rock="mesh: raw/, fallback: granite_dells")
+    said = run("why", "rock", "--site", where, "--derived", before).out
     assert "scan: file mine.ply new" in said
     assert "scan: file scan.ply gone" in said
-    ran = run("prep", "--site", where, "--derived", tmp_path / "derived")
+    ran = run("prep", "--site", where, "--derived", tmp_path / "anew")
     assert ran.code == 0, ran.err
-    page = (tmp_path / "derived" / "hill" / "prep.html").read_text()
+    page = (tmp_path / "anew" / "hill" / "prep.html").read_text()
     assert "mine.ply" in page
     assert "surrogate" not in page.lower()
-    see_that_it_is_the_rock(tmp_path / "derived" / "hill")
+    see_that_it_is_the_rock(tmp_path / "anew" / "hill")
 
 
 @pytest.mark.slow
