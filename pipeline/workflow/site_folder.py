@@ -56,7 +56,9 @@ def settle(job: Job) -> None:
         return
 
     tree = job.site.settings.model_dump(mode="json")
-    settings = yaml.safe_dump(tree, sort_keys=False)
+    # libyaml's dumper: a grid given as a list can have 100,000 values
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    settings = yaml.dump(tree, Dumper=dumper, sort_keys=False)
     facts = {"key": key, "place": str(job.site.path), "unresolved": 0, "retry": 0,
              "facts": {"config": tree, "needs": {}}}  # fmt: skip
     store.open()
