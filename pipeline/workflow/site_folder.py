@@ -51,6 +51,8 @@ def store_of(site: Site, derived: Path, variant: str | None) -> Store:
 
 def settle(job: Job) -> None:
     """Write the settings of a site beside its products, where others stand there."""
+    if not job.shows:  # a plan's folder, which goes with it
+        return
     key, store = _key(job.site), job.store
     if (store.manifest(SETTINGS) or {}).get("key") == key and not store.damage(SETTINGS):
         return
