@@ -294,9 +294,6 @@ class Delayed(GroundMotion):
     def velocity(self, t: Array) -> Array:
         return self.motion.velocity(t - self.rest)
 
-    def remaining_impulse(self, t: float) -> float:
-        return self.motion.remaining_impulse(t - self.rest)
-
 
 class Recording:
     """Bullet, with the state of the rock read and kept at every sample."""

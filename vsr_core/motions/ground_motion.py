@@ -47,10 +47,3 @@ class GroundMotion(Protocol):
     @abstractmethod
     def velocity(self, t: Array) -> Array:
         """Velocity [m/s] at times ``t`` [s], shape of ``t``; with several axes (n, 3)."""
-
-    @abstractmethod
-    def remaining_impulse(self, t: float) -> float:
-        """Integral of the absolute acceleration [m/s] from ``t`` [s] to the end.
-
-        Infinite where it bounds nothing: of a table that turns, unless it rests level.
-        """

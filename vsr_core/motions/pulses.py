@@ -89,21 +89,6 @@ class CosinePulse(Pulse):
         amplitude = self.pga * self.pgv_pga**2
         return np.where(inside, amplitude * (1.0 - np.cos(t / self.pgv_pga)), 0.0)
 
-    def remaining_impulse(self, t: float) -> float:
-        """Integral of |acceleration| [m/s] from ``t`` to the end; 4 PGV for the whole pulse."""
-        phase = min(max(t / self.pgv_pga, 0.0), 2.0 * math.pi)
-        done = _integral_abs_cos(phase)
-        return self.peak_acceleration * self.pgv_pga * (4.0 - done)
-
-
-def _integral_abs_cos(phase: float) -> float:
-    """Integral of |cos| from 0 to ``phase`` [rad], 0 <= phase <= 2 pi."""
-    if phase <= 0.5 * math.pi:
-        return math.sin(phase)
-    if phase <= 1.5 * math.pi:
-        return 2.0 - math.sin(phase)
-    return 4.0 + math.sin(phase)
-
 
 @dataclass(frozen=True)
 class SinePulse(Pulse):
@@ -148,12 +133,6 @@ class SinePulse(Pulse):
         """Table displacement at given times; afterwards the table stays where it is."""
         phase = np.clip(t, 0.0, self.duration) / self.shortest_time
         return np.asarray(self.pga * self.shortest_time**2 * (phase - np.sin(phase)))
-
-    def remaining_impulse(self, t: float) -> float:
-        """Integral of |acceleration| from a time to the end; 2 PGV for the whole pulse."""
-        phase = min(max(t / self.shortest_time, 0.0), 2.0 * math.pi)
-        done = 1.0 - math.cos(phase) if phase <= math.pi else 3.0 + math.cos(phase)
-        return self.peak_acceleration * self.shortest_time * (4.0 - done)
 
 
 REACH = 6.0
@@ -214,16 +193,6 @@ class RickerPulse(Pulse):
         x = self._place(t)
         value = -self.pga * self.width**2 * np.exp(-0.5 * x**2)
         return np.where(np.abs(x) <= REACH, value, 0.0)
-
-    def remaining_impulse(self, t: float) -> float:
-        """Integral of |acceleration| from a time to the end; 4 PGV for the whole pulse.
-
-        It is the way that the velocity goes, up and down, between the peaks of the velocity.
-        """
-        x = min(max(t / self.width - REACH, -REACH), REACH)
-        turns = np.array([x, *(peak for peak in (-1.0, 1.0) if peak > x), REACH])
-        way = np.abs(np.diff(turns * np.exp(-0.5 * turns**2))).sum()
-        return self.peak_acceleration * self.width * float(way)
 
     def _place(self, t: Array) -> Array:
         """Times since the peak, in widths."""

@@ -12,7 +12,6 @@ angular velocity and the rate of that add is up to ``engines``.
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
@@ -99,26 +98,10 @@ class TableMotion(GroundMotion):
         integral = cumulative_trapezoid(self._accelerations, self.fine_times, axis=0)
         return float(np.linalg.norm(integral, axis=1).max())
 
-    def remaining_impulse(self, t: float) -> float:
-        """Integral of the length of the acceleration [m/s] from ``t`` [s] to the end.
-
-        Of a motion that turns it bounds nothing, so it is infinite, unless the table rests level.
-        """
-        if self.turns:
-            level = bool(np.allclose(self.derivative(np.array([self.duration]), 0)[0, 3:5], 0.0))
-            return 0.0 if level and t >= self.duration else math.inf
-        return float(self._impulse[-1] - np.interp(t, self.fine_times, self._impulse))
-
     @cached_property
     def _accelerations(self) -> Array:
         """At the fine times, shape (n, 3)."""
         return self.acceleration(self.fine_times)[:, :3]
-
-    @cached_property
-    def _impulse(self) -> Array:
-        """Integral of the length of the acceleration up to each of the fine times."""
-        lengths = np.linalg.norm(self._accelerations, axis=1)
-        return cumulative_trapezoid(lengths, self.fine_times, initial=0.0)
 
 
 @dataclass(frozen=True)
@@ -182,12 +165,6 @@ class AxisPulses(TableMotion):
             value = (pulse.displacement, pulse.velocity, pulse.acceleration)[order](t)
             parts.append(np.where(np.array(AXES) == one.axis, value[:, None], 0.0))
         return np.sum(parts, axis=0)
-
-    def remaining_impulse(self, t: float) -> float:
-        """Sum of theirs, which is no less than that of their sum; infinite as a rotation's is."""
-        if self.turns:
-            return super().remaining_impulse(t)
-        return sum(one.pulse.remaining_impulse(t) for one in self.pulses)
 
 
 def rotation(angles: Array) -> Array:

@@ -11,8 +11,6 @@ from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.scene import Scene
 from vsr_core.table import servo
 
-RESIDUAL = bullet.SOLVER.residual
-
 Change = Callable[[Case, Settings], tuple[Case, Settings]]
 
 

@@ -365,7 +365,8 @@ def claims_of(
 
     def noting(run: Run, first: int) -> tuple[int, int]:
         found, record, limits = judge(run, first), run.record, case.limits
-        arguments = limits, record.tilt, record.energy, motion.remaining_impulse(run.time)
+        left = max(0.0, float(run.impulses[run.sampled.pulse_samples]) - run.impulse)
+        arguments = limits, record.tilt, record.energy, left
         falls = record.tilt > limits.toppled_tilt and on_pedestal.falls_on(record, run.criteria)
         claim = proofs.cannot_topple(*arguments), proofs.cannot_return(*arguments), falls
         claims.append((record.tilt, *claim))

@@ -412,29 +412,12 @@ def test_velocity_and_displacement_are_exact_integrals(values, step: float, shar
     assert found == pytest.approx(way.sum(), abs=1e-9 * scale * max(t, step))
 
 
-@settings(max_examples=60, deadline=None)
-@given(samples, steps, st.floats(-0.2, 1.2))
-def test_remaining_impulse_is_exact(values, step: float, share: float) -> None:
-    motion = RecordedMotion(Trace(values, step))
-    t = share * motion.duration
-    times = motion.trace.times
-    a, b = values[:-1], values[1:]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        zeros = times[:-1] + step * np.where(a * b < 0.0, a / (a - b), 0.0)
-    knots = np.unique(np.concatenate([times, zeros, [min(max(t, 0.0), motion.duration)]]))
-    knots = knots[knots >= min(max(t, 0.0), motion.duration)]
-    size = np.abs(np.interp(knots, times, values))
-    left = float(np.sum(0.5 * np.diff(knots) * (size[1:] + size[:-1])))  # no sign change within
-    assert motion.remaining_impulse(t) == pytest.approx(left, abs=1e-7 * 20.0 * motion.duration)
-
-
 def test_outside_the_record_the_table_rests() -> None:
     motion = RecordedMotion(Trace(VALUES, STEP))
     outside = np.array([-1.0, motion.duration + 1.0])
     assert motion.acceleration(outside).tolist() == [0.0, 0.0]
     assert motion.velocity(outside).tolist() == [0.0, 0.0]
     assert motion.displacement(outside).tolist() == [0.0, motion.trace.displacement[-1]]
-    assert motion.remaining_impulse(motion.duration) == 0.0
     assert motion.acceleration(motion.trace.times) == pytest.approx(VALUES)
 
 
@@ -469,8 +452,6 @@ def test_a_sampled_pulse_is_the_pulse() -> None:
         np.testing.assert_allclose(
             getattr(motion, name)(t), exact, atol=(step / 0.3) ** 2 / 6 * np.abs(exact).max()
         )
-    for at in (-1.0, 0.0, 0.3, 1.0, 5.0):
-        assert motion.remaining_impulse(at) == pytest.approx(pulse.remaining_impulse(at), abs=1e-4)
 
 
 # Processing

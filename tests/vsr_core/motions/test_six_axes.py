@@ -138,7 +138,6 @@ def test_a_pulse_is_the_cosine_pulse_on_its_axis(axis: str, peak: float, ratio: 
         assert not np.delete(course, own, axis=1).any()
     if not pulse.turns:
         assert pulse.peak_acceleration == pytest.approx(abs(peak))
-        assert pulse.remaining_impulse(0.3 * ratio) == plain.remaining_impulse(0.3 * ratio)
 
 
 def cosine_samples(rate: float, motion: TableMotion) -> tuple[Array, Array]:
@@ -179,21 +178,6 @@ def test_scaling_scales_every_axis() -> None:
     for order in range(3):
         np.testing.assert_allclose(twice.derivative(t, order), 2.0 * motion.derivative(t, order))
     assert twice.peak_acceleration == pytest.approx(2.0 * motion.peak_acceleration)
-
-
-def test_impulse_of_a_sampled_translation_is_that_of_the_pulse() -> None:
-    pulse = on_axis("z", 3.0, 0.3)
-    motion = sampled(*cosine_samples(200.0, pulse))
-    for t in np.linspace(0.0, 1.0, 7) * pulse.duration:
-        expected = pulse.remaining_impulse(float(t))
-        assert motion.remaining_impulse(float(t)) == pytest.approx(expected, abs=1e-3)
-
-
-def test_a_tilted_end_is_never_a_proof() -> None:
-    """Energy bounds take gravity along z."""
-    for motion, level in ((ramp("pitch", 0.3), False), (ramp("yaw", 0.3), True)):
-        assert motion.remaining_impulse(0.5) == math.inf
-        assert (motion.remaining_impulse(motion.duration) == 0.0) == level
 
 
 # In the turning frame

@@ -247,28 +247,6 @@ class RecordedMotion(GroundMotion):
         )
         return np.asarray(d + s * (v + s * (a / 2.0 + slope * s / 6.0)))
 
-    def remaining_impulse(self, t: float) -> float:
-        """Integral of |acceleration| [m/s] from ``t`` [s] to the end."""
-        if t <= 0.0:
-            return float(self._left[0])
-        h = self.trace.interval
-        k = int(t / h)
-        if k >= len(self._left) - 1:
-            return 0.0
-        a, b = float(self.trace.acceleration[k]), float(self.trace.acceleration[k + 1])
-        here = a + (b - a) * (t / h - k)
-        rest = h * (k + 1) - t
-        if here * b >= 0.0:
-            piece = 0.5 * rest * (abs(here) + abs(b))
-        else:  # two triangles
-            piece = 0.5 * rest * (here**2 + b**2) / (abs(here) + abs(b))
-        return piece + float(self._left[k + 1])
-
-    @cached_property
-    def _left(self) -> Array:
-        """Integral of |acceleration| from each sample to the end."""
-        return np.concatenate([[0.0], np.cumsum(cav_increments(self.trace)[::-1])])[::-1]
-
     def _inside(self, t: Array) -> np.ndarray:
         return (t >= 0.0) & (t <= self.duration)
 

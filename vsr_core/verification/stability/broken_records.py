@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -46,13 +46,6 @@ class BrokenRecord(GroundMotion):
 
     interval: float
     samples: Array
-    _impulse: Array = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        middles = (np.arange(len(self.samples) - 1, dtype=np.float64) + 0.5) * self.interval
-        steps = np.abs(self.acceleration(middles))
-        impulse = np.concatenate([[0.0], np.cumsum(steps) * self.interval])
-        object.__setattr__(self, "_impulse", impulse)
 
     @property
     def duration(self) -> float:
@@ -81,11 +74,6 @@ class BrokenRecord(GroundMotion):
         times = self.interval * np.arange(len(self.samples))
         found: Array = np.interp(t, times, np.concatenate([[0.0], np.cumsum(middle)]))
         return found
-
-    def remaining_impulse(self, t: float) -> float:
-        """Integral of the absolute acceleration [m/s] from ``t`` [s] on."""
-        times = self.interval * np.arange(len(self._impulse))
-        return float(self._impulse[-1] - np.interp(t, times, self._impulse))
 
 
 def _whole(rate: float, pga_g: float = 0.6) -> BrokenRecord:
@@ -128,10 +116,6 @@ class _Unaware(BrokenRecord):
     def peak_acceleration(self) -> float:
         """Largest absolute acceleration [m/s^2]."""
         return float(np.nanmax(np.abs(self.samples)))
-
-    def remaining_impulse(self, t: float) -> float:
-        """More than is left [m/s]."""
-        return self.peak_acceleration * max(self.duration - t, 0.0)
 
 
 def _unaware(first: int) -> BrokenRecord:

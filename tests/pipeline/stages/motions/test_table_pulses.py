@@ -45,22 +45,6 @@ def test_pulses_together_are_their_sum(pulses: list[AxisPulse]) -> None:
         np.testing.assert_allclose(motion.derivative(t, order), expected, atol=1e-12)
 
 
-@given(PULSES, st.floats(0.0, 1.1))
-@settings(max_examples=40, deadline=None, derandomize=True)
-def test_what_is_left_of_their_impulse_is_bounded(pulses: list[AxisPulse], share: float) -> None:
-    motion = AxisPulses(tuple(pulses))
-    start = share * motion.duration
-    left = motion.remaining_impulse(start)
-    if motion.turns:
-        assert left == (0.0 if start >= motion.duration else math.inf)
-        return
-    times = np.linspace(start, max(start, motion.duration), 20_001)
-    length = np.linalg.norm(motion.derivative(times, 2)[:, :3], axis=1)
-    assert left >= np.trapezoid(length, times) - 1e-2
-    if len(pulses) == 1:
-        assert left == pulses[0].pulse.remaining_impulse(start)
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_what_is_left_out_changes_no_outcome(seed: int) -> None:
     """Of pulses of several lengths, in translation and with a turn."""
