@@ -148,9 +148,7 @@ def _larger(site: TerrainCase) -> TerrainCase:
         parts=tuple(part + shift for shift in shifts for part in terrain.parts),
     )
     return replace(
-        site,
-        seat=replace(site.seat, terrain=larger),
-        flight=replace(site.flight, terrain=larger),
+        site, seat=replace(site.seat, terrain=larger), flight=replace(site.flight, terrain=larger)
     )
 
 

@@ -37,10 +37,7 @@ EXAMPLES = (
 """Products that the site shows, by the arguments of `vsr run`."""
 
 WIDE = (1280, 900)
-SHOWN = {
-    "page_index": ("index.html", WIDE),
-    "page_report": ("cuboid_1x1x2/report.html", WIDE),
-}
+SHOWN = {"page_index": ("index.html", WIDE), "page_report": ("cuboid_1x1x2/report.html", WIDE)}
 """Pictures of pages, each with its page and the window [px] it is seen in."""
 
 BESIDE = ("CHANGELOG.md", "CONTRIBUTING.md", "paper.md")

@@ -75,8 +75,7 @@ class Comparison(Section):
     """The same rock with other settings, for comparison."""
 
     name: str = Field(
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9 .,()_-]{0,60}$",
-        description="label, e.g. friction 0.4",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9 .,()_-]{0,60}$", description="label, e.g. friction 0.4"
     )
     study: str | None = Field(None, description="study, by name or by the path of its YAML")
     set: Annotated[tuple[str, ...], Lax] = Field((), description="settings, each key=value")
@@ -121,17 +120,13 @@ class HazardConfig(Section):
     )
     age: Age | None = Field(None, description="age of the rock in its present position")
     minimum_survival_probability: float = Field(
-        0.05,
-        gt=0,
-        lt=1,
-        description="survival probability below which a branch is rejected [1]",
+        0.05, gt=0, lt=1, description="survival probability below which a branch is rejected [1]"
     )
     component: Literal["RotD50", "GMRotI50", "geometric mean", "larger", "RotD100"] = Field(
         "RotD50", description="horizontal component of the curves; reported, not used"
     )
     pgv_pga: RatioConfig | None = Field(
-        None,
-        description="PGV/PGA at each PGA; null to derive it from PGV curves or disaggregation",
+        None, description="PGV/PGA at each PGA; null to derive it from PGV curves or disaggregation"
     )
     disaggregation: str | None = Field(
         None,

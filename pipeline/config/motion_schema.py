@@ -56,10 +56,7 @@ Peaks = Annotated[
 
 def _in_seconds(pgv_pga: tuple[float, ...]) -> tuple[float, ...]:
     if pgv_pga[0] < SHORTEST_PULSE:
-        raise Refused(
-            f"PGV/PGA is positive, at least {SHORTEST_PULSE:g} s",
-            "start there",
-        )
+        raise Refused(f"PGV/PGA is positive, at least {SHORTEST_PULSE:g} s", "start there")
     if pgv_pga[-1] > LONGEST_PULSE:
         raise Refused(
             f"PGV/PGA is in seconds and at most {LONGEST_PULSE:g} s", "write 0.3 for 300 ms"
@@ -199,8 +196,7 @@ class AxisPulseConfig(Section):
         description="ratio of its peak to the PGA, not 0; of a rotation, at 1 m from its axis [1]",
     )
     pgv_pga: _Ratio | None = Field(
-        None,
-        description="PGV/PGA of this pulse; null for that of the grid [s]",
+        None, description="PGV/PGA of this pulse; null for that of the grid [s]"
     )
 
     @field_validator("pga_ratio")

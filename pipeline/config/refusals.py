@@ -31,10 +31,7 @@ RENAMED = {
 
 
 def problem(
-    error: Any,
-    origin: dict[tuple[str, ...], str],
-    site: str,
-    root: type[BaseModel] = Config,
+    error: Any, origin: dict[tuple[str, ...], str], site: str, root: type[BaseModel] = Config
 ) -> Problem:
     """Say what is wrong with a value.
 

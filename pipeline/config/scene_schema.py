@@ -47,8 +47,7 @@ class RockConfig(Section):
         "relative to the file that names it",
     )
     fallback: str | None = Field(
-        None,
-        description="surrogate of vsr_core.surrogates, used where there is no scan",
+        None, description="surrogate of vsr_core.surrogates, used where there is no scan"
     )
     scale: float = Field(1.0, ge=1e-6, le=1e6, description="length of the mesh file's unit [m]")
     closing: Literal["caps", "hull", "poisson"] = Field(

@@ -57,8 +57,7 @@ class SimulationConfig(Section):
     """How runs are computed."""
 
     engine: Literal["auto", "nonsmooth", "bullet", "mujoco"] = Field(
-        "auto",
-        description="physics engine; auto for the cheapest that can represent the scene",
+        "auto", description="physics engine; auto for the cheapest that can represent the scene"
     )
     time_step: Literal["auto"] | Annotated[float, Field(ge=SHORTEST_STEP, le=0.02)] = Field(
         "auto", description="time step; auto for the coarsest within the tolerance [s]"
@@ -110,8 +109,7 @@ class Config(Section):
     contact: ContactConfig = Field(description="contact coefficients of rock and pedestal")
     motion: MotionConfig = Field(description="ground motions of the study")
     yaw: Annotated[
-        Values,
-        BeforeValidator(as_values, json_schema_input_type=_Angle | list[_Angle] | Range),
+        Values, BeforeValidator(as_values, json_schema_input_type=_Angle | list[_Angle] | Range)
     ] = Field(description="rotation of the rock about z before the shaking along +x [degree]")
     drive: Literal["table_frame", "servo"] = Field(
         "table_frame", description="prescribed motion, or a servo-controlled table"

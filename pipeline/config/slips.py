@@ -54,12 +54,7 @@ NO_SLIDING = 10.0
 """The friction that stands for no sliding."""
 
 SLIPS = (
-    Slip(
-        "yaw",
-        _in_a_turn,
-        "yaw is in degrees",
-        "radians? write 45 for 0.785",
-    ),
+    Slip("yaw", _in_a_turn, "yaw is in degrees", "radians? write 45 for 0.785"),
     Slip(
         "uncertainty.azimuth.sd azimuth.sd",
         _between(0.0, 0.5),
@@ -102,12 +97,7 @@ SLIPS = (
         "density is in kg m-3, 1500 to 3500 for rock",
         "lb/ft3? write 2640 for 165 lb/ft3",
     ),
-    Slip(
-        "rock.size",
-        _above(15.0),
-        "lengths are in metres",
-        "cm? write 0.12 for 12 cm",
-    ),
+    Slip("rock.size", _above(15.0), "lengths are in metres", "cm? write 0.12 for 12 cm"),
     Slip(
         "uncertainty.centre_of_mass uncertainty.scan.error",
         _above(0.2),

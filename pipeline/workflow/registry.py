@@ -159,13 +159,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "displacement_report",
         make="pipeline.stages.displacement.displacement_report:make",
-        files=(
-            "displacement.html",
-            "scene3d.html",
-            *SCENE_SCRIPTS,
-            "page.js",
-            "catalogue.yaml",
-        ),
+        files=("displacement.html", "scene3d.html", *SCENE_SCRIPTS, "page.js", "catalogue.yaml"),
         versions=("matplotlib", "jinja2", "pillow"),
     ),
     Stage(
@@ -205,9 +199,7 @@ STAGES: tuple[Stage, ...] = (
         versions=("pybullet", "matplotlib", "jinja2"),
     ),
     Stage(
-        "as_printed",
-        make="pipeline.stages.studies.printed.as_printed:make",
-        versions=("pybullet",),
+        "as_printed", make="pipeline.stages.studies.printed.as_printed:make", versions=("pybullet",)
     ),
     Stage(
         "validation",

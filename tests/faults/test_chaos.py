@@ -233,11 +233,7 @@ def names(folder: Path) -> set[Path]:
 
 @pytest.mark.parametrize(("kills", "seed"), [(4, 51), pytest.param(100, 8, marks=pytest.mark.slow)])
 def test_a_kill_costs_only_the_batches_in_flight(
-    write_site: Callable[..., str],
-    vsr: Callable[..., Any],
-    tmp_path: Path,
-    kills: int,
-    seed: int,
+    write_site: Callable[..., str], vsr: Callable[..., Any], tmp_path: Path, kills: int, seed: int
 ) -> None:
     """A third of the commands has workers of its own, the others those of a scheduler."""
     site = write_site(GRID)

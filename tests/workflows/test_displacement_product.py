@@ -100,9 +100,7 @@ def test_every_cell_has_a_run_of_its_own(runs: xr.Dataset) -> None:
     assert strongest.all()
 
 
-def test_a_trajectory_begins_on_the_seat_and_goes_the_way_of_its_velocity(
-    runs: xr.Dataset,
-) -> None:
+def test_a_trajectory_begins_on_the_seat_and_goes_the_way_of_its_velocity(runs: xr.Dataset) -> None:
     for track, fell in zip(tracks(runs), toppled(runs), strict=True):
         time, path = track["time"].values, place(track)
         turn = Rotation.from_quat(track["quaternion"].values)  # x y z w

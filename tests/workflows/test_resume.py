@@ -232,8 +232,7 @@ def test_deleted_runs_are_done_again(responses: Callable[..., Path], counted: Co
 
 
 @pytest.mark.parametrize(
-    "stop_at",
-    [0, 11, *(pytest.param(runs, marks=pytest.mark.slow) for runs in (1, 7, 23))],
+    "stop_at", [0, 11, *(pytest.param(runs, marks=pytest.mark.slow) for runs in (1, 7, 23))]
 )
 def test_interrupt_keeps_whole_batches(
     responses: Callable[..., Path],

@@ -239,10 +239,7 @@ def test_a_second_call_runs_nothing(
     ],
 )
 def test_what_is_wrong_is_told_in_one_line(
-    tmp_path: Path,
-    refused: Callable[..., str],
-    changes: dict[str, object],
-    words: tuple[str, ...],
+    tmp_path: Path, refused: Callable[..., str], changes: dict[str, object], words: tuple[str, ...]
 ) -> None:
     folder = write_tests(tmp_path / "wrong", **changes)
     recorded_tests.accelerations.cache_clear()

@@ -20,11 +20,7 @@ __all__ = ["FragilityResult", "ModelFit", "fit_all"]
 
 
 def fit_all(
-    pga: npt.ArrayLike,
-    pgv_pga: npt.ArrayLike,
-    overturned: npt.ArrayLike,
-    *,
-    n_bootstrap: int = 200,
+    pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLike, *, n_bootstrap: int = 200
 ) -> FragilityResult:
     """Boundary, fitted models with intervals and scores, and the recommended model.
 
@@ -49,16 +45,9 @@ def fit_all(
     models = tuple(_fitted(kind(cells), n_bootstrap) for kind in kinds)
     boundary = locate(pga, overturned)
     recommended, reason = recommend(
-        {model.name: model.scores for model in models},
-        boundary,
-        separated=models[0].separated,
+        {model.name: model.scores for model in models}, boundary, separated=models[0].separated
     )
-    return FragilityResult(
-        boundary=boundary,
-        models=models,
-        recommended=recommended,
-        reason=reason,
-    )
+    return FragilityResult(boundary=boundary, models=models, recommended=recommended, reason=reason)
 
 
 def _fitted(model: FragilityModel, n_bootstrap: int) -> ModelFit:

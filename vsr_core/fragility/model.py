@@ -121,11 +121,7 @@ MAX_STEP = 10.0
 
 
 def maximise(
-    evaluate: Evaluate,
-    start: Array,
-    *,
-    tolerance: float = 1e-8,
-    max_iterations: int = 50,
+    evaluate: Evaluate, start: Array, *, tolerance: float = 1e-8, max_iterations: int = 50
 ) -> tuple[Array, Mask]:
     """Maximise a batch of functions, halving any step that makes its function worse.
 

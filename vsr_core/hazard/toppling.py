@@ -184,11 +184,7 @@ def row_shares(ratios: Array, medians: Array, log_sds: Array) -> Array:
 
 
 def rate_by_row(
-    curve: HazardCurve,
-    fragility: Fragility,
-    rows: RowFragility,
-    ratios: Array,
-    table: RatioTable,
+    curve: HazardCurve, fragility: Fragility, rows: RowFragility, ratios: Array, table: RatioTable
 ) -> tuple[Array, Array]:
     """Which PGA and which PGV/PGA the earthquakes have that topple a rock.
 

@@ -69,13 +69,7 @@ LONGEST_TIME, LONGEST_TIMES = 20.0, 80.0
 
 
 def criteria(
-    rock: Rock,
-    contact: Contact,
-    *,
-    upward: Array,
-    toppled_tilt: float,
-    lowest: float,
-    follow: bool,
+    rock: Rock, contact: Contact, *, upward: Array, toppled_tilt: float, lowest: float, follow: bool
 ) -> Criteria:
     """What a rock on a terrain is judged by; nothing is proved of it.
 

@@ -271,11 +271,7 @@ def cannot_return(limits: Barrier, tilt: float, energy: float, impulse: float) -
 
 @compiled
 def cannot_be_stopped(
-    lever: Array,
-    angular_velocity: Array,
-    inertia: Array,
-    friction: float,
-    rolling_friction: float,
+    lever: Array, angular_velocity: Array, inertia: Array, friction: float, rolling_friction: float
 ) -> bool:
     """Whether no shaking can stop the fall of a rock, because friction has no hold on it.
 

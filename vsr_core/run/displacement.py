@@ -25,15 +25,7 @@ from vsr_core.engines.nonsmooth.terrain_runs import Shaking
 from vsr_core.errors import InvalidInput
 from vsr_core.judge import ground_lookup, on_terrain, track
 from vsr_core.judge.on_terrain import LONGEST_TIME, MONITORING_TIME
-from vsr_core.judge.record import (
-    GOES_ON,
-    UNSTABLE,
-    Criteria,
-    RunRecord,
-    note,
-    note_rest,
-    rests,
-)
+from vsr_core.judge.record import GOES_ON, UNSTABLE, Criteria, RunRecord, note, note_rest, rests
 from vsr_core.judge.track import Track
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import DecidedBy, Outcome, Response, StopReason

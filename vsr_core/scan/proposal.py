@@ -60,9 +60,7 @@ class _Found:
 
 
 def propose(
-    mesh: trimesh.Trimesh,
-    near: tuple[float, float, float] | None,
-    offset: Array,
+    mesh: trimesh.Trimesh, near: tuple[float, float, float] | None, offset: Array
 ) -> Separation:
     """Rock and ground of a clean scan, separated along the hollow between them.
 

@@ -43,12 +43,7 @@ class RawScan:
     offset: Array
 
 
-def scan(
-    site: SurrogateSite,
-    seed: int = 0,
-    noise: float = 0.005,
-    spacing: float = 0.4,
-) -> RawScan:
+def scan(site: SurrogateSite, seed: int = 0, noise: float = 0.005, spacing: float = 0.4) -> RawScan:
     """Scan a site.
 
     Parameters

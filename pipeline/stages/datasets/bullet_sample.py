@@ -53,10 +53,7 @@ class Sample(NamedTuple):
 
 
 def make(
-    work: Work,
-    study: Study,
-    responses: Responses,
-    engine: Annotated[str, Key("second_engine")],
+    work: Work, study: Study, responses: Responses, engine: Annotated[str, Key("second_engine")]
 ) -> Product:
     """Repeat the sample."""
     own = responses.data["overturned"].values

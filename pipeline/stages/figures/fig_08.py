@@ -17,10 +17,7 @@ from vsr_core.arrays import Array
 
 TITLE = "First overturning of the wooden block W2"
 
-SOURCES = {
-    "stated": Source("w2_5.5cm", "responses"),
-    "larger": Source("w2_55cm", "responses"),
-}
+SOURCES = {"stated": Source("w2_5.5cm", "responses"), "larger": Source("w2_55cm", "responses")}
 
 SIZES = {"stated": (0.011, 0.055), "larger": (0.11, 0.55)}
 """Width along the shaking and height [m]."""

@@ -33,10 +33,7 @@ def make(work: Work, responses: Responses) -> Product:
     table = _table(dataset, fits)
     names = [_recommended(fit) for fit in fits.values()]
     best = ", ".join(f"{name} for {names.count(name)}" for name in sorted(set(names)))
-    files = {
-        Fits.FILE: netcdf(described(dataset, work, "Fragility")),
-        TABLE: writers.table(table),
-    }
+    files = {Fits.FILE: netcdf(described(dataset, work, "Fragility")), TABLE: writers.table(table)}
     return Product(files, f"grids fitted: {len(fits)}; recommended: {best}")
 
 

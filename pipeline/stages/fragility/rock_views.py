@@ -114,13 +114,7 @@ def _plan(axes: Axes, rock: xr.Dataset, low: Array, high: Array, reach: float) -
     turns = np.radians([weak.direction for weak in weakest])
     tips = reach * np.column_stack([np.cos(turns), np.sin(turns)])
     for number, (weak, tip) in enumerate(zip(weakest, tips, strict=True)):
-        axes.annotate(
-            "",
-            tip,
-            (0.0, 0.0),
-            arrowprops=_ARROW,
-            zorder=4,
-        )
+        axes.annotate("", tip, (0.0, 0.0), arrowprops=_ARROW, zorder=4)
         axes.text(
             1.06 * tip[0],
             1.06 * tip[1],

@@ -12,12 +12,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.stages.fragility.products import Fits
 from pipeline.workflow.datasets import rows_of
 from vsr_core.arrays import Array
-from vsr_core.hazard.toppling import (
-    RowFragility,
-    continued_rows,
-    gridded_rows,
-    lognormal_rows,
-)
+from vsr_core.hazard.toppling import RowFragility, continued_rows, gridded_rows, lognormal_rows
 
 FITTED, DRAWN = "fits", "members"
 """Origin of the range of a survival probability: intervals of fits, or members of an ensemble."""

@@ -27,10 +27,7 @@ def make(work: Work, rock: RockConfig, pedestal: PedestalConfig, source: Source)
     page = scan_page.page(
         work.origin.name, source.label, prepared, accepted=accepted, surrogate=source.surrogate
     )
-    files = {
-        ScanData.FILE: netcdf(described(dataset, work, "Scan")),
-        SCAN_PAGE: text(page),
-    }
+    files = {ScanData.FILE: netcdf(described(dataset, work, "Scan")), SCAN_PAGE: text(page)}
     return Product(files, _summary(prepared, rock, pedestal))
 
 
@@ -49,12 +46,7 @@ def _cut_of(pedestal: PedestalConfig) -> cuts.Cut | None:
     cut = pedestal.cut
     if cut is None or cut == "proposal":
         return None
-    kinds = {
-        "plane": cuts.Plane,
-        "box": cuts.Box,
-        "polygon": cuts.Polygon,
-        "colour": cuts.Colour,
-    }
+    kinds = {"plane": cuts.Plane, "box": cuts.Box, "polygon": cuts.Polygon, "colour": cuts.Colour}
     return kinds[cut.kind](**cut.model_dump(exclude={"kind"}))
 
 

@@ -107,10 +107,7 @@ def _dataset(whole: Terrain, terrain: Terrain, starts: list[State]) -> xr.Datase
                 np.concatenate(parts) if parts else np.empty((0, 3)),
             ),
             "part_size": ("part", np.array([len(p) for p in parts], np.int32)),
-            "start_position": (
-                ("friction", "xyz"),
-                np.array([state.position for state in starts]),
-            ),
+            "start_position": (("friction", "xyz"), np.array([state.position for state in starts])),
             "start_quaternion": (("friction", "xyzw"), Rotation.from_matrix(turns).as_quat()),
         }
     )

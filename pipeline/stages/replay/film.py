@@ -100,10 +100,7 @@ def scene(
         "contour": contour_step(reach(path, radius)),
         "grid": grid,
         "shown_after": SHOWN_AFTER,
-        "view": {
-            "azimuth": runs[0].along - 0.5 * math.pi + _ASIDE,
-            "elevation": _ELEVATION,
-        },
+        "view": {"azimuth": runs[0].along - 0.5 * math.pi + _ASIDE, "elevation": _ELEVATION},
     }
 
 

@@ -267,10 +267,7 @@ def _dataset(scenes: Scenes, found: list[dict[Place, Row]]) -> xr.Dataset:
             "row_displaced": ("row", np.array(boundaries, "i1")),
             "step_share": list(_shares(scenes)),
         },
-        {
-            "step_unit_s": step_unit(level),
-            "longest_step_s": longest(level, scenes.settings.engine),
-        },
+        {"step_unit_s": step_unit(level), "longest_step_s": longest(level, scenes.settings.engine)},
     )
 
 

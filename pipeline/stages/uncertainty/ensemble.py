@@ -234,12 +234,7 @@ class _Runner:
         wanted = {draw: self._runs(draw, cells) for draw, cells in zip(draws, ask, strict=True)}
         groups = [draw for draw, runs in wanted.items() if runs]
         done = run_missing(
-            self._wanted.work,
-            KIND,
-            groups,
-            wanted.__getitem__,
-            self._shared,
-            self._store,
+            self._wanted.work, KIND, groups, wanted.__getitem__, self._shared, self._store
         )
         self.crashed += done.crashed
         sides = [outcome.overturned for outcome in Outcome]

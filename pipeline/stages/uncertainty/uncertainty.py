@@ -168,10 +168,7 @@ def _indices(
                 [sensitivity.interval(one) for one in values],
             ),
             f"{order}_index_joined": ("unknown", every[0]),
-            f"{order}_index_joined_interval": (
-                ("unknown", "bound"),
-                sensitivity.interval(every),
-            ),
+            f"{order}_index_joined_interval": (("unknown", "bound"), sensitivity.interval(every)),
         }
     parts["explained_share_joined"] = ((), whole.explained)
     return xr.Dataset(parts, {"unknown": names, "bound": ["lower", "upper"]})

@@ -56,10 +56,7 @@ def responses(
 
 @pytest.mark.parametrize(
     "ways",
-    [
-        ((0, 7), (2, 2)),
-        pytest.param(((0, 1), (1, 4), (2, 1), (2, 1000)), marks=pytest.mark.slow),
-    ],
+    [((0, 7), (2, 2)), pytest.param(((0, 1), (1, 4), (2, 1), (2, 1000)), marks=pytest.mark.slow)],
 )
 def test_same_bytes_for_any_workers_and_batches(
     responses: Callable[..., Path],

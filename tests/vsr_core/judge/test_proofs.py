@@ -191,10 +191,7 @@ def test_no_adversary_gains_more_energy(
         if stiffness > 1e-6:
             omega, centre = math.sqrt(stiffness), way * push / stiffness
             c, s = math.cos(omega * dt), math.sin(omega * dt)
-            x, v = (
-                centre + (x - centre) * c + v / omega * s,
-                -(x - centre) * omega * s + v * c,
-            )
+            x, v = (centre + (x - centre) * c + v / omega * s, -(x - centre) * omega * s + v * c)
         else:
             x, v = x + v * dt + 0.5 * way * push * dt * dt, v + way * push * dt
         if abs(x) > 1.0 and x * v > 0.0:

@@ -133,12 +133,7 @@ def test_ellipsoids_converge_to_the_closed_form() -> None:
         mesh = trimesh.creation.icosphere(subdivisions)
         mesh.apply_scale((a, b, c))
         solid = from_mesh(mesh, 2000.0)
-        errors.append(
-            [
-                1.0 - solid.volume / volume,
-                *(1.0 - solid.rock.inertia / np.sort(inertia)),
-            ]
-        )
+        errors.append([1.0 - solid.volume / volume, *(1.0 - solid.rock.inertia / np.sort(inertia))])
     ratios = np.array(errors[:-1]) / np.array(errors[1:])
     np.testing.assert_allclose(ratios, 4.0, rtol=0.06)
     assert np.abs(errors[-1]).max() < 0.01

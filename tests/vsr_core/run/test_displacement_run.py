@@ -140,11 +140,7 @@ def like_the_plane(rock: str, ground: str, chosen: Array, shift: float = 0.03) -
 
 @pytest.mark.parametrize(
     ("rock", "ground", "count"),
-    [
-        ("box", "level", 5),
-        ("box", "level parts", 5),
-        ("double rock", "level parts", 6),
-    ],
+    [("box", "level", 5), ("box", "level parts", 5), ("double rock", "level parts", 6)],
 )
 def test_level_ground_is_a_flat_pedestal(rock: str, ground: str, count: int) -> None:
     """After the first impacts: many of them magnify any difference."""

@@ -19,16 +19,7 @@ from vsr_core.run import time_step
 from vsr_core.run.agreement import OFFSETS, WORST, rocking_block
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.rocking_block import Block, rocking_response
-from vsr_core.run.time_step import (
-    Boundary,
-    Front,
-    Row,
-    choose,
-    enough,
-    front,
-    lots,
-    measure,
-)
+from vsr_core.run.time_step import Boundary, Front, Row, choose, enough, front, lots, measure
 from vsr_core.scene import Contact, Scene
 from vsr_core.table import servo
 from vsr_core.verification import work_precision

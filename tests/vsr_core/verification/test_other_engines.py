@@ -19,15 +19,7 @@ from vsr_core.scene import Contact, Scene
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.verification import other_engines
 
-METHODS = [
-    "dart",
-    "drake",
-    "mujoco_default",
-    "mujoco_stiff",
-    "physx",
-    "published_setup",
-    "rapier",
-]
+METHODS = ["dart", "drake", "mujoco_default", "mujoco_stiff", "physx", "published_setup", "rapier"]
 PRECISE = [name for name in METHODS if name != "published_setup"]
 
 

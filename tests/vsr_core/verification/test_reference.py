@@ -15,13 +15,7 @@ from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run import rocking_block
 from vsr_core.scene import Scene
 from vsr_core.verification import modules, reference
-from vsr_core.verification.reference import (
-    Reference,
-    cases,
-    housner,
-    overturning_block,
-    sliding,
-)
+from vsr_core.verification.reference import Reference, cases, housner, overturning_block, sliding
 from vsr_core.verification.rocks import sphere
 
 Array = NDArray[np.float64]

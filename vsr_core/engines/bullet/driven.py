@@ -137,11 +137,7 @@ class BulletDrivenWorld(BulletWorld):
         )
         # Bullet brakes every joint that it is given, until told not to.
         pybullet.setJointMotorControl2(
-            self._table,
-            0,
-            pybullet.VELOCITY_CONTROL,
-            force=0.0,
-            physicsClientId=self._client,
+            self._table, 0, pybullet.VELOCITY_CONTROL, force=0.0, physicsClientId=self._client
         )
         return self._table, 0
 

@@ -175,12 +175,7 @@ def _place(ground: Ground, rock: RockState) -> None:
 
 @inlined
 def _apart(
-    boxes: Array,
-    hints: Indices,
-    shape: Shape,
-    rock: RockState,
-    at: int,
-    near: float,
+    boxes: Array, hints: Indices, shape: Shape, rock: RockState, at: int, near: float
 ) -> float:
     """Lower bound of the distance of a box from the rock."""
     place, turn = rock.place, rock.rotation

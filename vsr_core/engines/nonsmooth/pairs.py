@@ -140,13 +140,7 @@ def beside(plates: Array, number: int, x: float, y: float, z: float, margin: flo
 
 @inlined
 def _between_edges(
-    ground: Ground,
-    rock: RockState,
-    own: int,
-    other: int,
-    near: float,
-    angle: float,
-    deepest: float,
+    ground: Ground, rock: RockState, own: int, other: int, near: float, angle: float, deepest: float
 ) -> float:
     """Distance of two edges, infinite if they cannot touch before the rock turned by ``angle``."""
     rods, edge = ground.shape.rods, ground.edges[other]

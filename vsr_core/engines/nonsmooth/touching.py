@@ -282,15 +282,7 @@ def _dot(vector: Array, x: float, y: float, z: float) -> float:
 
 @compiled
 def _volume(
-    i: float,
-    j: float,
-    k: float,
-    x: float,
-    y: float,
-    z: float,
-    p: float,
-    q: float,
-    r: float,
+    i: float, j: float, k: float, x: float, y: float, z: float, p: float, q: float, r: float
 ) -> float:
     """Product of (i, j, k) with the cross product of the other two vectors."""
     a, b, c = cross(x, y, z, p, q, r)

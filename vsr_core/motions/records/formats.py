@@ -20,11 +20,7 @@ MOST_WARNINGS, WARNING_LENGTH = 3, 160
 
 
 def read_waveforms(
-    content: bytes,
-    kind: str,
-    unit: str | None,
-    response: bytes | None,
-    corners: Corners | None,
+    content: bytes, kind: str, unit: str | None, response: bytes | None, corners: Corners | None
 ) -> Record:
     """The record in a file's content, its channels cut to the time that all have.
 

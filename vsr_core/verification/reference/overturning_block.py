@@ -201,7 +201,4 @@ def _similarity(engine: str, time_step: float) -> float:
 
 SIMILAR = "1x1x2 m at PGV/PGA = x moves as 0.5x0.5x1 m at x / sqrt(2): dimensional analysis"
 
-CASES = (
-    *_BOUNDARIES,
-    case("similar blocks", SIMILAR, 1e-6, _similarity),
-)
+CASES = (*_BOUNDARIES, case("similar blocks", SIMILAR, 1e-6, _similarity))

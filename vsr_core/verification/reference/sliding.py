@@ -170,7 +170,4 @@ def _rolling(engine: str, time_step: float) -> float:
 
 ROLLING = "(5/7) a for a uniform sphere that rolls: I / (m r^2) = 2/5"
 
-CASES = (
-    *_SLIDES,
-    case("rolling sphere", ROLLING, 6e-4, _rolling, order=1.0),
-)
+CASES = (*_SLIDES, case("rolling sphere", ROLLING, 6e-4, _rolling, order=1.0))

@@ -10,13 +10,7 @@ from vsr_core.scene import Contact, Scene
 from vsr_core.verification import rocking_forms
 from vsr_core.verification.rocks import GRIPPING, box, leaning, unit
 from vsr_core.verification.stability import Measured, sweep
-from vsr_core.verification.stability._trial import (
-    BOTH,
-    block_of,
-    checked_world,
-    respond,
-    same,
-)
+from vsr_core.verification.stability._trial import BOTH, block_of, checked_world, respond, same
 
 SWING = "first swing to the other side [rad]; Housner's impact; relative"
 COARSE_MOTION = "largest tilt [rad] under a pulse far shorter than the step; the same finer; alpha"

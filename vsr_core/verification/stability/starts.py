@@ -9,14 +9,7 @@ from vsr_core.outcome import Outcome, Response
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.verification.rocks import GRIPPING, box, leaning, upright
 from vsr_core.verification.stability import Measured, sweep
-from vsr_core.verification.stability._trial import (
-    BOTH,
-    WEAK,
-    block_of,
-    lifted,
-    respond,
-    step_of,
-)
+from vsr_core.verification.stability._trial import BOTH, WEAK, block_of, lifted, respond, step_of
 
 STANDS = "overturned, 0 or 1, and largest tilt [rad]; 0 and 0; in rad"
 FALLS = "overturned, 0 or 1; 1 beyond alpha, 0 below"

@@ -10,12 +10,7 @@ from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run import time_step as ladder
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.overturning import simulate
-from vsr_core.verification import (
-    other_engines,
-    reference,
-    sensitivity,
-    work_precision,
-)
+from vsr_core.verification import other_engines, reference, sensitivity, work_precision
 from vsr_core.verification.work_precision import Score, Target
 
 BUDGET = 25.0

@@ -57,8 +57,7 @@ def forms(scans: dict[int, trimesh.Trimesh]) -> dict[int, Form]:
     numbers = list(scans)
     return {
         number: form(
-            scans[number],
-            scans[numbers[(at + 1) % len(numbers)]] if len(numbers) > 1 else None,
+            scans[number], scans[numbers[(at + 1) % len(numbers)]] if len(numbers) > 1 else None
         )
         for at, number in enumerate(numbers)
     }

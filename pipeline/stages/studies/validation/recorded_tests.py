@@ -33,10 +33,7 @@ RECORDS, OUTCOMES, ASSUMED = "records.nc", "outcomes.csv", "table.yaml"
 
 SCAN = re.compile(r"sp(\d+)\.ply")
 
-LIMITS = {
-    "pga_g": (SMALLEST_PGA, LARGEST_PGA),
-    "pgv_pga_s": (SHORTEST_PULSE, LONGEST_PULSE),
-}
+LIMITS = {"pga_g": (SMALLEST_PGA, LARGEST_PGA), "pgv_pga_s": (SHORTEST_PULSE, LONGEST_PULSE)}
 """Of columns of the outcomes."""
 
 PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d+)_(?P<setting>\w+)")

@@ -11,13 +11,7 @@ from pipeline.drawing.style import pictures, png_uri
 from pipeline.stages.studies.validation import predictions
 from pipeline.stages.studies.validation import validation_page as page
 from pipeline.stages.studies.validation.predictions import Predictions
-from pipeline.stages.studies.validation.recorded_runs import (
-    Draw,
-    Outcomes,
-    Role,
-    Series,
-    outcomes,
-)
+from pipeline.stages.studies.validation.recorded_runs import Draw, Outcomes, Role, Series, outcomes
 from pipeline.stages.studies.validation.recorded_tests import (
     Folder,
     accelerations,

@@ -54,8 +54,7 @@ def test_the_error_of_a_run_is_that_of_its_friction() -> None:
     """Errors of 1 and 3 % and Bullet's of 1 %, as a share of steps of 0.02 g at 0.4 and 0.2 g."""
     contact = SimpleNamespace(friction=(0.5, 0.6, 0.7))
     study: Any = SimpleNamespace(
-        settings=SimpleNamespace(contact=contact),
-        motions=SimpleNamespace(pga=(0.2, 0.22, 0.4)),
+        settings=SimpleNamespace(contact=contact), motions=SimpleNamespace(pga=(0.2, 0.22, 0.4))
     )
     responses = xr.Dataset({"boundary_error": ("friction", [0.01, 0.03, np.nan])})
     groups = tuple(Group(0.0, friction) for friction in (0.5, 0.6, 0.6, 0.6, 0.7))

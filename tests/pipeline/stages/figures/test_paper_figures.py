@@ -69,8 +69,7 @@ def test_figures_are_found_by_what_a_user_calls_them() -> None:
 
 
 @pytest.mark.parametrize(
-    ("size", "pga"),
-    [((1.0, 2.0), (0.93, 0.73, 0.67)), ((1.0, 3.0), (0.68, 0.52, 0.47))],
+    ("size", "pga"), [((1.0, 2.0), (0.93, 0.73, 0.67)), ((1.0, 3.0), (0.68, 0.52, 0.47))]
 )
 def test_housner_s_curve_is_that_integrated_apart(
     size: tuple[float, float], pga: tuple[float, ...]

@@ -243,11 +243,7 @@ def test_ages_of_each_kind() -> None:
     ("rejected", "pga", "words"),
     [
         ([False, False], (0.5, 0.5, 0.4), "at least 5 % under every branch"),
-        (
-            [False, False],
-            (0.5, 0.5, 0.4),
-            "by survival, the 2,475-year PGA falls from 0.50 to",
-        ),
+        ([False, False], (0.5, 0.5, 0.4), "by survival, the 2,475-year PGA falls from 0.50 to"),
         ([True, False], (0.5, 0.5, 0.5), "stays at 0.50 g."),
         ([True, False], (0.5, 0.5, 0.4), "stays at 0.50 g, and with the others weighted by"),
         ([True, False], (0.4, 0.5, 0.5), "rises from 0.40 to 0.50 g."),

@@ -49,8 +49,7 @@ CHANGES: dict[str, Callable[[Ground], Ground]] = {
         g, terrain=replace(g.terrain, faces=np.roll(g.terrain.faces, 1, axis=1))
     ),
     "a part": lambda g: replace(
-        g,
-        terrain=replace(g.terrain, parts=(*g.terrain.parts[:-1], shifted(g.terrain.parts[-1]))),
+        g, terrain=replace(g.terrain, parts=(*g.terrain.parts[:-1], shifted(g.terrain.parts[-1])))
     ),
     "no light ground": lambda g: replace(g, terrain=replace(g.terrain, light=None)),
 }
