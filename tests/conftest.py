@@ -31,6 +31,11 @@ LONG = (
 """Files of tests that take longest. They come first: one that began last would be waited for."""
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than there are cores, as tests of workers, schedulers and browsers wait a lot."""
+    return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else 2
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path.stem not in LONG)
 

@@ -33,8 +33,13 @@ def source(name: str) -> str:
 def digest(name: str) -> str:
     """Digest of a template and all it is made of, for the key of the stage whose page it is."""
     text = source(name)
-    parts = sorted(filter(None, meta.find_referenced_templates(_environment().parse(text))))
-    return digest_bytes(text.encode(), *(digest(part).encode() for part in parts))
+    return digest_bytes(text.encode(), *(digest(part).encode() for part in _parts(text)))
+
+
+@cache
+def _parts(text: str) -> list[str]:
+    """Names of the templates that a template names; to parse one takes 5 ms."""
+    return sorted(filter(None, meta.find_referenced_templates(_environment().parse(text))))
 
 
 @cache

@@ -231,7 +231,7 @@ def names(folder: Path) -> set[Path]:
     return {path.relative_to(folder) for path in folder.rglob("*")}
 
 
-@pytest.mark.parametrize(("kills", "seed"), [(4, 51), pytest.param(100, 8, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("kills", "seed"), [(2, 51), pytest.param(100, 8, marks=pytest.mark.slow)])
 def test_a_kill_costs_only_the_batches_in_flight(
     write_site: Callable[..., str], vsr: Callable[..., Any], tmp_path: Path, kills: int, seed: int
 ) -> None:

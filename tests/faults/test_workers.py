@@ -224,7 +224,7 @@ def test_scheduler_that_dies_ends_the_command(
     assert (derived / "rock" / "responses.nc").read_bytes() == (alone / "responses.nc").read_bytes()
 
 
-@pytest.mark.parametrize("where", ["here", "a scheduler's"])
+@pytest.mark.parametrize("where", ["here", pytest.param("a scheduler's", marks=pytest.mark.slow)])
 def test_workers_killed_from_outside_blame_nobody(farm: Farm, where: str) -> None:
     """Four kills of the two workers, one after the other, while 30 batches are done."""
     local = where == "here"

@@ -140,6 +140,7 @@ QUICK_WAYS = ways.pairwise({"product": QUICK, **SCENES}) + [
 ]
 
 
+@pytest.mark.usefixtures("no_pictures")
 @pytest.mark.parametrize("way", QUICK_WAYS, ids=told)
 def test_each_pair_has_a_way(
     way: Way, go: Callable[[Way, str], None], monkeypatch: pytest.MonkeyPatch

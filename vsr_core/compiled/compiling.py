@@ -13,16 +13,14 @@ import hashlib
 import os
 import shutil
 import tempfile
-import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, ClassVar, TypeVar, cast
 
 import numba
-from numba.core import config as settings
-from numba.core.caching import FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
 from vsr_core.source import tracing
 
@@ -66,29 +64,47 @@ def forget_others() -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
+class _Place(_CacheLocator):
+    """Where a function's machine code is: known by names, so that a moved checkout keeps it."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._module = function.__module__
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> _Place:
+        return cls(function)
+
+    def get_cache_path(self) -> str:
+        return str(_folder() / self._module)
+
+    def get_source_stamp(self) -> str:
+        return ""  # the folder's name is the digest of the source
+
+    def get_disambiguator(self) -> str:
+        return ""
+
+
+class _Code(CompileResultCacheImpl):
+    _locator_classes: ClassVar[list[Any]] = [_Place]
+
+
+class _KeptCode(FunctionCache):
+    _impl_class = _Code
+
+
 class _Cache:
-    """Numba's cache of a function in our folder, which is found when the function is compiled."""
+    """Numba's cache of a function, which is found when the function is compiled."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
 
     @cached_property
     def _cache(self) -> FunctionCache:
-        with _SETTING:
-            config: Any = settings
-            others = config.CACHE_DIR
-            config.CACHE_DIR = str(_folder())
-            try:
-                return FunctionCache(self._function)
-            finally:
-                config.CACHE_DIR = others
+        return _KeptCode(self._function)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._cache, name)
 
-
-_SETTING = threading.RLock()
-"""Numba is told the folder by a setting of the whole process."""
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
 

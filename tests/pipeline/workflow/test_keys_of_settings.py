@@ -7,7 +7,7 @@ that is done: a rock is shaken, its runs make responses, these a fragility, and 
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -81,11 +81,15 @@ NO_RUN = {
 
 
 class Base(NamedTuple):
-    """A configuration, and the products that are asked for."""
+    """A configuration, the products that are asked for, and the key that it is there for.
+
+    Other settings are changed in another configuration; in this one too, in the slow suite.
+    """
 
     site: str
     products: tuple[str, ...]
     settings: tuple[str, ...] = ()
+    about: str = ""
 
 
 STEP = "simulation.time_step=0.001"
@@ -101,17 +105,19 @@ RECORD = (
 )
 
 
-def on_terrain(cut: str = "proposal") -> Base:
+def on_terrain(cut: str = "proposal", about: str = "pedestal.cut") -> Base:
     settings = (STEP, f"pedestal.cut={cut}", "observed_boulder.deposit_area=1000.0")
-    return Base("double_rock_terrain", ("displacement_report", "report"), settings)
+    return Base("double_rock_terrain", ("displacement_report", "report"), settings, about)
 
 
 def of_age(age: str) -> Base:
-    return Base("cuboid_1x1x2", ("hazard",), (STEP, "hazard.curves=curves", f"hazard.age={age}"))
+    settings = (STEP, "hazard.curves=curves", f"hazard.age={age}")
+    return Base("cuboid_1x1x2", ("hazard",), settings, "hazard.age")
 
 
 def shaken(motion: str) -> Base:
-    return Base("cuboid_1x1x2", ("report", "accuracy", "drive"), (STEP, f"motion={motion}"))
+    products = ("report", "accuracy", "drive")
+    return Base("cuboid_1x1x2", products, (STEP, f"motion={motion}"), "motion")
 
 
 BASES = {
@@ -119,7 +125,7 @@ BASES = {
     "bullet": Base("cuboid_1x1x2", ("report",), (STEP, "simulation.engine=bullet")),
     "servo": Base("cuboid_1x1x2", ("report", "accuracy", "drive"), (STEP, "drive=servo")),
     "idle servo": Base("cuboid_1x1x2", ("drive",), (STEP,)),
-    "terrain": on_terrain(),
+    "terrain": on_terrain(about=""),
     "plane": on_terrain("{kind: plane, point: [0, 0, 1], normal: [0, 0, 1]}"),
     "box": on_terrain("{kind: box, low: [0, 0, 0], high: [1, 1, 1]}"),
     "polygon": on_terrain("{kind: polygon, corners: [[0, 0], [1, 0], [0, 1]]}"),
@@ -266,13 +272,23 @@ def stage_keys(base: str, config: Config) -> dict[str, str]:
     }
 
 
-@pytest.mark.parametrize("base", BASES)
+def quick_and_slow(bases: Iterable[str]) -> list[Any]:
+    """Each configuration with the key that it is there for, and slow with all its keys."""
+    all_keys = [(base, "") for base in bases]
+    quick = [(base, BASES[base].about) for base in bases]
+    slow = [pytest.param(*one, marks=pytest.mark.slow) for one in all_keys if one not in quick]
+    return [*quick, *slow]
+
+
+@pytest.mark.parametrize(("base", "about"), quick_and_slow(BASES))
 def test_stages_change_with_every_setting_that_decides_them(
-    only_settings: pytest.MonkeyPatch, base: str
+    only_settings: pytest.MonkeyPatch, base: str, about: str
 ) -> None:
     before = stage_keys(base, site_of(base).config)
     stale = {}
-    for change in (one for one in changes() if one.base == base):
+    changed = [one for one in changes() if one.base == base and one.dotted.startswith(about)]
+    assert changed
+    for change in changed:
         after = stage_keys(base, change.config)
         same = {stage for stage in before if after.get(stage) == before[stage]}
         wanted = set().union(*(DECIDES[key] for key in DECIDES if change.among((key,))))

@@ -29,6 +29,8 @@ from vsr_core.source import tracing
 Refused = Callable[..., str]
 Vsr = Callable[..., object]
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 PGA = (0.2, 0.4, 0.6, 0.8, 1.0)
 RATIOS = (0.15, 0.3, 0.5)
 ROCK = "rock: {shape: box, size: [0.5, 0.5, 1.0], density: 2110}\n"
