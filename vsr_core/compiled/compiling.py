@@ -85,7 +85,7 @@ class _Place(_CacheLocator):
 
 
 class _Code(CompileResultCacheImpl):
-    _locator_classes: ClassVar[list[Any]] = [_Place]
+    _locator_classes: ClassVar[list[Any]] = [_Place]  # type: ignore[misc]
 
 
 class _KeptCode(FunctionCache):
