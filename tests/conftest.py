@@ -27,6 +27,8 @@ LONG = (
     *("test_all_ways", "test_workers", "test_displacement_run", "test_prep", "test_resume"),
     *("test_cluster", "test_reference", "test_scene3d", "test_chaos", "test_same_everywhere"),
     *("test_damaged_products", "test_replay_page", "test_rebound", "test_bad_input_commands"),
+    *("test_installed", "test_without_bullet", "test_study_product", "test_accuracy_product"),
+    *("test_displacement_product", "test_validation_product", "test_uncertainty_product"),
 )
 """Files of tests that take longest. They come first: one that began last would be waited for."""
 
