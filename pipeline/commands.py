@@ -112,7 +112,7 @@ def figures(options: argparse.Namespace) -> int:
 
 def feasible(options: argparse.Namespace) -> int:
     """Print and write what a table of hardware can do of a site's motions."""
-    make = named("pipeline.stages.studies.capacity.feasible:make")
+    make = named("pipeline.stages.studies.feasible:make")
     job = job_of(options)
     with job.store, job.cluster:
         job.store.open()

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from multiprocessing import resource_tracker
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import slurm
-from pipeline.workflow.batches import BATCHES_IN_FLIGHT, Batch, Done
 from pipeline.workflow.dispatch import Dispatch
-from pipeline.workflow.interrupts import held_back
+from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch, Done
 
 _LOCAL = {
     "distributed.scheduler.allowed-failures": 0,
@@ -223,3 +225,27 @@ def _in_threads(
                 yield Done(done, future.result())
         for done, future in flying:
             yield Done(done, future.result())
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM wait until something is whole, such as a cluster that starts.
+
+    Processes that start meanwhile never hear Ctrl-C, which a terminal sends to all of them: this
+    one ends them.
+    """
+    came: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        came.append(number)
+
+    resource_tracker.ensure_running()  # which unblocks Ctrl-C when it starts
+    before = signal.signal(signal.SIGTERM, note)  # where held by the mask, children could not end
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if came:
+            signal.raise_signal(signal.SIGTERM)

@@ -16,9 +16,8 @@ from typing import Any, NamedTuple
 
 from pipeline.config.problems import InputError, Problem, Unfinished
 from pipeline.workflow import provenance, workers
-from pipeline.workflow.batches import BATCHES_IN_FLIGHT, Batch, Done, Work
 from pipeline.workflow.provenance import Provenance
-from pipeline.workflow.workers import Task
+from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch, Done, Task, Work
 
 DEATHS = 3
 """How many workers a suspect may lose before it is parted, or is the culprit if it is one item."""

@@ -9,8 +9,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from pipeline.workflow.journal import settle
 from pipeline.workflow.keys import digest
+from pipeline.workflow.owner import settle
 from pipeline.workflow.stage import named
 
 PAGE, KNOWN = "index.html", ".index.json"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pipeline import ROOT
 from pipeline.workflow import parameters
-from pipeline.workflow.code_roots import ENGINES
+from pipeline.workflow.keys import ENGINES
 from pipeline.workflow.parameters import Made, Parts, Setting
 from pipeline.workflow.stage import Finder, Stage
 
@@ -120,13 +120,13 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "fragility",
         make="pipeline.stages.fragility.fragility_fits:make",
-        gives=("pipeline.stages.fragility.products:Fits",),
+        gives=("pipeline.stages.fragility.summary:Fits",),
         versions=("scipy",),
     ),
     Stage(
         "uncertainty",
         make="pipeline.stages.uncertainty.uncertainty:make",
-        gives=("pipeline.stages.uncertainty.products:EnsembleData",),
+        gives=("pipeline.stages.uncertainty.draws:EnsembleData",),
         applies=lambda site: site.uncertain,
         refuses="pipeline.stages.uncertainty.draws:refuse_contact",
         files=("uncertainty.html", "catalogue.yaml"),
@@ -178,7 +178,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "stability",
-        make="pipeline.stages.studies.stability.stability:make",
+        make="pipeline.stages.studies.stability:make",
         code=(
             *(f"vsr_core.verification.stability.{name}:CASES" for name in _modules("stability")),
             *(
@@ -198,9 +198,7 @@ STAGES: tuple[Stage, ...] = (
         files=("drive.html",),
         versions=("pybullet", "matplotlib", "jinja2"),
     ),
-    Stage(
-        "as_printed", make="pipeline.stages.studies.printed.as_printed:make", versions=("pybullet",)
-    ),
+    Stage("as_printed", make="pipeline.stages.studies.as_printed:make", versions=("pybullet",)),
     Stage(
         "validation",
         make="pipeline.stages.studies.validation.validation:make",

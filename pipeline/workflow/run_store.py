@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Generic
 
 from pipeline.config.problems import InputError, Problem
-from pipeline.workflow import journal
+from pipeline.workflow import owner
 from pipeline.workflow.rows import TABLES, Layout, Row
 from pipeline.workflow.store import writing
 
@@ -142,7 +142,7 @@ def _writer(path: Path) -> sqlite3.Connection:
     is_new = not path.exists()
     database = _connected(path)
     try:
-        database.execute(f"PRAGMA journal_mode={journal.mode(path.parent)}").fetchall()
+        database.execute(f"PRAGMA journal_mode={owner.journal_mode(path.parent)}").fetchall()
         database.execute("PRAGMA synchronous=NORMAL")
         known = _tables(database)
         for row in TABLES:
@@ -170,7 +170,7 @@ def _mend(path: Path, log: Callable[[str], None]) -> None:
         new.execute("PRAGMA journal_mode=DELETE").fetchall()
     aside = _set_aside(path)
     whole.replace(path)
-    journal.settle(path.parent)
+    owner.settle(path.parent)
     log(
         f"{path}: damaged ({fault}); set aside as {aside.name}; {kept} rows are sound and stay, "
         "others are run again"

@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.config.problems import InputError, Problem
-from pipeline.workflow.journal import settle
 from pipeline.workflow.keys import digest_file
-from pipeline.workflow.owner import LOCK, Ownership
+from pipeline.workflow.owner import LOCK, Ownership, settle
 from pipeline.workflow.writers import Writer, marked, text
 
 LOG = "log.jsonl"

@@ -14,13 +14,33 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import nullcontext, suppress
 from functools import lru_cache
 from typing import IO, Any, NamedTuple
 
 from pipeline.workflow import provenance
-from pipeline.workflow.batches import Work
+
+BATCHES_IN_FLIGHT = 4
+"""Batches handed out per worker: enough to keep it busy, few enough to lose."""
+
+Work = Callable[[Any, tuple[Any, ...]], Any]
+"""From what the items of a batch share, and the items, to their results."""
+
+
+class Batch(NamedTuple):
+    """Items that share one object, done together by one worker."""
+
+    shared: Hashable
+    items: tuple[Any, ...]
+
+
+class Done(NamedTuple):
+    """Results of a batch; None if its only item killed its process."""
+
+    batch: Batch
+    results: Any
+
 
 TRIES = 3
 """How often an item may kill the process that it has for itself before it is the culprit."""

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from pipeline.config.motion_schema import RecordConfig
 from pipeline.stages.mesh import mesh_files
-from pipeline.stages.motions import record_inputs, table_files
+from pipeline.stages.motions import record_inputs, table_motions
 from tests.support import record_files
 from tests.support.bad_input import bounded, broken
 from vsr_core.errors import InvalidInput
@@ -175,7 +175,7 @@ def read_mesh(path: Path) -> None:
 def read_table(path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        table_files.load(path)
+        table_motions.load(path)
 
 
 def table() -> bytes:

@@ -18,9 +18,9 @@ import pytest
 from support.dask_processes import Farm
 
 from pipeline import ROOT
-from pipeline.workflow.batches import BATCHES_IN_FLIGHT, Batch
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import read
+from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch
 from vsr_core.outcome import Outcome
 
 GRID = """

@@ -20,7 +20,7 @@ import pytest
 
 from pipeline import ROOT
 from pipeline.config.problems import InputError
-from pipeline.workflow import journal, owner
+from pipeline.workflow import owner
 from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.run_store import RUNS
 
@@ -314,14 +314,14 @@ def test_journal_is_what_the_file_system_can_do(
 ) -> None:
     mounts = tmp_path / "mountinfo"
     mounts.write_text(MOUNTED)
-    assert journal.file_system(Path(folder), mounts) == kind
-    monkeypatch.setattr(journal, "file_system", lambda _: kind)
-    assert journal.mode(Path(folder)) == mode
+    assert owner.file_system(Path(folder), mounts) == kind
+    monkeypatch.setattr(owner, "file_system", lambda _: kind)
+    assert owner.journal_mode(Path(folder)) == mode
 
 
 def test_unknown_system_has_no_shared_memory(tmp_path: Path) -> None:
-    assert journal.file_system(tmp_path, tmp_path / "nothing") == ""
-    assert "" not in journal.LOCAL
+    assert owner.file_system(tmp_path, tmp_path / "nothing") == ""
+    assert "" not in owner.LOCAL
 
 
 @pytest.mark.parametrize("kind", ["ext4", "nfs4"])
@@ -344,7 +344,7 @@ def test_database_never_has_a_log_in_shared_memory_on_a_network(
         ((mode,),) = store._database.execute("PRAGMA journal_mode").fetchall()
         seen.update({mode.decode(), *(path.name for path in made.glob(f"{RUNS}-*"))})
 
-    monkeypatch.setattr(journal, "file_system", lambda folder: kind)
+    monkeypatch.setattr(owner, "file_system", lambda folder: kind)
     monkeypatch.setattr(run_store.RunStore, "add", watched)
     site = write_site(GRID)
     wider = ("run", "responses", "--site", site, "--workers", "0", "--set", "yaw=[0, 90]")

@@ -15,8 +15,8 @@ import dask
 import pytest
 
 from pipeline.workflow import dispatch, slurm
-from pipeline.workflow.batches import Batch
 from pipeline.workflow.cluster import Cluster
+from pipeline.workflow.workers import Batch
 
 SBATCH = """#!/bin/bash
 cd {folder}

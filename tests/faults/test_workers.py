@@ -20,9 +20,9 @@ from support.dask_processes import Farm
 from pipeline import ROOT
 from pipeline.stages.runs import runner
 from pipeline.workflow import dispatch
-from pipeline.workflow.batches import BATCHES_IN_FLIGHT, Batch
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.run_store import RUNS
+from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch
 from vsr_core.outcome import Outcome
 
 GRID = """

@@ -12,12 +12,7 @@ import pytest
 from pipeline import cli
 from pipeline.drawing.style import png
 from pipeline.stages.studies.accuracy import comparison, worker_tasks
-from pipeline.stages.studies.accuracy.accuracy_page import (
-    _better,
-    cheapest,
-    measured,
-    work_precision,
-)
+from pipeline.stages.studies.accuracy.accuracy import _better, cheapest, measured, work_precision
 from pipeline.workflow.datasets import read
 from vsr_core.run import agreement, time_step
 from vsr_core.verification import other_engines, reference, sensitivity

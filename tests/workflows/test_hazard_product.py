@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from pipeline import ROOT, cli
-from pipeline.stages.hazard import hazard_page
+from pipeline.stages.hazard import hazard as stage
 from pipeline.stages.hazard.hazard_figures import shaking
 from pipeline.stages.hazard.survival_analysis import BASE_CASE, SAME_ROCK
 from pipeline.workflow.datasets import read
@@ -124,7 +124,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no figure, which is most of the work of a page: for tests of the numbers."""
-    monkeypatch.setattr(hazard_page, "svg_uri", lambda figure: "data:,")
+    monkeypatch.setattr(stage, "svg_uri", lambda figure: "data:,")
 
 
 @pytest.fixture(scope="module")
@@ -265,7 +265,7 @@ def test_a_single_branch_is_compared_with_no_others(
         labels.extend(part.get_text() for legend in figure.legends for part in legend.get_texts())
         return "data:,"
 
-    monkeypatch.setattr(hazard_page, "svg_uri", looked_at)
+    monkeypatch.setattr(stage, "svg_uri", looked_at)
     for path in CURVES.glob("hazard_curve-mean-*.csv"):
         shutil.copy(path, tmp_path)
     command = ["run", "hazard", "--site", str(made.parents[1] / "rock.yaml"), "--workers", "0"]

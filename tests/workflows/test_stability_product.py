@@ -37,7 +37,7 @@ def cases(monkeypatch: pytest.MonkeyPatch) -> dict[str, ExtremeCase]:
     )
     some["off by a tenth"] = off
     monkeypatch.setattr(stability, "cases", lambda: some)
-    map_of = "pipeline.stages.studies.stability.stability.stability_map"
+    map_of = "pipeline.stages.studies.stability.stability_map"
     monkeypatch.setattr(map_of, lambda *given: Figure(figsize=(0.1, 0.1)))  # of the whole map only
     return some
 

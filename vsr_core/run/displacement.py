@@ -32,9 +32,9 @@ from vsr_core.outcome import DecidedBy, Outcome, Response, StopReason
 from vsr_core.run import loop, static_limits
 from vsr_core.run.cases import Settings, TerrainCase, never_starts
 from vsr_core.run.loop import LEAD, Run, at_halved_steps, first_push
+from vsr_core.run.movement import Trajectory, of_track
 from vsr_core.run.overturning import COMPILED
 from vsr_core.run.sampling import first_step, samples, sampling
-from vsr_core.run.trajectory import Trajectory, of_track
 from vsr_core.scene import Scene, State
 
 QUIET_STEPS = 100

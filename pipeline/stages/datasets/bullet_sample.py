@@ -19,10 +19,10 @@ from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
 from pipeline.stages.runs.study import Study
-from pipeline.workflow.batches import Batch
 from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.grammar import counted, form
 from pipeline.workflow.stage import Product, Work
+from pipeline.workflow.workers import Batch
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.run.cases import Case, Settings, TerrainCase

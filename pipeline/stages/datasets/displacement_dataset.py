@@ -7,12 +7,10 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.stages.datasets.displaced_runs import overturned_runs
-from pipeline.stages.datasets.kinds_of_end import ways
-from pipeline.stages.datasets.stored_runs import moved, stored, tally
+from pipeline.stages.datasets.stored_runs import moved, stored, tally, ways
 from pipeline.stages.mesh.products import RockData
-from pipeline.stages.runs.displacement_runs import KIND, Journeys
+from pipeline.stages.runs.displacement_runs import KIND, SAMPLE, Journeys, unpack
 from pipeline.stages.runs.study import Study
-from pipeline.stages.runs.trajectory_packing import SAMPLE, unpack
 from pipeline.workflow import writers
 from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.stage import Product, Work

@@ -12,8 +12,8 @@ from pipeline.stages.mesh.products import RockData
 from pipeline.stages.runs import runner
 from pipeline.stages.runs.runner import Kind
 from pipeline.stages.runs.study import Study
-from vsr_core.arrays import Array, Indices
-from vsr_core.outcome import Outcome
+from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.outcome import Movement, Outcome
 from vsr_core.run.movement import movements, no_return_tilt
 
 
@@ -63,3 +63,46 @@ def tally(outcome: pd.Series) -> tuple[str, int]:
     counts = np.bincount(outcome, minlength=len(Outcome))
     words = ", ".join(f"{counts[o]} {o.name.lower()}" for o in Outcome if counts[o])
     return words, int(sum(counts[o] for o in Outcome if o.overturned == -1))
+
+
+OFF_ITS_SEAT = (Movement.ROLLED_OVER, Movement.FELL, Movement.SLID)
+
+
+def kinds(outcome: Indices, movement: Indices) -> dict[str, Mask]:
+    """Name the kinds of ends that occur, and find the runs of each.
+
+    Overturned runs are parted where not all of them rolled over.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> found = kinds(np.array([0, 1, 1, 2]), np.array([0, 1, 3, 3]))
+    >>> {name: int(runs.sum()) for name, runs in found.items()}
+    {'balanced': 1, 'overturned: rolled over': 1, 'overturned: slid': 1, 'displaced': 1}
+    """
+    found: dict[str, Mask] = {}
+    for one in Outcome:
+        runs = outcome == one
+        name = one.name.lower()
+        if one is Outcome.OVERTURNED and (movement[runs] != Movement.ROLLED_OVER).any():
+            found |= {f"{name}: {way.words}": runs & (movement == way) for way in OFF_ITS_SEAT}
+        else:
+            found[name] = runs
+    return {name: runs for name, runs in found.items() if runs.any()}
+
+
+def ways(outcome: Indices, movement: Indices) -> dict[Movement, int]:
+    """Count the overturned runs by how the rock left its seat."""
+    left = outcome == Outcome.OVERTURNED
+    return {way: int((left & (movement == way)).sum()) for way in OFF_ITS_SEAT}
+
+
+def in_words(counts: dict[Movement, int]) -> str:
+    """Counts of ``ways`` in words.
+
+    Examples
+    --------
+    >>> in_words({Movement.ROLLED_OVER: 30, Movement.FELL: 2, Movement.SLID: 1200})
+    '30 rolled over, 2 fell, 1,200 slid'
+    """
+    return ", ".join(f"{count:,} {way.words}" for way, count in counts.items())

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from pipeline.drawing.rendering import clearest, packed, packed_mesh, thinned
 from pipeline.drawing.view import contour_step, reach
 from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, left_seat
-from pipeline.stages.datasets.kinds_of_end import in_words, ways
+from pipeline.stages.datasets.stored_runs import in_words, ways
 from pipeline.stages.displacement.timelapse import SPEEDS
 from pipeline.workflow.pages import filled
 from pipeline.workflow.pages import source as text_of

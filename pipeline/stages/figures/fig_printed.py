@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from pipeline.drawing import style
 from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
-from pipeline.stages.studies.printed.as_printed import FRICTION, RESTITUTION, ROLLING, WIDE
+from pipeline.stages.studies.as_printed import FRICTION, RESTITUTION, ROLLING, WIDE
 
 TITLE = "The published set-up rebuilt, its coefficients read in several ways"
 

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing import style
 from pipeline.stages.datasets.displaced_runs import overturned_runs
-from pipeline.stages.datasets.kinds_of_end import in_words, ways
+from pipeline.stages.datasets.stored_runs import in_words, ways
 from pipeline.stages.displacement.correlation_figures import TABLE_1, power
 from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.fig_15 import SOURCES as SOURCES

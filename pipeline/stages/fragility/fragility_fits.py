@@ -11,7 +11,7 @@ import xarray as xr
 from threadpoolctl import threadpool_limits
 
 from pipeline.stages.datasets.responses import Responses
-from pipeline.stages.fragility.products import TABLE, Fits
+from pipeline.stages.fragility.summary import TABLE, Fits
 from pipeline.workflow import writers
 from pipeline.workflow.datasets import described, netcdf, rows_of
 from pipeline.workflow.stage import Product, Work

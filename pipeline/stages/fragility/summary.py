@@ -12,6 +12,7 @@ import xarray as xr
 
 from pipeline.config import in_si
 from pipeline.stages.runs.step_choice import kept
+from pipeline.workflow.datasets import Stored
 from vsr_core.arrays import Array, Mask
 from vsr_core.outcome import Outcome
 from vsr_core.run.agreement import HIGHEST
@@ -198,3 +199,12 @@ def time_steps(measured: xr.Dataset) -> list[dict[str, Any]]:
 def _run(flags: Mask) -> int:
     """Length of the run of true values at the start, less one."""
     return int(np.argmin(flags)) - 1 if not flags.all() else 0
+
+
+TABLE = "fragility.csv"
+
+
+class Fits(Stored):
+    """Fitted models, and the boundary, of each direction and friction."""
+
+    FILE = "fragility.nc"

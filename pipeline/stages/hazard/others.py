@@ -8,9 +8,9 @@ from pathlib import Path
 
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.layers import Origin, Site, load_site
-from pipeline.stages.fragility.products import Fits
+from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard.rock_fragility import RockFragility, of_fits, of_members
-from pipeline.stages.uncertainty.products import EnsembleData
+from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import graph
 from pipeline.workflow.stage import Input
 

@@ -9,7 +9,7 @@ import xarray as xr
 
 from pipeline.config import in_si
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.fragility.products import Fits
+from pipeline.stages.fragility.summary import Fits
 from pipeline.workflow.datasets import rows_of
 from vsr_core.arrays import Array
 from vsr_core.hazard.toppling import RowFragility, continued_rows, gridded_rows, lognormal_rows

@@ -25,8 +25,8 @@ from pipeline.config.motion_schema import (
 from pipeline.stages.motions import record_inputs, table_motions
 from pipeline.stages.motions.record_inputs import Ready
 from pipeline.workflow import keys
-from pipeline.workflow.code_roots import AXIS_CODE, RECORD_CODE, TABLE_CODE
 from pipeline.workflow.datasets import Stored, split
+from pipeline.workflow.keys import AXIS_CODE, RECORD_CODE, TABLE_CODE
 from pipeline.workflow.stage import Input
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.pulses import CosinePulse, RickerPulse, SinePulse

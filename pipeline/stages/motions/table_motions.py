@@ -11,10 +11,13 @@ import xarray as xr
 from pipeline.config import in_si
 from pipeline.config.layers import Origin
 from pipeline.config.motion_schema import AxisPulseConfig
-from pipeline.stages.motions import record_inputs, table_files
+from pipeline.stages.motions import record_inputs
 from pipeline.workflow.datasets import split
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.sampled import SampledMotion
+from vsr_core.motions.named_columns import Column, of_netcdf, of_text
+from vsr_core.motions.sampled import SampledMotion, sampled
+from vsr_core.motions.six_axes import AXES
 
 Loaded = tuple[tuple[str, ...], tuple["SampledMotion", ...], tuple[float, ...]]
 """Names, motions and their PGV/PGA [s], by ascending PGV/PGA."""
@@ -23,7 +26,7 @@ Loaded = tuple[tuple[str, ...], tuple["SampledMotion", ...], tuple[float, ...]]
 def of_files(origin: Origin, paths: list[Path]) -> Loaded:
     """The motions in files of a site."""
     file = origin.file_of("motion.files")
-    motions = record_inputs.each(file, paths, lambda path: _moving(table_files.load(path)))
+    motions = record_inputs.each(file, paths, lambda path: _moving(load(path)))
     found = dict(zip((path.stem for path in paths), motions, strict=True))
     ratios = {name: one.peak_velocity / one.peak_acceleration for name, one in found.items()}
     names = tuple(sorted(found, key=lambda name: (ratios[name], name)))
@@ -87,3 +90,75 @@ def _moving(motion: SampledMotion) -> SampledMotion:
     if motion.peak_acceleration == 0.0:
         raise InvalidInput("a table that never moves", "it is scaled to each PGA", "leave it out")
     return motion
+
+
+TIME = "time"
+
+LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+ANGLES = {"rad": 1.0, "degree": 0.017453292519943295, "mrad": 0.001}
+ALIASES = {"deg": "degree", "degrees": "degree", "radian": "rad", "meter": "m", "metre": "m"}
+SECONDS = {"s": 1.0, "ms": 0.001}
+
+Columns = dict[str, Column]
+
+
+def load(path: Path) -> SampledMotion:
+    """The motion in a file, checked."""
+    try:
+        columns = _columns(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInput(
+            f"{path.name}, which cannot be read ({error})",
+            "a table's motion is a CSV or NetCDF file",
+            "check the path and the file",
+        ) from None
+    _check_names(path.name, columns, (TIME, *AXES))
+    time = _scaled(columns[TIME], SECONDS)
+    axes = [
+        _scaled(columns[axis], LENGTHS if axis in "xyz" else ANGLES)
+        if axis in columns
+        else np.zeros_like(time)
+        for axis in AXES
+    ]
+    return sampled(time, np.column_stack(axes))
+
+
+def _columns(path: Path) -> Columns:
+    """The columns of a file by their names."""
+    if path.suffix.lower() in (".nc", ".nc4"):
+        found, others, _ = of_netcdf(path.read_bytes())
+        if others:
+            raise InvalidInput(
+                f"{path.name} with variables of several dimensions",
+                "all are along the time",
+                "leave out the others",
+            )
+    else:
+        found = of_text(path.read_text(encoding="utf-8-sig"))
+    columns = {column.name: column for column in found}
+    if len(columns) < len(found):
+        raise InvalidInput(
+            f"{path.name} with a column twice", "each name is there once", "remove one"
+        )
+    return columns
+
+
+def _check_names(file: str, columns: Columns, known: tuple[str, ...]) -> None:
+    rule = f"the names are {', '.join(known)}"
+    strange = [name for name in columns if name not in known]
+    if strange:
+        raise InvalidInput(f"{file} with a column {strange[0]!r}", rule, "rename or remove it")
+    if TIME not in columns or len(columns) < 2:
+        what = "an axis" if TIME in columns else TIME
+        raise InvalidInput(f"{file} without {what}", rule, "add it")
+
+
+def _scaled(column: Column, units: dict[str, float]) -> Array:
+    unit = ALIASES.get(column.unit or "", column.unit)
+    if unit is None:
+        return column.values
+    if unit not in units:
+        raise InvalidInput(
+            f"{column.name} in {unit!r}", f"its unit is {', '.join(units)}", "convert it"
+        )
+    return units[unit] * column.values

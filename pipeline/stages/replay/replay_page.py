@@ -13,8 +13,7 @@ from pipeline.stages.mesh.products import RockData, TerrainData
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Shaking
 from pipeline.stages.replay.choice import NEIGHBOUR, chosen, neighbour, other
-from pipeline.stages.replay.film import film, named, scene, scripts
-from pipeline.stages.replay.played import Played, played
+from pipeline.stages.replay.film import Played, film, named, played, scene, scripts
 from pipeline.stages.runs.study import Study
 from pipeline.workflow import graph, keys, writers
 from pipeline.workflow.graph import Identity

@@ -25,9 +25,8 @@ from pipeline.stages.fragility.fragility_figures import (
     fragility_by_yaw,
     overturning_diagram,
 )
-from pipeline.stages.fragility.products import TABLE, Fits
 from pipeline.stages.fragility.rock_views import rock_views
-from pipeline.stages.fragility.summary import groups, long_rows_in_words, time_steps
+from pipeline.stages.fragility.summary import TABLE, Fits, groups, long_rows_in_words, time_steps
 from pipeline.stages.mesh.products import RockData, TerrainData
 from pipeline.stages.motions.record_figure import record_figure
 from pipeline.stages.replay import film

@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.stages.datasets.bullet_sample import beyond_errors
-from pipeline.stages.datasets.kinds_of_end import in_words, kinds, ways
+from pipeline.stages.datasets.stored_runs import in_words, kinds, ways
 from pipeline.stages.fragility.summary import (
     groups,
     typical_pga,

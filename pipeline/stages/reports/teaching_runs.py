@@ -10,8 +10,7 @@ import xarray as xr
 from pipeline.stages.fragility.summary import long_rows
 from pipeline.stages.motions.motion_grid import Cell
 from pipeline.stages.replay.choice import Choice
-from pipeline.stages.replay.film import film, named, scene
-from pipeline.stages.replay.played import played
+from pipeline.stages.replay.film import film, named, played, scene
 from pipeline.stages.runs.scenes import Group
 from pipeline.stages.runs.study import Study
 from vsr_core.arrays import Array

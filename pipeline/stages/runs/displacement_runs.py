@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import zlib
 from typing import Any
+
+import numpy as np
 
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.runner import Kind, StoredRuns
 from pipeline.stages.runs.study import Study, run_study
-from pipeline.stages.runs.trajectory_packing import pack
 from pipeline.workflow.rows import DisplacementRow
 from pipeline.workflow.stage import Product, Work
 from vsr_core.run.cases import Settings, TerrainCase
 from vsr_core.run.displacement import displace
+from vsr_core.run.movement import Trajectory
 
 
 def follow_batch(
@@ -48,3 +51,38 @@ def refuse_level_ground(site: Site) -> None:
         file, rule = site.file_of("pedestal.shape"), "a rock travels over a terrain"
         remedy = "set pedestal.shape: mesh, with the terrain in the rock's scan"
         raise InputError(Problem(file, "pedestal.shape", shape, rule, remedy))
+
+
+SAMPLE = np.dtype(
+    [
+        ("time", "<f8"),
+        ("position", "<f4", 3),
+        ("quaternion", "<f4", 4),
+        ("velocity", "<f4", 3),
+        ("angular_velocity", "<f4", 3),
+        ("contact", "i1"),
+    ]
+)
+"""A sample of ``vsr_core.run.movement.Trajectory``: micrometres and microradians are enough."""
+
+
+def pack(trajectory: Trajectory) -> bytes:
+    """Compressed samples of a trajectory."""
+    samples = np.empty(len(trajectory.time), SAMPLE)
+    samples["time"], samples["position"] = trajectory.time, trajectory.position
+    samples["quaternion"], samples["velocity"] = trajectory.quaternion, trajectory.velocity
+    samples["angular_velocity"], samples["contact"] = (
+        trajectory.angular_velocity,
+        trajectory.contact,
+    )
+    return zlib.compress(samples.tobytes(), 1)
+
+
+def unpack(packed: bytes) -> np.ndarray:
+    """Samples of a trajectory, shape (n,) of ``SAMPLE``.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    return np.frombuffer(zlib.decompress(packed), SAMPLE)

@@ -18,12 +18,12 @@ from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 from pipeline.config.problems import Problem, Unfinished
 from pipeline.config.schema import COMPILED
-from pipeline.workflow.batches import Batch
 from pipeline.workflow.progress import Progress
 from pipeline.workflow.rows import Row
 from pipeline.workflow.run_store import RUNS, RunsLost, RunStore
 from pipeline.workflow.stage import Work
 from pipeline.workflow.store import Store
+from pipeline.workflow.workers import Batch
 from vsr_core.outcome import Outcome
 
 SMALL = 200

@@ -14,7 +14,7 @@ from pipeline.stages.mesh.products import Ground, Standing
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Shaking
 from pipeline.workflow import graph, keys
-from pipeline.workflow.code_roots import RUN_CODE, TERRAIN_CODE
+from pipeline.workflow.keys import RUN_CODE, TERRAIN_CODE
 from pipeline.workflow.stage import Job
 from vsr_core import engines
 from vsr_core.errors import InvalidInput

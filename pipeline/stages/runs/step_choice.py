@@ -22,7 +22,6 @@ from pipeline.config.schema import COMPILED, SceneSettings
 from pipeline.stages.mesh.products import Standing
 from pipeline.stages.runs.scenes import Group, Scenes, flat_case, identity, refuse_engine
 from pipeline.workflow import keys
-from pipeline.workflow.batches import Batch
 from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.engine_input import Engine
 from pipeline.workflow.grammar import counted
@@ -30,6 +29,7 @@ from pipeline.workflow.rows import StepRow
 from pipeline.workflow.run_store import RunStore, is_there
 from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.store import Store
+from pipeline.workflow.workers import Batch
 from vsr_core import engines
 from vsr_core.run import time_step as ladder
 from vsr_core.run.cases import Case, Settings

@@ -18,6 +18,7 @@ from pipeline.stages.mesh import mesh_files
 from pipeline.stages.mesh.products import RockData, Standing
 from pipeline.stages.runs.scenes import Group, Scenes
 from pipeline.stages.runs.study import Study
+from pipeline.workflow.datasets import Stored
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Input
 from vsr_core import engines
@@ -191,3 +192,9 @@ def refuse_contact(site: Site) -> None:
         key = "uncertainty.restitution"
         remedy = f"set {key}: [0, 0], or simulation.engine: auto"
         raise InputError(Problem(site.file_of(key), key, error.given, error.rule, remedy)) from None
+
+
+class EnsembleData(Stored):
+    """Outcomes of every draw, and what is told of them."""
+
+    FILE = "uncertainty.nc"

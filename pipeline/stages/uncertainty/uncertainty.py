@@ -18,9 +18,8 @@ from pipeline.stages.runs.study import Study
 from pipeline.stages.uncertainty import draws as drawing
 from pipeline.stages.uncertainty import uncertainty_page as page
 from pipeline.stages.uncertainty import unknowns as told
-from pipeline.stages.uncertainty.draws import Draw, Replica
+from pipeline.stages.uncertainty.draws import Draw, EnsembleData, Replica
 from pipeline.stages.uncertainty.ensemble import Ensemble, Search, outcomes
-from pipeline.stages.uncertainty.products import EnsembleData
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Product, Work

@@ -17,9 +17,9 @@ import pytest
 
 from pipeline import ROOT
 from pipeline.stages.runs import overturning_runs, runner
-from pipeline.workflow.batches import BATCHES_IN_FLIGHT, Batch
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import read
+from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch
 from vsr_core.outcome import Outcome
 
 GRID = (

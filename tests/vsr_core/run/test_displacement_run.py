@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from support import grounds
 
 from pipeline import ROOT
-from pipeline.stages.runs.trajectory_packing import pack, unpack
+from pipeline.stages.runs.displacement_runs import pack, unpack
 from vsr_core import GRAVITY, engines
 from vsr_core.engines.bullet import ground as bullet_ground
 from vsr_core.engines.interface import Solver
@@ -37,11 +37,11 @@ from vsr_core.run import displacement
 from vsr_core.run.cases import Settings, TerrainCase, prepare
 from vsr_core.run.displacement import DisplacementRun
 from vsr_core.run.loop import HALVINGS
+from vsr_core.run.movement import Trajectory
 from vsr_core.run.overturning import simulate
 from vsr_core.run.sampling import MOST_SUBSTEPS, sampling
 from vsr_core.run.static_limits import SAFE_SHARE
 from vsr_core.run.time_step import step_unit
-from vsr_core.run.trajectory import Trajectory
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.double_rock import double_rock
 from vsr_core.terrain.surface import Terrain

@@ -16,8 +16,8 @@ import pytest
 
 from pipeline.config.layers import load_site
 from pipeline.drawing.style import pictures
-from pipeline.stages.studies.stability import stability as stage
-from pipeline.stages.studies.stability.stability import stability_map
+from pipeline.stages.studies import stability as stage
+from pipeline.stages.studies.stability import stability_map
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.registry import BY_NAME

@@ -6,21 +6,32 @@ call.
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
+import numpy as np
 import pandas as pd
 import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pipeline.config import in_si
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.config.problems import InputError, Problem
-from pipeline.drawing.style import pictures
-from pipeline.stages.runs.step_choice import StepData
+from pipeline.config.schema import SceneSettings
+from pipeline.drawing.style import FAINT, INK, MARKERS, SERIES, pictures, png_uri, styled, svg_uri
+from pipeline.stages.runs.step_choice import StepData, kept
 from pipeline.stages.runs.study import Study
 from pipeline.stages.studies.accuracy import comparison
-from pipeline.stages.studies.accuracy.accuracy_page import cheapest, facts, work_precision
-from pipeline.stages.studies.accuracy.comparison import Place, SampledCell
+from pipeline.stages.studies.accuracy.comparison import Place, Record, SampledCell
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Product, Work
+from vsr_core.arrays import Array
+from vsr_core.run import time_step
+from vsr_core.run.agreement import WORST
+from vsr_core.run.time_step import Boundary
 from vsr_core.verification.work_precision import Target
 
 FILE, TABLE, PAGE, PICTURE = "accuracy.nc", "accuracy.csv", "accuracy.html", "work_precision"
@@ -87,3 +98,249 @@ def _summary(table: pd.DataFrame) -> str:
     ways = cheapest(table, 0.01).to_dict("records")
     texts = [f"{way['method']} {1e3 * way['cpu_s']:.3g} ms" for way in ways]
     return "a run at 1 % error of the boundary: " + (", ".join(texts) or "no method gets there")
+
+
+_CHOICE = ("time_step", "boundary_error", "boundary_error_worst")
+
+
+def facts(
+    site: str,
+    config: SceneSettings,
+    table: pd.DataFrame,
+    targets: dict[Place, Target],
+    chosen: xr.Dataset,
+    diagram: Figure,
+) -> dict[str, Any]:
+    """Everything that the page says.
+
+    Parameters
+    ----------
+    chosen : Dataset, what the stage of the time step measured and chose
+    diagram : Figure, error against CPU time
+    """
+    tolerance = config.simulation.tolerance
+    part = {name: table[table["part"] == name] for name in ("method", "sweep", "cells")}
+    suite = table[table["part"] == "reference"].astype({"error": float, "step": float})
+    found, best = measured(table), cheapest(table, 0.01)
+    own = best["cpu_s"][best["own"]]
+    return {
+        "site": site,
+        "tolerance": tolerance,
+        "by_hand": config.simulation.time_step != "auto",
+        "kept": kept(chosen.isel(friction=0), Boundary.TOPPLED) if "row_error" in chosen else (),
+        "choice": {name: float(chosen[name].values[0]) for name in _CHOICE},
+        "friction": config.contact.friction[0],
+        "rows": _rows(targets),
+        "lines": {
+            method: list(points.itertuples())
+            for method, points in found.groupby("method", sort=False)
+        },
+        "absent": list(part["method"][part["method"]["cpu_s"] == ""].itertuples()),
+        "cheapest": list(best.itertuples()),
+        "own_cpu_s": own.iloc[0] if len(own) else math.nan,
+        "better": _better(found),
+        "sweep": list(part["sweep"].itertuples()),
+        "cells": list(part["cells"].itertuples()),
+        "suite": [
+            {"name": name, "note": own["note"].iloc[0], "errors": own.set_index("setting")["error"]}
+            for name, own in suite.groupby("method")
+        ],
+        "work_precision": svg_uri(diagram),
+        "front": _front(chosen, tolerance),
+        "convergence": png_uri(suite_convergence(suite)) if len(suite) else "",
+    }
+
+
+def _rows(targets: dict[Place, Target]) -> list[Record]:
+    return [
+        {
+            "yaw": yaw,
+            "pgv_pga": pgv_pga,
+            "boundary": in_si.in_g(target.boundary),
+            "answer": "Housner's equation" if target.exact else "two engines at 1/16 of the step",
+            "spread": target.spread,
+        }
+        for (yaw, pgv_pga), target in targets.items()
+    ]
+
+
+def _better(found: pd.DataFrame) -> list[str]:
+    """Settings of others with less error at less cost than every setting of the project."""
+    own = found[found["own"]]
+    return [
+        f"{point['method']} at {point['setting']}: {100 * point['error']:.3g} % in "
+        f"{1e3 * point['cpu_s']:.3g} ms"
+        for point in found[~found["own"]].to_dict("records")
+        if (own["error"][own["cpu_s"] <= point["cpu_s"]] > point["error"]).all()
+    ]
+
+
+def _front(chosen: xr.Dataset, tolerance: float) -> str:
+    """Error of each row that topples against the time step; empty where it was not measured."""
+    first = chosen.isel(friction=0)
+    if np.isnan(first["boundary_error"]):
+        return ""
+    first = first.isel(row=first["row_displaced"].values == 0)
+    errors = [
+        (f"yaw {row['row_yaw'].item():g} deg, PGV/PGA {row['row_pgv_pga'].item():.2g} s", error)
+        for row in (first.isel(row=at) for at in range(first.sizes["row"]))
+        if not np.isnan(error := row["row_error"].values).any()
+    ]
+    shares = first["step_share"].values
+    most = time_step.front(shares.tolist(), first["row_error"].values, first["row_steps"].values)
+    errors.append(("not exceeded in at least 80 % of rows", most.error))
+    steps = shares * (1e3 * float(chosen.attrs["step_unit_s"]))
+    figure = boundary_convergence(steps, errors, 1e3 * float(first["time_step"]), tolerance)
+    return svg_uri(figure)
+
+
+def measured(table: pd.DataFrame) -> pd.DataFrame:
+    """Settings of methods that were measured, the project's first, each method coarse to fine.
+
+    Parameters
+    ----------
+    table : DataFrame
+        With the records of the accuracy stage as rows.
+    """
+    found = table[(table["part"] == "method") & (table["cpu_s"] != "")]
+    found = found.astype({"own": bool, "error": float, "cpu_s": float, "step": float})
+    return found.sort_values(["own", "method", "step"], ascending=[False, True, False])
+
+
+def cheapest(table: pd.DataFrame, tolerance: float) -> pd.DataFrame:
+    """The cheapest setting of each method within a tolerance, the cheapest method first.
+
+    Parameters
+    ----------
+    table : DataFrame
+        With the records of the accuracy stage as rows.
+    """
+    found = measured(table)
+    good = found[found["error"] <= tolerance].sort_values("cpu_s", kind="stable")
+    return good.groupby("method", sort=False).head(1)
+
+
+@styled
+def work_precision(table: pd.DataFrame, tolerance: float, title: str) -> Figure:
+    """Error of the boundary against CPU time of a run, one line a method.
+
+    Parameters
+    ----------
+    table : DataFrame
+        With the records of the accuracy stage as rows.
+    """
+    figure = Figure(figsize=(6.6, 4.3), layout="constrained")
+    axes = figure.add_subplot()
+    for at, (method, points) in enumerate(measured(table).groupby("method", sort=False)):
+        own = points["own"].all()
+        axes.plot(
+            1e3 * points["cpu_s"],
+            100.0 * points["error"].clip(upper=WORST),
+            color=INK if own and at == 0 else SERIES[at % len(SERIES)],
+            marker=MARKERS[at % len(MARKERS)],
+            markersize=6 if own else 5,
+            linewidth=2.0 if own else 1.0,
+            linestyle="-" if own else "--",
+            label=method,
+        )
+    axes.axhline(100.0 * tolerance, color=FAINT, linewidth=0.8, linestyle=":")
+    axes.annotate(
+        "tolerance",
+        (0.0, 100.0 * tolerance),
+        xycoords=("axes fraction", "data"),
+        xytext=(4, 3),
+        textcoords="offset points",
+        color=FAINT,
+        fontsize=8,
+    )
+    _percent_axis(axes)
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.set_xlabel("CPU time per run [ms]")
+    axes.set_ylabel("error of the overturning boundary [%]")
+    axes.set_title(title, loc="left")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+@styled
+def boundary_convergence(
+    steps: Array, errors: list[tuple[str, Array]], chosen: float, tolerance: float
+) -> Figure:
+    """Error of each row's boundary against the time step, and what most rows keep.
+
+    Parameters
+    ----------
+    steps : ndarray [ms]
+    chosen : float [ms]
+    """
+    figure = Figure(figsize=(6.6, 3.9), layout="constrained")
+    axes = figure.add_subplot()
+    for at, (name, error) in enumerate(errors):
+        last = at == len(errors) - 1
+        axes.plot(
+            steps,
+            100.0 * error,
+            color=INK if last else SERIES[at % len(SERIES)],
+            linewidth=2.2 if last else 0.9,
+            marker=MARKERS[at % len(MARKERS)] if not last else None,
+            markersize=4,
+            label=name,
+        )
+    axes.axvline(chosen, color=FAINT, linewidth=0.8)
+    axes.axhline(100.0 * tolerance, color=FAINT, linewidth=0.8, linestyle=":")
+    axes.annotate(
+        f"chosen: {chosen:.3g} ms",
+        (chosen, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(4, -10),
+        textcoords="offset points",
+        color=FAINT,
+        fontsize=8,
+    )
+    _percent_axis(axes)
+    axes.set_xscale("log")
+    axes.set_xticks(steps, [f"{step:.2g}" for step in steps])
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel("time step [ms]")
+    axes.set_ylabel("error of the boundary [%]")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+@styled
+def suite_convergence(suite: pd.DataFrame) -> Figure:
+    """Error of each case of the reference suite against the time step, one panel an engine."""
+    engines = suite.groupby("engine")
+    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    panels = figure.subplots(1, engines.ngroups, sharey=True, squeeze=False)[0]
+    for panel, (engine, own) in zip(panels, engines, strict=True):
+        for at, name in enumerate(sorted(suite["case"].unique())):
+            points = own[(own["case"] == name) & np.isfinite(own["error"])].sort_values("step")
+            panel.plot(
+                1e3 * points["step"],
+                points["error"].clip(lower=1e-10),
+                color=SERIES[at % len(SERIES)],
+                marker=MARKERS[at // len(SERIES) % len(MARKERS)],
+                markersize=3.5,
+                linewidth=0.9,
+                label=name,
+            )
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.grid(visible=True)
+        panel.set_title(engine, loc="left")
+        panel.set_xlabel("time step [ms]")
+    panels[0].set_ylabel("relative error")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside right upper", fontsize=6.5)
+    return figure
+
+
+def _percent_axis(axes: Axes) -> None:
+    axes.set_yscale("log")
+    axes.set_ylim(0.09, 100.0 * WORST * 1.25)
+    axes.set_yticks([0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0])
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.grid(visible=True)

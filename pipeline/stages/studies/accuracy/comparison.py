@@ -18,9 +18,9 @@ from pipeline.stages.runs.scenes import Group, flat_case
 from pipeline.stages.runs.study import Study
 from pipeline.stages.studies.accuracy import worker_tasks
 from pipeline.stages.studies.accuracy.worker_tasks import Way
-from pipeline.workflow.batches import Batch
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Work
+from pipeline.workflow.workers import Batch
 from vsr_core import engines
 from vsr_core.errors import InvalidInput
 from vsr_core.outcome import Outcome

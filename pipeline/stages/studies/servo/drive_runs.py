@@ -12,8 +12,8 @@ from pipeline.config import in_si
 from pipeline.config.motion_schema import MotionConfig, PulseConfig
 from pipeline.stages.motions.motion_grid import MotionFiles
 from pipeline.stages.runs.scenes import Group, Scenes, flat_scene
-from pipeline.workflow.batches import Batch
 from pipeline.workflow.stage import Work
+from pipeline.workflow.workers import Batch
 from vsr_core.judge.proofs import Barrier
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.pulses import CosinePulse

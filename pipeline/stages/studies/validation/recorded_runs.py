@@ -12,7 +12,7 @@ from pipeline.stages.runs.overturning_runs import values
 from pipeline.stages.runs.runner import Kind, Run, run_missing, stored
 from pipeline.stages.studies.validation.recorded_tests import Tests, accelerations
 from pipeline.workflow import keys
-from pipeline.workflow.code_roots import VALIDATION_CODE
+from pipeline.workflow.keys import VALIDATION_CODE
 from pipeline.workflow.rows import RunRow
 from pipeline.workflow.stage import Work
 from vsr_core import engines

@@ -36,7 +36,7 @@ from pipeline.stages.displacement.correlation_figures import (
     power,
     trajectory_lengths,
 )
-from pipeline.stages.displacement.displacement_page import Slot, page
+from pipeline.stages.displacement.displacement_report import Slot, page
 from pipeline.stages.displacement.origin_maps import origin_maps
 from pipeline.stages.displacement.trajectory_maps import (
     PGA_EDGES,

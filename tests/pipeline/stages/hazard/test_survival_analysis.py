@@ -10,9 +10,9 @@ import xarray as xr
 from scipy.stats import norm
 
 from pipeline.config.hazard_schema import BoundedAge, LognormalAge, NormalAge, SampledAge
+from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
-from pipeline.stages.hazard.hazard_page import sentence
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_members
 from pipeline.stages.hazard.shaking_ratio import ShakingRatio
 from pipeline.stages.hazard.survival_analysis import (

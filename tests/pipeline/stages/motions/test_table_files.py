@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 from conftest import Ran
 
-from pipeline.stages.motions.table_files import load
+from pipeline.stages.motions.table_motions import load
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import barrier

@@ -23,7 +23,7 @@ from pipeline.config.problems import InputError
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.replay import replay_page
 from pipeline.stages.replay.choice import chosen, neighbour
-from pipeline.stages.replay.played import played
+from pipeline.stages.replay.film import played
 from pipeline.stages.runs.study import Study
 from pipeline.workflow.datasets import read
 from vsr_core.outcome import DecidedBy, Outcome

@@ -12,12 +12,12 @@ from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError, Unfinished
 from pipeline.stages.runs.runner import Kind, Run, run_missing, stored
 from pipeline.workflow import graph
-from pipeline.workflow.batches import Batch, Done
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.rows import RunRow
 from pipeline.workflow.run_store import RunStore
 from pipeline.workflow.stage import Job, Work
 from pipeline.workflow.store import Store
+from pipeline.workflow.workers import Batch, Done
 from vsr_core.outcome import Outcome
 
 GROUPS = ("north", ("east", 0.6))

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.config.layers import TABLES, known, load_table
-from pipeline.stages.studies.capacity.feasible import feasible_grid
+from pipeline.stages.studies.feasible import feasible_grid
 from vsr_core import GRAVITY
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.table.capacity import LIMITS, Table, binding, commands, largest_pga, loads

@@ -7,8 +7,7 @@ import pytest
 import xarray as xr
 
 from pipeline.config.sweep import Dimension
-from pipeline.stages.studies.sweeps.changes import Change, changes, collapsed, spread
-from pipeline.stages.studies.sweeps.sentences import about
+from pipeline.stages.studies.sweeps.changes import Change, about, changes, collapsed, spread
 from vsr_core import GRAVITY
 from vsr_core.fragility.boundary import middle
 

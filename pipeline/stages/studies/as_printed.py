@@ -14,9 +14,9 @@ from pipeline.config.schema import SceneSettings
 from pipeline.config.sections import Key
 from pipeline.stages.mesh.products import Standing
 from pipeline.stages.runs.scenes import Group, Scenes, flat_scene
-from pipeline.workflow.batches import Batch
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Product, Work
+from pipeline.workflow.workers import Batch
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.scene import Scene
 from vsr_core.verification.other_engines.published_setup import Coefficients, build

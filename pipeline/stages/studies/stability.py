@@ -13,8 +13,8 @@ from matplotlib.patches import Patch, Rectangle
 
 from pipeline.drawing.style import INK, SERIES, cell_edges, pictures, styled, svg_uri
 from pipeline.workflow import pages, writers
-from pipeline.workflow.batches import Batch
 from pipeline.workflow.stage import Product, Work
+from pipeline.workflow.workers import Batch
 from vsr_core.arrays import Array
 from vsr_core.verification import stability
 from vsr_core.verification.stability import ExtremeCase, Finding, Verdict

@@ -1,1 +1,0 @@
-"""The published set-up rebuilt, with its parameters as printed."""
