@@ -32,8 +32,8 @@ def main(arguments: list[str] | None = None) -> int:
     """
     try:
         options = parsed(arguments)
-        verb = getattr(importlib.import_module("pipeline.commands"), options.verb)
-        unresolved = verb(options)
+        commands = importlib.import_module("pipeline.commands").COMMANDS
+        unresolved = commands[options.verb](options)
         if options.verb in MAKING:
             importlib.import_module("pipeline.workflow.front_page").renew(options.derived)
         return UNRESOLVED if unresolved else DONE
@@ -87,7 +87,7 @@ def _parser() -> argparse.ArgumentParser:
 
     def add(name: str, text: str) -> argparse.ArgumentParser:
         sub = verbs.add_parser(name, help=text, description=text)
-        sub.set_defaults(verb="list_all" if name == "list" else name)
+        sub.set_defaults(verb=name)
         results = working_folder() / "data" / "derived"
         sub.add_argument("--derived", type=_folder, default=results, metavar="DIR")
         return sub

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import argparse
 import shutil
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from pipeline.config.layers import CONFIGS, STUDIES, TABLES, known
@@ -72,22 +74,8 @@ def prep(options: argparse.Namespace) -> int:
     return 0
 
 
-def plan(options: argparse.Namespace) -> int:
-    """Print what would run and what it costs."""
-    return _inspected("plan", options)
-
-
-def status(options: argparse.Namespace) -> int:
-    """Print what is done."""
-    return _inspected("status", options)
-
-
-def why(options: argparse.Namespace) -> int:
-    """Print why something would run again."""
-    return _inspected("why", options)
-
-
 def _inspected(question: str, options: argparse.Namespace) -> int:
+    """Print what would run and what it costs, what is done, or why something would run again."""
     sweep = sweep_of(options)
     product = options.product or ("fragility" if sweep is None else "study")
     stage, ask = DELIVERABLES[product].stage, named(f"pipeline.status:{question}")
@@ -103,9 +91,8 @@ def _inspected(question: str, options: argparse.Namespace) -> int:
 
 def figures(options: argparse.Namespace) -> int:
     """Make figures of the paper, and the page of its claims."""
-    unresolved = int(
-        named("pipeline.stages.figures.making:make")(options, cluster_of(vars(options)), log)
-    )
+    make = named("pipeline.stages.figures.making:make")
+    unresolved: int = make(options, cluster_of(vars(options)), log)
     log(f"-> {options.derived / 'figures' / 'claims.html'}")
     return unresolved
 
@@ -137,20 +124,14 @@ def index(options: argparse.Namespace) -> int:
     """Write the page that leads to all results."""
     page = front_page.renew(options.derived)
     if page is None:
-        raise InputError(
-            Problem(
-                str(options.derived),
-                "",
-                "no index of results",
-                "there are products in the folder, and it can be written to",
-                "make one, e.g. make fragility SITE=cuboid_1x1x2",
-            )
-        )
+        rule = "there are products in the folder, and it can be written to"
+        remedy = "make one, e.g. make fragility SITE=cuboid_1x1x2"
+        raise InputError(Problem(str(options.derived), "", "no index of results", rule, remedy))
     log(f"-> {page}")
     return 0
 
 
-def list_all(options: argparse.Namespace) -> int:
+def list_known(options: argparse.Namespace) -> int:
     """Print sites, studies, tables and products."""
     print("sites:   ", *known())
     print("studies: ", *(known(STUDIES) or ["none"]))
@@ -229,3 +210,19 @@ def fetch(options: argparse.Namespace) -> int:
 def _show(lines: list[str]) -> int:
     print("\n".join(lines), flush=True)
     return 0
+
+
+COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "run": run,
+    "prep": prep,
+    **{question: partial(_inspected, question) for question in ("plan", "status", "why")},
+    "figures": figures,
+    "feasible": feasible,
+    "replay": replay,
+    "index": index,
+    "list": list_known,
+    "clean": clean,
+    "init": init,
+    "fetch": fetch,
+}
+"""By the names that the command line takes."""

@@ -103,6 +103,4 @@ def draw(axes: Axes, ground: xr.DataArray, window: Window, *, named: bool = True
                              linestyles="solid", zorder=1)  # fmt: skip
         if named:
             axes.clabel(lines, fontsize=6.0, fmt="%g m", colors="#4a4a4a")
-    axes.set_xlim(window.x)
-    axes.set_ylim(window.y)
-    axes.set_aspect("equal")
+    axes.set(xlim=window.x, ylim=window.y, aspect="equal")

@@ -59,8 +59,7 @@ def trajectory_lengths(displacement: xr.Dataset, source: str) -> Figure:
     for axes, (right, up, colour) in zip(panels, axes_and_colour, strict=True):
         look: Any = {"s": 9, "cmap": "viridis", "linewidths": 0, "rasterized": True, "gid": "runs"}
         dots = axes.scatter(runs[right], runs[up], c=runs[colour], **look)
-        axes.set_xlabel(NAMES[right])
-        axes.set_ylabel(NAMES[up])
+        axes.set(xlabel=NAMES[right], ylabel=NAMES[up])
         if len(runs):
             bar = figure.colorbar(dots, ax=axes, location="top", pad=0.03, aspect=35)
             bar.set_label(NAMES[colour])

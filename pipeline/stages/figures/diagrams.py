@@ -56,8 +56,7 @@ def cells(axes: Axes, pga: Array, ratios: Array, outcomes: Array, *, pale: bool 
     row, column = np.nonzero(outcomes < 0)
     if row.size:
         axes.plot(pga[column], ratios[row], "x", color="black", ms=4, gid="unresolved")
-    axes.set_xlim(0.0, style.cell_edges(pga)[-1])
-    axes.set_ylim(0.0, style.cell_edges(ratios)[-1])
+    axes.set(xlim=(0.0, style.cell_edges(pga)[-1]), ylim=(0.0, style.cell_edges(ratios)[-1]))
 
 
 def labelled(panels: Any) -> None:

@@ -44,8 +44,7 @@ def draw(data: Data) -> Figure:
     dotted: Any = {"color": "black", "lw": 1.6, "ls": (0, (1, 1.4)), "gid": "similar"}
     axes.plot(diagrams.median(full), math.sqrt(SIZE) * full["pgv_pga"].values,
               label="that of the full-size rock, periods by √size", **dotted)  # fmt: skip
-    axes.set_xlabel(diagrams.PGA)
-    axes.set_ylabel(diagrams.RATIO)
+    axes.set(xlabel=diagrams.PGA, ylabel=diagrams.RATIO)
     diagrams.note(figure, diagrams.print_source(data["rock"]))
     lines = axes.get_legend_handles_labels()[0]
     figure.legend(handles=[*diagrams.key(pale=True), *lines], loc="lower center", ncols=2)

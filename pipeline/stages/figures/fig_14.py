@@ -83,8 +83,7 @@ def _responses(axes: Axes, data: Data, yaw: str) -> None:
     for colour, width in (("white", 3.0), ("black", 1.4)):
         axes.plot(first, flat["pgv_pga"].values, color=colour, lw=width, gid="flat",
                   label="first overturning on flat ground" if width < 2 else None)  # fmt: skip
-    axes.set_xlabel(diagrams.PGA)
-    axes.set_ylabel(diagrams.RATIO)
+    axes.set(xlabel=diagrams.PGA, ylabel=diagrams.RATIO)
 
 
 def gridded(displacement: xr.Dataset) -> tuple[Array, Array, Array]:

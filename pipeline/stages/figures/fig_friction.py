@@ -61,8 +61,7 @@ def _boundaries(axes: Axes, responses: xr.Dataset) -> None:
                       lw=7.0 - 1.1 * number, label=f"{friction:g}")  # fmt: skip
     axes.set(xlim=(0.0, pga[-1]), ylim=(0.0, ratios[-1]))
     axes.xaxis.set_major_locator(MultipleLocator(0.2))
-    axes.set_xlabel(diagrams.PGA)
-    axes.set_ylabel(diagrams.RATIO)
+    axes.set(xlabel=diagrams.PGA, ylabel=diagrams.RATIO)
     axes.grid(visible=True)
 
 

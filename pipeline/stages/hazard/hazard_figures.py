@@ -51,9 +51,7 @@ def curves(hazard: xr.Dataset, tested: tuple[float, float]) -> Figure:
         band: Any = {"color": colour, "alpha": 0.22, "lw": 0, "label": f"{word}, 5-95 %"}
         above.fill_between(pga, *rows, **band)
         above.plot(pga, mean, look, color=colour, lw=2.0, label=f"{word}, mean")
-    above.set_yscale("log")
-    above.set_ylim(1e-6, None)
-    above.set_ylabel("annual rate of exceedance")
+    above.set(yscale="log", ylim=(1e-6, None), ylabel="annual rate of exceedance")
     for years in hazard["return_period"].values:
         above.axhline(1.0 / years, color=style.INK, lw=0.5, ls=":")
         text = f"{years:,.0f} years"
@@ -103,8 +101,7 @@ def _fragility(axes: Axes, hazard: xr.Dataset, tested: tuple[float, float]) -> N
     if pga[-1] > tested[1]:
         middle = np.sqrt(tested[1] * pga[-1])
         axes.text(middle, 0.06, "not simulated", ha="center", fontsize=7.5, path_effects=style.HALO)
-    axes.set_ylim(0.0, 1.0)
-    axes.set_ylabel("probability of toppling")
+    axes.set(ylim=(0.0, 1.0), ylabel="probability of toppling")
 
 
 @style.styled
@@ -123,15 +120,16 @@ def survival(hazard: xr.Dataset, minimum: float) -> Figure:
     above.axhline(minimum, color=style.INK, lw=0.9, ls="--", label=f"{100 * minimum:g} %")
     if len(probabilities) <= MOST_BARS:
         _name_branches(above, hazard)
-    above.set_ylim(0.0, 1.0)
-    above.set_ylabel("probability of survival")
+    above.set(ylim=(0.0, 1.0), ylabel="probability of survival")
     _solid(above.legend(loc="upper right", frameon=True, framealpha=0.9, edgecolor="none"))
     below.fill_between(age, hazard["age_density"].values, step="mid", color=style.BASE, alpha=0.6)
-    below.set_ylim(0.0, None)
-    below.set_yticks([])
-    below.set_ylabel("density\nof age")
-    below.set_xlabel("age [years]")
-    below.set_xlim(0.0, age[-1])
+    below.set(
+        ylim=(0.0, None),
+        yticks=[],
+        ylabel="density\nof age",
+        xlabel="age [years]",
+        xlim=(0.0, age[-1]),
+    )
     below.xaxis.set_major_formatter(lambda x, _: f"{x:,.0f}")
     above.grid(visible=True)
     return figure
@@ -170,8 +168,7 @@ def weights(hazard: xr.Dataset) -> Figure:
     if out.any():
         axes.plot(place[out] + 0.2, 0.0 * place[out], "x", color=_REJECTED, label="rejected")
     axes.set_xticks(place, shown["branch"].values, rotation=90 if number > 15 else 0)
-    axes.set_xlabel("branch")
-    axes.set_ylabel("weight")
+    axes.set(xlabel="branch", ylabel="weight")
     axes.legend(ncols=3)
     axes.margins(y=0.25)
     axes.grid(visible=True, axis="y")

@@ -163,14 +163,12 @@ def stability_map(points: pd.DataFrame, limits: Limits) -> Figure:
         look: Any = {"edgecolor": "white", "linewidth": 1.2, **_TILES[Verdict(name)]}
         axes.add_patch(Rectangle((left, edges[row]), *size, **look))
     _draw_limits(axes, finite, limits, rigid + 0.5)
-    axes.set_xlim(finite[0] - 0.5, rigid + 0.5)
-    axes.set_ylim(edges[0], edges[-1])
+    axes.set(xlim=(finite[0] - 0.5, rigid + 0.5), ylim=(edges[0], edges[-1]))
     names = [*(f"$10^{{{round(decade)}}}$" for decade in finite), "rigid"]
     axes.set_xticks([*finite, rigid], names)
     axes.set_yticks(steps, [f"{1e3 * 10.0**step:.3g}" for step in steps])
     axes.tick_params(length=0)
-    axes.set_xlabel("stiffness of each point of contact [N/m]")
-    axes.set_ylabel("time step [ms]")
+    axes.set(xlabel="stiffness of each point of contact [N/m]", ylabel="time step [ms]")
     counts = points["verdict"].value_counts()
     tiles = [
         Patch(edgecolor="white", label=f"{_LABELS[v]} ({counts.get(v.value, 0)})", **look)

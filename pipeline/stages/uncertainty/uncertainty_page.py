@@ -207,8 +207,7 @@ def bands(found: xr.Dataset, responses: xr.Dataset) -> Figure:
             heights, low, high, color=style.MODEL, alpha=0.65, lw=0, label="5 to 95 % of the draws"
         )
         axes.plot(middle, heights, color=style.INK, lw=1.3, label="median of the draws")
-        axes.set_xlim(style.cell_edges(pga)[[0, -1]])
-        axes.set_ylim(style.cell_edges(heights)[[0, -1]])
+        axes.set(xlim=style.cell_edges(pga)[[0, -1]], ylim=style.cell_edges(heights)[[0, -1]])
         axes.set_title(f"yaw {one['yaw'].item():g} deg", fontsize=8.5, pad=3)
     for colour, text in ((style.PROVED, "stands as scanned"), ("#e9aba6", "topples as scanned")):
         panels[0, 0].plot([], [], "s", ms=7, color=colour, label=text)
@@ -238,8 +237,7 @@ def shares(found: xr.Dataset) -> Figure:
         axes.barh(place + shift, value, 0.36, color=colour, label=text)
         axes.hlines(place + shift, *ends.T, color=style.INK, lw=1.0)
     axes.set_yticks(place, names)
-    axes.set_xlim(0.0, 1.0)
-    axes.set_xlabel("share of the variance of the boundary's height, 5 to 95 %")
+    axes.set(xlim=(0.0, 1.0), xlabel="share of the variance of the boundary's height, 5 to 95 %")
     axes.grid(visible=True, axis="x")
     figure.legend(loc="outside lower center", ncols=1)
     return figure
@@ -259,8 +257,7 @@ def surface(found: xr.Dataset) -> Figure:
         axes.clabel(lines, fmt=lambda level: f"{100 * level:g} %", fontsize=8)
     bar = figure.colorbar(mesh, ax=axes)
     bar.set_label("probability of toppling")
-    axes.set_xlabel(label("pga"))
-    axes.set_ylabel(_row_label(found))
+    axes.set(xlabel=label("pga"), ylabel=_row_label(found))
     return figure
 
 

@@ -256,8 +256,7 @@ def work_precision(table: pd.DataFrame, tolerance: float, title: str) -> Figure:
     _percent_axis(axes)
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.set_xlabel("CPU time per run [ms]")
-    axes.set_ylabel("error of the overturning boundary [%]")
+    axes.set(xlabel="CPU time per run [ms]", ylabel="error of the overturning boundary [%]")
     axes.set_title(title, loc="left")
     figure.legend(loc="outside lower center", ncols=2)
     return figure
@@ -302,8 +301,7 @@ def boundary_convergence(
     axes.set_xscale("log")
     axes.set_xticks(steps, [f"{step:.2g}" for step in steps])
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("time step [ms]")
-    axes.set_ylabel("error of the boundary [%]")
+    axes.set(xlabel="time step [ms]", ylabel="error of the boundary [%]")
     figure.legend(loc="outside lower center", ncols=2)
     return figure
 
@@ -326,8 +324,7 @@ def suite_convergence(suite: pd.DataFrame) -> Figure:
                 linewidth=0.9,
                 label=name,
             )
-        panel.set_xscale("log")
-        panel.set_yscale("log")
+        panel.set(xscale="log", yscale="log")
         panel.grid(visible=True)
         panel.set_title(engine, loc="left")
         panel.set_xlabel("time step [ms]")
@@ -338,9 +335,9 @@ def suite_convergence(suite: pd.DataFrame) -> Figure:
 
 
 def _percent_axis(axes: Axes) -> None:
-    axes.set_yscale("log")
-    axes.set_ylim(0.09, 100.0 * WORST * 1.25)
-    axes.set_yticks([0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0])
+    axes.set(
+        yscale="log", ylim=(0.09, 100.0 * WORST * 1.25), yticks=[0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0]
+    )
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(visible=True)

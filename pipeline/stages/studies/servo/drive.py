@@ -175,8 +175,7 @@ def tracking(drive: xr.Dataset) -> Figure:
     upper.legend()
     upper.grid(visible=True)
     lower.grid(visible=True)
-    lower.set_ylabel("measured less\ncommanded [mm/s]")
-    lower.set_xlabel("time [s]")
+    lower.set(ylabel="measured less\ncommanded [mm/s]", xlabel="time [s]")
     return figure
 
 
@@ -202,16 +201,17 @@ def disturbed(drive: xr.Dataset) -> Figure:
     upper.set_ylabel("velocity of the\ntable [m/s]")
     upper.legend(loc="upper left")
     middle.plot(time, np.degrees(case["tilt"]), color=style.OVERTURNED, lw=1.0)
-    middle.set_ylabel("tilt of the\nrock [deg]")
-    middle.set_xlabel("time [s]")
+    middle.set(ylabel="tilt of the\nrock [deg]", xlabel="time [s]")
     start, stop = push - _AROUND[0], push + _AROUND[1]
     inside = (time >= start) & (time <= stop)
     error = _error(case)[inside]
     lower.plot(time[inside], error, color=style.SERIES[0], lw=0.9, marker=".", ms=2.0)
     lower.axhline(0.0, color=style.INK, lw=0.6)
-    lower.set_ylabel("measured less\ncommanded [mm/s]")
-    lower.set_xlabel("time [s], around the largest push of the falling rock")
-    lower.set_xlim(start, stop)
+    lower.set(
+        ylabel="measured less\ncommanded [mm/s]",
+        xlabel="time [s], around the largest push of the falling rock",
+        xlim=(start, stop),
+    )
     start, stop = push - 2.0 * _AROUND[0], push + 2.0 * _AROUND[1]
     shown = measured[(time >= start) & (time <= stop)]
     low, high, pad = shown.min(), shown.max(), 0.04 * np.ptp(measured)
@@ -250,8 +250,7 @@ def boundaries(drive: xr.Dataset) -> Figure:
     axes.set_yscale("log")
     axes.set_yticks(ratio, [f"{value:.2g}" for value in ratio])
     axes.minorticks_off()
-    axes.set_xlabel(f"first overturning: {label('pga')}")
-    axes.set_ylabel("PGV/PGA [s]")
+    axes.set(xlabel=f"first overturning: {label('pga')}", ylabel="PGV/PGA [s]")
     axes.grid(visible=True)
     figure.legend(loc="outside lower center", ncols=1)
     return figure

@@ -121,19 +121,18 @@ def boundaries(data: xr.Dataset, dimension: Dimension, own: xr.Dataset | None) -
             scaled = _typical(own, dimension.name)[BOUNDARY].values[place]
             time = own["time"].values[place]
             panels[1].plot(scaled[ran], ratio[ran] / time, **line)
-    panels[0].set_xlabel(f"boundary: {label('pga')}")
-    panels[0].set_ylabel("PGV/PGA [s]")
+    panels[0].set(xlabel=f"boundary: {label('pga')}", ylabel="PGV/PGA [s]")
     if own is not None:
-        panels[1].set_xlabel("boundary / static toppling acceleration")
-        panels[1].set_ylabel(r"PGV/PGA / $\sqrt{R/g}$")
+        panels[1].set(
+            xlabel="boundary / static toppling acceleration", ylabel=r"PGV/PGA / $\sqrt{R/g}$"
+        )
     for axes in panels:
         if not np.isfinite(curves).any():  # for which there is no scale
             axes.text(
                 0.5, 0.5, "no boundary within the grid", transform=axes.transAxes, ha="center"
             )
             continue
-        axes.set_yscale("log")
-        axes.set_xscale("log")
+        axes.set(yscale="log", xscale="log")
         for scale in (axes.xaxis, axes.yaxis):
             scale.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
             scale.set_major_formatter("{x:g}")

@@ -253,8 +253,7 @@ def map_of_tests(tests: Tests, made: Predictions) -> Figure:
                 edgecolor=INK,
                 label=name if known else "predicted only",
             )
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+        axes.set(xscale="log", yscale="log")
         axes.set(title=f"specimen {specimen}", xlabel="PGV/PGA [s]", ylabel="PGA [g]")
         _legend_under(axes, 2)
     if drawn is not None:
