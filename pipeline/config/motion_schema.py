@@ -39,10 +39,8 @@ def _in_g(pga: tuple[float, ...]) -> tuple[float, ...]:
     if pga[0] < SMALLEST_PGA:
         raise Refused(f"a PGA is positive, at least {SMALLEST_PGA:g} g", "start above 0 g")
     if pga[-1] > LARGEST_PGA:
-        raise Refused(
-            f"PGA is in g and at most {LARGEST_PGA:g} g",
-            "write 0.3 for 30 percent of g, or 1 for 9.81 m/s2",
-        )
+        rule = f"PGA is in g and at most {LARGEST_PGA:g} g"
+        raise Refused(rule, "write 0.3 for 30 percent of g, or 1 for 9.81 m/s2")
     return pga
 
 
@@ -131,10 +129,8 @@ class ProcessingConfig(Section):
     @model_validator(mode="after")
     def _corners_make_sense(self) -> ProcessingConfig:
         if self.order == "none" and (self.highpass is not None or self.lowpass is not None):
-            raise Refused(
-                "processing order `none` takes no filter corners",
-                "set both to null, or order: paper",
-            )
+            rule = "processing order `none` takes no filter corners"
+            raise Refused(rule, "set both to null, or order: paper")
         if (self.highpass or 0.0) >= (self.lowpass or math.inf):
             raise Refused("the high-pass corner must be below the low-pass corner", "exchange them")
         return self
@@ -239,10 +235,8 @@ class TableMotionConfig(Section):
         if not pulses:
             raise Refused("at least one pulse is required", "e.g. {axis: z}")
         if all(pulse.pgv_pga is not None for pulse in pulses):
-            raise Refused(
-                "at least one pulse takes its PGV/PGA from the grid",
-                "remove its pgv_pga and set motion.pgv_pga",
-            )
+            rule = "at least one pulse takes its PGV/PGA from the grid"
+            raise Refused(rule, "remove its pgv_pga and set motion.pgv_pga")
         return pulses
 
     @field_validator("pgv_pga")

@@ -123,10 +123,8 @@ class UncertaintyConfig(PriorsConfig):
     @classmethod
     def _stays_positive(cls, amplitude: Spread) -> Spread:
         if amplitude.mean <= 5.0 * amplitude.sd:
-            raise Refused(
-                "the mean must exceed five standard deviations: no draw may reverse it",
-                "reduce sd, or set polarity_reversal_probability",
-            )
+            rule = "the mean must exceed five standard deviations: no draw may reverse it"
+            raise Refused(rule, "reduce sd, or set polarity_reversal_probability")
         return amplitude
 
 

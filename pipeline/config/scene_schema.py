@@ -64,10 +64,8 @@ class RockConfig(Section):
             raise Refused("the lengths of a box must be positive [m]", "correct the size")
         check_size(max(size))
         if min(size) < THINNEST * max(size):
-            raise Refused(
-                f"the thickness of a block must be at least {THINNEST:g} of its length",
-                "correct the size",
-            )
+            rule = f"the thickness of a block must be at least {THINNEST:g} of its length"
+            raise Refused(rule, "correct the size")
         return size
 
     @model_validator(mode="after")

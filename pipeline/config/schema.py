@@ -191,10 +191,8 @@ class Config(Section):
     def _has_a_way(cls, motion: MotionConfig, info: ValidationInfo) -> MotionConfig:
         pedestal = info.data.get("pedestal")
         if isinstance(motion, TableMotionConfig) and pedestal and pedestal.shape == "mesh":
-            raise Refused(
-                "a table motion needs a flat pedestal",
-                "set pedestal.shape: flat, or motion.kind: record",
-            )
+            rule = "a table motion needs a flat pedestal"
+            raise Refused(rule, "set pedestal.shape: flat, or motion.kind: record")
         return motion
 
     @field_validator("drive")

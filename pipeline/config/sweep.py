@@ -156,11 +156,8 @@ def _dimension(
     places = list(zip(*values.values(), strict=True))
     if twice := [place for n, place in enumerate(places) if place in places[:n]]:
         given = ", ".join(map(_label, twice[0]))
-        raise InputError(
-            Problem(
-                file, f"sweep.{name}", f"{given} twice", "duplicate value", "give each value once"
-            )
-        )
+        rule, remedy = "duplicate value", "give each value once"
+        raise InputError(Problem(file, f"sweep.{name}", f"{given} twice", rule, remedy))
     own = tuple(_at(base, key) for key in values)
     grid = gridded and len(values) == 1 and next(iter(values)) in GRIDS
     numeric = all(_is_number(place[0]) for place in places)

@@ -211,10 +211,6 @@ def _refusal(reason: tuple[dict[str, str], dict[str, str]] | str) -> Problem:
         differences = provenance.here().differences(Provenance(*reason))
         more = f" and {len(differences) - 3} more" if len(differences) > 3 else ""
         given = f"a worker with other code or libraries ({', '.join(differences[:3])}{more})"
-    return Problem(
-        "--scheduler",
-        "",
-        given,
-        "all workers compute with what this command computes with",
-        "end it, and start it again from this folder and its .venv",
-    )
+    rule = "all workers compute with what this command computes with"
+    remedy = "end it, and start it again from this folder and its .venv"
+    return Problem("--scheduler", "", given, rule, remedy)

@@ -113,11 +113,8 @@ def correlations(runs: pd.DataFrame) -> tuple[Correlation, ...]:
     for name in (*REGRESSORS, *STATISTICS):
         lost = int((~np.isfinite(runs[name])).sum())
         if lost:
-            raise InvalidInput(
-                f"{lost} values of {name} that are not finite",
-                "an overturned run has a trajectory",
-                "leave out unresolved runs",
-            )
+            rule, remedy = "an overturned run has a trajectory", "leave out unresolved runs"
+            raise InvalidInput(f"{lost} values of {name} that are not finite", rule, remedy)
     return tuple(
         correlate(runs[regressor].to_numpy(), runs[statistic].to_numpy(), statistic, regressor)
         for statistic in STATISTICS

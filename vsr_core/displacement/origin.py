@@ -54,11 +54,9 @@ class Forward:
     def __post_init__(self) -> None:
         shapes = (self.start.shape, self.pga.shape, self.pgv_pga.shape, self.end.shape[:1])
         if len(set(shapes)) > 1 or self.end.shape[1:] != (2,):
-            raise InvalidInput(
-                f"arrays of shapes {(*shapes[:3], self.end.shape)}",
-                "each run has a start, a PGA, a PGV/PGA and an end of two coordinates",
-                "give arrays (n,), (n,), (n,) and (n, 2)",
-            )
+            given = f"arrays of shapes {(*shapes[:3], self.end.shape)}"
+            rule = "each run has a start, a PGA, a PGV/PGA and an end of two coordinates"
+            raise InvalidInput(given, rule, "give arrays (n,), (n,), (n,) and (n, 2)")
         if len(self.start) == 0:
             raise InvalidInput(
                 "no forward run", "the inverse needs forward runs", "run a grid first"
@@ -89,11 +87,9 @@ class ObservedBoulder:
 
     def __post_init__(self) -> None:
         if not (0.0 < self.sigma < math.inf and np.isfinite(self.place).all()):
-            raise InvalidInput(
-                f"a place {self.place} known to {self.sigma} m",
-                "a place is finite and its uncertainty above 0",
-                "give sigma in metres, at least the accuracy of the survey",
-            )
+            given = f"a place {self.place} known to {self.sigma} m"
+            remedy = "give sigma in metres, at least the accuracy of the survey"
+            raise InvalidInput(given, "a place is finite and its uncertainty above 0", remedy)
         if not 0.0 < self.association_probability <= 1.0 or not self.area > 0.0:
             raise InvalidInput(
                 f"association probability {self.association_probability} and area {self.area} m2",
@@ -101,11 +97,9 @@ class ObservedBoulder:
                 "correct them",
             )
         if self.association_probability < 1.0 and math.isinf(self.area):
-            raise InvalidInput(
-                f"association probability {self.association_probability} without an area",
-                "another rock may lie anywhere on an area",
-                "give the plan area of the terrain [m2]",
-            )
+            given = f"association probability {self.association_probability} without an area"
+            rule = "another rock may lie anywhere on an area"
+            raise InvalidInput(given, rule, "give the plan area of the terrain [m2]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,18 +229,13 @@ def _prior(runs: Array, prior: Array | None) -> Array:
     if prior is None:
         return covered / covered.sum()
     if prior.shape != runs.shape or not (prior >= 0.0).all():
-        raise InvalidInput(
-            f"a prior of shape {prior.shape}",
-            f"it is not negative and of shape {runs.shape}: starts, PGV/PGA, PGA",
-            "give one number a cell",
-        )
+        rule = f"it is not negative and of shape {runs.shape}: starts, PGV/PGA, PGA"
+        raise InvalidInput(f"a prior of shape {prior.shape}", rule, "give one number a cell")
     total = float(prior[covered].sum())
     if not 0.0 < total < math.inf:
-        raise InvalidInput(
-            "a prior of zero in every cell with a run",
-            "what is impossible beforehand stays impossible",
-            "run the motions that the prior allows",
-        )
+        given = "a prior of zero in every cell with a run"
+        rule = "what is impossible beforehand stays impossible"
+        raise InvalidInput(given, rule, "run the motions that the prior allows")
     return np.where(covered, prior / total, 0.0)
 
 

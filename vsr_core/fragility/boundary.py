@@ -60,11 +60,9 @@ def outcomes(overturned: npt.ArrayLike) -> Array:
     array = np.array(overturned, dtype=np.float64)
     array[array == -1] = np.nan
     if not np.isin(array[~np.isnan(array)], (0.0, 1.0)).all():
-        raise InvalidInput(
-            "overturned holds values other than 0, 1, -1 and NaN",
-            "a run overturned (1), did not (0) or is undecided (-1 or NaN)",
-            "pass the variable `overturned` of the responses",
-        )
+        given = "overturned holds values other than 0, 1, -1 and NaN"
+        rule = "a run overturned (1), did not (0) or is undecided (-1 or NaN)"
+        raise InvalidInput(given, rule, "pass the variable `overturned` of the responses")
     return array
 
 
@@ -88,11 +86,8 @@ def counted(pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLik
     columns, rows = _axis(pga, "pga"), _axis(pgv_pga, "pgv_pga")
     grid = outcomes(overturned)
     if grid.shape != (rows.size, columns.size):
-        raise InvalidInput(
-            f"overturned of shape {grid.shape} for {rows.size} PGV/PGA and {columns.size} PGA",
-            "its shape is (n_ratio, n_pga)",
-            "transpose or reshape it",
-        )
+        given = f"overturned of shape {grid.shape} for {rows.size} PGV/PGA and {columns.size} PGA"
+        raise InvalidInput(given, "its shape is (n_ratio, n_pga)", "transpose or reshape it")
     decided = ~np.isnan(grid)
     if not decided.any():
         raise InvalidInput(
@@ -105,17 +100,13 @@ def counted(pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLik
 def _axis(values: npt.ArrayLike, name: str) -> Array:
     axis = np.asarray(values, dtype=np.float64)
     if not (np.isfinite(axis) & (axis > 0)).all():
-        raise InvalidInput(
-            f"{name} holds values that are not finite and above 0",
-            "fragility is fitted in ln PGA and ln PGV/PGA",
-            f"leave such runs out or correct {name}",
-        )
+        given = f"{name} holds values that are not finite and above 0"
+        rule = "fragility is fitted in ln PGA and ln PGV/PGA"
+        raise InvalidInput(given, rule, f"leave such runs out or correct {name}")
     if axis.ndim != 1 or axis.size == 0 or (np.diff(axis) <= 0).any():
-        raise InvalidInput(
-            f"{name} of shape {axis.shape} that is not one strictly increasing axis",
-            "the grid's axes increase",
-            f"sort the grid along {name} and merge repeated values",
-        )
+        given = f"{name} of shape {axis.shape} that is not one strictly increasing axis"
+        rule = "the grid's axes increase"
+        raise InvalidInput(given, rule, f"sort the grid along {name} and merge repeated values")
     return axis
 
 

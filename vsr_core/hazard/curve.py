@@ -31,22 +31,17 @@ class HazardCurve:
 
     def __post_init__(self) -> None:
         if len(self.levels) < 2 or len(self.levels) != len(self.rates):
-            raise InvalidInput(
-                f"{len(self.levels)} levels and {len(self.rates)} rates above 0",
-                "a curve has two or more, and a rate for each",
-                "look at the curve",
-            )
+            given = f"{len(self.levels)} levels and {len(self.rates)} rates above 0"
+            rule = "a curve has two or more, and a rate for each"
+            raise InvalidInput(given, rule, "look at the curve")
         if not (self.levels[0] > 0.0 and (np.diff(self.levels) > 0.0).all()):
             raise InvalidInput("levels out of order", "they ascend from above 0", "sort them")
         if not ((self.rates > 0.0).all() and np.isfinite(self.rates).all()):
             raise InvalidInput("a rate that is not positive", "rates are above 0", "cut it off")
         rising = np.flatnonzero(np.diff(self.rates) > 0.0)
         if len(rising):
-            raise InvalidInput(
-                f"a rate that rises after level {rising[0] + 1} of {len(self.levels)}",
-                "stronger shaking is not more frequent",
-                "look at the curve",
-            )
+            given = f"a rate that rises after level {rising[0] + 1} of {len(self.levels)}"
+            raise InvalidInput(given, "stronger shaking is not more frequent", "look at the curve")
 
     def rate_at(self, level: Array) -> Array:
         """Annual rates at which levels are exceeded.
@@ -93,17 +88,11 @@ def curve_of_probabilities(levels: Array, probabilities: Array, years: float) ->
         For a probability of 1, which has no finite rate, or outside 0 to 1.
     """
     if not ((probabilities >= 0.0).all() and (probabilities <= 1.0).all()):
-        raise InvalidInput(
-            f"probabilities from {probabilities.min():g} to {probabilities.max():g}",
-            "they are from 0 to 1",
-            "look at the curve",
-        )
+        given = f"probabilities from {probabilities.min():g} to {probabilities.max():g}"
+        raise InvalidInput(given, "they are from 0 to 1", "look at the curve")
     if (probabilities == 1.0).any():
-        raise InvalidInput(
-            f"a probability of 1 in {years:g} years",
-            "it has no finite rate",
-            "export the curve for fewer years, or drop the level",
-        )
+        given, rule = f"a probability of 1 in {years:g} years", "it has no finite rate"
+        raise InvalidInput(given, rule, "export the curve for fewer years, or drop the level")
     rates = -np.log1p(-probabilities) / years
     held = rates > 0.0
     return HazardCurve(levels[held], rates[held])

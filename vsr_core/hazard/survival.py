@@ -107,11 +107,9 @@ def uniform_ages(low: float, high: float) -> Array:
 
 def _check(age: float, spread: float) -> None:
     if not (age > 0.0 and spread >= 0.0 and np.isfinite(age + spread)):
-        raise InvalidInput(
-            f"an age of {age:g} years with a spread of {spread:g}",
-            "ages are positive and finite, and spreads not negative",
-            "give them in years before present",
-        )
+        given = f"an age of {age:g} years with a spread of {spread:g}"
+        rule = "ages are positive and finite, and spreads not negative"
+        raise InvalidInput(given, rule, "give them in years before present")
 
 
 def survival(rate: float, ages: Array) -> float:

@@ -60,11 +60,8 @@ def of_text(text: str) -> list[Column]:
     for place, line in enumerate(lines[1:], start=2):
         cells = line.split(separator)
         if len(cells) != len(names):
-            raise InvalidInput(
-                f"{len(cells)} values in row {place} of a table",
-                f"each row has {len(names)}",
-                "correct it",
-            )
+            given = f"{len(cells)} values in row {place} of a table"
+            raise InvalidInput(given, f"each row has {len(names)}", "correct it")
         try:
             rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
         except ValueError:
@@ -89,20 +86,14 @@ def of_netcdf(content: bytes) -> NetCDF:
     except InvalidInput:
         raise
     except Exception as error:  # noqa: BLE001 (of a broken file, whatever HDF5 meets first)
-        raise InvalidInput(
-            f"a NetCDF file that cannot be read ({reason(error)})",
-            "it is whole",
-            "write or download it again",
-        ) from None
+        given = f"a NetCDF file that cannot be read ({reason(error)})"
+        raise InvalidInput(given, "it is whole", "write or download it again") from None
 
 
 def _along_time(data: netCDF4.Dataset) -> NetCDF:
     if "time" not in data.variables or data["time"].ndim != 1:
-        raise InvalidInput(
-            f"a NetCDF file with the variables {', '.join(data.variables)[:80]}, without time",
-            "one of them is the coordinate time",
-            "name it so",
-        )
+        given = f"a NetCDF file with the variables {', '.join(data.variables)[:80]}, without time"
+        raise InvalidInput(given, "one of them is the coordinate time", "name it so")
     check_size(data["time"].size)
     columns, others = [], []
     for name, variable in data.variables.items():

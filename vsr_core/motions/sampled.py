@@ -125,11 +125,8 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
     samples = np.hstack([samples[:, :3], np.unwrap(samples[:, 3:], axis=0)])
     tilt = float(np.abs(samples[:, 3:5]).max())
     if tilt > 2.0 * math.pi:
-        raise InvalidInput(
-            f"roll or pitch of {tilt:.4g} rad",
-            "no table tilts by more than a turn",
-            "name the unit, e.g. roll [degree]",
-        )
+        given, rule = f"roll or pitch of {tilt:.4g} rad", "no table tilts by more than a turn"
+        raise InvalidInput(given, rule, "name the unit, e.g. roll [degree]")
     _check_ends(time, samples)
     return SampledMotion(np.asarray(time, float), samples)
 
@@ -137,18 +134,14 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
 def _check_magnitudes(steps: Array, samples: Array) -> None:
     """Times and ways must be those of a table, in seconds, metres and radians."""
     if not (steps.min() >= SHORTEST_STEP and steps.max() <= LONGEST_STEP):
-        raise InvalidInput(
-            f"time steps of {steps.min():.3g} to {steps.max():.3g} s",
-            f"they are from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s",
-            "name the unit, e.g. time [ms]",
-        )
+        given = f"time steps of {steps.min():.3g} to {steps.max():.3g} s"
+        rule = f"they are from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
+        raise InvalidInput(given, rule, "name the unit, e.g. time [ms]")
     travel = float(np.abs(samples).max())
     if travel > FARTHEST or 0.0 < travel < NEAREST:
-        raise InvalidInput(
-            f"a table that moves {travel:.3g} m or rad from its zero",
-            f"it moves between {NEAREST:g} and {FARTHEST:g}",
-            "name the unit, e.g. x [mm]",
-        )
+        given = f"a table that moves {travel:.3g} m or rad from its zero"
+        rule = f"it moves between {NEAREST:g} and {FARTHEST:g}"
+        raise InvalidInput(given, rule, "name the unit, e.g. x [mm]")
 
 
 def _check_ends(time: Array, samples: Array) -> None:
@@ -159,8 +152,6 @@ def _check_ends(time: Array, samples: Array) -> None:
         moving = np.abs(slope) > REST * largest
         if moving.any():
             axis = int(np.argmax(moving))
-            raise InvalidInput(
-                f"{AXES[axis]} moving at {slope[axis]:.3g} a second at the {where}",
-                "the table rests before and after the motion",
-                "let it start and end at rest",
-            )
+            given = f"{AXES[axis]} moving at {slope[axis]:.3g} a second at the {where}"
+            rule = "the table rests before and after the motion"
+            raise InvalidInput(given, rule, "let it start and end at rest")

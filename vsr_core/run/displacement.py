@@ -77,11 +77,9 @@ def displace(
         For a motion in several axes.
     """
     if motion.columns > 1:
-        raise InvalidInput(
-            "a table in several axes under a terrain",
-            "a rock on a terrain is shaken in one direction",
-            "take a motion along one axis, or a flat pedestal",
-        )
+        given = "a table in several axes under a terrain"
+        rule = "a rock on a terrain is shaken in one direction"
+        raise InvalidInput(given, rule, "take a motion along one axis, or a flat pedestal")
 
     if never_starts(case.static_limits, motion.peak_acceleration, settings):
         return _stays(case)
@@ -312,11 +310,9 @@ def settled(scene: Scene, time_step: float, engine: str = "bullet") -> State:
         if rests(record, criteria, time):
             break
     else:
-        raise InvalidInput(
-            f"a rock that still moves after {LONGEST_TIME:g} s on its seat",
-            "it stands where it was scanned",
-            "look at the closing of the scan and its cut (`vsr prep`)",
-        )
+        given = f"a rock that still moves after {LONGEST_TIME:g} s on its seat"
+        rule = "it stands where it was scanned"
+        raise InvalidInput(given, rule, "look at the closing of the scan and its cut (`vsr prep`)")
     shift = float(np.linalg.norm(state.position - scene.start.position))
     turn = _angle(state.rotation @ scene.start.rotation.T)
     if shift > 0.1 * radius or turn > math.radians(15.0):

@@ -66,11 +66,8 @@ def check(case: Case, settings: Settings, motion: GroundMotion) -> None:
 def check_engine(scene: Scene, engine: str, motion: GroundMotion) -> None:
     """Refuse a motion that an engine lacks, or a friction at which it topples what slides."""
     if motion.columns == 9 and engine == "mujoco":
-        raise InvalidInput(
-            f"a table that turns in {engine}",
-            "it has no forces of a table that turns",
-            "use simulation.engine: auto",
-        )
+        rule = "it has no forces of a table that turns"
+        raise InvalidInput(f"a table that turns in {engine}", rule, "use simulation.engine: auto")
     slenderness, sliding = _slenderness(scene), engines.load(engine).SLIDING_SHARE
     if sliding * slenderness < scene.contact.friction < slenderness:
         raise InvalidInput(
@@ -95,11 +92,9 @@ def check_step(scene: Scene, settings: Settings, motion: GroundMotion) -> float:
     time_step = first_step(motion, scene.drive, settings.time_step)
     longest = longest_step(scene, settings.engine)
     if time_step > longest * (1.0 + 1e-9):
-        raise InvalidInput(
-            f"a time step of {1e3 * time_step:.4g} ms",
-            f"this rock rocks too fast for more than {1e3 * longest:.4g} ms",
-            "shorten the step, or let it be chosen (simulation.time_step: auto)",
-        )
+        rule = f"this rock rocks too fast for more than {1e3 * longest:.4g} ms"
+        remedy = "shorten the step, or let it be chosen (simulation.time_step: auto)"
+        raise InvalidInput(f"a time step of {1e3 * time_step:.4g} ms", rule, remedy)
     return time_step
 
 
@@ -228,17 +223,12 @@ def _check_motion(motion: GroundMotion, drive: Servo | None) -> None:
         values = samples(motion, drive, taken.interval, taken.pulse_samples)
         known = bool(np.isfinite(values).all())
     if not known:
-        raise InvalidInput(
-            "a motion with values that are not numbers",
-            "its acceleration, duration and shortest time must be finite",
-            "fill its gaps, or cut it before them",
-        )
+        given = "a motion with values that are not numbers"
+        rule = "its acceleration, duration and shortest time must be finite"
+        raise InvalidInput(given, rule, "fill its gaps, or cut it before them")
     if drive is not None and motion.columns > 1:
-        raise InvalidInput(
-            "a servo for a motion in several axes",
-            "its table slides along x",
-            "set drive: table_frame",
-        )
+        given = "a servo for a motion in several axes"
+        raise InvalidInput(given, "its table slides along x", "set drive: table_frame")
     if drive is not None and drive.command_period > PERIOD_SHARE * motion.shortest_time:
         what = "control" if drive.hold == 1 else "command"
         raise InvalidInput(
@@ -252,17 +242,13 @@ def _check_motion(motion: GroundMotion, drive: Servo | None) -> None:
 def _check_springs(contact: Contact, stiffness: float, rock: Rock, time_step: float) -> None:
     given = f"a contact stiffness of {stiffness:g} N/m under {rock.mass:.4g} kg"
     if contact.restitution > 0.0:
-        raise InvalidInput(
-            f"{given} and a restitution of {contact.restitution:g}",
-            "springs make the rebound themselves",
-            "state their damping in place of the restitution",
-        )
+        rule = "springs make the rebound themselves"
+        remedy = "state their damping in place of the restitution"
+        raise InvalidInput(f"{given} and a restitution of {contact.restitution:g}", rule, remedy)
     if not (0.0 < stiffness < math.inf and 0.0 <= contact.damping < math.inf):
-        raise InvalidInput(
-            f"{given} with a damping of {contact.damping:g} N s/m",
-            "the stiffness must be above 0, the damping not below, both finite",
-            "state them in N/m and N s/m",
-        )
+        rule = "the stiffness must be above 0, the damping not below, both finite"
+        remedy = "state them in N/m and N s/m"
+        raise InvalidInput(f"{given} with a damping of {contact.damping:g} N s/m", rule, remedy)
     if stiffness < softest(rock):
         raise InvalidInput(
             given,
@@ -272,8 +258,6 @@ def _check_springs(contact: Contact, stiffness: float, rock: Rock, time_step: fl
         )
     longest = longest_step_on_springs(contact, rock.mass)
     if time_step > longest * (1.0 + 1e-9):
-        raise InvalidInput(
-            f"{given} at a time step of {1e3 * time_step:.4g} ms",
-            f"its rebound is right to {REBOUND_ERROR:.0%} at steps up to {1e3 * longest:.3g} ms",
-            "shorten the step, soften the springs or damp them",
-        )
+        rule = f"its rebound is right to {REBOUND_ERROR:.0%} at steps up to {1e3 * longest:.3g} ms"
+        remedy = "shorten the step, soften the springs or damp them"
+        raise InvalidInput(f"{given} at a time step of {1e3 * time_step:.4g} ms", rule, remedy)

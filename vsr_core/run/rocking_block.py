@@ -47,11 +47,9 @@ class Block:
     def __post_init__(self) -> None:
         sizes = (self.half_width, self.half_height, self.gravity)
         if not all(0.0 < value < math.inf for value in sizes):
-            raise InvalidInput(
-                f"a block with half-width, half-height and gravity {sizes}",
-                "all three must be positive and finite",
-                "give half-sizes in m and gravity in m/s^2",
-            )
+            given = f"a block with half-width, half-height and gravity {sizes}"
+            rule = "all three must be positive and finite"
+            raise InvalidInput(given, rule, "give half-sizes in m and gravity in m/s^2")
         if not (self.inertia_ratio >= 1.0 and self.impact_ratio > 0.0):
             raise InvalidInput(
                 f"a block with I_O/(m R^2) = {self.inertia_ratio:g} and tan(alpha) = "
@@ -140,11 +138,9 @@ def rocking_response(
         alpha and p alpha.
     """
     if not (math.isfinite(pga) and 0.0 < pgv_pga < math.inf and abs(start[0]) < math.pi / 2):
-        raise InvalidInput(
-            f"a pulse of {pga:g} m/s^2 and {pgv_pga:g} s from a tilt of {start[0]:g} rad",
-            "PGA must be finite, PGV/PGA positive and finite, the tilt below pi/2",
-            "give PGA in m/s^2, PGV/PGA in s, angles in rad",
-        )
+        given = f"a pulse of {pga:g} m/s^2 and {pgv_pga:g} s from a tilt of {start[0]:g} rad"
+        rule = "PGA must be finite, PGV/PGA positive and finite, the tilt below pi/2"
+        raise InvalidInput(given, rule, "give PGA in m/s^2, PGV/PGA in s, angles in rad")
     # Time in 1/p, angle in alpha; x >= 0 is the tilt on the current side.
     alpha, rate = block.alpha, 1.0 / (block.p * pgv_pga)
     amplitude, end, lying = pga / block.gravity, 2.0 * math.pi / rate, math.pi / (2.0 * alpha)
@@ -340,11 +336,9 @@ def _switches(
 ) -> Iterator[float]:
     """PGAs [m/s^2] at which the outcome is the other one than just below; starts balanced."""
     if not (step > 0.0 and 0.0 < tolerance < 1.0 and pga_max < math.inf):
-        raise InvalidInput(
-            f"step {step:g} m/s^2, tolerance {tolerance:g}, largest PGA {pga_max:g} m/s^2",
-            "the step must be positive, the tolerance between 0 and 1, the PGA finite",
-            "give a step as fine as the islands that matter",
-        )
+        given = f"step {step:g} m/s^2, tolerance {tolerance:g}, largest PGA {pga_max:g} m/s^2"
+        rule = "the step must be positive, the tolerance between 0 and 1, the PGA finite"
+        raise InvalidInput(given, rule, "give a step as fine as the islands that matter")
 
     def overturns(pga: float) -> bool:
         return rocking_response(block, pga, pgv_pga).overturned

@@ -136,11 +136,9 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
         moments, axes = np.linalg.eigh(density * turn @ np.array(body.moment_inertia) @ turn.T)
         axes[:, 0] *= np.sign(np.linalg.det(axes))
         return Rock("hull", hull.turned(turn).vertices, density * float(body.volume), moments, axes)
-    raise InvalidInput(
-        f"a specimen that does not stand in any of {TRIES} shapes",
-        "it stands as scanned, to within the error of the scan",
-        "turn the scan so that the specimen stands, z up",
-    )
+    given = f"a specimen that does not stand in any of {TRIES} shapes"
+    rule = "it stands as scanned, to within the error of the scan"
+    raise InvalidInput(given, rule, "turn the scan so that the specimen stands, z up")
 
 
 def _field(points: Array, length: float, rng: np.random.Generator) -> Array:

@@ -75,11 +75,8 @@ def free_amplitude(block: Block, theta0: float, impacts: int) -> float:
 
 def _check_amplitude(block: Block, theta0: float) -> None:
     if not 0.0 < theta0 < block.alpha:
-        raise InvalidInput(
-            f"an amplitude of {theta0:g} rad",
-            f"free rocking needs one between 0 and alpha = {block.alpha:g} rad",
-            "give a smaller positive tilt",
-        )
+        rule = f"free rocking needs one between 0 and alpha = {block.alpha:g} rad"
+        raise InvalidInput(f"an amplitude of {theta0:g} rad", rule, "give a smaller positive tilt")
 
 
 def slender_pga_without_impact(block: Block, pgv_pga: float) -> float:

@@ -102,25 +102,13 @@ class Curves(Input):
 def find(hazard: HazardConfig, origin: Origin) -> Curves:
     """The curves that a site names; errors in them are reported before anything runs."""
     if hazard.curves is None:
-        raise InputError(
-            Problem(
-                origin.file,
-                "hazard.curves",
-                "nothing",
-                "a folder of hazard curves is required",
-                "give CURVES=folder (--curves), or set the key",
-            )
-        )
+        rule = "a folder of hazard curves is required"
+        remedy = "give CURVES=folder (--curves), or set the key"
+        raise InputError(Problem(origin.file, "hazard.curves", "nothing", rule, remedy))
     if hazard.age is None:
-        raise InputError(
-            Problem(
-                origin.file,
-                "hazard.age",
-                "nothing",
-                "the age of the rock is required",
-                "give AGE=years AGE_SD=years (--age, --age-sd), or set the key",
-            )
-        )
+        rule = "the age of the rock is required"
+        remedy = "give AGE=years AGE_SD=years (--age, --age-sd), or set the key"
+        raise InputError(Problem(origin.file, "hazard.age", "nothing", rule, remedy))
     path, disaggregated = _located(origin, "curves", hazard.curves), None
     if hazard.disaggregation is not None:
         disaggregated = _located(origin, "disaggregation", hazard.disaggregation)

@@ -48,15 +48,9 @@ def of_fits(fits: Fits) -> RockFragility:
     data = data.isel({rows_of(data): np.argsort(data["pgv_pga"].values, kind="stable")})
     known = np.isfinite(data["theta"].values).all(axis=2)
     if not known.any():
-        raise InputError(
-            Problem(
-                str(fits.folder / fits.FILE),
-                "theta",
-                "no direction with a fragility",
-                "some runs have a verdict",
-                "look at report.html",
-            )
-        )
+        given = "no direction with a fragility"
+        rule, remedy = "some runs have a verdict", "look at report.html"
+        raise InputError(Problem(str(fits.folder / fits.FILE), "theta", given, rule, remedy))
     theta = in_si.acceleration(data["theta"].values)
     ends = in_si.acceleration(data["theta_interval"].values)
     ends = np.where(np.isfinite(ends), ends, theta[..., None])

@@ -53,22 +53,14 @@ def find(origin: Origin, files: tuple[str, ...]) -> list[Path]:
         if not path.exists():
             raise not_found(origin.file_of(_FILES), _FILES, shown(path))
         if path.is_dir() and not inside:
-            raise _problem(
-                origin,
-                f"{shown(path)}, a folder without records",
-                f"they end in {' '.join(SUFFIXES)}",
-                "put records there",
-            )
+            rule, remedy = f"they end in {' '.join(SUFFIXES)}", "put records there"
+            raise _problem(origin, f"{shown(path)}, a folder without records", rule, remedy)
         found += inside if path.is_dir() else [path]
     each(origin.file_of(_FILES), found, check_file)
     twice = [name for name, times in Counter(p.stem for p in found).items() if times > 1]
     if twice:
-        raise _problem(
-            origin,
-            f"{', '.join(twice)} more than once",
-            "a record has a name of its own",
-            "rename it",
-        )
+        rule = "a record has a name of its own"
+        raise _problem(origin, f"{', '.join(twice)} more than once", rule, "rename it")
     return found
 
 
@@ -91,11 +83,8 @@ def check_file(path: Path) -> None:
     if not path.is_file() or not os.access(path, os.R_OK):
         raise InvalidInput("which is no file that you may read", "it is a file", "correct the path")
     if (size := path.stat().st_size) > LARGEST_FILE:
-        raise InvalidInput(
-            f"a file of {size / 1024**2:.0f} MiB",
-            f"a motion's has at most {LARGEST_FILE / 1024**2:.0f} MiB",
-            "cut it to the shaking",
-        )
+        rule = f"a motion's has at most {LARGEST_FILE / 1024**2:.0f} MiB"
+        raise InvalidInput(f"a file of {size / 1024**2:.0f} MiB", rule, "cut it to the shaking")
 
 
 def load(origin: Origin, motion: RecordConfig) -> tuple[Ready, ...]:
@@ -113,15 +102,9 @@ def _loaded(
     ready.sort(key=lambda one: (one.measures.pgv_pga, one.name))
     for one, other in pairwise(ready):
         if _same(one.trace, other.trace):
-            raise InputError(
-                Problem(
-                    file,
-                    _FILES,
-                    f"{one.file} and {other.file}, which are one motion at two scales",
-                    "each record is scaled to every PGA",
-                    "leave one out",
-                )
-            )
+            given = f"{one.file} and {other.file}, which are one motion at two scales"
+            rule = "each record is scaled to every PGA"
+            raise InputError(Problem(file, _FILES, given, rule, "leave one out"))
     return tuple(ready)
 
 

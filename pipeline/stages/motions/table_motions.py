@@ -107,11 +107,8 @@ def load(path: Path) -> SampledMotion:
     try:
         columns = _columns(path)
     except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInput(
-            f"{path.name}, which cannot be read ({error})",
-            "a table's motion is a CSV or NetCDF file",
-            "check the path and the file",
-        ) from None
+        rule, remedy = "a table's motion is a CSV or NetCDF file", "check the path and the file"
+        raise InvalidInput(f"{path.name}, which cannot be read ({error})", rule, remedy) from None
     _check_names(path.name, columns, (TIME, *AXES))
     time = _scaled(columns[TIME], SECONDS)
     axes = [
@@ -128,11 +125,8 @@ def _columns(path: Path) -> Columns:
     if path.suffix.lower() in (".nc", ".nc4"):
         found, others, _ = of_netcdf(path.read_bytes())
         if others:
-            raise InvalidInput(
-                f"{path.name} with variables of several dimensions",
-                "all are along the time",
-                "leave out the others",
-            )
+            given = f"{path.name} with variables of several dimensions"
+            raise InvalidInput(given, "all are along the time", "leave out the others")
     else:
         found = of_text(path.read_text(encoding="utf-8-sig"))
     columns = {column.name: column for column in found}

@@ -33,11 +33,9 @@ def read_table(text: str, component: str | None, unit: str | None) -> Record:
     columns = [_by_suffix(column) for column in of_text(text)]
     times = [column for column in columns if column.name.lower() in ("time", "t")]
     if len(times) != 1:
-        raise InvalidInput(
-            f"a table with the columns {', '.join(one.name for one in columns)[:80] or 'none'}",
-            "one of them is named time, in seconds",
-            "name the columns in the first line",
-        )
+        given = f"a table with the columns {', '.join(one.name for one in columns)[:80] or 'none'}"
+        rule = "one of them is named time, in seconds"
+        raise InvalidInput(given, rule, "name the columns in the first line")
     others = [column for column in columns if column is not times[0]]
     return on_times(times[0], others, component, unit, source="table of columns")
 
@@ -116,11 +114,8 @@ def on_times(
         )
     names, units, values = zip(*_wanted(others, component), strict=True)
     if len(set(units)) > 1:
-        raise InvalidInput(
-            f"{', '.join(names)} in {', '.join(map(str, units))}",
-            "they share a unit",
-            "name one of them as motion.component",
-        )
+        given = f"{', '.join(names)} in {', '.join(map(str, units))}"
+        raise InvalidInput(given, "they share a unit", "name one of them as motion.component")
     name = stated(units[0], unit)
     even, interval, repairs = _evenly(time.values, side_by_side(values) * factor(name))
     return Record(even, interval, names, station, source, name, repairs)
@@ -139,22 +134,17 @@ def _wanted(columns: list[Column], component: str | None) -> list[Column]:
         return columns
     accelerations = [column for column in columns if is_acceleration(column.unit or "")]
     if not accelerations:
-        raise InvalidInput(
-            f"{listed} along time without a unit of acceleration",
-            "one of them is the acceleration, with units such as m s-2",
-            "name it as motion.component, and its unit as motion.unit",
-        )
+        given = f"{listed} along time without a unit of acceleration"
+        rule = "one of them is the acceleration, with units such as m s-2"
+        raise InvalidInput(given, rule, "name it as motion.component, and its unit as motion.unit")
     return accelerations
 
 
 def _evenly(times: Array, values: Array) -> tuple[Array, float, tuple[str, ...]]:
     """Values on an even grid of times, nan where a step was left out; interval [s], repairs."""
     if len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
-        raise InvalidInput(
-            f"{len(times)} times that are not increasing numbers",
-            "each is later than the one before",
-            "sort them and drop those that repeat",
-        )
+        rule, remedy = "each is later than the one before", "sort them and drop those that repeat"
+        raise InvalidInput(f"{len(times)} times that are not increasing numbers", rule, remedy)
     elapsed, written = times - times[0], _printed(times)
     step = float(np.median(np.diff(elapsed)))
     check_sampling(step, float(elapsed[-1]) / step)

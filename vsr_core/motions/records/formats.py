@@ -113,11 +113,9 @@ def from_stream(stream: Any, unit: str | None) -> Record:
 
 def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> Any:
     if corners is None:
-        raise InvalidInput(
-            "a response without corners",
-            "dividing by it needs a band, or it makes noise of the ends of the spectrum",
-            "give motion.response.corners, four frequencies [Hz]",
-        )
+        given = "a response without corners"
+        rule = "dividing by it needs a band, or it makes noise of the ends of the spectrum"
+        raise InvalidInput(given, rule, "give motion.response.corners, four frequencies [Hz]")
     stream.merge()
     pieces = stream.split()  # a gap has no spectrum
     pieces.detrend("linear")
@@ -143,11 +141,9 @@ def _warnings(caught: list[warnings.WarningMessage]) -> list[str]:
 
 def _unreadable(error: Exception) -> InvalidInput:
     said = reason(error).partition(" for file ")[0]  # a temporary one of ObsPy's
-    return InvalidInput(
-        f"a record that ObsPy cannot read ({said[:120]})",
-        "it is miniSEED, SAC, K-NET or KiK-net, and a response is StationXML of its channels",
-        "download it again, or convert it",
-    )
+    given = f"a record that ObsPy cannot read ({said[:120]})"
+    rule = "it is miniSEED, SAC, K-NET or KiK-net, and a response is StationXML of its channels"
+    return InvalidInput(given, rule, "download it again, or convert it")
 
 
 SUFFIXES = (
@@ -219,8 +215,6 @@ def _waveform(content: bytes, suffix: str) -> str | None:
 
 
 def _unknown() -> InvalidInput:
-    return InvalidInput(
-        "a file in no known format",
-        "it is AT2, COSMOS V2, CSV, NetCDF, miniSEED, SAC, K-NET or KiK-net",
-        "convert it to a CSV with columns time and acceleration [m/s2]",
-    )
+    rule = "it is AT2, COSMOS V2, CSV, NetCDF, miniSEED, SAC, K-NET or KiK-net"
+    remedy = "convert it to a CSV with columns time and acceleration [m/s2]"
+    return InvalidInput("a file in no known format", rule, remedy)

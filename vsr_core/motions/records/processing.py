@@ -185,11 +185,9 @@ def resampled(values: Array, interval: float, rate: float) -> tuple[Array, float
     """
     ratio = Fraction(rate * interval).limit_denominator(1000)
     if ratio.numerator == 0 or abs(float(ratio) - rate * interval) > 1e-9 * float(ratio):
-        raise InvalidInput(
-            f"a rate of {rate:g} for a record of {1.0 / interval:.6g} samples a second",
-            "the two have a ratio of whole numbers up to 1000",
-            "choose such a motion.processing.resample",
-        )
+        given = f"a rate of {rate:g} for a record of {1.0 / interval:.6g} samples a second"
+        rule = "the two have a ratio of whole numbers up to 1000"
+        raise InvalidInput(given, rule, "choose such a motion.processing.resample")
     new: Array = scipy.signal.resample_poly(
         values, ratio.numerator, ratio.denominator, padtype="line"
     )
@@ -199,14 +197,10 @@ def resampled(values: Array, interval: float, rate: float) -> tuple[Array, float
 def _check_corners(how: Processing, interval: float, number: int) -> None:
     nyquist, length = 0.5 / interval, number * interval
     if how.lowpass is not None and how.lowpass > HIGHEST * nyquist:
-        raise InvalidInput(
-            f"a low-pass at {how.lowpass:g} Hz for {1.0 / interval:.5g} samples a second",
-            f"it lies below {HIGHEST * nyquist:.4g} Hz, nine tenths of the Nyquist frequency",
-            "lower motion.processing.lowpass, or set it to null",
-        )
+        given = f"a low-pass at {how.lowpass:g} Hz for {1.0 / interval:.5g} samples a second"
+        rule = f"it lies below {HIGHEST * nyquist:.4g} Hz, nine tenths of the Nyquist frequency"
+        raise InvalidInput(given, rule, "lower motion.processing.lowpass, or set it to null")
     if how.highpass is not None and how.highpass * length < 1.0:
-        raise InvalidInput(
-            f"a high-pass at {how.highpass:g} Hz for a record of {length:.4g} s",
-            "its period fits into the record",
-            f"raise motion.processing.highpass to {1.0 / length:.3g} Hz or more",
-        )
+        given = f"a high-pass at {how.highpass:g} Hz for a record of {length:.4g} s"
+        remedy = f"raise motion.processing.highpass to {1.0 / length:.3g} Hz or more"
+        raise InvalidInput(given, "its period fits into the record", remedy)

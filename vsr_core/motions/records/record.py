@@ -62,11 +62,8 @@ class Record:
         """
         listed = ", ".join(self.channels)
         if name is None and len(self.channels) > 1:
-            raise InvalidInput(
-                f"{len(self.channels)} channels ({listed})",
-                "a rock is shaken along one",
-                "name one of them as motion.component",
-            )
+            given, rule = f"{len(self.channels)} channels ({listed})", "a rock is shaken along one"
+            raise InvalidInput(given, rule, "name one of them as motion.component")
         if name is not None and name not in self.channels:
             raise InvalidInput(
                 f"no channel {name!r}", f"the channels are {listed}", "name one of them"
@@ -97,11 +94,9 @@ def factor(unit: str) -> float:
     """
     name = _plain(unit)
     if is_raw(unit):
-        raise InvalidInput(
-            f"a record in {unit}",
-            "only the instrument's response makes an acceleration of it",
-            "give the response (motion.response), or convert the record to m/s2",
-        )
+        rule = "only the instrument's response makes an acceleration of it"
+        remedy = "give the response (motion.response), or convert the record to m/s2"
+        raise InvalidInput(f"a record in {unit}", rule, remedy)
     if name not in _KNOWN:
         raise InvalidInput(
             f"the unit {unit!r}", "it is m/s2, cm/s2, mm/s2, gal, g or mg", "correct motion.unit"
@@ -140,17 +135,12 @@ def stated(in_file: str | None, given: str | None) -> str:
         If neither is there, or the two differ.
     """
     if in_file is None and given is None:
-        raise InvalidInput(
-            "a record without a unit",
-            "a number alone is no acceleration",
-            "state it as motion.unit",
-        )
+        rule = "a number alone is no acceleration"
+        raise InvalidInput("a record without a unit", rule, "state it as motion.unit")
     if in_file is not None and given is not None and factor(in_file) != factor(given):
-        raise InvalidInput(
-            f"motion.unit {given} for a file in {in_file}",
-            "the two agree where a file states its unit",
-            "leave motion.unit out, or correct the file",
-        )
+        rule = "the two agree where a file states its unit"
+        remedy = "leave motion.unit out, or correct the file"
+        raise InvalidInput(f"motion.unit {given} for a file in {in_file}", rule, remedy)
     return str(in_file if in_file is not None else given)
 
 
@@ -168,17 +158,13 @@ def check_sampling(interval: float, number: float) -> None:
         If the steps or the number are beyond any instrument's.
     """
     if not SHORTEST_INTERVAL <= interval <= LONGEST_INTERVAL:
-        raise InvalidInput(
-            f"time steps of {interval:.3g} s",
-            f"they are from {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s",
-            "correct the times, which are in seconds",
-        )
+        given = f"time steps of {interval:.3g} s"
+        rule = f"they are from {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s"
+        raise InvalidInput(given, rule, "correct the times, which are in seconds")
     if not number <= MOST_SAMPLES:
-        raise InvalidInput(
-            f"times that span {number:.3g} samples",
-            f"a record has at most {MOST_SAMPLES}",
-            "correct the times, or cut the record to the shaking",
-        )
+        given = f"times that span {number:.3g} samples"
+        rule = f"a record has at most {MOST_SAMPLES}"
+        raise InvalidInput(given, rule, "correct the times, or cut the record to the shaking")
 
 
 def side_by_side(columns: Sequence[Array]) -> Array:
@@ -242,11 +228,9 @@ def repaired(record: Record) -> Record:
         raise InvalidInput("a record whose samples are all alike", "it moves", "use another record")
     clipped = _flat_top(values)
     if clipped:
-        raise InvalidInput(
-            f"{clipped} samples in a row at the record's extreme",
-            "an instrument that is not clipped passes its peak",
-            "use another record or component",
-        )
+        given = f"{clipped} samples in a row at the record's extreme"
+        rule = "an instrument that is not clipped passes its peak"
+        raise InvalidInput(given, rule, "use another record or component")
     pga = float(np.abs(values - np.median(values)).max()) / GRAVITY
     if not WEAKEST <= pga <= STRONGEST:
         raise InvalidInput(
@@ -270,11 +254,9 @@ def check_rest(trace: Trace) -> None:
     drift = abs(float(velocity[-1])) / float(np.abs(velocity).max())
     offset = abs(float(displacement[-1])) / float(np.abs(displacement).max())
     if drift > DRIFT or offset > OFFSET:
-        raise InvalidInput(
-            f"a motion that ends at {drift:.1%} of its PGV and {offset:.0%} of its PGD",
-            f"it comes to rest, to {DRIFT:.0%} and {OFFSET:.0%}",
-            "raise motion.processing.highpass, or set motion.processing.order to standard",
-        )
+        given = f"a motion that ends at {drift:.1%} of its PGV and {offset:.0%} of its PGD"
+        remedy = "raise motion.processing.highpass, or set motion.processing.order to standard"
+        raise InvalidInput(given, f"it comes to rest, to {DRIFT:.0%} and {OFFSET:.0%}", remedy)
 
 
 def _bridged(record: Record) -> Record:

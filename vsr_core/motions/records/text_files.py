@@ -62,11 +62,9 @@ def read_at2(text: str, unit: str | None) -> Record:
     found = _NAMED.search(lines[3]) or _PLAIN.search(lines[3])
     quantity = lines[2].strip()
     if found is None or not quantity.upper().startswith("ACCELERATION"):
-        raise InvalidInput(
-            f"an AT2 file whose third line is {quantity[:40]!r}",
-            "it says ACCELERATION TIME SERIES IN UNITS OF G",
-            "use the acceleration (.AT2), not velocity or displacement",
-        )
+        given = f"an AT2 file whose third line is {quantity[:40]!r}"
+        rule = "it says ACCELERATION TIME SERIES IN UNITS OF G"
+        raise InvalidInput(given, rule, "use the acceleration (.AT2), not velocity or displacement")
     number, interval = float(found[1]), float(found[2].upper().replace("D", "E"))
     check_sampling(interval, number)
     in_file = _UNIT.search(quantity)
@@ -75,17 +73,11 @@ def read_at2(text: str, unit: str | None) -> Record:
     try:
         values = np.array([float(word) for word in words])
     except ValueError as error:
-        raise InvalidInput(
-            f"an AT2 file with a word among its samples ({error})",
-            "they are numbers",
-            "download it again",
-        ) from None
+        given = f"an AT2 file with a word among its samples ({error})"
+        raise InvalidInput(given, "they are numbers", "download it again") from None
     if len(values) != number:
-        raise InvalidInput(
-            f"an AT2 file of {len(values)} samples that says NPTS = {number:.0f}",
-            "it holds as many as it says",
-            "download it again",
-        )
+        given = f"an AT2 file of {len(values)} samples that says NPTS = {number:.0f}"
+        raise InvalidInput(given, "it holds as many as it says", "download it again")
     event = [part.strip() for part in lines[1].split(",")]
     station = event[-2] if len(event) > 2 else ""
     channel = event[-1] if len(event) > 1 else "1"
@@ -141,11 +133,8 @@ def read_cosmos(text: str, unit: str | None) -> Record:
             "a COSMOS file without an acceleration", "a motion is made of one", "use the .V2 of it"
         )
     if len({(len(one.acceleration), round(one.interval, 9), one.unit) for one in found}) > 1:
-        raise InvalidInput(
-            "a COSMOS file whose channels differ in length, time step or unit",
-            "they belong to one instrument",
-            "keep one channel in the file",
-        )
+        given = "a COSMOS file whose channels differ in length, time step or unit"
+        raise InvalidInput(given, "they belong to one instrument", "keep one channel in the file")
     values = side_by_side([one.acceleration for one in found])
     first = found[0]
     return replace(

@@ -84,17 +84,12 @@ def respond(
 def decided(response: Response) -> Response:
     """The response; refuses one that is without an outcome."""
     if response.outcome is Outcome.UNSTABLE:
-        raise InvalidInput(
-            "a run that ended unstable",
-            "its guards failed at six time steps, each half the one before",
-            "shorten the step, or look for what is inside the pedestal or adds energy",
-        )
+        rule = "its guards failed at six time steps, each half the one before"
+        remedy = "shorten the step, or look for what is inside the pedestal or adds energy"
+        raise InvalidInput("a run that ended unstable", rule, remedy)
     if response.outcome is Outcome.UNSETTLED:
-        raise InvalidInput(
-            "a run that ended unsettled",
-            "when time was up it was neither at rest nor without the energy to change sides",
-            "count it for neither side",
-        )
+        rule = "when time was up it was neither at rest nor without the energy to change sides"
+        raise InvalidInput("a run that ended unsettled", rule, "count it for neither side")
     return response
 
 
