@@ -29,27 +29,19 @@ _UNKNOWN = "#cfcfcf"
 
 @style.styled
 def origin_maps(
-    origin: Origin,
-    forward: Forward,
-    found: ObservedBoulder,
-    terrain: xr.Dataset,
-    source: str,
-    starts: Array | None = None,
+    origin: Origin, forward: Forward, found: ObservedBoulder, terrain: xr.Dataset, source: str
 ) -> Figure:
     """Draw the probability of each PGA and PGV/PGA, and the runs that end near the place.
 
     Parameters
     ----------
     origin : Origin, as ``trace`` gives it from ``forward`` and ``found``
-    starts : ndarray, shape (s, 2) [m], optional
-        Places of the starts in the order of their numbers; the origin if there is one only.
     """
     figure = Figure(figsize=(WIDTH, 4.9))
     left = figure.add_axes((0.06, 0.2, 0.34, 0.68))
     right = figure.add_axes((0.53, 0.2, 0.455, 0.68))
     _motions(figure, left, origin, forward)
-    places = np.zeros((1, 2)) if starts is None else starts
-    _ground(right, origin, forward, found, terrain, places)
+    _ground(right, origin, forward, found, terrain)
     text, weight = textwrap.fill(origin.statement, 65), "normal" if origin.answered else "bold"
     figure.text(0.06, 0.08, text, va="top", weight=weight, gid="statement")
     named(figure, source)
@@ -91,17 +83,12 @@ def _outline(region: Mask, right: Array, up: Array) -> Iterator[Array]:
 
 
 def _ground(
-    axes: Axes,
-    origin: Origin,
-    forward: Forward,
-    found: ObservedBoulder,
-    terrain: xr.Dataset,
-    starts: Array,
+    axes: Axes, origin: Origin, forward: Forward, found: ObservedBoulder, terrain: xr.Dataset
 ) -> None:
     on_it = ~np.isnan(forward.end).any(axis=1)
     end, weight = forward.end[on_it], origin.weight[on_it]
     reach = REACH * found.sigma * np.array([[-1.0, -1.0], [1.0, 1.0]])
-    window = around(np.concatenate([end, starts, found.place + reach]), terrain)
+    window = around(np.concatenate([end, np.zeros((1, 2)), found.place + reach]), terrain)
     draw(axes, relief(terrain, window), window)
     look: Any = {"rasterized": True, "zorder": 3}
     far = weight == 0.0
@@ -122,12 +109,7 @@ def _ground(
         axes.plot([], [], label=f"{sigmas:g} sigma from the place", **ring)
     axes.plot(*found.place, "P", mec="white", ms=9, zorder=5, label="observed place", gid="place",
               **red)  # fmt: skip
-    axes.plot(*starts.T, "o", mfc="white", mec=style.INK, ms=6, zorder=5, label="start")
-    if len(starts) > 1 and origin.answered:
-        near: Any = {"textcoords": "offset points", "xytext": (5.0, 5.0), "zorder": 6}
-        for number, share in zip(origin.start, origin.of_start, strict=True):
-            text = f"{100.0 * share:.0f} %"
-            axes.annotate(text, starts[number], path_effects=style.HALO, gid="start", **near)
+    axes.plot(0.0, 0.0, "o", mfc="white", mec=style.INK, ms=6, zorder=5, label="start")
     axes.set(title="end positions around the place", xlabel="x [m]", ylabel="y [m]")
     below: Any = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13)}
     axes.legend(**below, ncols=3, fontsize=7, columnspacing=1.0)

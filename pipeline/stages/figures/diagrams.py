@@ -67,20 +67,13 @@ def labelled(panels: Any) -> None:
         axes.set_ylabel(RATIO)
 
 
-def key(*, pale: bool = False, unresolved: bool = False) -> list[Any]:
-    """Handles of the cells, for a legend.
-
-    Parameters
-    ----------
-    pale, unresolved : bool, as the cells are drawn, and whether some are unresolved
-    """
+def key(*, pale: bool = False) -> list[Any]:
+    """Handles of the cells, for a legend."""
     axes = Figure().add_subplot()
     colours = PALE if pale else FULL
     square: Any = {"ls": "", "marker": "s", "ms": 7}
     handles = axes.plot([], [], color=colours[1], label="overturned", **square)
     handles += axes.plot([], [], color=colours[0], label="balanced", **square)
-    if unresolved:
-        handles += axes.plot([], [], "x", color="black", label="unresolved")
     return handles
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
@@ -157,15 +158,7 @@ def tracking(drive: xr.Dataset) -> Figure:
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.2))
     cases = [case for case in split(drive, "row_size") if case["case_motion"].item() == A_PULSE]
-    first = cases[0]
-    upper.plot(
-        first["time"],
-        first["wanted_velocity"],
-        color=style.INK,
-        lw=3.2,
-        alpha=0.35,
-        label="commanded",
-    )
+    _commanded(upper, cases[0], 3.2)
     for number, case in enumerate(cases):
         colour = style.SERIES[number]
         name = "measured: " + case["case_drive"].item()
@@ -187,14 +180,7 @@ def disturbed(drive: xr.Dataset) -> Figure:
     case = split(drive, "row_size")[-1]
     time, measured = case["time"].values, case["table_velocity"].values
     push = time[_largest_push(case)]
-    upper.plot(
-        case["time"],
-        case["wanted_velocity"],
-        color=style.INK,
-        lw=2.4,
-        alpha=0.35,
-        label="commanded",
-    )
+    _commanded(upper, case, 2.4)
     upper.plot(
         case["time"], case["table_velocity"], color=style.SERIES[0], lw=0.8, label="measured"
     )
@@ -254,6 +240,11 @@ def boundaries(drive: xr.Dataset) -> Figure:
     axes.grid(visible=True)
     figure.legend(loc="outside lower center", ncols=1)
     return figure
+
+
+def _commanded(axes: Axes, case: xr.Dataset, width: float) -> None:
+    look: Any = {"color": style.INK, "lw": width, "alpha": 0.35, "label": "commanded"}
+    axes.plot(case["time"], case["wanted_velocity"], **look)
 
 
 def _error(case: xr.Dataset) -> Array:

@@ -510,17 +510,6 @@ def test_no_answer_shows_no_map(runs: xr.Dataset, ground: xr.Dataset) -> None:
     assert "No answer: no forward run ends within" in texts(figure)
 
 
-def test_starts_are_named_with_their_probability(runs: xr.Dataset, ground: xr.Dataset) -> None:
-    starts = np.array([[0.0, 0.0], [-3.0, 4.0]])
-    known, found = forward([runs, runs], starts), ObservedBoulder((7.0, 1.5), 0.8)
-    origin = trace(known, found)
-    figure = origin_maps(origin, known, found, ground, SOURCE, starts)
-    shown = {text.xy: text.get_text() for text in artists(figure.axes[1], "start")}
-    assert len(shown) == 2
-    for start, share in zip(starts, origin.of_start, strict=True):
-        assert shown[tuple(start)] == f"{100 * share:.0f} %"
-
-
 # all of them
 
 
