@@ -37,7 +37,7 @@ def check_drawn(job: Job) -> None:
 def others_of(job: Job) -> Iterator[tuple[str, Job]]:
     """Stages and jobs of other rocks and settings, whose fragilities a site's hazard reads."""
     graph.identities("hazard", job.site)  # refused before anything is made
-    found = named("pipeline.stages.hazard.others:find")(job.config.hazard, job.site)
+    found = named("pipeline.stages.hazard.rock_fragility:find")(job.config.hazard, job.site)
     for other in (*found.rocks, *found.compared):
         store = Store(other.folder(job.store.folder))
         yield other.stage, replace(job, site=other.site, store=store)

@@ -38,7 +38,7 @@ INPUTS = tuple(
         ("workflow.engine_input", "find", "Engine"),
         ("stages.uncertainty.draws", "find_replica", "Replica"),
         ("stages.hazard.curve_folder", "find", "Curves"),
-        ("stages.hazard.others", "find", "Others"),
+        ("stages.hazard.rock_fragility", "find", "Others"),
         ("stages.studies.validation.recorded_tests", "find", "Folder"),
     )
 )

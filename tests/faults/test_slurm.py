@@ -14,8 +14,8 @@ from typing import Any
 import dask
 import pytest
 
-from pipeline.workflow import dispatch, slurm
-from pipeline.workflow.cluster import Cluster
+from pipeline.workflow import dispatch
+from pipeline.workflow.cluster import Cluster, slurm_jobs
 from pipeline.workflow.workers import Batch
 
 SBATCH = """#!/bin/bash
@@ -63,7 +63,7 @@ def running(jobs: Path) -> int:
 
 def test_script_of_a_job_says_when_it_ends(jobs: Path) -> None:
     hour = {"jobqueue.slurm.walltime": "01:00:00", "jobqueue.slurm.cores": 4}
-    with dask.config.set(hour), slurm.jobs(0) as started:
+    with dask.config.set(hour), slurm_jobs(0) as started:
         script = started.cluster.job_script()
     assert "#SBATCH -t 01:00:00" in script
     assert "--nthreads 1 " in script
@@ -76,7 +76,7 @@ def test_script_of_a_job_says_when_it_ends(jobs: Path) -> None:
 def test_jobs_that_end_are_replaced(
     jobs: Path, monkeypatch: pytest.MonkeyPatch, cores: int
 ) -> None:
-    monkeypatch.setattr(slurm, "EVERY", 0.5)
+    monkeypatch.setattr("pipeline.workflow.cluster.JOBS_EVERY", 0.5)
     monkeypatch.setattr(dispatch, "LOOK", 0.2)
     started = time.monotonic()
 

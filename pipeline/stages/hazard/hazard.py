@@ -21,8 +21,7 @@ from pipeline.stages.hazard import curve_folder
 from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard.curve_folder import Curves
 from pipeline.stages.hazard.hazard_dataset import COLUMNS, dataset, pga_at, table
-from pipeline.stages.hazard.others import Others
-from pipeline.stages.hazard.rock_fragility import of_fits, of_members
+from pipeline.stages.hazard.rock_fragility import Others, of_fits, of_members
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, ShakingRatio, of_model
 from pipeline.stages.hazard.survival_analysis import (
     AS_SCANNED,
