@@ -4,11 +4,11 @@ import gc
 import os
 import signal
 import sys
-import warnings
 from io import TextIOWrapper
 from types import FrameType
 
 from pipeline.cli import main
+from pipeline.workflow.library_warnings import tell_warnings_once
 
 COLLECTED_AFTER = 100_000
 """Objects made between two searches for rings of garbage, of which there is little here: Python's
@@ -23,8 +23,7 @@ def program() -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a name that this terminal cannot show
-    if not sys.warnoptions:  # a library's warning tells a user nothing that a problem does not
-        warnings.simplefilter("ignore")
+    tell_warnings_once()
     code = main()
     gc.freeze()  # else all objects are searched once more at the end, for most of a second
     return code

@@ -165,7 +165,7 @@ def _left(store: Store, study: Study, group: Group, kind: Kind[Any]) -> list[Cel
 
 
 def _planned_draws(config: Config, motions: Shaking) -> str:
-    """The most runs that an ensemble can take; which are spared is known as its draws are found."""
+    """The most runs that an ensemble can take; those inferred are known as draws are found."""
     cells, members = len(config.yaw) * motion_grid.count(motions), config.uncertainty.members
     return (
         f"draws: {members} of {cells} cells, run near their boundaries only: at most "

@@ -68,7 +68,7 @@ class FoundBy(IntEnum):
 
     SIMULATED = 0
     PROVED = 1
-    SPARED = 2
+    INFERRED = 2
 
 
 class StopReason(IntEnum):

@@ -20,6 +20,7 @@ from functools import lru_cache
 from typing import IO, Any, NamedTuple
 
 from pipeline.workflow import provenance
+from pipeline.workflow.library_warnings import tell_warnings_once
 
 BATCHES_IN_FLIGHT = 4
 """Batches handed out per worker: enough to keep it busy, few enough to lose."""
@@ -135,6 +136,7 @@ def dask_setup(worker: Any) -> None:
     """Dask calls this in each worker that we start: Ctrl-C is for the client, which ends them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _keep_memory()
+    tell_warnings_once()
     provenance.here()  # before any of it is edited
 
 

@@ -92,7 +92,7 @@ def test_a_gain_moves_the_boundary_of_housner(
     )
     found = product(ran, derived)
     assert found["unknown"].values.tolist() == ["gain of the motion"]
-    assert not (found["found_by"] == FoundBy.SPARED).any()
+    assert not (found["found_by"] == FoundBy.INFERRED).any()
     block = rocking_block.Block(0.125, 0.5)
     gain, pga = found["drawn_amplitude"].values, found["pga"].values
     ratio, felt = float(found["pgv_pga"][1]), np.outer(gain, pga) * GRAVITY
@@ -103,7 +103,7 @@ def test_a_gain_moves_the_boundary_of_housner(
             for share in (0.98, 1.0, 1.02)
         }
         assert side in about
-    assert found["spared_wrong"].values.sum() == 0
+    assert found["inferred_wrong"].values.sum() == 0
 
 
 @pytest.mark.usefixtures("without_pictures")
@@ -113,22 +113,22 @@ def test_what_the_rule_spares_is_counted_where_it_is_wrong(
     derived: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The same draws with few cells run and with all: they differ in spared cells only."""
+    """The same draws with few cells run and with all: they differ in inferred cells only."""
     given = priors(friction="[0.3, 0.9]", restitution="[0, 0.2]", centre_of_mass="0.02")
     site = write_site(SITE)
     monkeypatch.setattr(ensemble, "CHECKED", 0.0)
     few = product(vsr("run", "uncertainty", "--site", site, *given), derived)
-    assert few["spared_tested"].values.sum() == 0
+    assert few["inferred_tested"].values.sum() == 0
     monkeypatch.setattr(ensemble, "CHECKED", 1.0)
     (derived / "rock" / "uncertainty.nc").unlink()
     every = product(vsr("run", "uncertainty", "--site", site, *given), derived)
     differ = few["overturned"].values != every["overturned"].values
-    spared = few["found_by"].values == FoundBy.SPARED
-    assert spared.mean() > 0.2
-    assert not differ[~spared].any()
-    assert differ.sum() == every["spared_wrong"].values.sum()
-    assert every["spared_tested"].values.sum() == spared.sum()
-    assert differ.sum() <= 0.02 * spared.sum()
+    inferred = few["found_by"].values == FoundBy.INFERRED
+    assert inferred.mean() > 0.2
+    assert not differ[~inferred].any()
+    assert differ.sum() == every["inferred_wrong"].values.sum()
+    assert every["inferred_tested"].values.sum() == inferred.sum()
+    assert differ.sum() <= 0.02 * inferred.sum()
     assert (np.diff(every["surface"].values, axis=1) >= 0.0).all()
 
 

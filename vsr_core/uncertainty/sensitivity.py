@@ -157,6 +157,7 @@ def _unsupported(count: int, explained: float, variance: float) -> Shares:
 
 def _fitted(design: Array, output: Array) -> tuple[Callable[..., Array], float]:
     """Covariance of a Gaussian process without its noise, and the variance of the noise."""
+    from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
@@ -165,7 +166,8 @@ def _fitted(design: Array, output: Array) -> tuple[Callable[..., Array], float]:
         lengths = RBF(np.full(design.shape[1], length), (0.3, 100.0))
         start = ConstantKernel(1.0, (1e-2, 1e3)) * lengths + WhiteKernel(0.05, (1e-6, 1.0))
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a length without end: an unknown without effect
+            # A length without end belongs to an unknown without effect.
+            warnings.simplefilter("ignore", ConvergenceWarning)
             tried.append(GaussianProcessRegressor(start, normalize_y=True).fit(design, output))
     best = max(tried, key=lambda process: process.log_marginal_likelihood_value_)
     signal, white = best.kernel_.k1, best.kernel_.k2

@@ -26,7 +26,7 @@ class Priors:
     Attributes
     ----------
     azimuth : (mean, sd) [rad], direction of the drive from the scan's +x, counter-clockwise
-    reversed_share : float, probability that the drive points the other way
+    polarity_reversal_probability : float, probability that the drive points the other way
     friction : (low, high) [1]
     restitution : (low, high) [1]
     amplitude : (mean, sd) [1], factor on the acceleration, for its gain
@@ -36,7 +36,7 @@ class Priors:
     """
 
     azimuth: tuple[float, float] = (math.radians(-7.5), math.radians(7.5))
-    reversed_share: float = 0.5
+    polarity_reversal_probability: float = 0.5
     friction: tuple[float, float] = (0.5, 0.9)
     restitution: tuple[float, float] = (0.0, 0.0)
     amplitude: tuple[float, float] = (1.0, 0.03)
@@ -74,7 +74,7 @@ class Member:
 def draws(priors: Priors, count: int) -> list[Member]:
     """Members of an ensemble: a scrambled Sobol sequence over all unknowns but the base's error.
 
-    The drive is reversed in every other member, or as often as ``reversed_share`` says.
+    The drive is reversed in every other member, or with ``polarity_reversal_probability``.
     """
     exponent = math.ceil(math.log2(max(count, 2)))
     points = qmc.Sobol(9, rng=SEED).random_base2(exponent)[:count]
@@ -140,7 +140,7 @@ def _member(priors: Priors, u: Array, z: Array, *, error: float, seed: int) -> M
     """The member at nine numbers each, uniform on (0, 1) and the same as standard normal ones."""
     return Member(
         azimuth=float(priors.azimuth[0] + priors.azimuth[1] * z[0]),
-        reversed=bool(u[1] < priors.reversed_share),
+        reversed=bool(u[1] < priors.polarity_reversal_probability),
         friction=_within(priors.friction, u[2]),
         restitution=_within(priors.restitution, u[3]),
         amplitude=float(priors.amplitude[0] + priors.amplitude[1] * z[4]),

@@ -14,6 +14,9 @@ from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.fragility.lognormal import probit_likelihood
 from vsr_core.fragility.model import maximise
 
+ONE_OUTCOME = "A single label was found", "y_pred contains classes not in y_true"
+"""Beginnings of scikit-learn's warnings where all tests end alike: scores are of that one."""
+
 SMALLEST_PROBABILITY = 1e-3
 """Probabilities are kept this far from 0 and 1 for the log loss: the outcome of a single test of a
 rock that is set up by hand cannot be known better."""
@@ -56,7 +59,8 @@ def scored(observed: Mask, predicted: Mask, probability: Array | None = None) ->
         brier = float(np.mean((probability - observed) ** 2))
         loss = float(metrics.log_loss(observed, clipped, labels=[False, True]))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of one outcome only: the mean of one recall
+        for expected in ONE_OUTCOME:
+            warnings.filterwarnings("ignore", expected)
         return PredictionScores(
             len(observed),
             float(metrics.accuracy_score(observed, predicted)),

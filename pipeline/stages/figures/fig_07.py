@@ -76,7 +76,7 @@ def _cases(drive: xr.Dataset) -> tuple[list[xr.Dataset], xr.Dataset]:
 
 
 def _velocities(axes: Axes, case: xr.Dataset) -> None:
-    axes.plot(case["time"], case["wanted_velocity"], color=style.BASE, lw=3.2, alpha=0.6,
+    axes.plot(case["time"], case["commanded_velocity"], color=style.BASE, lw=3.2, alpha=0.6,
               label="desired", gid="desired")  # fmt: skip
     axes.plot(case["time"], case["table_velocity"], color=style.SERIES[0], lw=0.9,
               label="measured", gid="measured")  # fmt: skip
@@ -84,7 +84,7 @@ def _velocities(axes: Axes, case: xr.Dataset) -> None:
 
 def _moving(record: xr.Dataset) -> tuple[float, float]:
     """Time in which a motion is strong, and a little more [s]."""
-    speed, time = np.abs(record["wanted_velocity"].values), record["time"].values
+    speed, time = np.abs(record["commanded_velocity"].values), record["time"].values
     strong = time[speed > _MOVES * speed.max()]
     return float(strong[0]) - _MARGIN, float(strong[-1]) + _MARGIN
 
@@ -107,7 +107,7 @@ def _closely(whole: Axes, near: Axes, record: xr.Dataset) -> None:
 
 def _error(case: xr.Dataset) -> Array:
     """Velocity measured less desired [m/s]."""
-    error: Array = case["table_velocity"].values - case["wanted_velocity"].values
+    error: Array = case["table_velocity"].values - case["commanded_velocity"].values
     return error
 
 
@@ -120,7 +120,7 @@ def _push(case: xr.Dataset) -> int:
 
 def _peak(case: xr.Dataset) -> float:
     """Largest desired acceleration [g]."""
-    rates = np.gradient(case["wanted_velocity"].values, case["time"].values)
+    rates = np.gradient(case["commanded_velocity"].values, case["time"].values)
     return float(in_si.in_g(np.abs(rates).max()))
 
 
@@ -138,7 +138,7 @@ def findings(data: Data) -> list[Finding]:
 def _overlap(pulses: list[xr.Dataset]) -> Finding:
     shares = {}
     for case in pulses:
-        peak = float(np.abs(case["wanted_velocity"]).max())
+        peak = float(np.abs(case["commanded_velocity"]).max())
         shares[case["case_drive"].item()] = float(np.sqrt(np.mean(_error(case) ** 2))) / peak
     result = "; ".join(f"{name}: {100 * share:.2f} % of PGV" for name, share in shares.items())
     return Finding(

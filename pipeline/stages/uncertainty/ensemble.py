@@ -38,7 +38,7 @@ TOGETHER = 8
 boundary of the site as it is, the others from those of all draws before."""
 
 CHECKED = 0.005
-"""Share of the spared cells that are run all the same."""
+"""Share of the inferred cells that are run all the same."""
 
 
 class Place(NamedTuple):
@@ -72,16 +72,16 @@ class Ensemble:
     Attributes
     ----------
     overturned : ndarray of int, shape (draws, yaws, rows, pga), 1, 0, or -1 unresolved
-    rough : ndarray of bool, shape (rows,), those in which the site as it is may be ragged
+    non_monotonic : ndarray of bool, shape (rows,), those in which the site as it is may be ragged
     checked, wrong : ndarray of int, shape (2,)
         Spared cells that were run all the same, and those that the rule had wrong: of other rows,
-        and of rough ones.
+        and of non-monotonic ones.
     crashed : int, runs that killed their worker
     """
 
     overturned: Table
     found_by: Table
-    rough: Mask
+    non_monotonic: Mask
     checked: Indices
     wrong: Indices
     crashed: int
@@ -127,10 +127,10 @@ class Search:
 
 def outcomes(wanted: Search) -> Ensemble:
     """Find the outcomes of all draws, with runs near their boundaries only."""
-    rough = _rough(wanted)
+    non_monotonic = _non_monotonic(wanted)
     shape = (len(wanted.draws), *wanted.nominal.shape)
     table = np.full(shape, UNKNOWN, dtype=np.int8)
-    found_by = np.full(shape, FoundBy.SPARED, dtype=np.int8)
+    found_by = np.full(shape, FoundBy.INFERRED, dtype=np.int8)
     known = [wanted.boundaries(wanted.nominal)]
     scales = [wanted.given]
     log_gain = np.log([draw.member.amplitude for draw in wanted.draws])
@@ -145,17 +145,17 @@ def outcomes(wanted: Search) -> Ensemble:
             found_by[part][own == 0] = FoundBy.PROVED
             base = np.take_along_axis(scale, chosen[None, None], axis=1)[:, 0]
             expected = base[..., None] + offset - log_gain[part, None, None]
-            _search(wanted, runner, draws, own, expected, rough)
-            tested += _tested(runner, draws, own, rough)
-            found_by[part][(own != UNKNOWN) & (found_by[part] == FoundBy.SPARED)] = 0
+            _search(wanted, runner, draws, own, expected, non_monotonic)
+            tested += _tested(runner, draws, own, non_monotonic)
+            found_by[part][(own != UNKNOWN) & (found_by[part] == FoundBy.INFERRED)] = 0
             own[...] = search.completed(own)
             crashed += runner.crashed
             known += list(wanted.boundaries(own) + log_gain[part, None, None])
             scales += list(scale)
-    return Ensemble(table, found_by, rough, tested[0], tested[1], crashed)
+    return Ensemble(table, found_by, non_monotonic, tested[0], tested[1], crashed)
 
 
-def _rough(wanted: Search) -> Mask:
+def _non_monotonic(wanted: Search) -> Mask:
     """Rows that may be ragged: where the site is in some direction, and the rows next to them."""
     own: Mask = np.asarray(search.ragged(wanted.nominal).any(axis=0))
     if wanted.motions.dimension != "pgv_pga":
@@ -187,14 +187,14 @@ def _search(
     draws: Sequence[Draw],
     table: Table,
     expected: Array,
-    rough: Mask,
+    non_monotonic: Mask,
 ) -> None:
     """Find the boundary of some rows of each draw, then of all, in place."""
     ordered = wanted.motions.dimension == "pgv_pga"
     first = search.first_rows(table.shape[2], ordered=ordered)
     for rows in (first, np.arange(table.shape[2])):
         column = search.expected_columns(expected[:, :, rows], wanted.ln_pga).ravel()
-        may = np.broadcast_to(rough[rows], expected[:, :, rows].shape).ravel()
+        may = np.broadcast_to(non_monotonic[rows], expected[:, :, rows].shape).ravel()
         while True:
             here = table[:, :, rows]
             ask = np.zeros(table.shape, dtype=bool)
@@ -207,8 +207,8 @@ def _search(
         expected = search.from_own_rows(expected, found, rows)
 
 
-def _tested(runner: _Runner, draws: Sequence[Draw], table: Table, rough: Mask) -> Indices:
-    """Run some spared cells; counts of them and of wrong ones, shape (2, 2), rough rows last."""
+def _tested(runner: _Runner, draws: Sequence[Draw], table: Table, non_monotonic: Mask) -> Indices:
+    """Run some inferred cells; count them and the wrong ones, non-monotonic levels last, (2, 2)."""
     ask = np.zeros(table.shape, dtype=bool)
     for at, draw in enumerate(draws):
         chance = np.random.default_rng(draw.member.seed).random(table.shape[1:])
@@ -216,7 +216,7 @@ def _tested(runner: _Runner, draws: Sequence[Draw], table: Table, rough: Mask) -
     taken = search.completed(table)
     runner.run(draws, table, ask)
     wrong = ask & (table != taken)
-    kinds = np.array([~rough, rough])
+    kinds = np.array([~non_monotonic, non_monotonic])
     return np.array([[(part[:, :, kind]).sum() for kind in kinds] for part in (ask, wrong)])
 
 

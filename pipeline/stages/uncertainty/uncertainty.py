@@ -101,7 +101,7 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
             "probability": (grid, chance.probability),
             "probability_low": (grid, chance.low),
             "probability_high": (grid, chance.high),
-            "spared_share": (grid, (found.found_by == FoundBy.SPARED).mean(axis=0)),
+            "inferred_share": (grid, (found.found_by == FoundBy.INFERRED).mean(axis=0)),
             "member_boundary": (("member", "yaw", row), edges),
             "boundary_low": (("yaw", row), low),
             "boundary_median": (("yaw", row), median),
@@ -110,9 +110,9 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
             "surface": ((row, "pga"), np.nanmean(of_yaw, axis=0)),
             "theta": (("yaw", row), theta),
             "beta": (("yaw", row), beta),
-            "rough": (row, found.rough.astype(np.int8)),
-            "spared_tested": ("rows_kind", found.checked),
-            "spared_wrong": ("rows_kind", found.wrong),
+            "non_monotonic": (row, found.non_monotonic.astype(np.int8)),
+            "inferred_tested": ("level_kind", found.checked),
+            "inferred_wrong": ("level_kind", found.wrong),
             **told.drawn_values(wanted.draws),
         },
         {
@@ -120,7 +120,7 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
             "yaw": list(wanted.draws[0].yaw),
             row: list(motions.rows),
             "pga": pga,
-            "rows_kind": ["smooth", "rough"],
+            "level_kind": ["monotonic", "non-monotonic"],
         },
     )
     if row != "pgv_pga":
@@ -131,13 +131,14 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
 
 
 def _rule(found: Ensemble) -> dict[str, Any]:
-    """How often the rule of sparing is wrong, with its interval (Wilson, 95 %)."""
-    facts: dict[str, Any] = {"sparing_rule": " ".join((search.__doc__ or "").split())}
-    for name, tested, wrong in zip(("smooth", "rough"), found.checked, found.wrong, strict=True):
+    """How often an inferred outcome is wrong, with its interval (Wilson, 95 %)."""
+    facts: dict[str, Any] = {"inference_rule": " ".join((search.__doc__ or "").split())}
+    kinds = ("monotonic", "non_monotonic")
+    for name, tested, wrong in zip(kinds, found.checked, found.wrong, strict=True):
         if tested:
             ends = binomtest(int(wrong), int(tested)).proportion_ci(method="wilson")
-            facts[f"sparing_wrong_{name}_rows"] = wrong / tested
-            facts[f"sparing_wrong_{name}_rows_interval"] = [float(end) for end in ends]
+            facts[f"inferred_wrong_{name}_levels"] = wrong / tested
+            facts[f"inferred_wrong_{name}_levels_interval"] = [float(end) for end in ends]
     return facts
 
 

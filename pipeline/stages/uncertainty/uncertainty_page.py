@@ -21,8 +21,6 @@ from vsr_core.outcome import FoundBy
 from vsr_core.uncertainty.probability import chance
 from vsr_core.uncertainty.sensitivity import SUPPORTED
 
-_KINDS = {"smooth": "monotonic", "rough": "non-monotonic"}
-
 
 def facts(
     site: str, rock: RockData, config: UncertaintyConfig, found: xr.Dataset, drawn: dict[str, str]
@@ -55,7 +53,7 @@ def facts(
         "none_topples": float(chance(np.zeros((found.sizes["member"], 1), np.int8)).high[0]),
         "simulated": by[FoundBy.SIMULATED],
         "proved": by[FoundBy.PROVED],
-        "spared": by[FoundBy.SPARED],
+        "inferred": by[FoundBy.INFERRED],
         "checked": CHECKED,
         "tests": tests(found),
         "undecided": int((found["overturned"] < 0).sum()),
@@ -140,16 +138,17 @@ def leaders(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def tests(found: xr.Dataset) -> list[dict[str, Any]]:
     """Inferred cells that were simulated as a check, by kind of PGV/PGA level."""
     rows = []
-    for at, name in enumerate(found["rows_kind"].values.tolist()):
-        tested = int(found["spared_tested"][at])
-        ends = found.attrs.get(f"sparing_wrong_{name}_rows_interval", [np.nan, np.nan])
+    for at, name in enumerate(found["level_kind"].values.tolist()):
+        tested = int(found["inferred_tested"][at])
+        key = f"inferred_wrong_{name.replace('-', '_')}_levels_interval"
+        ends = found.attrs.get(key, [np.nan, np.nan])
         rows.append(
             {
-                "kind": _KINDS[name],
-                "rows": int((found["rough"] == at).sum()),
+                "kind": name,
+                "rows": int((found["non_monotonic"] == at).sum()),
                 "tested": tested,
-                "wrong": int(found["spared_wrong"][at]),
-                "share": int(found["spared_wrong"][at]) / tested if tested else np.nan,
+                "wrong": int(found["inferred_wrong"][at]),
+                "share": int(found["inferred_wrong"][at]) / tested if tested else np.nan,
                 "ends": list(ends),
             }
         )

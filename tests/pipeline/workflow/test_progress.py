@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 
 import pytest
@@ -23,3 +25,24 @@ def test_a_step_that_lasts_is_told_and_one_that_does_not_is_not(
             time.sleep(0.01)
     assert [line.rpartition(", ")[0] for line in lines] == ["scan: closing"]
     assert lines[0].endswith(" s so far")
+
+
+def test_a_warning_of_a_library_is_told_in_one_line_once() -> None:
+    """Also one that the library has shown always, and none that Python leaves out."""
+    program = (
+        "import warnings\n"
+        "from pipeline.workflow.library_warnings import tell_warnings_once\n"
+        "tell_warnings_once()\n"
+        "where = 'lib/site-packages/sklearn/x.py', 7\n"
+        "warnings.simplefilter('always', UserWarning, append=True)\n"
+        "for text in ('one\\ncause', 'one\\ncause', 'another'):\n"
+        "    warnings.warn_explicit(text, UserWarning, *where)\n"
+        "warnings.warn_explicit('old', DeprecationWarning, *where)\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert ran.stderr.splitlines() == [
+        "vsr: warning of sklearn: UserWarning: one cause",
+        "vsr: warning of sklearn: UserWarning: another",
+    ]

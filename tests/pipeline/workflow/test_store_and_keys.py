@@ -468,7 +468,7 @@ def test_stages_decided_by_a_function(edit_function: Callable[[str, str, str], N
     assert {name for name, _ in touched} <= set(DECIDES)
 
 
-@pytest.mark.parametrize("engine", ["bullet", "nonsmooth"])
+@pytest.mark.parametrize("engine", ["bullet", "mujoco", "nonsmooth"])
 def test_every_function_that_a_run_enters_is_in_its_key(engine: str) -> None:
     """Followed while it runs, so that a call the syntax does not show would be found."""
     from vsr_core import GRAVITY

@@ -157,7 +157,9 @@ def test_draws_fill_the_priors() -> None:
     """An azimuth known to 100 degrees: many draws turn far about, few of them are reversed."""
     given = priors.Priors((0.3, math.radians(100.0)), 0.25, restitution=(0.1, 0.4))
     members = priors.draws(given, 256)
-    assert np.mean([m.reversed for m in members]) == pytest.approx(given.reversed_share, abs=0.01)
+    assert np.mean([m.reversed for m in members]) == pytest.approx(
+        given.polarity_reversal_probability, abs=0.01
+    )
     azimuth = [m.azimuth for m in members]
     back = [abs(m.direction - m.azimuth) > 3.0 for m in members]
     assert back == [m.reversed for m in members]

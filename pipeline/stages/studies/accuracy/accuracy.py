@@ -65,7 +65,7 @@ def make(work: Work, study: Study, measured: StepData) -> Product:
     cells = comparison.sample_cells(work, study)
     records += comparison.compare_cells(cells)
     records += comparison.run_suite(work)
-    records += comparison.absent_peers()
+    records += comparison.absent_engines()
     table = pd.DataFrame(records)
     diagram = work_precision(table, study.settings.simulation.tolerance, site)
     shown = facts(site, study.settings, table, targets, measured.data, diagram)

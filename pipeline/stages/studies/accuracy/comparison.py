@@ -226,7 +226,7 @@ def run_suite(work: Work) -> list[Record]:
     ]
 
 
-def absent_peers() -> list[Record]:
+def absent_engines() -> list[Record]:
     """List the other_engines whose libraries are not installed."""
     return [
         record("method", other_engines.load(name).LABEL, note=f"not installed: {', '.join(absent)}")

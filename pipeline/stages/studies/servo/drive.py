@@ -39,7 +39,7 @@ FILE, TABLE, PAGE = "drive.nc", "drive.csv", "drive.html"
 
 _SAMPLED = {
     "time": "time",
-    "wanted_velocity": "wanted",
+    "commanded_velocity": "wanted",
     "command": "command",
     "table_velocity": "measured",
     "servo_force": "force",

@@ -258,7 +258,7 @@ def course(kick: float, lasts: float) -> xr.Dataset:
         -(time - 2.0).clip(0.0) / lasts
     )
     return xr.Dataset(
-        {"time": ("sample", time), "wanted_velocity": ("sample", wanted),
+        {"time": ("sample", time), "commanded_velocity": ("sample", wanted),
          "table_velocity": ("sample", wanted + error),
          "tilt": ("sample", np.where(time >= 1.9, 1.2, 0.0))}
     )  # fmt: skip

@@ -1,0 +1,25 @@
+"""Warnings of libraries, in the log."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+
+def tell_warnings_once() -> None:
+    """Have each warning of a library told in one line, once in this process."""
+    known: set[str] = set()
+
+    def tell(message: Warning | str, category: type[Warning], file: str, *_: Any) -> None:
+        text = " ".join(str(message).split())
+        if text not in known:
+            known.add(text)
+            _, _, inside = file.rpartition("site-packages")
+            library = Path(inside or file).parts[1 if inside else -1]
+            line = f"vsr: warning of {library}: {category.__name__}: {text}"
+            sys.stderr.write(line + "\n")
+            sys.stderr.flush()
+
+    warnings.showwarning = tell  # type: ignore[assignment]
