@@ -18,10 +18,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import cli, commands
-from pipeline.config.layers import load_site
 from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError as InputError
-from pipeline.workflow.site_folder import store_of
+from pipeline.config.problems import Problem
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -76,8 +75,9 @@ def run(
 
     Parameters
     ----------
-    product : str, as of ``vsr run``
-    site : name of a shipped site, path of a YAML file, or its content
+    product : str, as of ``vsr run``; with a ``study`` that sweeps, the dataset is that of the study
+    site : name of a shipped site, path of a YAML file, or its content; for ``validation`` the
+        folder of recorded tests
     layers : settings over those of the site, later ones over earlier ones
     name : str, of the folder of results, where the site is given by its content
     derived : folder of results, by default ``data/derived`` of the working folder
@@ -90,21 +90,29 @@ def run(
     """
     import xarray
 
+    if product == "stability":
+        rule, remedy = (
+            "it has a table and a page, and no dataset",
+            "use the command vsr run stability",
+        )
+        raise InputError(Problem("vsr.run", "", product, rule, remedy))
     folder = Path(derived or working_folder() / "data" / "derived")
     if isinstance(site, Mapping):
         path = folder / f"{name}.yaml"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(_plain(site), indent=1), encoding="utf-8")  # which is YAML, too
         site = path
-    words = ["run", product, "--site", os.fspath(site), "--derived", str(folder)]
+    given = "--table" if product == "validation" else "--site"
+    words = ["run", product, given, os.fspath(site), "--derived", str(folder)]
     for layer in (*layers, keys):
         for key, value in layer.items():
             words += ["--set", f"{key}={json.dumps(_plain(value))}"]
     words += ["--study", study] if study else []
     words += [] if workers is None else ["--workers", str(workers)]
-    commands.run(cli.parsed(words))
-    store = store_of(load_site(os.fspath(site)), folder, None)
-    return xarray.load_dataset(store.folder / f"{product}.nc")
+    job, _ = commands.made(cli.parsed(words))
+    study_of_sweep = job.store.folder / "study.nc"
+    own = job.store.folder / f"{'fragility' if product == 'report' else product}.nc"
+    return xarray.load_dataset(study_of_sweep if study_of_sweep.exists() else own)
 
 
 def _plain(value: Any) -> Any:

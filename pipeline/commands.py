@@ -27,6 +27,11 @@ from vsr_core import engines
 
 def run(options: argparse.Namespace) -> int:
     """Make a product and all that it needs."""
+    return made(options)[1]
+
+
+def made(options: argparse.Namespace) -> tuple[Job, int]:
+    """Make a product; the job, and how many runs are unresolved."""
     sweep, wanted = sweep_of(options), DELIVERABLES[options.product]
     engines.require(wanted.engine)
     job = job_of(options, sweep)
@@ -46,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
         log(f"-> {job.path(name)}")
     if unresolved:
         log(f"{unresolved} {form(unresolved, *wanted.unresolved)}")
-    return unresolved
+    return job, unresolved
 
 
 def _swept(sweep: Sweep, stage: str, job: Job) -> tuple[Job, int]:
