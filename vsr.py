@@ -146,6 +146,15 @@ def uncertainty(site: Site, *layers: Settings, **options: Any) -> xr.Dataset:
     return run("uncertainty", site, *layers, **options)
 
 
-def hazard(site: Site, *layers: Settings, **options: Any) -> xr.Dataset:
-    """Survival probability of the rock under each branch of a hazard model."""
+def hazard(
+    site: Site, *layers: Settings, curves: str | os.PathLike[str] | None = None, **options: Any
+) -> xr.Dataset:
+    """Survival probability of the rock under each branch of a hazard model.
+
+    Parameters
+    ----------
+    curves : path of its curves, from the working folder; by default ``hazard.curves`` of the site
+    """
+    if curves is not None:
+        layers += ({"hazard.curves": str(Path(curves).resolve())},)
     return run("hazard", site, *layers, **options)

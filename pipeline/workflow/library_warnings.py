@@ -16,8 +16,9 @@ def tell_warnings_once() -> None:
         text = " ".join(str(message).split())
         if text not in known:
             known.add(text)
-            _, _, inside = file.rpartition("site-packages")
-            library = Path(inside or file).parts[1 if inside else -1]
+            parts = Path(file).parts
+            at = parts.index("site-packages") + 1 if "site-packages" in parts else -1
+            library = parts[at] if parts else "Python"
             line = f"vsr: warning of {library}: {category.__name__}: {text}"
             sys.stderr.write(line + "\n")
             sys.stderr.flush()

@@ -54,7 +54,10 @@ def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int)
     if known.azimuth[1]:
         azimuth = np.array([member.azimuth for member in members])
         add("direction of the shaking", (azimuth - known.azimuth[0]) / known.azimuth[1], ndtri)
-    share, signs = (known.polarity_reversal_probability, np.array([1.0 if m.reversed else -1.0 for m in members]))
+    share, signs = (
+        known.polarity_reversal_probability,
+        np.array([1.0 if m.reversed else -1.0 for m in members]),
+    )
     add("sign of the motion", signs, lambda u: np.where(u < share, 1.0, -1.0))
     for name in ("friction", "restitution"):
         own = np.array([getattr(member, name) for member in members])

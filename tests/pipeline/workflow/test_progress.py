@@ -38,6 +38,8 @@ def test_a_warning_of_a_library_is_told_in_one_line_once() -> None:
         "for text in ('one\\ncause', 'one\\ncause', 'another'):\n"
         "    warnings.warn_explicit(text, UserWarning, *where)\n"
         "warnings.warn_explicit('old', DeprecationWarning, *where)\n"
+        "warnings.warn_explicit('of no file', RuntimeWarning, 'sys', 1)\n"
+        "warnings.warn_explicit('of none', RuntimeWarning, '', 1)\n"
     )
     ran = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
@@ -45,4 +47,6 @@ def test_a_warning_of_a_library_is_told_in_one_line_once() -> None:
     assert ran.stderr.splitlines() == [
         "vsr: warning of sklearn: UserWarning: one cause",
         "vsr: warning of sklearn: UserWarning: another",
+        "vsr: warning of sys: RuntimeWarning: of no file",
+        "vsr: warning of Python: RuntimeWarning: of none",
     ]

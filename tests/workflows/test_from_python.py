@@ -1,0 +1,52 @@
+"""``import vsr``: each product's own dataset, of sweeps and of scans, too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import trimesh
+
+import vsr
+
+BLOCK = vsr.box(0.5, 1.0, 2.0, density=2110)
+PULSES = vsr.pulses([0.3, 0.9], [0.3])
+QUICK = {"workers": 0, "simulation": {"time_step": 0.004}}
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_sweep_gives_the_dataset_of_the_study() -> None:
+    found = vsr.responses(BLOCK, PULSES, study="friction", **QUICK)
+    assert found.sizes["friction"] == 7
+    assert found.sizes["pga"] == 2
+
+
+def test_a_report_gives_the_fragility_it_shows() -> None:
+    report = vsr.run("report", BLOCK, PULSES, **QUICK)
+    assert report.equals(vsr.fragility(BLOCK, PULSES, **QUICK))
+
+
+def test_a_scan_is_found_from_the_working_folder() -> None:
+    trimesh.creation.box((0.5, 0.6, 1.5)).subdivide().export("rock.ply")
+    found = vsr.responses(vsr.mesh("rock.ply", 2500.0), PULSES, name="scan", **QUICK)
+    assert found["overturned"].values.ravel().tolist() == [0, 1]
+
+
+def test_what_has_no_dataset_is_refused_before_any_work() -> None:
+    with pytest.raises(
+        vsr.InputError, match="got stability; it has a table and a page"
+    ):
+        vsr.run("stability", BLOCK)
+    assert not Path("data").exists()
+
+
+def test_curves_and_tests_are_found_from_the_working_folder() -> None:
+    with pytest.raises(vsr.InputError, match=r"test_curves_and_tests\w*/curves") as refused:
+        vsr.hazard(BLOCK, PULSES, curves="curves", hazard={"age": {"kind": "normal", "mean": 1e4}})
+    assert "derived" not in str(refused.value)
+    with pytest.raises(vsr.InputError, match="my_tests"):
+        vsr.run("validation", "my_tests")
