@@ -37,9 +37,7 @@ def test_a_scan_is_found_from_the_working_folder() -> None:
 
 
 def test_what_has_no_dataset_is_refused_before_any_work() -> None:
-    with pytest.raises(
-        vsr.InputError, match="got stability; it has a table and a page"
-    ):
+    with pytest.raises(vsr.InputError, match="got stability; it has a table and a page"):
         vsr.run("stability", BLOCK)
     assert not Path("data").exists()
 
