@@ -244,12 +244,12 @@ def boundaries(drive: xr.Dataset) -> Figure:
 
 def _commanded(axes: Axes, case: xr.Dataset, width: float) -> None:
     look: Any = {"color": style.INK, "lw": width, "alpha": 0.35, "label": "commanded"}
-    axes.plot(case["time"], case["wanted_velocity"], **look)
+    axes.plot(case["time"], case["commanded_velocity"], **look)
 
 
 def _error(case: xr.Dataset) -> Array:
     """Velocity measured less commanded [mm/s]."""
-    return 1e3 * (case["table_velocity"].values - case["wanted_velocity"].values)
+    return 1e3 * (case["table_velocity"].values - case["commanded_velocity"].values)
 
 
 def _largest_push(case: xr.Dataset) -> int:
