@@ -370,12 +370,12 @@ and a difference between two rows is significant only if it is several standard 
   an edge lands flat, one end therefore touches first: the rock is turned aside, and the impact
   takes less energy than it should. A rolling prism becomes faster than the exact one (panel b) and
   drifts off its line.
-- **Borders.** Each triangle and each part is a separate shape. A hull that lies across a border
-  can be pushed back by the side of the part ahead of it, so that a sliding block trips or stops on
-  even ground (panel c). The table of borders gives the size of the error: it is largest without
-  restitution, where Bullet keeps contacts over a wider gap. A sphere, or a rock that lands on its
-  corners, is hardly affected. Rough ground has real edges everywhere; there, the effect on a
-  tumbling rock is the difference between the rows for triangles and for parts above.
+- **Borders.** Each convex part is a separate shape. A hull that lies across a border can be pushed
+  back by the side of the part ahead of it. On triangles Bullet's filter of internal edges corrects
+  such normals (panel c); plain Bullet has it switched off, and a block trips or stops there on even
+  ground: [What this means for results of Bullet](limits.md#results-of-bullet-on-meshes). Where a
+  slope bends, hulls still catch. A sphere has no filter: with it the points where it touches are
+  beside its centre, and a rebound at 1 ms is 3 % off.
 - **Friction without restitution** is a pyramid: an impulse can be up to 1.4 times as large as with
   Coulomb's cone, and where several points share a load, some keep the friction of an earlier
   iteration. With restitution Bullet uses another solver, and a cone.

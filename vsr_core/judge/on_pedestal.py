@@ -52,13 +52,19 @@ not creep a sixth of the path that counts as displaced."""
 DRIFT_SHARE = 0.01
 """Longest path of a rock that nothing has moved yet, as a share of its radius."""
 
+SLIDING_LEAN = 0.02
+"""Largest tilt [rad] of a rock that can only slide: none by Coulomb's law, and up to 0.004 in any
+engine that holds to it."""
+
 LEAST_WAIT, WAITING_TIMES = 4.0, 40.0
 """Longest wait after the motion: seconds, as in the published set-up, and units of
 sqrt(radius / g), whichever is more."""
 
 
-def criteria(rock: Rock, contact: Contact, limits: Barrier, *, proves: bool) -> Criteria:
-    """What a rock on a flat pedestal is judged by."""
+def criteria(
+    rock: Rock, contact: Contact, limits: Barrier, *, proves: bool, slides: bool
+) -> Criteria:
+    """What a rock on a flat pedestal is judged by; ``slides``: nothing can tip it."""
     radius, climb = rock.radius, max(limits.edge_height - limits.upright_floor, 0.0)
     # One kind of arrays and numbers, wherever they were read, so that nothing is compiled twice.
     tilt, height, *numbers = limits
@@ -74,6 +80,7 @@ def criteria(rock: Rock, contact: Contact, limits: Barrier, *, proves: bool) -> 
         CREEP_SHARE * radius,
         PENETRATION_SHARE * radius,
         DRIFT_SHARE * radius,
+        SLIDING_LEAN if slides else math.inf,
         proves,
         follow=False,
     )
@@ -152,7 +159,7 @@ def _is_sound(
         return False
     if not moved and max(record.slip, record.tilt * criteria.radius) > criteria.drift:
         return False
-    return not gained_too_much(record, criteria, impulse)
+    return record.tilt <= criteria.lean and not gained_too_much(record, criteria, impulse)
 
 
 @compiled

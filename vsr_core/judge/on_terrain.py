@@ -91,6 +91,7 @@ def criteria(
         REST_PATH * radius,
         PENETRATION_SHARE * radius,
         math.inf,
+        math.inf,
         proves=False,
         follow=follow,
     )

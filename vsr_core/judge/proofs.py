@@ -41,6 +41,11 @@ from vsr_core.scene import Contact
 LEANING_TILT = math.radians(30.0)
 """A rest pose tilted less than this still stands, on another part of its base [rad]."""
 
+SLIDING_SHARE = 0.85
+"""Friction, as a share of the least uplift acceleration [g], up to which a rock is held to slide
+only. Bullet's pyramid of friction tips a few from 0.9 on."""
+
+_SLIDING_DIRECTIONS = 72
 _TILT_STEP = math.radians(0.5)
 _AZIMUTHS = 1440
 
@@ -144,6 +149,18 @@ def barrier(rock: Rock) -> Barrier:
     upright_floor = min(float(hull.offsets[upright].min(initial=math.inf)), float(height[edge]))
     edge_tilt, edge_height = float(tilt[edge]), float(height[edge])
     return Barrier(tilt, height, toppled, edge_tilt, edge_height, upright_floor, floor)
+
+
+def only_slides(rock: Rock, contact: Contact) -> bool:
+    """Whether a rock shaken level from rest slides and never tips, whichever way it has turned.
+
+    Friction on the base is at most mu times the normal force. It meets the line of both through
+    the centre of mass within the base where mu is less than the least uplift acceleration [g].
+    """
+    if rock.shape == "sphere":
+        return False
+    around = np.linspace(0.0, 2.0 * np.pi, _SLIDING_DIRECTIONS, endpoint=False)
+    return contact.friction < SLIDING_SHARE * float(tipping(rock.hull, around).uplift.min())
 
 
 def static_limits(rock: Rock, contact: Contact, yaw: float) -> tuple[float, float]:

@@ -45,6 +45,7 @@ class Criteria(NamedTuple):
     rest_time : float [s], for which it has to keep to that
     creep : float [m], longest path in that time
     penetration, drift : float [m], deepest allowed, and longest path before anything moves the rock
+    lean : float [rad], largest tilt of a rock that can only slide; inf where it can tip
     proves : bool, whether a run ends as soon as its outcome is proved
     follow : bool, whether a run goes on after toppling
     """
@@ -60,6 +61,7 @@ class Criteria(NamedTuple):
     creep: float
     penetration: float
     drift: float
+    lean: float
     proves: bool
     follow: bool
 

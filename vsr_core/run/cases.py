@@ -42,6 +42,7 @@ class Case:
     static_limits : tuple of float, lowest and highest table acceleration [m/s^2] that move
         nothing; zeros for springs, for a start on the move, and for a drive, whose table
         overshoots a little
+    slides : bool, whether nothing along x can tip the rock, which then can only slide
     """
 
     full: Scene
@@ -49,6 +50,7 @@ class Case:
     reductions: tuple[Reduction, ...]
     limits: proofs.Barrier
     static_limits: tuple[float, float]
+    slides: bool
 
 
 @dataclass(frozen=True)
@@ -79,13 +81,15 @@ def prepare(described: Scene, limits: proofs.Barrier, *, reduce: bool) -> Case:
         For a drive whose sampled loop is unstable.
     """
     static_limits = (0.0, 0.0)
+    rigid_from_rest = described.contact.stiffness is None and described.start is None
+    slides = rigid_from_rest and proofs.only_slides(described.rock, described.contact)
     if described.drive is not None:
         servo.check(described.drive)
-    elif described.contact.stiffness is None and described.start is None:
+    elif rigid_from_rest:
         static_limits = proofs.static_limits(described.rock, described.contact, described.yaw)
     reduced, reductions = reduce_scene(described) if reduce else (described, ())
     full = replace(reduced, rock=described.rock, kept_tilt=described.kept_tilt)
-    return Case(full, reduced, reductions, limits, static_limits)
+    return Case(full, reduced, reductions, limits, static_limits, slides)
 
 
 def never_starts(

@@ -62,14 +62,22 @@ def _never_starts(case: Case, motion: GroundMotion, settings: Settings) -> bool:
     return motion.columns == 1 and never_starts(limits, peak, settings)
 
 
-def _criteria(case: Case, scene: Scene, settings: Settings, *, turns: bool) -> Criteria:
+def _criteria(
+    case: Case, scene: Scene, settings: Settings, *, turns: bool, along_x: bool
+) -> Criteria:
     """What a run is judged by.
 
     The proofs assume the prescribed motion, which a servo's table does not quite follow, and
     gravity along z, which a table that turns has not; and they know of no energy in springs.
     """
     proves = settings.reduce and scene.contact.stiffness is None and scene.drive is None
-    return on_pedestal.criteria(scene.rock, scene.contact, case.limits, proves=proves and not turns)
+    return on_pedestal.criteria(
+        scene.rock,
+        scene.contact,
+        case.limits,
+        proves=proves and not turns,
+        slides=case.slides and along_x,
+    )
 
 
 def _limits(case: Case, motion: GroundMotion) -> tuple[float, float]:
@@ -112,7 +120,8 @@ def _compiled(
         np.array([s.pulse_samples + math.ceil(wait / s.interval) for s in taken]),
         np.array([_limits(case, motion) for motion in motions]),
     )
-    criteria = _criteria(case, scene, settings, turns=columns == 9)
+    along_x = all(motion.columns == 1 for motion in motions)
+    criteria = _criteria(case, scene, settings, turns=columns == 9, along_x=along_x)
     solver = settings.solver or nonsmooth.SOLVER
     decided, measured = pedestal_runs.run_all(scene, criteria, shaking, solver)
     return [
@@ -177,7 +186,7 @@ def set_up(
         motion,
         settings,
         sampled,
-        _criteria(case, scene, settings, turns=turns),
+        _criteria(case, scene, settings, turns=turns, along_x=motion.columns == 1),
         monitored=on_pedestal.monitored(sampled.interval, radius),
         wait=on_pedestal.longest_wait(radius),
     )

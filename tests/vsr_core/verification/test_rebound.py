@@ -323,14 +323,8 @@ def wheel(number: int, cut: bool, engine: str) -> float:
     return rimless_wheel.distance(WHEELS[number], 1.0, cut, engine, STEP)
 
 
-def slid(engine: str) -> float:
-    """Error of the energy line of a block that slides over the borders of triangles."""
-    return runout.sliding(math.radians(10.0), Contact(0.6), 1.0, False, engine, STEP)
-
-
 FAULTS = {
     "borders of triangles brake a slow sphere": (partial(slow_sphere, False), 0.02),
-    "hulls catch on the border of two triangles in one plane": (slid, 1e-3),
     "hulls catch where a slope of triangles bends": (partial(bent, False), 0.025),
     "hulls catch where a slope of parts bends": (partial(bent, True), 0.025),
     "one end of 8 edges is found first, on triangles": (partial(wheel, 0, False), 2e-3),

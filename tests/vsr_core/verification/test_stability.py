@@ -68,6 +68,9 @@ QUICK = {
     "20000 samples a second": Verdict.RIGHT,
     "sliding at 0.3 in bullet": Verdict.RIGHT,
     "sliding before rocking at 0.4 in mujoco": Verdict.FLAGGED,
+    "box over triangles of 0.5 m in bullet": Verdict.RIGHT,
+    "hull over triangles of 0.25 m in bullet": Verdict.RIGHT,
+    "slab at 2.6 g in mujoco": Verdict.RIGHT,
     "rebound at 1": Verdict.RIGHT,
     "rebounds that add energy": Verdict.FLAGGED,
     "dropped by 10 radii in bullet": Verdict.RIGHT,
@@ -428,6 +431,20 @@ def test_a_rock_that_drifts_before_anything_moves_it_is_unstable(
     assert world.built == HALVINGS + 1
     strong, _ = told(monkeypatch, drifts, 0.8)  # slides, for all we know
     assert strong.outcome is Outcome.DISPLACED
+
+
+def test_a_rock_that_tips_though_it_can_only_slide_is_unstable(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    turn = np.array([[0.999, 0.0, 0.0447], [0.0, 1.0, 0.0], [-0.0447, 0.0, 0.999]])
+
+    def tips(time: float) -> dict[str, object]:
+        return {"rotation": turn} if time > 0.1 else {}
+
+    for side, outcome in ((6.0, Outcome.UNSTABLE), (1.0, Outcome.BALANCED)):
+        slab = box(side, side, 2.0)
+        found, _ = told(monkeypatch, tips, 0.8, slab)
+        assert found.outcome is outcome
 
 
 def test_a_rock_that_drifts_after_a_motion_that_moves_nothing_is_unstable(

@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull
 
 from vsr_core.arrays import Array, matrix_product
 from vsr_core.engines.bullet.binding import pybullet
+from vsr_core.engines.bullet.tiles import triangle_shape
 from vsr_core.rock.body import Rock
 
 CONTACTS = 4
@@ -192,14 +193,7 @@ def level_sheet(half: float, cells: int, client: int) -> int:
     triangles = np.concatenate(
         [np.column_stack([a, a + 1, a + row + 1]), np.column_stack([a, a + row + 1, a + row])]
     )
-    shape = pybullet.createCollisionShape(
-        pybullet.GEOM_MESH,
-        vertices=corners.tolist(),
-        indices=triangles.ravel().tolist(),
-        flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
-        physicsClientId=client,
-    )
-    return int(shape)
+    return triangle_shape(corners, triangles.ravel(), client)
 
 
 def leave_to_the_rock(body: int, link: int, client: int) -> None:

@@ -14,13 +14,11 @@ import numpy as np
 
 from vsr_core.arrays import Array, Indices
 from vsr_core.engines.bullet.binding import pybullet
-from vsr_core.engines.bullet.collision_shapes import leave_to_the_rock
-from vsr_core.rock.body import convex_hull
+from vsr_core.engines.bullet.collision_shapes import leave_to_the_rock, surroundings
+from vsr_core.engines.bullet.tiles import Tiles
+from vsr_core.rock.body import Rock, convex_hull
 from vsr_core.scene import State
 from vsr_core.terrain.surface import Terrain
-
-TILE_FACES = 6
-"""Most triangles of a tile."""
 
 NEAREST = 0.06
 """Distance, in Bullet's length unit (0.6 % of the rock's radius), within which a block comes into
@@ -36,19 +34,19 @@ class GroundBlocks:
 
     Parameters
     ----------
-    corners : ndarray, shape (n, 3) [m], of the rock in its own coordinates
     scale : float, Bullet's length unit per metre
     client, maximal : int, Bullet's connection and kind of bodies
     """
 
     def __init__(
-        self, terrain: Terrain, corners: Array, scale: float, client: int, maximal: int
+        self, terrain: Terrain, rock: Rock, scale: float, client: int, maximal: int
     ) -> None:
         self._client, self._maximal, self._scale = client, maximal, scale
-        self._convex = bool(terrain.parts)
-        held = [part * scale for part in terrain.parts] or _tiles(
-            terrain.vertices[terrain.faces] * scale
-        )
+        self._tiles: Tiles | None = None
+        held = [part * scale for part in terrain.parts]
+        if not held:
+            self._tiles = Tiles(terrain, scale, round_rock=rock.shape == "sphere")
+            held = self._tiles.corners()
         self._blocks, self._points = held, np.concatenate(held)
         low, high = (
             np.array([reach(points, axis=0) for points in held]) for reach in (np.min, np.max)
@@ -57,6 +55,7 @@ class GroundBlocks:
         self._halves = 0.5 * np.linalg.norm(high - low, axis=1)
         self._counts = np.array([len(points) for points in held])
         self._firsts = np.cumsum(self._counts) - self._counts
+        corners = surroundings(rock)
         hull = convex_hull(corners * scale)
         self._normals, self._offsets = hull.normals, hull.offsets
         self._radius = float(np.linalg.norm(corners, axis=1).max()) * scale
@@ -135,32 +134,13 @@ class GroundBlocks:
 
     def _shape(self, number: int) -> int:
         if number not in self._shapes:
-            corners = self._blocks[number].tolist()
-            sheet = {
-                "indices": list(range(len(corners))),
-                "flags": pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
-            }
-            self._shapes[number] = int(
-                pybullet.createCollisionShape(
+            if self._tiles:
+                shape = self._tiles.shape(number, self._client)
+            else:
+                shape = pybullet.createCollisionShape(
                     pybullet.GEOM_MESH,
-                    vertices=corners,
+                    vertices=self._blocks[number].tolist(),
                     physicsClientId=self._client,
-                    **({} if self._convex else sheet),
                 )
-            )
+            self._shapes[number] = int(shape)
         return self._shapes[number]
-
-
-def _tiles(triangles: Array) -> list[Array]:
-    """Corners of compact groups of at most ``TILE_FACES`` triangles, halved along their extent."""
-    centres = triangles.mean(axis=1)
-    groups, whole = [np.arange(len(centres))], []
-    while groups:
-        group = groups.pop()
-        if len(group) <= TILE_FACES:
-            whole.append(triangles[group].reshape(-1, 3))
-            continue
-        extent = np.ptp(centres[group], axis=0)
-        order = group[np.argsort(centres[group, int(np.argmax(extent))], kind="stable")]
-        groups += [order[: len(order) // 2], order[len(order) // 2 :]]
-    return whole

@@ -13,12 +13,7 @@ from scipy.spatial.transform import Rotation
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array, matrix_product
 from vsr_core.engines.bullet.binding import pybullet
-from vsr_core.engines.bullet.collision_shapes import (
-    leave_to_the_rock,
-    pedestal_shape,
-    rock_shape,
-    surroundings,
-)
+from vsr_core.engines.bullet.collision_shapes import leave_to_the_rock, pedestal_shape, rock_shape
 from vsr_core.engines.bullet.ground import GroundBlocks
 from vsr_core.engines.bullet.springs import RIGID, Springs, exact_springs
 from vsr_core.engines.bullet.turning_table import Moving, turn
@@ -80,8 +75,12 @@ class BulletWorld:
         self._axes = scene.rock.axes
         # In maximal coordinates (no joint tree) a step costs less than half, but a contact that is
         # still open takes the approach speed away without giving the rebound back. On a driven
-        # table, a joint tree itself, they save next to nothing.
-        self._maximal = int(scene.contact.restitution == 0.0 and scene.drive is None)
+        # table, a joint tree itself, they save next to nothing. On triangles they are without the
+        # filter of inner edges.
+        in_parts = scene.terrain is not None and bool(scene.terrain.parts)
+        triangles = scene.pedestal == "mesh" or (scene.terrain is not None and not in_parts)
+        bounces = scene.contact.restitution > 0.0
+        self._maximal = int(not bounces and not triangles and scene.drive is None)
         margin = HULL_MARGIN if scene.rock.shape == "hull" and scene.terrain is None else 0.0
         self._lift = np.array([0.0, 0.0, margin])
         self._start = scene.start or resting(scene)
@@ -99,8 +98,6 @@ class BulletWorld:
             deterministicOverlappingPairs=1,
             physicsClientId=self._client,
         )
-        bounces = scene.contact.restitution > 0.0
-        in_parts = scene.terrain is not None and bool(scene.terrain.parts)
         self._gap = SMALL_GAP if bounces or in_parts else GAP
         erp = BOUNCING_ERP if bounces else ERP
         pybullet.setPhysicsEngineParameter(erp=erp, contactERP=erp, physicsClientId=self._client)
@@ -114,7 +111,7 @@ class BulletWorld:
         self._ground: GroundBlocks | None = None
         if scene.terrain is not None:
             self._ground = GroundBlocks(
-                scene.terrain, surroundings(scene.rock), self._scale, self._client, self._maximal
+                scene.terrain, scene.rock, self._scale, self._client, self._maximal
             )
         if self._springs:
             exact_springs(self._client)
