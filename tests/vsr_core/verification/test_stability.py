@@ -24,6 +24,7 @@ from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
 from vsr_core import GRAVITY, engines
+from vsr_core.arrays import Array
 from vsr_core.engines.bullet import BulletWorld, collision_shapes
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import Barrier, barrier
@@ -436,15 +437,15 @@ def test_a_rock_that_drifts_before_anything_moves_it_is_unstable(
 def test_a_rock_that_tips_though_it_can_only_slide_is_unstable(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    turn = np.array([[0.999, 0.0, 0.0447], [0.0, 1.0, 0.0], [-0.0447, 0.0, 0.999]])
-
-    def tips(time: float) -> dict[str, object]:
-        return {"rotation": turn} if time > 0.1 else {}
-
+    sin, cos = 0.0447, 0.999
+    turn = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
     for side, outcome in ((6.0, Outcome.UNSTABLE), (1.0, Outcome.BALANCED)):
-        slab = box(side, side, 2.0)
-        found, _ = told(monkeypatch, tips, 0.8, slab)
-        assert found.outcome is outcome
+        place = np.array([0.0, 0.0, cos + 0.5 * side * sin])  # on its edge
+
+        def tips(time: float, place: Array = place) -> dict[str, object]:
+            return {"position": place, "rotation": turn} if time > 0.1 else {}
+
+        assert told(monkeypatch, tips, 0.8, box(side, side, 2.0))[0].outcome is outcome
 
 
 def test_a_rock_that_drifts_after_a_motion_that_moves_nothing_is_unstable(
