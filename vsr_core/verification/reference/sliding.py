@@ -134,8 +134,8 @@ def _slips(pulse: CosinePulse, resisting: float, t: float) -> float:
 
 
 BRAKING = (
-    "v^2 / (2 mu g), Coulomb. MuJoCo's contacts lift what slides fast: the block hops 2.6 mm at the "
-    "start at 1 ms, 0.2 mm at a quarter of that."
+    "v^2 / (2 mu g), Coulomb. MuJoCo's contacts lift what slides fast: the block hops 2.6 mm at "
+    "the start at 1 ms, 0.2 mm at a quarter of that."
 )
 SHAKEN = (
     "rigid-plastic sliding (Newmark 1965), in closed form between stops. In MuJoCo 0.8 % "
