@@ -77,6 +77,7 @@ def _dataset(prepared: Prepared) -> xr.Dataset:
             "rock_face": (("rock_triangle", "three"), np.array(rock.faces, np.int32)),
             "terrain_vertex": (("terrain_corner", "xyz"), terrain.vertices),
             "terrain_face": (("terrain_triangle", "three"), terrain.faces.astype(np.int32)),
+            "terrain_unseen": ("terrain_triangle", prepared.seat.astype(np.int8)),
         },
         attrs={"origin_in_scan": prepared.origin},
     )

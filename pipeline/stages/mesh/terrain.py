@@ -54,7 +54,7 @@ def make(
     data, rock = scan.data, standing.rock
     whole = Terrain(data["terrain_vertex"].values, data["terrain_face"].values.astype(np.int64))
     try:
-        terrain = _light(whole, rock) if reduce else whole
+        terrain = _light(whole, rock, in_parts=engine.name == "bullet") if reduce else whole
         seated = reduction.on_its_seat(rock) if reduce else rock
         height = rock.height
         starts = [
@@ -67,18 +67,19 @@ def make(
     dataset = _dataset(whole, terrain, starts).assign_coords(friction=list(contact.friction))
     dataset.attrs["origin_in_scan"] = data.attrs["origin_in_scan"]
     fewer = f"{len(terrain.light.faces)} of which stand for it, " if terrain.light else ""
-    note = f"{len(whole.faces)} faces, {fewer}{len(terrain.parts)} convex parts"
+    parts = f"{len(terrain.parts)} convex parts" if terrain.parts else "as triangles"
+    note = f"{len(whole.faces)} faces, {fewer}{parts}"
     return Product({TerrainData.FILE: netcdf(described(dataset, work, "Terrain"))}, note)
 
 
-def _light(whole: Terrain, rock: Rock) -> Terrain:
+def _light(whole: Terrain, rock: Rock, *, in_parts: bool) -> Terrain:
     def tolerance(points: Array) -> Array:
         near = np.hypot(points[:, 0], points[:, 1]) < NEAR_RADII * rock.radius
         return np.where(near, SEAT_SHARE, SLOPE_SHARE) * rock.radius
 
     light = coarser(whole, tolerance)
-    made = convex_parts(light, tolerance, THICKNESS_SHARE * rock.radius)
-    return replace(whole, parts=made, light=light)
+    parts = convex_parts(light, tolerance, THICKNESS_SHARE * rock.radius) if in_parts else ()
+    return replace(whole, parts=parts, light=light)
 
 
 def _rest(terrain: Terrain, rock: Rock, height: float, contact: Contact, engine: str) -> State:

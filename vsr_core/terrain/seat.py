@@ -1,0 +1,209 @@
+"""What of the ground bears a rock that was scanned with it.
+
+Nobody has seen the seam between the two, and two rigid surfaces that conform everywhere would lock
+a rock into its hollow. So what bears there is a model: some points on the rock's underside, each a
+small pyramid on the ground, while the ground that was not seen lies lower. Ground that was scanned
+stays, but for what reaches into the rock's convex hull, which is its contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+import shapely
+from scipy.spatial import ConvexHull
+
+from vsr_core.arrays import Array, Mask
+from vsr_core.errors import InvalidInput
+from vsr_core.scan.topology import rims
+from vsr_core.terrain.surface import Terrain
+
+Bearing = Literal["rim", "whole"] | int
+
+DEPTH_SHARE = 0.01
+"""Depth of unseen ground below the rock, as a share of its radius."""
+
+GAP_SHARE = 2e-4
+"""Gap that is left between the rock's hull and scanned ground that reached into it, likewise."""
+
+STEEPEST = 0.5
+"""Share of a side's normal that points down, from which the side is of a rock's underside."""
+
+INSET_SHARE = 0.004
+"""Distance of the points that bear from the outline of the seam, likewise."""
+
+OUTLINE_SHARE = 0.006
+"""How far the polygon of the points that bear may stand off that outline, likewise."""
+
+REACH_SHARE = 0.02
+"""Height of the seam above the rock's hull up to which it may bear, likewise."""
+
+_ROUNDS = 200  # of moving ground out of a hull
+_SIDES = 5  # of a pyramid
+_ROUNDING = 1e-9  # m
+_LEVEL = 0.02  # least share of a side's normal that points down, of the underside
+
+
+@dataclass(frozen=True, eq=False)
+class Seat:
+    """Ground on which a rock stands as it was scanned.
+
+    Attributes
+    ----------
+    points : ndarray, shape (k, 3) [m], that bear; none where all of the seam does
+    moved : float [m], by which scanned ground was moved out of the rock's hull at most
+    """
+
+    terrain: Terrain
+    points: Array
+    moved: float
+
+
+def seams(terrain: Terrain, unseen: Mask) -> tuple[Array, ...]:
+    """Loops around ground that was not seen, each of shape (n, 3) [m].
+
+    Parameters
+    ----------
+    unseen : ndarray of bool, shape (m,), faces beneath the rock
+    """
+    return tuple(terrain.vertices[loop] for loop in rims(terrain.faces[unseen]))
+
+
+def seat(
+    terrain: Terrain, loops: Sequence[Array], corners: Array, outer: Array, bearing: Bearing
+) -> Seat:
+    """Ground that bears a rock in the pose of its scan.
+
+    Parameters
+    ----------
+    loops : sequence of ndarray, shape (n, 3) [m] each, the seams
+    corners : ndarray, shape (c, 3) [m], of the hull that is the rock's contact, in the site's frame
+    outer : ndarray, shape (d, 3) [m], of the complete hull, which holds the other
+    bearing : "rim" for points along the outline of the seam, a number for so many of them that
+        span the largest area about the centre of mass, "whole" for all of the seam
+
+    Raises
+    ------
+    InvalidInput
+        If the points that can bear have no weight between them, or ground stays in the rock.
+    """
+    radius = float(np.linalg.norm(outer - outer.mean(axis=0), axis=1).max())
+    hull = ConvexHull(outer)
+    middles = terrain.vertices[terrain.faces].mean(axis=1)
+    beneath = shapely.union_all([shapely.make_valid(shapely.Polygon(loop)) for loop in loops])
+    unseen = shapely.contains_xy(beneath, middles[:, :2]) & (middles[:, 2] < outer[:, 2].mean())
+    depth = GAP_SHARE if bearing == "whole" else DEPTH_SHARE
+    gap = np.where(hull.equations[:, 2] < -STEEPEST, depth * radius, GAP_SHARE * radius)
+    vertices = out_of(terrain, hull, gap)
+    seen = np.setdiff1d(terrain.faces[~unseen], terrain.faces[unseen])
+    moved = np.linalg.norm(vertices - terrain.vertices, axis=1)[seen].max(initial=0.0)
+    ground = Terrain(vertices, terrain.faces)
+    if bearing == "whole":
+        return Seat(ground, np.empty((0, 3)), float(moved))
+    points, upward = _bearing(np.concatenate(loops), ConvexHull(corners), radius, bearing)
+    return Seat(_with_pyramids(ground, points, upward, DEPTH_SHARE * radius), points, float(moved))
+
+
+def out_of(terrain: Terrain, hull: ConvexHull, gap: Array) -> Array:
+    """Vertices of ground that is moved out of a convex hull, each triangle by its shortest way.
+
+    A triangle is outside where one side of the hull has all of it in front. The others move along
+    the normal of the side that needs least.
+
+    Parameters
+    ----------
+    gap : ndarray, shape (k,) [m], to be left in front of each of its sides
+
+    Returns
+    -------
+    ndarray, shape (n, 3) [m]
+
+    Raises
+    ------
+    InvalidInput
+        If some stays within.
+    """
+    vertices, faces = terrain.vertices.copy(), terrain.faces
+    normals, offsets = hull.equations[:, :3], hull.equations[:, 3] - gap
+    for _ in range(_ROUNDS):
+        corners = vertices[faces]
+        apart = (corners.min(axis=1) > hull.max_bound + gap.max()).any(axis=1)
+        apart |= (corners.max(axis=1) < hull.min_bound - gap.max()).any(axis=1)
+        near = np.flatnonzero(~apart)
+        used, local = np.unique(faces[near], return_inverse=True)
+        front = (vertices[used] @ normals.T + offsets)[local.reshape(-1, 3)].min(axis=1)
+        side = front.argmax(axis=1)
+        short = -front[np.arange(len(near)), side]
+        inside = np.flatnonzero(short > _ROUNDING)
+        if not len(inside):
+            return vertices
+        for at in inside[np.argsort(-short[inside])]:
+            own, normal = faces[near[at]], normals[side[at]]
+            lacking = -(vertices[own] @ normal + offsets[side[at]])
+            vertices[own] += np.maximum(lacking, 0.0)[:, None] * normal
+    raise InvalidInput(
+        "ground that stays in the rock's hull however it is moved",
+        "rock and ground touch along a seam",
+        "look at the cut of the scan (`vsr prep`)",
+    )
+
+
+def _bearing(rim: Array, hull: ConvexHull, radius: float, bearing: Bearing) -> tuple[Array, Array]:
+    """Points on a hull's underside that bear it, and the directions in which the ground pushes."""
+    below = hull.equations[hull.equations[:, 2] < -_LEVEL]
+    slopes, heights = -below[:, :2] / below[:, 2:3], -below[:, 3] / below[:, 2]
+    at = rim[:, :2]
+    on = at[rim[:, 2] - (at @ slopes.T + heights).max(axis=1) < REACH_SHARE * radius]
+    outline = shapely.convex_hull(shapely.MultiPoint(on))
+    inner = shapely.buffer(outline, -INSET_SHARE * radius)
+    if inner.is_empty or not shapely.contains_xy(inner, 0.0, 0.0):
+        raise InvalidInput(
+            f"a seam of which {len(on)} of {len(rim)} points can bear, not around the weight",
+            "the seam bears the rock",
+            "set pedestal.seat: whole, or look at the cut (`vsr prep`)",
+        )
+    chosen = _corners(shapely.get_coordinates(inner)[:-1], OUTLINE_SHARE * radius)
+    if isinstance(bearing, int):
+        chosen = _widest(chosen, bearing)
+    height = chosen @ slopes.T + heights
+    side = height.argmax(axis=1)
+    points = np.column_stack([chosen, height[np.arange(len(chosen)), side]])
+    return points, -below[side, :3]
+
+
+def _corners(outline: Array, tolerance: float) -> Array:
+    """As few corners of a convex polygon, shape (k, 2), as keep within a tolerance [m] of it."""
+    kept = shapely.simplify(shapely.Polygon(outline), tolerance)
+    return np.asarray(shapely.get_coordinates(kept)[:-1])
+
+
+def _widest(corners: Array, number: int) -> Array:
+    """The corners of which so many span the largest polygon about the origin."""
+    choices = (corners[list(own)] for own in combinations(range(len(corners)), number))
+    areas = {
+        shapely.area(polygon): own
+        for own in choices
+        if shapely.contains_xy(polygon := shapely.Polygon(own), 0.0, 0.0)
+    }
+    return areas[max(areas)] if areas else corners
+
+
+def _with_pyramids(terrain: Terrain, tips: Array, upward: Array, height: float) -> Terrain:
+    """Ground with a steep pyramid under each of some points, shape (k, 3) [m]."""
+    turn = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+    ring, size = np.arange(_SIDES), _SIDES + 1
+    vertices, faces = [terrain.vertices], [terrain.faces]
+    for number, (tip, up) in enumerate(zip(tips, upward, strict=True)):
+        u = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
+        u /= np.linalg.norm(u)
+        v = np.cross(up, u)
+        foot = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v - 2.0 * up
+        vertices.append(np.vstack([tip, tip + height * foot]))
+        first = len(terrain.vertices) + size * number
+        sides = np.column_stack([np.zeros(_SIDES, int), 1 + ring, 1 + (ring + 1) % _SIDES])
+        faces.append(first + sides)
+    return Terrain(np.concatenate(vertices), np.concatenate(faces))
