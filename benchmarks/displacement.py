@@ -83,7 +83,7 @@ def against_bullet(folder: Path) -> Iterator[Row]:
 def _on_triangles(site: TerrainCase) -> Iterator[Row]:
     """Bullet on all triangles, in place of its convex parts, at a step fine enough for them."""
     assert site.seat.terrain is not None
-    seat = replace(site.seat, terrain=replace(site.seat.terrain, parts=(), light=None))
+    seat = replace(site.seat, terrain=replace(site.seat.terrain, parts=()))
     whole = replace(site, seat=seat, flight=seat)
     own_step = load(COMPILED).LADDER.coarse * step_unit(seat.rock)
     tilts, spent = [], []

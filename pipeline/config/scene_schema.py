@@ -117,6 +117,12 @@ class ColourCut(Section):
 Cut = Annotated[PlaneCut | BoxCut | PolygonCut | ColourCut, Field(discriminator="kind")]
 
 
+class SeatPoints(Section):
+    """The rock bears on a few points of its seam with the ground."""
+
+    points: int = Field(ge=3, le=6, description="number of points, which span the largest area")
+
+
 class PedestalConfig(Section):
     """The support of the rock: level ground, or the terrain in its scan."""
 
@@ -130,8 +136,10 @@ class PedestalConfig(Section):
     point_on_rock: Vector | None = Field(
         None, description="a point on the rock, where the scan shows several rocks [m]"
     )
-    clearance: float = Field(
-        0.001, gt=0, le=0.05, description="gap between the rock and its seat before it settles [m]"
+    seat: Literal["rim", "whole"] | SeatPoints = Field(
+        "rim",
+        description="what of the seam bears the rock, which no scan has seen: points along its "
+        "outline, so many points, or all of it",
     )
 
 

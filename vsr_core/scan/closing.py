@@ -33,7 +33,8 @@ Closing = Literal["caps", "hull", "poisson"]
 
 _SNAP = 4.0  # times its scatter about a cap, or an edge: a rim's vertices so near move onto the cap
 _ABOVE = 0.1  # of a rim's edge, that a vertex beside the rim lies above the cap at least
-_UNFOLDING = 10  # rounds of smoothing folded faces
+_UNFOLDING = 20  # rounds of smoothing folded faces
+_FIXED = 5  # of these, in which the caps stay as they are
 _SAME_FACE = 1e-6  # m: faces whose middles agree to this are one
 _STEEPEST = 0.2  # cosine between a rim's normal and the ground's, below which the slope is capped
 
@@ -281,11 +282,16 @@ def _raise_onto(
 
 
 def _unfolded(vertices: Array, faces: Indices, fixed: Indices) -> tuple[Array, tuple[str, ...]]:
-    """Vertices of faces that cross moved to the middle of their neighbours, but for fixed ones."""
+    """Vertices of faces that cross moved to the middle of their neighbours.
+
+    Fixed ones stay, unless that does not end it.
+    """
     given = vertices
-    for _ in range(_UNFOLDING):
-        crossing = np.setdiff1d(faces[self_intersections(vertices, faces)], fixed)
-        if len(crossing) == 0:
+    for rounds in range(_UNFOLDING):
+        crossing = np.unique(faces[self_intersections(vertices, faces)])
+        if rounds < _FIXED:
+            crossing = np.setdiff1d(crossing, fixed)
+        elif len(crossing) == 0:
             break
         middle = means_beside(faces, vertices, crossing)
         vertices = vertices.copy()

@@ -11,13 +11,12 @@ import numpy as np
 import trimesh
 
 from vsr_core.arrays import Array, Mask
-from vsr_core.errors import InvalidInput
 from vsr_core.rock.reduction import in_flight, on_its_seat
 from vsr_core.rock.solid import from_mesh
 from vsr_core.scan.cleaning import Cleaned, clean
 from vsr_core.scan.closing import Closed, Closing, close
 from vsr_core.scan.cuts import Cut
-from vsr_core.scan.ground_beneath import depth_in, ground_beneath
+from vsr_core.scan.ground_beneath import ground_beneath
 from vsr_core.scan.proposal import Alternative, Undecided, alternatives, propose
 from vsr_core.scan.separation import Separation, by_cut, settled
 from vsr_core.scan.weighing import (
@@ -34,8 +33,6 @@ from vsr_core.scan.weighing import (
     tried,
 )
 from vsr_core.terrain.surface import Terrain
-
-_START_TOLERANCE = 1e-6  # m: a rock this deep in the ground is rounding and no interpenetration
 
 
 class Miscut(Refused):
@@ -79,7 +76,6 @@ def prepare_scan(
     near: tuple[float, float, float] | None = None,
     closing: Closing,
     density: float,
-    clearance: float,
     tell: Tell,
 ) -> Prepared:
     """Rock and terrain from a raw scan in metres, z up.
@@ -89,7 +85,6 @@ def prepare_scan(
     cut : what of it is the rock, in its coordinates; None to propose the hollow around the rock
     near : three floats [m], a point on the rock, where several rocks stand on the ground
     density : float [kg/m^3]
-    clearance : float [m], between the rock and the ground beneath it
 
     Raises
     ------
@@ -108,8 +103,7 @@ def prepare_scan(
         closed = close(separation, closing)
     tell("laying the ground beneath the rock")
     with refusing(_three_parts(separation, closed, cleaned.offset)):
-        terrain, seat, notes = ground_beneath(separation, closed, clearance)
-        _require_apart(terrain, closed)
+        terrain, seat, notes = ground_beneath(separation, closed)
     tell("weighing what each step changed")
     shift = -np.append(closed.rock.center_mass[:2], closed.rock.vertices[:, 2].min())
     rock = closed.rock.copy()
@@ -170,16 +164,6 @@ def _three_parts(separation: Separation, closed: Closed, offset: Array) -> Seen:
         "added": np.append(np.zeros(len(rock), dtype=bool), ~none),
     }
     return Seen(closed.vertices, np.concatenate([separation.faces, caps]), offset, parts)
-
-
-def _require_apart(terrain: Terrain, closed: Closed) -> None:
-    depth = depth_in(terrain, closed.rock)
-    if depth > _START_TOLERANCE:
-        raise InvalidInput(
-            f"a rock that starts {1e3 * depth:.3g} mm inside the ground",
-            "rock and ground do not overlap",
-            "move pedestal.cut, or widen pedestal.clearance",
-        )
 
 
 def _rock(separation: Separation, closing: Closing) -> trimesh.Trimesh:

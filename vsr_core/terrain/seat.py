@@ -54,13 +54,28 @@ class Seat:
 
     Attributes
     ----------
+    ground : Terrain, out of the rock's hull
     points : ndarray, shape (k, 3) [m], that bear; none where all of the seam does
-    moved : float [m], by which scanned ground was moved out of the rock's hull at most
+    pyramids : tuple of ndarray, shape (6, 3) [m], the tip of each at a point, and its foot
+    moved : float [m], by which scanned ground was moved out of the hull at most
     """
 
-    terrain: Terrain
+    ground: Terrain
     points: Array
+    pyramids: tuple[Array, ...]
     moved: float
+
+    @property
+    def terrain(self) -> Terrain:
+        """The ground with its pyramids."""
+        first = len(self.ground.vertices)
+        ring = 1 + np.arange(_SIDES)
+        sides = np.column_stack([0 * ring, ring, 1 + ring % _SIDES])
+        faces = [first + sides + k * (_SIDES + 1) for k in range(len(self.pyramids))]
+        return Terrain(
+            np.concatenate([self.ground.vertices, *self.pyramids]),
+            np.concatenate([self.ground.faces, *faces]),
+        )
 
 
 def seams(terrain: Terrain, unseen: Mask) -> tuple[Array, ...]:
@@ -103,9 +118,11 @@ def seat(
     moved = np.linalg.norm(vertices - terrain.vertices, axis=1)[seen].max(initial=0.0)
     ground = Terrain(vertices, terrain.faces)
     if bearing == "whole":
-        return Seat(ground, np.empty((0, 3)), float(moved))
+        return Seat(ground, np.empty((0, 3)), (), float(moved))
     points, upward = _bearing(np.concatenate(loops), ConvexHull(corners), radius, bearing)
-    return Seat(_with_pyramids(ground, points, upward, DEPTH_SHARE * radius), points, float(moved))
+    height = DEPTH_SHARE * radius
+    pyramids = (_pyramid(tip, up, height) for tip, up in zip(points, upward, strict=True))
+    return Seat(ground, points, tuple(pyramids), float(moved))
 
 
 def out_of(terrain: Terrain, hull: ConvexHull, gap: Array) -> Array:
@@ -192,18 +209,10 @@ def _widest(corners: Array, number: int) -> Array:
     return areas[max(areas)] if areas else corners
 
 
-def _with_pyramids(terrain: Terrain, tips: Array, upward: Array, height: float) -> Terrain:
-    """Ground with a steep pyramid under each of some points, shape (k, 3) [m]."""
-    turn = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-    ring, size = np.arange(_SIDES), _SIDES + 1
-    vertices, faces = [terrain.vertices], [terrain.faces]
-    for number, (tip, up) in enumerate(zip(tips, upward, strict=True)):
-        u = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
-        u /= np.linalg.norm(u)
-        v = np.cross(up, u)
-        foot = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v - 2.0 * up
-        vertices.append(np.vstack([tip, tip + height * foot]))
-        first = len(terrain.vertices) + size * number
-        sides = np.column_stack([np.zeros(_SIDES, int), 1 + ring, 1 + (ring + 1) % _SIDES])
-        faces.append(first + sides)
-    return Terrain(np.concatenate(vertices), np.concatenate(faces))
+def _pyramid(tip: Array, up: Array, height: float) -> Array:
+    """Tip and foot of a steep pyramid, shape (1 + ``_SIDES``, 3) [m]."""
+    turn = 2.0 * np.pi * np.arange(_SIDES)[:, None] / _SIDES
+    u = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
+    u /= np.linalg.norm(u)
+    foot = np.cos(turn) * u + np.sin(turn) * np.cross(up, u) - 2.0 * up
+    return np.vstack([tip, tip + height * foot])

@@ -29,14 +29,11 @@ class Terrain:
     parts : tuple of ndarray, each of shape (k, 3) [m]
         Corners of convex parts that stand for it in an engine that takes them; none if its
         triangles do.
-    light : Terrain, fewer triangles that stand for it under a rock that has toppled; None if its
-        own do
     """
 
     vertices: Array
     faces: Indices
     parts: tuple[Array, ...] = ()
-    light: Terrain | None = None
 
     def surfaces(self, x: float, y: float) -> tuple[Array, Mask]:
         """Heights at which a vertical meets the ground, ascending.

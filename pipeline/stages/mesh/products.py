@@ -74,13 +74,8 @@ class Ground:
         data = TerrainData.load(store).data
         ends = np.cumsum(data["part_size"].values)[:-1]
         parts = np.split(data["part_corner"].values, ends) if data.sizes["part"] else []
-        light = Terrain(data["light_vertex"].values, data["light_face"].values.astype(np.int64))
-        terrain = Terrain(
-            data["terrain_vertex"].values,
-            data["terrain_face"].values.astype(np.int64),
-            tuple(parts),
-            light if len(light.faces) else None,
-        )
+        faces = data["contact_face"].values.astype(np.int64)
+        terrain = Terrain(data["contact_vertex"].values, faces, tuple(parts))
         turns = Rotation.from_quat(data["start_quaternion"].values).as_matrix()
         still = np.zeros(3)
         starts = zip(data["start_position"].values, turns, strict=True)

@@ -60,7 +60,6 @@ def _prepared(work: Work, rock: RockConfig, pedestal: PedestalConfig, source: So
                 near=pedestal.point_on_rock,
                 closing=rock.closing,
                 density=rock.density,
-                clearance=pedestal.clearance,
                 tell=steps.tell,
             )
     except Miscut as error:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated
+from functools import partial
+from typing import Annotated, Literal
 
 import numpy as np
 import xarray as xr
@@ -11,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.config import in_si
 from pipeline.config.problems import InputError
-from pipeline.config.scene_schema import ContactConfig
+from pipeline.config.scene_schema import ContactConfig, SeatPoints
 from pipeline.config.sections import Key
 from pipeline.stages.mesh.products import ScanData, Standing, TerrainData
 from pipeline.workflow.datasets import described, netcdf
@@ -25,6 +26,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.run.displacement import settled
 from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Contact, Scene, State
+from vsr_core.terrain import seat
 from vsr_core.terrain.coarsening import coarser
 from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
@@ -36,8 +38,6 @@ SEAT_SHARE, SLOPE_SHARE = 0.008, 0.04
 """How far convex parts may stand out of the ground, near the rock and beyond, as a share of the
 rock's radius."""
 
-_NO_FACES = np.empty((0, 3), dtype=np.int64)
-
 THICKNESS_SHARE = 0.05
 """Thickness of the parts, as a share of the rock's radius: more than a run may sink in."""
 
@@ -45,41 +45,51 @@ THICKNESS_SHARE = 0.05
 def make(
     work: Work,
     contact: ContactConfig,
+    bearing: Annotated[Literal["rim", "whole"] | SeatPoints, Key("pedestal.seat")],
     reduce: Annotated[bool, Key("simulation.reduce")],
     engine: Engine,
     scan: ScanData,
     standing: Standing,
 ) -> Product:
-    """Make the ground light enough to run on, and set the rock down."""
+    """Make the ground light enough to run on, lay the seat, and set the rock down."""
     data, rock = scan.data, standing.rock
     whole = Terrain(data["terrain_vertex"].values, data["terrain_face"].values.astype(np.int64))
+    how = bearing.points if isinstance(bearing, SeatPoints) else bearing
+    seated = reduction.on_its_seat(rock) if reduce else rock
+    up = np.array([0.0, 0.0, rock.height])
     try:
-        terrain = _light(whole, rock, in_parts=engine.name == "bullet") if reduce else whole
-        seated = reduction.on_its_seat(rock) if reduce else rock
-        height = rock.height
+        loops = seat.seams(whole, data["terrain_unseen"].values.astype(bool))
+        light = coarser(whole, partial(_tolerance, rock)) if reduce else whole
+        laid = seat.seat(light, loops, seated.vertices + up, rock.vertices + up, how)
+        terrain = laid.terrain
+        if engine.name == "bullet" and reduce:
+            terrain = replace(terrain, parts=_parts(laid, rock))
         starts = [
-            _rest(terrain, seated, height, in_si.contact(contact, friction), engine.name)
+            _rest(terrain, seated, rock.height, in_si.contact(contact, friction), engine.name)
             for friction in contact.friction
         ]
     except InvalidInput as error:
         file = work.origin.file_of("pedestal")
         raise InputError.from_invalid(file, "pedestal", error) from None
-    dataset = _dataset(whole, terrain, starts).assign_coords(friction=list(contact.friction))
+    dataset = _dataset(whole, laid, terrain, starts).assign_coords(friction=list(contact.friction))
     dataset.attrs["origin_in_scan"] = data.attrs["origin_in_scan"]
-    fewer = f"{len(terrain.light.faces)} of which stand for it, " if terrain.light else ""
-    parts = f"{len(terrain.parts)} convex parts" if terrain.parts else "as triangles"
-    note = f"{len(whole.faces)} faces, {fewer}{parts}"
+    bears = f"{len(laid.points)} points of the seam bear" if how != "whole" else "all of it bears"
+    note = (
+        f"{len(whole.faces)} faces, {len(terrain.faces)} of which stand for it in runs; {bears}; "
+        f"scanned ground moved out of the rock's hull by at most {1e3 * laid.moved:.1f} mm"
+    )
     return Product({TerrainData.FILE: netcdf(described(dataset, work, "Terrain"))}, note)
 
 
-def _light(whole: Terrain, rock: Rock, *, in_parts: bool) -> Terrain:
-    def tolerance(points: Array) -> Array:
-        near = np.hypot(points[:, 0], points[:, 1]) < NEAR_RADII * rock.radius
-        return np.where(near, SEAT_SHARE, SLOPE_SHARE) * rock.radius
+def _tolerance(rock: Rock, points: Array) -> Array:
+    near = np.hypot(points[:, 0], points[:, 1]) < NEAR_RADII * rock.radius
+    return np.where(near, SEAT_SHARE, SLOPE_SHARE) * rock.radius
 
-    light = coarser(whole, tolerance)
-    parts = convex_parts(light, tolerance, THICKNESS_SHARE * rock.radius) if in_parts else ()
-    return replace(whole, parts=parts, light=light)
+
+def _parts(laid: seat.Seat, rock: Rock) -> tuple[Array, ...]:
+    """Convex parts of the ground, and the pyramids that bear."""
+    parts = convex_parts(laid.ground, partial(_tolerance, rock), THICKNESS_SHARE * rock.radius)
+    return (*parts, *laid.pyramids)
 
 
 def _rest(terrain: Terrain, rock: Rock, height: float, contact: Contact, engine: str) -> State:
@@ -94,15 +104,16 @@ def _rest(terrain: Terrain, rock: Rock, height: float, contact: Contact, engine:
     return settled(scene, load(engine).LADDER.longest * step_unit(rock), engine)
 
 
-def _dataset(whole: Terrain, terrain: Terrain, starts: list[State]) -> xr.Dataset:
-    parts, light = terrain.parts, terrain.light or Terrain(np.empty((0, 3)), _NO_FACES)
+def _dataset(whole: Terrain, laid: seat.Seat, terrain: Terrain, starts: list[State]) -> xr.Dataset:
+    parts = terrain.parts
     turns = np.array([state.rotation for state in starts])
     return xr.Dataset(
         {
             "terrain_vertex": (("terrain_corner", "xyz"), whole.vertices),
             "terrain_face": (("terrain_triangle", "three"), whole.faces.astype(np.int32)),
-            "light_vertex": (("light_corner", "xyz"), light.vertices),
-            "light_face": (("light_triangle", "three"), light.faces.astype(np.int32)),
+            "contact_vertex": (("contact_corner", "xyz"), terrain.vertices),
+            "contact_face": (("contact_triangle", "three"), terrain.faces.astype(np.int32)),
+            "bearing_point": (("bearing", "xyz"), laid.points),
             "part_corner": (
                 ("corner", "xyz"),
                 np.concatenate(parts) if parts else np.empty((0, 3)),

@@ -102,7 +102,7 @@ def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
         in_si.angle(group.yaw),
         "terrain",
         start=ground.starts[settings.contact.friction.index(group.friction)],
-        terrain=ground.terrain if reduce else replace(ground.terrain, parts=(), light=None),
+        terrain=ground.terrain,
     )
     if not reduce:
         return TerrainCase(seat, seat, toppled)
@@ -149,8 +149,7 @@ def identity(scenes: Scenes) -> dict[str, Any]:
 def _ground_identity(ground: Ground) -> str:
     starts = (array for start in ground.starts for array in (start.position, start.rotation))
     terrain = ground.terrain
-    light = (terrain.light.vertices, terrain.light.faces) if terrain.light else ()
-    arrays = (terrain.vertices, terrain.faces, *light, *terrain.parts, *starts)
+    arrays = (terrain.vertices, terrain.faces, *terrain.parts, *starts)
     return keys.digest_bytes(*(array.tobytes() for array in arrays))
 
 

@@ -34,7 +34,6 @@ class Site:
     Attributes
     ----------
     flying, below : Body and Ground for the time after toppling, where they are others
-    lookup, surface : Lookup, of the terrain, and of what is below a rock that has toppled
     """
 
     seat: Scene
@@ -43,7 +42,6 @@ class Site:
     flying: Body | None
     below: Ground | None
     lookup: Lookup
-    surface: Lookup
 
 
 class Shaking(NamedTuple):
@@ -68,15 +66,13 @@ def site(seat: Scene, flight: Scene) -> Site:
     """What the runs of a rock share, while it is on its seat and after it has toppled."""
     assert seat.terrain is not None
     assert flight.terrain is not None
-    lookup = surface = ground_lookup.lookup(seat.terrain)
+    lookup = ground_lookup.lookup(seat.terrain)
     body = bodies.body(seat.rock, seat.contact, on_level=False)
     flying = below = None
     if flight is not seat:
-        light = flight.terrain.light or flight.terrain
-        surface = ground_lookup.lookup(light)
         flying = bodies.body(flight.rock, flight.contact, on_level=False)
-        below = ground(flight.rock, light)
-    return Site(seat, body, ground(seat.rock, seat.terrain), flying, below, lookup, surface)
+        below = ground(flight.rock, flight.terrain)
+    return Site(seat, body, ground(seat.rock, seat.terrain), flying, below, lookup)
 
 
 def run(
@@ -106,7 +102,7 @@ def run(
     outcome, stop, now = _run(body, under, site.lookup, stops, *given, shaking.first)
     if criteria.follow and record.toppled and site.flying is not None and site.below is not None:
         body, under = site.flying, site.below
-        _put_on(body, under, site.surface, rock)
+        _put_on(body, under, site.lookup, rock)
         record.intervals = 0
         outcome, stop, now = _run(body, under, site.lookup, criteria, *given, now)
     if outcome != UNSTABLE:
