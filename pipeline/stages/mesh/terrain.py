@@ -25,8 +25,8 @@ from vsr_core.rock import reduction
 from vsr_core.rock.body import Rock
 from vsr_core.run.displacement import settled
 from vsr_core.run.time_step import step_unit
+from vsr_core.scan import seat
 from vsr_core.scene import Contact, Scene, State
-from vsr_core.terrain import seat
 from vsr_core.terrain.coarsening import coarser
 from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain

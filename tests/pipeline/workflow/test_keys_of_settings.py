@@ -68,7 +68,7 @@ NO_RUN = {
     "rock.scale": "a block has no scan",
     "rock.closing": "a block has no scan",
     "pedestal.point_on_rock": "level ground is cut from no scan",
-    "pedestal.clearance": "a rock on level ground does not settle",
+    "pedestal.seat": "a rock on level ground stands on its base",
     "simulation.tolerance": "it chooses a time step, which is given here",
     "observed_boulder": "it is asked of runs that are done",
     "hazard": "it is asked of runs that are done",

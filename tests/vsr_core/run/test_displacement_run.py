@@ -483,26 +483,6 @@ def test_a_reduced_scene_does_as_the_complete_one_on_a_grid() -> None:
     in_the_niche(40)
 
 
-def test_a_toppled_rock_goes_on_in_the_other_scene() -> None:
-    """Told apart by ground that is lower there; a reduced one may be a little higher, too."""
-    site = site_of("box", "level parts")
-    level = ground_of("level parts")
-    rest = {}
-    for lift in (-0.1, 0.0, 0.02):
-        ground = grounds.moved(level, np.eye(3), np.array([0.0, 0.0, lift]))
-        other = replace(site, flight=replace(site.seat, terrain=ground))
-        for reduce in (True, False):
-            motion = CosinePulse.from_g(1.0, 0.2)
-            found = displacement.displace(other, motion, usual(site.seat.rock, reduce=reduce))
-            assert (found.response.outcome, found.stop) == (Outcome.OVERTURNED, StopReason.REST)
-            rest[lift, reduce] = found.trajectory.position[-1, 2]
-    lying = rest[0.0, False]
-    assert lying == pytest.approx(0.2, abs=0.06)  # on one of its longer faces
-    for (lift, reduce), height in rest.items():
-        assert height == pytest.approx(lying + lift * reduce, abs=0.055)
-        assert height - lift * reduce > 0.195
-
-
 def test_a_state_is_raised_out_of_the_ground() -> None:
     site = site_of("box", "level parts")
     assert site.seat.start is not None

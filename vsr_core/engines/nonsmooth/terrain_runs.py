@@ -65,13 +65,12 @@ class Shaking(NamedTuple):
 def site(seat: Scene, flight: Scene) -> Site:
     """What the runs of a rock share, while it is on its seat and after it has toppled."""
     assert seat.terrain is not None
-    assert flight.terrain is not None
     lookup = ground_lookup.lookup(seat.terrain)
     body = bodies.body(seat.rock, seat.contact, on_level=False)
     flying = below = None
     if flight is not seat:
         flying = bodies.body(flight.rock, flight.contact, on_level=False)
-        below = ground(flight.rock, flight.terrain)
+        below = ground(flight.rock, seat.terrain)
     return Site(seat, body, ground(seat.rock, seat.terrain), flying, below, lookup)
 
 

@@ -34,9 +34,8 @@ from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
 from vsr_core.rock.reduction import FLIGHT_SHARE, SEAT_SHARE
-from vsr_core.scan import cleaning, preparation, weighing
+from vsr_core.scan import cleaning, weighing
 from vsr_core.scan.cuts import Colour, Plane
-from vsr_core.scan.ground_beneath import depth_in, ground_beneath
 from vsr_core.scan.preparation import Prepared, prepare_scan
 from vsr_core.scan.proposal import Alternative, alternatives
 from vsr_core.scan.separation import Separation, by_cut, settled
@@ -55,9 +54,7 @@ inertia, centre of mass [m]."""
 
 @lru_cache(maxsize=1)
 def prepared() -> Prepared:
-    return prepare_scan(
-        survey(), None, closing="caps", density=DENSITY, clearance=0.001, tell=NOBODY
-    )
+    return prepare_scan(survey(), None, closing="caps", density=DENSITY, tell=NOBODY)
 
 
 def site(folder: Path, pedestal: str = "", rock: str = "mesh: scan.ply", more: str = "") -> Path:
@@ -291,9 +288,7 @@ def test_alternatives_tell_the_truth_about_themselves() -> None:
     """Each is tried again here; an honest one that gives the rock gives its volume too."""
     assert prepared().alternatives
     for other in prepared().alternatives:
-        again = prepare_scan(
-            survey(), other.cut, closing="caps", density=DENSITY, clearance=0.001, tell=NOBODY
-        )
+        again = prepare_scan(survey(), other.cut, closing="caps", density=DENSITY, tell=NOBODY)
         area = again.rock.area_faces[~again.added].sum()
         known = prepared().rock.area_faces[~prepared().added].sum()
         assert other.reason == ""
@@ -438,13 +433,7 @@ def test_one_of_two_rocks() -> None:
         true = tapered(at).solid
         near = tuple(np.array(true.vertices)[np.argmax(true.vertices[:, 2])])
         found = prepare_scan(
-            two_rocks(),
-            None,
-            near=near,
-            closing="caps",
-            density=DENSITY,
-            clearance=0.001,
-            tell=NOBODY,
+            two_rocks(), None, near=near, closing="caps", density=DENSITY, tell=NOBODY
         )
         place = np.array(found.rock.center_mass) + found.origin
         np.testing.assert_allclose(place, true.center_mass, atol=0.03)
@@ -473,20 +462,6 @@ def test_scan_too_large_for_the_memory(
 ) -> None:
     monkeypatch.setattr(cleaning, "MEMORY", 100_000)
     refuse(refused, tmp_path, survey(), ("rock.mesh", "million faces", "decimate"))
-
-
-def test_rock_that_starts_in_the_ground(
-    tmp_path: Path, refused: Refused, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """No scan does that, since the ground gives way; so here it is put back."""
-
-    def raised(*given: object) -> object:
-        terrain, *others = ground_beneath(*given)  # type: ignore[arg-type]
-        lift = np.array([0.0, 0.0, 0.05])
-        return Terrain(terrain.vertices + lift, terrain.faces), *others
-
-    monkeypatch.setattr(preparation, "ground_beneath", raised)
-    refuse(refused, tmp_path, survey(), ("rock.mesh", "mm inside the ground", "clearance"))
 
 
 def test_a_refused_scan_leaves_the_products_of_the_last_good_one(
@@ -522,9 +497,7 @@ def test_scan_with_the_usual_faults() -> None:
     broken = trimesh.Trimesh(
         vertices, np.concatenate([faces, flat, lost, faces[100:103]]), process=False
     )
-    found = prepare_scan(
-        broken, None, closing="caps", density=DENSITY, clearance=0.001, tell=NOBODY
-    )
+    found = prepare_scan(broken, None, closing="caps", density=DENSITY, tell=NOBODY)
     said = " ".join(found.notes)
     for word in ("not finite", "split vertices merged", "fewer than three points", "turned"):
         assert word in said
@@ -577,17 +550,11 @@ def test_surrogate_sites(tmp_path: Path, name: str) -> None:
 # What the steps do to each other
 
 
-def test_ground_follows_the_rock_at_the_clearance() -> None:
-    for clearance in (0.001, 0.02):
-        found = prepare_scan(
-            survey(), None, closing="caps", density=DENSITY, clearance=clearance, tell=NOBODY
-        )
+def test_rock_and_ground_meet_in_one_surface() -> None:
+    for found in (prepared(),):
         terrain, rock = found.terrain, found.rock
         under = terrain.vertices[np.unique(terrain.faces[found.seat])]
-        away = trimesh.proximity.closest_point(rock, under)[1]
-        assert away.min() > 0.99 * clearance
-        assert np.median(away) < 1.5 * clearance
-        assert depth_in(terrain, rock) == 0.0
+        assert trimesh.proximity.closest_point(rock, under)[1].max() < 1e-9
         edges = np.sort(terrain.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         count = np.unique(edges, axis=0, return_counts=True)[1]
         assert count.max() == 2
@@ -681,9 +648,7 @@ def test_page_of_an_accepted_and_of_a_given_cut(quick: None) -> None:
     assert "This is a surrogate, not a scan." in page
     up = tapered().up
     cut = Plane(tuple(0.02 * up), tuple(up))
-    given = prepare_scan(
-        survey(), cut, closing="hull", density=DENSITY, clearance=0.001, tell=NOBODY
-    )
+    given = prepare_scan(survey(), cut, closing="hull", density=DENSITY, tell=NOBODY)
     page = scan_page.page("<hill>", "scan of <mine>", given, accepted=True, surrogate=False)
     assert "The cut is the one that the site" in page
     assert "confidence" not in page

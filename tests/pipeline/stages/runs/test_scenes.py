@@ -19,7 +19,6 @@ from vsr_core.scene import State
 
 ROCK = solid.box((0.3, 0.3, 0.6), 2000.0).rock
 SEAT = grounds.in_parts(grounds.bumpy(1, 0.1, 1.0, 2.0, 6), 0.01, 0.1)
-SEAT = replace(SEAT, light=grounds.level(2.0, 2))
 CONFIG = load_site("double_rock_terrain").config
 
 
@@ -51,7 +50,6 @@ CHANGES: dict[str, Callable[[Ground], Ground]] = {
     "a part": lambda g: replace(
         g, terrain=replace(g.terrain, parts=(*g.terrain.parts[:-1], shifted(g.terrain.parts[-1])))
     ),
-    "no light ground": lambda g: replace(g, terrain=replace(g.terrain, light=None)),
 }
 
 
