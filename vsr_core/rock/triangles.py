@@ -96,9 +96,7 @@ def self_intersections(vertices: Array, faces: Indices) -> Indices:
     """
     corners = vertices[faces]
     low, high = corners.min(axis=1), corners.max(axis=1)
-    pairs = _sharing_a_cell(low, high)
-    apart = (low[pairs[:, 0]] > high[pairs[:, 1]]) | (low[pairs[:, 1]] > high[pairs[:, 0]])
-    pairs = pairs[~apart.any(axis=1)]
+    pairs = _overlapping(low, high)
     shared = (faces[pairs[:, 0], :, None] == faces[pairs[:, 1], None, :]).any(axis=(1, 2))
     pairs = pairs[~shared]
     crossing = np.zeros(len(pairs), dtype=bool)
@@ -109,8 +107,8 @@ def self_intersections(vertices: Array, faces: Indices) -> Indices:
     return pairs[crossing]
 
 
-def _sharing_a_cell(low: Array, high: Array) -> Indices:
-    """Unique index pairs of boxes that overlap a common cell of a grid."""
+def _overlapping(low: Array, high: Array) -> Indices:
+    """Unique index pairs of boxes that overlap, found by the cells of a grid that they share."""
     size = 2.0 * float(np.median((high - low).max(axis=1)))
     first, last = (np.floor(end / size).astype(np.int64) for end in (low, high))
     box, cell = cells_of_boxes(first, last)
@@ -121,7 +119,9 @@ def _sharing_a_cell(low: Array, high: Array) -> Indices:
     for ahead in range(1, int(np.bincount(number).max())):
         same = number[ahead:] == number[:-ahead]
         one, other = box[:-ahead][same], box[ahead:][same]
-        pairs.append(np.minimum(one, other) * len(low) + np.maximum(one, other))
+        apart = (low[one] > high[other]) | (low[other] > high[one])
+        one, other = np.sort([one, other], axis=0)[:, ~apart.any(axis=1)]
+        pairs.append(one * len(low) + other)
     return np.column_stack(np.divmod(np.unique(np.concatenate(pairs)), len(low)))
 
 

@@ -268,10 +268,30 @@ def limits_on_seat(scene: Scene, time_step: float, engine: str = "bullet") -> tu
     -------
     (float, float), lowest and highest; zeros where the rock does not rest by its points of contact
     """
+    footing = _footing(scene, time_step, engine)
+    return static_limits.on_points(*footing, scene.contact.friction, along(scene))
+
+
+def held_toward(scene: Scene, time_step: float, engine: str = "bullet") -> Array:
+    """Directions in which walls hold a rock on its seat against any steady shaking.
+
+    Returns
+    -------
+    ndarray, shape (k,) [rad], counter-clockwise from +x, of twelve, toward which the rock would go
+    """
+    footing, friction = _footing(scene, time_step, engine), scene.contact.friction
+    turns = np.radians(np.arange(0.0, 180.0, 30.0))
+    ways = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(len(turns))])
+    limits = np.array([static_limits.on_points(*footing, friction, way) for way in ways])
+    # a table that goes one way leaves the rock behind, the other way
+    return np.concatenate([turns[np.isinf(limits[:, 0])], math.pi + turns[np.isinf(limits[:, 1])]])
+
+
+def _footing(scene: Scene, time_step: float, engine: str) -> tuple[Array, Array, Array]:
+    """Where the ground touches a rock at rest, the normals there, and its centre of mass."""
     world = cast(GroundWorld, engines.load(engine).build(scene, time_step, 1))
     world.advance([0.0] * QUIET_STEPS)
-    centre = world.state().position
-    return static_limits.on_points(*world.footing(), centre, scene.contact.friction, along(scene))
+    return *world.footing(), world.state().position
 
 
 def settled(scene: Scene, time_step: float, engine: str = "bullet") -> State:

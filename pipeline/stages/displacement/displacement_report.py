@@ -178,6 +178,8 @@ def page(
         "site": site,
         "source": source,
         "surrogate": surrogate,
+        "seat": terrain.attrs.get("seat", ""),
+        "held": terrain.attrs.get("held", ""),
         "answer": _answer(displacement),
         "counts": _counts(displacement),
         "groups": [_group(name, runs, terrain, source) for name, runs in groups(displacement)],

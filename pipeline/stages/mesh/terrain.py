@@ -23,7 +23,7 @@ from vsr_core.engines import load
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
 from vsr_core.rock.body import Rock
-from vsr_core.run.displacement import settled
+from vsr_core.run.displacement import held_toward, settled
 from vsr_core.run.time_step import step_unit
 from vsr_core.scan import seat
 from vsr_core.scene import Contact, Scene, State
@@ -64,21 +64,42 @@ def make(
         terrain = laid.terrain
         if engine.name == "bullet" and reduce:
             terrain = replace(terrain, parts=_parts(laid, rock))
-        starts = [
+        scenes = [
             _rest(terrain, seated, rock.height, in_si.contact(contact, friction), engine.name)
             for friction in contact.friction
         ]
+        held = held_toward(scenes[0], _step(rock, engine.name), engine.name)
     except InvalidInput as error:
         file = work.origin.file_of("pedestal")
         raise InputError.from_invalid(file, "pedestal", error) from None
+    starts = [scene.start for scene in scenes if scene.start is not None]
     dataset = _dataset(whole, laid, terrain, starts).assign_coords(friction=list(contact.friction))
+    seat_note, held_note = _bears(laid), _holds(held, contact.friction[0])
     dataset.attrs["origin_in_scan"] = data.attrs["origin_in_scan"]
-    bears = f"{len(laid.points)} points of the seam bear" if how != "whole" else "all of it bears"
-    note = (
-        f"{len(whole.faces)} faces, {len(terrain.faces)} of which stand for it in runs; {bears}; "
-        f"scanned ground moved out of the rock's hull by at most {1e3 * laid.moved:.1f} mm"
+    dataset.attrs |= {"seat": seat_note, "held": held_note}
+    if held_note:
+        work.log(f"{work.stage}: {held_note}")
+    note = f"{len(whole.faces)} faces, {len(terrain.faces)} of which stand for it in runs"
+    return Product(
+        {TerrainData.FILE: netcdf(described(dataset, work, "Terrain"))}, f"{note}; {seat_note}"
     )
-    return Product({TerrainData.FILE: netcdf(described(dataset, work, "Terrain"))}, note)
+
+
+def _bears(laid: seat.Seat) -> str:
+    bears = f"{len(laid.points)} points of the seam bear the rock" if len(laid.points) else ""
+    moved = f"scanned ground was moved out of the rock's hull by at most {1e3 * laid.moved:.1f} mm"
+    return f"{bears or 'all of the seam bears the rock'}; {moved}"
+
+
+def _holds(toward: Array, friction: float) -> str:
+    """What holds a rock that no steady shaking moves, in words; empty where none does."""
+    if not len(toward):
+        return ""
+    ways = ", ".join(f"{round(way)}" for way in np.degrees(toward))
+    return (
+        f"walls beside the seat hold the rock at friction {friction:g}: no steady acceleration "
+        f"moves it toward {ways} deg (counter-clockwise from +x)"
+    )
 
 
 def _tolerance(rock: Rock, points: Array) -> Array:
@@ -92,8 +113,13 @@ def _parts(laid: seat.Seat, rock: Rock) -> tuple[Array, ...]:
     return (*parts, *laid.pyramids)
 
 
-def _rest(terrain: Terrain, rock: Rock, height: float, contact: Contact, engine: str) -> State:
-    """Where a rock comes to rest, let go as it was scanned.
+def _step(rock: Rock, engine: str) -> float:
+    """The longest time step of an engine [s]."""
+    return load(engine).LADDER.longest * step_unit(rock)
+
+
+def _rest(terrain: Terrain, rock: Rock, height: float, contact: Contact, engine: str) -> Scene:
+    """A rock that has come to rest, let go as it was scanned.
 
     Parameters
     ----------
@@ -101,7 +127,7 @@ def _rest(terrain: Terrain, rock: Rock, height: float, contact: Contact, engine:
     """
     scanned = State(np.array([0.0, 0.0, height]), np.eye(3), np.zeros(3), np.zeros(3))
     scene = Scene(rock, contact, 0.0, "terrain", start=scanned, terrain=terrain)
-    return settled(scene, load(engine).LADDER.longest * step_unit(rock), engine)
+    return replace(scene, start=settled(scene, _step(rock, engine), engine))
 
 
 def _dataset(whole: Terrain, laid: seat.Seat, terrain: Terrain, starts: list[State]) -> xr.Dataset:
