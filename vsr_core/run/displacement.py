@@ -266,10 +266,13 @@ def limits_on_seat(scene: Scene, time_step: float, engine: str = "bullet") -> tu
 
     Returns
     -------
-    (float, float), lowest and highest; zeros where the rock does not rest by its points of contact
+    (float, float)
+        Lowest and highest; zeros where the rock does not rest by its points of contact, and where
+        walls hold it either way: that is for runs to show.
     """
     footing = _footing(scene, time_step, engine)
-    return static_limits.on_points(*footing, scene.contact.friction, along(scene))
+    limits = static_limits.on_points(*footing, scene.contact.friction, along(scene))
+    return limits if np.isfinite(limits).all() else (0.0, 0.0)
 
 
 def held_toward(scene: Scene, time_step: float, engine: str = "bullet") -> Array:
