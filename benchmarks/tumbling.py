@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.stages.mesh.terrain import SLOPE_SHARE, THICKNESS_SHARE
+from pipeline.stages.mesh.terrain import SLOPE_SHARE
 from vsr_core import engines
 from vsr_core.rock import reduction, solid
 from vsr_core.rock.body import Rock
@@ -52,6 +52,9 @@ LOOK, STILL, LONGEST = 0.05, 20, 40.0
 MOVES = 0.01
 """Way between two looks that is a motion, as a share of the radius. Less goes nowhere: on two
 facets almost in one plane a rock rocks for a minute."""
+
+THICK = 0.05
+"""Thickness of convex parts, as a share of the rock's radius: more than a run may sink in."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ def ground(cut: bool) -> Terrain:
         return whole
     radius = rock().radius
     held = convex_parts(
-        whole, lambda points: np.full(len(points), SLOPE_SHARE * radius), THICKNESS_SHARE * radius
+        whole, lambda points: np.full(len(points), SLOPE_SHARE * radius), THICK * radius
     )
     return Terrain(vertices, faces, held)
 

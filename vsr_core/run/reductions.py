@@ -51,7 +51,7 @@ class Reduction(Enum):
     )
     TRIANGLES = (
         "triangles of the terrain",
-        "fewer ones, or in Bullet convex parts, take their place within a stated tolerance",
+        "fewer ones take their place within a stated tolerance",
     )
     FAR_GROUND = (
         "ground out of reach",

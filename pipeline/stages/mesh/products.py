@@ -72,10 +72,8 @@ class Ground:
     def load(cls, store: Store) -> Ground:
         """The ground of a folder."""
         data = TerrainData.load(store).data
-        ends = np.cumsum(data["part_size"].values)[:-1]
-        parts = np.split(data["part_corner"].values, ends) if data.sizes["part"] else []
         faces = data["contact_face"].values.astype(np.int64)
-        terrain = Terrain(data["contact_vertex"].values, faces, tuple(parts))
+        terrain = Terrain(data["contact_vertex"].values, faces)
         turns = Rotation.from_quat(data["start_quaternion"].values).as_matrix()
         still = np.zeros(3)
         starts = zip(data["start_position"].values, turns, strict=True)

@@ -28,18 +28,14 @@ from vsr_core.run.time_step import step_unit
 from vsr_core.scan import seat
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.terrain.coarsening import coarser
-from vsr_core.terrain.convex_parts import convex_parts
 from vsr_core.terrain.surface import Terrain
 
 NEAR_RADII = 2.0
 """Distance from the rock, in its radii, up to which the ground is as detailed as its seat."""
 
 SEAT_SHARE, SLOPE_SHARE = 0.008, 0.04
-"""How far convex parts may stand out of the ground, near the rock and beyond, as a share of the
-rock's radius."""
-
-THICKNESS_SHARE = 0.05
-"""Thickness of the parts, as a share of the rock's radius: more than a run may sink in."""
+"""How far the ground of runs may be from the one that was scanned, near the rock and beyond, as a
+share of the rock's radius."""
 
 
 def make(
@@ -62,8 +58,6 @@ def make(
         light = coarser(whole, partial(_tolerance, rock)) if reduce else whole
         laid = seat.seat(light, loops, seated.vertices + up, rock.vertices + up, how)
         terrain = laid.terrain
-        if engine.name == "bullet" and reduce:
-            terrain = replace(terrain, parts=_parts(laid, rock))
         scenes = [
             _rest(terrain, seated, rock.height, in_si.contact(contact, friction), engine.name)
             for friction in contact.friction
@@ -107,12 +101,6 @@ def _tolerance(rock: Rock, points: Array) -> Array:
     return np.where(near, SEAT_SHARE, SLOPE_SHARE) * rock.radius
 
 
-def _parts(laid: seat.Seat, rock: Rock) -> tuple[Array, ...]:
-    """Convex parts of the ground, and the pyramids that bear."""
-    parts = convex_parts(laid.ground, partial(_tolerance, rock), THICKNESS_SHARE * rock.radius)
-    return (*parts, *laid.pyramids)
-
-
 def _step(rock: Rock, engine: str) -> float:
     """The longest time step of an engine [s]."""
     return load(engine).LADDER.longest * step_unit(rock)
@@ -131,7 +119,6 @@ def _rest(terrain: Terrain, rock: Rock, height: float, contact: Contact, engine:
 
 
 def _dataset(whole: Terrain, laid: seat.Seat, terrain: Terrain, starts: list[State]) -> xr.Dataset:
-    parts = terrain.parts
     turns = np.array([state.rotation for state in starts])
     return xr.Dataset(
         {
@@ -140,11 +127,6 @@ def _dataset(whole: Terrain, laid: seat.Seat, terrain: Terrain, starts: list[Sta
             "contact_vertex": (("contact_corner", "xyz"), terrain.vertices),
             "contact_face": (("contact_triangle", "three"), terrain.faces.astype(np.int32)),
             "bearing_point": (("bearing", "xyz"), laid.points),
-            "part_corner": (
-                ("corner", "xyz"),
-                np.concatenate(parts) if parts else np.empty((0, 3)),
-            ),
-            "part_size": ("part", np.array([len(p) for p in parts], np.int32)),
             "start_position": (("friction", "xyz"), np.array([state.position for state in starts])),
             "start_quaternion": (("friction", "xyzw"), Rotation.from_matrix(turns).as_quat()),
         }

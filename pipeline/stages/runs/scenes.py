@@ -149,7 +149,7 @@ def identity(scenes: Scenes) -> dict[str, Any]:
 def _ground_identity(ground: Ground) -> str:
     starts = (array for start in ground.starts for array in (start.position, start.rotation))
     terrain = ground.terrain
-    arrays = (terrain.vertices, terrain.faces, *terrain.parts, *starts)
+    arrays = (terrain.vertices, terrain.faces, *starts)
     return keys.digest_bytes(*(array.tobytes() for array in arrays))
 
 

@@ -18,7 +18,7 @@ from vsr_core.rock import solid
 from vsr_core.scene import State
 
 ROCK = solid.box((0.3, 0.3, 0.6), 2000.0).rock
-SEAT = grounds.in_parts(grounds.bumpy(1, 0.1, 1.0, 2.0, 6), 0.01, 0.1)
+SEAT = grounds.bumpy(1, 0.1, 1.0, 2.0, 6)
 CONFIG = load_site("double_rock_terrain").config
 
 
@@ -46,9 +46,6 @@ CHANGES: dict[str, Callable[[Ground], Ground]] = {
     ),
     "a triangle": lambda g: replace(
         g, terrain=replace(g.terrain, faces=np.roll(g.terrain.faces, 1, axis=1))
-    ),
-    "a part": lambda g: replace(
-        g, terrain=replace(g.terrain, parts=(*g.terrain.parts[:-1], shifted(g.terrain.parts[-1])))
     ),
 }
 
