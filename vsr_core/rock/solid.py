@@ -235,8 +235,10 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
         raise NoSolidYet(
             f"{mesh.body_count} separate bodies", "one rock is one body", "keep the rock alone"
         )
-    if abs(mesh.volume) <= FLAT * size**3:
-        raise _flat(mesh.volume)
+    with np.errstate(divide="ignore", invalid="ignore"):  # by a volume of 0, which is refused
+        volume = mesh.volume
+    if abs(volume) <= FLAT * size**3:
+        raise _flat(volume)
     if mesh.volume <= 0.0:
         raise NoSolidYet(
             f"a mesh that is inside out (volume {mesh.volume:.3g} m3)",
