@@ -85,9 +85,12 @@ def plan(product: str, job: Job) -> list[str]:
     if "uncertainty" in todo:
         lines.append(_planned_draws(job.config, study.motions))
     case = flat_case(study.scenes, study.groups[0])
-    dropped = left_out(study.settings, case, of_table=study.motion.kind == "table")
+    one_way = motion_grid.one_way(study.motions)
+    dropped = left_out(study.settings, case, one_way=one_way)
     lines.append("left out:")
     lines += [f"  {reduction}" for reduction in dropped] or ["  nothing (simulation.reduce: off)"]
+    if study.settings.simulation.reduce and not one_way:
+        lines.append("switched off: what is proved of shaking along one axis, as there are several")
     return lines
 
 
@@ -131,7 +134,7 @@ def _study(job: Job, aside: Path | None) -> Study | None:
 def _planned_runs(job: Job, study: Study, kind: Kind[Any]) -> list[str]:
     """Runs to do and their cost; which are stored is known once the time step is measured."""
     settings, motions = study.settings, study.motions
-    proves = settings.simulation.reduce and not settings.on_terrain and study.motion.kind != "table"
+    proves = settings.simulation.reduce and not settings.on_terrain and motion_grid.one_way(motions)
     total = proved = new = 0
     for group in study.groups:
         limit = 0.0

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from vsr_core import GRAVITY
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, matrix_product
 from vsr_core.rock.body import Rock
 from vsr_core.table.servo import Servo
 from vsr_core.terrain.surface import Terrain
@@ -60,7 +61,8 @@ class Scene:
     """One rock on its pedestal, turned by ``yaw`` before the table shakes along +x.
 
     On a terrain, ``yaw`` turns rock and terrain together. All is then told in the site's frame, in
-    which they stay as they are and the table shakes along (cos yaw, -sin yaw).
+    which they stay as they are and the table shakes along (cos yaw, -sin yaw); its own y is then
+    (sin yaw, cos yaw).
 
     Attributes
     ----------
@@ -86,6 +88,24 @@ class Scene:
     gravity: float = GRAVITY
     drive: Servo | None = None
     terrain: Terrain | None = None
+
+
+def in_site(values: Array, yaw: float) -> Array:
+    """Accelerations of the table in a site's frame.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,) along the table's +x, or (n, 3) [m/s^2]
+    yaw : float [rad]
+
+    Returns
+    -------
+    ndarray, shape (n, 3) [m/s^2]
+    """
+    cos, sin = math.cos(yaw), -math.sin(yaw)
+    axes = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    given = values.reshape(len(values), -1)
+    return matrix_product(given, axes[: given.shape[1]])
 
 
 def resting(scene: Scene) -> State:

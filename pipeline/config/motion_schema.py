@@ -161,12 +161,73 @@ class ResponseConfig(Section):
         return corners
 
 
+class AxesConfig(Section):
+    """What was recorded along each axis, one of x and y at least."""
+
+    x: str | None = Field(None, description="horizontal component: its file, or its channel")
+    y: str | None = Field(None, description="horizontal component, 90 degrees to the left of x")
+    z: str | None = Field(None, description="vertical component, positive upward")
+
+    @model_validator(mode="after")
+    def _is_not_vertical(self) -> AxesConfig:
+        if self.x is None and self.y is None:
+            rule = "the PGA is that of the larger horizontal component"
+            raise Refused(rule, "add the component x or y")
+        return self
+
+    @property
+    def named(self) -> dict[str, str]:
+        """The files or channels that are given, by their axes."""
+        return {axis: name for axis, name in self if name is not None}
+
+
+class ComponentsConfig(Section):
+    """A recorded motion along several axes, all scaled by one factor."""
+
+    file: str | None = Field(
+        None,
+        description="one file of several channels, named as `components`; without these the "
+        "channels that end in E, N and Z are x, y and z",
+    )
+    components: AxesConfig | None = Field(
+        None, description="files of the components, or channels of `file`"
+    )
+    azimuth: float = Field(
+        0.0,
+        ge=-360,
+        le=360,
+        description="direction of x, counter-clockwise from the +x of scan or table [degree]",
+    )
+
+    @model_validator(mode="after")
+    def _is_given(self) -> ComponentsConfig:
+        if self.file is None and self.components is None:
+            rule = "a record has `components`, or a `file` of several channels"
+            raise Refused(rule, "e.g. {components: {x: a.at2, y: b.at2, z: c.at2}}")
+        return self
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files that it is in."""
+        if self.file is not None:
+            return (self.file,)
+        assert self.components is not None
+        return tuple(self.components.named.values())
+
+
 class RecordConfig(Section):
     """Recorded motions, each scaled to every PGA."""
 
     kind: Literal["record"] = Field("record", description="kind of motion")
-    files: Files = Field(
-        description="recorded motions or folders of them; relative to the file that names them"
+    files: Files | None = Field(
+        None,
+        description="recorded motions or folders of them, each along x; relative to the file that "
+        "names them",
+    )
+    records: Annotated[tuple[ComponentsConfig, ...], Lax] | None = Field(
+        None,
+        description="recorded motions along several axes, in place of `files`; paths relative to "
+        "the file that names them",
     )
     component: str | None = Field(None, description="channel or column, where a file has several")
     unit: str | None = Field(
@@ -176,7 +237,19 @@ class RecordConfig(Section):
         None, description="removal of the instruments' response; null for none"
     )
     processing: ProcessingConfig = Field(description="processing of each record")
-    pga: Peaks = Field(description="peak ground acceleration after processing [g]")
+    pga: Peaks = Field(
+        description="peak ground acceleration after processing, of the larger horizontal component "
+        "[g]"
+    )
+
+    @model_validator(mode="after")
+    def _is_given(self) -> RecordConfig:
+        if (self.files is None) == (self.records is None):
+            rule = "recorded motions are `files` along x, or `records` of several components"
+            raise Refused(rule, "give one of the two")
+        if self.records == ():
+            raise Refused("at least one record is required", "add one", key="records")
+        return self
 
 
 class AxisPulseConfig(Section):
@@ -250,6 +323,11 @@ class TableMotionConfig(Section):
         if pgv_pga is None and pulses:
             raise Refused("pulses need a PGV/PGA", "give a value [s] or a grid")
         return pgv_pga
+
+    @property
+    def turns(self) -> bool:
+        """Whether a pulse turns the table."""
+        return any(pulse.axis in ("roll", "pitch", "yaw") for pulse in self.pulses or ())
 
     @model_validator(mode="after")
     def _is_given(self) -> TableMotionConfig:

@@ -173,10 +173,19 @@ class Config(Section):
         return None if limited or self.engine == "mujoco" else "mujoco"
 
     @property
+    def with_vertical(self) -> bool:
+        """Whether the ground is shaken by records that may have a vertical component."""
+        motion = self.motion
+        given = motion.records or () if isinstance(motion, RecordConfig) else ()
+        return any(one.components is None or one.components.z is not None for one in given)
+
+    @property
     def long_runs(self) -> bool:
         """Whether a hundred runs in Bullet are work for several processes."""
-        from_files = isinstance(self.motion, RecordConfig | TableMotionConfig) and self.motion.files
-        return self.on_terrain or bool(from_files)
+        motion = self.motion
+        pulses = isinstance(motion, TableMotionConfig) and motion.files is None
+        recorded = isinstance(motion, RecordConfig | TableMotionConfig) and not pulses
+        return self.on_terrain or recorded
 
     @field_validator("pedestal")
     @classmethod
@@ -190,9 +199,10 @@ class Config(Section):
     @classmethod
     def _has_a_way(cls, motion: MotionConfig, info: ValidationInfo) -> MotionConfig:
         pedestal = info.data.get("pedestal")
-        if isinstance(motion, TableMotionConfig) and pedestal and pedestal.shape == "mesh":
-            rule = "a table motion needs a flat pedestal"
-            raise Refused(rule, "set pedestal.shape: flat, or motion.kind: record")
+        turns = isinstance(motion, TableMotionConfig) and motion.turns
+        if turns and pedestal and pedestal.shape == "mesh":
+            rule = "a terrain is shaken along x, y and z and does not turn"
+            raise Refused(rule, "leave out roll, pitch and yaw, or set pedestal.shape: flat")
         return motion
 
     @field_validator("drive")
@@ -201,7 +211,9 @@ class Config(Section):
         pedestal = info.data.get("pedestal")
         if drive == "servo" and pedestal is not None and pedestal.shape == "mesh":
             raise Refused("a servo needs a flat pedestal", "set drive: table_frame")
-        if drive == "servo" and isinstance(info.data.get("motion"), TableMotionConfig):
+        motion = info.data.get("motion")
+        several = isinstance(motion, RecordConfig) and motion.records is not None
+        if drive == "servo" and (several or isinstance(motion, TableMotionConfig)):
             raise Refused("a servo-controlled table moves along x only", "set drive: table_frame")
         return drive
 

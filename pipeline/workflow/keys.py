@@ -82,6 +82,7 @@ ENGINES = ("vsr_core.engines.bullet", "vsr_core.engines.mujoco", "vsr_core.engin
 """Modules of all engines, which are found by name only."""
 
 RECORD_CODE = ("vsr_core.motions.records.trace:RecordedMotion",)
+COMPONENT_CODE = ("vsr_core.motions.records.components:Components",)
 TABLE_CODE = ("vsr_core.motions.sampled:SampledMotion",)
 AXIS_CODE = ("vsr_core.motions.six_axes:AxisPulses", "vsr_core.motions.six_axes:AxisPulse")
 VALIDATION_CODE = (

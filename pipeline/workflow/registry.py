@@ -104,6 +104,13 @@ STAGES: tuple[Stage, ...] = (
         in_database=True,
     ),
     Stage(
+        "level_runs",
+        make="pipeline.stages.runs.overturning_runs:make_level",
+        gives=("pipeline.stages.runs.overturning_runs:LevelRuns",),
+        applies=lambda site: site.with_vertical,
+        in_database=True,
+    ),
+    Stage(
         "responses",
         make="pipeline.stages.datasets.responses:make",
         gives=("pipeline.stages.datasets.responses:Responses",),

@@ -35,7 +35,7 @@ from vsr_core.run.loop import LEAD, Run, at_halved_steps, first_push
 from vsr_core.run.movement import Trajectory, of_track
 from vsr_core.run.overturning import COMPILED
 from vsr_core.run.sampling import first_step, samples, sampling
-from vsr_core.scene import Scene, State
+from vsr_core.scene import Scene, State, in_site
 
 QUIET_STEPS = 100
 """Steps in which the engine finds what a rock at rest stands on."""
@@ -64,7 +64,8 @@ def displace(
 
     Parameters
     ----------
-    motion : GroundMotion, along (cos yaw, -sin yaw)
+    motion : GroundMotion, along (cos yaw, -sin yaw), or in three axes turned by -yaw; nothing is
+        proved of those
     settings : Settings; ``reduce`` lets the run begin shortly before the first push, and go on in
         the lighter scene once the rock toppled
     follow : bool
@@ -74,14 +75,11 @@ def displace(
     Raises
     ------
     InvalidInput
-        For a motion in several axes.
+        For a motion that turns the terrain.
     """
-    if motion.columns > 1:
-        given = "a table in several axes under a terrain"
-        rule = "a rock on a terrain is shaken in one direction"
-        raise InvalidInput(given, rule, "take a motion along one axis, or a flat pedestal")
-
-    if never_starts(case.static_limits, motion.peak_acceleration, settings):
+    refuse_turns(motion)
+    one_way, peak = motion.columns == 1, motion.peak_acceleration
+    if one_way and never_starts(case.static_limits, peak, settings):
         return _stays(case)
     attempt = _compiled if settings.engine == COMPILED else _stepped
     return at_halved_steps(
@@ -89,6 +87,13 @@ def displace(
         partial(attempt, case, motion, settings, follow),
         lambda found: found.response.outcome is Outcome.UNSTABLE,
     )
+
+
+def refuse_turns(motion: GroundMotion) -> None:
+    """Refuse a motion that turns the table: a terrain is shaken in translation."""
+    if motion.columns > 3:
+        given, rule = "a terrain that turns", "it is shaken along x, y and z"
+        raise InvalidInput(given, rule, "leave out roll, pitch and yaw, or take a flat pedestal")
 
 
 def criteria_of(case: TerrainCase, *, follow: bool) -> Criteria:
@@ -116,10 +121,11 @@ def first_sample(values: Array, case: TerrainCase, settings: Settings) -> int:
 
     Parameters
     ----------
-    values : ndarray, shape (n,) [m/s^2], those of the motion
+    values : ndarray, shape (n,) or (n, 3) [m/s^2], those of the motion; where they are along
+        several axes it begins at once, as limits are known of one direction
     """
     lowest, highest = case.static_limits
-    if not (settings.reduce and lowest < 0.0 < highest):
+    if values.ndim > 1 or not (settings.reduce and lowest < 0.0 < highest):
         return 0
     return max(0, first_push(values, case.static_limits) - LEAD)
 
@@ -132,7 +138,7 @@ def _compiled(
     values = samples(motion, None, taken.interval, taken.pulse_samples)
     wait = on_terrain.longest_wait(case.seat.rock.radius)
     shaking = Shaking(
-        np.outer(values, along(case.seat)),
+        in_site(values, case.seat.yaw),
         taken.interval,
         on_terrain.monitored(taken.interval),
         first_sample(values, case, settings),
@@ -202,8 +208,8 @@ def complete(run: Run, case: TerrainCase, settings: Settings) -> DisplacementRun
     while outcome == GOES_ON and run.sample < run.last_sample:
         since, toppled = run.sample, record.toppled
         run.step()
-        pushes = run.values[since : run.sample].sum() * interval
-        record.change[:] = -pushes * along(case.seat)
+        pushes = in_site(run.values[since : run.sample], case.seat.yaw).sum(axis=0) * interval
+        record.change[:] = -pushes
         record.change[2] -= GRAVITY * (run.sample - since) * interval
         late = 2 * run.sample >= pulse + run.last_sample
         sees = on_terrain.monitor(record, criteria, kept, run.time, run.impulse, late)

@@ -70,10 +70,12 @@ class Reduction(Enum):
 STANDING_REDUCTIONS = (Reduction.TRAJECTORY, Reduction.SETTLING)
 """What ``simulate`` itself leaves out when a scene is reduced."""
 
-PROOFS = (Reduction.STATIC_RUNS, Reduction.LEAD_IN, Reduction.CERTAIN_END)
+_FLAT_PROOFS = (Reduction.STATIC_RUNS, Reduction.LEAD_IN, Reduction.CERTAIN_END)
+
+PROOFS = (*_FLAT_PROOFS, Reduction.STATIC_RUNS_ON_TERRAIN)
 """What is proved for a motion along one axis."""
 
-TABLE_FRAME_REDUCTIONS = (Reduction.MOVING_PEDESTAL, *PROOFS)
+TABLE_FRAME_REDUCTIONS = (Reduction.MOVING_PEDESTAL, *_FLAT_PROOFS)
 """What it leaves out besides where no servo moves the table."""
 
 TERRAIN_REDUCTIONS = (

@@ -8,8 +8,10 @@ import xarray as xr
 
 from pipeline.stages.datasets.displaced_runs import overturned_runs
 from pipeline.stages.datasets.stored_runs import moved, stored, tally, ways
+from pipeline.stages.datasets.vertical import VARIABLE, without
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.runs.displacement_runs import KIND, SAMPLE, Journeys, unpack
+from pipeline.stages.runs.overturning_runs import LevelRuns
 from pipeline.stages.runs.study import Study
 from pipeline.workflow import writers
 from pipeline.workflow.datasets import Stored, described, netcdf
@@ -26,10 +28,15 @@ class Displacement(Stored):
     FILE = "displacement.nc"
 
 
-def make(work: Work, study: Study, journeys: Journeys, rock: RockData) -> Product:
+def make(
+    work: Work, study: Study, journeys: Journeys, level: LevelRuns | None, rock: RockData
+) -> Product:
     """Assemble the displacement runs and correlate them."""
     runs = stored(journeys.database, KIND, study)
     dataset = _dataset(rock, runs, study)
+    if level is not None:
+        dataset[VARIABLE] = ("run", without(level, study))
+        dataset[VARIABLE].encoding["_FillValue"] = np.int8(-1)
     found = correlations(overturned_runs(dataset))
     counts = ways(dataset["outcome"].values, dataset["movement"].values)
     moved_so = {f"n_{way.name.lower()}": count for way, count in counts.items()}

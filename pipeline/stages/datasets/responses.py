@@ -9,9 +9,11 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.stages.datasets.stored_runs import moved, stored, tally
+from pipeline.stages.datasets.vertical import VARIABLE, without
 from pipeline.stages.mesh.products import RockData
+from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motions import MEASURES
-from pipeline.stages.runs.overturning_runs import Runs, kind
+from pipeline.stages.runs.overturning_runs import LevelRuns, Runs, kind
 from pipeline.stages.runs.scenes import flat_case, left_out
 from pipeline.stages.runs.step_choice import StepData
 from pipeline.stages.runs.study import Study
@@ -34,21 +36,31 @@ _TYPES = {
     "final_tilt": "f8",
     "slip": "f8",
     "steps": "i4",
+    VARIABLE: "i1",
 }
 
 
-def make(work: Work, study: Study, runs: Runs, rock: RockData, measured: StepData) -> Product:
+def make(
+    work: Work,
+    study: Study,
+    runs: Runs,
+    level: LevelRuns | None,
+    rock: RockData,
+    measured: StepData,
+) -> Product:
     """Assemble the responses."""
-    settings, of_table = study.settings, study.motion.kind == "table"
+    settings, one_way = study.settings, motion_grid.one_way(study.motions)
     table = stored(runs.database, kind(on_terrain=settings.on_terrain), study)
     in_air = table.pop("air_share") if settings.on_terrain else np.full(len(table), np.nan)
     table = table.assign(movement=moved(rock, table, np.asarray(in_air, dtype=float)))
     summary, unresolved = tally(table["outcome"])
+    if level is not None:
+        table = table.assign(**{VARIABLE: without(level, study)})
     dataset = _dataset(study, table).assign_coords(_measures(study))
     for name in ("time_step", "boundary_error", "boundary_error_worst"):
         dataset[name] = ("friction", measured.data[name].values)
     case = flat_case(study.scenes, study.groups[0])
-    reductions = left_out(settings, case, of_table=of_table)
+    reductions = left_out(settings, case, one_way=one_way)
     dataset.attrs["left_out"] = "\n".join(map(str, reductions))
     dataset.attrs["left_out_names"] = " ".join(r.reduction.name.lower() for r in reductions)
     files = {Responses.FILE: netcdf(described(dataset, work, "Overturning responses"))}
@@ -65,7 +77,7 @@ def _dataset(study: Study, runs: pd.DataFrame) -> xr.Dataset:
         "pga": list(motions.pga),
     }
     overturned = np.array([outcome.overturned for outcome in Outcome], "i1")[runs["outcome"]]
-    arrays = {name: runs[name].to_numpy(dtype) for name, dtype in _TYPES.items()}
+    arrays = {name: runs[name].to_numpy(dtype) for name, dtype in _TYPES.items() if name in runs}
     shape = tuple(map(len, coordinates.values()))
     dataset = xr.Dataset(
         {

@@ -15,7 +15,7 @@ from pipeline.config.scene_schema import ObservedBoulder as BoulderConfig
 from pipeline.config.schema import SimulationConfig
 from pipeline.drawing import style
 from pipeline.drawing.style import png_uri
-from pipeline.stages.datasets import displaced_runs
+from pipeline.stages.datasets import displaced_runs, vertical
 from pipeline.stages.datasets.displaced_runs import (
     STOPS,
     ends,
@@ -182,6 +182,7 @@ def page(
         "held": terrain.attrs.get("held", ""),
         "answer": _answer(displacement),
         "counts": _counts(displacement),
+        "vertical": vertical.effect(displacement),
         "groups": [_group(name, runs, terrain, source) for name, runs in groups(displacement)],
         "ends": png_uri(end_positions(displacement, terrain, source)),
         "origin": _origin(displacement, terrain, source, found) if found else None,

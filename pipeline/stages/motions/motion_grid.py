@@ -7,8 +7,9 @@ has a class here that makes its motions; `of_data` and `of_files` choose it.
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol
 
@@ -22,14 +23,15 @@ from pipeline.config.motion_schema import (
     RecordConfig,
     TableMotionConfig,
 )
-from pipeline.stages.motions import record_inputs, table_motions
+from pipeline.stages.motions import component_inputs, record_inputs, table_motions
 from pipeline.stages.motions.record_inputs import Ready
 from pipeline.workflow import keys
 from pipeline.workflow.datasets import Stored, split
-from pipeline.workflow.keys import AXIS_CODE, RECORD_CODE, TABLE_CODE
+from pipeline.workflow.keys import AXIS_CODE, COMPONENT_CODE, RECORD_CODE, TABLE_CODE
 from pipeline.workflow.stage import Input
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.pulses import CosinePulse, RickerPulse, SinePulse
+from vsr_core.motions.records.components import Components
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.motions.sampled import SampledMotion
 from vsr_core.motions.six_axes import AxisPulse, AxisPulses
@@ -91,6 +93,11 @@ def each_cell(shaking: Shaking) -> Iterator[Cell]:
     for row in range(len(shaking.rows)):
         for pga in shaking.pga:
             yield Cell(row, pga)
+
+
+def one_way(shaking: Shaking) -> bool:
+    """Whether all motions are along one axis, as proofs of runs need it."""
+    return all(motion.columns == 1 for motion in strongest(shaking))
 
 
 def count(shaking: Shaking) -> int:
@@ -194,6 +201,32 @@ class Records:
 
 
 @dataclass(frozen=True, eq=False)
+class ComponentRecords:
+    """Recorded motions along several axes, after processing, and scaled to each PGA."""
+
+    rows: tuple[str, ...]
+    motions: tuple[Components, ...]
+    pgv_pga: tuple[float, ...]
+    pga: tuple[float, ...]
+    dimension: ClassVar = "record"
+
+    def motion(self, cell: Cell) -> GroundMotion:
+        return self.motions[cell.row].scaled(cell.pga)
+
+    def token(self, cell: Cell) -> bytes:
+        one = self.motions[cell.row]
+        told = struct.pack("<3d", one.interval, one.azimuth, cell.pga)
+        return keys.digest_bytes(told, one.acceleration.tobytes()).encode()
+
+    def identity(self) -> Any:
+        return ["components", keys.digest(tracing.reached(COMPONENT_CODE))]
+
+    def level(self) -> ComponentRecords:
+        """The same without the vertical components."""
+        return replace(self, motions=tuple(one.level() for one in self.motions))
+
+
+@dataclass(frozen=True, eq=False)
 class Tables:
     """Motions of a table in up to six axes, all of them scaled together to each PGA."""
 
@@ -235,18 +268,24 @@ class MotionFiles(Input):
     tables: table_motions.Loaded | None = None
 
     def digests(self) -> dict[str, str]:
-        """Digests of the files, by their names."""
-        return {path.name: keys.digest_file(path) for path in self.paths}
+        """Digests of the files, by their names, those of one name by their numbers, too."""
+        known = Counter(path.name for path in self.paths)
+        names = (f"{n} " * (known[p.name] > 1) + p.name for n, p in enumerate(self.paths))
+        return {name: keys.digest_file(p) for name, p in zip(names, self.paths, strict=True)}
 
 
 def find(motion: MotionConfig, origin: Origin) -> MotionFiles | None:
     """The files of a site's motions; what cannot be used is refused."""
     if isinstance(motion, RecordConfig):
-        ready = record_inputs.load(origin, motion)
-        paths = record_inputs.find(origin, motion.files)
+        if motion.files is None:
+            ready = component_inputs.load(origin, motion)
+            paths = component_inputs.find(origin, motion)
+        else:
+            ready = record_inputs.load(origin, motion)
+            paths = record_inputs.find(origin, motion.files)
         if motion.response is not None:
             paths.append(record_inputs.response_file(origin, motion))
-        return MotionFiles(tuple(paths), ready)
+        return MotionFiles(tuple(dict.fromkeys(paths)), ready)
     if isinstance(motion, TableMotionConfig) and motion.files is not None:
         paths = record_inputs.find(origin, motion.files)
         return MotionFiles(tuple(paths), tables=table_motions.of_files(origin, paths))
@@ -261,12 +300,23 @@ def of_data(motion: MotionConfig, stored: MotionData) -> Shaking:
     data = stored.data
     if isinstance(motion, TableMotionConfig):
         return Tables(*table_motions.of_dataset(data), motion.pga)
+    ratios = tuple(data["pgv_pga"].values.tolist())
+    names = tuple(map(str, data["record"].values))
+    if "component_acceleration" in data:
+        motions = tuple(
+            Components(
+                one["component_acceleration"].values.copy(),
+                one["interval"].item(),
+                in_si.angle(one["azimuth"].item()),
+            )
+            for one in split(data, "record_size")
+        )
+        return ComponentRecords(names, motions, ratios, motion.pga)
     traces = tuple(
         Trace(one["acceleration"].values.copy(), one["interval"].item())
         for one in split(data, "record_size")
     )
-    names = tuple(map(str, data["record"].values))
-    return Records(names, traces, tuple(data["pgv_pga"].values.tolist()), motion.pga)
+    return Records(names, traces, ratios, motion.pga)
 
 
 def of_files(motion: MotionConfig, files: MotionFiles | None) -> Shaking:
@@ -277,9 +327,12 @@ def of_files(motion: MotionConfig, files: MotionFiles | None) -> Shaking:
     assert files is not None
     if files.tables is not None:
         return Tables(*files.tables, motion.pga)
-    names, traces = zip(*((one.name, one.trace) for one in files.records), strict=True)
+    names = tuple(one.name for one in files.records)
     ratios = tuple(one.measures.pgv_pga for one in files.records)
-    return Records(names, traces, ratios, motion.pga)
+    motions = tuple(one.components for one in files.records if one.components is not None)
+    if motions:
+        return ComponentRecords(names, motions, ratios, motion.pga)
+    return Records(names, tuple(one.trace for one in files.records), ratios, motion.pga)
 
 
 def of_site(site: Site) -> Shaking:

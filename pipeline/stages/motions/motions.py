@@ -90,6 +90,12 @@ def _records(ready: tuple[Ready, ...], pga: tuple[float, ...]) -> tuple[xr.Datas
     dataset = table.astype(sizes).to_xarray().set_coords(list(MEASURES.values()))
     for name in ("acceleration", "velocity", "displacement"):
         dataset[name] = ("sample", np.concatenate([getattr(one.trace, name) for one in ready]))
+    along = [one.components for one in ready if one.components is not None]
+    if along:
+        samples = np.concatenate([one.acceleration for one in along])
+        dataset["component_acceleration"] = (("sample", "xyz"), samples)
+        dataset["azimuth"] = ("record", [round(in_si.in_degrees(one.azimuth), 9) for one in along])
+        dataset["components"] = ("record", [one.told for one in ready])
     raw = [Trace(one.record.acceleration, one.record.interval) for one in ready]
     dataset["raw_acceleration"] = ("raw_sample", np.concatenate([r.acceleration for r in raw]))
     dataset["oscillator_frequency"] = frequency

@@ -20,6 +20,7 @@ from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.workflow.keys import digest_file
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import formats
+from vsr_core.motions.records.components import Components
 from vsr_core.motions.records.formats import SUFFIXES
 from vsr_core.motions.records.processing import process
 from vsr_core.motions.records.record import Record, check_rest, repaired
@@ -35,13 +36,22 @@ LARGEST_FILE = 256 * 1024**2
 
 @dataclass(frozen=True, eq=False)
 class Ready:
-    """A record that runs can take."""
+    """A record that runs can take.
+
+    Attributes
+    ----------
+    record, trace, measures : of the larger horizontal component, as read and as processed
+    components : of a record along several axes
+    told : str, these in words
+    """
 
     name: str
     file: str
     record: Record
     trace: Trace
     measures: Measures
+    components: Components | None = None
+    told: str = ""
 
 
 def find(origin: Origin, files: tuple[str, ...]) -> list[Path]:
@@ -56,23 +66,28 @@ def find(origin: Origin, files: tuple[str, ...]) -> list[Path]:
             rule, remedy = f"they end in {' '.join(SUFFIXES)}", "put records there"
             raise _problem(origin, f"{shown(path)}, a folder without records", rule, remedy)
         found += inside if path.is_dir() else [path]
-    each(origin.file_of(_FILES), found, check_file)
-    twice = [name for name, times in Counter(p.stem for p in found).items() if times > 1]
-    if twice:
-        rule = "a record has a name of its own"
-        raise _problem(origin, f"{', '.join(twice)} more than once", rule, "rename it")
+    each(origin.file_of(_FILES), _FILES, found, check_file)
+    refuse_twice(origin.file_of(_FILES), _FILES, [path.stem for path in found])
     return found
 
 
-def each(file: str, paths: list[Path], load: Callable[[Path], Loaded]) -> list[Loaded]:
-    """Load every file of ``motion.files``."""
+def refuse_twice(file: str, key: str, names: list[str]) -> None:
+    """Refuse records of one name."""
+    twice = [name for name, times in Counter(names).items() if times > 1]
+    if twice:
+        given, rule = f"{', '.join(twice)} more than once", "a record has a name of its own"
+        raise InputError(Problem(file, key, given, rule, "rename it"))
+
+
+def each(file: str, key: str, paths: list[Path], load: Callable[[Path], Loaded]) -> list[Loaded]:
+    """Load every file that a key names."""
     found, problems = [], []
     for path in paths:
         try:
             found.append(load(path))
         except InvalidInput as error:
             given = f"{shown(path)}, {error.given}"
-            problems.append(Problem(file, _FILES, given, error.rule, error.remedy))
+            problems.append(Problem(file, key, given, error.rule, error.remedy))
     if problems:
         raise InputError(*problems)
     return found
@@ -89,8 +104,8 @@ def check_file(path: Path) -> None:
 
 def load(origin: Origin, motion: RecordConfig) -> tuple[Ready, ...]:
     """The records of a site, processed."""
-    files = tuple((path, digest_file(path)) for path in find(origin, motion.files))
-    response = None if motion.response is None else response_file(origin, motion).read_bytes()
+    files = tuple((path, digest_file(path)) for path in find(origin, motion.files or ()))
+    response = response_of(origin, motion)
     return _loaded(origin.file_of(_FILES), files, response, motion)
 
 
@@ -98,8 +113,8 @@ def load(origin: Origin, motion: RecordConfig) -> tuple[Ready, ...]:
 def _loaded(
     file: str, files: tuple[tuple[Path, str], ...], response: bytes | None, motion: RecordConfig
 ) -> tuple[Ready, ...]:
-    ready = each(file, [path for path, _ in files], lambda path: _ready(path, response, motion))
-    ready.sort(key=lambda one: (one.measures.pgv_pga, one.name))
+    paths = [path for path, _ in files]
+    ready = in_order(each(file, _FILES, paths, lambda path: _ready(path, response, motion)))
     for one, other in pairwise(ready):
         if _same(one.trace, other.trace):
             given = f"{one.file} and {other.file}, which are one motion at two scales"
@@ -108,13 +123,29 @@ def _loaded(
     return tuple(ready)
 
 
+def in_order(ready: list[Ready]) -> list[Ready]:
+    """Records by ascending PGV/PGA."""
+    return sorted(ready, key=lambda one: (one.measures.pgv_pga, one.name))
+
+
 def _ready(path: Path, response: bytes | None, motion: RecordConfig) -> Ready:
+    record = repaired(read(path, response, motion).channel(motion.component))
+    trace = processed(record, motion)
+    return Ready(path.stem, shown(path), record, trace, measures(trace))
+
+
+def read(path: Path, response: bytes | None, motion: RecordConfig) -> Record:
+    """All channels of a file."""
     corners = None if motion.response is None else motion.response.corners
     reading = formats.Reading(motion.component, motion.unit, response, corners)
-    record = repaired(formats.read(path.read_bytes(), path.suffix, reading))
+    return formats.read_all(path.read_bytes(), path.suffix, reading)
+
+
+def processed(record: Record, motion: RecordConfig) -> Trace:
+    """The motion of a repaired record, at rest where it ends."""
     trace = process(record.acceleration, record.interval, motion.processing.how())
     check_rest(trace)
-    return Ready(path.stem, shown(path), record, trace, measures(trace))
+    return trace
 
 
 def _same(one: Trace, other: Trace) -> bool:
@@ -124,6 +155,11 @@ def _same(one: Trace, other: Trace) -> bool:
         return False
     first, second = (t.acceleration / np.abs(t.acceleration).max() for t in (one, other))
     return bool(np.allclose(first, second, rtol=0.0, atol=1e-5))
+
+
+def response_of(origin: Origin, motion: RecordConfig) -> bytes | None:
+    """The responses of the instruments, where they are to be removed."""
+    return None if motion.response is None else response_file(origin, motion).read_bytes()
 
 
 def response_file(origin: Origin, motion: RecordConfig) -> Path:

@@ -25,8 +25,8 @@ Loaded = tuple[tuple[str, ...], tuple["SampledMotion", ...], tuple[float, ...]]
 
 def of_files(origin: Origin, paths: list[Path]) -> Loaded:
     """The motions in files of a site."""
-    file = origin.file_of("motion.files")
-    motions = record_inputs.each(file, paths, lambda path: _moving(load(path)))
+    file, key = origin.file_of("motion.files"), "motion.files"
+    motions = record_inputs.each(file, key, paths, lambda path: _moving(load(path)))
     found = dict(zip((path.stem for path in paths), motions, strict=True))
     ratios = {name: one.peak_velocity / one.peak_acceleration for name, one in found.items()}
     names = tuple(sorted(found, key=lambda name: (ratios[name], name)))

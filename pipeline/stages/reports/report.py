@@ -17,6 +17,7 @@ from pipeline.config.problems import InputError
 from pipeline.config.scene_schema import RockConfig
 from pipeline.config.sections import Range
 from pipeline.drawing.style import png_uri, svg_uri
+from pipeline.stages.datasets import vertical
 from pipeline.stages.datasets.bullet_sample import BulletSample
 from pipeline.stages.datasets.responses import Responses
 from pipeline.stages.fragility.fragility_figures import (
@@ -111,6 +112,7 @@ def _facts(work: Work, parts: Parts, sample: Later[BulletSample | None]) -> dict
         "long_rows": long_rows_in_words(fragility["pgv_pga"].values),
         "grid": {name: [float(responses[name][i]) for i in (0, -1)] for name in ("pga", "pgv_pga")},
         "counts": report_tables.counts(responses),
+        "vertical": vertical.effect(responses),
         "unresolved": report_tables.unresolved(responses, _MOST_LISTED),
         "boundary": report_tables.boundary(fragility),
         "models": report_tables.models(fragility),

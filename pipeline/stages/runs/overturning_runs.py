@@ -6,7 +6,7 @@ from typing import Any
 
 from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.runner import Kind, StoredRuns
-from pipeline.stages.runs.study import Study, run_study
+from pipeline.stages.runs.study import LevelStudy, Study, run_study
 from pipeline.workflow.rows import RunRow, TerrainRow
 from pipeline.workflow.stage import Product, Work
 from vsr_core.outcome import Response
@@ -58,6 +58,15 @@ def kind(*, on_terrain: bool) -> Kind[Any]:
     return ON_TERRAIN if on_terrain else KIND
 
 
+class LevelRuns(Runs):
+    """The runs of a study without the vertical components of its records."""
+
+
 def make(work: Work, study: Study) -> Product:
     """Do the missing runs."""
     return run_study(work, study, kind(on_terrain=study.settings.on_terrain))
+
+
+def make_level(work: Work, study: Study) -> Product:
+    """Do the missing runs without the vertical components."""
+    return run_study(work, LevelStudy.of(study), kind(on_terrain=study.settings.on_terrain))

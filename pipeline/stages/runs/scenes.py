@@ -163,20 +163,20 @@ class LeftOut(NamedTuple):
         return f"{self.what}: {self.reduction.why}"
 
 
-def left_out(settings: SceneSettings, case: Case, *, of_table: bool) -> list[LeftOut]:
+def left_out(settings: SceneSettings, case: Case, *, one_way: bool) -> list[LeftOut]:
     """List what the runs of a study leave out of the scene.
 
     Parameters
     ----------
-    of_table : bool, whether the motions are those of a table in several axes
+    one_way : bool, whether all motions are along one axis
     """
     reductions = case.reductions
+    if settings.on_terrain:
+        reductions = TERRAIN_REDUCTIONS if settings.simulation.reduce else ()
     if settings.engine == COMPILED:  # which takes all corners
         reductions = tuple(r for r in reductions if r is not Reduction.HULL_VERTICES)
-    if of_table:
+    if not one_way:
         reductions = tuple(r for r in reductions if r not in PROOFS)
-    elif settings.on_terrain:
-        reductions = TERRAIN_REDUCTIONS if settings.simulation.reduce else ()
     every = len(case.full.rock.vertices)
     gone = every - len(case.scene.rock.vertices)
     counted = {Reduction.HULL_VERTICES: f"{gone} of {every} {Reduction.HULL_VERTICES.what}"}
@@ -236,12 +236,23 @@ def refuse_number(site: Site) -> None:
         raise InputError(Problem(site.file_of("motion"), "motion", f"{count:,} runs", rule, remedy))
 
 
+def _refuse_turns(site: Site, motions: Shaking) -> None:
+    """Refuse a table that turns, under a terrain."""
+    try:
+        for motion in motion_grid.strongest(motions):
+            displacement.refuse_turns(motion)
+    except InvalidInput as error:
+        raise InputError.from_invalid(site.file_of("motion"), "motion", error) from None
+
+
 def refuse_step(site: Site) -> None:
-    """Refuse a given time step that a block's motions do not go together with.
+    """Refuse motions that a terrain, or a block at a given time step, does not go together with.
 
     That is what can be said before the rock is made.
     """
     motions, settings = motion_grid.of_site(site), site.config.scene
+    if settings.on_terrain:
+        _refuse_turns(site, motions)
     size, step = site.config.rock.size, settings.simulation.time_step
     if size is None or site.config.rock.shape != "box" or step == "auto":
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Annotated, Any
 
@@ -13,7 +13,7 @@ from pipeline.config.motion_schema import MotionConfig
 from pipeline.config.schema import SceneSettings
 from pipeline.config.sections import Key
 from pipeline.stages.motions import motion_grid
-from pipeline.stages.motions.motion_grid import MotionData, Shaking
+from pipeline.stages.motions.motion_grid import ComponentRecords, MotionData, Shaking
 from pipeline.stages.runs.runner import Kind, Run, run_missing
 from pipeline.stages.runs.scenes import (
     Group,
@@ -144,6 +144,22 @@ class Study:
         step = self.time_step(group)
         assert not math.isnan(step)
         return Settings(step, self.settings.simulation.reduce, self.settings.engine)
+
+
+class LevelStudy(Study):
+    """A study of records along several axes without their vertical components."""
+
+    @classmethod
+    def of(cls, study: Study) -> LevelStudy:
+        """The same study, without them."""
+        return cls(*(getattr(study, one.name) for one in fields(study)))
+
+    @cached_property
+    def motions(self) -> Shaking:
+        """The motions, without what is vertical."""
+        whole = motion_grid.of_data(self.motion, self.motion_data)
+        assert isinstance(whole, ComponentRecords)
+        return whole.level()
 
 
 def shared_identity(scenes: Scenes, motions: Shaking) -> dict[str, Any]:

@@ -20,21 +20,19 @@ from vsr_core.engines.nonsmooth import plane
 from vsr_core.engines.nonsmooth.body import Body, Point, RockState, Stepping
 from vsr_core.engines.nonsmooth.stepping import drift
 from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
-from vsr_core.scene import Scene, State, resting
+from vsr_core.scene import Scene, State, in_site, resting
 
 
 class NonsmoothWorld:
     """One rock on a level pedestal or on a terrain."""
 
     def __init__(self, scene: Scene, time_step: float, substeps: int, solver: Solver) -> None:
-        self._axes = scene.rock.axes
+        self._axes, self._yaw = scene.rock.axes, scene.yaw
         self._body = bodies.body(scene.rock, scene.contact, on_level=scene.terrain is None)
         self._ground: Ground | None = None
-        self._along = 1.0, 0.0
         most = max(1, len(self._body.points))
         if scene.terrain is not None:
             self._ground, most = ground(scene.rock, scene.terrain), MOST_POINTS
-            self._along = math.cos(scene.yaw), -math.sin(scene.yaw)
         self._points = records.rows(Point, most)
         self._rock = records.room(RockState)
         self._step, self._substeps = time_step, substeps
@@ -73,9 +71,7 @@ class NonsmoothWorld:
         if self._ground is None:
             self._step_on_level(along)
             return
-        cos, sin = self._along
-        turned = along @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        values = np.repeat(turned, self._substeps, axis=0)
+        values = np.repeat(in_site(along, self._yaw), self._substeps, axis=0)
         own = self._body, self._ground, self._rock, self._points
         grounds.advance(*own, values, 0, len(values), self._stepping)
         if self._ground.search[0].full:

@@ -118,7 +118,8 @@ def on_times(
         raise InvalidInput(given, "they share a unit", "name one of them as motion.component")
     name = stated(units[0], unit)
     even, interval, repairs = _evenly(time.values, side_by_side(values) * factor(name))
-    return Record(even, interval, names, station, source, name, repairs)
+    start = float(time.values[0])
+    return Record(even, interval, names, station, source, name, repairs, start)
 
 
 def _wanted(columns: list[Column], component: str | None) -> list[Column]:

@@ -87,13 +87,14 @@ def from_stream(stream: Any, unit: str | None) -> Record:
         )
     japanese = all("knet" in trace.stats for trace in stream)
     name = stated("m/s2" if japanese else None, unit)
-    columns, repairs = [], []
+    columns, repairs, cut = [], [], 0
     for trace in stream:
         first = round((start - trace.stats.starttime) / interval)
         samples = np.ma.filled(np.ma.asarray(trace.data).astype(np.float64), np.nan)
         part = samples[first : first + number]
         if len(part) < len(samples):
             lost = len(samples) - len(part)
+            cut += lost
             repairs.append(f"{trace.stats.channel}: {lost} samples that others lack were cut")
         columns.append(part * (trace.stats.calib if japanese else factor(name)))
     ids = [".".join((t.stats.network, t.stats.station, t.stats.location)) for t in stream]
@@ -108,6 +109,8 @@ def from_stream(stream: Any, unit: str | None) -> Record:
         f"{getattr(stream[0].stats, '_format', 'waveforms')} of {ids[0]} from {start}",
         "gal by its scale factor" if japanese else name,
         tuple(repairs),
+        float(start.timestamp),
+        cut,
     )
 
 
@@ -181,10 +184,12 @@ def read(content: bytes, suffix: str, how: Reading) -> Record:
     InvalidInput
         If it is in no known format, breaks its format, or has no such channel.
     """
-    return _whole(content, suffix.lower(), how).channel(how.component)
+    return read_all(content, suffix, how).channel(how.component)
 
 
-def _whole(content: bytes, suffix: str, how: Reading) -> Record:
+def read_all(content: bytes, suffix: str, how: Reading) -> Record:
+    """The record of all channels in a file's content; parameters and refusals as of ``read``."""
+    suffix = suffix.lower()
     if content.startswith(columns.MAGIC):
         return columns.read_netcdf(content, how.component, how.unit)
     kind = _waveform(content, suffix)

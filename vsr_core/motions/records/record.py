@@ -37,6 +37,8 @@ class Record:
     acceleration : ndarray, shape (n,) or (n, channels) [m/s^2], nan where a sample is missing
     interval : float [s]
     source : str, format and origin in words
+    start : float [s], time of the first sample by the file's clock, 0 where it has none
+    cut : int, samples that were left out because not all channels of the file have them
     """
 
     acceleration: Array
@@ -46,6 +48,8 @@ class Record:
     source: str
     unit: str
     repairs: tuple[str, ...] = ()
+    start: float = 0.0
+    cut: int = 0
 
     def channel(self, name: str | None) -> Record:
         """The record of one channel.

@@ -30,7 +30,7 @@ def left_out(rock: Rock) -> list[scenes.LeftOut]:
     """What a run of the rock leaves out, as a report is told."""
     case = prepare(Scene(rock, Contact(0.6)), proofs.barrier(rock), reduce=True)
     settings = load_site("double_rock", settings=("simulation.engine=bullet",)).config.scene
-    return scenes.left_out(settings, case, of_table=False)
+    return scenes.left_out(settings, case, one_way=True)
 
 
 def test_reports_state_what_the_page_says() -> None:
