@@ -29,7 +29,6 @@ from vsr_core.judge import on_terrain, proofs, track
 from vsr_core.judge.proofs import Barrier, barrier
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records.trace import RecordedMotion, Trace
-from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, StopReason
 from vsr_core.rock import reduction, solid
 from vsr_core.rock.body import Rock
@@ -1019,14 +1018,6 @@ def test_a_run_begins_at_once_where_its_rest_is_not_known() -> None:
     assert site.static_limits == (0.0, 0.0)
     motion = RecordedMotion(Trace(np.append(np.zeros(100), 0.1), 0.01))
     assert displacement.displace(site, motion, Settings(1e-3)).trajectory.time[1] < 0.03
-
-
-def test_no_table_in_several_axes() -> None:
-    site = site_of("box", "cliff")
-    for axis in ("x", "z"):
-        motion = AxisPulses((AxisPulse(axis, 3.0, 0.2),))
-        with pytest.raises(InvalidInput, match="several axes"):
-            displacement.displace(site, motion, usual(site.seat.rock))  # type: ignore[arg-type]
 
 
 def test_the_rock_moves_well_beyond_its_range_of_rest() -> None:
