@@ -157,6 +157,7 @@ def _planned_runs(job: Job, study: Study, kind: Kind[Any]) -> list[str]:
         f"runs: {total}; {total - new} stored, {new} to do, {proved} of them proved without a step",
         f"time step: {text or 'measured on the scene first, some seconds'}",
         f"cost: {_cost(job, new - proved, kind)}",
+        *["as many runs again: without vertical components"] * job.config.with_vertical,
     ]
 
 

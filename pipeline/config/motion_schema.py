@@ -244,9 +244,12 @@ class RecordConfig(Section):
 
     @model_validator(mode="after")
     def _is_given(self) -> RecordConfig:
-        if (self.files is None) == (self.records is None):
+        if self.files is None and self.records is None:
+            rule = "required key not given, nor `records` of several components"
+            raise Refused(rule, "name recorded motions", key="files")
+        if self.files is not None and self.records is not None:
             rule = "recorded motions are `files` along x, or `records` of several components"
-            raise Refused(rule, "give one of the two")
+            raise Refused(rule, "give one of the two", key="files records")
         if self.records == ():
             raise Refused("at least one record is required", "add one", key="records")
         return self

@@ -203,7 +203,7 @@ def _in_yaml(settings: dict[str, Any]) -> str:
     return str(yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, width=90))
 
 
-_PATHS = {"rock.mesh", "motion.files", "motion.response.file"}
+_PATHS = {"rock.mesh", "motion.files", "motion.records", "motion.response.file"}
 
 
 def command(site: Origin, settings: dict[str, Any]) -> list[str]:
@@ -222,12 +222,19 @@ def command(site: Origin, settings: dict[str, Any]) -> list[str]:
     given, own = _leaves(settings), _leaves(plain)
     changed = {key: value for key, value in given.items() if value != own.get(key, own)}
     for key in _PATHS & changed.keys():  # as the site's own file would name them
-        names, folder = changed[key], site.folder_of(key)
-        listed = [names] if isinstance(names, str) else names or []
-        moved = [os.path.relpath(folder / name, site.folder) for name in listed]
-        changed[key] = moved[0] if isinstance(names, str) else moved or None
+        changed[key] = _moved(changed[key], site.folder_of(key), site.folder)
     told = (f"{key}={_flow(value)}" for key, value in changed.items())
     return [shlex.quote(name), *map(shlex.quote, told)]
+
+
+def _moved(given: Any, folder: Path, home: Path) -> Any:
+    """Paths relative to ``folder`` as those relative to ``home``, also within records."""
+    if isinstance(given, str):
+        return os.path.relpath(folder / given, home)
+    if isinstance(given, dict):  # a record: of one file its components are channels
+        names = ("file",) if given.get("file") else ("x", "y", "z", "components")
+        return {k: _moved(v, folder, home) if k in names else v for k, v in given.items()}
+    return [_moved(one, folder, home) for one in given] if given else None
 
 
 def _leaves(tree: dict[str, Any], above: str = "") -> dict[str, Any]:

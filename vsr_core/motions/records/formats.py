@@ -109,7 +109,7 @@ def from_stream(stream: Any, unit: str | None) -> Record:
         f"{getattr(stream[0].stats, '_format', 'waveforms')} of {ids[0]} from {start}",
         "gal by its scale factor" if japanese else name,
         tuple(repairs),
-        float(start.timestamp),
+        float(start),
         cut,
     )
 
