@@ -136,6 +136,10 @@ BASES = {
     "sine": shaken("{kind: sine_pulse, pga: [0.2, 0.4], pgv_pga: [0.1, 0.2]}"),
     "ricker": shaken("{kind: ricker_pulse, pga: [0.2, 0.4], pgv_pga: [0.1, 0.2]}"),
     "record": shaken(RECORD),
+    "components": shaken(
+        "{kind: record, records: [{file: a.mseed, components: {x: E, y: N, z: Z}, azimuth: 30}], "
+        "pga: [0.1, 0.3], processing: {order: standard, highpass: 0.1, lowpass: 25.0}}"
+    ),
     "table": shaken("{kind: table, files: [a.csv], pga: [0.1, 0.3]}"),
     "pulses": shaken(f"{{kind: table, pulses: {PULSES}, pga: [0.1, 0.3], pgv_pga: [0.1, 0.2]}}"),
 }
