@@ -130,6 +130,12 @@ BASES = {
     "box": on_terrain("{kind: box, low: [0, 0, 0], high: [1, 1, 1]}"),
     "polygon": on_terrain("{kind: polygon, corners: [[0, 0], [1, 0], [0, 1]]}"),
     "colour": on_terrain("{kind: colour, rgb: [200, 10, 10]}"),
+    "few points": Base(
+        "double_rock_terrain",
+        ("displacement_report",),
+        (STEP, "pedestal.cut=proposal", "pedestal.seat={points: 3}"),
+        "pedestal.seat",
+    ),
     "lognormal": of_age("{kind: lognormal, median: 10000, log_sd: 0.3}"),
     "bounds": of_age("{kind: bounds, low: 9000, high: 20000}"),
     "samples": of_age("{kind: samples, values: [9000, 10000]}"),
