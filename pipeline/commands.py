@@ -69,9 +69,10 @@ def prep(options: argparse.Namespace) -> int:
         file = job.site.file_of("rock.shape")
         raise InputError(Problem(file, "rock.shape", "a box", rule, remedy))
     with job.store, job.cluster:
-        graph.make("closed_rock" if alone else "scan", job)
+        own = job.config.on_own_ground
+        graph.make("closed_rock" if alone else "placed" if own else "scan", job)
         log(f"-> {job.path('prep.html')}")
-        if job.config.on_terrain and job.config.pedestal.cut is None:
+        if job.config.on_terrain and not own and job.config.pedestal.cut is None:
             log("the cut is a proposal; to accept it, set pedestal.cut: proposal")
             return 0
         graph.make("rock" if alone else "terrain", job)

@@ -34,6 +34,25 @@ Channel = Annotated[int, Field(ge=0, le=255)]
 _Friction = Annotated[float, Field(ge=0, le=100)]
 
 
+class PoseConfig(Section):
+    """How the rock's file lies in the coordinates of the terrain's file."""
+
+    position: Vector = Field(description="origin of the rock's file [m]")
+    quaternion: Annotated[tuple[float, float, float, float], Lax] = Field(
+        (0.0, 0.0, 0.0, 1.0), description="turn of the rock's axes: x, y, z, w [1]"
+    )
+    drop: Annotated[bool, Lax] = Field(
+        False, description="let it fall from just above the ground there, whatever the z given"
+    )
+
+    @field_validator("quaternion")
+    @classmethod
+    def _turns(cls, quaternion: tuple[float, ...]) -> tuple[float, ...]:
+        if not math.isclose(math.hypot(*quaternion), 1.0, abs_tol=0.01):
+            raise Refused("a quaternion of a turn has length 1", "give x, y, z, w")
+        return quaternion
+
+
 class RockConfig(Section):
     """The rock on the pedestal."""
 
@@ -54,6 +73,9 @@ class RockConfig(Section):
         "caps", description="method to close the underside, which a scan does not see"
     )
     density: Density = Field(description="density of the rock [kg m-3]")
+    pose: PoseConfig | None = Field(
+        None, description="place on a terrain of pedestal.mesh; null where both files agree on it"
+    )
 
     @field_validator("size")
     @classmethod
@@ -124,10 +146,18 @@ class SeatPoints(Section):
 
 
 class PedestalConfig(Section):
-    """The support of the rock: level ground, or the terrain in its scan."""
+    """The support of the rock: level ground, or a terrain."""
 
     shape: Literal["flat", "mesh"] = Field(
-        "flat", description="level ground, or the terrain in the rock's scan"
+        "flat", description="level ground, or a terrain: that in the rock's scan, or `mesh`"
+    )
+    mesh: str | None = Field(
+        None,
+        description="terrain in a file of its own, in metres, z up, named as rock.mesh is; the "
+        "rock stands on it at rock.pose, and nothing is cut",
+    )
+    fallback: str | None = Field(
+        None, description="ground of vsr_core.surrogates, used where there is no such file"
     )
     cut: Literal["proposal"] | Cut | None = Field(
         None,
@@ -141,6 +171,18 @@ class PedestalConfig(Section):
         description="what of the seam bears the rock, which no scan has seen: points along its "
         "outline, so many points, or all of it",
     )
+
+    @property
+    def is_own_file(self) -> bool:
+        """Whether it is a terrain that is not in the rock's scan."""
+        return self.shape == "mesh" and (self.mesh or self.fallback) is not None
+
+    @model_validator(mode="after")
+    def _cuts_its_scan_only(self) -> PedestalConfig:
+        if self.is_own_file and self.cut is not None:
+            rule = "a rock in a file of its own is not cut from a terrain"
+            raise Refused(rule, "leave out cut, or mesh", "cut mesh")
+        return self
 
 
 class ContactConfig(Section):

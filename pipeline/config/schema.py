@@ -151,6 +151,11 @@ class Config(Section):
         return self.rock.shape == "mesh" and not self.on_terrain
 
     @property
+    def on_own_ground(self) -> bool:
+        """Whether the rock stands on a terrain in a file of its own."""
+        return self.pedestal.is_own_file
+
+    @property
     def engine(self) -> str:
         """Name of the physics engine: of ``auto`` the cheapest that can hold the scene."""
         return self.scene.engine
@@ -192,7 +197,7 @@ class Config(Section):
     def _is_in_a_scan(cls, pedestal: PedestalConfig, info: ValidationInfo) -> PedestalConfig:
         rock = info.data.get("rock")
         if pedestal.shape == "mesh" and rock is not None and rock.shape != "mesh":
-            raise Refused("a terrain needs a scan of rock and ground", "set rock.shape: mesh")
+            raise Refused("a terrain needs a scan of the rock", "set rock.shape: mesh")
         return pedestal
 
     @field_validator("motion")
@@ -257,6 +262,14 @@ class Config(Section):
                 "set newton",
             )
         return simulation
+
+    @model_validator(mode="after")
+    def _stands_on_a_file(self) -> Config:
+        own = self.pedestal.mesh or self.pedestal.fallback
+        if self.rock.pose is not None and not own:
+            rule, remedy = "a pose is a place on a terrain", "name that terrain in pedestal.mesh"
+            raise Refused(rule, remedy, "rock.pose", "no pedestal.mesh")
+        return self
 
     @model_validator(mode="after")
     def _has_its_engine(self) -> Config:

@@ -34,6 +34,7 @@ INPUTS = tuple(
     Finder(f"pipeline.{module}:{find}", f"pipeline.{module}:{gives}")
     for module, find, gives in (
         ("stages.mesh.sources", "find", "Source"),
+        ("stages.mesh.sources", "find_ground", "GroundFile"),
         ("stages.motions.motion_grid", "find", "MotionFiles"),
         ("workflow.engine_input", "find", "Engine"),
         ("stages.uncertainty.draws", "find_replica", "Replica"),
@@ -50,9 +51,18 @@ STAGES: tuple[Stage, ...] = (
         "scan",
         make="pipeline.stages.mesh.scan:make",
         gives=("pipeline.stages.mesh.products:ScanData",),
-        applies=lambda site: site.on_terrain,
+        applies=lambda site: site.on_terrain and not site.on_own_ground,
         files=("prep.html", "refused.html"),
         versions=("trimesh", "scipy"),
+    ),
+    Stage(
+        "placed",
+        make="pipeline.stages.mesh.placed:make",
+        gives=("pipeline.stages.mesh.products:PlacedData",),
+        applies=lambda site: site.on_own_ground,
+        code=("vsr_core.engines.nonsmooth:build",),
+        files=("closed_rock.html", "refused.html"),
+        versions=("trimesh", "scipy", "numba"),
     ),
     Stage(
         "closed_rock",

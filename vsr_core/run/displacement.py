@@ -303,21 +303,20 @@ def _footing(scene: Scene, time_step: float, engine: str) -> tuple[Array, Array,
     return *world.footing(), world.state().position
 
 
-def settled(scene: Scene, time_step: float, engine: str = "bullet") -> State:
-    """Where a rock comes to rest that is set on its terrain as scanned, unshaken.
+def at_rest(scene: Scene, time_step: float, engine: str = "bullet") -> State:
+    """Where a rock comes to rest that is let go on a terrain, unshaken.
 
     Parameters
     ----------
-    scene : Scene, on a terrain; the rock's ``start`` is its pose in the scan
+    scene : Scene, on a terrain; the rock's ``start`` is where it is let go
     time_step : float [s]
 
     Raises
     ------
     InvalidInput
-        If it does not come to rest there, or not near where it was scanned.
+        If it does not come to rest.
     """
     assert scene.start is not None
-    radius = scene.rock.radius
     world = engines.load(engine).build(scene, time_step, 1)
     record = records.room(RunRecord)
     write = loop.writer(record, scene.rock)
@@ -337,11 +336,28 @@ def settled(scene: Scene, time_step: float, engine: str = "bullet") -> State:
         note(record, criteria)
         note_rest(record, criteria, time)
         if rests(record, criteria, time):
-            break
-    else:
-        given = f"a rock that still moves after {LONGEST_TIME:g} s on its seat"
-        rule = "it stands where it was scanned"
-        raise InvalidInput(given, rule, "look at the closing of the scan and its cut (`vsr prep`)")
+            return replace(state, velocity=np.zeros(3), angular_velocity=np.zeros(3))
+    given = f"a rock that still moves after {LONGEST_TIME:g} s on its seat"
+    rule = "it stands where it was scanned"
+    raise InvalidInput(given, rule, "look at the closing of the scan and its cut (`vsr prep`)")
+
+
+def settled(scene: Scene, time_step: float, engine: str = "bullet") -> State:
+    """Where a rock comes to rest that is set on its terrain as scanned, unshaken.
+
+    Parameters
+    ----------
+    scene : Scene, on a terrain; the rock's ``start`` is its pose in the scan
+    time_step : float [s]
+
+    Raises
+    ------
+    InvalidInput
+        If it does not come to rest there, or not near where it was scanned.
+    """
+    assert scene.start is not None
+    state = at_rest(scene, time_step, engine)
+    radius = scene.rock.radius
     shift = float(np.linalg.norm(state.position - scene.start.position))
     turn = _angle(state.rotation @ scene.start.rotation.T)
     if shift > 0.1 * radius or turn > math.radians(15.0):
@@ -351,7 +367,7 @@ def settled(scene: Scene, time_step: float, engine: str = "bullet") -> State:
             "it stands where it was scanned, to a tenth of its radius and 15 deg",
             "look at the closing of the scan and its cut (`vsr prep`)",
         )
-    return replace(state, velocity=np.zeros(3), angular_velocity=np.zeros(3))
+    return state
 
 
 def _stays(case: TerrainCase) -> DisplacementRun:

@@ -42,6 +42,10 @@ OUTLINE_SHARE = 0.006
 REACH_SHARE = 0.02
 """Height of the seam above the rock's hull up to which it may bear, likewise."""
 
+LARGE_SHARE = 0.05
+"""Size of a triangle from which on it is asked whether it really reaches into the hull, as a share
+of the hull's: of the small ones those that no side parts from it are next to it at least."""
+
 _ROUNDS = 200  # of moving ground out of a hull
 _SIDES = 5  # of a pyramid
 _ROUNDING = 1e-9  # m
@@ -128,8 +132,9 @@ def seat(
 def out_of(terrain: Terrain, hull: ConvexHull, gap: Array) -> Array:
     """Vertices of ground that is moved out of a convex hull, each triangle by its shortest way.
 
-    A triangle is outside where one side of the hull has all of it in front. The others move along
-    the normal of the side that needs least.
+    A triangle is outside where one side of the hull has all of it in front, and a large one where
+    none of it is left behind all sides. The others move along the normal of the side that needs
+    least.
 
     Parameters
     ----------
@@ -146,6 +151,7 @@ def out_of(terrain: Terrain, hull: ConvexHull, gap: Array) -> Array:
     """
     vertices, faces = terrain.vertices.copy(), terrain.faces
     normals, offsets = hull.equations[:, :3], hull.equations[:, 3] - gap
+    large = LARGE_SHARE * float(np.ptp(hull.points, axis=0).max())
     for _ in range(_ROUNDS):
         corners = vertices[faces]
         apart = (corners.min(axis=1) > hull.max_bound + gap.max()).any(axis=1)
@@ -156,6 +162,9 @@ def out_of(terrain: Terrain, hull: ConvexHull, gap: Array) -> Array:
         side = front.argmax(axis=1)
         short = -front[np.arange(len(near)), side]
         inside = np.flatnonzero(short > _ROUNDING)
+        wide = np.ptp(corners[near[inside]], axis=1).max(axis=1) > large
+        clear = [not _meets(corners[near[at]], normals, offsets) for at in inside[wide]]
+        inside = np.setdiff1d(inside, inside[wide][clear])
         if not len(inside):
             return vertices
         for at in inside[np.argsort(-short[inside])]:
@@ -167,6 +176,23 @@ def out_of(terrain: Terrain, hull: ConvexHull, gap: Array) -> Array:
         "rock and ground touch along a seam",
         "look at the cut of the scan (`vsr prep`)",
     )
+
+
+def _meets(triangle: Array, normals: Array, offsets: Array) -> bool:
+    """Whether any of a triangle, shape (3, 3) [m], is behind all sides of a hull: it is clipped."""
+    left = triangle
+    while len(left):
+        front = left @ normals.T + offsets
+        side = int(front.max(axis=0).argmax())
+        if front[:, side].max() <= _ROUNDING:
+            return True
+        one, other = front[:, side], np.roll(front[:, side], -1)
+        crosses = (one > 0.0) != (other > 0.0)
+        share = one / np.where(crosses, one - other, 1.0)
+        crossing = left + share[:, None] * (np.roll(left, -1, axis=0) - left)
+        both = np.stack([left, crossing], axis=1)
+        left = both[np.stack([one <= 0.0, crosses], axis=1)]
+    return False
 
 
 def _bearing(rim: Array, hull: ConvexHull, radius: float, bearing: Bearing) -> tuple[Array, Array]:

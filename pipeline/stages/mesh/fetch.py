@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 import pooch
@@ -13,37 +12,11 @@ import trimesh
 
 from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError, Problem
+from pipeline.stages.mesh.originals import ORIGINALS, Original
 from pipeline.stages.mesh.sources import ORIGIN, SUFFIXES
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.store import writing
 from vsr_core.errors import reason
-
-
-@dataclass(frozen=True)
-class Original:
-    """A published mesh.
-
-    Attributes
-    ----------
-    height : float [m], true height of the rock; the file may hold a scale model
-    """
-
-    url: str
-    sha256: str
-    height: float
-    credit: str
-
-
-ORIGINALS = {
-    "double_rock": Original(
-        "https://raw.githubusercontent.com/DREAMS-lab/pbr_gazebo/"
-        "69e7023511f34f442df357ea7d762316fa648633/models/rock_models/double_rock_pbr_petg/"
-        "double_rock_pbr_petg.dae",
-        "6ca837688891261ca5d4014cd167abe4b5ec38d5207abaf87240d7d414b6e30b",
-        1.5085,
-        "DREAMS-lab/pbr_gazebo (Apache-2.0), commit 69e7023, scaled to its height of 1.5085 m",
-    )
-}
 
 
 def fetch(name: str, url: str | None = None, raw: Path | None = None) -> Path:
@@ -94,7 +67,8 @@ def _keep(name: str, original: Original, file: Path, folder: Path) -> Path:
     mesh = trimesh.load_mesh(file, process=False)
     assert isinstance(mesh, trimesh.Trimesh)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    mesh.apply_scale(original.height / float(mesh.extents[2]))
+    if original.height is not None:
+        mesh.apply_scale(original.height / float(mesh.extents[2]))
     final = folder / f"{name}.ply"
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)

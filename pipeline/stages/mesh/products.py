@@ -26,6 +26,12 @@ class ScanData(Stored):
     FILE = "scan.nc"
 
 
+class PlacedData(Stored):
+    """A rock in the pose in which it stands on a terrain of its own file."""
+
+    FILE = "placed.nc"
+
+
 class RockData(Stored):
     """The rock at rest, with its surface and how it tips."""
 

@@ -14,7 +14,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.config.scene_schema import RockConfig
 from pipeline.config.sections import Key
 from pipeline.stages.mesh import sources
-from pipeline.stages.mesh.products import BARRIER_SCALARS, SCAN_PAGE, RockData, ScanData
+from pipeline.stages.mesh.products import BARRIER_SCALARS, SCAN_PAGE, PlacedData, RockData, ScanData
 from pipeline.stages.mesh.sources import Source
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.progress import Steps
@@ -39,9 +39,10 @@ def make(
     rolling_friction: Annotated[float, Key("contact.rolling_friction")],
     source: Source | None,
     scan: ScanData | None,
+    placed: PlacedData | None,
 ) -> Product:
     """Read, check, weigh and set down the rock."""
-    made, level, origin, repaired = _solid(work, rock, source, scan)
+    made, level, origin, repaired = _solid(work, rock, source, scan or placed)
     if rolling_friction > 0.05 * made.rock.radius:
         raise InputError(
             Problem(
@@ -67,7 +68,7 @@ def make(
 
 
 def _solid(
-    work: Work, rock: RockConfig, source: Source | None, scan: ScanData | None
+    work: Work, rock: RockConfig, source: Source | None, scan: ScanData | PlacedData | None
 ) -> tuple[Solid, Rock, Origin, tuple[str, ...]]:
     """The rock as it stands, the same on level ground, where it is from, what was repaired."""
     if source is None:
@@ -91,7 +92,9 @@ def _solid(
     return made, level, origin, repaired
 
 
-def _from_scan(work: Work, scan: ScanData) -> tuple[trimesh.Trimesh, Origin, tuple[str, ...]]:
+def _from_scan(
+    work: Work, scan: ScanData | PlacedData
+) -> tuple[trimesh.Trimesh, Origin, tuple[str, ...]]:
     """The rock in the pose in which it stands on its terrain, where from, what was repaired."""
     data = scan.data
     if not data.attrs["accepted"]:
@@ -109,7 +112,8 @@ def _from_scan(work: Work, scan: ScanData) -> tuple[trimesh.Trimesh, Origin, tup
     mesh = trimesh.Trimesh(data["rock_vertex"].values, faces, process=False)
     origin: Origin = {name: data.attrs[name] for name in ("shape_source", "surrogate")}
     mesh, repaired = solid.checked(mesh)
-    return mesh, origin, repaired
+    before = data.attrs.get("repaired")  # of a rock in a file of its own
+    return mesh, origin, (*filter(None, (before,)), *repaired)
 
 
 def _dataset(made: Solid, level: Rock) -> xr.Dataset:

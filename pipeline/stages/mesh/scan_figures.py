@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 from trimesh.intersections import mesh_plane
@@ -33,9 +33,10 @@ from pipeline.stages.mesh.scan_views import (
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.scan.preparation import Prepared
 from vsr_core.scan.weighing import DIRECTIONS, Seen, Trial
+from vsr_core.terrain.surface import Terrain
 
-ROCK, ADDED = "#7fa8d6", "#f0a030"
-"""Colours of the rock, and of what no scan saw."""
+ROCK, ADDED, EARTH = "#7fa8d6", "#f0a030", to_hex(GROUND)
+"""Colours of the rock, of what no scan saw, and of the ground."""
 
 WIDTH = 9.6  # inches
 
@@ -50,6 +51,8 @@ _SIDES = {
     "below": ("from below", BELOW),
 }
 """Titles and axes of views."""
+
+_AROUND = 1.5  # widths of a rock, from its middle, of the ground that is drawn with it
 
 _BOTH = np.array([-1.0, 1.0])
 
@@ -111,15 +114,29 @@ def scan_from_sides(seen: Seen, marks: Array, source: str) -> Figure:
     ----------
     marks : ndarray, shape (k, 3) [m], places to ring, with their numbers
     """
-    known = {"rock": ROCK, "ground": GROUND, "added": ADDED}
+    known = {"rock": ROCK, "ground": EARTH, "added": ADDED}
     rest = np.ones(len(seen.faces), dtype=bool)
     parts: dict[str, tuple[Mask, str]] = {}
     for (name, mask), colour in zip(seen.parts.items(), cycle(style.SERIES), strict=False):
-        parts[name] = mask, str(known.get(name, colour))
+        parts[name] = mask, known.get(name, colour)
         rest &= ~mask
     if rest.any():
         parts = {"not yet identified": (rest, NOTHING), **parts}
     return _from_sides(seen.vertices, seen.faces, parts, marks, source, ("above", "+y", "-x"))
+
+
+@style.styled
+def on_its_ground(rock: trimesh.Trimesh, terrain: Terrain, source: str) -> Figure:
+    """Draw a rock and the ground around it, from above and two sides."""
+    middle, width = rock.bounds.mean(axis=0), float(rock.extents.max())
+    away = np.abs(terrain.vertices[:, :2] - middle[:2]).max(axis=1)
+    around = terrain.faces[(away < _AROUND * width)[terrain.faces].any(axis=1)]
+    used, ground = np.unique(around, return_inverse=True)
+    vertices = np.concatenate([rock.vertices, terrain.vertices[used]])
+    faces = np.concatenate([rock.faces, len(rock.vertices) + ground.reshape(-1, 3)])
+    own = np.arange(len(faces)) < len(rock.faces)
+    parts = {"rock": (own, ROCK), "ground": (~own, EARTH)}
+    return _from_sides(vertices, faces, parts, np.empty((0, 3)), source, ("above", "+y", "-x"))
 
 
 def _from_sides(

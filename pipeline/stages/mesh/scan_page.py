@@ -245,8 +245,14 @@ def closed_rock_page(
     unknown: tuple[Unseen, ...],
     closing: str,
     trials: tuple[Trial, ...],
+    ground: Row | None = None,
 ) -> str:
     """Everything about the closing of a rock in one page that loads nothing.
+
+    Parameters
+    ----------
+    ground : dict, of the terrain that it stands on: ``lies``, how; ``source``; ``notes``; and a
+        ``picture``
 
     Returns
     -------
@@ -281,6 +287,7 @@ def closed_rock_page(
         "closings": closings(closing, solid, trials),
         "spread": spread(trials),
         "pictures": pictures,
+        "ground": ground,
     }
     return filled("closed_rock.html", facts)
 

@@ -1,8 +1,9 @@
-"""Where a rock's shape comes from: the user's scan, a fetched original, or a surrogate."""
+"""Where shapes come from: the user's scans, a fetched original, or surrogates."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,13 +13,14 @@ from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.config.scene_schema import PedestalConfig, RockConfig
 from pipeline.stages.mesh import mesh_files
+from pipeline.stages.mesh.originals import ORIGINALS
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Input, named
 from vsr_core.errors import InvalidInput
 from vsr_core.scan.closing import Closing
 from vsr_core.scan.weighing import Refused, Tell
 from vsr_core.scan.whole_rock import WholeRock, whole_rock
-from vsr_core.surrogates import GENERATORS, SITES
+from vsr_core.surrogates import GENERATORS, GROUNDS, SITES
 from vsr_core.surrogates.raw_scan import scan
 
 if TYPE_CHECKING:
@@ -69,35 +71,96 @@ class Source(Input):
         return {self.path.name: digest_file(self.path)}
 
 
+@dataclass(frozen=True)
+class GroundFile(Input):
+    """A terrain that is not in the rock's scan."""
+
+    path: Path | None
+    fallback: str
+
+    @property
+    def label(self) -> str:
+        """What a product says of it."""
+        return _label(self.path) if self.path else f"made ground ({self.fallback})"
+
+    @property
+    def name(self) -> str:
+        """What to call it in a message."""
+        return shown(self.path) if self.path else self.fallback
+
+    def digests(self) -> dict[str, str]:
+        """Digest of the file."""
+        if self.path is None:
+            return {"made ground": self.fallback}
+        return {f"terrain {self.path.name}": digest_file(self.path)}
+
+
 def find(rock: RockConfig, pedestal: PedestalConfig, origin: Origin) -> Source | None:
     """The shape of a mesh site: a scan, else the surrogate that its configuration names."""
     if rock.shape == "box":
         return None
     assert rock.mesh is not None
-    folder, file = origin.folder_of("rock.mesh"), origin.file_of("rock.mesh")
-    path, has_ground = located(folder, rock.mesh, file, "rock.mesh"), pedestal.shape == "mesh"
-    if path.is_dir() or (not path.exists() and rock.fallback):
+    has_ground = pedestal.shape == "mesh" and not pedestal.is_own_file
+    path = _file("rock", rock.mesh, rock.fallback, origin)
+    if path is None:
+        name = _known("rock", rock.fallback, SITES if has_ground else GENERATORS, origin)
+        label = "surrogate made from published figures (no scan found)"
+        return Source(None, name, label, rock.scale, has_ground)
+    return Source(path, "", _label(path), rock.scale, has_ground)
+
+
+def find_ground(pedestal: PedestalConfig, origin: Origin) -> GroundFile | None:
+    """The terrain of a site that has it in a file of its own, or made by a formula."""
+    if not pedestal.is_own_file:
+        return None
+    if pedestal.mesh is not None:
+        path = _file("pedestal", pedestal.mesh, pedestal.fallback, origin)
+        if path is not None:
+            return GroundFile(path, "")
+    return GroundFile(None, _known("pedestal", pedestal.fallback, GROUNDS, origin))
+
+
+def _file(section: str, name: str, fallback: str | None, origin: Origin) -> Path | None:
+    """The mesh that a section names by its path or its folder; None where there is none."""
+    key = f"{section}.mesh"
+    file = origin.file_of(key)
+    path = located(origin.folder_of(key), name, file, key)
+    is_folder = path.is_dir() or not (path.exists() or path.suffix)
+    if is_folder or (not path.exists() and fallback):
         scans = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
         if len(scans) > 1:
             names = ", ".join(scan.name for scan in scans)
-            raise _problem(
-                origin, f"{len(scans)} scans ({names})", "a rock has one", "name one in rock.mesh"
-            )
+            rule = "a site has one scan" if section == "pedestal" else "a rock has one"
+            given = f"{len(scans)} scans ({names})"
+            raise _problem(origin, given, rule, f"name one in {key}", key)
+        if not scans and fallback:
+            return None
         if not scans:
-            name = _surrogate(rock, path, origin, has_ground=has_ground)
-            label = "surrogate made from published figures (no scan found)"
-            return Source(None, name, label, rock.scale, has_ground)
+            remedy = "put a scan there"
+            if path.name in ORIGINALS:
+                remedy += f", or the public one: make fetch NAME={path.name}"
+            given = f"{shown(path)}, which holds no scan"
+            raise _problem(origin, given, "it holds one", remedy, key)
         path = scans[0]
     if path.suffix.lower() not in SUFFIXES:
-        raise _problem(origin, shown(path), f"a mesh ends in {' '.join(SUFFIXES)}", "convert it")
+        rule = f"a mesh ends in {' '.join(SUFFIXES)}"
+        raise _problem(origin, shown(path), rule, "convert it", key)
     if not path.is_file():
-        raise not_found(file, "rock.mesh", shown(path))
+        raise not_found(file, key, shown(path))
     try:
         mesh_files.check_size(path)  # before its digest is taken
     except InvalidInput as error:
         given = f"{shown(path)}, {error.given}"
-        raise _problem(origin, given, error.rule, error.remedy) from None
-    return Source(path, "", _label(path), rock.scale, has_ground)
+        raise _problem(origin, given, error.rule, error.remedy, key) from None
+    return path
+
+
+def _known(section: str, name: str | None, known: Iterable[str], origin: Origin) -> str:
+    """Name of a surrogate that there is."""
+    if name is None or name not in known:
+        key, rule = f"{section}.fallback", f"it is one of {', '.join(known)}"
+        raise InputError(Problem(origin.file_of(key), key, repr(name), rule, "correct it"))
+    return name
 
 
 def load(source: Source, origin: Origin) -> trimesh.Trimesh:
@@ -115,13 +178,24 @@ def load(source: Source, origin: Origin) -> trimesh.Trimesh:
             return mesh.apply_scale(source.scale)
         raw = scan(SITES[source.fallback]())
         return trimesh.Trimesh(raw.vertices, raw.faces, vertex_colors=raw.colours, process=False)
+    return _read(source.path, origin, "rock.mesh").apply_scale(source.scale)
+
+
+def load_ground(ground: GroundFile, origin: Origin) -> trimesh.Trimesh:
+    """The terrain [m], in the coordinates of its file."""
+    import trimesh
+
+    if ground.path is None:
+        return trimesh.Trimesh(*GROUNDS[ground.fallback](), process=False)
+    return _read(ground.path, origin, "pedestal.mesh")
+
+
+def _read(path: Path, origin: Origin, key: str) -> trimesh.Trimesh:
     try:
-        mesh = mesh_files.read(source.path)
+        return mesh_files.read(path)
     except InvalidInput as error:
-        given = f"{source.name}, {error.given}"
-        raise _problem(origin, given, error.rule, error.remedy) from None
-    mesh.apply_scale(source.scale)
-    return mesh
+        given = f"{shown(path)}, {error.given}"
+        raise _problem(origin, given, error.rule, error.remedy, key) from None
 
 
 def closed(source: Source, closing: Closing, origin: Origin, tell: Tell) -> WholeRock:
@@ -131,19 +205,6 @@ def closed(source: Source, closing: Closing, origin: Origin, tell: Tell) -> Whol
     except Refused as error:
         refusal = named("pipeline.stages.mesh.scan_page:refusal")  # with figures, if need be
         raise refusal(origin, source, "rock.mesh", error) from None
-
-
-def _surrogate(rock: RockConfig, folder: Path, origin: Origin, *, has_ground: bool) -> str:
-    """Name of the surrogate of a rock without a scan."""
-    known = SITES if has_ground else GENERATORS
-    if not rock.fallback:
-        raise _problem(
-            origin, f"{shown(folder)}, which holds no scan", "it holds one", "put a scan there"
-        )
-    if rock.fallback not in known:
-        rule, key = f"it is one of {', '.join(known)}", "rock.fallback"
-        raise InputError(Problem(origin.file_of(key), key, repr(rock.fallback), rule, "correct it"))
-    return rock.fallback
 
 
 def _label(path: Path) -> str:
@@ -157,5 +218,5 @@ def _label(path: Path) -> str:
     return f"scan {shown(path)}"
 
 
-def _problem(origin: Origin, given: str, rule: str, remedy: str) -> InputError:
-    return InputError(Problem(origin.file_of("rock.mesh"), "rock.mesh", given, rule, remedy))
+def _problem(origin: Origin, given: str, rule: str, remedy: str, key: str) -> InputError:
+    return InputError(Problem(origin.file_of(key), key, given, rule, remedy))

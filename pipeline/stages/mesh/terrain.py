@@ -11,10 +11,11 @@ import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from pipeline.config import in_si
-from pipeline.config.problems import InputError
+from pipeline.config.layers import Origin
+from pipeline.config.problems import InputError, Problem
 from pipeline.config.scene_schema import ContactConfig, SeatPoints
 from pipeline.config.sections import Key
-from pipeline.stages.mesh.products import ScanData, Standing, TerrainData
+from pipeline.stages.mesh.products import PlacedData, ScanData, Standing, TerrainData
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.engine_input import Engine
 from pipeline.workflow.stage import Product, Work
@@ -26,6 +27,7 @@ from vsr_core.rock.body import Rock
 from vsr_core.run.displacement import held_toward, settled
 from vsr_core.run.time_step import step_unit
 from vsr_core.scan import seat
+from vsr_core.scan.placing import set_down
 from vsr_core.scene import Contact, Scene, State
 from vsr_core.terrain.coarsening import coarser
 from vsr_core.terrain.surface import Terrain
@@ -44,31 +46,31 @@ def make(
     bearing: Annotated[Literal["rim", "whole"] | SeatPoints, Key("pedestal.seat")],
     reduce: Annotated[bool, Key("simulation.reduce")],
     engine: Engine,
-    scan: ScanData,
+    scan: ScanData | None,
+    placed: PlacedData | None,
     standing: Standing,
 ) -> Product:
     """Make the ground light enough to run on, lay the seat, and set the rock down."""
-    data, rock = scan.data, standing.rock
+    found = scan or placed
+    assert found is not None
+    data, rock = found.data, standing.rock
     whole = Terrain(data["terrain_vertex"].values, data["terrain_face"].values.astype(np.int64))
     how = bearing.points if isinstance(bearing, SeatPoints) else bearing
     seated = reduction.on_its_seat(rock) if reduce else rock
-    up = np.array([0.0, 0.0, rock.height])
     try:
-        loops = seat.seams(whole, data["terrain_unseen"].values.astype(bool))
         light = coarser(whole, partial(_tolerance, rock)) if reduce else whole
-        laid = seat.seat(light, loops, seated.vertices + up, rock.vertices + up, how)
+        laid, height = _laid(scan, whole, light, seated, rock, how)
         terrain = laid.terrain
         scenes = [
-            _rest(terrain, seated, rock.height, in_si.contact(contact, friction), engine.name)
+            _rest(terrain, seated, height, in_si.contact(contact, friction), engine.name)
             for friction in contact.friction
         ]
         held = held_toward(scenes[0], _step(rock, engine.name), engine.name)
     except InvalidInput as error:
-        file = work.origin.file_of("pedestal")
-        raise InputError.from_invalid(file, "pedestal", error) from None
+        raise _refusal(work.origin, error, own_file=scan is None) from None
     starts = [scene.start for scene in scenes if scene.start is not None]
     dataset = _dataset(whole, laid, terrain, starts).assign_coords(friction=list(contact.friction))
-    seat_note, held_note = _bears(laid), _holds(held, contact.friction[0])
+    seat_note, held_note = _bears(laid, height - rock.height), _holds(held, contact.friction[0])
     dataset.attrs["origin_in_scan"] = data.attrs["origin_in_scan"]
     dataset.attrs |= {"seat": seat_note, "held": held_note}
     if held_note:
@@ -79,7 +81,39 @@ def make(
     )
 
 
-def _bears(laid: seat.Seat) -> str:
+def _laid(
+    scan: ScanData | None,
+    whole: Terrain,
+    light: Terrain,
+    seated: Rock,
+    rock: Rock,
+    bearing: seat.Bearing,
+) -> tuple[seat.Seat, float]:
+    """The ground that bears the rock, and the height of its centre of mass from which it settles.
+
+    Parameters
+    ----------
+    scan : ScanData, of both in one; None where the terrain is in a file of its own
+    """
+    up = np.array([0.0, 0.0, rock.height])
+    corners, outer = seated.vertices + up, rock.vertices + up
+    if scan is None:
+        laid, raised = set_down(light, corners, outer, rock.radius)
+        return laid, rock.height + raised
+    loops = seat.seams(whole, scan.data["terrain_unseen"].values.astype(bool))
+    return seat.seat(light, loops, corners, outer, bearing), rock.height
+
+
+def _refusal(origin: Origin, error: InvalidInput, *, own_file: bool) -> InputError:
+    if not own_file:
+        return InputError.from_invalid(origin.file_of("pedestal"), "pedestal", error)
+    key, remedy = "rock.pose", "correct rock.pose, or let the rock fall: drop: true"
+    return InputError(Problem(origin.file_of(key), key, error.given, error.rule, remedy))
+
+
+def _bears(laid: seat.Seat, raised: float) -> str:
+    if raised > 0.0:
+        return f"the rock was raised by {1e3 * raised:.1f} mm out of the ground"
     bears = f"{len(laid.points)} points of the seam bear the rock" if len(laid.points) else ""
     moved = f"scanned ground was moved out of the rock's hull by at most {1e3 * laid.moved:.1f} mm"
     return f"{bears or 'all of the seam bears the rock'}; {moved}"
