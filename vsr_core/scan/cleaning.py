@@ -33,6 +33,9 @@ FAULTY_SHARE = 0.01
 LOOSE_SHARE = 0.05
 """Share of the area that may be dropped as loose pieces; a larger piece may be the rock."""
 
+LARGEST_LOOSE = 0.05
+"""Longest side [m] of a closed piece that may be dropped beside a scan of rock and ground."""
+
 
 @dataclass(frozen=True)
 class Cleaned:
@@ -60,7 +63,7 @@ def clean(mesh: trimesh.Trimesh, *, alone: bool = False) -> Cleaned:
     ------
     InvalidInput
         If the scan is empty, too large for the memory, of an unlikely size, stored too coarsely,
-        in several large pieces, not a surface, or without outside.
+        in several large pieces, beside a closed rock, not a surface, or without outside.
     """
     _require_memory(mesh)
     notes: list[str] = []
@@ -131,11 +134,15 @@ def _near_origin(mesh: trimesh.Trimesh, notes: list[str]) -> tuple[Array, Array,
         )
         faces = faces[whole]
         vertices[~finite] = vertices[finite][:1] if finite.any() else 0.0
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    _require_precision(vertices, float(max(-low.min(), high.max())))
-    offset = np.round(0.5 * (low + high))
+    _require_precision(vertices, float(max(-vertices.min(), vertices.max())))
+    offset = whole_metres(vertices)
     vertices -= offset
     return vertices, offset, faces
+
+
+def whole_metres(vertices: Array) -> Array:
+    """The middle of points, in whole metres, shape (3,)."""
+    return np.round(0.5 * (vertices.min(axis=0) + vertices.max(axis=0)))
 
 
 def _require_size(vertices: Array) -> None:
@@ -270,6 +277,8 @@ def _one_piece(vertices: Array, faces: Indices, notes: list[str], alone: bool) -
     piece = np.minimum(twins[:count], twins[count:])
     against = (twins[:count] != piece)[patch]
     faces[against] = faces[against, ::-1]
+    if not alone:
+        _require_no_rock_apart(vertices, faces, piece[patch], rim)
     area = areas(vertices, faces)
     whole = np.bincount(piece[patch], weights=area)
     keep = piece[patch] == int(np.argmax(whole))
@@ -295,6 +304,26 @@ def _one_piece(vertices: Array, faces: Indices, notes: list[str], alone: bool) -
     if turned > 0.0:
         notes.append(f"faces wound against their neighbours turned ({turned:.2g} m2)")
     return np.ascontiguousarray(faces)
+
+
+def _require_no_rock_apart(vertices: Array, faces: Indices, piece: Indices, rim: Indices) -> None:
+    """Check that no closed piece that is larger than a pebble is beside others."""
+    name, own = np.unique(piece, return_inverse=True)
+    low, high = np.full((len(name), 3), np.inf), np.full((len(name), 3), -np.inf)
+    for k in range(3):
+        np.minimum.at(low, own, vertices[faces[:, k]])
+        np.maximum.at(high, own, vertices[faces[:, k]])
+    size = (high - low).max(axis=1)
+    size[own[rim]] = 0.0  # open pieces
+    if len(name) == 1 or size.max() <= LARGEST_LOOSE:
+        return
+    rock = int(np.argmax(size))
+    raise InvalidPlace(
+        f"a closed piece {size[rock]:.2g} m large beside {len(name) - 1} more",
+        "rock and ground in one file are one surface",
+        "save them as two files, the terrain as pedestal.mesh, or delete what is neither",
+        0.5 * (low + high)[rock][None],
+    )
 
 
 def _looks_in(vertices: Array, faces: Indices, *, sheet: bool) -> bool:

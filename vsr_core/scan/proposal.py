@@ -31,6 +31,7 @@ _SAME = 0.8  # two cuts whose rocks share this part of their joint area are one
 _RIVAL_SIZE, _RIVAL_COST = 4.0, 0.15
 
 _LEVELS = np.linspace(0.9, 0.1, 9)  # heights above the ground of the seeds, of the highest
+_REACHES = 0.25 * 0.6 ** np.arange(8)  # of the seeds around a point, of the scan's extent
 _STANDS_OUT = 0.15  # of the highest, by which a seed's top must rise above its foot
 
 
@@ -65,7 +66,9 @@ def propose(
     """Rock and ground of a clean scan, separated along the hollow between them.
 
     What rises above the ground, at several heights, seeds a minimum cut whose cost is a length
-    that is cheap along hollows; the border of the scan is ground. Of the seams that follow a
+    that is cheap along hollows; the border of the scan is ground. Where none of these is around a
+    point that is given, what lies near it, at several distances, seeds more: a rock in a pit does
+    not rise above the border. Of the seams that follow a
     hollow the one with the lowest cost for its length is proposed. The confidence is the share
     of its length along a clear hollow, times the share of the seeds within the rock that lead to
     it.
@@ -85,6 +88,11 @@ def propose(
     outer = at_border(faces)
     found = turns(vertices, faces)
     cuts = _candidates(vertices, faces, found, outer, offset)
+    if near is not None:
+        point = np.array(near) - offset
+        nearest = _nearest(vertices[faces].mean(axis=1), point)
+        if not any(cut.rock[nearest] and cut.concave >= _CONCAVE_SHARE for cut in cuts):
+            cuts += _around(point, vertices, faces, found, outer, offset)
     good = [cut for cut in cuts if cut.concave >= _CONCAVE_SHARE]
     if not good:
         raise Undecided(
@@ -135,6 +143,29 @@ def _candidates(
     return cuts
 
 
+def _around(
+    near: Array, vertices: Array, faces: Indices, found: Turns, outer: Mask, offset: Array
+) -> list[_Found]:
+    """Different cuts around what lies near a point."""
+    area, middle = areas(vertices, faces), vertices[faces].mean(axis=1)
+    nearest = _nearest(middle, near)
+    away = np.linalg.norm(middle - middle[nearest], axis=1)
+    cuts: list[_Found] = []
+    for reach in _REACHES * float(np.ptp(vertices, axis=0).max()):
+        within = (away <= reach) & ~outer
+        linked = found.faces[within[found.faces].all(axis=1)]
+        piece = connected_component_labels(linked, len(faces))
+        seed = within & (piece == piece[nearest])
+        if seed.any():
+            top = middle[seed][np.argmax(middle[seed, 2])] + offset
+            _add(cuts, cheapest_cut(found, seed, outer), area, found, top)
+    return cuts
+
+
+def _nearest(middle: Array, point: Array) -> int:
+    return int(np.argmin(np.linalg.norm(middle - point, axis=1)))
+
+
 def _add(cuts: list[_Found], rock: Mask, area: Array, found: Turns, top: Array) -> None:
     """Add a cut, or count another seed for one that is there."""
     for k, cut in enumerate(cuts):
@@ -152,7 +183,7 @@ def _add(cuts: list[_Found], rock: Mask, area: Array, found: Turns, top: Array) 
 def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float] | None) -> _Found:
     """The cheapest cut, or of those with the face nearest to a point; bumps are of one rock."""
     if near is not None:
-        nearest = int(np.argmin(np.linalg.norm(middle - np.array(near), axis=1)))
+        nearest = _nearest(middle, np.array(near))
         held = [cut for cut in good if cut.rock[nearest]]
         if not held:
             raise Undecided(

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from trimesh.graph import connected_component_labels
 
 from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.errors import InvalidInput
+from vsr_core.errors import InvalidInput, InvalidPlace
 from vsr_core.rock.triangles import areas
 from vsr_core.scan.concave import Turns, smoothed_normals, turns
 from vsr_core.scan.cuts import Cut, split
@@ -221,12 +221,24 @@ def planes_beside(
     -------
     centre : ndarray, shape (p, 3) [m], on each plane
     normal : ndarray, shape (p, 3), of unit length
+
+    Raises
+    ------
+    InvalidPlace
+        If all of its faces touch the loop.
     """
     faces = faces[~touching(faces, loop)]
+    if not len(faces):
+        raise InvalidPlace(
+            "a rock or ground all of whose faces touch the seam",
+            "its sides are known from faces beyond the seam",
+            "move pedestal.cut, or scan in triangles that are smaller than the rock",
+            [points.mean(axis=0)],
+        )
     used, local = np.unique(faces, return_inverse=True)
     normal = smoothed_normals(vertices[used], local, 2)
     middle, area = vertices[faces].mean(axis=1), areas(vertices, faces)
-    away, near = cKDTree(middle).query(points, min(_FACES, len(faces)))
+    away, near = cKDTree(middle).query(points, 1 + np.arange(min(_FACES, len(faces))))
     weight = area[near] * (np.exp(-0.5 * (away / (_REACH * edge)) ** 2) + 1e-12)
     own = weight
     for _ in range(_SHIFTS):

@@ -16,6 +16,7 @@ from vsr_core.rock.body import convex_hull
 from vsr_core.rock.solid import FARTHEST, LARGEST_LEVELLING
 from vsr_core.rock.tipping import settle, tipping
 from vsr_core.rock.triangles import chunks
+from vsr_core.scan.cleaning import whole_metres
 from vsr_core.scan.topology import edges
 
 SAMPLES = 20_000
@@ -260,13 +261,13 @@ class Seen:
 
     @classmethod
     def nothing_of(cls, mesh: trimesh.Trimesh) -> Seen:
-        """Nothing yet but the scan itself, as far as it can be drawn."""
+        """Nothing yet but the scan itself, as far as it can be drawn, where ``clean`` puts it."""
         vertices = np.array(mesh.vertices, dtype=np.float64)
         faces = np.array(mesh.faces, dtype=np.int64)
-        whole = (np.abs(vertices[faces]) < FARTHEST).all(axis=(1, 2))
-        used, local = np.unique(faces[whole], return_inverse=True)
-        middle = vertices[used].mean(axis=0) if len(used) else np.zeros(3)
-        return cls(vertices[used] - middle, local.reshape(-1, 3), middle, {})
+        near = np.asarray((np.abs(vertices) < FARTHEST).all(axis=1))
+        used, local = np.unique(faces[near[faces].all(axis=1)], return_inverse=True)
+        offset = whole_metres(vertices[near]) if near.any() else np.zeros(3)
+        return cls(vertices[used] - offset, local.reshape(-1, 3), offset, {})
 
 
 class Refused(InvalidInput):

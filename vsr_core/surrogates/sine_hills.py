@@ -23,7 +23,7 @@ def ground() -> tuple[Array, Indices]:
     Examples
     --------
     >>> vertices, faces = ground()
-    >>> len(faces), vertices[:, 2].max().round(3)
+    >>> len(faces), float(vertices[:, 2].max().round(3))
     (3200, 0.999)
     """
     count = round(2.0 * HALF_WIDTH / STEP) + 1

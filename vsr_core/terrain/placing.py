@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, InvalidPlace
 from vsr_core.rock.triangles import chunks
-from vsr_core.terrain.seat import Seat, seat
+from vsr_core.terrain.seat import LARGE_SHARE, Seat, seat
 from vsr_core.terrain.surface import Terrain
 
 LARGEST_GAP = 0.1
@@ -17,10 +17,8 @@ LARGEST_GAP = 0.1
 MARGIN_SHARE = 0.002
 """Gap beneath a rock that is raised out of the ground or about to fall, likewise."""
 
-_CHEAPER = 0.5  # of what the ground would have to move, below which the rock is raised instead
 _AT_ONCE = 10_000  # points looked up at a time, to save memory
-_SAMPLES_ACROSS = 200  # of the ground's edges, over the rock's width
-_MOST_SAMPLES = 64  # on one edge
+_SAMPLES_ACROSS = 500  # of the ground's edges, over the rock's width
 
 
 def require_ground(terrain: Terrain, points: Array) -> None:
@@ -113,8 +111,8 @@ def clearance(terrain: Terrain, points: Array) -> float:
 def set_down(terrain: Terrain, corners: Array, outer: Array, radius: float) -> tuple[Seat, float]:
     """The ground as a rock stands on it, and by how much the rock is raised for that [m].
 
-    Where the two overlap, the ground is moved out of the rock's hull, or the rock is raised if that
-    is much less, as on triangles as large as the rock.
+    Where the two overlap, the ground gives way (see ``seat``). Large triangles would take the
+    ground far around with them: there the rock is raised, if that is enough.
 
     Parameters
     ----------
@@ -125,17 +123,17 @@ def set_down(terrain: Terrain, corners: Array, outer: Array, radius: float) -> t
     InvalidInput
         If ground and rock overlap by more than ``LARGEST_GAP`` of its radius.
     """
-    laid = seat(terrain, (), corners, outer, "whole")
-    raised = max(0.0, MARGIN_SHARE * radius - clearance(terrain, outer))
-    if raised > _CHEAPER * laid.moved:
-        raised = 0.0
-    if raised > 0.0:
-        above = np.array([0.0, 0.0, raised])
-        laid = seat(terrain, (), corners + above, outer + above, "whole")
-    if max(raised, laid.moved) > LARGEST_GAP * radius:
+    laid, raised, most = seat(terrain, (), corners, outer, "whole"), 0.0, LARGEST_GAP * radius
+    given = (laid.ground.vertices != terrain.vertices).any(axis=1)
+    wide = np.ptp(terrain.vertices[terrain.faces[given[terrain.faces].any(axis=1)]], axis=1)
+    if wide.max(initial=0.0) > LARGE_SHARE * np.ptp(outer, axis=0).max():
+        needed = MARGIN_SHARE * radius - clearance(terrain, outer)
+        if 0.0 < needed <= most:
+            raised, above = needed, np.array([0.0, 0.0, needed])
+            laid = seat(terrain, (), corners + above, outer + above, "whole")
+    if laid.moved > most:
         raise InvalidInput(
-            f"ground that reaches into the rock: it would have to move by "
-            f"{max(raised, laid.moved):.3g} m",
+            f"ground that reaches into the rock: it would have to move by {laid.moved:.3g} m",
             f"what overlaps is parted by at most {LARGEST_GAP:.0%} of the rock's radius",
             "correct rock.pose, or let it fall: drop: true",
         )
@@ -156,14 +154,21 @@ def _ends(hull: ConvexHull, places: Array) -> tuple[Array, Array]:
 
 
 def _along_edges(terrain: Terrain, hull: ConvexHull) -> Array:
-    """Points on the edges of the ground around a hull, shape (n, 3) [m]."""
+    """Points on the edges of the ground above or below a hull's box, shape (n, 3) [m]."""
     low, high = hull.min_bound[:2], hull.max_bound[:2]
     corners = terrain.vertices[terrain.faces]
     plan = corners[:, :, :2]
     near = ((plan.max(axis=1) >= low) & (plan.min(axis=1) <= high)).all(axis=1)
-    start, step = corners[near], np.roll(corners[near], -1, axis=1) - corners[near]
-    longest = float(np.linalg.norm(step, axis=2).max(initial=0.0))
-    count = int(min(_MOST_SAMPLES, 2 + longest * _SAMPLES_ACROSS / (high - low).max()))
-    share = np.linspace(0.0, 1.0, count)[:, None, None, None]
-    points: Array = (start + share * step).reshape(-1, 3)
-    return points[((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)]
+    start = corners[near].reshape(-1, 3)
+    step = np.roll(corners[near], -1, axis=1).reshape(-1, 3) - start
+    along = step[:, :2]
+    across = np.where(along == 0.0, 1e-30, along)
+    ends = np.sort([(low - start[:, :2]) / across, (high - start[:, :2]) / across], axis=0)
+    first, last = ends[0].max(axis=1).clip(0.0, 1.0), ends[1].min(axis=1).clip(0.0, 1.0)
+    meets = first <= last
+    start, step, first, last = start[meets], step[meets], first[meets], last[meets]
+    longest = float(((last - first) * np.linalg.norm(step, axis=1)).max(initial=0.0))
+    count = 2 + int(longest * _SAMPLES_ACROSS / (high - low).max())
+    share = first + np.linspace(0.0, 1.0, count)[:, None] * (last - first)
+    points: Array = (start + share[:, :, None] * step).reshape(-1, 3)
+    return points

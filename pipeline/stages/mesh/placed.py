@@ -104,7 +104,8 @@ def _placed(origin: Origin, rock: RockConfig, whole: WholeRock, file: GroundFile
         with refusing(Seen.nothing_of(raw)):
             cleaned = clean(raw)
     except Refused as error:
-        raise InputError.from_invalid(origin.file_of("pedestal.mesh"), file.name, error) from None
+        where = f"{origin.file_of('pedestal.mesh')}: pedestal.mesh"
+        raise InputError.from_invalid(where, file.name, error) from None
     ground = Terrain(np.array(cleaned.mesh.vertices), np.array(cleaned.mesh.faces, np.int64))
     turn = Rotation.from_quat(pose.quaternion)
     points = turn.apply(np.array(whole.rock.vertices) + whole.offset)
@@ -139,6 +140,7 @@ def _lying(
     corners = body.vertices + centre
     placing.require_ground(ground, corners)
     gap = placing.require_contact(ground, corners, body.radius)
+    placing.set_down(ground, corners, corners, body.radius)  # refused before anything is written
     return mesh, float(turned), gap
 
 

@@ -35,7 +35,7 @@ from vsr_core.scan.preparation import Prepared
 from vsr_core.scan.weighing import DIRECTIONS, Seen, Trial
 from vsr_core.terrain.surface import Terrain
 
-ROCK, ADDED, EARTH = "#7fa8d6", "#f0a030", to_hex(GROUND)
+ROCK, ADDED, EARTH = "#7fa8d6", "#f0a030", to_hex(GROUND.tolist())
 """Colours of the rock, of what no scan saw, and of the ground."""
 
 WIDTH = 9.6  # inches

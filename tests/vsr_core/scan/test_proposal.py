@@ -49,3 +49,24 @@ def test_the_same_heads_on_bare_ground_are_two_rocks() -> None:
         propose(cleaned.mesh, None, cleaned.offset)
     one, other = undecided.value.rocks.values()
     assert not (one & other).any()
+
+
+def ball(x: float, y: float, z: float) -> float:
+    """A ball on the bottom of a pit."""
+    return 0.35 - math.dist((x, y, z), (0.0, 0.0, 0.25))
+
+
+def pit(x: float, y: float, z: float) -> float:
+    return 0.9 * min(1.2, math.hypot(x, y)) ** 2 - z
+
+
+def test_a_rock_in_a_pit_is_found_by_a_point_on_it() -> None:
+    """Its top is below the border of the scan; what is seen of it is the ball above the pit."""
+    truth = scan_shapes.Truth(None, ball, pit, np.array([0.0, 0.0, 1.0]), 1.2)
+    cleaned = clean(scan_shapes.noisy(scan_shapes.scan(truth, EDGE), 0.002))
+    found = propose(cleaned.mesh, (0.0, 0.0, 0.6), cleaned.offset)
+    points = cleaned.mesh.vertices[cleaned.mesh.faces[found.rock]].mean(axis=1) + cleaned.offset
+    off = np.abs(np.linalg.norm(points - (0.0, 0.0, 0.25), axis=1) - 0.35)
+    assert np.percentile(off, 95) < EDGE  # of the triangles that the seam runs along
+    assert points[:, 2].max() > 0.55
+    assert points[:, 2].min() < 0.15

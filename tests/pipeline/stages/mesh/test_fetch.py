@@ -8,6 +8,7 @@ import json
 import socket
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from pipeline import ROOT, cli
 from pipeline.config.layers import Site, load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.mesh import fetch, sources
-from pipeline.stages.mesh.fetch import ORIGINALS, Original
+from pipeline.stages.mesh.originals import ORIGINALS, Original
 from pipeline.workflow.datasets import read
 
 ORIGINAL = ROOT.parent / "shared" / "data" / "double_rock" / "double_rock_pbr_petg.dae"
@@ -243,6 +244,22 @@ def test_published_address_is_pinned() -> None:
     assert f"/DREAMS-lab/pbr_gazebo/{commit}/" in entry.url
     assert entry.sha256 == "6ca837688891261ca5d4014cd167abe4b5ec38d5207abaf87240d7d414b6e30b"
     assert entry.height == 1.5085
+
+
+def test_the_boulder_is_pinned_and_kept_as_large_as_it_is(
+    serve: Callable[[bytes], str], raw: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its commit and licence; its file is in metres."""
+    body = trimesh.creation.box(SIZE).export(file_type="obj").encode()
+    entry = ORIGINALS["granite_boulder"]
+    commit = "351dd2eaff00f39d75cdc24200020a82525c5d2b"
+    assert entry.url.endswith(f"/ZhiangChen/VSR_Pro/{commit}/data/granite.obj")
+    assert len(entry.sha256) == 64
+    assert "Apache-2.0" in entry.credit
+    assert entry.height is None
+    monkeypatch.setitem(ORIGINALS, "granite_boulder", replace(entry, sha256=sha(body)))
+    path = fetch.fetch("granite_boulder", f"{serve(body)}/whole.dae", raw)
+    np.testing.assert_allclose(trimesh.load(path, process=False).extents, SIZE, rtol=1e-6)
 
 
 @pytest.mark.skipif(not ORIGINAL.is_file(), reason=f"reference data absent: {ORIGINAL.name}")
