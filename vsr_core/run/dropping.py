@@ -10,8 +10,8 @@ from vsr_core.rock.body import Rock
 from vsr_core.run.displacement import at_rest
 from vsr_core.run.overturning import COMPILED
 from vsr_core.run.time_step import step_unit
+from vsr_core.scan.placing import MARGIN_SHARE, clearance
 from vsr_core.scene import Contact, Scene, State
-from vsr_core.terrain.placing import MARGIN_SHARE, clearance
 from vsr_core.terrain.surface import Terrain
 
 CONTACT = Contact(friction=1.0)

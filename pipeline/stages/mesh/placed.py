@@ -23,10 +23,10 @@ from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import solid
 from vsr_core.run.dropping import dropped
+from vsr_core.scan import placing
 from vsr_core.scan.cleaning import clean
 from vsr_core.scan.weighing import Refused, Seen, measured, refusing
 from vsr_core.scan.whole_rock import WholeRock
-from vsr_core.terrain import placing
 from vsr_core.terrain.surface import Terrain
 
 AS_IN_ITS_FILE = PoseConfig(position=(0.0, 0.0, 0.0))

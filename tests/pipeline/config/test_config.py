@@ -87,7 +87,7 @@ PRINTS = {"petg_12.8cm": (0.128, 1240.0), "pla_12cm": (0.12, 1250.0)}  # m, kg/m
 @pytest.mark.parametrize("name", known())
 def test_shipped_sites(name: str) -> None:
     config = load_site(name).config
-    on_terrain = name in ("double_rock_terrain", "granite_dells")
+    on_terrain = name in ("double_rock_terrain", "granite_boulder", "granite_dells")
     assert config.pedestal.shape == ("mesh" if on_terrain else "flat")
     assert config.contact.friction == (0.6,)
     assert len(config.motion.pgv_pga) == 50
@@ -111,6 +111,10 @@ def test_shipped_sites(name: str) -> None:
         assert config.rock.density == WOOD
         assert config.motion.pga[::49] == (0.05, 0.5)
         assert config.motion.pgv_pga[::49] == (0.05, 0.35)
+    elif name == "granite_boulder":
+        assert config.on_own_ground
+        assert config.rock.fallback is None  # without the boulder there is no such site
+        assert config.rock.pose is not None
     elif on_terrain:
         assert config.rock.fallback == name
         assert config.pedestal.cut == "proposal"

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, InvalidPlace
 from vsr_core.rock.triangles import chunks
-from vsr_core.terrain.seat import LARGE_SHARE, Seat, seat
+from vsr_core.scan.seat import LARGE_SHARE, Seat, seat
 from vsr_core.terrain.surface import Terrain
 
 LARGEST_GAP = 0.1

@@ -10,8 +10,8 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from vsr_core.errors import InvalidInput
-from vsr_core.terrain.placing import clearance, require_contact, require_ground, set_down
-from vsr_core.terrain.seat import out_of
+from vsr_core.scan.placing import clearance, require_contact, require_ground, set_down
+from vsr_core.scan.seat import out_of
 from vsr_core.terrain.surface import Terrain
 
 Array = np.ndarray
