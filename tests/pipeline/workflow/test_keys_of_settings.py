@@ -67,6 +67,8 @@ NO_RUN = {
     "rock.fallback": "a block has no scan",
     "rock.scale": "a block has no scan",
     "rock.closing": "a block has no scan",
+    "pedestal.mesh": "level ground is in no file",
+    "pedestal.fallback": "level ground is in no file",
     "pedestal.point_on_rock": "level ground is cut from no scan",
     "pedestal.seat": "a rock on level ground stands on its base",
     "simulation.tolerance": "it chooses a time step, which is given here",
@@ -126,6 +128,12 @@ BASES = {
     "servo": Base("cuboid_1x1x2", ("report", "accuracy", "drive"), (STEP, "drive=servo")),
     "idle servo": Base("cuboid_1x1x2", ("drive",), (STEP,)),
     "terrain": on_terrain(about=""),
+    "two files": Base(
+        "granite_boulder",
+        ("displacement_report",),
+        (STEP, "pedestal.seat={points: 4}"),
+        "rock.pose",
+    ),
     "plane": on_terrain("{kind: plane, point: [0, 0, 1], normal: [0, 0, 1]}"),
     "box": on_terrain("{kind: box, low: [0, 0, 0], high: [1, 1, 1]}"),
     "polygon": on_terrain("{kind: polygon, corners: [[0, 0], [1, 0], [0, 1]]}"),
@@ -219,7 +227,7 @@ def others(value: Any, name: str) -> Iterator[Any]:
         yield f"{value}2"
     elif value:
         yield from ((*value[:-1], last) for last in others(value[-1], ""))
-    yield from (None, "other", 0.5, 100.0, (1.0, 2.0, 3.0), ("yaw=90",))
+    yield from (None, "other", 0.5, 100.0, (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8), ("yaw=90",))
 
 
 @dataclass(frozen=True)
