@@ -14,6 +14,7 @@ from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput, InvalidPlace
 from vsr_core.rock.triangles import areas, chunks, cross_products
 from vsr_core.scan.topology import edges, ends, split_fans
+from vsr_core.terrain.surface import Terrain
 
 MEMORY = 4 * 2**30
 """What cleaning may take, the given mesh included [byte]: 20 million faces of a scan without
@@ -277,8 +278,6 @@ def _one_piece(vertices: Array, faces: Indices, notes: list[str], alone: bool) -
     piece = np.minimum(twins[:count], twins[count:])
     against = (twins[:count] != piece)[patch]
     faces[against] = faces[against, ::-1]
-    if not alone:
-        _require_no_rock_apart(vertices, faces, piece[patch], rim)
     area = areas(vertices, faces)
     whole = np.bincount(piece[patch], weights=area)
     keep = piece[patch] == int(np.argmax(whole))
@@ -289,7 +288,10 @@ def _one_piece(vertices: Array, faces: Indices, notes: list[str], alone: bool) -
             f"a scan in {int((whole > 0).sum())} pieces ({loose:.2g} m2 beside the largest)",
             ("one rock is one body" if alone else "rock and ground hang together")
             + f"; loose pieces make up at most {LOOSE_SHARE:.0%} of the surface",
-            "keep the rock alone" if alone else "join the pieces or crop the scan",
+            "keep the rock alone"
+            if alone
+            else "join the pieces, crop the scan, or save rock and terrain as two files "
+            "(pedestal.mesh)",
             vertices[faces[second]].mean(axis=(0, 1))[None],
         )
     if loose > 0.0:
@@ -297,33 +299,37 @@ def _one_piece(vertices: Array, faces: Indices, notes: list[str], alone: bool) -
         pieces = f"{number} loose piece{'s' * (number > 1)}"
         notes.append(f"{pieces} dropped ({loose:.2g} m2)")
     turned = min(float(area[keep & against].sum()), float(area[keep & ~against].sum()))
+    is_open = np.zeros(len(piece), dtype=bool)
+    is_open[piece[patch[rim]]] = True
+    apart = ~is_open[piece][patch] & ~keep
+    closed = faces[apart], piece[patch[apart]]
     faces = faces[keep]
     if _looks_in(vertices, faces, sheet=not alone and bool(keep[rim].any())):
         faces = faces[:, ::-1]
         notes.append("all faces turned outward")
+    if apart.any() and not alone:
+        _require_no_rock_apart(Terrain(vertices, faces), *closed)
     if turned > 0.0:
         notes.append(f"faces wound against their neighbours turned ({turned:.2g} m2)")
     return np.ascontiguousarray(faces)
 
 
-def _require_no_rock_apart(vertices: Array, faces: Indices, piece: Indices, rim: Indices) -> None:
-    """Check that no closed piece that is larger than a pebble is beside others."""
-    name, own = np.unique(piece, return_inverse=True)
-    low, high = np.full((len(name), 3), np.inf), np.full((len(name), 3), -np.inf)
-    for k in range(3):
-        np.minimum.at(low, own, vertices[faces[:, k]])
-        np.maximum.at(high, own, vertices[faces[:, k]])
-    size = (high - low).max(axis=1)
-    size[own[rim]] = 0.0  # open pieces
-    if len(name) == 1 or size.max() <= LARGEST_LOOSE:
-        return
-    rock = int(np.argmax(size))
-    raise InvalidPlace(
-        f"a closed piece {size[rock]:.2g} m large beside {len(name) - 1} more",
-        "rock and ground in one file are one surface",
-        "save them as two files, the terrain as pedestal.mesh, or delete what is neither",
-        0.5 * (low + high)[rock][None],
-    )
+def _require_no_rock_apart(ground: Terrain, faces: Indices, piece: Indices) -> None:
+    """Check that no closed piece that is larger than a pebble is outside of the scan's surface.
+
+    Those within it are crevices that the surface was continued across.
+    """
+    order = np.argsort(piece)
+    for own in np.split(faces[order], 1 + np.flatnonzero(np.diff(piece[order]))):
+        points = ground.vertices[np.unique(own)]
+        size = float(np.ptp(points, axis=0).max())
+        if size > LARGEST_LOOSE and not ground.depth(points[np.argmax(points[:, 2])]):
+            raise InvalidPlace(
+                f"a closed piece {size:.2g} m large apart from the rest",
+                "rock and ground in one file are one surface",
+                "save them as two files, the terrain as pedestal.mesh, or delete what is neither",
+                0.5 * (points.min(axis=0) + points.max(axis=0))[None],
+            )
 
 
 def _looks_in(vertices: Array, faces: Indices, *, sheet: bool) -> bool:

@@ -25,10 +25,10 @@ def hill(cells: int = 60) -> trimesh.Trimesh:
     return trimesh.Trimesh(np.column_stack([x, y, height]), faces, process=False)
 
 
-def with_ball(radius: float) -> trimesh.Trimesh:
-    """The hill and a ball on its flank, each closed or open by itself, far from the origin."""
+def with_ball(radius: float, height: float = 1.2) -> trimesh.Trimesh:
+    """The hill and a ball on its flank, or within it, far from the origin."""
     ball = trimesh.creation.icosphere(2, radius)
-    ball.apply_translation((1.0, -2.0, 1.2))
+    ball.apply_translation((1.0, -2.0, height))
     both = trimesh.util.concatenate([hill(), ball])
     both.apply_translation(FAR)
     return both
@@ -46,11 +46,12 @@ def test_a_rock_beside_its_ground_is_not_dropped() -> None:
     assert "pedestal.mesh" in refused.value.remedy
 
 
-def test_a_speck_beside_the_ground_is() -> None:
+@pytest.mark.parametrize(("radius", "height"), [(0.02, 1.2), (0.2, -0.5)])
+def test_a_speck_and_a_hollow_within_are_dropped(radius: float, height: float) -> None:
     with pytest.raises(Refused) as refused:  # of the hill alone
         prepare_scan(hill(), None, closing="caps", density=2000.0, tell=str)
     with pytest.raises(Refused) as beside:
-        prepare_scan(with_ball(0.02), None, closing="caps", density=2000.0, tell=str)
+        prepare_scan(with_ball(radius, height), None, closing="caps", density=2000.0, tell=str)
     assert beside.value.given == refused.value.given
 
 
