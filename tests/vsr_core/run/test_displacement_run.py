@@ -515,7 +515,7 @@ def test_a_state_is_raised_out_of_the_ground() -> None:
 def fallen() -> tuple[TerrainCase, DisplacementRun, CosinePulse]:
     """A box that is pushed off a cliff of 3 m."""
     box, limits = rock_of("box")
-    site = grounds.site(box, ground_of("cliff"), limits.toppled_tilt, friction=0.1)
+    site = grounds.site(box, ground_of("cliff"), limits.toppled_tilt, friction=0.2)
     motion = CosinePulse.from_g(-1.2, 0.3)
     return site, displacement.displace(site, motion, usual(box)), motion
 
@@ -1168,7 +1168,7 @@ def blocks_at(world: object, points: Array) -> NDArray[np.bool_]:
     found = np.zeros(len(points), dtype=bool)
     for block in ground._bodies if len(points) else ():
         corners = ground._blocks[block]
-        if ground._convex:
+        if ground._tiles is None:
             hull = trimesh.convex.convex_hull(corners)
             apart = trimesh.proximity.ProximityQuery(hull).signed_distance(scaled) * -1.0
             found |= apart < 0.1
