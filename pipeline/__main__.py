@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from io import TextIOWrapper
+from threading import Timer, get_ident
 from types import FrameType
 
 from pipeline.cli import main
@@ -19,6 +20,7 @@ def program() -> int:
     """The process of one command; returns its exit code."""
     gc.set_threshold(COLLECTED_AFTER, 20, 20)
     signal.signal(signal.SIGTERM, _stop)
+    sys.unraisablehook = _stop_again
     os.environ["MPLBACKEND"] = "agg"  # pictures go to files, whatever screen there is
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
@@ -31,6 +33,14 @@ def program() -> int:
 
 def _stop(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
+
+
+def _stop_again(ignored: "sys.UnraisableHookArgs") -> None:
+    """Stop a moment later where Ctrl-C or SIGTERM met a callback, whose errors Python ignores."""
+    if issubclass(ignored.exc_type, KeyboardInterrupt):
+        Timer(0.05, signal.pthread_kill, (get_ident(), signal.SIGTERM)).start()
+    else:
+        sys.__unraisablehook__(ignored)
 
 
 if __name__ == "__main__":

@@ -231,6 +231,30 @@ def test_stopped_while_a_scan_is_cut(tmp_path: Path, how: signal.Signals) -> Non
     assert not list(tmp_path.rglob(".part-*"))
 
 
+STOPPED_IN_A_CALLBACK = """
+import os, signal, sys, time, weakref
+from pipeline import __main__ as command
+class Lock: pass
+def main():
+    try:
+        lock = Lock()
+        kept = weakref.ref(lock, lambda _: os.kill(os.getpid(), signal.SIGTERM))
+        del lock
+        time.sleep(30)
+    except KeyboardInterrupt:
+        return 130
+command.main = main
+sys.exit(command.program())
+"""
+
+
+def test_a_stop_in_a_callback_whose_errors_python_ignores() -> None:
+    """As the callbacks of an import's locks are."""
+    command = [sys.executable, "-c", STOPPED_IN_A_CALLBACK]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, timeout=20, check=False)
+    assert (done.returncode, done.stderr) == (cli.STOPPED, b"")
+
+
 @pytest.mark.parametrize(
     "delay", [0.5, *(pytest.param(0.1 * k, marks=pytest.mark.slow) for k in (1, 2, 3, 4, 6, 8, 12))]
 )

@@ -115,7 +115,8 @@ def environment(place: Path) -> None:
 
 def own_files(place: Path) -> None:
     """A reader's rock, scan, records, curves and tests, with the YAML that pages print for them."""
-    rock, site = _yaml(place / "docs" / "how_to" / "own_scan.md")
+    rock, site, placed = _yaml(place / "docs" / "how_to" / "own_scan.md")
+    assert "pose:" in placed  # of files that no command of the page names
     (place / "my_rock.yaml").write_text(rock, encoding="utf-8")
     trimesh.creation.box([500.0, 700.0, 1500.0]).export(place / "my_rock.ply")  # mm, as printed
     scan = place / "data" / "raw" / "my_site" / "scan.ply"
