@@ -123,7 +123,8 @@ def own_files(place: Path) -> None:
     scan.parent.mkdir()
     write_ply(scan, survey())
     (place / "configs" / "sites" / "my_site.yaml").write_text(site, encoding="utf-8")
-    (records,) = _yaml(place / "docs" / "how_to" / "own_record.md")
+    records, components = _yaml(place / "docs" / "how_to" / "own_record.md")
+    assert "components:" in components  # of files that no command of the page names
     (place / "my_records.yaml").write_text(records, encoding="utf-8")
     (place / "my_study.yaml").write_text(STUDY, encoding="utf-8")
     shipped = place / "data" / "raw"
