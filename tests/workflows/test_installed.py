@@ -17,7 +17,8 @@ GRID = "motion={pga: [0.4, 0.9], pgv_pga: [0.3]}"
 SHORT = """
 import sys, vsr
 block = vsr.box(0.5, 1.0, 2.0, density=2110)
-made = vsr.fragility(block, vsr.pulses([0.4, 0.9], [0.3]), name="block", yaw=[0, 90], workers=0)
+made = vsr.fragility(block, vsr.pulses([0.4, 0.9], [0.3]), name="block", yaw=[0, 90],
+                     simulation={"time_step": 0.001}, workers=0)
 print(vsr.__file__, dict(made.sizes)["yaw"], float(made.first_overturning_pga.min()))
 try:
     vsr.responses(block, yow=3)
@@ -61,7 +62,8 @@ def test_it_works_in_any_folder(installed: Path, tmp_path: Path) -> None:
     assert written == ["README.md", "my_rock.yaml", "schema.json"]
     assert "NAME" not in (tmp_path / "my_rock" / "README.md").read_text(encoding="utf-8")
     done = ran(installed, tmp_path / "my_rock", *vsr, "run", "fragility", "--workers", "0",
-               "--site", "my_rock.yaml", "--set", GRID, "--set", "yaw=0")  # fmt: skip
+               "--site", "my_rock.yaml", "--set", GRID, "--set", "yaw=0",
+               "--set", "simulation.time_step=0.001")  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "my_rock" / "data" / "derived" / "my_rock" / "report.html").is_file()
     again = ran(installed, tmp_path, *vsr, "init", "my_rock")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import shutil
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,7 @@ from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.stages.studies.validation import predictions, recorded_tests
 from pipeline.stages.studies.validation.recorded_runs import Draw, Role
 from pipeline.workflow.rows import RunRow
+from pipeline.workflow.run_store import RUNS
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.motions.pulses import CosinePulse
@@ -177,10 +179,13 @@ def test_page_shows_its_pictures_and_what_was_assumed(made: tuple[Path, Path]) -
         assert (made[1] / f"validation_{name}.png").stat().st_size > 10_000
 
 
-def test_a_folder_without_outcomes_is_predicted(tmp_path: Path) -> None:
+def test_a_folder_without_outcomes_is_predicted(made: tuple[Path, Path], tmp_path: Path) -> None:
+    """From the runs of the same tests with outcomes."""
     rows = [f"{k},motion,{0.1 * k},{RATIO}" for k in range(1, 7)]
     text = "\n".join(["test,ground_motion,pga_g,pgv_pga_s", *rows])
     folder = write_tests(tmp_path / "unknown", outcomes=text)
+    (tmp_path / "to" / "unknown").mkdir(parents=True)
+    shutil.copyfile(made[1] / RUNS, tmp_path / "to" / "unknown" / RUNS)
     arguments = ["run", "validation", "--table", str(folder), "--derived", str(tmp_path / "to")]
     assert cli.main([*arguments, "--workers", "0"]) == cli.DONE
     with xr.open_dataset(tmp_path / "to" / "unknown" / "validation.nc") as data:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
+from scipy.spatial import cKDTree
 from trimesh.proximity import closest_point
 
 from vsr_core.arrays import Array, Indices, Mask
@@ -24,6 +25,7 @@ SAMPLES = 20_000
 
 _ON = 1e-9  # a barycentric share below this is none
 _AT_ONCE = 10_000  # points looked up at a time, to save memory
+_FARTHEST_AT_ONCE = 500  # those that may be farthest first, to look up few
 
 
 def signed_distance(mesh: trimesh.Trimesh, points: Array) -> tuple[Array, Array, Indices]:
@@ -96,10 +98,21 @@ def hausdorff(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
 
 def _farthest(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
     """Largest distance of a point of one surface from another [m]."""
-    spread = trimesh.sample.sample_surface(one, SAMPLES, seed=0)[0]
-    points = np.concatenate([np.array(one.vertices)[np.unique(one.faces)], spread])
-    found = (closest_point(other, points[chunk])[1] for chunk in chunks(len(points), _AT_ONCE))
-    return max(float(distance.max()) for distance in found)
+    points = _spread(one)
+    at_most = cKDTree(_spread(other)).query(points)[0]
+    order = np.argsort(-at_most)
+    largest = 0.0
+    for chunk in chunks(len(points), _FARTHEST_AT_ONCE):
+        if at_most[order[chunk][0]] <= largest:
+            break  # no other point can be farther
+        largest = max(largest, float(closest_point(other, points[order[chunk]])[1].max()))
+    return largest
+
+
+def _spread(mesh: trimesh.Trimesh) -> Array:
+    """Vertices of a surface, and points spread over it by area."""
+    spread = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)[0]
+    return np.concatenate([np.array(mesh.vertices)[np.unique(mesh.faces)], spread])
 
 
 DIRECTIONS = np.radians(np.arange(0.0, 360.0, 5.0))

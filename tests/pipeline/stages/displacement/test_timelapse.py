@@ -289,15 +289,29 @@ def artist(figure: Figure, gid: str):  # type: ignore[no-untyped-def]
 
 
 @pytest.fixture(scope="module")
-def figure(displacement: xr.Dataset, terrain: xr.Dataset) -> Figure:
-    return timelapse.timelapse(displacement, terrain, tumbling.rock(), 2, "surrogate <of> both")
+def pictured(displacement: xr.Dataset, terrain: xr.Dataset) -> tuple[Figure, View]:
+    """A figure and its view."""
+    views, scene = [], timelapse._scene
+
+    def seen(*given: object) -> object:
+        made = scene(*given)  # type: ignore[arg-type]
+        views.append(made.behind.view)
+        return made
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(timelapse, "_scene", seen)
+        rock, source = tumbling.rock(), "surrogate <of> both"
+        return timelapse.timelapse(displacement, terrain, rock, 2, source), views[0]
 
 
 @pytest.fixture(scope="module")
-def view(displacement: xr.Dataset, terrain: xr.Dataset) -> View:
-    """Of the figure."""
-    size = (timelapse.WIDTH, timelapse.HEIGHT)
-    return timelapse._scene(displacement, terrain, tumbling.rock(), 2, size).behind.view
+def figure(pictured: tuple[Figure, View]) -> Figure:
+    return pictured[0]
+
+
+@pytest.fixture(scope="module")
+def view(pictured: tuple[Figure, View]) -> View:
+    return pictured[1]
 
 
 def test_the_picture_is_1600_pixels_wide(figure: Figure, full_pictures: None) -> None:
