@@ -278,7 +278,7 @@ sys.exit(main(sys.argv[2:]))
 """
 
 
-@pytest.mark.parametrize("room", [0, 30_000])
+@pytest.mark.parametrize("room", [0, pytest.param(30_000, marks=pytest.mark.slow)])
 def test_no_room_is_told_as_that(tmp_path: Path, room: int) -> None:
     """The system's limit of a file's size stands for the end of the disk."""
     arguments = ["run", "rock", *SITE, "--workers", "0", "--derived", str(tmp_path)]

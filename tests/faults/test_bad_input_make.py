@@ -55,17 +55,10 @@ def test_make_refuses_in_a_line(tmp_path: Path, line: str) -> None:
     see_that_it_is_refused(make(*READY, *shlex.split(line), *own), REFUSED[line])
 
 
-SETTINGS = {
-    "motion.pga={start: 0.1, stop: 1, num: 5}": 5 * 50,
-    "motion.pga=0.4 motion.pgv_pga=[0.1, 0.2]": 2,
-    "motion.pga={start: 0.1, stop: 1, num: 5} yaw=[0, 90] motion.pgv_pga=0.3": 10,
-}
-
-
-@pytest.mark.parametrize("given", SETTINGS)
-def test_settings_are_parted_where_a_key_begins(tmp_path: Path, given: str) -> None:
+def test_settings_are_parted_where_a_key_begins(tmp_path: Path) -> None:
+    given = "motion.pga={start: 0.1, stop: 1, num: 5} yaw=[0, 90] motion.pgv_pga=0.3"
     done = make(*READY, "plan", "SITE=cuboid_1x1x2", f"SET={given}", f"DERIVED={tmp_path}")
-    assert f"runs: {SETTINGS[given]}; 0 stored" in done.stdout, done.stderr
+    assert "runs: 10; 0 stored" in done.stdout, done.stderr
 
 
 def test_several_targets_share_their_variables() -> None:
