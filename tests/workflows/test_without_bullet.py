@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -18,18 +19,33 @@ SITE = ("--site", "cuboid_1x1x2", "--set", "motion={pga: [0.3, 0.5, 0.9], pgv_pg
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
+LINES = """
+import contextlib, io, json, sys
+from pipeline import cli
+for arguments in json.load(sys.stdin):
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        code = cli.main(arguments)
+    print(json.dumps((code, said.getvalue())))
+"""
+
+
 @pytest.fixture
-def run(tmp_path: Path) -> Run:
-    """A command in a Python that does not find PyBullet."""
+def python(tmp_path: Path) -> Run:
+    """A Python that does not find PyBullet."""
     (tmp_path / "sitecustomize.py").write_text('import sys\nsys.modules["pybullet"] = None\n')
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    return lambda *arguments, given=None: subprocess.run(
+        [sys.executable, *arguments], env=environment, cwd=tmp_path, capture_output=True,
+        text=True, check=False, input=given,
+    )  # fmt: skip
 
-    def go(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "pipeline", *arguments, "--derived", str(tmp_path / "out")]
-        return subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True,
-                              text=True, check=False)  # fmt: skip
 
-    return go
+@pytest.fixture
+def run(python: Run, tmp_path: Path) -> Run:
+    """A command in that Python."""
+    return lambda *arguments: python(
+        "-m", "pipeline", *arguments, "--derived", str(tmp_path / "out")
+    )
 
 
 def test_mujoco_repeats_the_sample_and_the_report_says_so(run: Run, tmp_path: Path) -> None:
@@ -53,21 +69,20 @@ def test_a_scene_that_mujoco_cannot_hold_has_no_sample(run: Run, tmp_path: Path)
     assert "No run was repeated in a second engine: PyBullet is not installed" in page
 
 
-@pytest.mark.parametrize(
-    ("arguments", "key"),
-    [
-        (("plan", "--set", "drive=servo"), "drive"),
-        (("plan", "--set", "contact.rolling_friction=0.001"), "contact.rolling_friction"),
-        (("plan", "--set", "simulation.engine=bullet"), "simulation.engine"),
-        (("run", "stability"), "run"),
-        (("run", "accuracy"), "run"),
-    ],
-)
-def test_what_needs_bullet_is_refused_in_a_line(
-    run: Run, arguments: tuple[str, ...], key: str
-) -> None:
-    done = run(*arguments, *SITE)
-    assert done.returncode == cli.REFUSED
-    (line,) = done.stderr.splitlines()
-    assert f"{key}: got" in line
-    assert "pip install 'vsr[bullet]'" in line
+def test_what_needs_bullet_is_refused_in_a_line(python: Run, tmp_path: Path) -> None:
+    keys = {
+        ("plan", "--set", "drive=servo"): "drive",
+        ("plan", "--set", "contact.rolling_friction=0.001"): "contact.rolling_friction",
+        ("plan", "--set", "simulation.engine=bullet"): "simulation.engine",
+        ("run", "stability"): "run",
+        ("run", "accuracy"): "run",
+    }
+    lines = [[*line, *SITE, "--derived", str(tmp_path / "out")] for line in keys]
+    done = python("-c", LINES, given=json.dumps(lines))
+    assert done.returncode == 0, done.stderr
+    for key, told in zip(keys.values(), done.stdout.splitlines(), strict=True):
+        code, said = json.loads(told)
+        assert code == cli.REFUSED
+        (line,) = said.splitlines()
+        assert f"{key}: got" in line
+        assert "pip install 'vsr[bullet]'" in line
