@@ -64,13 +64,20 @@ def scanned(name: str) -> tuple[Scanned, Prepared]:
 
 
 @cache
+def lightened(name: str) -> tuple[Rock, Rock, Terrain]:
+    """The rock, the same with fewer vertices, and light ground."""
+    made = scanned(name)[1]
+    rock = solid.from_mesh(made.rock, 2700.0, as_scanned=True).rock
+    light = coarser(made.terrain, lambda at: np.full(len(at), 0.01 * rock.radius))
+    return rock, reduction.on_its_seat(rock), light
+
+
+@cache
 def seated(name: str, bearing: seat.Bearing = "rim") -> tuple[Rock, seat.Seat]:
     """The rock, and its seat in light ground."""
     made = scanned(name)[1]
-    rock = solid.from_mesh(made.rock, 2700.0, as_scanned=True).rock
+    rock, own, light = lightened(name)
     up = np.array([0.0, 0.0, rock.height])
-    light = coarser(made.terrain, lambda at: np.full(len(at), 0.01 * rock.radius))
-    own = reduction.on_its_seat(rock)
     loops = seat.seams(made.terrain, made.seat)
     return rock, seat.seat(light, loops, own.vertices + up, rock.vertices + up, bearing)
 
