@@ -15,7 +15,7 @@ import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.run.boundary_search import Topples, halved
-from vsr_core.run.cases import Case
+from vsr_core.run.cases import Case, TerrainCase
 from vsr_core.run.rocking_block import Block, first_overturning_pga, rocking_response
 
 Passing = Callable[[float], frozenset[bool]]
@@ -83,7 +83,7 @@ def answer(
 
 
 def by_references(
-    case: Case, coarse: Topples, searched: Sequence[Topples], asked: Sequence[Topples]
+    case: Case | TerrainCase, coarse: Topples, searched: Sequence[Topples], asked: Sequence[Topples]
 ) -> Answer:
     """Tell what is right on a row by references alone, of toppling or of another event."""
     limits = case.static_limits

@@ -1,9 +1,9 @@
 """Error of the overturning boundary against the time step, measured on the scene itself.
 
 A row is one direction and one PGV/PGA. The reference is Housner's equation where a box rocks on an
-edge, else the same scene at the reference step of the engine's ladder. Every step of the ladder is
-compared with it. A pulse on which the reference itself changes its mind with its step has no right
-answer, and either outcome passes.
+edge of a flat pedestal, else the same scene at the reference step of the engine's ladder. Every
+step of the ladder is compared with it. A pulse on which the reference itself changes its mind with
+its step has no right answer, and either outcome passes.
 
 Where too few rows topple, longer pulses and directions between are tried, and then the boundary
 from which on the rock is displaced. Where too few have that, too, nothing is said of the error.
@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from typing import NamedTuple
 
@@ -25,11 +25,12 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.engines import load
 from vsr_core.motions.pulses import CosinePulse
-from vsr_core.outcome import Outcome
+from vsr_core.outcome import Response
 from vsr_core.rock.body import Rock
-from vsr_core.run.agreement import agrees_from, answer, by_references
-from vsr_core.run.boundary_search import left_its_place, verdict
-from vsr_core.run.cases import Case, Settings
+from vsr_core.run.agreement import Answer, agrees_from, answer, by_references
+from vsr_core.run.boundary_search import Topples, left_its_place, verdict
+from vsr_core.run.cases import Case, Settings, TerrainCase
+from vsr_core.run.displacement import respond
 from vsr_core.run.input_checks import longest_step
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
@@ -191,6 +192,16 @@ def step_unit(rock: Rock) -> float:
     return math.sqrt(rock.radius / GRAVITY)
 
 
+def unit_of(case: Case | TerrainCase) -> float:
+    """Unit of the time steps of a case's ladder [s], ``step_unit`` of its rock.
+
+    Returns
+    -------
+    float [s]
+    """
+    return step_unit(case.full.rock if isinstance(case, Case) else case.seat.rock)
+
+
 def measure(
     case: Case, pgv_pga: float, settings: Settings, boundary: Boundary = Boundary.TOPPLED
 ) -> Row:
@@ -200,17 +211,39 @@ def measure(
     ----------
     pgv_pga : float [s]
     """
-    ladder = load(settings.engine).LADDER
-    is_beyond = verdict if boundary is Boundary.TOPPLED else left_its_place
-
-    def trial(share: float) -> _Trial:
-        return _Trial(case, pgv_pga, settings, share, is_beyond)
-
-    fine, second, coarse = map(trial, (ladder.reference, ladder.second, ladder.coarse))
+    trial = partial(_Trial, partial(simulate, case), unit_of(case), pgv_pga, settings, boundary)
     if boundary is Boundary.TOPPLED:
-        known = answer(case, pgv_pga, coarse, (fine,), (fine, second))
-    else:
-        known = by_references(case, coarse, (fine,), (fine, second))
+        return _row(trial, settings, partial(answer, case, pgv_pga))
+    return _row(trial, settings, partial(by_references, case))
+
+
+def measure_on_seat(
+    case: TerrainCase, pgv_pga: float, settings: Settings, boundary: Boundary = Boundary.TOPPLED
+) -> Row:
+    """As ``measure``, of a rock on its seat in a terrain, with references alone.
+
+    Parameters
+    ----------
+    pgv_pga : float [s]
+    """
+    trial = partial(_Trial, partial(respond, case), unit_of(case), pgv_pga, settings, boundary)
+    return _row(trial, settings, partial(by_references, case))
+
+
+def _row(
+    trial: Callable[[float], _Trial],
+    settings: Settings,
+    known_by: Callable[[Topples, Sequence[Topples], Sequence[Topples]], Answer],
+) -> Row:
+    """Every step of the ladder against what is right.
+
+    Parameters
+    ----------
+    trial : callable, from a share of the ladder's unit to what is tried
+    """
+    ladder = load(settings.engine).LADDER
+    fine, second, coarse = map(trial, (ladder.reference, ladder.second, ladder.coarse))
+    known, pgv_pga = known_by(coarse, (fine,), (fine, second)), fine.pgv_pga
     if math.isnan(known.boundary):
         nothing = np.full(len(ladder.shares), math.nan)
         return Row(pgv_pga, math.inf, known.exact, nothing, nothing)
@@ -228,18 +261,20 @@ class _Trial:
 
     def __init__(
         self,
-        case: Case,
+        run: Callable[[CosinePulse, Settings], Response],
+        unit: float,
         pgv_pga: float,
         settings: Settings,
+        boundary: Boundary,
         share: float,
-        is_beyond: Callable[[Outcome], bool | None],
     ) -> None:
-        self.case, self.pgv_pga, self.is_beyond = case, pgv_pga, is_beyond
-        self.settings = replace(settings, time_step=share * step_unit(case.full.rock))
+        self.run, self.pgv_pga = run, pgv_pga
+        self.is_beyond = verdict if boundary is Boundary.TOPPLED else left_its_place
+        self.settings = replace(settings, time_step=share * unit)
         self.runs = self.steps = 0
 
     def __call__(self, pga: float) -> bool | None:
-        response = simulate(self.case, CosinePulse(pga, self.pgv_pga), self.settings)
+        response = self.run(CosinePulse(pga, self.pgv_pga), self.settings)
         self.runs += 1
         self.steps += response.steps
         return self.is_beyond(response.outcome)

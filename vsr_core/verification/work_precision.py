@@ -2,8 +2,8 @@
 
 All ways are given the same rows (a direction and a PGV/PGA) and the same runs. The reference of a
 row is Housner's equation where it applies. Else it is two engines that share no code, each at a
-sixteenth of the usual step: where these two differ, nobody can say who is right, and any outcome
-passes.
+sixteenth of the usual step, or one engine at two steps: where these two differ, nobody can say who
+is right, and any outcome passes.
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ from dataclasses import dataclass
 
 from vsr_core.engines import load
 from vsr_core.motions.pulses import CosinePulse
-from vsr_core.run.agreement import agrees_from, answer, levels
+from vsr_core.outcome import Response
+from vsr_core.run.agreement import agrees_from, answer, by_references, levels
 from vsr_core.run.boundary_search import Topples, verdict
-from vsr_core.run.cases import Case, Settings
-from vsr_core.run.overturning import simulate
-from vsr_core.run.time_step import step_unit
+from vsr_core.run.cases import Case, Settings, TerrainCase
+from vsr_core.run.displacement import respond
+from vsr_core.run.overturning import COMPILED, simulate
+from vsr_core.run.time_step import unit_of
 
 Test = Callable[[CosinePulse], bool | None]
 """Runs one pulse from rest: whether the rock toppled, None unresolved."""
@@ -65,24 +67,28 @@ class Score:
     lost: int
 
 
-def target(case: Case, pgv_pga: float, engines: tuple[str, ...]) -> Target:
+def target(case: Case | TerrainCase, pgv_pga: float, engines: tuple[str, ...]) -> Target:
     """Reference of a row; ``engines`` are those that give it where no equation does.
 
     Parameters
     ----------
     pgv_pga : float [s]
     """
-    unit = step_unit(case.full.rock)
+    unit = unit_of(case)
 
-    def run(settings: Settings) -> Topples:
-        test = project(case, settings)
+    def run(name: str, share: float) -> Topples:
+        test = project(case, Settings(share * unit, engine=name))
         return lambda pga: test(CosinePulse(pga, pgv_pga))
 
-    references = [
-        run(Settings(load(name).LADDER.reference * unit, engine=name)) for name in engines
-    ]
-    coarse = run(Settings(load("bullet").LADDER.coarse * unit))
-    known = answer(case, pgv_pga, coarse, references, references)
+    references = [run(name, load(name).LADDER.reference) for name in engines]
+    if len(engines) == 1:
+        references.append(run(engines[0], load(engines[0]).LADDER.second))
+    nearest = engines[0] if engines else COMPILED
+    coarse = run(nearest, load(nearest).LADDER.coarse)
+    if isinstance(case, TerrainCase):
+        known = by_references(case, coarse, references, references)
+    else:
+        known = answer(case, pgv_pga, coarse, references, references)
     nothing = math.isnan(known.boundary)
     compared = () if nothing else (pga for pair in levels(known.boundary) for pga in pair)
     passing = {pga: known.passing(pga) for pga in compared}
@@ -107,9 +113,16 @@ def score(test: Test, wanted: Target) -> Score:
     return Score(agrees_from(outcome, wanted.passing.__getitem__, wanted.boundary), seconds, lost)
 
 
-def project(case: Case, settings: Settings) -> Test:
-    """The own way of running a test, outcomes proved where they can be."""
-    return lambda pulse: verdict(simulate(case, pulse, settings).outcome)
+def response(case: Case | TerrainCase, pulse: CosinePulse, settings: Settings) -> Response:
+    """The own way of running a test, on what the rock stands on."""
+    if isinstance(case, TerrainCase):
+        return respond(case, pulse, settings)
+    return simulate(case, pulse, settings)
+
+
+def project(case: Case | TerrainCase, settings: Settings) -> Test:
+    """The same as a test, outcomes proved where they can be."""
+    return lambda pulse: verdict(response(case, pulse, settings).outcome)
 
 
 def by_tilt(largest_tilt: Callable[[CosinePulse], float], toppled: float) -> Test:

@@ -182,12 +182,14 @@ def time_steps(measured: xr.Dataset) -> list[dict[str, Any]]:
         With ``rows``, for overturning and for displacement: how many have a boundary below
         ``highest`` [g], of which an error takes ``enough``, and how many were tried; and with
         ``kept``, in how many the error is kept, and of how many. Empty where the step was given.
+        ``ground`` is what the rock stood on there.
     """
     names = ["time_step", "boundary_error", "boundary_error_worst", "displaced_error"]
     rows: list[Any] = measured[names].to_dataframe().reset_index().to_dict("records")
     for at, row in enumerate(rows):
         row |= {"rows": [], "kept": [], "highest": in_si.in_g(HIGHEST), "enough": ENOUGH}
         if "row_reference" in measured:
+            row["ground"] = measured.attrs["measured_on"]
             reference = measured["row_reference"].isel(friction=at).values
             for kind in (0, 1):
                 own = reference[measured["row_displaced"].values == kind]

@@ -1,7 +1,8 @@
 """The time step of each friction, chosen from the error that the scene itself shows.
 
 The step does not depend on the directions and motions of a study: a wider grid or another yaw keeps
-it, and with it every run that is stored. What was measured is stored as runs are, row by row.
+it, and with it every run that is stored. On terrain it is measured on the seat. What was measured
+is stored as runs are, row by row.
 """
 
 from __future__ import annotations
@@ -19,8 +20,15 @@ import xarray as xr
 
 from pipeline.config import in_si
 from pipeline.config.schema import COMPILED, SceneSettings
-from pipeline.stages.mesh.products import Standing
-from pipeline.stages.runs.scenes import Group, Scenes, flat_case, identity, refuse_engine
+from pipeline.stages.mesh.products import Ground, Standing
+from pipeline.stages.runs.scenes import (
+    Group,
+    Scenes,
+    flat_case,
+    identity,
+    refuse_engine,
+    terrain_case,
+)
 from pipeline.workflow import keys
 from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.engine_input import Engine
@@ -32,8 +40,8 @@ from pipeline.workflow.store import Store
 from pipeline.workflow.workers import Batch
 from vsr_core import engines
 from vsr_core.run import time_step as ladder
-from vsr_core.run.cases import Case, Settings
-from vsr_core.run.time_step import Boundary, Choice, Front, Place, Row, longest, step_unit
+from vsr_core.run.cases import Case, Settings, TerrainCase
+from vsr_core.run.time_step import Boundary, Choice, Front, Place, Row, longest, unit_of
 from vsr_core.source import tracing
 
 FEW = 4
@@ -72,9 +80,11 @@ class Wanted(NamedTuple):
     place: Place
 
 
-def make(work: Work, settings: SceneSettings, standing: Standing, engine: Engine) -> Product:
+def make(
+    work: Work, settings: SceneSettings, standing: Standing, ground: Ground | None, engine: Engine
+) -> Product:
     """Measure the scene, or take the step that is given, and choose."""
-    scenes, simulation = Scenes(settings, standing), settings.simulation
+    scenes, simulation = _tried(Scenes(settings, standing, ground)), settings.simulation
     refuse_engine(scenes, work.origin)
     frictions = settings.contact.friction
     if simulation.time_step != "auto":
@@ -111,9 +121,8 @@ def stored_steps(scenes: Scenes, database: Path) -> TimeSteps:
         return TimeSteps((math.nan,) * len(frictions))
     with closing(RunStore(database, StepRow, reads=True)) as rows:
         steps = []
-        for friction in frictions:
-            contact = scenes.settings.contact.model_copy(update={"friction": (friction,)})
-            alone = replace(scenes, settings=scenes.settings._replace(contact=contact))
+        for at in range(len(frictions)):
+            alone = _alone(_tried(scenes), at)
             known = partial(_known, alone, rows)
             try:
                 found = _lots(alone, known)
@@ -151,7 +160,9 @@ def kept(measured: xr.Dataset, boundary: Boundary) -> tuple[int, int]:
     return int((errors[:, at] <= float(stated)).sum()), len(errors)
 
 
-def measure_rows(shared: tuple[Case, Settings, Boundary], items: tuple[float, ...]) -> list[Row]:
+def measure_rows(
+    shared: tuple[Case | TerrainCase, Settings, Boundary], items: tuple[float, ...]
+) -> list[Row]:
     """Measure rows of one direction, friction and boundary, on a worker.
 
     Parameters
@@ -159,6 +170,8 @@ def measure_rows(shared: tuple[Case, Settings, Boundary], items: tuple[float, ..
     items : tuple of float, PGV/PGA [s]
     """
     case, settings, boundary = shared
+    if isinstance(case, TerrainCase):
+        return [ladder.measure_on_seat(case, pgv_pga, settings, boundary) for pgv_pga in items]
     return [ladder.measure(case, pgv_pga, settings, boundary) for pgv_pga in items]
 
 
@@ -192,9 +205,9 @@ def _measured(
         told = f"{boundaries} at {counted(len(_shares(scenes)), 'time step')}"
         work.log(f"time_step: measuring {told}")
 
-    def shared(rows: Rows) -> tuple[Case, Settings, Boundary]:
+    def shared(rows: Rows) -> tuple[Case | TerrainCase, Settings, Boundary]:
         how = Settings(math.nan, settings.simulation.reduce, settings.engine)
-        return flat_case(scenes, rows.group), how, rows.boundary
+        return _case(scenes, rows.group), how, rows.boundary
 
     items = {(_rows_of(scenes, one), one.place.pgv_pga): one for one in missing}
     batches = [Batch(rows, (pgv_pga,)) for rows, pgv_pga in items]
@@ -221,12 +234,36 @@ def _rows_of(scenes: Scenes, wanted: Wanted) -> Rows:
     return Rows(Group(in_si.in_degrees(wanted.place.yaw), friction), wanted.place.boundary)
 
 
+def _tried(scenes: Scenes) -> Scenes:
+    """What is measured: with an engine whose runs on terrain take seconds, on level ground."""
+    return scenes if scenes.settings.engine == COMPILED else replace(scenes, ground=None)
+
+
+def _alone(scenes: Scenes, at: int) -> Scenes:
+    """Those of one friction."""
+    contact = scenes.settings.contact
+    contact = contact.model_copy(update={"friction": contact.friction[at : at + 1]})
+    ground = scenes.ground and replace(scenes.ground, starts=scenes.ground.starts[at : at + 1])
+    return replace(scenes, settings=scenes.settings._replace(contact=contact), ground=ground)
+
+
+def _case(scenes: Scenes, group: Group) -> Case | TerrainCase:
+    """The rock on what it stands on."""
+    return flat_case(scenes, group) if scenes.ground is None else terrain_case(scenes, group)
+
+
 def _keys(scenes: Scenes, wanted: list[Wanted]) -> dict[Wanted, bytes]:
-    """What tells each row from all others, on a flat pedestal whatever the site's is."""
-    code = keys.digest(tracing.reached(["vsr_core.run.time_step:measure"]))
-    common = [identity(replace(scenes, ground=None)), code, list(_shares(scenes))]
+    """What tells each row from all others."""
+    root = "measure" if scenes.ground is None else "measure_on_seat"
+    code = keys.digest(tracing.reached([f"vsr_core.run.time_step:{root}"]))
+    alone = {at: identity(_alone(scenes, at)) for at in {one.friction for one in wanted}}
+    shares = list(_shares(scenes))
     return {
-        one: bytes.fromhex(keys.digest([*common, *_rows_of(scenes, one), one.place.pgv_pga]))
+        one: bytes.fromhex(
+            keys.digest(
+                [alone[one.friction], code, shares, *_rows_of(scenes, one), one.place.pgv_pga]
+            )
+        )
         for one in wanted
     }
 
@@ -257,7 +294,8 @@ def _dataset(scenes: Scenes, found: list[dict[Place, Row]]) -> xr.Dataset:
         "row_steps": [[row.steps for row in own] for own in rows],
     }
     dims = ("friction", "row", "step_share")
-    level = scenes.level_rock
+    first = Group(0.0, scenes.settings.contact.friction[0])
+    most = longest(scenes.level_rock, scenes.settings.engine)
     return xr.Dataset(
         {name: (dims[: np.ndim(values)], np.array(values)) for name, values in table.items()},
         {
@@ -267,7 +305,11 @@ def _dataset(scenes: Scenes, found: list[dict[Place, Row]]) -> xr.Dataset:
             "row_displaced": ("row", np.array(boundaries, "i1")),
             "step_share": list(_shares(scenes)),
         },
-        {"step_unit_s": step_unit(level), "longest_step_s": longest(level, scenes.settings.engine)},
+        {
+            "step_unit_s": unit_of(_case(scenes, first)),
+            "longest_step_s": most,
+            "measured_on": "a flat pedestal" if scenes.ground is None else "its seat",
+        },
     )
 
 

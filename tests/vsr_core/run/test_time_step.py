@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support import grounds
 from support.sliding import rigid_plastic_slip
 
 from vsr_core import GRAVITY
@@ -15,11 +16,21 @@ from vsr_core.judge import proofs
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
-from vsr_core.run import time_step
+from vsr_core.run import displacement, time_step
 from vsr_core.run.agreement import OFFSETS, WORST, rocking_block
-from vsr_core.run.cases import Case, Settings, prepare
-from vsr_core.run.rocking_block import Block, rocking_response
-from vsr_core.run.time_step import Boundary, Front, Row, choose, enough, front, lots, measure
+from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
+from vsr_core.run.rocking_block import Block, first_overturning_pga, rocking_response
+from vsr_core.run.time_step import (
+    Boundary,
+    Front,
+    Row,
+    choose,
+    enough,
+    front,
+    lots,
+    measure,
+    measure_on_seat,
+)
 from vsr_core.scene import Contact, Scene
 from vsr_core.table import servo
 from vsr_core.verification import work_precision
@@ -63,6 +74,21 @@ def test_error_stated_holds_on_pulses_that_were_not_tried() -> None:
             checked += 1
             assert test(CosinePulse(pga, ratio)) is rocking_response(block, pga, ratio).overturned
     assert checked == 4 * len(SHARES)
+
+
+def test_on_level_terrain_the_error_is_that_of_housners_block() -> None:
+    """A terrain knows nothing of Housner's equation, and its reference finds it all the same."""
+    rock = solid.box((0.5, 0.4, 1.0), 2110.0).rock
+    made = grounds.site(rock, grounds.level(), yaw=0.0, restitution=0.0)
+    rest = displacement.settled(made.seat, 0.006 * time_step.step_unit(rock), "nonsmooth")
+    scene = replace(made.seat, start=rest)
+    site = TerrainCase(scene, scene, proofs.barrier(rock).toppled_tilt)
+    for ratio in time_step.periods(rock)[:2]:
+        row = measure_on_seat(site, ratio, Settings(1.0, engine="nonsmooth"))
+        exact = first_overturning_pga(Block(0.25, 0.5), ratio, 4.0 * GRAVITY, 0.005 * GRAVITY)
+        assert not row.exact
+        assert row.reference == pytest.approx(exact, rel=0.01)
+        assert (row.error < 0.02).all()
 
 
 @pytest.mark.parametrize("bias", [-0.02, 0.02])

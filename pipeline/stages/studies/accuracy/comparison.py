@@ -14,7 +14,8 @@ import numpy as np
 
 from pipeline.config import in_si
 from pipeline.config.motion_schema import PulseConfig
-from pipeline.stages.runs.scenes import Group, flat_case
+from pipeline.config.schema import COMPILED
+from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
 from pipeline.stages.runs.study import Study
 from pipeline.stages.studies.accuracy import worker_tasks
 from pipeline.stages.studies.accuracy.worker_tasks import Way
@@ -26,14 +27,14 @@ from vsr_core.errors import InvalidInput
 from vsr_core.outcome import Outcome
 from vsr_core.rock.body import Rock
 from vsr_core.run import time_step as ladder
-from vsr_core.run.cases import Case, Settings
+from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.verification import other_engines, reference, sensitivity
 from vsr_core.verification.work_precision import Score, Target
 
 MOST_ROWS = 4
 """Rows on which ways of running are compared; some take seconds a run."""
 
-CELLS = 160
+CELLS, TERRAIN_CELLS = 160, 16
 """Cells of the grid that are run in every engine and at a sixteenth of the step."""
 
 STEPS = tuple(1.0 / n for n in (240, 480, 1000, 2000, 4000, 8000, 16000, 32000))
@@ -67,10 +68,10 @@ FINE = "fine"
 """Name of the runs at a sixteenth of the step."""
 
 
-def installed() -> tuple[str, ...]:
-    """List the engines whose library is there."""
+def installed(*, on_terrain: bool = False) -> tuple[str, ...]:
+    """List the engines whose library is there, on a terrain those that hold one."""
     found = []
-    for name in engines.names():
+    for name in (COMPILED, "bullet") if on_terrain else engines.names():
         try:
             engines.load(name)
         except InvalidInput:
@@ -90,7 +91,7 @@ def _places(rock: Rock) -> list[Place]:
 
 def find_targets(work: Work, study: Study) -> dict[Place, Target]:
     """Find what is right on the rows of the site that something topples."""
-    names = installed()
+    names = (COMPILED,) if study.settings.on_terrain else installed()
     batches = (Batch(yaw, ((ratio, names),)) for yaw, ratio in _places(study.scenes.rock))
     work.log("accuracy: references of the boundaries")
     done = work.cluster.each(worker_tasks.find_target, batches, partial(_case, study))
@@ -102,15 +103,16 @@ def score_ways(work: Work, study: Study, targets: dict[Place, Target]) -> list[R
     """Score every way of running on every row, summed up over the rows."""
     case = _case(study, 0.0)
     engine = study.settings.engine
-    ways = [("project", name) for name in installed()]
-    ways += [("peer", name) for name in other_engines.names() if not other_engines.missing(name)]
-    ways += [
-        ("sweep", str(number))
-        for number, variation in enumerate(sensitivity.variations())
-        if engine in variation.engines and case.full.rock.shape in variation.shapes
-    ]
+    ways = [("project", name) for name in installed(on_terrain=study.settings.on_terrain)]
+    if isinstance(case, Case):
+        ways += [("peer", n) for n in other_engines.names() if not other_engines.missing(n)]
+        ways += [
+            ("sweep", str(number))
+            for number, variation in enumerate(sensitivity.variations())
+            if engine in variation.engines and case.full.rock.shape in variation.shapes
+        ]
 
-    def shared(place: Place) -> tuple[Case, Target, Settings]:
+    def shared(place: Place) -> tuple[Case | TerrainCase, Target, Settings]:
         return _case(study, place[0]), targets[place], study.how(_group(study, place[0]))
 
     boundaries = counted(len(targets), "boundary", "boundaries")
@@ -137,8 +139,9 @@ def score_ways(work: Work, study: Study, targets: dict[Place, Target]) -> list[R
     ]
 
 
-def _case(study: Study, yaw: float) -> Case:
-    return flat_case(study.scenes, _group(study, yaw))
+def _case(study: Study, yaw: float) -> Case | TerrainCase:
+    place = terrain_case if study.settings.on_terrain else flat_case
+    return place(study.scenes, _group(study, yaw))
 
 
 def _group(study: Study, yaw: float) -> Group:
@@ -153,12 +156,13 @@ def sample_cells(work: Work, study: Study) -> list[SampledCell]:
     """Run random cells of the grid in every engine, and at a sixteenth of the step."""
     motion = study.motion
     assert isinstance(motion, PulseConfig)
-    own, names = study.how(_group(study, study.yaw[0])), installed()
+    own, on_terrain = study.how(_group(study, study.yaw[0])), study.settings.on_terrain
+    names = installed(on_terrain=on_terrain)
     every = {name: replace(own, engine=name) for name in names}
     every[FINE] = replace(own, time_step=own.time_step / 16.0)
-    rng = random.Random(1)
+    rng, count = random.Random(1), TERRAIN_CELLS if on_terrain else CELLS
     grid = [(r, a) for r in motion.pgv_pga for a in motion.pga]
-    wanted = [(rng.choice(study.yaw), *rng.choice(grid)) for _ in range(CELLS)]
+    wanted = [(rng.choice(study.yaw), *rng.choice(grid)) for _ in range(count)]
 
     def batches() -> Iterator[Batch]:
         for yaw in sorted(set(study.yaw)):
@@ -166,10 +170,10 @@ def sample_cells(work: Work, study: Study) -> list[SampledCell]:
             for start in range(0, len(cells), 10):
                 yield Batch(yaw, tuple(cells[start : start + 10]))
 
-    def shared(yaw: float) -> tuple[Case, tuple[Settings, ...]]:
+    def shared(yaw: float) -> tuple[Case | TerrainCase, tuple[Settings, ...]]:
         return _case(study, yaw), tuple(every.values())
 
-    work.log(f"accuracy: {CELLS} cells in {', '.join(names)}, and at a sixteenth of the step")
+    work.log(f"accuracy: {count} cells in {', '.join(names)}, and at a sixteenth of the step")
     found = [
         SampledCell(yaw, pgv_pga, in_si.in_g(pga), dict(zip(every, outcomes, strict=True)))
         for yaw, (pgv_pga, pga), outcomes in work.cluster.each(

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from vsr_core import engines
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.run import time_step as ladder
-from vsr_core.run.cases import Case, Settings
-from vsr_core.run.overturning import simulate
+from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.verification import other_engines, reference, sensitivity, work_precision
-from vsr_core.verification.work_precision import Score, Target
+from vsr_core.verification.work_precision import Score, Target, response
 
-BUDGET = 25.0
-"""CPU time [s] that a peer may take for one setting on one row; finer ones are left out."""
+BUDGET, TERRAIN_BUDGET = 25.0, 5.0
+"""CPU time [s] that a peer may take for one setting on one row, and an engine of the project on a
+terrain; finer ones are left out."""
 
 SUITE_BUDGET = 4.0
 """CPU time [s] that one case of the reference suite may take at one step."""
@@ -51,7 +52,9 @@ class Suite(NamedTuple):
     seconds: float
 
 
-def find_target(case: Case, items: tuple[tuple[float, tuple[str, ...]], ...]) -> list[Target]:
+def find_target(
+    case: Case | TerrainCase, items: tuple[tuple[float, tuple[str, ...]], ...]
+) -> list[Target]:
     """Find the references of rows.
 
     Parameters
@@ -62,7 +65,7 @@ def find_target(case: Case, items: tuple[tuple[float, tuple[str, ...]], ...]) ->
 
 
 def score(
-    shared: tuple[Case, Target, Settings], items: tuple[tuple[str, str], ...]
+    shared: tuple[Case | TerrainCase, Target, Settings], items: tuple[tuple[str, str], ...]
 ) -> list[list[Scored]]:
     """Score ways of running.
 
@@ -74,14 +77,19 @@ def score(
     -------
     list of list of (Way, Score), one for each setting of a way
     """
+    ways: dict[str, Callable[..., list[Scored]]]
     ways = {"project": _project, "peer": _peer, "sweep": _variation}
     return [ways[kind](*shared, name) for kind, name in items]
 
 
-def _project(case: Case, wanted: Target, settings: Settings, engine: str) -> list[Scored]:
-    unit = ladder.step_unit(case.full.rock)
-    found = []
+def _project(
+    case: Case | TerrainCase, wanted: Target, settings: Settings, engine: str
+) -> list[Scored]:
+    unit = ladder.unit_of(case)
+    found: list[Scored] = []
     for share in engines.load(engine).LADDER.shares:
+        if isinstance(case, TerrainCase) and found and _dear(found[-1], TERRAIN_BUDGET):
+            break
         own = Settings(share * unit, settings.reduce, engine)
         result = work_precision.score(work_precision.project(case, own), wanted)
         way = Way("method", f"project, {engine}", f"{share:g}", own=True, step=share)
@@ -93,7 +101,7 @@ def _peer(case: Case, wanted: Target, settings: Settings, name: str) -> list[Sco
     method = other_engines.load(name)
     found: list[Scored] = []
     for setting in method.SWEEP:
-        if found and 2.0 * RUNS_A_ROW * found[-1][1].seconds > BUDGET:
+        if found and _dear(found[-1], BUDGET):
             break
         tilt, step = method.build(case.full, setting), setting["time_step"]
         test = work_precision.by_tilt(tilt, case.limits.toppled_tilt)
@@ -101,6 +109,11 @@ def _peer(case: Case, wanted: Target, settings: Settings, name: str) -> list[Sco
         way = Way("method", method.LABEL, f"{1e3 * step:g} ms", own=False, step=step)
         found.append((way, result))
     return found
+
+
+def _dear(scored: Scored, budget: float) -> bool:
+    """Whether the next finer setting takes more than its time."""
+    return 2.0 * RUNS_A_ROW * scored[1].seconds > budget
 
 
 def _variation(case: Case, wanted: Target, settings: Settings, number: str) -> list[Scored]:
@@ -112,7 +125,7 @@ def _variation(case: Case, wanted: Target, settings: Settings, number: str) -> l
 
 
 def run_cells(
-    shared: tuple[Case, tuple[Settings, ...]], items: tuple[tuple[float, float], ...]
+    shared: tuple[Case | TerrainCase, tuple[Settings, ...]], items: tuple[tuple[float, float], ...]
 ) -> list[tuple[int, ...]]:
     """Run cells with each of some settings.
 
@@ -122,7 +135,7 @@ def run_cells(
     """
     case, every = shared
     return [
-        tuple(int(simulate(case, CosinePulse(pga, pgv_pga), one).outcome) for one in every)
+        tuple(int(response(case, CosinePulse(pga, pgv_pga), one).outcome) for one in every)
         for pgv_pga, pga in items
     ]
 

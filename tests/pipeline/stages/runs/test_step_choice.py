@@ -6,16 +6,18 @@ import math
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from support import grounds
 
 from pipeline.config.layers import load_site
 from pipeline.config.schema import Config
-from pipeline.stages.mesh.products import Standing
+from pipeline.stages.mesh.products import Ground, Standing
 from pipeline.stages.runs import step_choice
 from pipeline.stages.runs.scenes import Scenes
 from pipeline.workflow.datasets import read
@@ -26,6 +28,7 @@ from vsr_core.judge.proofs import barrier
 from vsr_core.rock import solid
 from vsr_core.run import time_step
 from vsr_core.run.rocking_block import Block, first_overturning_pga
+from vsr_core.scene import State
 
 GRID = """
 motion: {pga: [0.01, 0.02], pgv_pga: 0.3}
@@ -61,7 +64,7 @@ def test_a_friction_more_keeps_what_was_measured(
 def test_code_of_terrains_decides_no_time_step(
     edit_function: Callable[[str, str, str], None],
 ) -> None:
-    """It is measured on a flat pedestal, and its stage is not made again for a terrain's sake."""
+    """On a flat pedestal it is not measured again for a terrain's sake."""
     rock = solid.box((0.5, 1.0, 2.0), 2000.0).rock
     scenes = Scenes(load_site("double_rock_terrain").config.scene, Standing(rock, barrier(rock)))
     scenes.__dict__["level_rock"] = rock
@@ -71,6 +74,24 @@ def test_code_of_terrains_decides_no_time_step(
     assert step_choice._keys(scenes, wanted) == before
     edit_function("vsr_core/judge/proofs.py", "cannot_topple", "str(1)")
     assert step_choice._keys(scenes, wanted) != before
+
+
+def test_a_friction_more_keeps_what_was_measured_on_a_seat() -> None:
+    """A key tells of the ground, and of the rock's rest on it at its own friction alone."""
+    rock = solid.box((0.5, 0.4, 1.0), 2110.0).rock
+    rests = [State(np.array([0.0, 0.0, z]), np.eye(3), *np.zeros((2, 3))) for z in (0.5, 0.501)]
+    chosen = ("contact.friction=[0.6, 0.7]", "simulation.engine=nonsmooth")
+    config = load_site("double_rock_terrain", settings=chosen).config
+    both = Scenes(
+        config.scene, Standing(rock, barrier(rock)), Ground(grounds.level(), tuple(rests))
+    )
+    (place, *_), *_ = time_step.lots(rock)
+    keys = step_choice._keys(both, [step_choice.Wanted(at, place) for at in (0, 1)])
+    alone = step_choice._alone(both, 1)
+    own = step_choice._keys(alone, [step_choice.Wanted(0, place)])
+    assert list(own.values()) == [keys[step_choice.Wanted(1, place)]]
+    flat = step_choice._keys(replace(alone, ground=None), [step_choice.Wanted(0, place)])
+    assert list(flat.values()) != list(own.values())
 
 
 def test_a_reference_is_told_in_g_and_a_tighter_tolerance_takes_a_shorter_step(
