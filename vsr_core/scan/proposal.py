@@ -30,6 +30,10 @@ _SAME = 0.8  # two cuts whose rocks share this part of their joint area are one
 # length, or three times the best one's.
 _RIVAL_SIZE, _RIVAL_COST = 4.0, 0.15
 
+_AS_CHEAP = (
+    1.25  # times the lowest cost: around a niche it is that of its walls, which rock touches
+)
+
 _LEVELS = np.linspace(0.9, 0.1, 9)  # heights above the ground of the seeds, of the highest
 _REACHES = 0.25 * 0.6 ** np.arange(8)  # of the seeds around a point, of the scan's extent
 _STANDS_OUT = 0.15  # of the highest, by which a seed's top must rise above its foot
@@ -193,8 +197,8 @@ def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float]
                 f"{', '.join(place(cut.top) for cut in good)}",
                 _told(good),
             )
-        return min(held, key=lambda cut: cut.cost)
-    best = min(good, key=lambda cut: cut.cost)
+        return _cheapest(held)
+    best = _cheapest(good)
     rivals = _rivals(best, good)
     if not rivals:
         return best
@@ -209,6 +213,13 @@ def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float]
         "set pedestal.point_on_rock to one of these points, give pedestal.cut, or crop the scan",
         _told(found),
     )
+
+
+def _cheapest(cuts: list[_Found]) -> _Found:
+    """Of cuts around the cheapest one or within it that cost about as much, that of most seeds."""
+    best = min(cuts, key=lambda cut: cut.cost)
+    alike = [c for c in cuts if c.cost < _AS_CHEAP * best.cost and (c.rock & best.rock).any()]
+    return max(alike, key=lambda cut: (cut.seeds, -cut.cost))
 
 
 def _rivals(best: _Found, good: list[_Found]) -> list[_Found]:
