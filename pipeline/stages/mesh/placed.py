@@ -14,6 +14,7 @@ from pipeline.config.problems import InputError
 from pipeline.config.scene_schema import PoseConfig, RockConfig
 from pipeline.drawing.style import png_uri
 from pipeline.stages.mesh import closed_rock, scan_figures, scan_page, sources
+from pipeline.stages.mesh.gap_map import gap_map, gaps
 from pipeline.stages.mesh.products import SCAN_PAGE, PlacedData
 from pipeline.stages.mesh.sources import GroundFile, Source
 from pipeline.workflow.datasets import described, netcdf
@@ -80,7 +81,12 @@ def make(work: Work, rock: RockConfig, source: Source, ground: GroundFile) -> Pr
 def _about(placed: Placed, ground: GroundFile) -> scan_page.Row:
     """What the page says of the terrain."""
     figure = scan_figures.on_its_ground(placed.rock, placed.terrain, ground.label)
+    rock = placed.rock
+    apart = gaps(np.array(rock.vertices), np.array(rock.faces), placed.terrain)
     return {
+        "error": 1e3 * max(abs(placed.gap), apart.overlap),
+        "gaps": apart,
+        "map": png_uri(gap_map(apart, [], ground.label)),
         "lies": _told(placed),
         "source": ground.label,
         "notes": placed.notes,

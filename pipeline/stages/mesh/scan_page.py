@@ -11,6 +11,7 @@ from pipeline.config.layers import Origin
 from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import png_uri, svg_uri
 from pipeline.stages.mesh import scan_figures
+from pipeline.stages.mesh.gap_map import gap_map, gaps
 from pipeline.stages.mesh.products import SCAN_PAGE
 from pipeline.stages.mesh.sources import Source
 from pipeline.workflow.pages import filled
@@ -49,6 +50,9 @@ def page(site: str, source: str, prepared: Prepared, *, accepted: bool, surrogat
         HTML that holds all it needs.
     """
     solid, found = prepared.steps[-1].after, prepared.separation
+    rock = prepared.rock
+    apart = gaps(np.array(rock.vertices), np.array(rock.faces), prepared.terrain)
+    loops = [seam.points + prepared.shift for seam in found.seams]
     size = np.ptp(prepared.rock.vertices, axis=0)
     facts = {
         "site": site,
@@ -71,7 +75,9 @@ def page(site: str, source: str, prepared: Prepared, *, accepted: bool, surrogat
         "closings": closings(prepared.closing, solid, prepared.trials),
         "spread": spread(prepared.trials),
         "notes": _notes(prepared),
+        "gaps": apart,
         "pictures": {
+            "gaps": png_uri(gap_map(apart, loops, source)),
             "separation": png_uri(scan_figures.separation(prepared, source)),
             "closed": png_uri(scan_figures.closed_rock(prepared, source)),
             "seat": png_uri(scan_figures.seat(prepared, source)),
