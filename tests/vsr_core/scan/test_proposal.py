@@ -6,10 +6,12 @@ import math
 
 import numpy as np
 import pytest
+import trimesh
 from support import scan_shapes
 
 from vsr_core.scan.cleaning import clean
 from vsr_core.scan.proposal import Undecided, propose
+from vsr_core.surrogates.field_scans import FieldScan, scan
 
 APART, HEAD, SLAB, EDGE = 0.33, 0.3, 0.4, 0.06
 
@@ -70,3 +72,15 @@ def test_a_rock_in_a_pit_is_found_by_a_point_on_it() -> None:
     assert np.percentile(off, 95) < EDGE  # of the triangles that the seam runs along
     assert points[:, 2].max() > 0.55
     assert points[:, 2].min() < 0.15
+
+
+@pytest.mark.slow
+def test_walls_that_a_rock_stands_between_are_ground() -> None:
+    """The hollow around all of them is as clear as that around the rock."""
+    raw = scan(FieldScan(8, walls=2, sunk=0.01))
+    mesh = clean(trimesh.Trimesh(raw.vertices, raw.faces, process=False))
+    found = propose(mesh.mesh, None, mesh.offset)
+    rock = found.vertices[found.faces[found.rock]]
+    true = trimesh.Trimesh(raw.rock_vertices, raw.rock_faces)
+    assert np.ptp(rock[:, :, 0]) == pytest.approx(float(true.extents[0]), rel=0.05)
+    assert np.ptp(rock[:, :, 1]) == pytest.approx(float(true.extents[1]), rel=0.05)
