@@ -118,10 +118,12 @@ def test_two_clusters_make_one_study(
             farm.worker()
             ran = vsr(*command, "--set", yaw, "--scheduler", farm.address, into=tmp_path / "two")
             assert ran.code == 0, ran.err
-    assert vsr(*command, "--workers", "0", into=tmp_path / "alone").code == 0
-    one, other = (tmp_path / name / "rock" for name in ("alone", "two"))
-    assert rows(one) == rows(other)
-    assert (one / "responses.nc").read_bytes() == (other / "responses.nc").read_bytes()
+    for workers in ("0", "4"):
+        alone = tmp_path / workers
+        assert vsr(*command, "--workers", workers, into=alone).code == 0
+        assert rows(alone / "rock") == rows(tmp_path / "two" / "rock")
+        one, other = (folder / "rock" / "responses.nc" for folder in (alone, tmp_path / "two"))
+        assert one.read_bytes() == other.read_bytes()
 
 
 # Processors

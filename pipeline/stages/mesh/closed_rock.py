@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.config.scene_schema import RockConfig
-from pipeline.stages.mesh import scan_page, sources
+from pipeline.stages.mesh import scan_alone, scan_page
 from pipeline.stages.mesh.products import SCAN_PAGE
 from pipeline.stages.mesh.sources import Source
 from pipeline.workflow.grammar import counted
@@ -18,7 +18,7 @@ from vsr_core.scan.whole_rock import WholeRock, other_closings, unseen
 def make(work: Work, rock: RockConfig, source: Source) -> Product:
     """Close the rock, weigh it, and say what the unseen leaves uncertain."""
     with Steps(work.stage, work.log) as steps:
-        whole = sources.closed(source, rock.closing, work.origin, steps.tell)
+        whole = scan_alone.closed(source, rock.closing, work.origin, steps.tell)
         solid = measured(whole.rock, rock.density)
         page = drawn(work.origin.name, source, rock.closing, whole, solid, steps.tell)
     holes = f"{counted(len(whole.holes), 'hole')} closed" if whole.holes else "closed as scanned"

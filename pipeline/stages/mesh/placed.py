@@ -13,7 +13,7 @@ from pipeline.config.layers import Origin
 from pipeline.config.problems import InputError
 from pipeline.config.scene_schema import PoseConfig, RockConfig
 from pipeline.drawing.style import png_uri
-from pipeline.stages.mesh import closed_rock, scan_figures, scan_page, sources
+from pipeline.stages.mesh import closed_rock, scan_alone, scan_figures, scan_page, sources
 from pipeline.stages.mesh.gap_map import gap_map, gaps
 from pipeline.stages.mesh.products import SCAN_PAGE, PlacedData
 from pipeline.stages.mesh.sources import GroundFile, Source
@@ -56,7 +56,7 @@ class Placed:
 def make(work: Work, rock: RockConfig, source: Source, ground: GroundFile) -> Product:
     """Close the rock, put it on the terrain, and say how far the two are apart."""
     with Steps(work.stage, work.log) as steps:
-        whole = sources.closed(source, rock.closing, work.origin, steps.tell)
+        whole = scan_alone.closed(source, rock.closing, work.origin, steps.tell)
         steps.tell("putting the rock on the terrain")
         placed = _placed(work.origin, rock, whole, ground)
         solid = measured(whole.rock, rock.density)

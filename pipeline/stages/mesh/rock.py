@@ -13,7 +13,7 @@ from pipeline.config import in_si
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.scene_schema import RockConfig
 from pipeline.config.sections import Key
-from pipeline.stages.mesh import sources
+from pipeline.stages.mesh import scan_alone
 from pipeline.stages.mesh.products import BARRIER_SCALARS, SCAN_PAGE, PlacedData, RockData, ScanData
 from pipeline.stages.mesh.sources import Source
 from pipeline.workflow.datasets import described, netcdf
@@ -82,7 +82,7 @@ def _solid(
     else:
         where, name = where if source.path else work.origin.file, source.name
         with Steps(work.stage, work.log) as steps:
-            whole = sources.closed(source, rock.closing, work.origin, steps.tell)
+            whole = scan_alone.closed(source, rock.closing, work.origin, steps.tell)
         mesh, origin, repaired = whole.rock, source.attributes, whole.repaired
     try:
         made = solid.from_mesh(mesh, rock.density, as_scanned=scan is not None)

@@ -15,11 +15,8 @@ from pipeline.config.scene_schema import PedestalConfig, RockConfig
 from pipeline.stages.mesh import mesh_files
 from pipeline.stages.mesh.originals import ORIGINALS
 from pipeline.workflow.keys import digest_file
-from pipeline.workflow.stage import Input, named
+from pipeline.workflow.stage import Input
 from vsr_core.errors import InvalidInput
-from vsr_core.scan.closing import Closing
-from vsr_core.scan.weighing import Refused, Tell
-from vsr_core.scan.whole_rock import WholeRock, whole_rock
 from vsr_core.surrogates import GENERATORS, GROUNDS, SITES
 from vsr_core.surrogates.raw_scan import scan
 
@@ -196,15 +193,6 @@ def _read(path: Path, origin: Origin, key: str) -> trimesh.Trimesh:
     except InvalidInput as error:
         given = f"{shown(path)}, {error.given}"
         raise _problem(origin, given, error.rule, error.remedy, key) from None
-
-
-def closed(source: Source, closing: Closing, origin: Origin, tell: Tell) -> WholeRock:
-    """The rock of a scan of it alone, as a closed solid."""
-    try:
-        return whole_rock(load(source, origin), closing, tell)
-    except Refused as error:
-        refusal = named("pipeline.stages.mesh.scan_page:refusal")  # with figures, if need be
-        raise refusal(origin, source, "rock.mesh", error) from None
 
 
 def _label(path: Path) -> str:
