@@ -79,6 +79,12 @@ STAGES: tuple[Stage, ...] = (
         versions=("trimesh", "scipy"),
     ),
     Stage(
+        "terrain",
+        make="pipeline.stages.mesh.terrain:make",
+        gives=("pipeline.stages.mesh.products:TerrainData", "pipeline.stages.mesh.products:Ground"),
+        applies=lambda site: site.on_terrain,
+    ),
+    Stage(
         "time_step",
         make="pipeline.stages.runs.step_choice:make",
         gives=(
@@ -87,12 +93,6 @@ STAGES: tuple[Stage, ...] = (
         ),
         refuses="pipeline.stages.runs.scenes:refuse_step",
         bounds="pipeline.stages.runs.scenes:refuse_number",
-    ),
-    Stage(
-        "terrain",
-        make="pipeline.stages.mesh.terrain:make",
-        gives=("pipeline.stages.mesh.products:TerrainData", "pipeline.stages.mesh.products:Ground"),
-        applies=lambda site: site.on_terrain,
     ),
     Stage(
         "motions",

@@ -231,7 +231,8 @@ def names(folder: Path) -> set[Path]:
     return {path.relative_to(folder) for path in folder.rglob("*")}
 
 
-@pytest.mark.parametrize(("kills", "seed"), [(1, 74), pytest.param(100, 8, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("kills", "seed"), [(1, 74), (100, 8)])
 def test_a_kill_costs_only_the_batches_in_flight(
     write_site: Callable[..., str], vsr: Callable[..., Any], tmp_path: Path, kills: int, seed: int
 ) -> None:

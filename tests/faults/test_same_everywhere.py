@@ -101,7 +101,8 @@ def test_fifty_thousand_runs_in_one_process(engine: str) -> None:
 # Clusters
 
 
-@pytest.mark.parametrize("engine", AND_SLOWLY_BULLET)
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ENGINES)
 def test_two_clusters_make_one_study(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
