@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.stages.mesh.terrain import SLOPE_SHARE
+from pipeline.stages.mesh.seating import SLOPE_SHARE
 from vsr_core import engines
 from vsr_core.rock import reduction, solid
 from vsr_core.rock.body import Rock

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from pipeline.config.sections import Density, Lax, Refused, Section
 
@@ -83,6 +83,31 @@ class ScanErrorConfig(Section):
     )
 
 
+Weight = Annotated[float, Field(ge=0, le=1e6)]
+
+
+class SeatWeights(Section):
+    """Relative weights of what may bear a rock that was scanned with its ground."""
+
+    rim: Weight = Field(0.5, description="weight of points along the outline of the seam [1]")
+    points: Weight = Field(
+        0.3, description="weight of a few points of it: 3, 4, 5 and 6 share it alike [1]"
+    )
+    whole: Weight = Field(0.2, description="weight of all of the seam [1]")
+
+    @model_validator(mode="after")
+    def _bears(self) -> SeatWeights:
+        if self.rim + self.points + self.whole <= 0.0:
+            raise Refused("something bears the rock", "give one of the weights", "rim points whole")
+        return self
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Probability of each."""
+        total = self.rim + self.points + self.whole
+        return {name: weight / total for name, weight in self}
+
+
 class UncertaintyConfig(PriorsConfig):
     """Prior distributions of a site's rock and shaking, and the number of draws."""
 
@@ -104,6 +129,9 @@ class UncertaintyConfig(PriorsConfig):
     )
     scan: ScanErrorConfig = Field(
         ScanErrorConfig(), description="error of the scan, which a box does not have"
+    )
+    seat: SeatWeights = Field(
+        SeatWeights(), description="what bears the rock on a terrain, of which no scan has seen it"
     )
     centre_of_mass: float = Field(
         0.01, ge=0, le=1, description="error of the centre of mass along each axis [m]"

@@ -162,8 +162,8 @@ class Config(Section):
 
     @property
     def uncertain(self) -> bool:
-        """Whether what is not known of the rock is drawn, which it is on a flat pedestal only."""
-        return self.uncertainty.members > 0 and not self.on_terrain
+        """Whether what is not known of the rock is drawn: not on a terrain of another file."""
+        return self.uncertainty.members > 0 and not self.on_own_ground
 
     @property
     def second_engine(self) -> str | None:
@@ -269,6 +269,14 @@ class Config(Section):
         if self.rock.pose is not None and not own:
             rule, remedy = "a pose is a place on a terrain", "name that terrain in pedestal.mesh"
             raise Refused(rule, remedy, "rock.pose", "no pedestal.mesh")
+        return self
+
+    @model_validator(mode="after")
+    def _has_one_scan(self) -> Config:
+        replica = self.uncertainty.scan.replica
+        if self.on_terrain and replica is not None:
+            rule = "draws on a terrain have an error of the seam, and one scan of the rock"
+            raise Refused(rule, "leave it out", "uncertainty.scan.replica", repr(replica))
         return self
 
     @model_validator(mode="after")

@@ -26,11 +26,12 @@ def check_drawn(job: Job) -> None:
     """Refuse an ensemble where nothing is drawn."""
     if job.config.uncertain:
         return
-    if job.config.on_terrain:
-        key, given, remedy = "pedestal.shape", "a terrain", "set pedestal.shape: flat"
+    if job.config.on_own_ground:
+        key, given = "pedestal.mesh", "a terrain in a file of its own"
+        rule, remedy = "seats are drawn of a scan that holds both", "set pedestal.shape: flat"
     else:
-        key, given, remedy = "uncertainty.members", "0", "give a number of draws, such as 32"
-    rule = "rocks are drawn on a flat pedestal, one a member"
+        key, given = "uncertainty.members", "0"
+        rule, remedy = "rocks are drawn, one a member", "give a number of draws, such as 32"
     raise InputError(Problem(job.site.file_of(key), key, given, rule, remedy))
 
 

@@ -32,7 +32,7 @@ MOTIONS = {
     "six_axes": f"motion: {{kind: table, pulses: [{AXES}, {TURNS}], {PULSES}}}",
     "servo": f"motion: {{kind: cosine_pulse, {PULSES}}}\ndrive: servo",
 }
-FLAT = ("uncertainty", "accuracy")
+FLAT = ("accuracy",)
 OF_COSINES = ("accuracy", "feasible")
 ENGINES = ("auto", "nonsmooth", "bullet", "mujoco")
 

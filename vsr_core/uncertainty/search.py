@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.rock.body import Hull
@@ -21,6 +22,9 @@ from vsr_core.rock.tipping import tipping
 
 EVERY = 5
 """Rows apart from which a draw's own boundary is searched first, to guide its other rows."""
+
+GUIDES = (1e-3, 1e2)
+"""Ends of the static accelerations of a rock on points [g], where an edge lies above its weight."""
 
 
 def scales(hull: Hull, yaw: Array) -> Array:
@@ -39,9 +43,34 @@ def scales(hull: Hull, yaw: Array) -> Array:
     ndarray, shape (4, k) [ln g]: nothing, the side that a pulse pushes the rock to first, the
         other side, and their mean
     """
-    both = tipping(hull, np.concatenate([math.pi - yaw, -yaw])).overturning
-    first, other = np.log(both).reshape(2, -1)
-    return np.stack([np.zeros(len(yaw)), first, other, 0.5 * (first + other)])
+    return _both_ways(tipping(hull, np.concatenate([math.pi - yaw, -yaw])).overturning)
+
+
+def scales_on(points: Array, yaw: Array) -> Array:
+    """The same of a rock on some points, which turns about an edge between two of them.
+
+    Points may lie at any height, and nothing else holds the rock.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 3) [m], from the centre of mass, around which they are
+    yaw : ndarray, shape (n,) [rad]
+    """
+    corners = points[ConvexHull(points[:, :2]).vertices]
+    edges = np.roll(corners, -1, axis=0) - corners
+    toward = np.concatenate([math.pi - yaw, -yaw])
+    ways = np.column_stack([np.cos(toward), np.sin(toward), np.zeros(len(toward))])
+    # moments about each edge of the weight and of a push of 1 g at the centre of mass
+    weight = np.einsum("ij,ij->i", np.cross(corners, [0.0, 0.0, 1.0]), edges)
+    push = np.einsum("kij,ij->ki", np.cross(-corners, ways[:, None]), edges)
+    needed = np.where(push > 0.0, -weight / np.where(push > 0.0, push, 1.0), np.inf)
+    return _both_ways(np.clip(needed.min(axis=1), *GUIDES))
+
+
+def _both_ways(tipping: Array) -> Array:
+    """The four scales, of the accelerations that topple to either side, shape (2 n,) [g]."""
+    first, other = np.log(tipping).reshape(2, -1)
+    return np.stack([np.zeros(len(first)), first, other, 0.5 * (first + other)])
 
 
 def offsets(boundaries: Array, scale: Array) -> tuple[Indices, Array]:

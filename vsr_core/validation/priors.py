@@ -76,13 +76,25 @@ def draws(priors: Priors, count: int) -> list[Member]:
 
     The drive is reversed in every other member, or with ``polarity_reversal_probability``.
     """
-    exponent = math.ceil(math.log2(max(count, 2)))
-    points = qmc.Sobol(9, rng=SEED).random_base2(exponent)[:count]
-    points = np.clip(points, 1e-6, 1.0 - 1e-6)
+    points = _sequence(9, count)
     return [
         _member(priors, u, z, error=priors.error, seed=1000 * SEED + number)
         for number, (u, z) in enumerate(zip(points, norm.ppf(points), strict=True))
     ]
+
+
+def further(count: int) -> Array:
+    """Numbers on (0, 1) for what only some members draw, shape (count,).
+
+    They are the tenth of their sequence, and so fill its square with each of the nine of ``draws``.
+    """
+    return _sequence(10, count)[:, 9]
+
+
+def _sequence(dimensions: int, count: int) -> Array:
+    exponent = math.ceil(math.log2(max(count, 2)))
+    points = qmc.Sobol(dimensions, rng=SEED).random_base2(exponent)[:count]
+    return np.asarray(np.clip(points, 1e-6, 1.0 - 1e-6))
 
 
 def best_guess(priors: Priors) -> Member:

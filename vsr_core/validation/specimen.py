@@ -125,7 +125,7 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
     middle = (1.0 - member.mixing) * of.vertices + member.mixing * of.other
     rng = np.random.default_rng(member.seed)
     for _ in range(TRIES):
-        error = member.error * of.spread * _field(of.vertices, of.length, rng)
+        error = member.error * of.spread * random_field(of.vertices, of.length, rng)
         body = trimesh.Trimesh(middle + of.normals * error[:, None], of.faces, process=False)
         centre = np.array(body.center_mass) + member.centre
         hull = convex_hull(np.array(body.vertices) - centre)
@@ -141,9 +141,16 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
     raise InvalidInput(given, rule, "turn the scan so that the specimen stands, z up")
 
 
-def _field(points: Array, length: float, rng: np.random.Generator) -> Array:
+def random_field(points: Array, length: float, rng: np.random.Generator) -> Array:
     """Gaussian random field of unit variance, shape (n,), correlated as exp(-(r / length)^2 / 2).
 
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3) [m]
+    length : float [m]
+
+    Notes
+    -----
     Sum of plane waves with random directions and phases (Shinozuka 1971).
     """
     waves = rng.normal(size=(WAVES, 3)) / length

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.workflow.datasets import Stored
 from pipeline.workflow.store import Store
+from vsr_core.arrays import Array
 from vsr_core.judge.proofs import Barrier
 from vsr_core.rock.body import Rock
 from vsr_core.scene import State
@@ -80,7 +81,18 @@ class Ground:
         data = TerrainData.load(store).data
         faces = data["contact_face"].values.astype(np.int64)
         terrain = Terrain(data["contact_vertex"].values, faces)
-        turns = Rotation.from_quat(data["start_quaternion"].values).as_matrix()
+        return cls.of(terrain, data["start_position"].values, data["start_quaternion"].values)
+
+    @classmethod
+    def of(cls, terrain: Terrain, places: Array, turns: Array) -> Ground:
+        """A terrain, and states of rest on it as they are stored.
+
+        Parameters
+        ----------
+        places : ndarray, shape (k, 3) [m], of the centre of mass
+        turns : ndarray, shape (k, 4), quaternions x, y, z, w
+        """
         still = np.zeros(3)
-        starts = zip(data["start_position"].values, turns, strict=True)
+        rotations = Rotation.from_quat(turns).as_matrix()
+        starts = zip(places, rotations, strict=True)
         return cls(terrain, tuple(State(place, turn, still, still) for place, turn in starts))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import partial
 from typing import Annotated, Literal
 
 import numpy as np
@@ -15,29 +13,18 @@ from pipeline.config.layers import Origin
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.scene_schema import ContactConfig, SeatPoints
 from pipeline.config.sections import Key
+from pipeline.stages.mesh import seating
 from pipeline.stages.mesh.products import PlacedData, ScanData, Standing, TerrainData
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.engine_input import Engine
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
-from vsr_core.engines import load
 from vsr_core.errors import InvalidInput
 from vsr_core.rock import reduction
-from vsr_core.rock.body import Rock
-from vsr_core.run.displacement import held_toward, settled
-from vsr_core.run.time_step import step_unit
+from vsr_core.run.displacement import held_toward
 from vsr_core.scan import seat
-from vsr_core.scan.placing import set_down
-from vsr_core.scene import Contact, Scene, State
-from vsr_core.terrain.coarsening import coarser
+from vsr_core.scene import State
 from vsr_core.terrain.surface import Terrain
-
-NEAR_RADII = 2.0
-"""Distance from the rock, in its radii, up to which the ground is as detailed as its seat."""
-
-SEAT_SHARE, SLOPE_SHARE = 0.008, 0.04
-"""How far the ground of runs may be from the one that was scanned, near the rock and beyond, as a
-share of the rock's radius."""
 
 
 def make(
@@ -54,20 +41,20 @@ def make(
     found = scan or placed
     assert found is not None
     data, rock = found.data, standing.rock
-    whole = Terrain(data["terrain_vertex"].values, data["terrain_face"].values.astype(np.int64))
     how = bearing.points if isinstance(bearing, SeatPoints) else bearing
-    seated = reduction.on_its_seat(rock) if reduce else rock
     try:
-        light = coarser(whole, partial(_tolerance, rock)) if reduce else whole
-        laid, height = _laid(scan, whole, light, seated, rock, how)
+        bed = seating.bed(data, rock, reduce=reduce)
+        seated = reduction.on_its_seat(rock) if reduce else rock
+        laid, height = seating.laid(bed, rock, seated, how)
         terrain = laid.terrain
         scenes = [
-            _rest(terrain, seated, height, in_si.contact(contact, friction), engine.name)
+            seating.rest(terrain, seated, height, in_si.contact(contact, friction), engine.name)
             for friction in contact.friction
         ]
-        held = held_toward(scenes[0], _step(rock, engine.name), engine.name)
+        held = held_toward(scenes[0], seating.longest_step(rock, engine.name), engine.name)
     except InvalidInput as error:
         raise _refusal(work.origin, error, own_file=scan is None) from None
+    whole = seating.whole_ground(data)
     starts = [scene.start for scene in scenes if scene.start is not None]
     dataset = _dataset(whole, laid, terrain, starts).assign_coords(friction=list(contact.friction))
     seat_note, held_note = _bears(laid, height - rock.height), _holds(held, contact.friction[0])
@@ -79,29 +66,6 @@ def make(
     return Product(
         {TerrainData.FILE: netcdf(described(dataset, work, "Terrain"))}, f"{note}; {seat_note}"
     )
-
-
-def _laid(
-    scan: ScanData | None,
-    whole: Terrain,
-    light: Terrain,
-    seated: Rock,
-    rock: Rock,
-    bearing: seat.Bearing,
-) -> tuple[seat.Seat, float]:
-    """The ground that bears the rock, and the height of its centre of mass from which it settles.
-
-    Parameters
-    ----------
-    scan : ScanData, of both in one; None where the terrain is in a file of its own
-    """
-    up = np.array([0.0, 0.0, rock.height])
-    corners, outer = seated.vertices + up, rock.vertices + up
-    if scan is None:
-        laid, raised = set_down(light, corners, outer, rock.radius)
-        return laid, rock.height + raised
-    loops = seat.seams(whole, scan.data["terrain_unseen"].values.astype(bool))
-    return seat.seat(light, loops, corners, outer, bearing), rock.height
 
 
 def _refusal(origin: Origin, error: InvalidInput, *, own_file: bool) -> InputError:
@@ -128,28 +92,6 @@ def _holds(toward: Array, friction: float) -> str:
         f"walls beside the seat hold the rock at friction {friction:g}: no steady acceleration "
         f"moves it toward {ways} deg (counter-clockwise from +x)"
     )
-
-
-def _tolerance(rock: Rock, points: Array) -> Array:
-    near = np.hypot(points[:, 0], points[:, 1]) < NEAR_RADII * rock.radius
-    return np.where(near, SEAT_SHARE, SLOPE_SHARE) * rock.radius
-
-
-def _step(rock: Rock, engine: str) -> float:
-    """The longest time step of an engine [s]."""
-    return load(engine).LADDER.longest * step_unit(rock)
-
-
-def _rest(terrain: Terrain, rock: Rock, height: float, contact: Contact, engine: str) -> Scene:
-    """A rock that has come to rest, let go as it was scanned.
-
-    Parameters
-    ----------
-    height : float [m], of its centre of mass as scanned
-    """
-    scanned = State(np.array([0.0, 0.0, height]), np.eye(3), np.zeros(3), np.zeros(3))
-    scene = Scene(rock, contact, 0.0, "terrain", start=scanned, terrain=terrain)
-    return replace(scene, start=settled(scene, _step(rock, engine), engine))
 
 
 def _dataset(whole: Terrain, laid: seat.Seat, terrain: Terrain, starts: list[State]) -> xr.Dataset:

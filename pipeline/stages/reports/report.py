@@ -86,6 +86,13 @@ class Parts(NamedTuple):
         }
 
 
+def _seat(parts: Parts) -> str:
+    """What of its seam bears a rock that was scanned with its ground, in words."""
+    if parts.terrain is None or parts.study.settings.pedestal.is_own_file:
+        return ""
+    return str(parts.terrain.data.attrs["seat"])
+
+
 def make(work: Work, parts: Parts, sample: Later[BulletSample | None]) -> Product:
     """Draw the figures and fill in the page."""
     facts = _facts(work, parts, sample)
@@ -105,6 +112,7 @@ def _facts(work: Work, parts: Parts, sample: Later[BulletSample | None]) -> dict
     return {
         "site": work.origin.name,
         "on_terrain": study.settings.on_terrain,
+        "seat": _seat(parts),
         "rock": report_tables.about_rock(rock),
         "density": parts.rock.density,
         "rows": rows,

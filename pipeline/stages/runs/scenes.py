@@ -65,6 +65,16 @@ class Scenes:
         """The rock as it stands on a flat pedestal."""
         return standing(self.rock) if self.settings.on_terrain else self.rock
 
+    @cached_property
+    def seated_rock(self) -> Rock:
+        """The rock as it stands on its seat in runs."""
+        return reduction.on_its_seat(self.rock) if self.settings.simulation.reduce else self.rock
+
+    @cached_property
+    def flying_rock(self) -> Rock:
+        """The rock in runs once it has toppled."""
+        return reduction.in_flight(self.rock) if self.settings.simulation.reduce else self.rock
+
     def with_contact(self, **changes: Any) -> Scenes:
         """The same with another contact."""
         return replace(self, settings=self.settings.with_contact(**changes))
@@ -97,7 +107,7 @@ def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
     assert ground is not None
     toppled, reduce = scenes.standing.barrier.toppled_tilt, settings.simulation.reduce
     seat = Scene(
-        reduction.on_its_seat(rock) if reduce else rock,
+        scenes.seated_rock,
         in_si.contact(settings.contact, group.friction),
         in_si.angle(group.yaw),
         "terrain",
@@ -106,7 +116,7 @@ def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
     )
     if not reduce:
         return TerrainCase(seat, seat, toppled)
-    flight = replace(seat, rock=reduction.in_flight(rock))
+    flight = replace(seat, rock=scenes.flying_rock)
     engine = settings.engine
     step = engines.load(engine).LADDER.longest * step_unit(rock)
     still = displacement.limits_on_seat(seat, step, engine)

@@ -14,20 +14,24 @@ from pipeline.config.paths import located, shown
 from pipeline.config.priors_schema import PriorsConfig, ScanErrorConfig, UncertaintyConfig
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.config.schema import SceneSettings
-from pipeline.stages.mesh import mesh_files
-from pipeline.stages.mesh.products import RockData, Standing
-from pipeline.stages.runs.scenes import Group, Scenes
+from pipeline.stages.mesh import mesh_files, seating
+from pipeline.stages.mesh.products import RockData, ScanData, Standing
+from pipeline.stages.runs.scenes import Group, Scenes, flat_case, terrain_case
 from pipeline.stages.runs.study import Study
+from pipeline.stages.uncertainty import seats
+from pipeline.stages.uncertainty.seats import DrawnSeat
 from pipeline.workflow.datasets import Stored
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Input
 from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.judge.proofs import barrier
+from vsr_core.judge.proofs import barrier, static_limits
 from vsr_core.rock.body import Rock
-from vsr_core.rock.solid import block, checked
+from vsr_core.rock.solid import block, checked, standing
+from vsr_core.run.cases import Case, TerrainCase
 from vsr_core.scene import Scene
+from vsr_core.uncertainty import search
 from vsr_core.validation import priors as physics
 from vsr_core.validation.priors import Member, Priors
 from vsr_core.validation.specimen import Form, drawn, form
@@ -57,6 +61,7 @@ class Draw:
     ----------
     yaw : tuple of float [degree], directions of the site
     given : Standing, the rock of the site as it is
+    seat : DrawnSeat, None on a flat pedestal
     """
 
     number: int
@@ -65,13 +70,40 @@ class Draw:
     settings: SceneSettings
     yaw: tuple[float, ...]
     given: Standing
+    seat: DrawnSeat | None = None
 
     @cached_property
     def scenes(self) -> Scenes:
         """What its scenes are built from."""
-        as_it_is = self.rock is self.given.rock
-        standing = self.given if as_it_is else Standing(self.rock, barrier(self.rock))
-        return Scenes(self.settings, standing)
+        if self.rock is self.given.rock:
+            return self.identified
+        level = standing(self.rock) if self.seat else self.rock
+        return replace(self.identified, standing=Standing(self.rock, barrier(level)))
+
+    @cached_property
+    def identified(self) -> Scenes:
+        """The same for keys of its runs: with any barrier, as that follows from the rock."""
+        ground = self.seat.ground if self.seat else None
+        return Scenes(self.settings, Standing(self.rock, self.given.barrier), ground)
+
+    @cached_property
+    def cases(self) -> tuple[Case | TerrainCase, ...]:
+        """Its scenes, one a direction."""
+        place = terrain_case if self.seat else flat_case
+        return tuple(place(self.scenes, self.group(yaw)) for yaw in self.yaw)
+
+    def static_limits(self) -> list[tuple[float, float]]:
+        """Lowest and highest table acceleration [m/s^2] that move nothing, in each direction."""
+        if self.seat:
+            return [case.static_limits for case in self.cases]
+        contact = in_si.contact(self.settings.contact, self.member.friction)
+        return [static_limits(self.rock, contact, yaw) for yaw in self.yaws().tolist()]
+
+    def scales(self) -> Array:
+        """What topples it steadily, shape (4, yaws), as ``search.scales`` gives it."""
+        if self.seat:
+            return search.scales_on(self.seat.outline, self.yaws())
+        return search.scales(self.rock.hull, self.yaws())
 
     def group(self, yaw: float) -> Group:
         """The scene of a direction.
@@ -93,25 +125,38 @@ class Draw:
 
 
 def draws(
-    study: Study, config: UncertaintyConfig, density: float, shape: Form, origin: Origin
+    study: Study,
+    config: UncertaintyConfig,
+    density: float,
+    shape: Form,
+    scan: ScanData | None,
+    origin: Origin,
 ) -> list[Draw]:
     """Draw the members of a site's ensemble.
 
     Parameters
     ----------
     density : float [kg m-3]
+    scan : ScanData, of rock and ground in one; None on a flat pedestal
     """
-    given = study.scenes.standing
+    given, reduce = study.scenes.standing, study.settings.simulation.reduce
+    bed = seating.bed(scan.data, given.rock, reduce=reduce) if scan else None
+    wanted = seats.chosen(config.seat, config.members)
     found = []
     for number, member in enumerate(physics.draws(priors(config), config.members)):
         contact = {"friction": (member.friction,), "restitution": member.restitution}
+        settings = study.settings.with_contact(**contact)
+        seat = None
         try:
-            rock = _rock(given.rock, shape, member, density)
+            if bed is None:
+                rock = _rock(given.rock, shape, member, density)
+            else:
+                rock = seats.weighed(given.rock, member.centre)
+                seat = seats.drawn(bed, rock, member, wanted[number], settings, config)
         except InvalidInput as error:
             file = origin.file_of("uncertainty")
             raise InputError.from_invalid(file, "uncertainty", error) from None
-        settings = study.settings.with_contact(**contact)
-        found.append(Draw(number, member, rock, settings, study.yaw, given))
+        found.append(Draw(number, member, rock, settings, study.yaw, given, seat))
     return found
 
 

@@ -15,21 +15,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline.config import in_si
-from pipeline.stages.mesh.products import Standing
 from pipeline.stages.motions.motion_grid import Cell, Pulses, Shaking, TablePulses
 from pipeline.stages.runs import overturning_runs
 from pipeline.stages.runs.runner import Kind, Run, run_missing
-from pipeline.stages.runs.scenes import Scenes, flat_case
 from pipeline.stages.runs.study import run_keys, scene_digest, shared_identity
 from pipeline.stages.uncertainty.draws import Draw
-from pipeline.workflow.rows import RunRow
+from pipeline.workflow.rows import RunRow, TerrainRow
 from pipeline.workflow.run_store import RunStore
 from pipeline.workflow.stage import Work
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.fragility.boundary import interval, middle
-from vsr_core.judge.proofs import static_limits
 from vsr_core.outcome import FoundBy, Outcome
-from vsr_core.run.cases import Case, Settings, never_starts
+from vsr_core.run.cases import Case, Settings, TerrainCase, never_starts
 from vsr_core.uncertainty import search
 from vsr_core.uncertainty.search import UNKNOWN, Table
 
@@ -49,7 +46,7 @@ class Place(NamedTuple):
 
 
 def simulate_draw(
-    shared: tuple[tuple[Case, ...], Settings, Shaking], places: tuple[Place, ...]
+    shared: tuple[tuple[Case | TerrainCase, ...], Settings, Shaking], places: tuple[Place, ...]
 ) -> list[tuple[Any, ...]]:
     """Simulate some runs of one draw, on a worker."""
     cases, settings, motions = shared
@@ -57,12 +54,17 @@ def simulate_draw(
     for yaw in sorted({place.yaw for place in places}):
         here = [place for place in places if place.yaw == yaw]
         cells = tuple(place.cell for place in here)
-        responses = overturning_runs.simulate_batch((cases[yaw], settings, motions), cells)
+        case = cases[yaw]
+        if isinstance(case, TerrainCase):
+            responses = overturning_runs.respond_batch((case, settings, motions), cells)
+        else:
+            responses = overturning_runs.simulate_batch((case, settings, motions), cells)
         found.update(zip(here, responses, strict=True))
     return [found[place] for place in places]
 
 
 KIND = Kind("uncertainty", "runs of draws", RunRow, simulate_draw, batch=40)
+ON_TERRAIN = Kind("uncertainty", "runs of draws", TerrainRow, simulate_draw, batch=20)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +107,11 @@ class Search:
     nominal: Table
 
     @property
+    def kind(self) -> Kind[Any]:
+        """Runs on a flat pedestal or on a terrain."""
+        return ON_TERRAIN if self.draws[0].seat else KIND
+
+    @property
     def ln_pga(self) -> Array:
         """Levels of the grid [ln g]."""
         return np.log(self.motions.pga)
@@ -135,11 +142,11 @@ def outcomes(wanted: Search) -> Ensemble:
     scales = [wanted.given]
     log_gain = np.log([draw.member.amplitude for draw in wanted.draws])
     tested, crashed = np.zeros((2, 2), dtype=np.int64), 0
-    with closing(RunStore(wanted.work.runs, RunRow, wanted.work.log)) as store:
+    with closing(RunStore(wanted.work.runs, wanted.kind.row, wanted.work.log)) as store:
         for start in range(0, len(wanted.draws), TOGETHER):
             part, runner = slice(start, start + TOGETHER), _Runner(wanted, store)
             draws, own = wanted.draws[part], table[part]
-            scale = np.array([search.scales(draw.rock.hull, draw.yaws()) for draw in draws])
+            scale = np.array([draw.scales() for draw in draws])
             chosen, offset = search.offsets(np.array(known), np.array(scales))
             own[_proved(wanted, draws)] = 0
             found_by[part][own == 0] = FoundBy.PROVED
@@ -174,9 +181,7 @@ def _proved(wanted: Search, draws: Sequence[Draw]) -> Mask:
     still = np.zeros((len(draws), shape[1], shape[3]), dtype=bool)
     for at, draw in enumerate(draws):
         peaks = in_si.acceleration(draw.member.amplitude * np.array(wanted.motions.pga))
-        contact = in_si.contact(draw.settings.contact, draw.member.friction)
-        for yaw, angle in enumerate(draw.yaws()):
-            limits = static_limits(draw.rock, contact, float(angle))
+        for yaw, limits in enumerate(draw.static_limits()):
             still[at, yaw] = [never_starts(limits, peak, wanted.settings) for peak in peaks]
     return np.broadcast_to(still[:, :, None], shape)
 
@@ -223,19 +228,17 @@ def _tested(runner: _Runner, draws: Sequence[Draw], table: Table, non_monotonic:
 class _Runner:
     """Runs of draws by their cells, done or read from the store."""
 
-    def __init__(self, wanted: Search, store: RunStore[RunRow]) -> None:
+    def __init__(self, wanted: Search, store: RunStore[Any]) -> None:
         self._wanted, self._store = wanted, store
         self._scenes: dict[int, list[bytes]] = {}
-        self._cases: dict[int, tuple[Case, ...]] = {}
         self.crashed = 0
 
     def run(self, draws: Sequence[Draw], table: Table, ask: Mask) -> None:
         """Put the outcomes of the cells asked for into the table."""
         wanted = {draw: self._runs(draw, cells) for draw, cells in zip(draws, ask, strict=True)}
         groups = [draw for draw, runs in wanted.items() if runs]
-        done = run_missing(
-            self._wanted.work, KIND, groups, wanted.__getitem__, self._shared, self._store
-        )
+        work, kind = self._wanted.work, self._wanted.kind
+        done = run_missing(work, kind, groups, wanted.__getitem__, self._shared, self._store)
         self.crashed += done.crashed
         sides = [outcome.overturned for outcome in Outcome]
         for own, cells, runs in zip(table, ask, wanted.values(), strict=True):
@@ -255,18 +258,12 @@ class _Runner:
 
     def _digests(self, draw: Draw) -> list[bytes]:
         if draw.number not in self._scenes:
-            # any barrier will do: it follows from the rock and is no part of the identity
-            told = Scenes(draw.settings, Standing(draw.rock, draw.given.barrier))
-            shared = shared_identity(told, self._wanted.motions)
+            shared = shared_identity(draw.identified, self._wanted.motions)
             step = self._wanted.settings.time_step
             self._scenes[draw.number] = [
                 scene_digest(shared, draw.group(yaw), step) for yaw in draw.yaw
             ]
         return self._scenes[draw.number]
 
-    def _shared(self, draw: Draw) -> tuple[tuple[Case, ...], Settings, Shaking]:
-        if draw.number not in self._cases:
-            self._cases[draw.number] = tuple(
-                flat_case(draw.scenes, draw.group(yaw)) for yaw in draw.yaw
-            )
-        return self._cases[draw.number], self._wanted.settings, self._wanted.motions
+    def _shared(self, draw: Draw) -> tuple[tuple[Case | TerrainCase, ...], Settings, Shaking]:
+        return draw.cases, self._wanted.settings, self._wanted.motions

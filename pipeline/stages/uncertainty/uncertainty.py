@@ -12,10 +12,11 @@ from pipeline.config.priors_schema import UncertaintyConfig
 from pipeline.config.sections import Key
 from pipeline.drawing.style import pictures, png_uri
 from pipeline.stages.datasets.responses import Responses
-from pipeline.stages.mesh.products import RockData
+from pipeline.stages.mesh.products import RockData, ScanData, TerrainData
 from pipeline.stages.runs.scenes import Group
 from pipeline.stages.runs.study import Study
 from pipeline.stages.uncertainty import draws as drawing
+from pipeline.stages.uncertainty import seats
 from pipeline.stages.uncertainty import uncertainty_page as page
 from pipeline.stages.uncertainty import unknowns as told
 from pipeline.stages.uncertainty.draws import Draw, EnsembleData, Replica
@@ -38,23 +39,33 @@ def make(
     study: Study,
     responses: Responses,
     rock: RockData,
+    scan: ScanData | None,
+    terrain: TerrainData | None,
     replica: Replica | None,
     config: UncertaintyConfig,
     density: Annotated[float, Key("rock.density")],
 ) -> Product:
     """Draw what is not known, find the outcomes of all draws, and what decides them."""
     shape = drawing.surface(rock, config.scan, replica)
-    draws = drawing.draws(study, config, density, shape, work.origin)
+    draws = drawing.draws(study, config, density, shape, scan, work.origin)
     friction = nearest_friction(study.settings.contact.friction, config)
     grid = responses.data.isel(friction=friction)
     settings = study.how(Group(study.yaw[0], study.settings.contact.friction[friction]))
-    given = search.scales(draws[0].given.rock.hull, np.radians(study.yaw))
+    own, yaws = study.scenes.rock, np.radians(study.yaw)
+    if scan and terrain:
+        given = search.scales_on(seats.of_site(scan, terrain, own), yaws)
+    else:
+        given = search.scales(own.hull, yaws)
     nominal = grid["overturned"].values.astype(np.int8)
     wanted = Search(work, draws, given, study.motions, settings, nominal)
     work.log(f"uncertainty: {len(draws)} draws of {wanted.nominal.size} cells")
     found = outcomes(wanted)
     known = drawing.priors(config)
-    base = None if shape.replica else told.base_effects(draws, shape, density, wanted.given)
+    base: Array | None = None
+    if scan:
+        base = told.seat_effects(draws, given)
+    elif not shape.replica:
+        base = told.base_effects(draws, shape, density, given)
     dataset = _dataset(wanted, found)
     shares = _shares(draws, known, base, dataset["member_boundary"].values)
     dataset = dataset.merge(_indices(shares, draws, known, base))
@@ -69,6 +80,7 @@ def make(
         rock,
         config,
         dataset,
+        grid,
         {name: png_uri(figure) for name, figure in drawn.items()},
     )
     files = {EnsembleData.FILE: netcdf(dataset), PAGE: writers.text(pages.filled(PAGE, facts))}

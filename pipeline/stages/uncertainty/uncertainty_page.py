@@ -17,13 +17,19 @@ from pipeline.stages.uncertainty import unknowns
 from pipeline.stages.uncertainty.ensemble import CHECKED
 from pipeline.workflow.datasets import label, rows_of
 from pipeline.workflow.grammar import listed
+from vsr_core.fragility.boundary import interval, middle
 from vsr_core.outcome import FoundBy
 from vsr_core.uncertainty.probability import chance
 from vsr_core.uncertainty.sensitivity import SUPPORTED
 
 
 def facts(
-    site: str, rock: RockData, config: UncertaintyConfig, found: xr.Dataset, drawn: dict[str, str]
+    site: str,
+    rock: RockData,
+    config: UncertaintyConfig,
+    found: xr.Dataset,
+    responses: xr.Dataset,
+    drawn: dict[str, str],
 ) -> dict[str, Any]:
     """Values for the template."""
     origin = rock.data.attrs
@@ -55,11 +61,12 @@ def facts(
         "proved": by[FoundBy.PROVED],
         "inferred": by[FoundBy.INFERRED],
         "checked": CHECKED,
+        "seats": by_seat(found, responses),
         "tests": tests(found),
         "undecided": int((found["overturned"] < 0).sum()),
         "records": rows_of(found) == "record",
         "assumed": unknowns.assumed(
-            config, box=origin["shape_source"] == "box", replica=config.scan.replica is not None
+            config, box=origin["shape_source"] == "box", terrain="drawn_seat" in found
         ),
         "pictures": drawn,
     }
@@ -93,6 +100,41 @@ def _middle(found: xr.Dataset) -> int:
 
 def _ratios(found: xr.Dataset) -> str:
     return "record_pgv_pga" if rows_of(found) == "record" else "pgv_pga"
+
+
+def by_seat(found: xr.Dataset, responses: xr.Dataset) -> list[dict[str, Any]]:
+    """The boundary of the draws of each kind of seat; nothing of a flat pedestal.
+
+    Parameters
+    ----------
+    responses : xr.Dataset, of the site as it is
+    """
+    if "drawn_seat" not in found:
+        return []
+    drawn = found["drawn_seat"].values
+    kinds = {key: drawn == key for key in ("rim", "whole")}
+    kinds["points"] = ~(kinds["rim"] | kinds["whole"])
+    pga, edges = found["pga"].values, found["member_boundary"].values
+    own = middle(pga, *interval(pga, responses["overturned"].values))
+    with np.errstate(invalid="ignore"):
+        ratio = edges / own
+    rows = []
+    for key, name in unknowns.KINDS.items():
+        members = kinds[key]
+        known = ratio[members][np.isfinite(ratio[members])]
+        rows.append(
+            {
+                "kind": name,
+                "members": int(members.sum()),
+                "boundary": _median(edges[members][:, :, _middle(found)]),
+                "ratio": _median(known),
+            }
+        )
+    return rows
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.median(values)) if values.size else math.nan
 
 
 def widest(found: xr.Dataset) -> dict[str, float]:

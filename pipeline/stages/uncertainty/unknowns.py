@@ -19,6 +19,9 @@ from vsr_core.uncertainty.sensitivity import Unknown
 from vsr_core.validation.priors import Priors
 from vsr_core.validation.specimen import Form
 
+KINDS = {"rim": "its rim", "points": "3 to 6 points of it", "whole": "all of it"}
+"""What of the seam bears the rock, in words, by key."""
+
 
 def base_effects(draws: Sequence[Draw], shape: Form, density: float, given: Array) -> Array:
     """What the drawn base alone does to the static tipping, shape (draws, 2, yaws) [ln].
@@ -37,12 +40,33 @@ def base_effects(draws: Sequence[Draw], shape: Form, density: float, given: Arra
     return np.array([search.scales(hull, yaws)[1:3] - given[1:3] for hull in hulls])
 
 
+def seat_effects(draws: Sequence[Draw], given: Array) -> Array:
+    """What the drawn seat alone does to the static tipping, and whether all of the seam bears.
+
+    Parameters
+    ----------
+    given : ndarray, shape (4, yaws), static scales of the site's own rock on its seat
+
+    Returns
+    -------
+    ndarray, shape (draws, 3, yaws), of zero mean and about unit variance
+    """
+    yaws, seats = np.radians(draws[0].yaw), [(draw.seat, draw.member) for draw in draws]
+    points = [seat.outline + member.centre for seat, member in seats if seat]
+    ways = np.array([search.scales_on(one, yaws)[1:3] - given[1:3] for one in points])
+    whole = np.array([float(seat.bearing == "whole") for seat, _ in seats if seat])
+    flags = np.broadcast_to(whole[:, None, None], (len(whole), 1, len(yaws)))
+    parts = [(part - part.mean(axis=0)) / max(float(part.std()), 1e-12) for part in (ways, flags)]
+    return np.concatenate(parts, axis=1)
+
+
 def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int) -> list[Unknown]:
     """What may decide the boundary in a direction; without what the priors hold fixed.
 
     Parameters
     ----------
-    base : ndarray, as ``base_effects`` gives it, or None where draws lie between two scans
+    base : ndarray, as ``base_effects`` or ``seat_effects`` gives it, or None where draws lie
+        between two scans
     """
     members = [draw.member for draw in draws]
     found: list[Unknown] = []
@@ -71,7 +95,8 @@ def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int)
         add("shape between the scans", _scaled(mixing, known.mixing), _unit)
     else:
         effect = base[:, :, yaw] / max(float(base[:, :, yaw].std()), 1e-12)
-        add("base", effect, lambda u: effect[(u[:, 0] * len(effect)).astype(int)])
+        name = "seat" if draws[0].seat else "base"
+        add(name, effect, lambda u: effect[(u[:, 0] * len(effect)).astype(int)])
     if known.centre:
         turn = math.radians(draws[0].yaw[yaw])
         x, y, z = np.array([member.centre for member in members]).T / known.centre
@@ -92,12 +117,12 @@ def _scaled(values: Array, ends: tuple[float, float]) -> Array:
     return _unit((values - ends[0]) / width) if width else np.zeros(len(values))
 
 
-def assumed(config: UncertaintyConfig, *, box: bool, replica: bool) -> list[tuple[str, str, str]]:
+def assumed(config: UncertaintyConfig, *, box: bool, terrain: bool) -> list[tuple[str, str, str]]:
     """The priors in words.
 
     Parameters
     ----------
-    replica : bool, whether there is a second scan
+    terrain : bool, whether the rock was scanned with its ground
 
     Returns
     -------
@@ -106,14 +131,22 @@ def assumed(config: UncertaintyConfig, *, box: bool, replica: bool) -> list[tupl
     error = config.base_error * config.scan.error
     if box:
         base = "exact, as a box has no scan"
-    elif replica:
+    elif config.scan.replica:
         base = f"between two scans, share of the second: {uniform(config.replica_fraction)}"
     else:
         base = (
             f"scan with a normal error of {1e3 * error:g} mm, alike over "
             f"{1e3 * config.scan.correlation_length:g} mm"
         )
-    return [("base", base, "scan"), *in_words(config, "from each yaw")]
+    first = [("base", base, "scan")]
+    if terrain:
+        shares = config.seat.shares
+        kinds = (f"{name} {100 * shares[key]:.0f} %" for key, name in KINDS.items() if shares[key])
+        first = [
+            ("what of the seam bears the rock", ", ".join(kinds), "seat"),
+            ("outline of the seam", base, "scan"),
+        ]
+    return [*first, *in_words(config, "from each yaw")]
 
 
 def in_words(config: PriorsConfig, azimuth_from: str) -> list[tuple[str, str, str]]:
@@ -161,7 +194,7 @@ def uniform(ends: tuple[float, float]) -> str:
     return f"{low:g}, taken as known" if low == high else f"uniform from {low:g} to {high:g}"
 
 
-def drawn_values(draws: Sequence[Draw]) -> dict[str, tuple[tuple[str, ...], Array]]:
+def drawn_values(draws: Sequence[Draw]) -> dict[str, tuple[tuple[str, ...], NDArray[Any]]]:
     """What was drawn, as variables of a dataset on (member).
 
     Returns
@@ -169,7 +202,7 @@ def drawn_values(draws: Sequence[Draw]) -> dict[str, tuple[tuple[str, ...], Arra
     dict of (dimensions, values) by name
     """
     members = [draw.member for draw in draws]
-    values = {
+    values: dict[str, tuple[tuple[str, ...], NDArray[Any]]] = {
         f"drawn_{name}": (("member",), np.array([getattr(member, name) for member in members]))
         for name in ("friction", "restitution", "amplitude", "mixing", "seed")
     }
@@ -178,4 +211,8 @@ def drawn_values(draws: Sequence[Draw]) -> dict[str, tuple[tuple[str, ...], Arra
     back = np.array([member.reversed for member in members], np.int8)
     values["drawn_reversed"] = (("member",), back)
     centre = np.array([member.centre for member in members])
-    return values | {"drawn_centre": (("member", "xyz"), centre)}
+    values["drawn_centre"] = (("member", "xyz"), centre)
+    if draws[0].seat:
+        seats = np.array([str(draw.seat.bearing) for draw in draws if draw.seat])
+        values["drawn_seat"] = (("member",), seats)
+    return values

@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vsr_core.rock.solid import block
 from vsr_core.uncertainty import search
 from vsr_core.uncertainty.search import UNKNOWN, Table
 
@@ -76,3 +77,20 @@ def test_the_scale_that_boundaries_go_with_is_taken() -> None:
     chosen, offset = search.offsets(boundary, scale)
     assert chosen.tolist() == [2, 2, 2]
     np.testing.assert_allclose(offset, np.tile([0.1, -0.4], (3, 1)))
+
+
+def test_a_block_tips_about_the_points_at_its_corners_as_by_its_hull() -> None:
+    rock, yaw = block((0.5, 0.8, 1.1), 2000.0), np.radians([0.0, 25.0, 90.0, 200.0])
+    foot = rock.vertices[rock.vertices[:, 2] < 0.0]
+    np.testing.assert_allclose(search.scales_on(foot, yaw), search.scales(rock.hull, yaw))
+
+
+def test_a_rock_on_points_askew_tips_by_the_angles_to_its_edges() -> None:
+    """Two of four points lie lower: uphill it tips at tan(a - s), downhill at tan(a + s)."""
+    width, height, slope = 0.3, 0.9, 0.1
+    foot = np.array([(x, y, -height) for x in (-width, width) for y in (-0.4, 0.4)])
+    c, s = np.cos(slope), np.sin(slope)
+    turned = foot @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T  # falls toward +x
+    found = np.exp(search.scales_on(turned, np.zeros(1))[1:3, 0])
+    angle = np.arctan2(width, height)
+    np.testing.assert_allclose(found, np.tan([angle + slope, angle - slope]))
