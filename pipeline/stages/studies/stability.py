@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -23,9 +25,9 @@ from vsr_core.verification.stability.stiffness_map import POINTS, Limits, limits
 TABLE, PAGE, PICTURE = "stability.csv", "stability.html", "stability_map"
 
 _BATCH = 2
-"""Cases handed to a worker at once."""
+"""Cases handed to a worker at once, of those that share nothing."""
 
-_HEAVY = ("long_rest", "stiffness_map")
+_HEAVY = ("long_rest", "raw_scans", "stiffness_map")
 """Families that take longest, and so come first."""
 
 _DIED = Finding(
@@ -67,11 +69,16 @@ def run_cases(shared: None, names: tuple[str, ...]) -> list[Finding]:
 
 def _findings(work: Work, cases: dict[str, ExtremeCase]) -> dict[str, Finding]:
     order = sorted(cases, key=lambda name: cases[name].family not in _HEAVY)
-
-    starts = range(0, len(order), _BATCH)
-    batches = (Batch(None, tuple(order[start : start + _BATCH])) for start in starts)
-    done = work.cluster.each(run_cases, batches, lambda nothing: nothing)
+    done = work.cluster.each(run_cases, _batches(order, cases), lambda nothing: nothing)
     return {name: finding or _DIED for _, name, finding in done}
+
+
+def _batches(order: list[str], cases: dict[str, ExtremeCase]) -> Iterator[Batch]:
+    for together, names in groupby(order, lambda name: cases[name].together):
+        alike = tuple(names)
+        size = len(alike) if together else _BATCH
+        for start in range(0, len(alike), size):
+            yield Batch(None, alike[start : start + size])
 
 
 def _table(cases: dict[str, ExtremeCase], findings: dict[str, Finding]) -> pd.DataFrame:

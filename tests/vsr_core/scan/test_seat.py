@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -24,13 +23,12 @@ from vsr_core.rock import reduction, solid
 from vsr_core.rock.body import Rock
 from vsr_core.run import displacement, static_limits
 from vsr_core.run.cases import Settings, TerrainCase
-from vsr_core.run.time_step import step_unit
 from vsr_core.scan import seat
-from vsr_core.scan.preparation import Prepared, prepare_scan
-from vsr_core.scene import Contact, Scene, State
-from vsr_core.surrogates.field_scans import FieldScan, Scanned, scan
-from vsr_core.terrain.coarsening import coarser
+from vsr_core.scan.preparation import Prepared
+from vsr_core.surrogates.field_scans import FieldScan, Scanned
 from vsr_core.terrain.surface import Terrain
+from vsr_core.verification.stability import _field
+from vsr_core.verification.stability._field import longest_step, prepared, resting, tipping_limit
 
 FIELDS = {
     "smooth and clean": FieldScan(21, noise=0.0, roughness=0.003),
@@ -57,39 +55,12 @@ EACH = pytest.mark.parametrize(
 
 @cache
 def scanned(name: str) -> tuple[Scanned, Prepared]:
-    raw = scan(FIELDS[name])
-    mesh = trimesh.Trimesh(raw.vertices, raw.faces, process=False)
-    near = tuple(raw.on_rock) if FIELDS[name].walls else None
-    return raw, prepare_scan(mesh, None, near=near, closing="caps", density=2700.0, tell=str)
-
-
-@cache
-def lightened(name: str) -> tuple[Rock, Rock, Terrain]:
-    """The rock, the same with fewer vertices, and light ground."""
-    made = scanned(name)[1]
-    rock = solid.from_mesh(made.rock, 2700.0, as_scanned=True).rock
-    light = coarser(made.terrain, lambda at: np.full(len(at), 0.01 * rock.radius))
-    return rock, reduction.on_its_seat(rock), light
+    return prepared(FIELDS[name])
 
 
 @cache
 def seated(name: str, bearing: seat.Bearing = "rim") -> tuple[Rock, seat.Seat]:
-    """The rock, and its seat in light ground."""
-    made = scanned(name)[1]
-    rock, own, light = lightened(name)
-    up = np.array([0.0, 0.0, rock.height])
-    loops = seat.seams(made.terrain, made.seat)
-    return rock, seat.seat(light, loops, own.vertices + up, rock.vertices + up, bearing)
-
-
-def resting(rock: Rock, terrain: Terrain, friction: float = 0.6) -> Scene:
-    start = State(np.array([0.0, 0.0, rock.height]), np.eye(3), np.zeros(3), np.zeros(3))
-    own = reduction.on_its_seat(rock)
-    return Scene(own, Contact(friction, 0.3), 0.0, "terrain", start=start, terrain=terrain)
-
-
-def longest_step(rock: Rock) -> float:
-    return nonsmooth.LADDER.longest * step_unit(rock)
+    return _field.seated(FIELDS[name], bearing)
 
 
 @EACH
@@ -145,19 +116,6 @@ def test_points_that_bear_tip_as_their_polygon_says(name: str) -> None:
         friction = 1.3 * pushed / GRAVITY
         found = static_limits.on_points(laid.points, upward, centre, friction, along)[1]
         assert found / static_limits.SAFE_SHARE == pytest.approx(pushed, rel=0.05)
-
-
-def tipping_limit(points: np.ndarray, centre: np.ndarray, toward: np.ndarray) -> float:
-    """Horizontal acceleration of the rock [m/s^2] that takes its weight over an edge."""
-    loop = points[ConvexHull(points[:, :2]).vertices]
-    limits = []
-    for one, other in pairwise([*loop, loop[0]]):
-        axis = other - one
-        weight = float(np.dot(axis, np.cross(centre - one, [0.0, 0.0, -GRAVITY])))
-        push = float(np.dot(axis, np.cross(centre - one, toward)))
-        if push * weight < 0.0:
-            limits.append(-weight / push)
-    return min(limits)
 
 
 def test_walls_that_hold_it_are_named() -> None:

@@ -167,6 +167,16 @@ def _case(error: float) -> ExtremeCase:
 # The stage
 
 
+def test_cases_of_one_scan_are_measured_in_one_process() -> None:
+    order = [name for name, case in ALL.items() if case.family in ("raw_scans", "sliding")]
+    batches = [batch.work for batch in stage._batches(order, ALL)]
+    assert [name for batch in batches for name in batch] == order
+    scans = _module("raw_scans").FIELDS
+    assert len(scans) == 24
+    together = [{name.partition(":")[0] for name in batch} for batch in batches if len(batch) > 2]
+    assert together == [{scan} for scan in scans]
+
+
 @pytest.fixture
 def make_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
     """Run the stage on some cases; returns the folder of its products."""

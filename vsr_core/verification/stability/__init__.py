@@ -66,6 +66,7 @@ class ExtremeCase:
     tolerance : float, largest error that is right
     measure : callable, raises ``InvalidInput`` where the program refuses or gives no outcome
     family : str, name of its module, put there by ``cases``
+    together : str, cases of one such name share what takes long, and are measured in one process
     """
 
     name: str
@@ -76,6 +77,7 @@ class ExtremeCase:
     tolerance: float
     measure: Callable[[], Measured]
     family: str = ""
+    together: str = ""
 
     def run(self) -> Finding:
         """Measure and judge."""

@@ -1,0 +1,95 @@
+"""A rock on the points that bear it, in an engine that is not ours."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from vsr_core import GRAVITY
+from vsr_core.arrays import Array
+from vsr_core.motions.ground_motion import GroundMotion
+from vsr_core.rock.body import Rock
+
+SPHERE_SHARE = 1e-3
+"""Radius of the sphere that a point is, as a share of the rock's."""
+
+STEP_SHARE = 4e-4
+"""Time step in units of sqrt(radius / g)."""
+
+_STEPS_A_LOOK = 10
+
+_GRIP_RATIO = 100.0  # of friction's stiffness to that of the contact: what bears does not creep
+
+
+def tilts(
+    rock: Rock, points: Array, upward: Array, friction: float, motion: GroundMotion, rest: float
+) -> Array:
+    """Angles from the start [rad], by MuJoCo, one every ten steps.
+
+    Parameters
+    ----------
+    points, upward : ndarray, shape (k, 3), of the site's frame [m], and unit normals there
+    motion : GroundMotion, along +x
+    rest : float [s], time after the motion
+    """
+    model = _model(rock, points, upward, friction)
+    data = mujoco.MjData(model)
+    data.qpos[:3] = 0.0, 0.0, rock.height / rock.radius
+    mujoco.mju_mat2Quat(data.qpos[3:7], rock.axes.ravel())
+    start = data.qpos[3:7].copy()
+    step = model.opt.timestep * math.sqrt(rock.radius)
+    looks = math.ceil((motion.duration + rest) / step / _STEPS_A_LOOK)
+    middles = (np.arange(looks) + 0.5) * _STEPS_A_LOOK * step
+    cosines = np.empty(looks)
+    for look, along_x in enumerate(motion.acceleration(middles).tolist()):
+        model.opt.gravity[0] = -along_x
+        mujoco.mj_step(model, data, _STEPS_A_LOOK)
+        cosines[look] = abs(data.qpos[3:7] @ start)
+    return np.asarray(2.0 * np.arccos(np.minimum(cosines, 1.0)))
+
+
+def _model(rock: Rock, points: Array, upward: Array, friction: float) -> mujoco.MjModel:
+    """Spheres that touch from below, and the rock, of radius 1 and mass 1."""
+    scale = 1.0 / rock.radius
+    spec = mujoco.MjSpec()
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = _GRIP_RATIO
+    # Contacts at rest are 1e-6 radii deep; MuJoCo's own tolerances are no finer.
+    spec.option.ccd_tolerance, spec.option.ccd_iterations = 1e-12, 200
+    spec.option.tolerance, spec.option.iterations = 1e-12, 300
+    spec.option.timestep = STEP_SHARE / math.sqrt(GRAVITY)
+    spec.option.gravity = [0.0, 0.0, -GRAVITY]
+    unpaired = {"contype": 0, "conaffinity": 0}
+    body = spec.worldbody.add_body(
+        mass=1.0,
+        inertia=(rock.inertia / rock.mass * scale**2).tolist(),
+        explicitinertial=True,
+        ipos=[0.0, 0.0, 0.0],
+    )
+    body.add_freejoint()
+    spec.add_mesh(
+        name="rock",
+        uservert=(rock.vertices @ rock.axes * scale).ravel().tolist(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+    )
+    body.add_geom(name="rock", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="rock", **unpaired)
+    spring = 4.0 * spec.option.timestep
+    for k, (point, up) in enumerate(zip(points, upward, strict=True)):
+        spec.worldbody.add_geom(
+            name=f"point {k}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[SPHERE_SHARE, 0.0, 0.0],
+            pos=(point * scale - SPHERE_SHARE * up).tolist(),
+            **unpaired,
+        )
+        spec.add_pair(
+            geomname1=f"point {k}",
+            geomname2="rock",
+            friction=[friction] * 2 + [0.0] * 3,
+            condim=3,
+            solref=[spring, 2.0],
+            solreffriction=[spring, 2.0],
+        )
+    return spec.compile()
