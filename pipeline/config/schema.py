@@ -73,6 +73,14 @@ class SimulationConfig(Section):
     )
 
 
+class StabilityConfig(Section):
+    """What `make stability` tries beside its usual cases."""
+
+    raw_scans: Annotated[bool, Lax] = Field(
+        False, description="24 made scans, from the scan to the verdicts of runs: some minutes more"
+    )
+
+
 class SceneSettings(NamedTuple):
     """What the scenes of a study are set up by, and how they are run."""
 
@@ -127,6 +135,9 @@ class Config(Section):
     uncertainty: UncertaintyConfig = Field(
         UncertaintyConfig(),
         description="prior distributions of rock and shaking, for `make uncertainty`",
+    )
+    stability: StabilityConfig = Field(
+        StabilityConfig(), description="further cases, for `make stability`"
     )
 
     @property

@@ -92,10 +92,27 @@ def scan(field: FieldScan) -> Scanned:
     both = lambda x, y, z: np.minimum(rock(x, y, z), ground(x, y, z))  # noqa: E731
     vertices, faces = surface(both, low, high, field.edge)
     vertices, faces = _noisy(vertices, faces, field, random)
-    reach = 1.5 * max(field.half_axes)
-    around = np.array([reach, reach, 2.2 * field.half_axes[2]])
-    own = surface(rock, [-reach, -reach, -0.2], around, 0.5 * field.edge)
+    own = surface(rock, *_around(field), 0.5 * field.edge)
     return Scanned(vertices, faces, *own, np.array([0.0, 0.0, 0.9 * field.half_axes[2]]))
+
+
+def above_ground(field: FieldScan) -> tuple[Array, Indices]:
+    """The rock without what of it is in the ground, which no scan shows.
+
+    Returns
+    -------
+    vertices : ndarray, shape (n, 3) [m]
+    faces : ndarray of int, shape (m, 3)
+    """
+    rock, ground = _rock(field, np.random.default_rng(field.seed)), _ground(field)
+    seen = lambda x, y, z: np.maximum(rock(x, y, z), -ground(x, y, z))  # noqa: E731
+    return surface(seen, *_around(field), 0.5 * field.edge)
+
+
+def _around(field: FieldScan) -> tuple[Array, Array]:
+    """Corners of a box around the rock [m]."""
+    reach = 1.5 * max(field.half_axes)
+    return np.array([-reach, -reach, -0.2]), np.array([reach, reach, 2.2 * field.half_axes[2]])
 
 
 def _rock(field: FieldScan, random: np.random.Generator) -> Inside:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import groupby
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
+from pipeline.config.sections import Key
 from pipeline.drawing.style import INK, SERIES, cell_edges, pictures, styled, svg_uri
 from pipeline.workflow import pages, writers
 from pipeline.workflow.stage import Product, Work
@@ -30,20 +31,28 @@ _BATCH = 2
 _HEAVY = ("long_rest", "raw_scans", "stiffness_map")
 """Families that take longest, and so come first."""
 
+_ON_REQUEST = "raw_scans"
+"""The family that is only run where it is asked for."""
+
 _DIED = Finding(
     Verdict.WRONG, math.nan, math.nan, math.nan, "the process died in it; see the log of workers"
 )
 
 
-def make(work: Work) -> Product:
+def make(work: Work, raw_scans: Annotated[bool, Key("stability.raw_scans")]) -> Product:
     """Run all cases and say what became of them.
+
+    Parameters
+    ----------
+    raw_scans : bool, whether those of raw scans are among them
 
     Returns
     -------
     Product
         Table, page and map of verdicts; a case that is silently wrong counts as unresolved.
     """
-    cases = stability.cases()
+    every = stability.cases()
+    cases = {name: one for name, one in every.items() if raw_scans or one.family != _ON_REQUEST}
     work.log(f"stability: {len(cases)} cases")
     table = _table(cases, _findings(work, cases))
     points = pd.DataFrame.from_dict(POINTS, "index", columns=["time_step", "stiffness"])
@@ -120,6 +129,7 @@ def _page(table: pd.DataFrame, picture: str) -> str:
         }
         for family, about in stability.families().items()
         for own in [table[table["family"] == family]]
+        if len(own)
     ]
     facts = {
         "counts": _counts(table),
@@ -128,6 +138,7 @@ def _page(table: pd.DataFrame, picture: str) -> str:
         "wrong": list(table[table["verdict"] == Verdict.WRONG.value].itertuples()),
         "picture": picture,
         "files": {"table": TABLE, "picture": PICTURE},
+        "raw_scans": _ON_REQUEST in set(table["family"]),
     }
     return pages.filled(PAGE, facts)
 

@@ -3,111 +3,37 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 from vsr_core import GRAVITY
-from vsr_core.engines import nonsmooth
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.pulses import CosinePulse
-from vsr_core.outcome import Outcome
-from vsr_core.rock import reduction, solid
+from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.run import displacement, static_limits
-from vsr_core.run.cases import Settings, TerrainCase
 from vsr_core.scan import seat
-from vsr_core.scan.preparation import Prepared
-from vsr_core.surrogates.field_scans import FieldScan, Scanned
 from vsr_core.terrain.surface import Terrain
 from vsr_core.verification.stability import _field
 from vsr_core.verification.stability._field import longest_step, prepared, resting, tipping_limit
+from vsr_core.verification.stability.raw_scans import FIELDS
 
-FIELDS = {
-    "smooth and clean": FieldScan(21, noise=0.0, roughness=0.003),
-    "noise of 5 mm": FieldScan(22, noise=0.005),
-    "rough ground, sunk 1 cm": FieldScan(23, roughness=0.03, sunk=0.01, edge=0.06),
-    "sunk 3 cm": FieldScan(24, sunk=0.03),
-    "slope of 15 deg": FieldScan(25, slope=15.0, sunk=0.02),
-    "slope of 25 deg": FieldScan(26, slope=25.0, sunk=0.02),
-    "a niche of three walls": FieldScan(27, walls=3, sunk=0.01),
-    "a waist": FieldScan(28, waist=0.12, sunk=0.01),
-    "three pebbles": FieldScan(29, pebbles=True),
-    "holes in the scan": FieldScan(30, holes=4),
-    "squat": FieldScan(31, half_axes=(0.5, 0.45, 0.35)),
-    "small and fine": FieldScan(32, half_axes=(0.3, 0.25, 0.5), edge=0.03),
-}
-QUICK = ("rough ground, sunk 1 cm",)
-"""The others are of the slow suite."""
-
-EACH = pytest.mark.parametrize(
-    "name",
-    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in FIELDS],
-)
+FIELD = FIELDS["rough ground, sunk 1 cm"]
 
 
 @cache
-def scanned(name: str) -> tuple[Scanned, Prepared]:
-    return prepared(FIELDS[name])
+def seated(bearing: seat.Bearing = "rim") -> tuple[Rock, seat.Seat]:
+    return _field.seated(FIELD, bearing)
 
 
-@cache
-def seated(name: str, bearing: seat.Bearing = "rim") -> tuple[Rock, seat.Seat]:
-    return _field.seated(FIELDS[name], bearing)
-
-
-@EACH
-def test_the_scan_gives_the_true_rock(name: str) -> None:
-    raw, made = scanned(name)
-    true = trimesh.Trimesh(raw.rock_vertices, raw.rock_faces)
-    assert made.rock.volume == pytest.approx(true.volume, rel=0.03)
-    size = float(np.ptp(true.vertices, axis=0).max())
-    off = made.rock.center_mass + made.origin - true.center_mass
-    assert np.linalg.norm(off) < 0.012 * size
-
-
-@EACH
-def test_it_rests_as_it_was_scanned(name: str) -> None:
-    """To a millimetre and a fifth of a degree; and what rests gains no energy."""
-    rock, laid = seated(name)
-    scene = resting(rock, laid.terrain)
-    state = displacement.settled(scene, longest_step(rock), "nonsmooth")
-    assert np.linalg.norm(state.position - [0.0, 0.0, rock.height]) < 1e-3
-    assert math.acos(min(1.0, 0.5 * (np.trace(state.rotation) - 1.0))) < math.radians(0.2)
-    world = nonsmooth.build(replace(scene, start=state), longest_step(rock), 1)
-    for _ in range(20):
-        world.advance([0.0] * 10)
-        now = world.state()
-        assert np.linalg.norm(now.velocity) < 1e-3 * math.sqrt(GRAVITY * rock.radius)
-    assert np.linalg.norm(now.position - state.position) < 1e-4
-
-
-@EACH
-def test_each_run_has_a_verdict(name: str) -> None:
-    rock, laid = seated(name)
-    step = longest_step(rock)
-    scene = resting(rock, laid.terrain)
-    scene = replace(scene, start=displacement.settled(scene, step, "nonsmooth"))
-    still = displacement.limits_on_seat(scene, step, "nonsmooth")
-    case = TerrainCase(scene, replace(scene, rock=reduction.in_flight(rock)), 1.2, still)
-    for pga in (0.2, 0.6, 1.0, 1.6):
-        for ratio in (0.1, 0.4):
-            motion = CosinePulse.from_g(pga, ratio)
-            run = displacement.displace(case, motion, Settings(0.3 * step, engine="nonsmooth"))
-            assert run.response.outcome in (Outcome.BALANCED, Outcome.DISPLACED, Outcome.OVERTURNED)
-
-
-@EACH
-def test_points_that_bear_tip_as_their_polygon_says(name: str) -> None:
+def test_points_that_bear_tip_as_their_polygon_says() -> None:
     """About the edge of their outline that gives way first, where friction is enough."""
-    rock, laid = seated(name)
+    rock, laid = seated()
     centre = np.array([0.0, 0.0, rock.height])
     upward = np.tile([0.0, 0.0, 1.0], (len(laid.points), 1))
     for turn in np.radians(np.arange(0.0, 360.0, 45.0)):
@@ -126,7 +52,7 @@ def test_walls_that_hold_it_are_named() -> None:
     assert sorted(np.degrees(held).round()) == list(range(0, 360, 30))
     limits = displacement.limits_on_seat(resting(rock, hollow), longest_step(rock), "nonsmooth")
     assert limits == (0.0, 0.0)  # nothing is left out for that: runs are stepped
-    rock, laid = seated("rough ground, sunk 1 cm")
+    rock, laid = seated()
     held = displacement.held_toward(resting(rock, laid.terrain), longest_step(rock), "nonsmooth")
     assert len(held) == 0
 
@@ -142,8 +68,8 @@ def groove(half: float, depth: float) -> Terrain:
 
 
 def test_so_many_points_span_the_largest_area_around_the_weight() -> None:
-    _, rim = seated("rough ground, sunk 1 cm")
-    _, three = seated("rough ground, sunk 1 cm", 3)
+    _, rim = seated()
+    _, three = seated(3)
     assert len(three.points) == 3
     assert len(rim.points) > 3
 
@@ -158,7 +84,7 @@ def test_so_many_points_span_the_largest_area_around_the_weight() -> None:
 
 
 def test_all_of_the_seam_may_bear() -> None:
-    rock, laid = seated("rough ground, sunk 1 cm", "whole")
+    rock, laid = seated("whole")
     assert len(laid.points) == 0
     assert laid.pyramids == ()
     near = np.linalg.norm(laid.terrain.vertices[:, :2], axis=1) < 0.2
@@ -195,9 +121,9 @@ def test_no_triangle_of_the_ground_reaches_into_the_hull(
 
 
 def test_a_seam_beside_the_weight_bears_nothing() -> None:
-    rock, _ = seated("rough ground, sunk 1 cm")
+    rock, _ = seated()
     up = np.array([0.0, 0.0, rock.height])
-    made = scanned("rough ground, sunk 1 cm")[1]
+    made = prepared(FIELD)[1]
     loops = [loop + np.array([3.0, 0.0, 0.0]) for loop in seat.seams(made.terrain, made.seat)]
     with pytest.raises(InvalidInput, match="not around the weight"):
         seat.seat(made.terrain, loops, rock.vertices + up, rock.vertices + up, "rim")

@@ -169,7 +169,7 @@ def _case(error: float) -> ExtremeCase:
 
 def test_cases_of_one_scan_are_measured_in_one_process() -> None:
     order = [name for name, case in ALL.items() if case.family in ("raw_scans", "sliding")]
-    batches = [batch.work for batch in stage._batches(order, ALL)]
+    batches = [batch.items for batch in stage._batches(order, ALL)]
     assert [name for batch in batches for name in batch] == order
     scans = _module("raw_scans").FIELDS
     assert len(scans) == 24

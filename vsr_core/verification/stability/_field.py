@@ -13,7 +13,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from vsr_core import GRAVITY
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Mask
 from vsr_core.engines import nonsmooth
 from vsr_core.rock import reduction, solid
 from vsr_core.rock.body import Rock
@@ -25,6 +25,7 @@ from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.field_scans import FieldScan, Scanned, scan
 from vsr_core.terrain.coarsening import coarser
 from vsr_core.terrain.surface import Terrain
+from vsr_core.verification.rocks import upright
 
 FRICTION, RESTITUTION = 0.6, 0.3
 DENSITY = 2700.0  # kg/m^3
@@ -48,27 +49,32 @@ class Settled:
     seconds: float
 
 
+def _untold(what: str) -> None:
+    """Progress that nobody waits for."""
+
+
 @lru_cache(maxsize=2)
 def prepared(field: FieldScan) -> tuple[Scanned, Prepared]:
     """A scan, and what is made of it; among the walls of a niche a point on the rock is given."""
     raw = scan(field)
     mesh = trimesh.Trimesh(raw.vertices, raw.faces, process=False)
     near = tuple(raw.on_rock) if field.walls else None
-    return raw, prepare_scan(mesh, None, near=near, closing="caps", density=DENSITY, tell=str)
+    return raw, prepare_scan(mesh, None, near=near, closing="caps", density=DENSITY, tell=_untold)
 
 
 @lru_cache(maxsize=2)
-def lightened(field: FieldScan) -> tuple[Rock, Terrain]:
-    """The rock, and light ground."""
+def lightened(field: FieldScan) -> tuple[Rock, Rock, Terrain]:
+    """The rock, the same with fewer vertices, and light ground."""
     made = prepared(field)[1]
     rock = solid.from_mesh(made.rock, DENSITY, as_scanned=True).rock
-    return rock, coarser(made.terrain, lambda at: np.full(len(at), 0.01 * rock.radius))
+    light = coarser(made.terrain, lambda at: np.full(len(at), 0.01 * rock.radius))
+    return rock, reduction.on_its_seat(rock), light
 
 
 def seated(field: FieldScan, bearing: seat.Bearing = "rim") -> tuple[Rock, seat.Seat]:
     """The rock, and its seat in light ground."""
-    made, (rock, light) = prepared(field)[1], lightened(field)
-    up, own = np.array([0.0, 0.0, rock.height]), reduction.on_its_seat(rock)
+    made, (rock, own, light) = prepared(field)[1], lightened(field)
+    up = np.array([0.0, 0.0, rock.height])
     loops = seat.seams(made.terrain, made.seat)
     return rock, seat.seat(light, loops, own.vertices + up, rock.vertices + up, bearing)
 
@@ -85,20 +91,28 @@ def settled(field: FieldScan) -> Settled:
 
 def resting(rock: Rock, terrain: Terrain) -> Scene:
     """A rock as it was scanned."""
-    start = State(np.array([0.0, 0.0, rock.height]), np.eye(3), np.zeros(3), np.zeros(3))
     own, contact = reduction.on_its_seat(rock), Contact(FRICTION, RESTITUTION)
+    start = upright((0.0, 0.0, rock.height))
     return Scene(own, contact, 0.0, "terrain", start=start, terrain=terrain)
 
 
-def on_its_points(made: Settled, friction: float) -> Scene:
-    """The rock on the points that bear it and nothing else, without restitution."""
-    tips = made.seat.points
+def on_its_points(made: Settled, bears: Mask | None = None) -> Scene:
+    """The rock as it was scanned, on points that bear it and nothing else, without restitution.
+
+    Parameters
+    ----------
+    bears : ndarray of bool, shape (k,), which of the points; None for all
+    """
+    tips, pyramids = made.seat.points, made.seat.pyramids
     low = float(tips[:, 2].min()) - _BENEATH * made.rock.radius
     wide = 20.0 * made.rock.radius * np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
     floor = np.column_stack([wide, np.full(4, low)])
     ground = Terrain(floor, np.array([[0, 1, 2], [0, 2, 3]]))
-    scene = resting(made.rock, replace(made.seat, ground=ground).terrain)
-    return replace(scene, contact=Contact(friction))
+    if bears is not None:
+        pyramids = tuple(pyramids[k] for k in np.flatnonzero(bears))
+    terrain = replace(made.seat, ground=ground, pyramids=pyramids).terrain
+    as_scanned = upright((0.0, 0.0, made.rock.height))
+    return replace(made.scene, contact=Contact(FRICTION), start=as_scanned, terrain=terrain)
 
 
 def pushes(laid: seat.Seat) -> Array:

@@ -15,8 +15,8 @@ from vsr_core.rock.body import Rock
 SPHERE_SHARE = 1e-3
 """Radius of the sphere that a point is, as a share of the rock's."""
 
-STEP_SHARE = 4e-4
-"""Time step in units of sqrt(radius / g)."""
+STEPS = (4e-4, 2e-4)
+"""Time steps in units of sqrt(radius / g), the finest last."""
 
 _STEPS_A_LOOK = 10
 
@@ -24,7 +24,13 @@ _GRIP_RATIO = 100.0  # of friction's stiffness to that of the contact: what bear
 
 
 def tilts(
-    rock: Rock, points: Array, upward: Array, friction: float, motion: GroundMotion, rest: float
+    rock: Rock,
+    points: Array,
+    upward: Array,
+    friction: float,
+    motion: GroundMotion,
+    rest: float,
+    step_share: float,
 ) -> Array:
     """Angles from the start [rad], by MuJoCo, one every ten steps.
 
@@ -33,8 +39,9 @@ def tilts(
     points, upward : ndarray, shape (k, 3), of the site's frame [m], and unit normals there
     motion : GroundMotion, along +x
     rest : float [s], time after the motion
+    step_share : float, time step in units of sqrt(radius / g)
     """
-    model = _model(rock, points, upward, friction)
+    model = _model(rock, points, upward, friction, step_share)
     data = mujoco.MjData(model)
     data.qpos[:3] = 0.0, 0.0, rock.height / rock.radius
     mujoco.mju_mat2Quat(data.qpos[3:7], rock.axes.ravel())
@@ -50,7 +57,9 @@ def tilts(
     return np.asarray(2.0 * np.arccos(np.minimum(cosines, 1.0)))
 
 
-def _model(rock: Rock, points: Array, upward: Array, friction: float) -> mujoco.MjModel:
+def _model(
+    rock: Rock, points: Array, upward: Array, friction: float, step_share: float
+) -> mujoco.MjModel:
     """Spheres that touch from below, and the rock, of radius 1 and mass 1."""
     scale = 1.0 / rock.radius
     spec = mujoco.MjSpec()
@@ -59,7 +68,7 @@ def _model(rock: Rock, points: Array, upward: Array, friction: float) -> mujoco.
     # Contacts at rest are 1e-6 radii deep; MuJoCo's own tolerances are no finer.
     spec.option.ccd_tolerance, spec.option.ccd_iterations = 1e-12, 200
     spec.option.tolerance, spec.option.iterations = 1e-12, 300
-    spec.option.timestep = STEP_SHARE / math.sqrt(GRAVITY)
+    spec.option.timestep = step_share / math.sqrt(GRAVITY)
     spec.option.gravity = [0.0, 0.0, -GRAVITY]
     unpaired = {"contype": 0, "conaffinity": 0}
     body = spec.worldbody.add_body(
