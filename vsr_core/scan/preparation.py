@@ -16,6 +16,7 @@ from vsr_core.rock.solid import from_mesh
 from vsr_core.scan.cleaning import Cleaned, clean
 from vsr_core.scan.closing import Closed, Closing, close
 from vsr_core.scan.cuts import Cut
+from vsr_core.scan.filling import filled
 from vsr_core.scan.ground_beneath import ground_beneath
 from vsr_core.scan.proposal import Alternative, Undecided, alternatives, propose
 from vsr_core.scan.separation import Separation, by_cut, settled
@@ -95,7 +96,7 @@ def prepare_scan(
     """
     tell("cleaning the scan")
     with refusing(Seen.nothing_of(mesh)):
-        cleaned = clean(mesh)
+        cleaned = filled(clean(mesh))
     tell("telling rock and ground apart")
     separation = _separated(cleaned, cut, near)
     tell(f"closing the rock with {closing}")
