@@ -82,6 +82,7 @@ _RETURNED = 0.95  # share of a tilt from which on it is told that a rock comes b
 _TOUCHED = 2e-3  # rad, of a seat that settles
 _SMALL = math.radians(0.3)  # swings below this are compared by it
 _GRIP = 1.4  # friction by the acceleration that tips the rock, with which it does not slide
+_LAYER = 0.03  # of an edge, by which the surface of a scan is off in the mean: it cuts off arcs
 _SLIPPERY = 0.2  # friction in a niche: with more of it, what holds the rock has several answers
 
 _DECIDED = (Outcome.BALANCED, Outcome.DISPLACED, Outcome.OVERTURNED)
@@ -99,7 +100,8 @@ class _Solids(NamedTuple):
     """A rock as it was made of its scan, the true one, and what cannot be known of it.
 
     ``above`` is the true one without what is in the ground; ``caps`` and ``hull`` are the rock with
-    its underside closed in two ways, the same where one of them is refused.
+    its underside closed in two ways, the same where one of them is refused; ``layer`` is the share
+    of its volume in a layer as thick as a surface of such edges is off in the mean.
     """
 
     made: _Solid
@@ -107,19 +109,21 @@ class _Solids(NamedTuple):
     above: _Solid
     caps: _Solid
     hull: _Solid
+    layer: float
 
 
 def _solids(field: FieldScan) -> _Solids:
     raw, made = prepared(field)
-    own, true = _solid(made.rock), _solid(trimesh.Trimesh(raw.rock_vertices, raw.rock_faces))
+    whole = trimesh.Trimesh(raw.rock_vertices, raw.rock_faces)
+    own, true, above = map(_solid, (made.rock, whole, trimesh.Trimesh(*above_ground(field))))
     own = own._replace(centre=own.centre + made.origin)
-    above = _solid(trimesh.Trimesh(*above_ground(field)))
     caps = made.steps[2].after
     hull = next((one.measure for one in made.trials if one.closing == "hull"), None) or caps
     closings = (
         _Solid(one.volume, one.centre_of_mass, _moments(one.inertia)) for one in (caps, hull)
     )
-    return _Solids(own, true, above, *closings)
+    layer = _LAYER * field.edge * float(whole.area) / true.volume
+    return _Solids(own, true, above, *closings, layer)
 
 
 def _solid(mesh: trimesh.Trimesh) -> _Solid:
@@ -131,14 +135,11 @@ def _moments(inertia: Array) -> Array:
 
 
 def _volume(field: FieldScan) -> Measured:
+    def apart(one: _Solid, other: _Solid) -> float:
+        return abs(one.volume / other.volume - 1.0)
+
     solids = _solids(field)
-    return _known(
-        solids,
-        lambda one, other: abs(one.volume / other.volume - 1.0),
-        0.01,
-        solids.made.volume,
-        solids.true.volume,
-    )
+    return _known(solids, apart, 1.0, solids.made.volume, solids.true.volume)
 
 
 def _centre(field: FieldScan) -> Measured:
@@ -148,7 +149,7 @@ def _centre(field: FieldScan) -> Measured:
     def apart(one: _Solid, other: _Solid) -> float:
         return float(np.linalg.norm(one.centre - other.centre)) / size
 
-    return _known(solids, apart, 0.005, apart(solids.made, solids.true) * size, 0.0)
+    return _known(solids, apart, 0.5, apart(solids.made, solids.true) * size, 0.0)
 
 
 def _inertia(field: FieldScan) -> Measured:
@@ -159,20 +160,20 @@ def _inertia(field: FieldScan) -> Measured:
     def apart(one: _Solid, other: _Solid) -> float:
         return float(np.abs(one.inertia / other.inertia - 1.0).max())
 
-    return _known(solids, apart, 0.03, float(own[worst]), float(expected[worst]))
+    return _known(solids, apart, 3.0, float(own[worst]), float(expected[worst]))
 
 
 def _known(
     solids: _Solids,
     apart: Callable[[_Solid, _Solid], float],
-    scanned: float,
+    layers: float,
     measured: float,
     expected: float,
 ) -> Measured:
-    """By what cannot be known of the rock, and what is allowed for its scan."""
-    off = apart(solids.made, solids.true)
+    """By what cannot be known of the rock, and so many layers: those at its ends count for more."""
+    off, scanned = apart(solids.made, solids.true), layers * solids.layer
     unseen = max(apart(solids.above, solids.true), apart(solids.hull, solids.caps))
-    note = f"{off:.1%} off; unseen {unseen:.1%}"
+    note = f"{off:.1%} off; unseen {unseen:.1%}, scanned to {scanned:.1%}"
     return Measured(measured, expected, off / (unseen + scanned), note)
 
 
@@ -336,14 +337,15 @@ def _verdicts(field: FieldScan) -> Measured:
     return Measured(float(decided + left), 64.0, float(64 - decided - left), note)
 
 
-_UNSEEN = "by what is unseen of it (in the ground, or between two closings) and "
+_UNSEEN = "by what is unseen of it (in the ground, or between two closings) and"
 
 _ASKED: dict[str, tuple[str, float, Callable[[FieldScan], Measured]]] = {
-    "volume": (f"volume [m3]; the rock's formula; {_UNSEEN}1 %", 1.0, _volume),
-    "centre": ("centre of mass, its distance [m]; the formula's; "
-               f"{_UNSEEN}0.5 % of the volume's cube root", 1.0, _centre),
+    "volume": (f"volume [m3]; the rock's formula; {_UNSEEN} a layer of 3 % of an edge on its "
+               "surface", 1.0, _volume),
+    "centre": ("centre of mass, its distance [m]; the formula's; over the volume's cube root, "
+               f"{_UNSEEN} half that layer", 1.0, _centre),
     "inertia": ("moment of inertia of unit density, the worst of three [m5]; the formula's; "
-                f"{_UNSEEN}3 %", 1.0, _inertia),
+                f"{_UNSEEN} three such layers", 1.0, _inertia),
     "settling": ("CPU time to settle [s]; none; the largest of it by 5 s, the shift by 1 mm "
                  "and the turn by 0.2 deg", 1.0, _settles),
     "energy": ("growth of energy at rest [J/kg]; none; by that of one radius", 1e-6,
