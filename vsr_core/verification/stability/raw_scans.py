@@ -118,12 +118,12 @@ def _solids(field: FieldScan) -> _Solids:
     own, true, above = map(_solid, (made.rock, whole, trimesh.Trimesh(*above_ground(field))))
     own = own._replace(centre=own.centre + made.origin)
     caps = made.steps[2].after
-    hull = next((one.measure for one in made.trials if one.closing == "hull"), None) or caps
-    closings = (
-        _Solid(one.volume, one.centre_of_mass, _moments(one.inertia)) for one in (caps, hull)
+    hull = next((way.measure for way in made.trials if way.closing == "hull"), None) or caps
+    one, other = (
+        _Solid(way.volume, way.centre_of_mass, _moments(way.inertia)) for way in (caps, hull)
     )
     layer = _LAYER * field.edge * float(whole.area) / true.volume
-    return _Solids(own, true, above, *closings, layer)
+    return _Solids(own, true, above, one, other, layer)
 
 
 def _solid(mesh: trimesh.Trimesh) -> _Solid:
