@@ -1,4 +1,7 @@
-"""Raw scans with a known truth, from the scan to the verdicts of runs: a part to be asked for."""
+"""Raw scans with a known truth, from the scan to the verdicts of runs.
+
+They take minutes, and are run where they are asked for.
+"""
 
 from __future__ import annotations
 
