@@ -224,6 +224,9 @@ class Rock:
     Attributes
     ----------
     vertices : ndarray, shape (n, 3) [m], corners of its convex hull; six poles of a sphere
+    pieces : tuple of ndarray, each of shape (k, 3) [m]
+        Corners of convex pieces that together are its contact on a terrain, where its hull would
+        touch and the rock does not; none where its hull is. On level ground that is exact.
     mass : float [kg]
     inertia : ndarray, shape (3,) [kg m^2], principal moments
     axes : ndarray, shape (3, 3), principal axes as columns, right-handed
@@ -234,6 +237,7 @@ class Rock:
     mass: float
     inertia: Array
     axes: Array
+    pieces: tuple[Array, ...] = ()
 
     @cached_property
     def radius(self) -> float:

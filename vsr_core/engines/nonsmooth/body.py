@@ -17,7 +17,7 @@ from vsr_core.arrays import Array, matrix_product
 from vsr_core.compiled.compiling import compiled
 from vsr_core.compiled.records import Matrix, Records, Twist, Vector
 from vsr_core.compiled.vectors import cross
-from vsr_core.rock.body import Rock, corners
+from vsr_core.rock.body import Hull, Rock, convex_hull, corners
 from vsr_core.scene import Contact
 
 
@@ -43,7 +43,8 @@ class Body(NamedTuple):
 
     Attributes
     ----------
-    points : ndarray, shape (n, 3) [m], corners of its hull in principal axes; none of a sphere
+    points : ndarray, shape (n, 3) [m], corners in principal axes of its hull, or on a terrain of
+        its pieces; none of a sphere
     moments : ndarray, shape (3,) [m^2], principal moments of inertia
     flexibility : ndarray, shape (3,) [m^-2], their inverses
     radius : float [m], largest distance of a corner from the centre of mass
@@ -146,6 +147,8 @@ def body(rock: Rock, contact: Contact, *, on_level: bool) -> Body:
     points = np.empty((0, 3))
     if rock.shape != "sphere":
         points = matrix_product(corners_of(rock), rock.axes)
+    if rock.pieces and not on_level:
+        points = np.concatenate(pieces_of(rock))
     return Body(
         np.ascontiguousarray(points),
         moments,
@@ -166,8 +169,20 @@ def corners_of(rock: Rock) -> Array:
     -------
     ndarray, shape (n, 3) [m], in its own axes
     """
-    hull = rock.hull
-    return hull.vertices[corners(hull, STRAIGHT_SHARE * rock.radius)]
+    return _corners(rock.hull, rock.radius)
+
+
+@lru_cache(maxsize=8)
+def pieces_of(rock: Rock) -> tuple[Array, ...]:
+    """Corners of a rock's pieces, each of shape (n, 3) [m], in principal axes, likewise."""
+    middles = [piece.mean(axis=0) for piece in rock.pieces]
+    hulls = [convex_hull(piece - at) for piece, at in zip(rock.pieces, middles, strict=True)]
+    found = [at + _corners(hull, rock.radius) for at, hull in zip(middles, hulls, strict=True)]
+    return tuple(matrix_product(piece, rock.axes) for piece in found)
+
+
+def _corners(hull: Hull, radius: float) -> Array:
+    return hull.vertices[corners(hull, STRAIGHT_SHARE * radius)]
 
 
 OPEN, GRIPS, SLIDES = 0, 1, 2

@@ -7,6 +7,7 @@ it does not matter how even ground is cut into triangles.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.compiled.records import Vector, layout
 from vsr_core.compiled.vectors import sharpest
-from vsr_core.rock.body import Hull
+from vsr_core.rock.body import Hull, convex_hull
 from vsr_core.rock.triangles import areas, cross_products
 from vsr_core.terrain.surface import Terrain
 
@@ -92,7 +93,93 @@ class Features(NamedTuple):
     triangles: Array
 
 
-def of_rock(hull: Hull) -> Features:
+class OfRock(NamedTuple):
+    """Faces, sides, edges and corners of a rock: of its hull or of the pieces that touch.
+
+    Attributes
+    ----------
+    faces, sides : arrays of ``Face`` and ``Side``, of the hull and then of the pieces, if any
+    edges : array of ``Edge``, of what touches, as are the next ones
+    corners : ndarray, shape (c, 3) [m]
+    middles : ndarray, shape (p, 3) [m], a point inside each piece; the centre of mass in a hull
+    firsts : ndarray of int, shape (p,), the first face of each
+    home : ndarray of int, shape (f,), piece of each face; -1 of a hull that does not touch
+    points : ndarray, shape (k, 3) [m], corners of one piece after another
+    begins : ndarray of int, shape (p + 1,), where those of each begin
+    """
+
+    faces: Columns
+    sides: Columns
+    edges: Columns
+    corners: Array
+    middles: Array
+    firsts: Indices
+    home: Indices
+    points: Array
+    begins: Indices
+
+
+def of_rock(hull: Hull, pieces: Sequence[Array], margin: float) -> OfRock:
+    """Features of a rock.
+
+    Corners and edges of a piece that lie inside another one cannot touch; corners in which pieces
+    meet are one.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray, each of shape (k, 3) [m]; none where the hull touches
+    margin : float [m], to which pieces are known
+    """
+    middles = [np.zeros(3), *(piece.mean(axis=0) for piece in pieces)]
+    hulls = [hull, *(convex_hull(piece - piece.mean(axis=0)) for piece in pieces)]
+    found, bodies = [], list(zip(middles, hulls, strict=True))
+    faces = sides = 0
+    for middle, body in bodies:
+        part = _of_hull(body)
+        part.faces["offset"] += part.faces["normal"] @ middle
+        part.faces["first"] += sides
+        part.sides["across"] += faces
+        part.edges["start"] += middle
+        part.edges["face"] += faces
+        found.append(part)
+        faces, sides = faces + len(part.faces), sides + len(part.sides)
+    touching = 1 if len(pieces) else 0
+    edges, corners = [], []
+    for number, (middle, body) in enumerate(bodies[touching:], touching):
+        others = [other for k, other in enumerate(bodies) if k >= touching and k != number]
+        points = middle + body.vertices
+        inside = _inside(points, others, margin)
+        of_piece = found[number].edges
+        edges.append(of_piece[~inside[:, of_piece["ends"]].all(axis=2).any(axis=0)])
+        own = points[~inside.any(axis=0)]
+        known = np.concatenate([np.empty((0, 3)), *corners])
+        met = np.linalg.norm(own[:, None] - known, axis=2) <= margin
+        corners.append(own[~met.any(axis=1)])
+    counts = [len(part.faces) for part in found]
+    home = np.repeat(np.arange(len(counts)) - touching, counts)
+    places = [middle + body.vertices for middle, body in bodies[touching:]]
+    return OfRock(
+        np.concatenate([part.faces for part in found]),
+        np.concatenate([part.sides for part in found]),
+        np.concatenate(edges),
+        np.ascontiguousarray(np.concatenate(corners)),
+        np.array(middles[touching:]),
+        (np.cumsum(counts) - counts)[touching:],
+        home,
+        np.concatenate(places),
+        np.cumsum([0, *map(len, places)]),
+    )
+
+
+def _inside(points: Array, others: Sequence[tuple[Array, Hull]], margin: float) -> Mask:
+    """Whether points, shape (n, 3), are inside each of some convex bodies, shape (k, n)."""
+    inside = np.zeros((len(others), len(points)), dtype=bool)
+    for own, (middle, body) in zip(inside, others, strict=True):
+        own[:] = ((points - middle) @ body.normals.T - body.offsets < -margin).all(axis=1)
+    return inside
+
+
+def _of_hull(hull: Hull) -> Features:
     """Flat faces and edges of a hull."""
     facet, corner = np.nonzero(hull.face[hull.neighbours] != hull.face[:, None])
     ends = np.stack([hull.facets[facet, (corner + k) % 3] for k in (1, 2)], axis=1)

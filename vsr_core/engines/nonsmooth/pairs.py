@@ -73,20 +73,22 @@ def list_pairs(
 
 @inlined
 def _vertex(ground: Ground, rock: RockState, at: int, number: int, near: float) -> None:
-    """Pair a vertex with the face of the rock that is nearest."""
-    face = ground.above[number]
+    """Pair a vertex with the face of the rock, or of each of its pieces, that is nearest."""
     turn, place, spot = rock.rotation, rock.place, ground.vertices[number].place
-    planes = ground.shape.planes
+    planes, middles = ground.shape.planes, ground.shape.middles
     x, y, z = spot[0] - place[0], spot[1] - place[1], spot[2] - place[2]
-    if planes[face, 0] * x + planes[face, 1] * y + planes[face, 2] * z - planes[face, 3] > near:
-        return
-    p = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
-    q = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
-    r = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
-    face = ground.above[number] = climb(ground.shape.duals, ground.shape.ring, face, p, q, r)
-    gap = planes[face, 0] * x + planes[face, 1] * y + planes[face, 2] * z - planes[face, 3]
-    if gap <= near:
-        add(ground, at, VERTEX, ground.own_face + face, number, gap)
+    for piece in range(len(middles)):
+        face = ground.above[number, piece]
+        if planes[face, 0] * x + planes[face, 1] * y + planes[face, 2] * z - planes[face, 3] > near:
+            continue
+        p = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z - middles[piece, 0]
+        q = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z - middles[piece, 1]
+        r = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z - middles[piece, 2]
+        face = climb(ground.shape.duals, ground.shape.ring, face, p, q, r)
+        ground.above[number, piece] = face
+        gap = planes[face, 0] * x + planes[face, 1] * y + planes[face, 2] * z - planes[face, 3]
+        if gap <= near:
+            add(ground, at, VERTEX, ground.own_face + face, number, gap)
 
 
 @inlined

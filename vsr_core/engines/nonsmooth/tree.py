@@ -10,10 +10,19 @@ import numpy as np
 
 from vsr_core.arrays import Array, Indices, matrix_product
 from vsr_core.compiled import records
-from vsr_core.compiled.records import Records
+from vsr_core.compiled.records import Records, layout
 from vsr_core.engines.nonsmooth import features
-from vsr_core.engines.nonsmooth.body import corners_of
-from vsr_core.engines.nonsmooth.features import Columns, Edge, Face, Features, Side, Vertex, unit
+from vsr_core.engines.nonsmooth.body import corners_of, pieces_of
+from vsr_core.engines.nonsmooth.features import (
+    Columns,
+    Edge,
+    Face,
+    Features,
+    OfRock,
+    Side,
+    Vertex,
+    unit,
+)
 from vsr_core.rock.body import Rock, convex_hull
 from vsr_core.terrain.surface import Terrain
 
@@ -25,6 +34,9 @@ MOST_PAIRS = 1 << 14
 
 MOST_POINTS = 512
 """Points that may touch in one step."""
+
+SAME_SHARE = 1e-5
+"""Distance to which pieces of a rock meet, as a share of its radius."""
 
 
 class Pair:
@@ -84,7 +96,8 @@ class Shape(NamedTuple):
 
     Attributes
     ----------
-    duals : ndarray, shape (f, 3) [1/m], normals of its faces over their distances
+    duals : ndarray, shape (f, 3) [1/m], normals of its faces over their distances from the middle
+        of their piece
     ring : ndarray of int, shape (f, k), neighbours of each face, the last repeated
     planes : ndarray, shape (f, 4), room for normals in the site's frame, and distances [m]
     spots : ndarray, shape (c, 3) [m], room for places of corners
@@ -95,6 +108,7 @@ class Shape(NamedTuple):
     lists : ndarray of int, shape (2, c + e), room for corners, then edges, that are near any leaf,
         and near one of them
     sizes : ndarray of int, shape (2, 2), number of these corners and edges
+    middles, firsts, home, points, begins : see ``OfRock``
     """
 
     duals: Array
@@ -105,6 +119,11 @@ class Shape(NamedTuple):
     arcs: Array
     lists: Indices
     sizes: Indices
+    middles: Array
+    firsts: Indices
+    home: Indices
+    points: Array
+    begins: Indices
 
 
 class Ground(NamedTuple):
@@ -115,7 +134,7 @@ class Ground(NamedTuple):
     faces, sides, edges : Records
         Those of the terrain [m, site's frame], then those of the rock [m, principal axes].
     vertices, arms : Records, and ndarray, shape (n, 3), of the terrain
-    above : ndarray of int, face of the rock that each vertex was last in front of
+    above : ndarray of int, shape (n, p), face of each piece that each vertex was last in front of
     corners : ndarray, shape (c, 3) [m], of the rock
     plates : ndarray, shape (m, 16), normal and offset of each triangle and of its sides
     dues : ndarray, path of the rock beside the leaf [m] before which a pair does not touch
@@ -144,26 +163,25 @@ class Ground(NamedTuple):
 def ground(rock: Rock, terrain: Terrain) -> Ground:
     """Features of a rock and of its terrain, and a tree over them."""
     under, boxes, links, cones, plates = _sorted(terrain)
-    points, own = np.empty((0, 3)), None
+    own = _of_sphere()
     if rock.shape != "sphere":
         hull = convex_hull(matrix_product(corners_of(rock), rock.axes))
-        points, own = hull.vertices, features.of_rock(hull)
-    faces, sides, edges = under.faces, under.sides, under.edges
-    if own is not None:
-        own.faces["first"] += len(sides)
-        faces, sides = np.concatenate([faces, own.faces]), np.concatenate([sides, own.sides])
-        edges = np.concatenate([edges, own.edges])
+        own = features.of_rock(hull, pieces_of(rock), SAME_SHARE * rock.radius)
+    own.faces["first"] += len(under.sides)
+    faces = np.concatenate([under.faces, own.faces])
+    sides = np.concatenate([under.sides, own.sides])
+    edges = np.concatenate([under.edges, own.edges])
     made = Ground(
         records.of(Face, faces),
         records.of(Side, sides),
         records.of(Edge, edges),
         records.of(Vertex, under.vertices),
         under.arms,
-        np.empty(len(under.vertices), np.int64),
-        np.ascontiguousarray(points),
+        np.empty((len(under.vertices), len(own.firsts)), np.int64),
+        own.corners,
         plates,
         _tree(boxes, links, cones),
-        _shape(faces[len(under.faces) :], sides, len(points), edges[len(under.edges) :]),
+        _shape(own, sides),
         records.rows(Pair, MOST_PAIRS),
         np.zeros(MOST_PAIRS),
         records.rows(Search, 1),
@@ -174,6 +192,13 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
     )
     forget(made)
     return made
+
+
+def _of_sphere() -> OfRock:
+    """Of a sphere there are no features."""
+    none, index = np.empty((0, 3)), np.empty(0, np.int64)
+    kinds = (np.empty(0, layout(kind)) for kind in (Face, Side, Edge))
+    return OfRock(*kinds, none, none, index, index, none, index)
 
 
 def _tree(boxes: Array, links: Indices, cones: Array) -> Tree:
@@ -189,11 +214,17 @@ def forget(ground: Ground) -> None:
     search.reserve, search.way = -1.0, 0.0
     search.leaves = search.pairs = search.full = 0
     ground.tree.due[:], ground.tree.ways[:], ground.tree.nears[:] = -np.inf, 0.0, 0.0
-    ground.tree.hints[:] = ground.above[:] = 0
+    ground.tree.hints[:], ground.above[:] = 0, ground.shape.firsts
 
 
-def _shape(faces: Columns, sides: Columns, points: int, edges: Columns) -> Shape:
-    """Faces of a rock for the search, and room for its corners and edges."""
+def _shape(own: OfRock, sides: Columns) -> Shape:
+    """Faces of a rock for the search, and room for its corners and edges.
+
+    Parameters
+    ----------
+    sides : array of ``Side``, of the terrain, then of the rock
+    """
+    faces, edges, points = own.faces, own.edges, len(own.corners)
     most = int(faces["count"].max(initial=1))
     place = faces["first"][:, None] + np.minimum(np.arange(most), faces["count"][:, None] - 1)
     planes = np.empty((len(faces), 4))
@@ -202,8 +233,9 @@ def _shape(faces: Columns, sides: Columns, points: int, edges: Columns) -> Shape
     mean = unit(left + right)
     cosine = (mean * left).sum(axis=1)[:, None]
     arcs = np.hstack([mean, cosine, np.sqrt(np.maximum(0.0, 1.0 - cosine**2))])
+    middles = np.vstack([own.middles, np.zeros(3)])[own.home]  # of a hull without a part in it
     return Shape(
-        faces["normal"] / faces["offset"][:, None],
+        faces["normal"] / (faces["offset"] - (faces["normal"] * middles).sum(axis=1))[:, None],
         np.ascontiguousarray(sides["across"][place]),
         planes,
         np.empty((points, 3)),
@@ -211,6 +243,11 @@ def _shape(faces: Columns, sides: Columns, points: int, edges: Columns) -> Shape
         arcs,
         np.empty((2, points + len(edges)), np.int64),
         np.empty((2, 2), np.int64),
+        own.middles,
+        own.firsts,
+        own.home,
+        own.points,
+        own.begins,
     )
 
 
