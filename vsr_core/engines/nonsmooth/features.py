@@ -1,4 +1,4 @@
-"""What of a rock and of its terrain can touch: corners, edges and faces, computed once.
+"""What of a terrain can touch: corners, edges and faces, computed once.
 
 An edge or a vertex of the terrain touches only where it stands out: on even ground and in hollows
 corners of the rock touch faces, and nothing else does. Triangles in one plane are one face, so that
@@ -7,8 +7,7 @@ it does not matter how even ground is cut into triangles.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,6 @@ from scipy.sparse.csgraph import connected_components
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.compiled.records import Vector, layout
 from vsr_core.compiled.vectors import sharpest
-from vsr_core.rock.body import Hull, convex_hull
 from vsr_core.rock.triangles import areas, cross_products
 from vsr_core.terrain.surface import Terrain
 
@@ -31,13 +29,13 @@ class Face:
 
     normal: Vector  # outward unit vector
     offset: float  # m, its product with any point of the face
-    first: int  # of its sides, and
+    first: int  # of the sides of a triangle, and
     count: int  # their number
-    flat: int  # number of the plane face that a triangle is part of
+    flat: int  # number of the plane face that it is part of
 
 
 class Side:
-    """Side of a face.
+    """Side of a triangle.
 
     What is in front of the face, or a little behind it, and nearer to it than to others, is on the
     inward side of all.
@@ -46,7 +44,6 @@ class Side:
     inward: Vector  # unit vector; at a convex edge normal to the bisector of the faces
     limit: float  # m, its product with points of the edge
     hollow: float  # 1 at a concave edge, beyond which a face goes on inside the ground
-    across: int  # face of a rock beyond the edge
 
 
 class Edge:
@@ -58,8 +55,7 @@ class Edge:
     left: Vector  # unit vectors normal to the edge, in its two faces
     right: Vector
     face: int  # one of its two faces
-    line: int  # number of the straight edge that it is part of; likewise
-    ends: Annotated[Indices, (2,)]  # of the corners of a rock at its ends
+    line: int  # number of the straight edge that it is part of
 
 
 class Vertex:
@@ -93,122 +89,6 @@ class Features(NamedTuple):
     triangles: Array
 
 
-class OfRock(NamedTuple):
-    """Faces, sides, edges and corners of a rock: of its hull or of the pieces that touch.
-
-    Attributes
-    ----------
-    faces, sides : arrays of ``Face`` and ``Side``, of the hull and then of the pieces, if any
-    edges : array of ``Edge``, of what touches, as are the next ones
-    corners : ndarray, shape (c, 3) [m]
-    middles : ndarray, shape (p, 3) [m], a point inside each piece; the centre of mass in a hull
-    firsts : ndarray of int, shape (p,), the first face of each
-    home : ndarray of int, shape (f,), piece of each face; -1 of a hull that does not touch
-    points : ndarray, shape (k, 3) [m], corners of one piece after another
-    begins : ndarray of int, shape (p + 1,), where those of each begin
-    """
-
-    faces: Columns
-    sides: Columns
-    edges: Columns
-    corners: Array
-    middles: Array
-    firsts: Indices
-    home: Indices
-    points: Array
-    begins: Indices
-
-
-def of_rock(hull: Hull, pieces: Sequence[Array], margin: float) -> OfRock:
-    """Features of a rock.
-
-    Corners and edges of a piece that lie inside another one cannot touch; corners in which pieces
-    meet are one.
-
-    Parameters
-    ----------
-    pieces : sequence of ndarray, each of shape (k, 3) [m]; none where the hull touches
-    margin : float [m], to which pieces are known
-    """
-    middles = [np.zeros(3), *(piece.mean(axis=0) for piece in pieces)]
-    hulls = [hull, *(convex_hull(piece - piece.mean(axis=0)) for piece in pieces)]
-    found, bodies = [], list(zip(middles, hulls, strict=True))
-    faces = sides = 0
-    for middle, body in bodies:
-        part = _of_hull(body)
-        part.faces["offset"] += part.faces["normal"] @ middle
-        part.faces["first"] += sides
-        part.sides["across"] += faces
-        part.edges["start"] += middle
-        part.edges["face"] += faces
-        found.append(part)
-        faces, sides = faces + len(part.faces), sides + len(part.sides)
-    touching = 1 if len(pieces) else 0
-    edges, corners = [], []
-    for number, (middle, body) in enumerate(bodies[touching:], touching):
-        others = [other for k, other in enumerate(bodies) if k >= touching and k != number]
-        points = middle + body.vertices
-        inside = _inside(points, others, margin)
-        of_piece = found[number].edges
-        edges.append(of_piece[~inside[:, of_piece["ends"]].all(axis=2).any(axis=0)])
-        own = points[~inside.any(axis=0)]
-        known = np.concatenate([np.empty((0, 3)), *corners])
-        met = np.linalg.norm(own[:, None] - known, axis=2) <= margin
-        corners.append(own[~met.any(axis=1)])
-    counts = [len(part.faces) for part in found]
-    home = np.repeat(np.arange(len(counts)) - touching, counts)
-    places = [middle + body.vertices for middle, body in bodies[touching:]]
-    return OfRock(
-        np.concatenate([part.faces for part in found]),
-        np.concatenate([part.sides for part in found]),
-        np.concatenate(edges),
-        np.ascontiguousarray(np.concatenate(corners)),
-        np.array(middles[touching:]),
-        (np.cumsum(counts) - counts)[touching:],
-        home,
-        np.concatenate(places),
-        np.cumsum([0, *map(len, places)]),
-    )
-
-
-def _inside(points: Array, others: Sequence[tuple[Array, Hull]], margin: float) -> Mask:
-    """Whether points, shape (n, 3), are inside each of some convex bodies, shape (k, n)."""
-    inside = np.zeros((len(others), len(points)), dtype=bool)
-    for own, (middle, body) in zip(inside, others, strict=True):
-        own[:] = ((points - middle) @ body.normals.T - body.offsets < -margin).all(axis=1)
-    return inside
-
-
-def _of_hull(hull: Hull) -> Features:
-    """Flat faces and edges of a hull."""
-    facet, corner = np.nonzero(hull.face[hull.neighbours] != hull.face[:, None])
-    ends = np.stack([hull.facets[facet, (corner + k) % 3] for k in (1, 2)], axis=1)
-    other = hull.neighbours[facet, corner]
-    start, along, length = _lines(hull.vertices[ends[:, 0]], hull.vertices[ends[:, 1]])
-    face, across = hull.face[facet], hull.face[other]
-    order = np.argsort(face, kind="stable")
-    sides = np.zeros(len(facet), layout(Side))
-    sides["inward"] = unit(hull.normals[facet] - hull.normals[other])
-    sides["limit"] = (sides["inward"] * start).sum(axis=1)
-    sides["across"] = across
-    faces = np.zeros(hull.face.max() + 1, layout(Face))
-    faces["count"] = np.bincount(face, minlength=len(faces))
-    faces["first"] = np.cumsum(faces["count"]) - faces["count"]
-    faces["normal"][hull.face], faces["offset"][hull.face] = hull.normals, hull.offsets
-    once = face < across
-    edges = np.zeros(int(once.sum()), layout(Edge))
-    edges["start"], edges["along"], edges["length"] = start[once], along[once], length[once]
-    edges["ends"], edges["face"] = ends[once], face[once]
-    edges["line"] = np.arange(len(edges))
-    for name, beside in (("left", facet[once]), ("right", other[once])):
-        inside = hull.vertices[hull.facets[beside]].mean(axis=1) - edges["start"]
-        within = np.cross(hull.normals[beside], edges["along"])
-        within *= np.sign((within * inside).sum(axis=1))[:, None]
-        edges[name] = within
-    none = np.empty((0, 3))
-    return Features(faces, sides[order], edges, np.empty(0, layout(Vertex)), none, none[None][:0])
-
-
 def of_terrain(terrain: Terrain) -> Features:
     """Triangles, convex edges and convex vertices of a terrain."""
     corners, triangles = terrain.vertices, terrain.faces
@@ -216,7 +96,7 @@ def of_terrain(terrain: Terrain) -> Features:
     triangles = triangles[size > 1e-9 * np.median(size)]
     normals = unit(cross_products(corners, triangles))
     begin, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    start, along, length = _lines(corners[begin], corners[end])
+    start, along, length = lines(corners[begin], corners[end])
     own = np.repeat(np.arange(len(triangles)), 3)
     within = np.cross(normals[own], along)
     twin = _twins(begin, end, len(corners))
@@ -288,7 +168,13 @@ def _joined(one: Indices, other: Indices, size: int) -> Indices:
     return np.asarray(connected_components(links, directed=False)[1])
 
 
-def _lines(start: Array, end: Array) -> tuple[Array, Array, Array]:
+def lines(start: Array, end: Array) -> tuple[Array, Array, Array]:
+    """Where lines begin, their unit vectors and lengths.
+
+    Parameters
+    ----------
+    start, end : ndarray, shape (n, 3) [m]
+    """
     length = np.linalg.norm(end - start, axis=1)
     return start, (end - start) / length[:, None], length
 

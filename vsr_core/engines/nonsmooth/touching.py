@@ -16,9 +16,11 @@ from vsr_core.arrays import Array
 from vsr_core.compiled.compiling import compiled, inlined
 from vsr_core.compiled.vectors import cross
 from vsr_core.engines.nonsmooth.body import Point, RockState
+from vsr_core.engines.nonsmooth.features import Vertex
 from vsr_core.engines.nonsmooth.near import SPAN_SHARE
 from vsr_core.engines.nonsmooth.pairs import between, climb
-from vsr_core.engines.nonsmooth.tree import SAME_SHARE, Ground, Shape
+from vsr_core.engines.nonsmooth.pieces import edge_shows, face_shows
+from vsr_core.engines.nonsmooth.tree import Ground
 
 DEEPEST = 0.01
 """Depth of a feature in the ground, as a share of the radius, beyond which it is not seen."""
@@ -143,16 +145,13 @@ def vertex(
         m = last.normal
         if m[0] * p + m[1] * q + m[2] * r - last.offset > BORDER * radius:
             return TINY
-    if _is_within(ground.shape, number - ground.own_face, p, q, r, n[0], n[1], n[2], radius):
-        return TINY
     i = -(turn[0, 0] * n[0] + turn[0, 1] * n[1] + turn[0, 2] * n[2])
     j = -(turn[1, 0] * n[0] + turn[1, 1] * n[1] + turn[1, 2] * n[2])
     k = -(turn[2, 0] * n[0] + turn[2, 1] * n[1] + turn[2, 2] * n[2])
-    for at_arm in range(vertex.first, vertex.first + vertex.count):
-        arm = ground.arms[at_arm]
-        along = i * arm[0] + j * arm[1] + k * arm[2]
-        if along > CONE:
-            return TINY
+    if not _is_out(ground, vertex, i, j, k):
+        return TINY
+    if len(ground.shape.middles) > 1 and not face_shows(ground, number, p, q, r, gap, radius):
+        return TINY
     point.key = 3 * (other * len(ground.shape.planes) + number - ground.own_face) + 1
     point.lever[0] = turn[0, 0] * p + turn[0, 1] * q + turn[0, 2] * r
     point.lever[1] = turn[1, 0] * p + turn[1, 1] * q + turn[1, 2] * r
@@ -228,15 +227,24 @@ def edges(
         square = between(x, y, z, e, f, g, sizes[0], along, sizes[1], on_own, on_other, cosine)
         return max(math.sqrt(square) - most, TINY)
     if len(ground.shape.middles) > 1:
-        x, y, z = _within(turn, a + s * e, b + s * f, c + s * g)
         p, q, r = _within(turn, -i / size, -j / size, -k / size)
-        if _is_within(ground.shape, mine.face, x, y, z, p, q, r, radius):
+        if not edge_shows(ground, mine, s, p, q, r, radius):
             return TINY
     point.key = 3 * ((own - ground.own_edge) * ground.lines + edge.line) + 2
     point.lever[0], point.lever[1], point.lever[2] = a + s * e, b + s * f, c + s * g
     point.normal[0], point.normal[1], point.normal[2] = i / size, j / size, k / size
     point.gap = gap
     return 0.0
+
+
+@inlined
+def _is_out(ground: Ground, vertex: Vertex, i: float, j: float, k: float) -> bool:
+    """Whether (i, j, k) leads out of the ground at a vertex, from all edges there."""
+    for at in range(vertex.first, vertex.first + vertex.count):
+        arm = ground.arms[at]
+        if i * arm[0] + j * arm[1] + k * arm[2] > CONE:
+            return False
+    return True
 
 
 @compiled
@@ -262,48 +270,6 @@ def _face_at(ground: Ground, face: int, x: float, y: float, z: float) -> int:
     middle = shape.middles[shape.home[face - first]]
     x, y, z = x - middle[0], y - middle[1], z - middle[2]
     return first + climb(shape.duals, shape.ring, face - first, x, y, z)
-
-
-@inlined
-def _is_within(
-    shape: Shape,
-    face: int,
-    x: float,
-    y: float,
-    z: float,
-    i: float,
-    j: float,
-    k: float,
-    radius: float,
-) -> bool:
-    """Whether the rock goes on, in another of its pieces, beyond a point where a piece ends.
-
-    A direction out of the rock is one out of each piece that has the point in it; and a convex
-    piece goes on beyond the point just where one of its corners is there.
-
-    Parameters
-    ----------
-    face : int, one of those of the piece that the point is on
-    x, y, z : float [m], the point, in principal axes, as is
-    i, j, k : float, unit vector out of the piece
-    radius : float [m], of the rock
-    """
-    for piece in range(len(shape.middles)):
-        if piece == shape.home[face]:
-            continue
-        middle = shape.middles[piece]
-        a, b, c = x - middle[0], y - middle[1], z - middle[2]
-        at = climb(shape.duals, shape.ring, shape.firsts[piece], a, b, c)
-        p, q, r = shape.duals[at, 0], shape.duals[at, 1], shape.duals[at, 2]
-        margin = SAME_SHARE * radius * math.sqrt(p * p + q * q + r * r)
-        if p * a + q * b + r * c > 1.0 + margin:
-            continue
-        for n in range(shape.begins[piece], shape.begins[piece + 1]):
-            corner = shape.points[n]
-            beyond = i * (corner[0] - x) + j * (corner[1] - y) + k * (corner[2] - z)
-            if beyond > SAME_SHARE * radius:
-                return True
-    return False
 
 
 @compiled

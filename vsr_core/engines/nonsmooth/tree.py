@@ -10,19 +10,11 @@ import numpy as np
 
 from vsr_core.arrays import Array, Indices, matrix_product
 from vsr_core.compiled import records
-from vsr_core.compiled.records import Records, layout
-from vsr_core.engines.nonsmooth import features
+from vsr_core.compiled.records import Records
+from vsr_core.engines.nonsmooth import features, rock_features
 from vsr_core.engines.nonsmooth.body import corners_of, pieces_of
-from vsr_core.engines.nonsmooth.features import (
-    Columns,
-    Edge,
-    Face,
-    Features,
-    OfRock,
-    Side,
-    Vertex,
-    unit,
-)
+from vsr_core.engines.nonsmooth.features import Columns, Edge, Face, Features, Side, Vertex, unit
+from vsr_core.engines.nonsmooth.rock_features import RockFeatures
 from vsr_core.rock.body import Rock, convex_hull
 from vsr_core.terrain.surface import Terrain
 
@@ -108,7 +100,7 @@ class Shape(NamedTuple):
     lists : ndarray of int, shape (2, c + e), room for corners, then edges, that are near any leaf,
         and near one of them
     sizes : ndarray of int, shape (2, 2), number of these corners and edges
-    middles, firsts, home, points, begins : see ``OfRock``
+    middles, firsts, home, starts, points, begins : see ``RockFeatures``
     """
 
     duals: Array
@@ -122,6 +114,7 @@ class Shape(NamedTuple):
     middles: Array
     firsts: Indices
     home: Indices
+    starts: Indices
     points: Array
     begins: Indices
 
@@ -131,9 +124,9 @@ class Ground(NamedTuple):
 
     Attributes
     ----------
-    faces, sides, edges : Records
+    faces, edges : Records
         Those of the terrain [m, site's frame], then those of the rock [m, principal axes].
-    vertices, arms : Records, and ndarray, shape (n, 3), of the terrain
+    sides, vertices, arms : Records, and ndarray, shape (n, 3), of the terrain
     above : ndarray of int, shape (n, p), face of each piece that each vertex was last in front of
     corners : ndarray, shape (c, 3) [m], of the rock
     plates : ndarray, shape (m, 16), normal and offset of each triangle and of its sides
@@ -163,17 +156,15 @@ class Ground(NamedTuple):
 def ground(rock: Rock, terrain: Terrain) -> Ground:
     """Features of a rock and of its terrain, and a tree over them."""
     under, boxes, links, cones, plates = _sorted(terrain)
-    own = _of_sphere()
+    own = rock_features.of_sphere()
     if rock.shape != "sphere":
         hull = convex_hull(matrix_product(corners_of(rock), rock.axes))
-        own = features.of_rock(hull, pieces_of(rock), SAME_SHARE * rock.radius)
-    own.faces["first"] += len(under.sides)
+        own = rock_features.of_rock(hull, pieces_of(rock), SAME_SHARE * rock.radius)
     faces = np.concatenate([under.faces, own.faces])
-    sides = np.concatenate([under.sides, own.sides])
     edges = np.concatenate([under.edges, own.edges])
     made = Ground(
         records.of(Face, faces),
-        records.of(Side, sides),
+        records.of(Side, under.sides),
         records.of(Edge, edges),
         records.of(Vertex, under.vertices),
         under.arms,
@@ -181,7 +172,7 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
         own.corners,
         plates,
         _tree(boxes, links, cones),
-        _shape(own, sides),
+        _shape(own),
         records.rows(Pair, MOST_PAIRS),
         np.zeros(MOST_PAIRS),
         records.rows(Search, 1),
@@ -192,13 +183,6 @@ def ground(rock: Rock, terrain: Terrain) -> Ground:
     )
     forget(made)
     return made
-
-
-def _of_sphere() -> OfRock:
-    """Of a sphere there are no features."""
-    none, index = np.empty((0, 3)), np.empty(0, np.int64)
-    kinds = (np.empty(0, layout(kind)) for kind in (Face, Side, Edge))
-    return OfRock(*kinds, none, none, index, index, none, index)
 
 
 def _tree(boxes: Array, links: Indices, cones: Array) -> Tree:
@@ -217,16 +201,9 @@ def forget(ground: Ground) -> None:
     ground.tree.hints[:], ground.above[:] = 0, ground.shape.firsts
 
 
-def _shape(own: OfRock, sides: Columns) -> Shape:
-    """Faces of a rock for the search, and room for its corners and edges.
-
-    Parameters
-    ----------
-    sides : array of ``Side``, of the terrain, then of the rock
-    """
+def _shape(own: RockFeatures) -> Shape:
+    """Faces of a rock for the search, and room for its corners and edges."""
     faces, edges, points = own.faces, own.edges, len(own.corners)
-    most = int(faces["count"].max(initial=1))
-    place = faces["first"][:, None] + np.minimum(np.arange(most), faces["count"][:, None] - 1)
     planes = np.empty((len(faces), 4))
     planes[:, 3] = faces["offset"]
     left, right = _normals(edges)
@@ -236,18 +213,14 @@ def _shape(own: OfRock, sides: Columns) -> Shape:
     middles = np.vstack([own.middles, np.zeros(3)])[own.home]  # of a hull without a part in it
     return Shape(
         faces["normal"] / (faces["offset"] - (faces["normal"] * middles).sum(axis=1))[:, None],
-        np.ascontiguousarray(sides["across"][place]),
+        np.ascontiguousarray(own.ring),
         planes,
         np.empty((points, 3)),
         np.empty((len(edges), 15)),
         arcs,
         np.empty((2, points + len(edges)), np.int64),
         np.empty((2, 2), np.int64),
-        own.middles,
-        own.firsts,
-        own.home,
-        own.points,
-        own.begins,
+        *own[4:],
     )
 
 

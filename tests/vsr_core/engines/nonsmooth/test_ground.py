@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vsr_core import GRAVITY
-from vsr_core.engines.nonsmooth import build, features
+from vsr_core.engines.nonsmooth import build, features, rock_features
 from vsr_core.engines.nonsmooth.tree import forget, ground
 from vsr_core.rock.body import convex_hull
 from vsr_core.scene import Contact, Scene, State
@@ -225,7 +225,7 @@ def test_only_what_stands_out_is_a_feature() -> None:
     assert len(ridge.vertices) == 0
     assert len(features.of_terrain(profile((-1.0, 1.0), (0.0, 0.0), (1.0, 1.0))).edges) == 0
     cube = convex_hull(np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T)
-    assert len(features.of_rock(cube).edges) == 12
+    assert len(rock_features.of_rock(cube, (), 1e-6).edges) == 12
 
 
 def test_boxes_of_the_tree_hold_their_triangles() -> None:
