@@ -5,6 +5,9 @@ from __future__ import annotations
 import itertools
 import math
 import tempfile
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -13,7 +16,7 @@ from scipy.spatial import ConvexHull
 from vsr_core.arrays import Array, matrix_product
 from vsr_core.engines.bullet.binding import pybullet
 from vsr_core.engines.bullet.tiles import triangle_shape
-from vsr_core.rock.body import Rock
+from vsr_core.rock.body import Hull, Rock, convex_hull
 
 CONTACTS = 4
 """Contact points that Bullet keeps between two shapes."""
@@ -47,7 +50,7 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int, *, on_level
     (in Bullet's length unit) in the corners of the base. Bullet keeps four contact points between
     two shapes, so that without feet the rock would stand on four of its corners and topple before
     its base says so. So does a narrow base on level ground (see ``NARROW_SHARE``); on a terrain the
-    rock need not stand on it.
+    rock need not stand on it. There a rock of several pieces is these.
 
     Parameters
     ----------
@@ -69,6 +72,8 @@ def rock_shape(rock: Rock, scale: float, margin: float, client: int, *, on_level
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_SPHERE, radius=rock.radius * scale, physicsClientId=client
         )
+    elif rock.pieces and not on_level:
+        shape = _pieces(rock, scale, client)
     elif len(feet := bearing_corners(rock)) > CONTACTS or (
         on_level and _width(feet) < NARROW_SHARE * rock.radius
     ):
@@ -121,27 +126,53 @@ def _width(corners: Array) -> float:
 
 
 def _hull_on_feet(rock: Rock, feet: Array, scale: float, margin: float, client: int) -> int:
-    corners = matrix_product(rock.hull.vertices, rock.axes) * scale
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (rock.hull.facets + 1).tolist()]
-    count = 1 + len(feet)
-    # Among several shapes PyBullet takes a hull only from a file.
-    with tempfile.NamedTemporaryFile("w", suffix=".obj") as file:
-        file.write("\n".join(lines))
-        file.flush()
+    return _compound([_as_obj(rock.hull, rock.axes, scale)], feet, margin, client)
+
+
+def _pieces(rock: Rock, scale: float, client: int) -> int:
+    middles = [piece.mean(axis=0) for piece in rock.pieces]
+    hulls = (convex_hull(piece - at) for piece, at in zip(rock.pieces, middles, strict=True))
+    made = [
+        _as_obj(replace(hull, vertices=hull.vertices + at), rock.axes, scale)
+        for hull, at in zip(hulls, middles, strict=True)
+    ]
+    return _compound(made, np.empty((0, 3)), 0.0, client)
+
+
+def _compound(bodies: Sequence[str], balls: Array, radius: float, client: int) -> int:
+    """Convex bodies, as texts of files, and balls as one shape."""
+    count = len(bodies) + len(balls)
+    kinds = [pybullet.GEOM_MESH] * len(bodies) + [pybullet.GEOM_SPHERE] * len(balls)
+    with ExitStack() as open_files:
+        # Among several shapes PyBullet takes a hull only from a file.
+        files = [
+            open_files.enter_context(tempfile.NamedTemporaryFile("w", suffix=".obj"))
+            for _ in bodies
+        ]
+        for file, body in zip(files, bodies, strict=True):
+            file.write(body)
+            file.flush()
         return int(
             pybullet.createCollisionShapeArray(
-                shapeTypes=[pybullet.GEOM_MESH] + [pybullet.GEOM_SPHERE] * len(feet),
-                fileNames=[file.name] + [""] * len(feet),
-                radii=[margin] * count,
+                shapeTypes=kinds,
+                fileNames=[file.name for file in files] + [""] * len(balls),
+                radii=[radius] * count,
                 halfExtents=[[1.0] * 3] * count,
                 lengths=[1.0] * count,
                 meshScales=[[1.0] * 3] * count,
-                collisionFramePositions=[[0.0] * 3, *feet.tolist()],
+                collisionFramePositions=[[0.0] * 3] * len(bodies) + balls.tolist(),
                 collisionFrameOrientations=[[0.0, 0.0, 0.0, 1.0]] * count,
                 physicsClientId=client,
             )
         )
+
+
+def _as_obj(hull: Hull, axes: Array, scale: float) -> str:
+    """A hull in principal axes, lengths times ``scale``, as the text of a file."""
+    corners = matrix_product(hull.vertices, axes) * scale
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (hull.facets + 1).tolist()]
+    return "\n".join(lines)
 
 
 def pedestal_shape(
