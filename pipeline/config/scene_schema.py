@@ -73,6 +73,17 @@ class RockConfig(Section):
         "caps", description="method to close the underside, which a scan does not see"
     )
     density: Density = Field(description="density of the rock [kg m-3]")
+    contact_shape: Literal["auto", "hull", "pieces"] = Field(
+        "auto",
+        description="what of it touches a terrain: its hull, convex pieces, or the hull unless "
+        "ground comes into what that has besides the rock; on level ground the hull is exact",
+    )
+    contact_error: float = Field(
+        0.05,
+        ge=0.005,
+        le=0.3,
+        description="largest distance of those pieces from the rock, as a share of its radius [1]",
+    )
     pose: PoseConfig | None = Field(
         None, description="place on a terrain of pedestal.mesh; null where both files agree on it"
     )

@@ -24,18 +24,40 @@ BASE_SHARE = 0.08
 KEPT_TILT = np.radians(80.0)
 """Vertices that touch only beyond this tilt are left out of a reduced hull [rad]."""
 
+MEETING_SHARE = 1e-4
+"""Distance of corners from another piece at which the two meet there, likewise."""
+
 _DIRECTIONS = 72  # in which a reduced hull must tip as the complete one does
 
 
 def on_its_seat(rock: Rock) -> Rock:
     """The rock with all corners of its base, and as few others as ``SEAT_SHARE`` allows."""
-    low = rock.vertices[:, 2] <= rock.vertices[:, 2].min() + BASE_SHARE * rock.radius
-    return lightened(rock, SEAT_SHARE * rock.radius, low)
+    low = float(rock.vertices[:, 2].min()) + BASE_SHARE * rock.radius
+    light = lightened(rock, SEAT_SHARE * rock.radius, rock.vertices[:, 2] <= low)
+    return _with_lighter_pieces(light, SEAT_SHARE * rock.radius, low)
 
 
 def in_flight(rock: Rock) -> Rock:
     """The rock with as few corners as ``FLIGHT_SHARE`` allows."""
-    return lightened(rock, FLIGHT_SHARE * rock.radius, np.zeros(len(rock.vertices), dtype=bool))
+    tolerance = FLIGHT_SHARE * rock.radius
+    light = lightened(rock, tolerance, np.zeros(len(rock.vertices), dtype=bool))
+    return _with_lighter_pieces(light, tolerance, -np.inf)
+
+
+def _with_lighter_pieces(rock: Rock, tolerance: float, low: float) -> Rock:
+    """Leave corners of pieces out, but for those below ``low`` [m] and those where pieces meet."""
+    if not rock.pieces:
+        return rock
+    planes = [ConvexHull(piece).equations for piece in rock.pieces]
+    found = []
+    for number, piece in enumerate(rock.pieces):
+        chosen = piece[:, 2] <= low
+        chosen[on_bounding_box(piece, rock.axes)] = True
+        for k, other in enumerate(planes):
+            beyond = (piece @ other[:, :3].T + other[:, 3]).max(axis=1)
+            chosen |= (beyond <= MEETING_SHARE * rock.radius) & (k != number)
+        found.append(piece[needed(piece, tolerance, chosen)])
+    return replace(rock, pieces=tuple(found))
 
 
 def lightened(rock: Rock, tolerance: float, kept: Mask) -> Rock:

@@ -177,6 +177,8 @@ def principal(inertia: Array) -> tuple[Array, Array]:
 def standing(rock: Rock) -> Rock:
     """A rock in the pose of a scan, set on a level pedestal as near to that pose as it stands.
 
+    Its hull touches there, whatever touches a terrain.
+
     Raises
     ------
     InvalidInput
@@ -187,6 +189,7 @@ def standing(rock: Rock) -> Rock:
         rock,
         vertices=matrix_product(rock.vertices, rotation.T),
         axes=matrix_product(rotation, rock.axes),
+        pieces=(),
     )
 
 

@@ -15,6 +15,7 @@ from vsr_core.rock.reduction import in_flight, on_its_seat
 from vsr_core.rock.solid import from_mesh
 from vsr_core.scan.cleaning import Cleaned, clean
 from vsr_core.scan.closing import Closed, Closing, close
+from vsr_core.scan.contact_shape import ContactShape, Wanted, contact_shape
 from vsr_core.scan.cuts import Cut
 from vsr_core.scan.filling import filled
 from vsr_core.scan.ground_beneath import ground_beneath
@@ -49,6 +50,7 @@ class Prepared:
     rock : trimesh.Trimesh [m], closed, in the site's frame
     added : ndarray of bool, its faces that the scan did not see
     seat : ndarray of bool, its faces beneath the rock, which the scan did not see
+    contact : ContactShape, what of the rock touches it, in the site's frame
     origin : ndarray, shape (3,) [m], of the site's frame in the scan's coordinates
     separation : Separation, in the coordinates of the clean scan
     alternatives : tuple of Alternative, cuts that could take its place, in the scan's coordinates
@@ -59,6 +61,7 @@ class Prepared:
     added: Mask
     terrain: Terrain
     seat: Mask
+    contact: ContactShape
     origin: Array
     separation: Separation
     proposed: bool
@@ -78,6 +81,7 @@ def prepare_scan(
     closing: Closing,
     density: float,
     tell: Tell,
+    contact: tuple[Wanted, float] = ("hull", 0.05),
 ) -> Prepared:
     """Rock and terrain from a raw scan in metres, z up.
 
@@ -86,13 +90,16 @@ def prepare_scan(
     cut : what of it is the rock, in its coordinates; None to propose the hollow around the rock
     near : three floats [m], a point on the rock, where several rocks stand on the ground
     density : float [kg/m^3]
+    contact : what of the rock is to touch its terrain, and the error of pieces, as a share of the
+        rock's radius; see ``contact_shape``
 
     Raises
     ------
     Miscut
         If rock and ground cannot be separated so; see ``by_cut`` and ``propose``.
     Refused
-        If another step cannot be done; see ``clean``, ``close``, ``ground_beneath``.
+        If another step cannot be done; see ``clean``, ``close``, ``ground_beneath``,
+        ``contact_shape``.
     """
     tell("cleaning the scan")
     with refusing(Seen.nothing_of(mesh)):
@@ -111,6 +118,10 @@ def prepare_scan(
     rock.apply_translation(shift)
     steps = tuple(_steps(mesh, cleaned, separation, closed, density, closing))
     solid = steps[2].after
+    tell("finding what of the rock touches")
+    terrain = Terrain(terrain.vertices + shift, terrain.faces)
+    with refusing(_three_parts(separation, closed, cleaned.offset)):
+        touching = contact_shape(rock, terrain, seat, *contact)
     tell("trying other cuts")
     others = alternatives(cleaned.mesh, separation)
     tell("trying other closings")
@@ -122,7 +133,8 @@ def prepare_scan(
     return Prepared(
         rock=rock,
         added=closed.added,
-        terrain=Terrain(terrain.vertices + shift, terrain.faces),
+        terrain=terrain,
+        contact=touching,
         seat=seat,
         origin=cleaned.offset - shift,
         separation=separation,

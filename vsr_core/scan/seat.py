@@ -46,7 +46,11 @@ LARGE_SHARE = 0.05
 """Size of a triangle from which on it is asked whether it really reaches into the hull, as a share
 of the hull's: of the small ones those that no side parts from it are next to it at least."""
 
+MEETING_SHARE = 1e-4
+"""Distance to which it is known where pieces of a rock meet, likewise."""
+
 _ROUNDS = 200  # of moving ground out of a hull
+_PASSES = 20  # over pieces of a rock
 _SIDES = 5  # of a pyramid
 _ROUNDING = 1e-9  # m
 _LEVEL = 0.02  # least share of a side's normal that points down, of the underside
@@ -93,7 +97,12 @@ def seams(terrain: Terrain, unseen: Mask) -> tuple[Array, ...]:
 
 
 def seat(
-    terrain: Terrain, loops: Sequence[Array], corners: Array, outer: Array, bearing: Bearing
+    terrain: Terrain,
+    loops: Sequence[Array],
+    corners: Array,
+    outer: Array,
+    bearing: Bearing,
+    pieces: Sequence[Array] = (),
 ) -> Seat:
     """Ground that bears a rock in the pose of its scan.
 
@@ -104,6 +113,7 @@ def seat(
     outer : ndarray, shape (d, 3) [m], of the complete hull, which holds the other
     bearing : "rim" for points along the outline of the seam, a number for so many of them that
         span the largest area about the centre of mass, "whole" for all of the seam
+    pieces : sequence of ndarray, each of shape (k, 3) [m], that touch in place of the hull
 
     Raises
     ------
@@ -111,13 +121,11 @@ def seat(
         If the points that can bear have no weight between them, or ground stays in the rock.
     """
     radius = float(np.linalg.norm(outer - outer.mean(axis=0), axis=1).max())
-    hull = ConvexHull(outer)
     middles = terrain.vertices[terrain.faces].mean(axis=1)
     beneath = shapely.union_all([shapely.make_valid(shapely.Polygon(loop)) for loop in loops])
     unseen = shapely.contains_xy(beneath, middles[:, :2]) & (middles[:, 2] < outer[:, 2].mean())
     depth = GAP_SHARE if bearing == "whole" else DEPTH_SHARE
-    gap = np.where(hull.equations[:, 2] < -STEEPEST, depth * radius, GAP_SHARE * radius)
-    vertices = out_of(terrain, hull, gap)
+    vertices = _cleared(terrain, pieces or (outer,), radius, depth)
     seen = np.setdiff1d(terrain.faces[~unseen], terrain.faces[unseen])
     moved = np.linalg.norm(vertices - terrain.vertices, axis=1)[seen].max(initial=0.0)
     ground = Terrain(vertices, terrain.faces)
@@ -129,7 +137,46 @@ def seat(
     return Seat(ground, points, tuple(pyramids), float(moved))
 
 
-def out_of(terrain: Terrain, hull: ConvexHull, gap: Array) -> Array:
+def _cleared(terrain: Terrain, bodies: Sequence[Array], radius: float, depth: float) -> Array:
+    """Vertices of ground that is moved out of convex bodies, shape (n, 3) [m].
+
+    Parameters
+    ----------
+    bodies : sequence of ndarray, each of shape (k, 3) [m]
+    depth : float, gap beneath them, as a share of the radius [m]
+    """
+    hulls = [ConvexHull(body) for body in bodies]
+    for _ in range(_PASSES):
+        before = terrain
+        for number, hull in enumerate(hulls):
+            beneath = hull.equations[:, 2] < -STEEPEST
+            gap = np.where(beneath, depth * radius, GAP_SHARE * radius)
+            within = np.zeros(len(gap), dtype=bool)
+            for other in hulls[:number] + hulls[number + 1 :]:
+                within |= _inside(hull, other, MEETING_SHARE * radius)
+            gap[within] = 0.0
+            terrain = Terrain(out_of(terrain, hull, gap, within), terrain.faces)
+        if len(hulls) == 1 or np.abs(terrain.vertices - before.vertices).max() <= _ROUNDING:
+            return terrain.vertices
+    raise _stays()
+
+
+def _inside(hull: ConvexHull, other: ConvexHull, margin: float) -> Mask:
+    """Sides of a hull that are inside another one: no ground is moved through them."""
+    planes = other.equations
+    own = (hull.points @ planes[:, :3].T + planes[:, 3]).max(axis=1) <= margin
+    return np.asarray(own[hull.simplices].all(axis=1))
+
+
+def _stays() -> InvalidInput:
+    return InvalidInput(
+        "ground that stays in the rock however it is moved",
+        "rock and ground touch along a seam",
+        "look at the cut of the scan (`vsr prep`)",
+    )
+
+
+def out_of(terrain: Terrain, hull: ConvexHull, gap: Array, closed: Mask | None = None) -> Array:
     """Vertices of ground that is moved out of a convex hull, each triangle by its shortest way.
 
     A triangle is outside where one side of the hull has all of it in front, and a large one where
@@ -139,6 +186,7 @@ def out_of(terrain: Terrain, hull: ConvexHull, gap: Array) -> Array:
     Parameters
     ----------
     gap : ndarray, shape (k,) [m], to be left in front of each of its sides
+    closed : ndarray of bool, shape (k,), sides through which nothing is moved
 
     Returns
     -------
@@ -159,8 +207,8 @@ def out_of(terrain: Terrain, hull: ConvexHull, gap: Array) -> Array:
         near = np.flatnonzero(~apart)
         used, local = np.unique(faces[near], return_inverse=True)
         front = (vertices[used] @ normals.T + offsets)[local.reshape(-1, 3)].min(axis=1)
-        side = front.argmax(axis=1)
-        short = -front[np.arange(len(near)), side]
+        short = -front.max(axis=1)
+        side = (front if closed is None else np.where(closed, -np.inf, front)).argmax(axis=1)
         inside = np.flatnonzero(short > _ROUNDING)
         wide = np.ptp(corners[near[inside]], axis=1).max(axis=1) > large
         clear = [not _meets(corners[near[at]], normals, offsets) for at in inside[wide]]
@@ -171,11 +219,7 @@ def out_of(terrain: Terrain, hull: ConvexHull, gap: Array) -> Array:
             own, normal = faces[near[at]], normals[side[at]]
             lacking = -(vertices[own] @ normal + offsets[side[at]])
             vertices[own] += np.maximum(lacking, 0.0)[:, None] * normal
-    raise InvalidInput(
-        "ground that stays in the rock's hull however it is moved",
-        "rock and ground touch along a seam",
-        "look at the cut of the scan (`vsr prep`)",
-    )
+    raise _stays()
 
 
 def _meets(triangle: Array, normals: Array, offsets: Array) -> bool:

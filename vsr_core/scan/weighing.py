@@ -98,8 +98,8 @@ def hausdorff(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
 
 def _farthest(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
     """Largest distance of a point of one surface from another [m]."""
-    points = _spread(one)
-    at_most = cKDTree(_spread(other)).query(points)[0]
+    points = spread(one)
+    at_most = cKDTree(spread(other)).query(points)[0]
     order = np.argsort(-at_most)
     largest = 0.0
     for chunk in chunks(len(points), _FARTHEST_AT_ONCE):
@@ -109,9 +109,14 @@ def _farthest(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
     return largest
 
 
-def _spread(mesh: trimesh.Trimesh) -> Array:
-    """Vertices of a surface, and points spread over it by area."""
-    spread = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)[0]
+def spread(mesh: trimesh.Trimesh, number: int = SAMPLES) -> Array:
+    """Vertices of a surface, and a number of points spread over it by area.
+
+    Returns
+    -------
+    ndarray, shape (n, 3) [m]
+    """
+    spread = trimesh.sample.sample_surface(mesh, number, seed=0)[0]
     return np.concatenate([np.array(mesh.vertices)[np.unique(mesh.faces)], spread])
 
 

@@ -15,7 +15,7 @@ from pipeline.config.scene_schema import PoseConfig, RockConfig
 from pipeline.drawing.style import png_uri
 from pipeline.stages.mesh import closed_rock, scan_alone, scan_figures, scan_page, sources
 from pipeline.stages.mesh.gap_map import gap_map, gaps
-from pipeline.stages.mesh.products import SCAN_PAGE, PlacedData
+from pipeline.stages.mesh.products import SCAN_PAGE, PlacedData, of_contact
 from pipeline.stages.mesh.sources import GroundFile, Source
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.progress import Steps
@@ -26,6 +26,7 @@ from vsr_core.rock import solid
 from vsr_core.run.dropping import dropped
 from vsr_core.scan import placing
 from vsr_core.scan.cleaning import clean
+from vsr_core.scan.contact_shape import ContactShape, contact_shape
 from vsr_core.scan.weighing import Refused, Seen, measured, refusing
 from vsr_core.scan.whole_rock import WholeRock
 from vsr_core.terrain.surface import Terrain
@@ -43,6 +44,7 @@ class Placed:
     origin : ndarray, shape (3,) [m], of the site's frame in the terrain's coordinates
     gap : float [m], by which the rock can be lowered until it meets the ground; an overlap if < 0
     turned : float [rad], by its fall
+    contact : ContactShape, what of the rock touches the terrain, in the site's frame
     """
 
     rock: trimesh.Trimesh
@@ -50,6 +52,7 @@ class Placed:
     origin: Array
     gap: float
     turned: float
+    contact: ContactShape
     notes: tuple[str, ...]
 
 
@@ -89,7 +92,7 @@ def _about(placed: Placed, ground: GroundFile) -> scan_page.Row:
         "map": png_uri(gap_map(apart, [], ground.label)),
         "lies": _told(placed),
         "source": ground.label,
-        "notes": placed.notes,
+        "notes": (*placed.notes, f"contact: {placed.contact.told}"),
         "picture": png_uri(figure),
     }
 
@@ -126,7 +129,16 @@ def _placed(origin: Origin, rock: RockConfig, whole: WholeRock, file: GroundFile
     shift = -np.append(mesh.center_mass[:2], mesh.vertices[:, 2].min())
     mesh.apply_translation(shift)
     terrain = Terrain(ground.vertices + shift, ground.faces)
-    return Placed(mesh, terrain, cleaned.offset - shift, gap, turned, cleaned.notes)
+    try:
+        with refusing(seen):
+            seen_all = np.zeros(len(terrain.faces), dtype=bool)
+            touching = contact_shape(
+                mesh, terrain, seen_all, rock.contact_shape, rock.contact_error
+            )
+    except Refused as error:
+        key = "rock.contact_shape"
+        raise InputError.from_invalid(origin.file_of(key), key, error) from None
+    return Placed(mesh, terrain, cleaned.offset - shift, gap, turned, touching, cleaned.notes)
 
 
 def _lying(
@@ -151,7 +163,7 @@ def _lying(
 
 
 def _dataset(placed: Placed) -> xr.Dataset:
-    return xr.Dataset(
+    made = xr.Dataset(
         {
             "rock_vertex": (("rock_corner", "xyz"), np.array(placed.rock.vertices)),
             "rock_face": (("rock_triangle", "three"), np.array(placed.rock.faces, np.int32)),
@@ -160,3 +172,4 @@ def _dataset(placed: Placed) -> xr.Dataset:
         },
         attrs={"origin_in_scan": placed.origin},
     )
+    return made.merge(of_contact(placed.contact), combine_attrs="no_conflicts")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from pipeline.workflow.datasets import Stored
@@ -12,6 +13,7 @@ from pipeline.workflow.store import Store
 from vsr_core.arrays import Array
 from vsr_core.judge.proofs import Barrier
 from vsr_core.rock.body import Rock
+from vsr_core.scan.contact_shape import ContactShape
 from vsr_core.scene import State
 from vsr_core.terrain.surface import Terrain
 
@@ -25,6 +27,27 @@ class ScanData(Stored):
     """Rock and ground of a scan, told apart."""
 
     FILE = "scan.nc"
+
+
+def of_contact(shape: ContactShape) -> xr.Dataset:
+    """What of a rock touches its terrain, as it is stored."""
+    pieces = [np.empty((0, 3)), *shape.pieces]
+    number = np.repeat(np.arange(len(shape.pieces)), [len(piece) for piece in shape.pieces])
+    return xr.Dataset(
+        {
+            "piece_vertex": (("piece_corner", "xyz"), np.concatenate(pieces)),
+            "piece": ("piece_corner", number.astype(np.int32)),
+        },
+        attrs={"contact_shape": shape.told, "contact_error_m": shape.error},
+    )
+
+
+def pieces_in(data: xr.Dataset) -> tuple[Array, ...]:
+    """Corners of the pieces of a rock, each of shape (k, 3) [m]; none where its hull touches."""
+    if "piece" not in data:
+        return ()
+    corners, number = data["piece_vertex"].values, data["piece"].values
+    return tuple(corners[number == one] for one in np.unique(number))
 
 
 class PlacedData(Stored):
@@ -62,6 +85,7 @@ class Standing:
             float(data.attrs["mass_kg"]),
             data["principal_moment"].values,
             data["principal_axis"].values,
+            pieces_in(data),
         )
         scalars = (float(data.attrs[f"barrier_{name}"]) for name in BARRIER_SCALARS)
         barrier = Barrier(data["barrier_tilt"].values, data["barrier_height"].values, *scalars)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -14,7 +15,15 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.config.scene_schema import RockConfig
 from pipeline.config.sections import Key
 from pipeline.stages.mesh import scan_alone
-from pipeline.stages.mesh.products import BARRIER_SCALARS, SCAN_PAGE, PlacedData, RockData, ScanData
+from pipeline.stages.mesh.products import (
+    BARRIER_SCALARS,
+    SCAN_PAGE,
+    PlacedData,
+    RockData,
+    ScanData,
+    of_contact,
+    pieces_in,
+)
 from pipeline.stages.mesh.sources import Source
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.progress import Steps
@@ -25,6 +34,7 @@ from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import Solid
 from vsr_core.rock.tipping import base_polygon, tipping
+from vsr_core.scan.contact_shape import ContactShape
 
 Origin = dict[str, str | int]
 """Where a shape is from, as attributes: its source in words, and whether that is a surrogate."""
@@ -42,7 +52,8 @@ def make(
     placed: PlacedData | None,
 ) -> Product:
     """Read, check, weigh and set down the rock."""
-    made, level, origin, repaired = _solid(work, rock, source, scan or placed)
+    found = scan or placed
+    made, level, origin, repaired = _solid(work, rock, source, found)
     if rolling_friction > 0.05 * made.rock.radius:
         raise InputError(
             Problem(
@@ -54,6 +65,10 @@ def make(
             )
         )
     dataset, turned = _dataset(made, level), in_si.in_degrees(made.turned)
+    if found is not None:
+        told = found.data.attrs
+        shape = ContactShape(made.rock.pieces, told["contact_error_m"], told["contact_shape"])
+        dataset = dataset.merge(of_contact(shape), combine_attrs="no_conflicts")
     dataset.attrs |= {
         **origin,
         "repaired": "; ".join(repaired),
@@ -86,6 +101,9 @@ def _solid(
         mesh, origin, repaired = whole.rock, source.attributes, whole.repaired
     try:
         made = solid.from_mesh(mesh, rock.density, as_scanned=scan is not None)
+        if scan is not None:
+            pieces = tuple(piece - np.array(mesh.center_mass) for piece in pieces_in(scan.data))
+            made = replace(made, rock=replace(made.rock, pieces=pieces))
         level = solid.standing(made.rock) if scan is not None else made.rock
     except InvalidInput as error:
         raise InputError.from_invalid(where, name, error) from None

@@ -7,7 +7,7 @@ import xarray as xr
 
 from pipeline.config.scene_schema import PedestalConfig, RockConfig
 from pipeline.stages.mesh import scan_page, sources
-from pipeline.stages.mesh.products import SCAN_PAGE, ScanData
+from pipeline.stages.mesh.products import SCAN_PAGE, ScanData, of_contact
 from pipeline.stages.mesh.sources import Source
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.progress import Steps
@@ -37,7 +37,8 @@ def _summary(prepared: Prepared, rock: RockConfig, pedestal: PedestalConfig) -> 
     length = sum(seam.length for seam in prepared.separation.seams)
     return (
         f"{how}, {length:.2f} m long; rock of {solid.volume:.4g} m3 closed by "
-        f"{rock.closing}; ground of {len(prepared.terrain.faces)} faces"
+        f"{rock.closing}; ground of {len(prepared.terrain.faces)} faces; contact: "
+        f"{prepared.contact.told}"
     )
 
 
@@ -61,6 +62,7 @@ def _prepared(work: Work, rock: RockConfig, pedestal: PedestalConfig, source: So
                 closing=rock.closing,
                 density=rock.density,
                 tell=steps.tell,
+                contact=(rock.contact_shape, rock.contact_error),
             )
     except Miscut as error:
         raise scan_page.refusal(work.origin, source, "pedestal.cut", error) from None
@@ -70,7 +72,7 @@ def _prepared(work: Work, rock: RockConfig, pedestal: PedestalConfig, source: So
 
 def _dataset(prepared: Prepared) -> xr.Dataset:
     rock, terrain = prepared.rock, prepared.terrain
-    return xr.Dataset(
+    made = xr.Dataset(
         {
             "rock_vertex": (("rock_corner", "xyz"), np.array(rock.vertices)),
             "rock_face": (("rock_triangle", "three"), np.array(rock.faces, np.int32)),
@@ -80,3 +82,4 @@ def _dataset(prepared: Prepared) -> xr.Dataset:
         },
         attrs={"origin_in_scan": prepared.origin},
     )
+    return made.merge(of_contact(prepared.contact), combine_attrs="no_conflicts")

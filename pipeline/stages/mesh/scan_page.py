@@ -76,6 +76,7 @@ def page(site: str, source: str, prepared: Prepared, *, accepted: bool, surrogat
         "spread": spread(prepared.trials),
         "notes": _notes(prepared),
         "gaps": apart,
+        "contact": prepared.contact.told,
         "pictures": {
             "gaps": png_uri(gap_map(apart, loops, source)),
             "separation": png_uri(scan_figures.separation(prepared, source)),

@@ -71,7 +71,8 @@ def laid(own: Bed, rock: Rock, seated: Rock, bearing: seat.Bearing) -> tuple[sea
     up = np.array([0.0, 0.0, rock.height])
     corners, outer = seated.vertices + up, rock.vertices + up
     if own.seams:
-        return seat.seat(own.ground, own.seams, corners, outer, bearing), rock.height
+        pieces = tuple(piece + up for piece in rock.pieces)
+        return seat.seat(own.ground, own.seams, corners, outer, bearing, pieces), rock.height
     found, raised = set_down(own.ground, corners, outer, rock.radius)
     return found, rock.height + raised
 
