@@ -87,6 +87,8 @@ def plan(product: str, job: Job) -> list[str]:
     case = flat_case(study.scenes, study.groups[0])
     one_way = motion_grid.one_way(study.motions)
     dropped = left_out(study.settings, case, one_way=one_way)
+    if job.config.on_terrain:
+        lines.append(f"contact on the terrain: {study.scenes.standing.contact}")
     lines.append("left out:")
     lines += [f"  {reduction}" for reduction in dropped] or ["  nothing (simulation.reduce: off)"]
     if study.settings.simulation.reduce and not one_way:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -9,11 +10,10 @@ import numpy as np
 import trimesh
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, cKDTree
-from trimesh.proximity import closest_point
 
-from vsr_core.arrays import Array, Mask
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.scan.weighing import SAMPLES, signed_distance, spread
+from vsr_core.scan.weighing import SAMPLES, farthest, spread
 
 CONCAVITIES = (0.1, 0.06, 0.04, 0.025, 0.016, 0.01)
 """Concavities of a piece that are allowed, one after the other, until the error is within bounds:
@@ -31,7 +31,6 @@ SAME_SHARE = 1e-4
 LARGE_SHARE = 0.01
 """Share of the volume from which on what a thin waist holds is a part of the rock."""
 
-_ROUNDING = 1e-9  # m
 _WAYS = 180  # in which a section is measured
 
 
@@ -124,20 +123,26 @@ def _cut(rock: trimesh.Trimesh, concavity: float) -> tuple[Array, ...]:
 def _error(rock: trimesh.Trimesh, pieces: tuple[Array, ...]) -> float:
     """Largest distance of pieces from the rock where they stand out of it, and the reverse [m]."""
     surfaces = [trimesh.convex.convex_hull(piece) for piece in pieces]
-    points = np.concatenate([spread(surface, SAMPLES // len(surfaces)) for surface in surfaces])
-    out = signed_distance(rock, points[_in_none(points, pieces)])[0]
+    planes = [ConvexHull(piece).equations for piece in pieces]
+    margin = SAME_SHARE * float(np.ptp(rock.vertices, axis=0).max())
+    points = []
+    for number, surface in enumerate(surfaces):
+        own = spread(surface, SAMPLES // len(pieces))
+        points.append(own[_beyond(own, planes[:number] + planes[number + 1 :]) > margin])
+    out = farthest(np.concatenate(points), rock, in_front=True)
     own = spread(rock)
-    lacking = closest_point(trimesh.util.concatenate(surfaces), own[_in_none(own, pieces)])[1]
-    return max(0.0, float(out.max(initial=0.0)), float(lacking.max(initial=0.0)))
+    own = own[_beyond(own, planes) > 0.0]
+    made = [np.array(surface.triangles) for surface in surfaces]
+    together = trimesh.Trimesh(**trimesh.triangles.to_kwargs(np.concatenate(made)))
+    return max(out, farthest(own, together))
 
 
-def _in_none(points: Array, pieces: tuple[Array, ...]) -> Mask:
-    """Which points, shape (n, 3), are inside no piece."""
-    outside = np.ones(len(points), dtype=bool)
-    for piece in pieces:
-        planes = ConvexHull(piece).equations
-        outside &= (points @ planes[:, :3].T + planes[:, 3]).max(axis=1) > -_ROUNDING
-    return outside
+def _beyond(points: Array, bodies: Sequence[Array]) -> Array:
+    """How far points, shape (n, 3), are beyond the sides of the nearest of convex bodies [m]."""
+    least = np.full(len(points), np.inf)
+    for planes in bodies:
+        np.minimum(least, (points @ planes[:, :3].T + planes[:, 3]).max(axis=1), out=least)
+    return least
 
 
 def _require_sound_waists(pieces: tuple[Array, ...], noise: float) -> None:

@@ -93,19 +93,32 @@ def hausdorff(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
     >>> round(hausdorff(small, large), 6)
     0.25
     """
-    return max(_farthest(one, other), _farthest(other, one))
+    return max(farthest(spread(one), other), farthest(spread(other), one))
 
 
-def _farthest(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
-    """Largest distance of a point of one surface from another [m]."""
-    points = spread(one)
-    at_most = cKDTree(spread(other)).query(points)[0]
+def farthest(points: Array, surface: trimesh.Trimesh, *, in_front: bool = False) -> float:
+    """Largest distance of points from a surface.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3) [m]
+    in_front : bool, whether only those count that are on the side of its normals
+
+    Returns
+    -------
+    float [m]
+    """
+    if not len(points):
+        return 0.0
+    at_most = cKDTree(spread(surface)).query(points)[0]
     order = np.argsort(-at_most)
     largest = 0.0
     for chunk in chunks(len(points), _FARTHEST_AT_ONCE):
         if at_most[order[chunk][0]] <= largest:
             break  # no other point can be farther
-        largest = max(largest, float(closest_point(other, points[order[chunk]])[1].max()))
+        own = points[order[chunk]]
+        found = signed_distance(surface, own)[0] if in_front else closest_point(surface, own)[1]
+        largest = max(largest, float(found.max()))
     return largest
 
 

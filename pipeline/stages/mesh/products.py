@@ -31,11 +31,12 @@ class ScanData(Stored):
 
 def of_contact(shape: ContactShape) -> xr.Dataset:
     """What of a rock touches its terrain, as it is stored."""
-    pieces = [np.empty((0, 3)), *shape.pieces]
+    if not shape.pieces:
+        return xr.Dataset(attrs={"contact_shape": shape.told})
     number = np.repeat(np.arange(len(shape.pieces)), [len(piece) for piece in shape.pieces])
     return xr.Dataset(
         {
-            "piece_vertex": (("piece_corner", "xyz"), np.concatenate(pieces)),
+            "piece_vertex": (("piece_corner", "xyz"), np.concatenate(shape.pieces)),
             "piece": ("piece_corner", number.astype(np.int32)),
         },
         attrs={"contact_shape": shape.told, "contact_error_m": shape.error},
@@ -70,10 +71,11 @@ class TerrainData(Stored):
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """The rock as runs take it, and its energy barrier."""
+    """The rock as runs take it, its energy barrier, and what of it touches a terrain, in words."""
 
     rock: Rock
     barrier: Barrier
+    contact: str = "the rock's hull"
 
     @classmethod
     def load(cls, store: Store) -> Standing:
@@ -89,7 +91,7 @@ class Standing:
         )
         scalars = (float(data.attrs[f"barrier_{name}"]) for name in BARRIER_SCALARS)
         barrier = Barrier(data["barrier_tilt"].values, data["barrier_height"].values, *scalars)
-        return cls(rock, barrier)
+        return cls(rock, barrier, str(data.attrs.get("contact_shape", cls.contact)))
 
 
 @dataclass(frozen=True, eq=False)

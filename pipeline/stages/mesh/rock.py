@@ -67,7 +67,8 @@ def make(
     dataset, turned = _dataset(made, level), in_si.in_degrees(made.turned)
     if found is not None:
         told = found.data.attrs
-        shape = ContactShape(made.rock.pieces, told["contact_error_m"], told["contact_shape"])
+        error = told.get("contact_error_m", np.nan)
+        shape = ContactShape(made.rock.pieces, float(error), told["contact_shape"])
         dataset = dataset.merge(of_contact(shape), combine_attrs="no_conflicts")
     dataset.attrs |= {
         **origin,

@@ -57,7 +57,10 @@ def chosen(weights: SeatWeights, count: int) -> list[Bearing]:
 
 def weighed(rock: Rock, centre: Array) -> Rock:
     """A rock with its centre of mass elsewhere, shape (3,) [m]."""
-    return replace(rock, vertices=rock.vertices - centre) if np.any(centre) else rock
+    if not np.any(centre):
+        return rock
+    pieces = tuple(piece - centre for piece in rock.pieces)
+    return replace(rock, vertices=rock.vertices - centre, pieces=pieces)
 
 
 def of_site(scan: ScanData, terrain: TerrainData, rock: Rock) -> Array:
