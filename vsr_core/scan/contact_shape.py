@@ -11,18 +11,16 @@ from scipy.spatial.transform import Rotation
 from trimesh.proximity import closest_point
 
 from vsr_core.arrays import Array, Mask
-from vsr_core.errors import InvalidInput
-from vsr_core.judge.proofs import barrier
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.rock.reduction import BASE_SHARE
 from vsr_core.scan.pieces import TooManyPieces, convex_pieces
-from vsr_core.scan.weighing import spread
+from vsr_core.scan.weighing import DIRECTIONS, spread, tipping_angles
 from vsr_core.terrain.surface import Terrain
 
 Wanted = Literal["auto", "hull", "pieces"]
 
-DIRECTIONS = 12
+NUMBER = 12
 """Directions in which a rock is tipped to see whether ground comes into its hull."""
 
 _SAMPLES = 2000  # points of a hull
@@ -76,7 +74,7 @@ def contact_shape(
         if depth <= 0.0:
             told = (
                 "the rock's hull: no ground comes into what it has besides the rock, as scanned "
-                f"or tipped in {DIRECTIONS} directions as far as it stands"
+                f"or tipped in {NUMBER} directions as far as it stands"
             )
             return ContactShape((), np.nan, told)
         why = f"as ground comes {1e3 * depth:.0f} mm into what its hull has besides it"
@@ -105,13 +103,11 @@ def _deepest(rock: Rock, centre: Array, off: Array, ground: Terrain, unseen: Mas
     """
     corners = rock.vertices + centre
     seen = Terrain(ground.vertices, ground.faces[~unseen])
-    try:
-        tilt = barrier(solid.standing(rock)).edge_tilt
-    except InvalidInput:
-        tilt = float(_WITHOUT_REST)
+    angles = np.nan_to_num(tipping_angles(rock.vertices), nan=_WITHOUT_REST)
     low = corners[corners[:, 2] <= corners[:, 2].min() + BASE_SHARE * rock.radius]
     poses = [off]
-    for turn in np.linspace(0.0, 2.0 * np.pi, DIRECTIONS, endpoint=False):
+    every = len(angles) // NUMBER
+    for turn, tilt in zip(DIRECTIONS[::every], angles[::every], strict=True):
         along = np.array([np.cos(turn), np.sin(turn), 0.0])
         pivot = low[int((low @ along).argmax())]
         tipped = Rotation.from_rotvec(tilt * np.cross([0.0, 0.0, 1.0], along))

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+import coacd
+import fast_simplification
 import numpy as np
 import trimesh
 from scipy.sparse.csgraph import connected_components
@@ -94,8 +96,6 @@ def _simplified(rock: trimesh.Trimesh) -> trimesh.Trimesh:
     """A surface with few faces; the rock itself where it has few, or does not stay closed."""
     if len(rock.faces) <= MOST_FACES:
         return rock
-    import fast_simplification
-
     vertices, faces = np.array(rock.vertices), np.array(rock.faces)
     made = fast_simplification.simplify(vertices, faces, target_count=MOST_FACES)
     lighter = trimesh.Trimesh(*made)
@@ -104,8 +104,6 @@ def _simplified(rock: trimesh.Trimesh) -> trimesh.Trimesh:
 
 def _cut(rock: trimesh.Trimesh, concavity: float) -> tuple[Array, ...]:
     """Corners of convex pieces; those that the rock's hull has are its own."""
-    import coacd
-
     coacd.set_log_level("off")
     vertices = np.array(rock.vertices)
     mesh = coacd.Mesh(vertices, np.array(rock.faces, dtype=np.int32))

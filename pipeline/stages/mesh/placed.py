@@ -172,4 +172,6 @@ def _dataset(placed: Placed) -> xr.Dataset:
         },
         attrs={"origin_in_scan": placed.origin},
     )
-    return made.merge(of_contact(placed.contact), combine_attrs="no_conflicts")
+    contact = placed.contact
+    stored = of_contact(contact.pieces, contact.error, contact.told)
+    return made.merge(stored, combine_attrs="no_conflicts")

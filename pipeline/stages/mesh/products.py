@@ -13,7 +13,6 @@ from pipeline.workflow.store import Store
 from vsr_core.arrays import Array
 from vsr_core.judge.proofs import Barrier
 from vsr_core.rock.body import Rock
-from vsr_core.scan.contact_shape import ContactShape
 from vsr_core.scene import State
 from vsr_core.terrain.surface import Terrain
 
@@ -29,17 +28,24 @@ class ScanData(Stored):
     FILE = "scan.nc"
 
 
-def of_contact(shape: ContactShape) -> xr.Dataset:
-    """What of a rock touches its terrain, as it is stored."""
-    if not shape.pieces:
-        return xr.Dataset(attrs={"contact_shape": shape.told})
-    number = np.repeat(np.arange(len(shape.pieces)), [len(piece) for piece in shape.pieces])
+def of_contact(pieces: tuple[Array, ...], error: float, told: str) -> xr.Dataset:
+    """What of a rock touches its terrain, as it is stored.
+
+    Parameters
+    ----------
+    pieces : tuple of ndarray, each of shape (k, 3) [m]; none where its hull touches
+    error : float [m], of the pieces
+    told : str, which of both, and why
+    """
+    if not pieces:
+        return xr.Dataset(attrs={"contact_shape": told})
+    number = np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])
     return xr.Dataset(
         {
-            "piece_vertex": (("piece_corner", "xyz"), np.concatenate(shape.pieces)),
+            "piece_vertex": (("piece_corner", "xyz"), np.concatenate(pieces)),
             "piece": ("piece_corner", number.astype(np.int32)),
         },
-        attrs={"contact_shape": shape.told, "contact_error_m": shape.error},
+        attrs={"contact_shape": told, "contact_error_m": error},
     )
 
 

@@ -34,7 +34,6 @@ from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import Solid
 from vsr_core.rock.tipping import base_polygon, tipping
-from vsr_core.scan.contact_shape import ContactShape
 
 Origin = dict[str, str | int]
 """Where a shape is from, as attributes: its source in words, and whether that is a surrogate."""
@@ -67,9 +66,8 @@ def make(
     dataset, turned = _dataset(made, level), in_si.in_degrees(made.turned)
     if found is not None:
         told = found.data.attrs
-        error = told.get("contact_error_m", np.nan)
-        shape = ContactShape(made.rock.pieces, float(error), told["contact_shape"])
-        dataset = dataset.merge(of_contact(shape), combine_attrs="no_conflicts")
+        of_rock = made.rock.pieces, told.get("contact_error_m", np.nan), told["contact_shape"]
+        dataset = dataset.merge(of_contact(*of_rock), combine_attrs="no_conflicts")
     dataset.attrs |= {
         **origin,
         "repaired": "; ".join(repaired),

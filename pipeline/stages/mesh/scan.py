@@ -82,4 +82,6 @@ def _dataset(prepared: Prepared) -> xr.Dataset:
         },
         attrs={"origin_in_scan": prepared.origin},
     )
-    return made.merge(of_contact(prepared.contact), combine_attrs="no_conflicts")
+    contact = prepared.contact
+    stored = of_contact(contact.pieces, contact.error, contact.told)
+    return made.merge(stored, combine_attrs="no_conflicts")
