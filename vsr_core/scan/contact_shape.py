@@ -24,7 +24,7 @@ NUMBER = 12
 """Directions in which a rock is tipped to see whether ground comes into its hull."""
 
 _SAMPLES = 2000  # points of a hull
-_MOST_OFF = 300  # of which so many are looked at in tipped poses
+_MOST = 300  # of which so many are looked at in tipped poses, and as many of the rock
 _WITHOUT_REST = np.radians(30.0)  # tilt of a rock that does not stand on level ground
 
 
@@ -70,7 +70,8 @@ def contact_shape(
         if not len(off):
             mm = f"{1e3 * tolerance:.0f} mm"
             return ContactShape((), np.nan, f"the rock's hull, which is within {mm} of it")
-        depth = _deepest(rock, np.array(mesh.center_mass), off, ground, unseen)
+        own = spread(mesh, _MOST)[-_MOST:]
+        depth = _deepest(rock, np.array(mesh.center_mass), own, off, ground, unseen)
         if depth <= 0.0:
             told = (
                 "the rock's hull: no ground comes into what it has besides the rock, as scanned "
@@ -92,24 +93,37 @@ def _off_the_rock(mesh: trimesh.Trimesh, tolerance: float) -> Array:
     """Points of a rock's hull that are farther than a tolerance [m] from the rock, shape (n, 3)."""
     points = spread(mesh.convex_hull, _SAMPLES)
     off = points[closest_point(mesh, points)[1] > tolerance]
-    return np.asarray(off[:: 1 + len(off) // _MOST_OFF])
+    return np.asarray(off[:: 1 + len(off) // _MOST])
 
 
-def _deepest(rock: Rock, centre: Array, off: Array, ground: Terrain, unseen: Mask) -> float:
-    """Largest depth of points of a rock in the ground [m], as it is and tipped where it bears.
+def _deepest(
+    rock: Rock, centre: Array, own: Array, off: Array, ground: Terrain, unseen: Mask
+) -> float:
+    """Largest depth in the ground [m] of points of a hull, where they are deeper than the rock is.
 
-    It tips about the outermost point that bears it in each direction, up to the tilt from which it
-    falls by itself.
+    The rock is as scanned, or tipped about the outermost point that bears it in each direction, by
+    half and all of the tilt from which it falls by itself. Where the rock meets the ground before,
+    its hull matters less than that.
+
+    Parameters
+    ----------
+    own, off : ndarray, shape (n, 3) and (m, 3) [m], points of the rock, and of its hull beside it
     """
     corners = rock.vertices + centre
     seen = Terrain(ground.vertices, ground.faces[~unseen])
+
+    def depth(point: Array) -> float:
+        return seen.depth(point) or 0.0
+
     angles = np.nan_to_num(tipping_angles(rock.vertices), nan=_WITHOUT_REST)
     low = corners[corners[:, 2] <= corners[:, 2].min() + BASE_SHARE * rock.radius]
-    poses = [off]
+    poses = [(off, own)]
     every = len(angles) // NUMBER
     for turn, tilt in zip(DIRECTIONS[::every], angles[::every], strict=True):
         along = np.array([np.cos(turn), np.sin(turn), 0.0])
         pivot = low[int((low @ along).argmax())]
-        tipped = Rotation.from_rotvec(tilt * np.cross([0.0, 0.0, 1.0], along))
-        poses.append(pivot + tipped.apply(off - pivot))
-    return max(seen.depth(point) or 0.0 for point in np.concatenate(poses))
+        for share in (0.5, 1.0):
+            tipped = Rotation.from_rotvec(share * tilt * np.cross([0.0, 0.0, 1.0], along))
+            poses.append(tuple(pivot + tipped.apply(points - pivot) for points in (off, own)))
+    found = [tuple(max(map(depth, points)) for points in pose) for pose in poses]
+    return max(hull if hull > itself else 0.0 for hull, itself in found)
