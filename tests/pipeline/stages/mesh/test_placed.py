@@ -171,6 +171,33 @@ def test_what_is_refused(tmp_path: Path, refused: Refused, name: str) -> None:
     refused("prep", "--site", site(tmp_path, pose, **other), words=words)
 
 
+def drums(neck: float) -> trimesh.Trimesh:
+    """Two drums and a neck between them, of radius ``neck`` [m]."""
+    radii = np.array([0.0, 0.4, 0.4, neck, neck, 0.4, 0.4, 0.0])
+    heights = np.array([0.0, 0.0, 0.5, 0.5, 0.8, 0.8, 1.3, 1.3])
+    return trimesh.creation.revolve(np.column_stack([radii, heights]), sections=16)
+
+
+def test_a_rock_with_a_waist_is_kept_as_pieces_or_refused(
+    tmp_path: Path, vsr: Vsr, refused: Refused, derived: Path
+) -> None:
+    where = site(tmp_path, "{position: [0, 0, 0.001], quaternion: [0, 0, 0, 1]}")
+    shape = ("--set", "rock.contact_shape=pieces", "--set", "rock.contact_error=0.1")
+    write_ply(tmp_path / "rock.ply", drums(0.02))
+    words = ("rock.contact_shape", "a waist", "mm thin", "smaller rock.contact_error")
+    refused("run", "rock", "--site", where, *shape, words=words)
+    write_ply(tmp_path / "rock.ply", drums(0.15))
+    assert vsr("run", "rock", "--site", where, *shape).code == 0
+    rock = read(derived / "two" / "rock.nc")
+    pieces = rock["piece_vertex"].values
+    assert np.unique(rock["piece"]).size >= 3
+    # in the frame of the hull, that of the centre of mass, whose corners they have
+    for limit in (np.min, np.max):
+        np.testing.assert_allclose(limit(pieces, axis=0), limit(rock["vertex"], axis=0), atol=1e-5)
+    assert "convex pieces" in rock.attrs["contact_shape"]
+    assert "convex pieces" in vsr("plan", "displacement", "--site", where, *shape).out
+
+
 def test_the_boulder_is_fetched_or_asked_for(vsr: Vsr, refused: Refused, derived: Path) -> None:
     """The shipped site falls on its hilltop; without the boulder its line says how to have it."""
     if not list((ROOT / "data" / "raw" / "granite_boulder").glob("*.ply")):
