@@ -40,7 +40,7 @@ class PriorsConfig(Section):
         description="direction of the shaking from the scan's +x [degree]",
     )
     polarity_reversal_probability: float = Field(
-        0.5, ge=0, le=1, description="probability that the motion has the opposite polarity [1]"
+        0.1, ge=0, le=1, description="probability that the motion has the opposite polarity [1]"
     )
     friction: Annotated[tuple[Friction, Friction], Lax, Pair] = Field(
         (0.5, 0.9), description="range of the friction [1]"
@@ -63,6 +63,11 @@ class PriorsConfig(Section):
     )
     centre_of_mass: float = Field(
         0.004, ge=0, le=1, description="error of the centre of mass along each axis [m]"
+    )
+    inset: Annotated[tuple[Share, Share], Lax, Pair] = Field(
+        (0.0, 0.034),
+        description="range of how far inside the hull of its scan the rock bears, relative to the "
+        "height of its centre of mass [1]",
     )
     members: int = Field(20, ge=1, le=MOST_MEMBERS, description="number of draws in the ensemble")
 
@@ -156,12 +161,29 @@ class UncertaintyConfig(PriorsConfig):
         return amplitude
 
 
+class StepperConfig(Section):
+    """A table whose motor steps are timed by software, which makes fast motions slower."""
+
+    rate: float = Field(gt=0, le=1e5, description="velocity commands in a second [Hz]")
+    step: float = Field(
+        gt=0, le=1, description="travel that the program counts for a motor step [m]"
+    )
+    overhead: float = Field(
+        ge=0, le=1, description="time by which each step takes longer than it was to [s]"
+    )
+
+
 class ShakeTableConfig(PriorsConfig):
     """Prior assumptions on a series of recorded tests, made before any outcome is known."""
 
     density: Density = Field(2700.0, description="density of the rock [kg m-3]")
     acceleration: str | None = Field(
         None, description="variable of records.nc that holds the table's acceleration"
+    )
+    stepper: StepperConfig | None = Field(
+        None,
+        description="how the table's motor makes a commanded pulse, where there is no record; "
+        "without it the pulse is as commanded",
     )
 
     @property

@@ -39,6 +39,7 @@ FIXED = {
     "azimuth": "{mean: 0, sd: 0}",
     "amplitude": "{mean: 1, sd: 0}",
     "centre_of_mass": "0",
+    "inset": "[0, 0]",
     "members": "8",
 }
 
@@ -234,9 +235,12 @@ def test_draws_are_searched_from_the_site_at_the_friction_nearest_to_theirs(
 
 
 def test_priors_of_the_shake_table_are_in_the_same_words() -> None:
-    """The defaults of recorded tests are those of the physics, by the function of all priors."""
+    """The defaults of recorded tests are those of the physics, but for what tests have taught."""
     assert draws.priors(ShakeTableConfig()) == Priors(
-        azimuth=(math.radians(-7.5), math.radians(7.5)), error=1.0
+        azimuth=(math.radians(-7.5), math.radians(7.5)),
+        polarity_reversal_probability=0.1,
+        error=1.0,
+        inset=(0.0, 0.034),
     )
 
 

@@ -88,7 +88,8 @@ def write_tests(folder: Path, **changes: object) -> Path:
         trimesh.creation.box([width, 0.4, 0.75]).export(folder / f"sp{number}.ply")
     assumed = (
         f"members: {MEMBERS}\namplitude: {{mean: 1, sd: {SPREAD}}}\nazimuth: {{mean: 0, sd: 1}}\n"
-        "friction: [1.5, 2.0]\ncentre_of_mass: 0\nbase_error: 0\n"
+        "friction: [1.5, 2.0]\ncentre_of_mass: 0\nbase_error: 0\ninset: [0, 0]\n"
+        "polarity_reversal_probability: 0.5\n"
     )
     (folder / "table.yaml").write_text(str(changes.get("assumed", assumed)), encoding="utf-8")
     return folder
@@ -196,6 +197,76 @@ def test_a_folder_without_outcomes_is_predicted(made: tuple[Path, Path], tmp_pat
     assert page.count("no observed outcomes, predictions only") == 2
 
 
+def write_commanded(folder: Path, **changes: str) -> Path:
+    """The same pulses by their numbers alone, on one block that stands along x and along y."""
+    folder.mkdir()
+    lines = ["test,series,azimuth_deg,pga_g,pgv_pga_s,specimen1,specimen2"]
+    for k, strength in enumerate(SHARES):
+        pulse = f"{strength * limit(1) / GRAVITY:.6f},{RATIO}"
+        lines += [f"{k + 1},along x,0,{pulse},{fell(1)[k]},", f"{k + 101},along y,90,{pulse},,"]
+    text = changes.get("outcomes", "\n".join(lines))
+    (folder / "outcomes.csv").write_text(text + "\n", encoding="utf-8")
+    for number, size in ((1, (0.25, 0.4, 0.75)), (2, (0.4, 0.25, 0.75))):
+        trimesh.creation.box(size).export(folder / f"sp{number}.ply")
+    assumed = (
+        f"members: {MEMBERS}\namplitude: {{mean: 1, sd: {SPREAD}}}\nazimuth: {{mean: 0, sd: 0}}\n"
+        "friction: [1.5, 2.0]\ncentre_of_mass: 0\nbase_error: 0\ninset: [0, 0]\n"
+    )
+    (folder / "table.yaml").write_text(assumed + changes.get("more", ""), encoding="utf-8")
+    return folder
+
+
+def validated(folder: Path, derived: Path) -> xr.Dataset:
+    arguments = ["run", "validation", "--table", str(folder), "--derived", str(derived)]
+    assert cli.main([*arguments, "--workers", "0"]) == cli.DONE
+    with xr.open_dataset(derived / folder.name / "validation.nc") as data:
+        return data.load()
+
+
+def test_pulses_by_their_numbers_shake_each_series_in_its_direction(tmp_path: Path) -> None:
+    """The narrow side of one block lies along x, that of the other along y."""
+    data = validated(write_commanded(tmp_path / "commanded"), tmp_path / "derived")
+    along = {"along x": 1, "along y": 2}
+    for name, specimen_number in along.items():
+        own = data.sel(test=data["series"] == name, specimen=specimen_number)
+        np.testing.assert_array_equal(own["probability"], share(1))
+    # one series has outcomes: the other is predicted after them, each gain by its likelihood
+    other = data.sel(specimen=1, test=data["series"] == "along y")
+    gains = [m.amplitude for m in priors.draws(priors.Priors(amplitude=(1.0, SPREAD)), MEMBERS)]
+    agree = np.array([(np.array(fell(1, gain)) == fell(1)).sum() for gain in gains])
+    likely = 0.89**agree * 0.11 ** (len(SHARES) - agree)
+    expected = likely.sum() ** 2 / (likely**2).sum()
+    np.testing.assert_allclose(other["effective_members"], expected)
+    first = data.sel(specimen=1, test=data["series"] == "along x")
+    np.testing.assert_array_equal(first["probability_conditioned"], first["probability"])
+    assert data["happened"].sel(specimen=2).isnull().all()
+
+
+def test_a_table_with_a_slow_motor_is_weaker(tmp_path: Path) -> None:
+    """Steps that take a hundred times as long as asked for hardly move a block."""
+    more = "stepper: {rate: 200, step: 4e-5, overhead: 0.01}\n"
+    data = validated(write_commanded(tmp_path / "slow", more=more), tmp_path / "derived")
+    assert data["probability"].max() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("1,a,0,0.2,0.3,1\n1,a,0,0.3,0.3,", ("test", "1 twice", "number")),
+        ("1,a,400,0.2,0.3,1", ("azimuth_deg", "400", "-360 to 360")),
+        ("1,a,,0.2,0.3,1", ("azimuth_deg", "numbers")),
+        ("1,a,0,0.2,0.3,2", ("specimen1", "0 and 1", "empty")),
+        ("1,a,0,20,0.3,1", ("pga_g", "20")),
+    ],
+)
+def test_a_table_of_pulses_is_checked(
+    tmp_path: Path, refused: Callable[..., str], rows: str, words: tuple[str, ...]
+) -> None:
+    head = "test,series,azimuth_deg,pga_g,pgv_pga_s,specimen1\n"
+    folder = write_commanded(tmp_path / "wrong", outcomes=head + rows)
+    refused("run", "validation", "--table", folder, words=("outcomes.csv", *words))
+
+
 def test_a_test_that_no_draw_took_near_toppling_is_decided(made: tuple[Path, Path]) -> None:
     tests = recorded_tests.tests_in(made[0])
     of = specimen.form(trimesh.creation.box([0.25, 0.4, 0.75]), None)
@@ -230,7 +301,7 @@ def test_a_second_call_runs_nothing(
     ("changes", "words"),
     [
         ({"value": np.nan}, ("records.nc", "acceleration", "test 1", "numbers")),
-        ({"outcomes": "test,pga_g\n1,0.2"}, ("outcomes.csv", "ground_motion")),
+        ({"outcomes": "test,pga_g\n1,0.2"}, ("outcomes.csv", "pgv_pga_s")),
         (
             {"outcomes": "test,ground_motion,pga_g,pgv_pga_s,specimen1\n1,a,0.2,0.3,2"},
             ("outcomes.csv", "specimen1", "0 and 1"),
@@ -247,14 +318,14 @@ def test_what_is_wrong_is_told_in_one_line(
     tmp_path: Path, refused: Callable[..., str], changes: dict[str, object], words: tuple[str, ...]
 ) -> None:
     folder = write_tests(tmp_path / "wrong", **changes)
-    recorded_tests.accelerations.cache_clear()
+    recorded_tests.motions_of.cache_clear()
     refused("run", "validation", "--table", folder, "--workers", 0, words=words)
 
 
 def test_a_folder_is_needed(refused: Callable[..., str], tmp_path: Path) -> None:
     refused("run", "validation", words=("TABLE=",))
     refused("run", "validation", "--table", tmp_path / "none", words=("none", "not found"))
-    refused("run", "validation", "--table", tmp_path, words=("records.nc",))
+    refused("run", "validation", "--table", tmp_path, words=("outcomes.csv",))
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the public shake-table tests are not here")
@@ -262,8 +333,7 @@ def test_public_tests_are_read_whole() -> None:
     tests = recorded_tests.tests_in(SHARED)
     assert len(tests.number) == 490
     assert tests.specimens == (1, 2)
-    assert tests.interval == 0.005
     assert len([name for _, name in tests.published if name.startswith("dem")]) == 5
-    found = recorded_tests.accelerations(SHARED, None)
-    peaks = [np.abs(found[n]).max() / GRAVITY for n in tests.number]
+    found = recorded_tests.motions_of(SHARED)
+    peaks = [found[n].peak_acceleration / GRAVITY for n in tests.number]
     assert np.corrcoef(peaks, tests.pga)[0, 1] > 0.7

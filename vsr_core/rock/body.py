@@ -5,6 +5,7 @@ All vectors are relative to the centre of mass.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -12,10 +13,14 @@ from typing import Literal
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from vsr_core.arrays import Array, Indices, Mask, matrix_product
 from vsr_core.errors import InvalidInput
+
+STANDING = math.radians(30.0)
+"""Tilt up to which a hull that was drawn in keeps its corners, but those that are lowest in less
+than 0.02 rad; beyond that tilt it keeps those of a coarser hull."""
 
 _FLAT = 1e-6  # difference of unit normals below which neighbouring facets are of one face
 
@@ -95,6 +100,55 @@ def convex_hull(points: Array) -> Hull:
     return Hull(corners, facets, normals, offsets, hull.neighbors, face)
 
 
+def drawn_in(hull: Hull, distance: float) -> Array:
+    """Points of a hull whose sides are all drawn in towards the vertical through its centre.
+
+    Each edge of its base moves in by the distance, at the height at which it was: the hull is what
+    is left of it (its erosion) by a level disk of that radius. A corner at which many facets meet
+    becomes many, of which those are kept on which the rock may stand or tip.
+
+    Parameters
+    ----------
+    distance : float [m]
+
+    Returns
+    -------
+    ndarray, shape (n, 3) [m]
+
+    Raises
+    ------
+    InvalidInput
+        If the centre of mass would lie outside.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> cube = convex_hull(np.array(list(product((-1.0, 1.0), repeat=3))))
+    >>> np.abs(drawn_in(cube, 0.25)).max(axis=0).round(9).tolist()
+    [0.75, 0.75, 1.0]
+    """
+    offsets = hull.offsets - distance * np.linalg.norm(hull.normals[:, :2], axis=1)
+    if offsets.min() <= 0.0:
+        given = f"a base drawn in by {distance:.3g} m, to beyond the centre of mass"
+        raise InvalidInput(given, "the rock stands", "reduce inset")
+    planes = np.column_stack([hull.normals, -offsets])
+    corners = HalfspaceIntersection(planes, np.zeros(3)).intersections
+    lowest = float(corners[:, 2].min())
+    on_base = np.flatnonzero(corners[:, 2] < lowest + _FLAT * abs(lowest))
+    steep = math.cos(STANDING)
+    directions = np.vstack([_spread(3000, -1.0, -steep), _spread(200, -1.0, 1.0)])
+    farthest = (corners @ directions.T).argmax(axis=0)
+    return np.asarray(corners[np.union1d(on_base, farthest)])
+
+
+def _spread(number: int, low: float, high: float) -> Array:
+    """Directions spread evenly between two heights on the unit sphere, shape (number, 3)."""
+    z = low + (high - low) * (np.arange(number) + 0.5) / number
+    turn = math.pi * (1.0 + math.sqrt(5.0)) * np.arange(number)  # golden angle
+    level = np.sqrt(1.0 - z**2)
+    return np.column_stack([level * np.cos(turn), level * np.sin(turn), z])
+
+
 def touching(hull: Hull, tilt: float) -> Mask:
     """Vertices that can touch a plane while the rock is tilted by at most ``tilt``.
 
@@ -136,7 +190,7 @@ def corners(hull: Hull, tolerance: float) -> Mask:
     kept = np.ones(len(hull.vertices), dtype=bool)
     for vertex, ring in enumerate(rings):
         ring.discard(vertex)
-        others = np.array(sorted(ring))
+        others = np.array(sorted(ring), dtype=np.int64)  # none, of a corner that is met twice
         to = hull.vertices[others] - hull.vertices[vertex]
         length = np.linalg.norm(to, axis=1)
         one, other = np.triu_indices(len(others), 1)

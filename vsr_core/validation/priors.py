@@ -33,6 +33,9 @@ class Priors:
     mixing : (low, high) [1], share of a replica's scan in the shape, where there is a replica
     error : float [1], error of the base in units of its standard deviation (see ``Form.spread``)
     centre : float [m], sd of the centre of mass along each axis: density, closing of the scan
+    inset : (low, high) [1]
+        How far inside the hull of its scan a rock bears, relative to the height of its centre of
+        mass: rounded and crushed edges, a soft or rough support.
     """
 
     azimuth: tuple[float, float] = (math.radians(-7.5), math.radians(7.5))
@@ -43,6 +46,7 @@ class Priors:
     mixing: tuple[float, float] = (0.15, 0.85)
     error: float = 1.0
     centre: float = 0.004
+    inset: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +68,7 @@ class Member:
     error: float
     centre: Array
     seed: int
+    inset: float = 0.0
 
     @property
     def direction(self) -> float:
@@ -76,10 +81,13 @@ def draws(priors: Priors, count: int) -> list[Member]:
 
     The drive is reversed in every other member, or with ``polarity_reversal_probability``.
     """
-    points = _sequence(9, count)
+    points, insets = _sequence(9, count), _sequence(11, count)[:, 10]
     return [
-        _member(priors, u, z, error=priors.error, seed=1000 * SEED + number)
-        for number, (u, z) in enumerate(zip(points, norm.ppf(points), strict=True))
+        replace(
+            _member(priors, u, z, error=priors.error, seed=1000 * SEED + number),
+            inset=_within(priors.inset, inset),
+        )
+        for number, (u, z, inset) in enumerate(zip(points, norm.ppf(points), insets, strict=True))
     ]
 
 
@@ -105,7 +113,8 @@ def best_guess(priors: Priors) -> Member:
     >>> best_guess(Priors(friction=(0.5, 0.75))).friction
     0.625
     """
-    return _member(priors, np.full(9, 0.5), np.zeros(9), error=0.0, seed=0)
+    guess = _member(priors, np.full(9, 0.5), np.zeros(9), error=0.0, seed=0)
+    return replace(guess, inset=_within(priors.inset, 0.5))
 
 
 def extremes(priors: Priors, *, replica: bool) -> dict[str, tuple[Member, Member]]:
@@ -134,6 +143,7 @@ def extremes(priors: Priors, *, replica: bool) -> dict[str, tuple[Member, Member
         "amplitude": ("amplitude", mean - gain, mean + gain),
         "centre of mass along the drive": ("centre", -along, along),
         "height of the centre of mass": ("centre", -up, up),
+        "inset of the base": ("inset", *_percentiles(priors.inset)),
     }
     if replica:
         ends["mixing of the scans"] = ("mixing", *_percentiles(priors.mixing))

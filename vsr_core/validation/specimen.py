@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
@@ -19,14 +19,18 @@ from trimesh.registration import icp
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
-from vsr_core.judge import proofs
+from vsr_core.judge.proofs import Barrier
+from vsr_core.motions.ground_motion import GroundMotion
+from vsr_core.motions.pulses import CosinePulse
+from vsr_core.motions.records.components import ComponentMotion
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.outcome import Response
-from vsr_core.rock.body import Rock, convex_hull
+from vsr_core.rock.body import Rock, convex_hull, drawn_in
 from vsr_core.rock.tipping import settle
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate_all
 from vsr_core.scene import Contact, Scene
+from vsr_core.table.stepper import SteppedPulse
 from vsr_core.validation.priors import Member
 
 ALIKE = 0.01
@@ -131,6 +135,11 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
         hull = convex_hull(np.array(body.vertices) - centre)
         try:
             turn, _ = settle(hull)
+            if member.inset:
+                standing = hull.turned(turn)
+                height = -float(standing.vertices[:, 2].min())
+                hull = convex_hull(drawn_in(standing, member.inset * height)).turned(turn.T)
+                turn, _ = settle(hull)
         except InvalidInput:
             continue
         moments, axes = np.linalg.eigh(density * turn @ np.array(body.moment_inertia) @ turn.T)
@@ -166,23 +175,36 @@ STEP_SHARE = 0.01
 outcome of single doubtful tests, as a grain of sand would, and hardly how many overturn."""
 
 
-def standing_case(rock: Rock, member: Member) -> Case:
-    """A rock on a level table, turned so that its drive is along +x."""
-    contact = Contact(member.friction, member.restitution)
-    return prepare(Scene(rock, contact, -member.direction), proofs.barrier(rock), reduce=True)
-
-
-def shaken(
-    case: Case, accelerations: Sequence[Array], interval: float, amplitude: float
-) -> list[Response]:
-    """Responses to recorded accelerations of the table.
+def standing_case(rock: Rock, limits: Barrier, member: Member) -> Case:
+    """A rock on a level table, turned so that its drive is along +x.
 
     Parameters
     ----------
-    accelerations : sequence of ndarray, each of shape (n,) [m/s^2], along the drive
-    interval : float [s], between their samples
-    amplitude : float [1], factor on them
+    limits : Barrier, of the rock
     """
+    contact = Contact(member.friction, member.restitution)
+    return prepare(Scene(rock, contact, -member.direction), limits, reduce=True)
+
+
+def shaken(case: Case, motions: Sequence[GroundMotion]) -> list[Response]:
+    """Responses to motions of the table."""
     step = STEP_SHARE * math.sqrt(case.full.rock.radius / GRAVITY)
-    motions = [RecordedMotion(Trace(amplitude * values, interval)) for values in accelerations]
     return simulate_all(case, motions, Settings(step, engine=ENGINE))
+
+
+def amplified(motion: GroundMotion, factor: float) -> GroundMotion:
+    """A motion of the table in a test, its acceleration times a factor."""
+    match motion:
+        case RecordedMotion(trace):
+            return RecordedMotion(Trace(factor * trace.acceleration, trace.interval))
+        case ComponentMotion(along):
+            x, y, z = (
+                RecordedMotion(Trace(factor * one.trace.acceleration, one.trace.interval))
+                for one in along
+            )
+            return ComponentMotion((x, y, z))
+        case CosinePulse():
+            return replace(motion, pga=factor * motion.pga)
+        case SteppedPulse():
+            return replace(motion, gain=factor * motion.gain)
+    raise TypeError(f"no motion of a test: {motion!r}")

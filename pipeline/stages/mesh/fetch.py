@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pooch
 import requests
 import trimesh
 
+from pipeline.config.layers import CONFIGS
 from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.mesh.originals import ORIGINALS, Original
@@ -21,6 +23,9 @@ from vsr_core.errors import reason
 
 def fetch(name: str, url: str | None = None, raw: Path | None = None) -> Path:
     """Download an original and keep it as ``<raw>/<name>/<name>.ply`` in metres.
+
+    A copy under ``../shared/data`` is taken in place of the download. The specimen of shake-table
+    tests is ``sp1.ply``, in a folder that ``make validate`` reads.
 
     Parameters
     ----------
@@ -37,8 +42,17 @@ def fetch(name: str, url: str | None = None, raw: Path | None = None) -> Path:
         )
     original = ORIGINALS[name]
     with tempfile.TemporaryDirectory() as temporary:
-        downloaded = _download(name, original, url or original.url, Path(temporary))
-        return _keep(name, original, downloaded, folder)
+        file = None if url else _copy(original)
+        if file is None:
+            file = _download(name, original, url or original.url, Path(temporary))
+        return _keep(name, original, file, folder)
+
+
+def _copy(original: Original) -> Path | None:
+    """The same file beside the project, if it is there."""
+    beside = working_folder().parent / "shared" / "data"
+    files = beside.glob(f"*/{Path(original.url).name}")
+    return next((file for file in files if digest_file(file) == original.sha256), None)
 
 
 def _download(name: str, original: Original, url: str, folder: Path) -> Path:
@@ -69,7 +83,7 @@ def _keep(name: str, original: Original, file: Path, folder: Path) -> Path:
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     if original.height is not None:
         mesh.apply_scale(original.height / float(mesh.extents[2]))
-    final = folder / f"{name}.ply"
+    final = folder / ("sp1.ply" if original.tests else f"{name}.ply")
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         part = folder / f".part-{name}"
@@ -77,6 +91,8 @@ def _keep(name: str, original: Original, file: Path, folder: Path) -> Path:
             trimesh.Trimesh(mesh.vertices, mesh.faces).export(part, file_type="ply")
             facts = {"from": original.credit, "url": original.url, "sha256": digest_file(part)}
             (folder / ORIGIN).write_text(json.dumps(facts, indent=1), encoding="utf-8")
+            if original.tests:
+                shutil.copytree(CONFIGS / "tests" / name, folder, dirs_exist_ok=True)
             part.replace(final)
         finally:
             part.unlink(missing_ok=True)

@@ -50,6 +50,7 @@ def priors(config: PriorsConfig) -> Priors:
         config.replica_fraction,
         config.base_error,
         config.centre_of_mass,
+        config.inset,
     )
 
 
@@ -143,7 +144,9 @@ def draws(
     bed = seating.bed(scan.data, given.rock, reduce=reduce) if scan else None
     wanted = seats.chosen(config.seat, config.members)
     found = []
-    for number, member in enumerate(physics.draws(priors(config), config.members)):
+    as_drawn = given.rock.shape == "hull" and bed is None
+    known = priors(config if as_drawn else config.model_copy(update={"inset": (0.0, 0.0)}))
+    for number, member in enumerate(physics.draws(known, config.members)):
         contact = {"friction": (member.friction,), "restitution": member.restitution}
         settings = study.settings.with_contact(**contact)
         seat = None
@@ -163,7 +166,7 @@ def draws(
 def _rock(given: Rock, shape: Form, member: Member, density: float) -> Rock:
     """A rock as it may be; that of the site itself where nothing of its shape is drawn."""
     as_scanned = not shape.replica and member.error * shape.spread == 0.0
-    if as_scanned and not np.any(member.centre):
+    if as_scanned and not np.any(member.centre) and not member.inset:
         return given
     return drawn(shape, member, density)
 

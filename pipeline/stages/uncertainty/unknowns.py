@@ -91,8 +91,9 @@ def unknowns(draws: Sequence[Draw], known: Priors, base: Array | None, yaw: int)
         gains = (np.array([member.amplitude for member in members]) - mean) / gain
         add("gain of the motion", gains, ndtri)
     if base is None:
-        mixing = np.array([member.mixing for member in members])
+        mixing, inset = np.array([(member.mixing, member.inset) for member in members]).T
         add("shape between the scans", _scaled(mixing, known.mixing), _unit)
+        add("inset of the base", _scaled(inset, known.inset), _unit)
     else:
         effect = base[:, :, yaw] / max(float(base[:, :, yaw].std()), 1e-12)
         name = "seat" if draws[0].seat else "base"
@@ -139,6 +140,8 @@ def assumed(config: UncertaintyConfig, *, box: bool, terrain: bool) -> list[tupl
             f"{1e3 * config.scan.correlation_length:g} mm"
         )
     first = [("base", base, "scan")]
+    if not box:
+        first.append(inset(config))
     if terrain:
         shares = config.seat.shares
         kinds = (f"{name} {100 * shares[key]:.0f} %" for key, name in KINDS.items() if shares[key])
@@ -147,6 +150,12 @@ def assumed(config: UncertaintyConfig, *, box: bool, terrain: bool) -> list[tupl
             ("outline of the seam", base, "scan"),
         ]
     return [*first, *in_words(config, "from each yaw")]
+
+
+def inset(config: PriorsConfig) -> tuple[str, str, str]:
+    """The prior of how far inside its hull a rock bears."""
+    words = f"{uniform(config.inset)}, relative to the height of the centre of mass"
+    return "inset of the base from the hull", words, "inset"
 
 
 def in_words(config: PriorsConfig, azimuth_from: str) -> list[tuple[str, str, str]]:
@@ -204,7 +213,7 @@ def drawn_values(draws: Sequence[Draw]) -> dict[str, tuple[tuple[str, ...], NDAr
     members = [draw.member for draw in draws]
     values: dict[str, tuple[tuple[str, ...], NDArray[Any]]] = {
         f"drawn_{name}": (("member",), np.array([getattr(member, name) for member in members]))
-        for name in ("friction", "restitution", "amplitude", "mixing", "seed")
+        for name in ("friction", "restitution", "amplitude", "mixing", "inset", "seed")
     }
     azimuth = np.array([in_si.in_degrees(member.azimuth) for member in members])
     values["drawn_azimuth"] = (("member",), azimuth)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.judge.proofs import barrier
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.outcome import Outcome, Response
@@ -270,6 +271,10 @@ def pulse(pga: float, ratio: float, interval: float = 0.005) -> Array:
     return motion.acceleration(np.arange(0.0, motion.duration + interval, interval))
 
 
+def recorded(acceleration: Array) -> RecordedMotion:
+    return RecordedMotion(Trace(acceleration, 0.005))
+
+
 @cache
 def housner() -> float:
     """First overturning PGA [g] of the block."""
@@ -282,8 +287,8 @@ def shake_block(pga: float, azimuth: float = 0.0, turn: float = 0.0) -> bool:
     mesh.apply_transform(trimesh.transformations.rotation_matrix(turn, [0, 0, 1]))
     member = plain(azimuth=azimuth, friction=2.0)
     rock = specimen.drawn(specimen.form(mesh, None), member, 2700.0)
-    case = specimen.standing_case(rock, member)
-    (found,) = specimen.shaken(case, [pulse(pga, 0.3)], 0.005, 1.0)
+    case = specimen.standing_case(rock, barrier(rock), member)
+    (found,) = specimen.shaken(case, [recorded(pulse(pga, 0.3))])
     return found.outcome.overturned == 1
 
 
@@ -303,10 +308,10 @@ def test_a_turned_specimen_under_a_turned_drive(turn: float) -> None:
 def test_amplitude_scales_the_motion() -> None:
     member = plain(friction=2.0)
     rock = specimen.drawn(specimen.form(block(), None), member, 2700.0)
-    case = specimen.standing_case(rock, member)
-    weak, strong = pulse(0.3, 0.1), 2.5 * pulse(0.3, 0.1)
-    (one,) = specimen.shaken(case, [weak], 0.005, 2.5)
-    (other,) = specimen.shaken(case, [strong], 0.005, 1.0)
+    case = specimen.standing_case(rock, barrier(rock), member)
+    weak, strong = recorded(pulse(0.3, 0.1)), recorded(2.5 * pulse(0.3, 0.1))
+    (one,) = specimen.shaken(case, [specimen.amplified(weak, 2.5)])
+    (other,) = specimen.shaken(case, [strong])
     assert one.peak_tilt == pytest.approx(other.peak_tilt, rel=1e-6)
     assert one.peak_tilt > 0.0
 
@@ -319,7 +324,7 @@ def test_rests_are_passed_over_without_a_difference(monkeypatch: pytest.MonkeyPa
     """
     member = plain(friction=2.0)
     rock = specimen.drawn(specimen.form(block(), None), member, 2700.0)
-    case = specimen.standing_case(rock, member)
+    case = specimen.standing_case(rock, barrier(rock), member)
     chosen = cases.Settings(5e-4)
 
     def runs() -> list[Response]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -16,10 +16,10 @@ from pipeline.stages.studies.validation.recorded_runs import Outcomes, Role
 from pipeline.stages.studies.validation.recorded_tests import Tests
 from pipeline.stages.uncertainty.draws import priors
 from pipeline.workflow.rows import RunRow
-from vsr_core.arrays import Array, Mask
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.judge import proofs
 from vsr_core.outcome import Outcome
-from vsr_core.validation import scores
+from vsr_core.validation import conditioning, scores
 from vsr_core.validation.priors import best_guess
 from vsr_core.validation.scores import Calibration, calibrate, first_half, logistic
 from vsr_core.validation.specimen import Form, drawn, form
@@ -35,6 +35,9 @@ class Predictions:
     Attributes
     ----------
     calibrated : ndarray, probability after calibration on half of the ground motions
+    conditioned : ndarray
+        Probability after the outcomes of all other series of the specimen.
+    effective : ndarray, shape (specimens, tests), members that count in it
     half : ndarray of bool, shape (tests,), those of the half on which things are calibrated
     """
 
@@ -43,8 +46,21 @@ class Predictions:
     lost: int
     best_guess: Mask
     calibrated: Array
+    conditioned: Array
+    effective: Array
     calibration: Calibration
     half: Mask
+
+    def only(self, chosen: Mask) -> Predictions:
+        """Those of some tests.
+
+        Parameters
+        ----------
+        chosen : ndarray of bool, shape (tests,)
+        """
+        names = ("overturned", "members", "best_guess", "calibrated", "conditioned", "effective")
+        parts = {name: getattr(self, name)[:, chosen] for name in names}
+        return replace(self, half=self.half[chosen], **parts)
 
     @property
     def share(self) -> Array:
@@ -92,6 +108,7 @@ def predictions(tests: Tests, found: Outcomes) -> Predictions:
     shape = (len(tests.specimens), len(tests.number))
     overturned, members = np.zeros(shape), np.zeros(shape)
     guess = np.zeros(shape, dtype=bool)
+    ensembles: dict[int, list[Indices]] = {specimen: [] for specimen in tests.specimens}
     lost = 0
     for draw, rows in found.items():
         row = tests.specimens.index(draw.specimen)
@@ -102,6 +119,8 @@ def predictions(tests: Tests, found: Outcomes) -> Predictions:
             overturned[row] += side == 1
             members[row] += side >= 0
             lost += sum(sides[run.outcome] < 0 for run in rows.values())
+            left_out = np.array([n not in rows for n in tests.number])
+            ensembles[draw.specimen].append(np.where(left_out, 0, side))
     half = first_half(np.array(tests.motion))
     whole = float(tests.config.members)
     counted = overturned * whole / np.maximum(members, 1.0)
@@ -109,31 +128,64 @@ def predictions(tests: Tests, found: Outcomes) -> Predictions:
     calibrated = np.array(
         [calibration.probability(row, np.full(len(row), whole)) for row in counted]
     )
-    return Predictions(overturned, members, int(lost), guess, calibrated, calibration, half)
+    after = [_conditioned(tests, specimen, np.array(ensembles[specimen])) for specimen in ensembles]
+    conditioned, effective = (np.array(part) for part in zip(*after, strict=True))
+    return Predictions(
+        overturned, members, int(lost), guess, calibrated, conditioned, effective, calibration, half
+    )
+
+
+def _conditioned(tests: Tests, specimen: int, members: Indices) -> tuple[Array, Array]:
+    """Probability of each test after the outcomes of all other series, and how many members count.
+
+    Parameters
+    ----------
+    members : ndarray of int, shape (members, tests), 1 overturned, 0 not, -1 unresolved
+    """
+    observed = np.array(tests.observed.get(specimen, (-1,) * len(tests.number)))
+    series = np.array(tests.series)
+    found = np.zeros((2, len(observed)))
+    for name in dict.fromkeys(tests.series):
+        own = series == name
+        weights = conditioning.weights(members[:, ~own], observed[~own])
+        found[0, own] = conditioning.probability(members[:, own], weights)
+        found[1, own] = conditioning.effective_number(weights)
+    return found[0], found[1]
 
 
 def _calibration(tests: Tests, overturned: Array, members: Array, half: Mask) -> Calibration:
     """One for all specimens, from those that have outcomes."""
-    known = list(compared(tests))
-    if not known:
-        return Calibration()
-    observed = np.concatenate([sides[half] for _, _, sides in known])
-    counts, whole = (
-        np.concatenate([part[row][half] for row, _, _ in known]) for part in (overturned, members)
-    )
-    return calibrate(counts, whole, observed)
+    parts = []
+    for row, specimen in enumerate(tests.specimens):
+        observed = np.array(tests.observed.get(specimen, (-1,) * len(half)))
+        inside = half & (observed >= 0)
+        parts.append((overturned[row][inside], members[row][inside], observed[inside] == 1))
+    counts, whole, sides = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return calibrate(counts, whole, sides) if len(sides) else Calibration()
 
 
-def compared(tests: Tests) -> Iterator[tuple[int, int, Mask]]:
-    """The specimens that have outcomes.
+class Compared(NamedTuple):
+    """A specimen with outcomes: those tests that have one, and their predictions.
 
-    Yields
-    ------
+    Attributes
+    ----------
     observed : ndarray of bool, shape (tests,), whether it overturned
     """
+
+    row: int
+    specimen: int
+    tests: Tests
+    made: Predictions
+    observed: Mask
+
+
+def compared(tests: Tests, made: Predictions) -> Iterator[Compared]:
+    """The specimens that have outcomes."""
     for row, specimen in enumerate(tests.specimens):
-        if specimen in tests.observed:
-            yield row, specimen, np.array(tests.observed[specimen]) == 1
+        observed = np.array(tests.observed.get(specimen, ()))
+        if (observed >= 0).any():
+            known = observed >= 0
+            yield Compared(row, specimen, tests.only(known), made.only(known), observed[known] == 1)
 
 
 class Origin(Enum):
@@ -160,32 +212,33 @@ class Predictor(NamedTuple):
     probability: Array | None = None
 
 
-def predictors(tests: Tests, made: Predictions, row: int) -> dict[str, Predictor]:
+def predictors(one: Compared) -> dict[str, Predictor]:
     """Gather the predictions for a specimen with outcomes."""
-    specimen = tests.specimens[row]
-    observed = np.array(tests.observed[specimen]) == 1
+    row, specimen, tests, made, observed = one
     motions = np.array(tests.motion)
     intensity = np.log(np.column_stack([tests.pga, tests.pgv_pga]))
     regression = logistic(intensity, observed, motions)
     velocity = logistic(intensity.sum(axis=1, keepdims=True), observed, motions)
 
-    def decided(origin: Origin, probability: Array) -> Predictor:
-        return Predictor(origin, scores.predicted_to_overturn(probability), probability)
+    def of(origin: Origin, probability: Array) -> Predictor:
+        return Predictor(origin, decided(tests, probability), probability)
 
     constant = np.zeros(len(observed), dtype=bool)
     found = {
-        "ensemble": decided(Origin.OURS, made.share[row]),
-        "calibrated ensemble": decided(Origin.OURS, made.calibrated[row]),
+        "ensemble": of(Origin.OURS, made.share[row]),
+        "calibrated ensemble": of(Origin.OURS, made.calibrated[row]),
         "best guess": Predictor(Origin.OURS, made.best_guess[row]),
-        "logistic of PGA and PGV/PGA": decided(Origin.REGRESSION, regression),
-        "logistic of PGV": decided(Origin.REGRESSION, velocity),
+        "logistic of PGA and PGV/PGA": of(Origin.REGRESSION, regression),
+        "logistic of PGV": of(Origin.REGRESSION, velocity),
         "always balanced": Predictor(Origin.CONSTANT, constant),
     }
+    if len(set(tests.series)) > 1:
+        found["ensemble after the other series"] = of(Origin.OURS, made.conditioned[row])
     for (owner, name), values in tests.published.items():
         if owner == specimen:
             found[name] = Predictor(Origin.PUBLISHED, np.array(values) == 1)
     for other, values in tests.observed.items():
-        if other != specimen:
+        if other != specimen and min(values) >= 0:
             name = f"outcome of specimen {other}"
             found[name] = Predictor(Origin.OTHER_SPECIMEN, np.array(values) == 1)
     return found
@@ -195,15 +248,22 @@ def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
     """The predictions on (specimen, test)."""
     dims = ("specimen", "test")
     observed = np.full(made.share.shape, -1, dtype="i1")
-    for row, _, sides in compared(tests):
-        observed[row] = sides
+
+    def sides(probability: Array) -> NDArray[np.int8]:
+        return np.array([decided(tests, row) for row in probability], dtype=np.int8)
+
+    for row, specimen in enumerate(tests.specimens):
+        observed[row] = tests.observed.get(specimen, observed[row])
     found = xr.Dataset(
         {
             "probability": (dims, made.share),
-            "predicted": (dims, _decided(made.share)),
+            "predicted": (dims, sides(made.share)),
             "best_guess": (dims, made.best_guess.astype("i1")),
             "probability_calibrated": (dims, made.calibrated),
-            "predicted_calibrated": (dims, _decided(made.calibrated)),
+            "predicted_calibrated": (dims, sides(made.calibrated)),
+            "probability_conditioned": (dims, made.conditioned),
+            "predicted_conditioned": (dims, sides(made.conditioned)),
+            "effective_members": (dims, made.effective),
             "members": (dims, made.members.astype("i4")),
             "happened": (dims, observed),
         },
@@ -213,6 +273,8 @@ def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
             "ground_motion": ("test", list(tests.motion)),
             "test_pga": ("test", list(tests.pga)),
             "test_pgv_pga": ("test", list(tests.pgv_pga)),
+            "test_azimuth": ("test", list(tests.azimuth)),
+            "series": ("test", list(tests.series)),
             "calibration_half": ("test", made.half.astype("i1")),
         },
     )
@@ -220,5 +282,10 @@ def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
     return found
 
 
-def _decided(probability: Array) -> NDArray[np.int8]:
-    return np.array([scores.predicted_to_overturn(row) for row in probability], dtype=np.int8)
+def decided(tests: Tests, probability: Array) -> Mask:
+    """Which tests are predicted to overturn, series by series, shape (tests,)."""
+    sides, series = np.zeros(len(probability), dtype=bool), np.array(tests.series)
+    for name in dict.fromkeys(tests.series):
+        own = series == name
+        sides[own] = scores.predicted_to_overturn(probability[own])
+    return sides

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from pipeline.config import in_si
 from pipeline.stages.runs.overturning_runs import values
 from pipeline.stages.runs.runner import Kind, Run, run_missing, stored
-from pipeline.stages.studies.validation.recorded_tests import Tests, accelerations
+from pipeline.stages.studies.validation.recorded_tests import Tests, motions_of
+from pipeline.stages.studies.validation.table_motions import identity
 from pipeline.workflow import keys
 from pipeline.workflow.keys import VALIDATION_CODE
 from pipeline.workflow.rows import RunRow
 from pipeline.workflow.stage import Work
 from vsr_core import engines
+from vsr_core.judge.proofs import Barrier, barrier
+from vsr_core.rock.body import Rock
 from vsr_core.run.cases import Case
 from vsr_core.source import tracing
 from vsr_core.validation.priors import Member
-from vsr_core.validation.specimen import Form, drawn, shaken, standing_case
+from vsr_core.validation.specimen import Form, amplified, drawn, shaken, standing_case
 
 
 class Role(Enum):
@@ -48,22 +54,26 @@ Outcomes = dict[Draw, dict[int, RunRow]]
 """Rows of the tests that a draw ran, by their numbers."""
 
 
+class Drive(NamedTuple):
+    """A draw, and the direction that is given for the drive of a test [degree]; NaN for none."""
+
+    draw: Draw
+    azimuth: str
+
+
 class Shared(NamedTuple):
-    """What the tests of one draw share on a worker."""
+    """What the tests of one draw and one direction share on a worker."""
 
     folder: Path
-    variable: str | None
-    interval: float
     amplitude: float
     case: Case
 
 
 def run_tests(shared: Shared, numbers: tuple[int, ...]) -> list[tuple[Any, ...]]:
     """Simulate some tests of one draw, on a worker."""
-    records = accelerations(shared.folder, shared.variable)
-    chosen = [records[number] for number in numbers]
-    responses = shaken(shared.case, chosen, shared.interval, shared.amplitude)
-    return [values(response) for response in responses]
+    table = motions_of(shared.folder)
+    chosen = [amplified(table[number], shared.amplitude) for number in numbers]
+    return [values(response) for response in shaken(shared.case, chosen)]
 
 
 KIND = Kind("validation", "tests", RunRow, run_tests, batch=8)
@@ -71,7 +81,7 @@ KIND = Kind("validation", "tests", RunRow, run_tests, batch=8)
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Recorded tests and the specimens that they shook."""
+    """Tests and the specimens that they shook."""
 
     folder: Path
     tests: Tests
@@ -85,45 +95,66 @@ def outcomes(
     wanted: Mapping[Draw, tuple[int, ...]],
 ) -> Outcomes:
     """Simulate those of the wanted tests that are not stored yet."""
-    tests, draws, folder = series.tests, tuple(wanted), series.folder
-    identities = _identities(series, {draw: members[draw] for draw in draws})
-    records = accelerations(folder, tests.config.acceleration)
-    digests = {number: keys.digest_bytes(row.tobytes()) for number, row in records.items()}
+    tests, folder = series.tests, series.folder
+    table = {number: identity(motion) for number, motion in motions_of(folder).items()}
+    given = dict(zip(tests.number, map(repr, tests.azimuth), strict=True))
+    numbers: dict[Drive, tuple[int, ...]] = {}
+    for draw, asked in wanted.items():
+        for azimuth in dict.fromkeys(given[number] for number in asked):
+            own = tuple(number for number in asked if given[number] == azimuth)
+            numbers[Drive(draw, azimuth)] = own
+    driven = {drive: _driven(members[drive.draw], tests, float(drive.azimuth)) for drive in numbers}
+    identities = _identities(series, driven)
 
-    def runs(draw: Draw) -> list[Run]:
-        scene = identities[draw]
+    @lru_cache(maxsize=1)
+    def rock(draw: Draw) -> tuple[Rock, Barrier]:
+        found = drawn(series.forms[draw.specimen], members[draw], tests.config.density)
+        return found, barrier(found)
+
+    def runs(drive: Drive) -> list[Run]:
+        scene = identities[drive]
         return [
-            Run(bytes.fromhex(keys.digest([scene, digests[number]])), number)
-            for number in wanted[draw]
+            Run(bytes.fromhex(keys.digest([scene, table[number]])), number)
+            for number in numbers[drive]
         ]
 
-    def shared(draw: Draw) -> Shared:
-        member, variable = members[draw], tests.config.acceleration
-        rock = drawn(series.forms[draw.specimen], member, tests.config.density)
-        case = standing_case(rock, member)
-        return Shared(folder, variable, tests.interval, member.amplitude, case)
+    def shared(drive: Drive) -> Shared:
+        member = driven[drive]
+        return Shared(folder, member.amplitude, standing_case(*rock(drive.draw), member))
 
-    done = run_missing(work, KIND, draws, runs, shared)
+    drives = tuple(numbers)
+    done = run_missing(work, KIND, drives, runs, shared)
     if done.runs:
         work.log(f"validation: {done.summary}")
-    rows: dict[Draw, list[RunRow]] = {draw: [] for draw in draws}
-    for draw, part in stored(work.runs, KIND, draws, runs):
-        rows[draw].extend(part)
-    return {draw: dict(zip(wanted[draw], rows[draw], strict=True)) for draw in draws}
+    rows: dict[Drive, list[RunRow]] = {drive: [] for drive in drives}
+    for drive, part in stored(work.runs, KIND, drives, runs):
+        rows[drive].extend(part)
+    found: Outcomes = {draw: {} for draw in wanted}
+    for drive in drives:
+        found[drive.draw].update(zip(numbers[drive], rows[drive], strict=True))
+    return found
 
 
-def _identities(series: Series, members: Mapping[Draw, Member]) -> dict[Draw, str]:
-    """What the runs of each draw share: scan, member, engine and the code that they reach."""
+def _driven(member: Member, tests: Tests, azimuth: float) -> Member:
+    """A draw in a direction that is given: the prior's error about that in place of its mean."""
+    if math.isnan(azimuth):
+        return member
+    error = member.azimuth - in_si.angle(tests.config.azimuth.mean)
+    return replace(member, azimuth=in_si.angle(azimuth) + error)
+
+
+def _identities(series: Series, members: Mapping[Drive, Member]) -> dict[Drive, str]:
+    """What the runs of each drive share: scan, member, engine and the code that they reach."""
     config = series.tests.config
     code = keys.digest(tracing.reached(VALIDATION_CODE))
     version = engines.load(config.engine).VERSION
     shapes = {specimen: _digest(form) for specimen, form in series.forms.items()}
-    common = [repr(config.density), series.tests.interval, code, version]
+    common = [repr(config.density), code, version]
     return {
-        draw: keys.digest(
-            [shapes[draw.specimen], {k: _plain(v) for k, v in vars(member).items()}, *common]
+        drive: keys.digest(
+            [shapes[drive.draw.specimen], {k: _plain(v) for k, v in vars(member).items()}, *common]
         )
-        for draw, member in members.items()
+        for drive, member in members.items()
     }
 
 

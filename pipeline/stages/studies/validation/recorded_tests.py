@@ -1,39 +1,51 @@
-"""A folder of recorded shake-table tests: records, outcomes, scans, and what is assumed of them."""
+"""A folder of shake-table tests: motions, outcomes, scans, and what is assumed of them."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 from pandas.api.types import is_numeric_dtype
 
-from pipeline.config import in_si
 from pipeline.config.layers import Origin, Site, load_file
 from pipeline.config.paths import located, shown
 from pipeline.config.priors_schema import ShakeTableConfig
-from pipeline.config.problems import InputError, Problem, not_found
+from pipeline.config.problems import InputError, not_found
 from pipeline.config.sections import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA
 from pipeline.stages.mesh import mesh_files
+from pipeline.stages.studies.validation.table_motions import (
+    RECORDS,
+    commanded,
+    motions,
+    problem,
+    recorded,
+)
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Input
+from vsr_core.arrays import Mask
 from vsr_core.errors import InvalidInput, reason
-from vsr_core.motions.records.record import check_sampling
+from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.rock.solid import checked
+from vsr_core.table.stepper import Stepper
 
 if TYPE_CHECKING:
     import trimesh
 
-RECORDS, OUTCOMES, ASSUMED = "records.nc", "outcomes.csv", "table.yaml"
+OUTCOMES, ASSUMED = "outcomes.csv", "table.yaml"
 
 SCAN = re.compile(r"sp(\d+)\.ply")
 
-LIMITS = {"pga_g": (SMALLEST_PGA, LARGEST_PGA), "pgv_pga_s": (SHORTEST_PULSE, LONGEST_PULSE)}
+LIMITS = {
+    "pga_g": (SMALLEST_PGA, LARGEST_PGA),
+    "pgv_pga_s": (SHORTEST_PULSE, LONGEST_PULSE),
+    "azimuth_deg": (-360.0, 360.0),
+}
 """Of columns of the outcomes."""
 
 PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d+)_(?P<setting>\w+)")
@@ -47,19 +59,39 @@ class Tests:
     Attributes
     ----------
     pga, pgv_pga : tuple of float [g], [s]
+    azimuth : tuple of float [degree]
+        Of the drive in each test, from the scan's +x, counter-clockwise; NaN where none is given.
+    series : tuple of str, name of the series that each test is of
+    observed : dict from specimen to outcomes, 1 for overturned, -1 where none is given
     published : dict from (specimen, predictor) to predictions, 1 for overturned
-    interval : float [s], between samples
     """
 
     number: tuple[int, ...]
     motion: tuple[str, ...]
     pga: tuple[float, ...]
     pgv_pga: tuple[float, ...]
+    azimuth: tuple[float, ...]
+    series: tuple[str, ...]
     observed: dict[int, tuple[int, ...]]
     published: dict[tuple[int, str], tuple[int, ...]]
-    interval: float
     specimens: tuple[int, ...]
     config: ShakeTableConfig = field(repr=False)
+
+    def only(self, chosen: Mask) -> Tests:
+        """Some of the tests.
+
+        Parameters
+        ----------
+        chosen : ndarray of bool, shape (tests,)
+        """
+
+        def part(values: Any) -> Any:
+            if isinstance(values, dict):
+                return {key: part(one) for key, one in values.items()}
+            return tuple(compress(values, chosen))
+
+        names = ("number", "motion", "pga", "pgv_pga", "azimuth", "series", "observed", "published")
+        return replace(self, **{name: part(getattr(self, name)) for name in names})
 
 
 def site_of(folder: Path) -> Site:
@@ -67,11 +99,10 @@ def site_of(folder: Path) -> Site:
     folder = located(Path.cwd(), str(folder), "--table", "")
     if not folder.is_dir():
         raise not_found("--table", "", shown(folder))
-    for name in (RECORDS, OUTCOMES):
-        if not (folder / name).is_file():
-            raise _problem(folder / name, "", "", "file not found", "put it there")
+    if not (folder / OUTCOMES).is_file():
+        raise problem(folder / OUTCOMES, "", "", "file not found", "put it there")
     if not scans_in(folder):
-        raise _problem(
+        raise problem(
             folder, "", "no scan", "there is one for each specimen", "call it sp1.ply, in metres"
         )
     return Site(name=folder.name, file=shown(folder), path=folder, settings=assumptions(folder))
@@ -124,16 +155,18 @@ def scan(path: Path) -> trimesh.Trimesh:
 
 
 def tests_in(folder: Path) -> Tests:
-    """The tests of a folder that have both a record and a row of outcomes."""
+    """The tests of a folder: of its table of outcomes, those with a record if there are records."""
     path = folder / OUTCOMES
     table = _outcomes(path)
-    known, interval = _recorded(folder)
-    table = table[table["test"].isin(known)].drop_duplicates("test").sort_values("test")
-    if not len(table):
-        raise _problem(path, "test", "no test with a record", "some have one", "number them alike")
+    if (folder / RECORDS).is_file():
+        table = table[table["test"].isin(recorded(folder)[0])]
+        if not len(table):
+            rule, remedy = "some have one", "number them alike"
+            raise problem(path, "test", "no test with a record", rule, remedy)
+    table = table.sort_values("test")
     specimens = tuple(scans_in(folder))
     observed = {
-        number: _flags(path, table, f"specimen{number}")
+        number: _flags(path, table, f"specimen{number}", missing=True)
         for number in specimens
         if f"specimen{number}" in table
     }
@@ -147,113 +180,68 @@ def tests_in(folder: Path) -> Tests:
         tuple(map(str, table["ground_motion"])),
         tuple(map(float, table["pga_g"])),
         tuple(map(float, table["pgv_pga_s"])),
+        tuple(map(float, table["azimuth_deg"])),
+        tuple(map(str, table["series"])),
         observed,
         published,
-        round(interval, 9),
         specimens,
         assumptions(folder),
     )
 
 
 @lru_cache(maxsize=2)
-def accelerations(folder: Path, variable: str | None) -> dict[int, Any]:
-    """Accelerations of the table by test, ndarrays of shape (n,) [m/s^2].
-
-    Parameters
-    ----------
-    variable : str or None
-        Its name in the records; by default the merged one, else that of the accelerometer.
-    """
-    path = folder / RECORDS
-    with _records(folder) as records:
-        name = variable or (
-            "acceleration_merged" if "acceleration_merged" in records else "acceleration"
-        )
-        if name not in records:
-            raise _problem(path, name, "nothing", "the variable is there", "name another")
-        if set(records[name].dims) != {"test", "time"} or records[name].dtype.kind not in "iuf":
-            given, rule = "no table of numbers", "it holds numbers by test and time"
-            raise _problem(path, name, given, rule, "name another")
-        values = records[name].transpose("test", "time").values
-        counts, numbers = records["n_samples"].values, records["test"].values
-    found = {}
-    for number, count, row in zip(numbers, counts, values, strict=True):
-        if not np.isfinite(row[: int(count)]).all():
-            given = f"values that are no numbers in test {int(number)}"
-            raise _problem(path, name, given, "they are numbers", "mend or drop the test")
-        peak = float(np.abs(row[: int(count)]).max())
-        if not in_si.acceleration(SMALLEST_PGA) <= peak <= in_si.acceleration(LARGEST_PGA):
-            given = f"a peak of {peak:.3g} m/s2 in test {int(number)}"
-            rule = f"it is {SMALLEST_PGA:g} to {LARGEST_PGA:g} g"
-            raise _problem(path, name, given, rule, "correct the unit, or drop the test")
-        found[int(number)] = np.array(row[: int(count)], dtype=np.float64)
-    return found
+def motions_of(folder: Path) -> dict[int, GroundMotion]:
+    """How the table moved in each test."""
+    if (folder / RECORDS).is_file():
+        return motions(folder, assumptions(folder).acceleration)
+    tests = tests_in(folder)
+    told = tests.config.stepper
+    stepper = Stepper(told.rate, told.step, told.overhead) if told else None
+    rows = zip(tests.number, tests.pga, tests.pgv_pga, strict=True)
+    return {number: commanded(pga, ratio, stepper) for number, pga, ratio in rows}
 
 
 def _outcomes(path: Path) -> pd.DataFrame:
+    """The table as it is, with columns for azimuth and series, and a name for each motion."""
     try:
         table = pd.read_csv(path)
     except (OSError, ValueError) as error:
         given = f"a file that cannot be read ({reason(error)})"
-        raise _problem(path, "", given, "it is a table in CSV", "correct it") from None
-    for name in ("test", "ground_motion", "pga_g", "pgv_pga_s"):
+        raise problem(path, "", given, "it is a table in CSV", "correct it") from None
+    if "ground_motion" not in table and {"pga_g", "pgv_pga_s"} <= set(table):
+        rows = zip(table["pga_g"], table["pgv_pga_s"], strict=True)
+        table["ground_motion"] = [f"{pga} g, {ratio} s" for pga, ratio in rows]
+    for name in ("test", "pga_g", "pgv_pga_s"):
         if name not in table.columns:
-            raise _problem(path, name, "nothing", "the column is there", "add it")
-        if name == "ground_motion":
-            continue
-        if not is_numeric_dtype(table[name]) or not np.isfinite(table[name]).all():
-            given, rule = "values that are no numbers", "they are numbers"
-            raise _problem(path, name, given, rule, "correct the column")
-        low, high = LIMITS.get(name, (-np.inf, np.inf))
-        if not table[name].between(low, high).all():
-            given = f"{table[name].min():g} to {table[name].max():g}"
-            raise _problem(path, name, given, f"it is {low:g} to {high:g}", "correct the unit")
+            raise problem(path, name, "nothing", "the column is there", "add it")
+        _check_numbers(path, table, name)
+    if not len(table):
+        raise problem(path, "", "a table without a row", "it has a row for each test", "add them")
+    twice = table["test"][table["test"].duplicated()]
+    if len(twice):
+        rule, remedy = "each number is given once in a folder", "number the tests anew"
+        raise problem(path, "test", f"{twice.iloc[0]:g} twice", rule, remedy)
+    if "azimuth_deg" in table:
+        _check_numbers(path, table, "azimuth_deg")
+    table["azimuth_deg"] = table.get("azimuth_deg", np.nan)
+    table["series"] = table["series"].fillna("").astype(str) if "series" in table else ""
     return table
 
 
-def _recorded(folder: Path) -> tuple[set[int], float]:
-    """Numbers of the tests that have a record, and its time step [s]."""
-    path = folder / RECORDS
-    with _records(folder) as records:
-        for name in ("test", "time", "n_samples"):
-            values = records.variables.get(name)
-            if values is None:
-                raise _problem(path, name, "nothing", "the variable is there", "add it")
-            if values.dtype.kind not in "iuf" or not np.isfinite(values).all():
-                given, rule = "values that are no numbers", "they are numbers"
-                raise _problem(path, name, given, rule, "correct them")
-        known = {int(number) for number in records["test"].values.ravel()}
-        time, counts = (records[name].values.ravel() for name in ("time", "n_samples"))
-    if len(known) < len(counts):
-        rule, remedy = "a test has one record", "number them anew"
-        raise _problem(path, "test", "a number twice", rule, remedy)
-    if not len(counts) or not 2 <= counts.min() <= counts.max() <= len(time):
-        rule = f"each test has from 2 to {len(time)}, as there are times"
-        raise _problem(path, "n_samples", "other numbers of samples", rule, "correct them")
-    interval = float(time[1] - time[0])
-    try:
-        check_sampling(interval, counts.max())
-    except InvalidInput as error:
-        raise InputError.from_invalid(shown(path), "time", error) from None
-    return known, interval
+def _check_numbers(path: Path, table: pd.DataFrame, name: str) -> None:
+    if not is_numeric_dtype(table[name]) or not np.isfinite(table[name]).all():
+        given, rule = "values that are no numbers", "they are numbers"
+        raise problem(path, name, given, rule, "correct the column")
+    low, high = LIMITS.get(name, (-np.inf, np.inf))
+    if not table[name].between(low, high).all():
+        given = f"{table[name].min():g} to {table[name].max():g}"
+        raise problem(path, name, given, f"it is {low:g} to {high:g}", "correct the unit")
 
 
-def _records(folder: Path) -> xr.Dataset:
-    try:
-        return xr.open_dataset(folder / RECORDS, decode_times=False)
-    except (OSError, ValueError, RuntimeError) as error:
-        given = f"a file that cannot be read ({reason(error)})"
-        raise _problem(folder / RECORDS, "", given, "it is NetCDF", "correct it") from None
-
-
-def _flags(path: Path, table: Any, name: str) -> tuple[int, ...]:
-    values = tuple(table[name])
-    if any(value not in (0, 1) for value in values):
-        raise _problem(
-            path, name, "values other than 0 and 1", "1 is overturned, 0 not", "correct the column"
-        )
-    return tuple(map(int, values))
-
-
-def _problem(path: Path, key: str, given: str, rule: str, remedy: str) -> InputError:
-    return InputError(Problem(shown(path), key, given, rule, remedy))
+def _flags(path: Path, table: Any, name: str, *, missing: bool = False) -> tuple[int, ...]:
+    """A column of outcomes; -1 for an empty cell where those may be missing."""
+    known = table[name].isin([0, 1])
+    if not (known | table[name].isna() if missing else known).all():
+        rule = "1 is overturned, 0 not" + (", empty a test to predict" if missing else "")
+        raise problem(path, name, "values other than 0 and 1", rule, "correct the column")
+    return tuple(table[name].where(known, -1).astype(int).tolist())

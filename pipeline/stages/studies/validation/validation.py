@@ -14,7 +14,7 @@ from pipeline.stages.studies.validation.predictions import Predictions
 from pipeline.stages.studies.validation.recorded_runs import Draw, Outcomes, Role, Series, outcomes
 from pipeline.stages.studies.validation.recorded_tests import (
     Folder,
-    accelerations,
+    motions_of,
     scan,
     scans_in,
     tests_in,
@@ -54,7 +54,7 @@ def make(work: Work, folder: Folder) -> Product:
         Dataset, tables, page and figures of the validation.
     """
     tests = tests_in(folder.path)
-    accelerations(folder.path, tests.config.acceleration)  # what is wrong is told at once
+    motions_of(folder.path)  # what is wrong is told at once
     forms = predictions.forms({n: scan(path) for n, path in scans_in(folder.path).items()})
     series = Series(folder.path, tests, forms)
     found, predicted = _predict(work, series)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import pairwise
 from typing import Any
@@ -13,10 +14,16 @@ from matplotlib.figure import Figure
 
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.drawing.style import FAINT, INK, MARKERS, OVERTURNED, SERIES, UPRIGHT, styled
-from pipeline.stages.studies.validation import predictions
-from pipeline.stages.studies.validation.predictions import Origin, Predictions, compared, predictors
+from pipeline.stages.studies.validation.predictions import (
+    Compared,
+    Origin,
+    Predictions,
+    compared,
+    decided,
+    predictors,
+)
 from pipeline.stages.studies.validation.recorded_tests import Tests
-from pipeline.stages.uncertainty.unknowns import in_words, uniform
+from pipeline.stages.uncertainty.unknowns import in_words, inset, uniform
 from vsr_core.validation import scores
 
 _SCORES = ["specimen", "predictor", "subset", "n", "accuracy", "balanced_accuracy", "f1",
@@ -30,14 +37,18 @@ _CLASSES = 4
 
 def scored(tests: Tests, made: Predictions) -> pd.DataFrame:
     """Scores of every predictor of each specimen with outcomes, on each subset of tests."""
-    subsets = {
-        "all": np.ones(len(made.half), dtype=bool),
-        "calibration half": made.half,
-        "other half": ~made.half,
-    }
     rows = []
-    for row, specimen, observed in compared(tests):
-        known = predictors(tests, made, row)
+    for one in compared(tests, made):
+        specimen, observed, half = one.specimen, one.observed, one.made.half
+        series = np.array(one.tests.series)
+        names = [name for name in dict.fromkeys(one.tests.series) if name]
+        subsets = {
+            "all": np.ones(len(half), dtype=bool),
+            "calibration half": half,
+            "other half": ~half,
+            **{f"series {name}": series == name for name in names},
+        }
+        known = predictors(one)
         ensemble = known["ensemble"].sides
         for name, (_, sides, probability) in known.items():
             for subset, inside in subsets.items():
@@ -51,22 +62,24 @@ def scored(tests: Tests, made: Predictions) -> pd.DataFrame:
 
 def failed(tests: Tests, made: Predictions) -> pd.DataFrame:
     """Tests that every predictor but the constant one and other specimens has wrong."""
-    table = pd.DataFrame(
-        {
-            "test": tests.number,
-            "ground_motion": tests.motion,
-            "pga_g": tests.pga,
-            "pgv_pga_s": tests.pgv_pga,
-        }
-    )
     parts = [pd.DataFrame(columns=_FAILED)]
-    for row, specimen, observed in compared(tests):
+    for one in compared(tests, made):
         wrong = [
-            predictor.sides != observed
-            for predictor in predictors(tests, made, row).values()
+            predictor.sides != one.observed
+            for predictor in predictors(one).values()
             if predictor.origin not in (Origin.CONSTANT, Origin.OTHER_SPECIMEN)
         ]
-        known = table.assign(specimen=specimen, happened=1 * observed, share=made.share[row])
+        known = pd.DataFrame(
+            {
+                "specimen": one.specimen,
+                "test": one.tests.number,
+                "ground_motion": one.tests.motion,
+                "pga_g": one.tests.pga,
+                "pgv_pga_s": one.tests.pgv_pga,
+                "happened": 1 * one.observed,
+                "share": one.made.share[one.row],
+            }
+        )
         parts.append(known[np.all(wrong, axis=0)])
     return pd.concat(parts)[_FAILED]
 
@@ -74,9 +87,9 @@ def failed(tests: Tests, made: Predictions) -> pd.DataFrame:
 def confusions(tests: Tests, made: Predictions) -> list[dict[str, Any]]:
     """Right and wrong predictions of the ensemble by classes of PGA and of PGV/PGA."""
     rows: list[dict[str, Any]] = []
-    for row, specimen, observed in compared(tests):
-        kind = 2 * scores.predicted_to_overturn(made.share[row]) + observed
-        for name, unit, values in (("PGA", "g", tests.pga), ("PGV/PGA", "s", tests.pgv_pga)):
+    for row, specimen, own, known, observed in compared(tests, made):
+        kind = 2 * decided(own, known.share[row]) + observed
+        for name, unit, values in (("PGA", "g", own.pga), ("PGV/PGA", "s", own.pgv_pga)):
             edges = np.quantile(values, np.linspace(0.0, 1.0, _CLASSES + 1))
             number = np.clip(np.searchsorted(edges, values, "right") - 1, 0, _CLASSES - 1)
             for k, (low, high) in enumerate(pairwise(edges.tolist())):
@@ -91,6 +104,9 @@ def confusions(tests: Tests, made: Predictions) -> list[dict[str, Any]]:
 def assumed(config: ShakeTableConfig) -> list[tuple[str, str, str]]:
     """Assumptions on the tests, in words."""
     record = config.acceleration or "the merged record, or else that of the accelerometer"
+    if config.stepper:
+        delay = 1e3 * config.stepper.overhead
+        record = f"as commanded, each motor step {delay:g} ms longer than it was to take"
     return [
         *in_words(config, "from the scan's +x"),
         (
@@ -99,22 +115,23 @@ def assumed(config: ShakeTableConfig) -> list[tuple[str, str, str]]:
             "replica_fraction",
         ),
         ("base without one", f"{config.base_error:g} times the error below", "base_error"),
+        inset(config),
         ("density", f"{config.density:g} kg/m³, taken as known", "density"),
-        ("acceleration of the table", record, "acceleration"),
+        ("acceleration of the table", record, "stepper" if config.stepper else "acceleration"),
     ]
 
 
-def _panels(tests: Tests, heights: tuple[float, ...]) -> tuple[Figure, Any]:
+def _panels(known: Sequence[Compared], heights: tuple[float, ...]) -> tuple[Figure, Any]:
     """Panels of these heights for each specimen that has outcomes; they say so if there is none.
 
     The panels are an array on (height, specimen).
     """
-    count = max(len(tests.observed), 1)
+    count = max(len(known), 1)
     figure = Figure(figsize=(4.6 * count, sum(heights)), layout="constrained")
     panels = figure.subplots(
         len(heights), count, squeeze=False, sharex="col", height_ratios=heights
     )
-    if not tests.observed:
+    if not known:
         place = panels[0, 0].transAxes
         panels[0, 0].text(0.5, 0.5, "no outcomes to compare with", ha="center", transform=place)
     return figure, panels
@@ -138,15 +155,16 @@ def _legend_under(axes: Axes, columns: int, **given: Any) -> None:
 @styled
 def reliability(tests: Tests, made: Predictions) -> Figure:
     """Share of tests that overturned against predicted probability, in classes, and their sizes."""
-    figure, panels = _panels(tests, (4.2, 1.3))
-    known = list(predictions.compared(tests))
-    for (above, below), (row, specimen, observed) in zip(panels.T, known, strict=False):
+    compared_ones = list(compared(tests, made))
+    figure, panels = _panels(compared_ones, (4.2, 1.3))
+    for (above, below), one in zip(panels.T, compared_ones, strict=False):
+        row, specimen, _, known, observed = one
         _shares(above, specimen, 0.03)
         above.set_ylabel("share of tests that overturned")
         below.set(xlabel="predicted probability of overturning", ylabel="tests", yscale="log")
         kinds = (
-            ("priors only, all tests", made.share[row], np.ones(len(observed), dtype=bool)),
-            ("calibrated, other half", made.calibrated[row], ~made.half),
+            ("priors only, all tests", known.share[row], np.ones(len(observed), dtype=bool)),
+            ("calibrated, other half", known.calibrated[row], ~known.half),
         )
         for k, (label, probability, inside) in enumerate(kinds):
             found = scores.reliability(observed[inside], probability[inside])
@@ -163,7 +181,7 @@ def reliability(tests: Tests, made: Predictions) -> Figure:
             )
             below.bar(found.predicted + shift, found.count, 0.014, bottom=0.5, color=SERIES[k])
         below.set_ylim(0.5, None)
-    if known:
+    if compared_ones:
         handles = panels[0, 0].get_legend_handles_labels()
         figure.legend(*handles, loc="outside lower center", ncols=2)
     return figure
@@ -174,17 +192,17 @@ def roc(tests: Tests, made: Predictions) -> Figure:
     """Tests correctly against wrongly predicted to overturn, over all limits of probability."""
     from sklearn.metrics import roc_auc_score, roc_curve
 
-    figure, panels = _panels(tests, (5.2,))
-    for axes, (row, specimen, observed) in zip(
-        panels[0], predictions.compared(tests), strict=False
-    ):
+    compared_ones = list(compared(tests, made))
+    figure, panels = _panels(compared_ones, (5.2,))
+    for axes, one in zip(panels[0], compared_ones, strict=False):
+        specimen, observed = one.specimen, one.observed
         _shares(axes, specimen, 0.02)
         names = [
             f"share of {one} tests predicted to overturn" for one in ("balanced", "overturned")
         ]
         axes.set(xlabel=names[0], ylabel=names[1])
         points = 0
-        for k, (name, known) in enumerate(predictions.predictors(tests, made, row).items()):
+        for k, (name, known) in enumerate(predictors(one).items()):
             sides, probability = known.sides, known.probability
             if probability is not None:
                 false, right, _ = roc_curve(observed, probability)
@@ -203,18 +221,18 @@ def roc(tests: Tests, made: Predictions) -> Figure:
 @styled
 def fragility(tests: Tests, made: Predictions) -> Figure:
     """Fragility curves of the experiment and of the ensemble, over PGA and PGV."""
-    known = list(predictions.compared(tests))
-    figure = Figure(figsize=(9.2, 3.8 * max(len(known), 1)), layout="constrained")
-    motions = np.array(tests.motion)
-    pga, ratio = np.array(tests.pga), np.array(tests.pgv_pga)
-    measures = (("peak ground acceleration [g]", pga), ("peak ground velocity [g s]", pga * ratio))
-    for at, (row, specimen, observed) in enumerate(known):
+    compared_ones = list(compared(tests, made))
+    figure = Figure(figsize=(9.2, 3.8 * max(len(compared_ones), 1)), layout="constrained")
+    for at, (row, specimen, own, known, observed) in enumerate(compared_ones):
+        motions = np.array(own.motion)
+        pga, velocity = np.array(own.pga), np.array(own.pga) * own.pgv_pga
+        measures = (("peak ground acceleration [g]", pga), ("peak ground velocity [g s]", velocity))
         for column, (label, values) in enumerate(measures):
-            axes = figure.add_subplot(len(known), 2, 2 * at + column + 1)
+            axes = figure.add_subplot(len(compared_ones), 2, 2 * at + column + 1)
             grid = np.geomspace(values.min(), values.max(), 80)
             for share, name, colour in (
                 (observed.astype(np.float64), "experiment", OVERTURNED),
-                (made.share[row], "ensemble, priors only", UPRIGHT),
+                (known.share[row], "ensemble, priors only", UPRIGHT),
             ):
                 found = scores.curve(values, share, motions, grid)
                 axes.fill_between(grid, found.low, found.high, color=colour, alpha=0.18, lw=0)
@@ -234,9 +252,9 @@ def map_of_tests(tests: Tests, made: Predictions) -> Figure:
     drawn = None
     for row, specimen in enumerate(tests.specimens):
         axes = figure.add_subplot(1, len(tests.specimens), row + 1)
-        known = specimen in tests.observed
-        observed = np.array(tests.observed[specimen] if known else [0] * len(tests.number)) == 1
-        for side, marker, name in ((False, "o", "balanced"), (True, "^", "overturned")):
+        observed = np.array(tests.observed.get(specimen, (-1,) * len(tests.number)))
+        kinds = ((0, "o", "balanced"), (1, "^", "overturned"), (-1, "s", "predicted only"))
+        for side, marker, name in kinds:
             inside = observed == side
             if not inside.any():
                 continue
@@ -251,7 +269,7 @@ def map_of_tests(tests: Tests, made: Predictions) -> Figure:
                 s=18,
                 lw=0.3,
                 edgecolor=INK,
-                label=name if known else "predicted only",
+                label=name,
             )
         axes.set(xscale="log", yscale="log")
         axes.set(title=f"specimen {specimen}", xlabel="PGV/PGA [s]", ylabel="PGA [g]")

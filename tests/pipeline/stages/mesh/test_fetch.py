@@ -22,6 +22,7 @@ from pipeline.config.layers import Site, load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.mesh import fetch, sources
 from pipeline.stages.mesh.originals import ORIGINALS, Original
+from pipeline.stages.studies.validation import recorded_tests
 from pipeline.workflow.datasets import read
 
 ORIGINAL = ROOT.parent / "shared" / "data" / "double_rock" / "double_rock_pbr_petg.dae"
@@ -271,3 +272,23 @@ def test_double_rock(serve: Callable[[bytes], str], raw: Path) -> None:
     assert mesh.volume == pytest.approx(0.5529, rel=0.001)
     np.testing.assert_allclose(mesh.extents, [1.238, 0.754, 1.5085], rtol=0.001)
     assert mesh.body_count == 1
+
+
+def test_a_specimen_comes_with_its_tests(
+    serve: Callable[[bytes], str], raw: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its folder is one that a validation reads: 83 outcomes, and 134 tests to predict."""
+    mesh = trimesh.creation.box(extents=SIZE)
+    body = bytes(mesh.export(file_type="dae"))
+    name = "double_rock_prints"
+    monkeypatch.setitem(ORIGINALS, name, replace(ORIGINALS[name], sha256=sha(body)))
+    path = fetch.fetch(name, f"{serve(body)}/whole.dae", raw)
+    assert path == raw / name / "sp1.ply"
+    np.testing.assert_allclose(trimesh.load(path).extents, SIZE * 0.120 / SIZE[2], rtol=1e-6)
+    tests = recorded_tests.tests_in(raw / name)
+    outcomes, series = np.array(tests.observed[1]), np.array(tests.series)
+    assert (outcomes[series == "yaw 0"] >= 0).sum() == (series == "yaw 0").sum() == 83
+    assert (outcomes[series == "yaw 270"] == -1).sum() == (series == "yaw 270").sum() == 134
+    assert tests.number[82:84] == (83, 1001)
+    assert set(np.array(tests.azimuth)[series == "yaw 270"]) == {90.0}
+    assert tests.config.stepper is not None

@@ -29,9 +29,10 @@ def scored_tests() -> tuple[recorded_tests.Tests, Predictions]:
         motion=tuple(f"motion {n // 3}" for n in range(COUNT)),
         pga=tuple(pga.tolist()),
         pgv_pga=tuple(rng.uniform(0.05, 0.5, COUNT).tolist()),
+        azimuth=(float("nan"),) * COUNT,
+        series=("",) * COUNT,
         observed={1: observed},
         published={(1, "dem soft"): observed[::-1], (1, "dem hard"): observed},
-        interval=0.005,
         specimens=(1, 2),
         config=ShakeTableConfig(),
     )
@@ -39,7 +40,8 @@ def scored_tests() -> tuple[recorded_tests.Tests, Predictions]:
     half = np.arange(COUNT) // 3 % 2 == 0
     shape = (2, COUNT)
     share, members = toppled / 20.0, np.full(shape, 20.0)
-    return tests, Predictions(toppled, members, 0, toppled > 10, share, Calibration(), half)
+    parts = share, share, members, Calibration(), half
+    return tests, Predictions(toppled, members, 0, toppled > 10, *parts)
 
 
 @pytest.mark.parametrize(

@@ -45,9 +45,10 @@ TESTS = recorded_tests.Tests(
     motion=(MOTIONS[0],) * 7 + (MOTIONS[1],) * 5,
     pga=tuple(np.linspace(0.1, 0.6, 12)),
     pgv_pga=tuple(np.linspace(0.3, 0.1, 12)),
+    azimuth=(float("nan"),) * 12,
+    series=("",) * 12,
     observed={1: OBSERVED},
     published={},
-    interval=0.005,
     specimens=(1, 2),
     config=ShakeTableConfig(members=4),
 )
@@ -101,7 +102,7 @@ def test_the_calibration_is_of_one_half_and_of_what_was_observed(made: Predictio
 
 def test_each_specimen_has_its_own_predictors(made: Predictions) -> None:
     both = replace(TESTS, observed={1: OBSERVED, 2: (0,) * 11 + (1,)})
-    one, two = (predictions.predictors(both, made, at) for at in (0, 1))
+    one, two = map(predictions.predictors, predictions.compared(both, made))
     for at, known in enumerate((one, two)):
         np.testing.assert_array_equal(known["ensemble"].probability, made.share[at])
         np.testing.assert_array_equal(known["calibrated ensemble"].probability, made.calibrated[at])
@@ -139,3 +140,43 @@ def test_failed_tests_are_those_all_have_wrong_with_their_own_share(made: Predic
     assert len(failed)
     for number, share in failed["share"].items():
         assert share == shares[number]
+
+
+def test_a_series_is_predicted_after_the_outcomes_of_the_others(made: Predictions) -> None:
+    """By Bayes' rule, by hand: four members, each as likely as the tests that end as it does."""
+    series = ("first",) * 4 + ("second",) * 8
+    seen = replace(TESTS, series=series, observed={1: (*OBSERVED[:4], *(-1,) * 8)})
+    found = {
+        Draw(1, Role.MEMBER, member): {
+            number: row(test[member])
+            for number, test in zip(TESTS.number, RUNS[1].split(), strict=True)
+        }
+        for member in range(4)
+    }
+    one = predictions.predictions(replace(seen, specimens=(1,)), found)
+    agree = [sum((t[m] == "o") == o for t, o in zip(RUNS[1].split()[:4], (1, 0, 0, 1), strict=True))
+             for m in range(4)]  # fmt: skip
+    likely = np.array([0.89**n * 0.11 ** (4 - n) for n in agree])
+    likely /= likely.sum()
+    for at in range(4, 12):
+        test = RUNS[1].split()[at]
+        expected = sum(p for p, letter in zip(likely, test, strict=True) if letter == "o")
+        assert one.conditioned[0, at] == pytest.approx(expected)
+        assert one.effective[0, at] == pytest.approx(1.0 / (likely**2).sum())
+    # nothing is known of another series: the first is predicted as by the priors
+    np.testing.assert_allclose(one.conditioned[0, :4], one.share[0, :4])
+    # and its own outcomes are not used for it
+    other = replace(seen, specimens=(1,), observed={1: (0, 1, 1, 0, *(-1,) * 8)})
+    np.testing.assert_allclose(
+        predictions.predictions(other, found).conditioned[0, :4], one.share[0, :4]
+    )
+
+
+def test_tests_without_an_outcome_are_predicted_and_not_scored(made: Predictions) -> None:
+    some = replace(TESTS, observed={1: (*OBSERVED[:9], -1, -1, -1)})
+    (one,) = predictions.compared(some, made)
+    assert one.tests.number == TESTS.number[:9]
+    np.testing.assert_array_equal(one.observed, np.array(OBSERVED[:9]) == 1)
+    scores = validation_page.scored(some, made).set_index(["predictor", "subset"])
+    assert scores.loc[("ensemble", "all"), "n"] == 9
+    assert made.share.shape == (2, 12)

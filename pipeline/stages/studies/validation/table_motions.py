@@ -1,0 +1,138 @@
+"""How the table moved in each test: by its record, or as it was commanded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from pipeline.config import in_si
+from pipeline.config.paths import shown
+from pipeline.config.problems import InputError, Problem
+from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA
+from pipeline.workflow.keys import digest_bytes
+from vsr_core.arrays import Array
+from vsr_core.errors import InvalidInput, reason
+from vsr_core.motions.ground_motion import GroundMotion
+from vsr_core.motions.pulses import CosinePulse
+from vsr_core.motions.records.components import ComponentMotion
+from vsr_core.motions.records.record import check_sampling
+from vsr_core.motions.records.trace import RecordedMotion, Trace
+from vsr_core.table.stepper import SteppedPulse, Stepper
+
+RECORDS = "records.nc"
+
+
+def commanded(pga: float, ratio: float, stepper: Stepper | None) -> GroundMotion:
+    """The pulse of a test without a record, as its table makes it.
+
+    Parameters
+    ----------
+    pga, ratio : float [g], [s]
+    """
+    pulse = CosinePulse.from_g(pga, ratio)
+    return SteppedPulse(pulse, stepper) if stepper else pulse
+
+
+def motions(folder: Path, variable: str | None) -> dict[int, GroundMotion]:
+    """Recorded motions of the table by test, along its drive, or along x, y and z.
+
+    Parameters
+    ----------
+    variable : str or None
+        Its name in the records; by default the merged one, else that of the accelerometer.
+    """
+    path = folder / RECORDS
+    _, interval = recorded(folder)
+    with _records(folder) as records:
+        name = variable or (
+            "acceleration_merged" if "acceleration_merged" in records else "acceleration"
+        )
+        if name not in records:
+            raise problem(path, name, "nothing", "the variable is there", "name another")
+        if records[name].dtype.kind not in "iuf" or not _is_series(records[name]):
+            given, rule = "no table of numbers", "it holds numbers by test and time"
+            raise problem(path, name, given, rule, "name another")
+        values = records[name].transpose("test", "time", ...).values
+        counts, numbers = records["n_samples"].values, records["test"].values
+    return {
+        int(number): _motion(path, name, int(number), row[: int(count)], interval)
+        for number, count, row in zip(numbers, counts, values, strict=True)
+    }
+
+
+def _is_series(variable: xr.DataArray) -> bool:
+    """Whether it is by test and time, or by those and up to three components."""
+    dims = set(variable.dims)
+    if dims == {"test", "time", "component"}:
+        return variable.sizes["component"] <= len("xyz")
+    return dims == {"test", "time"}
+
+
+def _motion(path: Path, name: str, number: int, values: Array, interval: float) -> GroundMotion:
+    if not np.isfinite(values).all():
+        given = f"values that are no numbers in test {number}"
+        raise problem(path, name, given, "they are numbers", "mend or drop the test")
+    along = values.reshape(len(values), -1).astype(np.float64)
+    peak = float(np.abs(along[:, :2]).max())
+    if not in_si.acceleration(SMALLEST_PGA) <= peak <= in_si.acceleration(LARGEST_PGA):
+        given = f"a peak of {peak:.3g} m/s2 in test {number}"
+        rule = f"it is {SMALLEST_PGA:g} to {LARGEST_PGA:g} g"
+        raise problem(path, name, given, rule, "correct the unit, or drop the test")
+    if along.shape[1] == 1:
+        return RecordedMotion(Trace(along[:, 0].copy(), interval))
+    whole = np.zeros((len(along), 3))
+    whole[:, : along.shape[1]] = along
+    x, y, z = (RecordedMotion(Trace(one.copy(), interval)) for one in whole.T)
+    return ComponentMotion((x, y, z))
+
+
+def identity(motion: GroundMotion) -> str:
+    """What tells a motion from all others: digest of its samples, or its parameters."""
+    match motion:
+        case RecordedMotion(trace):
+            return digest_bytes(trace.acceleration.tobytes(), repr(trace.interval).encode())
+        case ComponentMotion(along):
+            return " ".join(identity(one) for one in along)
+    return repr(motion)
+
+
+def recorded(folder: Path) -> tuple[set[int], float]:
+    """Numbers of the tests that have a record, and its time step [s]."""
+    path = folder / RECORDS
+    with _records(folder) as records:
+        for name in ("test", "time", "n_samples"):
+            values = records.variables.get(name)
+            if values is None:
+                raise problem(path, name, "nothing", "the variable is there", "add it")
+            if values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+                given, rule = "values that are no numbers", "they are numbers"
+                raise problem(path, name, given, rule, "correct them")
+        known = {int(number) for number in records["test"].values.ravel()}
+        time, counts = (records[name].values.ravel() for name in ("time", "n_samples"))
+    if len(known) < len(counts):
+        rule, remedy = "a test has one record", "number them anew"
+        raise problem(path, "test", "a number twice", rule, remedy)
+    if not len(counts) or not 2 <= counts.min() <= counts.max() <= len(time):
+        rule = f"each test has from 2 to {len(time)}, as there are times"
+        raise problem(path, "n_samples", "other numbers of samples", rule, "correct them")
+    interval = round(float(time[1] - time[0]), 9)
+    try:
+        check_sampling(interval, counts.max())
+    except InvalidInput as error:
+        raise InputError.from_invalid(shown(path), "time", error) from None
+    return known, interval
+
+
+def _records(folder: Path) -> xr.Dataset:
+    try:
+        return xr.open_dataset(folder / RECORDS, decode_times=False)
+    except (OSError, ValueError, RuntimeError) as error:
+        given = f"a file that cannot be read ({reason(error)})"
+        raise problem(folder / RECORDS, "", given, "it is NetCDF", "correct it") from None
+
+
+def problem(path: Path, key: str, given: str, rule: str, remedy: str) -> InputError:
+    """What is wrong in a file of a folder of tests."""
+    return InputError(Problem(shown(path), key, given, rule, remedy))
