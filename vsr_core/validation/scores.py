@@ -29,6 +29,10 @@ class PredictionScores:
     Attributes
     ----------
     brier, log_loss : float, of the probabilities; of a predictor without, NaN
+    spiegelhalter_z : float
+        Of their calibration: standard normal if each test overturns with its probability.
+    intercept, slope : float
+        Of a logistic regression of the outcomes on the log-odds: 0 and 1 of calibrated ones.
     """
 
     n: int
@@ -38,6 +42,9 @@ class PredictionScores:
     matthews: float
     brier: float
     log_loss: float
+    spiegelhalter_z: float
+    intercept: float
+    slope: float
 
 
 def scored(observed: Mask, predicted: Mask, probability: Array | None = None) -> PredictionScores:
@@ -52,12 +59,15 @@ def scored(observed: Mask, predicted: Mask, probability: Array | None = None) ->
     from sklearn import metrics
 
     if not len(observed):
-        return PredictionScores(0, *[np.nan] * 6)
-    brier = loss = np.nan
+        return PredictionScores(0, *[np.nan] * 9)
+    brier = loss = z = intercept = slope = np.nan
     if probability is not None:
         clipped = np.clip(probability, SMALLEST_PROBABILITY, 1.0 - SMALLEST_PROBABILITY)
         brier = float(np.mean((probability - observed) ** 2))
         loss = float(metrics.log_loss(observed, clipped, labels=[False, True]))
+        z = spiegelhalter(observed, clipped)
+        if observed.any() and not observed.all():
+            intercept, slope = _regressed(np.log(clipped / (1.0 - clipped)), observed)
     with warnings.catch_warnings():
         for expected in ONE_OUTCOME:
             warnings.filterwarnings("ignore", expected)
@@ -69,7 +79,40 @@ def scored(observed: Mask, predicted: Mask, probability: Array | None = None) ->
             float(metrics.matthews_corrcoef(observed, predicted)),
             brier,
             loss,
+            z,
+            intercept,
+            slope,
         )
+
+
+def spiegelhalter(observed: Mask, probability: Array) -> float:
+    """Distance of a Brier score from its expectation, in its standard deviations.
+
+    Parameters
+    ----------
+    observed : ndarray of bool, shape (n,)
+    probability : ndarray, shape (n,)
+
+    Returns
+    -------
+    float
+        NaN where all probabilities are one half, 0 or 1.
+
+    References
+    ----------
+    Spiegelhalter, D. J. (1986). Probabilistic prediction in patient management and clinical trials.
+    Statistics in Medicine 5(5), 421-433.
+
+    Examples
+    --------
+    >>> spiegelhalter(np.array([True, False]), np.array([0.8, 0.2])).__round__(3)
+    -0.707
+    """
+    away = 1.0 - 2.0 * probability
+    variance = float((away**2 * probability * (1.0 - probability)).sum())
+    return (
+        float(((observed - probability) * away).sum() / np.sqrt(variance)) if variance else np.nan
+    )
 
 
 def predicted_to_overturn(probability: Array) -> Mask:
@@ -248,13 +291,17 @@ def calibrate(overturned: Array, members: Array, observed: Mask) -> Calibration:
     Calibration
         One that changes nothing where all tests ended alike.
     """
-    from sklearn.linear_model import LogisticRegression
-
     if observed.all() or not observed.any():
         return Calibration()
-    score = _log_odds(overturned, members)[:, None]
-    fit = LogisticRegression(C=np.inf).fit(score, observed)
-    return Calibration(float(fit.intercept_[0]), float(fit.coef_[0, 0]), len(observed))
+    return Calibration(*_regressed(_log_odds(overturned, members), observed), len(observed))
+
+
+def _regressed(score: Array, observed: Mask) -> tuple[float, float]:
+    """Intercept and slope of a logistic regression on one score, shape (n,)."""
+    from sklearn.linear_model import LogisticRegression
+
+    fit = LogisticRegression(C=np.inf).fit(score[:, None], observed)
+    return float(fit.intercept_[0]), float(fit.coef_[0, 0])
 
 
 FOLDS = 10

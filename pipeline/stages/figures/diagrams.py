@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -12,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from pipeline.config.layers import TABLES, load_table
+from pipeline.config.layers import CONFIGS, TABLES, load_table
 from pipeline.drawing import style
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array, Mask
@@ -77,6 +78,47 @@ def key(*, pale: bool = False) -> list[Any]:
     return handles
 
 
+class PhysicalTests(NamedTuple):
+    """Tests on a table, at their commanded pulses.
+
+    Attributes
+    ----------
+    pga, ratio : ndarray, shape (n,) [g], [s]
+    toppled : ndarray of bool, shape (n,)
+    """
+
+    pga: Array
+    ratio: Array
+    toppled: Mask
+
+
+def physical_tests(series: str) -> PhysicalTests:
+    """The shipped tests of the print in a series, those with an outcome."""
+    with PRINT_TESTS.open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["series"] == series]
+    known = [row for row in rows if row["specimen1"]]
+    pga, ratio = (np.array([float(row[k]) for row in known]) for k in ("pga_g", "pgv_pga_s"))
+    return PhysicalTests(pga, ratio, np.array([row["specimen1"] == "1" for row in known]))
+
+
+def tested(axes: Axes, tests: PhysicalTests) -> list[Any]:
+    """Draw physical tests, and return their handles for a legend."""
+    look: Any = {"ls": "", "ms": 5, "mec": style.INK, "mew": 0.7}
+    kinds = ((True, "^", style.OVERTURNED, "overturned"), (False, "o", "white", "balanced"))
+    return [
+        axes.plot(
+            tests.pga[tests.toppled == kind],
+            tests.ratio[tests.toppled == kind],
+            marker,
+            mfc=colour,
+            label=f"physical test: {word}",
+            gid=f"tests-{word}",
+            **look,
+        )[0]
+        for kind, marker, colour, word in kinds
+    ]
+
+
 def logistic(axes: Axes, fragility: xr.Dataset, place: int = 0, **look: Any) -> None:
     """Draw the median of the logistic model of one direction."""
     axes.plot(median(fragility, place), fragility["pgv_pga"].values, **look)
@@ -98,6 +140,9 @@ def note(figure: Figure, text: str) -> None:
     """Say in the upper left corner what a reader must know of the whole figure."""
     figure.text(0.006, 0.995, text, ha="left", va="top", size=7.5, color="#5a5a5a", gid="source")
 
+
+PRINT_TESTS = CONFIGS / "tests" / "double_rock_prints" / "outcomes.csv"
+"""Outcomes of the 12 cm print on the table, at yaw 0 deg."""
 
 _ROBOT = "mini_shake_robot"
 ROBOT_FILES = (TABLES / f"{_ROBOT}.yaml",)

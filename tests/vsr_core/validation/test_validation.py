@@ -275,6 +275,22 @@ def recorded(acceleration: Array) -> RecordedMotion:
     return RecordedMotion(Trace(acceleration, 0.005))
 
 
+def test_probabilities_that_come_true_are_found_calibrated() -> None:
+    """Spiegelhalter's z is a standard normal number; with bolder probabilities it is not."""
+    rng = np.random.default_rng(3)
+    true = rng.uniform(0.02, 0.98, 400)
+    outcomes = [rng.random(400) < true for _ in range(400)]
+    z = np.array([scores.spiegelhalter(one, true) for one in outcomes])
+    assert abs(z.mean()) < 4.0 / math.sqrt(len(z))
+    assert z.std() == pytest.approx(1.0, abs=0.15)
+    odds = np.log(true / (1.0 - true))
+    bold = 1.0 / (1.0 + np.exp(-2.0 * odds))
+    assert np.mean([abs(scores.spiegelhalter(one, bold)) > 1.96 for one in outcomes]) > 0.9
+    found = scores.scored(np.concatenate(outcomes), np.tile(true > 0.5, 400), np.tile(bold, 400))
+    assert found.slope == pytest.approx(0.5, abs=0.01)
+    assert found.intercept == pytest.approx(0.0, abs=0.02)
+
+
 @cache
 def housner() -> float:
     """First overturning PGA [g] of the block."""

@@ -27,7 +27,8 @@ from pipeline.stages.uncertainty.unknowns import in_words, inset, uniform
 from vsr_core.validation import scores
 
 _SCORES = ["specimen", "predictor", "subset", "n", "accuracy", "balanced_accuracy", "f1",
-           "matthews", "brier", "log_loss", "mcnemar_p"]  # fmt: skip
+           "matthews", "brier", "log_loss", "spiegelhalter_z", "intercept", "slope",
+           "mcnemar_p"]  # fmt: skip
 
 _FAILED = ["specimen", "test", "ground_motion", "pga_g", "pgv_pga_s", "happened", "share"]
 

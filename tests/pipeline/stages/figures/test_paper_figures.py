@@ -130,11 +130,23 @@ def test_fig_11_compares_where_the_robot_can_go() -> None:
     assert can[0].sum() == 5
     assert not can[-1].any()
     data = {"print": responses(beyond(0.25), beyond(0.45), yaw=(0.0, 270.0))}
-    everywhere, feasible = fig_11.findings(data)
+    everywhere, feasible, _ = fig_11.findings(data)
     assert everywhere.found
     assert feasible.found
     swapped = {"print": responses(beyond(0.45), beyond(0.25), yaw=(0.0, 270.0))}
-    assert [one.found for one in fig_11.findings(swapped)] == [False, False]
+    assert [one.found for one in fig_11.findings(swapped)[:2]] == [False, False]
+
+
+def test_fig_11_counts_tests_and_the_runs_nearest_to_them() -> None:
+    """Of 83 tests at yaw 0 deg, 46 overturned; all runs do, then none."""
+    for limit, virtual, found in ((0.0, 100, False), (9.0, 0, True)):
+        grids = beyond(limit), beyond(0.45)
+        tested = fig_11.findings({"print": responses(*grids, yaw=(0.0, 270.0))})[2]
+        assert tested.found is found
+        assert f"of 83 tests against {virtual} %" in tested.measured
+    series = diagrams.physical_tests("yaw 0")
+    assert (len(series.toppled), series.toppled.sum()) == (83, 46)
+    assert not len(diagrams.physical_tests("yaw 270").toppled)
 
 
 def test_fig_14_puts_runs_on_their_grid() -> None:
