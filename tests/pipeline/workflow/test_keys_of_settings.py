@@ -27,14 +27,18 @@ from pipeline.stages.motions.motion_grid import MotionData
 from pipeline.stages.runs import study
 from pipeline.stages.runs.scenes import Scenes
 from pipeline.stages.runs.step_choice import stored_steps
-from pipeline.stages.studies.validation import recorded_runs
+from pipeline.stages.studies.validation import recorded_runs, table_motions
 from pipeline.workflow import graph, keys, pages, registry
 from pipeline.workflow.parameters import Values
 from pipeline.workflow.registry import BY_NAME, STAGES, settings_of
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import Store
+from vsr_core.motions.pulses import CosinePulse
+from vsr_core.motions.records.components import ComponentMotion
+from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.rock.solid import block
 from vsr_core.source import tracing
+from vsr_core.table.stepper import SteppedPulse, Stepper
 
 # What depends on what
 
@@ -59,6 +63,7 @@ DECIDES = {
     "observed_boulder": {"displacement_report"},
     "hazard": {"hazard"},
     "uncertainty": DRAWN,
+    "stability": {"stability"},
 }
 """Stages whose products a setting decides, by the beginnings of dotted keys."""
 
@@ -75,6 +80,7 @@ NO_RUN = {
     "observed_boulder": "it is asked of runs that are done",
     "hazard": "it is asked of runs that are done",
     "uncertainty": "draws have runs of their own",
+    "stability": "it has cases of its own",
 }
 """Settings of a block on level ground that change no run on its grid, and why."""
 
@@ -377,19 +383,40 @@ def test_pulses_of_other_shapes_and_axes_are_other_runs(
     assert len(set().union(*found)) == sum(map(len, found)) == 4 * len(motions)
 
 
-@pytest.mark.parametrize("change", [{"density": 2600.0}, {"interval": 0.01}, {"friction": 0.7}])
+@pytest.mark.parametrize("change", [{"density": 2600.0}, {"friction": 0.7}])
 def test_runs_of_recorded_tests_change_with_what_they_are_of(change: dict[str, float]) -> None:
     draw = recorded_runs.Draw(1, recorded_runs.Role.BEST_GUESS)
 
-    def told(density: float = 2700.0, interval: float = 0.005, friction: float = 0.6) -> str:
-        tests = SimpleNamespace(config=ShakeTableConfig(density=density), interval=interval)
+    def told(density: float = 2700.0, friction: float = 0.6) -> str:
+        tests = SimpleNamespace(config=ShakeTableConfig(density=density))
         arrays = {name: np.zeros(3) for name in ("vertices", "normals", "faces", "other")}
         series = SimpleNamespace(tests=tests, forms={1: SimpleNamespace(**arrays, spread=0.1)})
-        members = {draw: SimpleNamespace(friction=friction)}
-        return recorded_runs._identities(series, members)[draw]
+        drive = recorded_runs.Drive(draw, "nan")
+        members = {drive: SimpleNamespace(friction=friction)}
+        return recorded_runs._identities(series, members)[drive]
 
     assert told() == told()
     assert told(**change) != told()
+
+
+def test_motions_of_tests_differ_in_all_that_they_are_of() -> None:
+    def record(value: float = 0.1, interval: float = 0.005) -> RecordedMotion:
+        return RecordedMotion(Trace(np.array([0.0, value, 0.0]), interval))
+
+    pulse, motor = CosinePulse(1.0, 0.2), Stepper(200.0, 4e-5, 1e-4)
+    every = [
+        record(),
+        record(value=0.2),
+        record(interval=0.01),
+        ComponentMotion((record(), record(), record(0.0))),
+        ComponentMotion((record(), record(0.0), record())),
+        pulse,
+        SteppedPulse(pulse, motor),
+        SteppedPulse(pulse, replace(motor, overhead=0.0)),
+        SteppedPulse(CosinePulse(1.0, 0.1), motor),
+    ]
+    assert len({table_motions.identity(motion) for motion in every}) == len(every)
+    assert table_motions.identity(record()) == table_motions.identity(record())
 
 
 # Templates, and what is checked besides
