@@ -72,6 +72,8 @@ NO_RUN = {
     "rock.fallback": "a block has no scan",
     "rock.scale": "a block has no scan",
     "rock.closing": "a block has no scan",
+    "rock.contact_shape": "a block is its own hull",
+    "rock.contact_error": "a block is its own hull",
     "pedestal.mesh": "level ground is in no file",
     "pedestal.fallback": "level ground is in no file",
     "pedestal.point_on_rock": "level ground is cut from no scan",
