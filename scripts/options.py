@@ -95,6 +95,7 @@ def files() -> dict[str, str]:
         "docs/options.md": "\n".join(parts),
         "configs/schema.json": layered(with_sweep(site)),
         "configs/tables/schema.json": as_json(hardware),
+        "configs/tests/double_rock_prints/schema.json": as_json(recorded),
     }
 
 
