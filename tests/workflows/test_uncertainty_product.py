@@ -288,10 +288,9 @@ def test_nothing_unknown_of_a_rock_on_its_seat_is_the_site_itself(
 
 
 @pytest.mark.usefixtures("without_pictures")
-def test_seats_are_drawn_of_a_rock_on_its_terrain(
+def test_a_larger_error_of_the_seam_alone_scatters_the_draws_more(
     vsr: Callable[..., Any], hill: str, derived: Path
 ) -> None:
-    """Workers change nothing; a larger error of the seam alone scatters the draws more."""
     spread = []
     for error in ("0.001", "0.02"):
         given = priors(friction="[0.7, 0.7]", seat=RIM, scan=f"{{error: {error}}}", members="8")
@@ -300,6 +299,13 @@ def test_seats_are_drawn_of_a_rock_on_its_terrain(
         toppled = (found["overturned"].values == 1).sum(axis=(1, 2, 3))
         spread.append(float(toppled.std()))
     assert spread[1] > spread[0]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
+def test_seats_are_drawn_of_a_rock_on_its_terrain_by_any_workers(
+    vsr: Callable[..., Any], hill: str, derived: Path
+) -> None:
     free = ("--set", "uncertainty.members=8")
     here = product(vsr("run", "uncertainty", "--site", hill, *free), derived, unresolved=True)
     assert set(here["drawn_seat"].values) >= {"rim", "whole"}
