@@ -46,7 +46,8 @@ def draw(data: Data) -> Figure:
         axes.set_title(f"yaw {yaw:g}°")
     tests = diagrams.tested(panels[0, 0], diagrams.physical_tests("yaw 0"))
     diagrams.labelled(panels)
-    diagrams.note(figure, diagrams.print_source(data["rock"]))
+    published = "tests at their commanded pulses, of DREAMS-lab/shakebot_motion (MIT)"
+    diagrams.note(figure, f"{data['rock'].attrs['shape_source']}; {published}")
     lines = panels[0, 0].get_legend_handles_labels()[0]
     figure.legend(
         handles=[*diagrams.key(pale=True), *lines[:-2], *tests], loc="lower center", ncols=3
