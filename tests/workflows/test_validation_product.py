@@ -242,6 +242,22 @@ def test_pulses_by_their_numbers_shake_each_series_in_its_direction(tmp_path: Pa
     assert data["happened"].sel(specimen=2).isnull().all()
 
 
+@pytest.mark.parametrize("components", [1, 3])
+def test_records_may_have_components(
+    made: tuple[Path, Path], tmp_path: Path, components: int
+) -> None:
+    """Along the drive alone, or also across and up, where nothing moves: the same outcomes."""
+    folder = write_tests(tmp_path / "along")
+    with xr.open_dataset(folder / "records.nc") as data:
+        records = data.load()
+    along = records["acceleration"].expand_dims(component=components, axis=2)
+    still = xr.DataArray(np.eye(1, components)[0], dims="component")
+    records.assign(acceleration=along * still).to_netcdf(folder / "records.nc")
+    data = validated(folder, tmp_path / "derived")
+    for number in (1, 2):
+        np.testing.assert_array_equal(data["probability"].sel(specimen=number), share(number))
+
+
 def test_a_table_with_a_slow_motor_is_weaker(tmp_path: Path) -> None:
     """Steps that take a hundred times as long as asked for hardly move a block."""
     more = "stepper: {rate: 200, step: 4e-5, overhead: 0.01}\n"
@@ -257,6 +273,7 @@ def test_a_table_with_a_slow_motor_is_weaker(tmp_path: Path) -> None:
         ("1,a,,0.2,0.3,1", ("azimuth_deg", "numbers")),
         ("1,a,0,0.2,0.3,2", ("specimen1", "0 and 1", "empty")),
         ("1,a,0,20,0.3,1", ("pga_g", "20")),
+        ("1.5,a,0,0.2,0.3,1", ("test", "fraction", "whole")),
     ],
 )
 def test_a_table_of_pulses_is_checked(

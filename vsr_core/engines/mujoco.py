@@ -218,13 +218,7 @@ def _model(scene: Scene, scale: float) -> mujoco.MjModel:
             "it takes the convex hull of any mesh",
             "use simulation.engine: bullet",
         )
-    body = spec.worldbody.add_body(
-        mass=1.0,
-        inertia=(rock.inertia / rock.mass * scale**2).tolist(),
-        explicitinertial=True,
-        ipos=[0.0, 0.0, 0.0],
-    )
-    body.add_freejoint()
+    body = add_body(spec, rock)
     body.add_geom(name="rock", **_shape(spec, rock, scale), **unpaired)
     if scene.pedestal != "none":
         rolling = contact.rolling_friction * scale
@@ -236,6 +230,18 @@ def _model(scene: Scene, scale: float) -> mujoco.MjModel:
             solimp=[*IMPEDANCE, 0.5, 2.0],
         )
     return spec.compile()
+
+
+def add_body(spec: mujoco.MjSpec, rock: Rock) -> mujoco.MjsBody:
+    """A free body with a rock's inertia, in units of its radius and mass, without a shape."""
+    body = spec.worldbody.add_body(
+        mass=1.0,
+        inertia=(rock.inertia / rock.mass * (1.0 / rock.radius) ** 2).tolist(),
+        explicitinertial=True,
+        ipos=[0.0, 0.0, 0.0],
+    )
+    body.add_freejoint()
+    return body
 
 
 def _shape(spec: mujoco.MjSpec, rock: Rock, scale: float) -> dict[str, object]:

@@ -393,7 +393,7 @@ def test_runs_of_recorded_tests_change_with_what_they_are_of(change: dict[str, f
         tests = SimpleNamespace(config=ShakeTableConfig(density=density))
         arrays = {name: np.zeros(3) for name in ("vertices", "normals", "faces", "other")}
         series = SimpleNamespace(tests=tests, forms={1: SimpleNamespace(**arrays, spread=0.1)})
-        drive = recorded_runs.Drive(draw, "nan")
+        drive = recorded_runs.Drive(draw, None)
         members = {drive: SimpleNamespace(friction=friction)}
         return recorded_runs._identities(series, members)[drive]
 

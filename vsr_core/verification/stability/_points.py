@@ -9,6 +9,7 @@ import numpy as np
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
+from vsr_core.engines.mujoco import add_body
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.rock.body import Rock
 
@@ -71,13 +72,7 @@ def _model(
     spec.option.timestep = step_share / math.sqrt(GRAVITY)
     spec.option.gravity = [0.0, 0.0, -GRAVITY]
     unpaired = {"contype": 0, "conaffinity": 0}
-    body = spec.worldbody.add_body(
-        mass=1.0,
-        inertia=(rock.inertia / rock.mass * scale**2).tolist(),
-        explicitinertial=True,
-        ipos=[0.0, 0.0, 0.0],
-    )
-    body.add_freejoint()
+    body = add_body(spec, rock)
     spec.add_mesh(
         name="rock",
         uservert=(rock.vertices @ rock.axes * scale).ravel().tolist(),

@@ -273,7 +273,7 @@ def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
             "ground_motion": ("test", list(tests.motion)),
             "test_pga": ("test", list(tests.pga)),
             "test_pgv_pga": ("test", list(tests.pgv_pga)),
-            "test_azimuth": ("test", list(tests.azimuth)),
+            "test_azimuth": ("test", np.array(tests.azimuth, dtype=np.float64)),
             "series": ("test", list(tests.series)),
             "calibration_half": ("test", made.half.astype("i1")),
         },

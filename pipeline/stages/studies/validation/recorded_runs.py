@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -55,10 +54,10 @@ Outcomes = dict[Draw, dict[int, RunRow]]
 
 
 class Drive(NamedTuple):
-    """A draw, and the direction that is given for the drive of a test [degree]; NaN for none."""
+    """A draw, and the direction that is given for the drive of a test [degree], if one is."""
 
     draw: Draw
-    azimuth: str
+    azimuth: float | None
 
 
 class Shared(NamedTuple):
@@ -97,13 +96,13 @@ def outcomes(
     """Simulate those of the wanted tests that are not stored yet."""
     tests, folder = series.tests, series.folder
     table = {number: identity(motion) for number, motion in motions_of(folder).items()}
-    given = dict(zip(tests.number, map(repr, tests.azimuth), strict=True))
+    given = dict(zip(tests.number, tests.azimuth, strict=True))
     numbers: dict[Drive, tuple[int, ...]] = {}
     for draw, asked in wanted.items():
         for azimuth in dict.fromkeys(given[number] for number in asked):
             own = tuple(number for number in asked if given[number] == azimuth)
             numbers[Drive(draw, azimuth)] = own
-    driven = {drive: _driven(members[drive.draw], tests, float(drive.azimuth)) for drive in numbers}
+    driven = {drive: _driven(members[drive.draw], tests, drive.azimuth) for drive in numbers}
     identities = _identities(series, driven)
 
     @lru_cache(maxsize=1)
@@ -135,9 +134,9 @@ def outcomes(
     return found
 
 
-def _driven(member: Member, tests: Tests, azimuth: float) -> Member:
+def _driven(member: Member, tests: Tests, azimuth: float | None) -> Member:
     """A draw in a direction that is given: the prior's error about that in place of its mean."""
-    if math.isnan(azimuth):
+    if azimuth is None:
         return member
     error = member.azimuth - in_si.angle(tests.config.azimuth.mean)
     return replace(member, azimuth=in_si.angle(azimuth) + error)

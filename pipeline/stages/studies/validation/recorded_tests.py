@@ -60,7 +60,7 @@ class Tests:
     ----------
     pga, pgv_pga : tuple of float [g], [s]
     azimuth : tuple of float [degree]
-        Of the drive in each test, from the scan's +x, counter-clockwise; NaN where none is given.
+        Of the drive in each test, from the scan's +x, counter-clockwise; None where none is given.
     series : tuple of str, name of the series that each test is of
     observed : dict from specimen to outcomes, 1 for overturned, -1 where none is given
     published : dict from (specimen, predictor) to predictions, 1 for overturned
@@ -70,7 +70,7 @@ class Tests:
     motion: tuple[str, ...]
     pga: tuple[float, ...]
     pgv_pga: tuple[float, ...]
-    azimuth: tuple[float, ...]
+    azimuth: tuple[float | None, ...]
     series: tuple[str, ...]
     observed: dict[int, tuple[int, ...]]
     published: dict[tuple[int, str], tuple[int, ...]]
@@ -180,7 +180,7 @@ def tests_in(folder: Path) -> Tests:
         tuple(map(str, table["ground_motion"])),
         tuple(map(float, table["pga_g"])),
         tuple(map(float, table["pgv_pga_s"])),
-        tuple(map(float, table["azimuth_deg"])),
+        tuple(map(float, table["azimuth_deg"])) if "azimuth_deg" in table else (None,) * len(table),
         tuple(map(str, table["series"])),
         observed,
         published,
@@ -217,13 +217,14 @@ def _outcomes(path: Path) -> pd.DataFrame:
         _check_numbers(path, table, name)
     if not len(table):
         raise problem(path, "", "a table without a row", "it has a row for each test", "add them")
+    if (table["test"] % 1 != 0).any():
+        raise problem(path, "test", "a fraction", "tests have whole numbers", "number them anew")
     twice = table["test"][table["test"].duplicated()]
     if len(twice):
         rule, remedy = "each number is given once in a folder", "number the tests anew"
         raise problem(path, "test", f"{twice.iloc[0]:g} twice", rule, remedy)
     if "azimuth_deg" in table:
         _check_numbers(path, table, "azimuth_deg")
-    table["azimuth_deg"] = table.get("azimuth_deg", np.nan)
     table["series"] = table["series"].fillna("").astype(str) if "series" in table else ""
     return table
 

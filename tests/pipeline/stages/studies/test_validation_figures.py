@@ -29,7 +29,7 @@ def scored_tests() -> tuple[recorded_tests.Tests, Predictions]:
         motion=tuple(f"motion {n // 3}" for n in range(COUNT)),
         pga=tuple(pga.tolist()),
         pgv_pga=tuple(rng.uniform(0.05, 0.5, COUNT).tolist()),
-        azimuth=(float("nan"),) * COUNT,
+        azimuth=(None,) * COUNT,
         series=("",) * COUNT,
         observed={1: observed},
         published={(1, "dem soft"): observed[::-1], (1, "dem hard"): observed},
