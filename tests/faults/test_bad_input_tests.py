@@ -49,7 +49,7 @@ WRONG_OUTCOMES = {
     HEAD + "1,a,nan,0.3,0\n": ("pga_g", "no numbers"),
     HEAD + "1,a,-1,0.3,0\n": ("pga_g", "1e-06 to 10"),
     HEAD + "1,a,0.2,1e308,0\n": ("pgv_pga_s", "0.001 to 10"),
-    HEAD + "1.5,a,0.2,0.3,0\n": ("test", "number them alike"),
+    HEAD + "1.5,a,0.2,0.3,0\n": ("test", "whole numbers"),
     HEAD + '"1,a,0.2,0.3,0\n': ("cannot be read",),
     HEAD + "1,a,0.2,0.3,perhaps\n": ("specimen1", "0 and 1"),
 }
