@@ -137,7 +137,8 @@ def drawn_in(hull: Hull, distance: float) -> Array:
     on_base = np.flatnonzero(corners[:, 2] < lowest + _FLAT * abs(lowest))
     steep = math.cos(STANDING)
     directions = np.vstack([_spread(3000, -1.0, -steep), _spread(200, -1.0, 1.0)])
-    farthest = (corners @ directions.T).argmax(axis=0)
+    parts = np.array_split(directions, 64)  # each small enough for the processor's cache
+    farthest = np.concatenate([(part @ corners.T).argmax(axis=1) for part in parts])
     return np.asarray(corners[np.union1d(on_base, farthest)])
 
 
