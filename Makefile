@@ -49,12 +49,15 @@ folders := $(filter-out docs,$(patsubst %/,%,$(wildcard */)))
 	$(error no target `$@`; `make` alone lists those there are)
 
 ## A rock
-.PHONY: fragility uncertainty displacement hazard study replay prep
+.PHONY: fragility uncertainty observations displacement hazard study replay prep
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(call vsr,run fragility $(site-flags) $(where-flags))
 
 uncertainty: setup ## how certain that is, when rock and shaking are known within ranges
 	$(call vsr,run uncertainty $(site-flags) $(where-flags))
+
+observations: setup ## what tests of SITE's rock in the field teach, and which would teach most
+	$(call vsr,run observations $(site-flags) $(where-flags))
 
 displacement: setup ## where the rock of SITE goes over its terrain: trajectories and report
 	$(call vsr,run displacement $(site-flags) $(where-flags))

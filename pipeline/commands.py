@@ -17,7 +17,15 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.config.sweep import Sweep
 from pipeline.workflow import front_page, graph
 from pipeline.workflow.grammar import form
-from pipeline.workflow.jobs import check_drawn, cluster_of, job_of, log, others_of, sweep_of
+from pipeline.workflow.jobs import (
+    check_drawn,
+    check_observed,
+    cluster_of,
+    job_of,
+    log,
+    others_of,
+    sweep_of,
+)
 from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.stage import Job, named
@@ -35,8 +43,10 @@ def made(options: argparse.Namespace) -> tuple[Job, int]:
     sweep, wanted = sweep_of(options), DELIVERABLES[options.product]
     engines.require(wanted.engine)
     job = job_of(options, sweep)
-    if options.product == "uncertainty":
+    if options.product in ("uncertainty", "observations"):
         check_drawn(job)
+    if options.product == "observations":
+        check_observed(job)
     if options.product == "hazard" and sweep is None:
         for stage, other in others_of(job):
             log(f"{other.store.folder}:")

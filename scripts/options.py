@@ -262,7 +262,7 @@ def _kind(node: Node) -> str:
     if "prefixItems" in node:
         return f"{len(node['prefixItems'])} numbers"
     if "items" in node:
-        item = _kind(node["items"]) if "$ref" not in node["items"] else "section"
+        item = _kind(node["items"]) if "type" in node["items"] else "section"
         return f"list of {PLURAL.get(item, item)}"
     kind: str = node["type"]
     return {"integer": "whole number", "string": "text", "boolean": "true, false"}.get(kind, kind)

@@ -20,7 +20,7 @@ from pipeline.workflow.registry import STAGES
 CORE = [
     "source", "errors", "arrays", "outcome", "compiled", "rock", "terrain", "scan", "surrogates",
     "motions", "table", "scene", "judge", "engines", "run", "verification", "fragility", "hazard",
-    "displacement", "validation", "uncertainty",
+    "displacement", "validation", "uncertainty", "observations",
 ]  # fmt: skip
 PIPELINE = ["config", "workflow", "drawing", "stages", "status", "cli", "commands"]
 STAGE = [
@@ -31,6 +31,7 @@ STAGE = [
     "fragility",
     "displacement",
     "uncertainty",
+    "observations",
     "hazard",
     "replay",
     "reports",

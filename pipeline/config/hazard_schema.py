@@ -125,6 +125,11 @@ class HazardConfig(Section):
     component: Literal["RotD50", "GMRotI50", "geometric mean", "larger", "RotD100"] = Field(
         "RotD50", description="horizontal component of the curves; reported, not used"
     )
+    support: Literal["tested", "scan"] = Field(
+        "tested",
+        description="rock whose survival weighs the branches: the draws of uncertainty, with bases "
+        "as tests have found them, or the rigid scan; the other one is a case beside",
+    )
     pgv_pga: RatioConfig | None = Field(
         None, description="PGV/PGA at each PGA; null to derive it from PGV curves or disaggregation"
     )

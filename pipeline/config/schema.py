@@ -18,6 +18,7 @@ from pydantic import (
 from pipeline.config import in_si
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.motion_schema import MotionConfig, RecordConfig, TableMotionConfig
+from pipeline.config.observation_schema import Observations
 from pipeline.config.priors_schema import UncertaintyConfig
 from pipeline.config.scene_schema import (
     ContactConfig,
@@ -136,6 +137,9 @@ class Config(Section):
         UncertaintyConfig(),
         description="prior distributions of rock and shaking, for `make uncertainty`",
     )
+    observations: Observations = Field(
+        (), description="what was observed of the rock in the field, for `make observations`"
+    )
     stability: StabilityConfig = Field(
         StabilityConfig(), description="further cases, for `make stability`"
     )
@@ -175,6 +179,11 @@ class Config(Section):
     def uncertain(self) -> bool:
         """Whether what is not known of the rock is drawn: not on a terrain of another file."""
         return self.uncertainty.members > 0 and not self.on_own_ground
+
+    @property
+    def observed(self) -> bool:
+        """Whether something was observed of the rock."""
+        return bool(self.observations)
 
     @property
     def second_engine(self) -> str | None:
@@ -288,6 +297,16 @@ class Config(Section):
         if self.on_terrain and replica is not None:
             rule = "draws on a terrain have an error of the seam, and one scan of the rock"
             raise Refused(rule, "leave it out", "uncertainty.scan.replica", repr(replica))
+        return self
+
+    @model_validator(mode="after")
+    def _weighs_draws(self) -> Config:
+        if self.observed and self.on_own_ground:
+            rule, remedy = "draws of rock and ground in one scan are weighed", "leave them out"
+            raise Refused(rule, remedy, "observations", "a terrain in a file of its own")
+        if self.observed and not self.uncertainty.members:
+            rule, remedy = "observations weigh draws", "give a number of draws, such as 32"
+            raise Refused(rule, remedy, "uncertainty.members", "0")
         return self
 
     @model_validator(mode="after")

@@ -156,9 +156,9 @@ def differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
                     else "edited"
                 )
                 yield f"{label} {item} {verb}"
-    for need in sorted(new["needs"]):
-        if old["needs"].get(need) != new["needs"][need]:
-            yield f"stage {need} changed"
+    for need in sorted({*old["needs"], *new["needs"]}):
+        if old["needs"].get(need) != new["needs"].get(need):
+            yield f"stage {need} changed" if need in new["needs"] else f"no stage {need} any more"
 
 
 def make(name: str, job: Job) -> int:

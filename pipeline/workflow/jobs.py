@@ -35,6 +35,14 @@ def check_drawn(job: Job) -> None:
     raise InputError(Problem(job.site.file_of(key), key, given, rule, remedy))
 
 
+def check_observed(job: Job) -> None:
+    """Refuse a page of observations where there are none."""
+    if not job.config.observed:
+        rule, remedy = "draws are weighed by what was observed", "give one, such as a tilt test"
+        file = job.site.file_of("observations")
+        raise InputError(Problem(file, "observations", "none", rule, remedy))
+
+
 def others_of(job: Job) -> Iterator[tuple[str, Job]]:
     """Stages and jobs of other rocks and settings, whose fragilities a site's hazard reads."""
     graph.identities("hazard", job.site)  # refused before anything is made

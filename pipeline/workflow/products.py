@@ -40,6 +40,7 @@ DELIVERABLES = {
             "runs of draws are unresolved; uncertainty.nc says which",
         ),
     ),
+    "observations": Deliverable("observations", ("observations.html", "observations.nc")),
     "displacement": Deliverable(
         "displacement_report", ("displacement.html", "trajectories.html", "correlation.csv")
     ),

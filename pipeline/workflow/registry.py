@@ -38,6 +38,7 @@ INPUTS = tuple(
         ("stages.motions.motion_grid", "find", "MotionFiles"),
         ("workflow.engine_input", "find", "Engine"),
         ("stages.uncertainty.draws", "find_replica", "Replica"),
+        ("stages.observations.shaking", "find", "ShakenBy"),
         ("stages.hazard.curve_folder", "find", "Curves"),
         ("stages.hazard.rock_fragility", "find", "Others"),
         ("stages.studies.validation.recorded_tests", "find", "Folder"),
@@ -139,6 +140,15 @@ STAGES: tuple[Stage, ...] = (
         make="pipeline.stages.fragility.fragility_fits:make",
         gives=("pipeline.stages.fragility.summary:Fits",),
         versions=("scipy",),
+    ),
+    Stage(
+        "observations",
+        make="pipeline.stages.observations.observations:make",
+        gives=("pipeline.stages.uncertainty.draws:Observed",),
+        applies=lambda site: site.observed,
+        code=("vsr_core.engines.nonsmooth:build",),
+        files=("observations.html", "catalogue.yaml"),
+        versions=("scipy", "trimesh", "matplotlib", "jinja2"),
     ),
     Stage(
         "uncertainty",

@@ -47,24 +47,32 @@ def scales(hull: Hull, yaw: Array) -> Array:
 
 
 def scales_on(points: Array, yaw: Array) -> Array:
-    """The same of a rock on some points, which turns about an edge between two of them.
+    """The same of a rock on some points, as ``tipping_on`` has it."""
+    return _both_ways(tipping_on(points, np.concatenate([math.pi - yaw, -yaw])))
+
+
+def tipping_on(points: Array, direction: Array) -> Array:
+    """Steady acceleration that tips a rock on some points about an edge between two of them [g].
 
     Points may lie at any height, and nothing else holds the rock.
 
     Parameters
     ----------
     points : ndarray, shape (k, 3) [m], from the centre of mass, around which they are
-    yaw : ndarray, shape (n,) [rad]
+    direction : ndarray, shape (n,) [rad], in which the rock tips, counter-clockwise from +x
+
+    Returns
+    -------
+    ndarray, shape (n,), within ``GUIDES``
     """
     corners = points[ConvexHull(points[:, :2]).vertices]
     edges = np.roll(corners, -1, axis=0) - corners
-    toward = np.concatenate([math.pi - yaw, -yaw])
-    ways = np.column_stack([np.cos(toward), np.sin(toward), np.zeros(len(toward))])
+    ways = np.column_stack([np.cos(direction), np.sin(direction), np.zeros(len(direction))])
     # moments about each edge of the weight and of a push of 1 g at the centre of mass
     weight = np.einsum("ij,ij->i", np.cross(corners, [0.0, 0.0, 1.0]), edges)
     push = np.einsum("kij,ij->ki", np.cross(-corners, ways[:, None]), edges)
     needed = np.where(push > 0.0, -weight / np.where(push > 0.0, push, 1.0), np.inf)
-    return _both_ways(np.clip(needed.min(axis=1), *GUIDES))
+    return np.asarray(np.clip(needed.min(axis=1), *GUIDES))
 
 
 def _both_ways(tipping: Array) -> Array:

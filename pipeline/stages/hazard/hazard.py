@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
 
 from pipeline.config.hazard_schema import Age, BoundedAge, HazardConfig, LognormalAge, NormalAge
+from pipeline.config.observation_schema import Earthquake, Observations
 from pipeline.config.paths import shown
+from pipeline.config.sections import Key
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard import curve_folder
@@ -25,6 +27,7 @@ from pipeline.stages.hazard.rock_fragility import Others, of_fits, of_members
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, ShakingRatio, of_model
 from pipeline.stages.hazard.survival_analysis import (
     AS_SCANNED,
+    AS_TESTED,
     SAME_ROCK,
     DatedRock,
     SurvivalAnalysis,
@@ -53,6 +56,7 @@ def make(
     rock: RockData,
     fits: Fits,
     ensemble: EnsembleData | None,
+    observed: Annotated[Observations, Key("observations")],
 ) -> Product:
     """Reject and reweight the branches of a hazard model by a rock's survival.
 
@@ -63,16 +67,20 @@ def make(
     """
     model, name = curves.model, work.origin.name
     ratio = of_model(config, model, model.levels[[0, -1]], curves.disaggregated)
-    own = of_fits(fits) if ensemble is None else of_members(ensemble.data)
+    drawn = ensemble is not None and config.support == "tested"
+    own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
     assert config.age is not None
-    rocks = [DatedRock(name, own, ages_of(config.age))]
+    years = len({one.year for one in observed if isinstance(one, Earthquake)}) if drawn else 0
+    rocks = [DatedRock(name, own, np.maximum(ages_of(config.age) - years, 0.0))]
     for other, given in zip(beside.rocks, config.rocks, strict=True):
         rocks.append(DatedRock(other.name, other.fragility(fits.folder), ages_of(given.age)))
     compared = {}
     if ensemble is not None:  # beside which settings are compared
-        compared[AS_SCANNED] = of_fits(fits)
+        compared[AS_SCANNED if drawn else AS_TESTED] = (
+            of_fits(fits) if drawn else of_members(ensemble.data)
+        )
     for other in beside.compared:
-        what = other.name if ensemble is None else f"{AS_SCANNED}, {other.name}"
+        what = f"{AS_SCANNED}, {other.name}" if drawn else other.name
         compared[what] = other.fragility(fits.folder)
     analysis = SurvivalAnalysis(
         model, tuple(rocks), ratio.table, config.minimum_survival_probability
@@ -83,6 +91,7 @@ def make(
     found = dataset(analysis, results, by_member, all_cases)
     about = curve_folder.about(curves.path)
     facts = page(name, config, rock, analysis, ratio, found, shown(curves.path), about)
+    facts["earthquakes"] = years
     files = {
         FILE: netcdf(described(found, work, "Hazard")),
         TABLE: writers.table(table(found)),

@@ -35,6 +35,7 @@ LARGEST_TO_AVERAGE = 1.2
 BASE_CASE = "base case"
 
 AS_SCANNED = "rock: as scanned, without uncertainty"
+AS_TESTED = "rock: with its uncertainty, its base as tests have found rocks"
 """The case in which the fits of one rock replace its ensemble."""
 
 SAME_ROCK = "rock: same parameters in all earthquakes, survival averaged over the draws"

@@ -6,7 +6,7 @@ import json
 import os
 import shlex
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import yaml
 from markupsafe import Markup
@@ -15,7 +15,7 @@ from pipeline.config.layers import SITES, Origin, known, load_site
 from pipeline.config.motion_schema import RecordConfig, TableMotionConfig
 from pipeline.config.problems import InputError
 from pipeline.config.scene_schema import RockConfig
-from pipeline.config.sections import Range
+from pipeline.config.sections import Key, Range
 from pipeline.drawing.style import png_uri, svg_uri
 from pipeline.stages.datasets import vertical
 from pipeline.stages.datasets.bullet_sample import BulletSample
@@ -71,6 +71,13 @@ class Parts(NamedTuple):
     time_step: StepData
     responses: Responses
     fits: Fits
+    inset: Annotated[tuple[float, float], Key("uncertainty.inset")]
+
+    @property
+    def tested_inset(self) -> tuple[float, float] | None:
+        """How far inside its hull a rock bears as tests have found, where it stands on that."""
+        level = not self.study.settings.on_terrain
+        return self.inset if level and self.rock.shape == "mesh" and self.inset[1] else None
 
     def settings(self) -> dict[str, Any]:
         """The settings of what is on the page, as plain data."""
@@ -114,6 +121,7 @@ def _facts(work: Work, parts: Parts, sample: Later[BulletSample | None]) -> dict
         "on_terrain": study.settings.on_terrain,
         "seat": _seat(parts),
         "rock": report_tables.about_rock(rock),
+        "inset": parts.tested_inset,
         "density": parts.rock.density,
         "rows": rows,
         "answers": report_tables.answer(rows, fragility["friction"].values),

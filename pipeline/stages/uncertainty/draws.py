@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from pipeline.config import in_si
 from pipeline.config.layers import Origin, Site
@@ -29,6 +31,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import barrier, static_limits
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import block, checked, standing
+from vsr_core.rock.tipping import tipping
 from vsr_core.run.cases import Case, TerrainCase
 from vsr_core.scene import Scene
 from vsr_core.uncertainty import search
@@ -106,6 +109,22 @@ class Draw:
             return search.scales_on(self.seat.outline, self.yaws())
         return search.scales(self.rock.hull, self.yaws())
 
+    def slopes(self, direction: Array) -> Array:
+        """Steady acceleration that topples it toward some directions [g].
+
+        Parameters
+        ----------
+        direction : ndarray, shape (k,) [rad], counter-clockwise from the scan's +x
+        """
+        if self.seat:
+            return search.tipping_on(self.seat.outline, direction)
+        return tipping(self.rock.hull, direction).overturning
+
+    @property
+    def centre_height(self) -> float:
+        """Height of the centre of mass above what bears the rock [m]."""
+        return -float(self.seat.outline[:, 2].mean()) if self.seat else self.rock.height
+
     def group(self, yaw: float) -> Group:
         """The scene of a direction.
 
@@ -132,34 +151,39 @@ def draws(
     shape: Form,
     scan: ScanData | None,
     origin: Origin,
+    numbers: Sequence[int],
 ) -> list[Draw]:
-    """Draw the members of a site's ensemble.
+    """Draw a site's rock and shaking as they may be.
 
     Parameters
     ----------
     density : float [kg m-3]
     scan : ScanData, of rock and ground in one; None on a flat pedestal
+    numbers : sequence of int, of the rocks drawn; their shaking is drawn anew, one by one
     """
     given, reduce = study.scenes.standing, study.settings.simulation.reduce
     bed = seating.bed(scan.data, given.rock, reduce=reduce) if scan else None
-    wanted = seats.chosen(config.seat, config.members)
-    found = []
+    count = max(*numbers, len(numbers)) + 1
+    wanted, found = seats.chosen(config.seat, count), []
     as_drawn = given.rock.shape == "hull" and bed is None
     known = priors(config if as_drawn else config.model_copy(update={"inset": (0.0, 0.0)}))
-    for number, member in enumerate(physics.draws(known, config.members)):
-        contact = {"friction": (member.friction,), "restitution": member.restitution}
-        settings = study.settings.with_contact(**contact)
-        seat = None
-        try:
-            if bed is None:
-                rock = _rock(given.rock, shape, member, density)
-            else:
-                rock = seats.weighed(given.rock, member.centre)
-                seat = seats.drawn(bed, rock, member, wanted[number], settings, config)
-        except InvalidInput as error:
-            file = origin.file_of("uncertainty")
-            raise InputError.from_invalid(file, "uncertainty", error) from None
-        found.append(Draw(number, member, rock, settings, study.yaw, given, seat))
+    members = physics.draws(known, count)
+    with threadpool_limits(1):  # products of some corners: threads would only wait for each other
+        for number, (own, shaking) in enumerate(zip(numbers, members, strict=False)):
+            member = members[own].shaken_as(shaking)
+            contact = {"friction": (member.friction,), "restitution": member.restitution}
+            settings = study.settings.with_contact(**contact)
+            seat = None
+            try:
+                if bed is None:
+                    rock = _rock(given.rock, shape, member, density)
+                else:
+                    rock = seats.weighed(given.rock, member.centre)
+                    seat = seats.drawn(bed, rock, member, wanted[own], settings, config)
+            except InvalidInput as error:
+                file = origin.file_of("uncertainty")
+                raise InputError.from_invalid(file, "uncertainty", error) from None
+            found.append(Draw(number, member, rock, settings, study.yaw, given, seat))
     return found
 
 
@@ -240,6 +264,12 @@ def refuse_contact(site: Site) -> None:
         key = "uncertainty.restitution"
         remedy = f"set {key}: [0, 0], or simulation.engine: auto"
         raise InputError(Problem(site.file_of(key), key, error.given, error.rule, remedy)) from None
+
+
+class Observed(Stored):
+    """Draws weighed by what was observed of the rock, and which of them an ensemble takes."""
+
+    FILE = "observations.nc"
 
 
 class EnsembleData(Stored):

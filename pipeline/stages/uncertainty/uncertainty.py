@@ -19,7 +19,7 @@ from pipeline.stages.uncertainty import draws as drawing
 from pipeline.stages.uncertainty import seats
 from pipeline.stages.uncertainty import uncertainty_page as page
 from pipeline.stages.uncertainty import unknowns as told
-from pipeline.stages.uncertainty.draws import Draw, EnsembleData, Replica
+from pipeline.stages.uncertainty.draws import Draw, EnsembleData, Observed, Replica
 from pipeline.stages.uncertainty.ensemble import Ensemble, Search, outcomes
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
@@ -44,10 +44,12 @@ def make(
     replica: Replica | None,
     config: UncertaintyConfig,
     density: Annotated[float, Key("rock.density")],
+    observed: Observed | None,
 ) -> Product:
     """Draw what is not known, find the outcomes of all draws, and what decides them."""
     shape = drawing.surface(rock, config.scan, replica)
-    draws = drawing.draws(study, config, density, shape, scan, work.origin)
+    numbers = observed.data["taken"].values.tolist() if observed else range(config.members)
+    draws = drawing.draws(study, config, density, shape, scan, work.origin, numbers)
     friction = nearest_friction(study.settings.contact.friction, config)
     grid = responses.data.isel(friction=friction)
     settings = study.how(Group(study.yaw[0], study.settings.contact.friction[friction]))
@@ -67,7 +69,7 @@ def make(
     elif not shape.replica:
         base = told.base_effects(draws, shape, density, given)
     dataset = _dataset(wanted, found)
-    shares = _shares(draws, known, base, dataset["member_boundary"].values)
+    shares = _shares(draws, known, base, dataset["member_boundary"].values, weighed=bool(observed))
     dataset = dataset.merge(_indices(shares, draws, known, base))
     dataset = described(dataset, work, "Overturning with its uncertainty")
     drawn = {
@@ -81,6 +83,7 @@ def make(
         config,
         dataset,
         grid,
+        observed,
         {name: png_uri(figure) for name, figure in drawn.items()},
     )
     files = {EnsembleData.FILE: netcdf(dataset), PAGE: writers.text(pages.filled(PAGE, facts))}
@@ -154,12 +157,17 @@ def _rule(found: Ensemble) -> dict[str, Any]:
     return facts
 
 
-def _shares(draws: list[Draw], known: Priors, base: Array | None, boundary: Array) -> list[Shares]:
-    """Indices of the boundary's height in each direction, over rows that every draw topples in."""
+def _shares(
+    draws: list[Draw], known: Priors, base: Array | None, boundary: Array, *, weighed: bool
+) -> list[Shares]:
+    """Indices of the boundary's height in each direction, over rows that every draw topples in.
+
+    None of draws weighed by observations, which make what was drawn dependent on each other.
+    """
     found = []
     for yaw in range(boundary.shape[1]):
         own = np.log(boundary[:, yaw, np.isfinite(boundary[:, yaw]).all(axis=0)])
-        height = own.mean(axis=1) if own.size else np.full(len(draws), np.nan)
+        height = own.mean(axis=1) if own.size and not weighed else np.full(len(draws), np.nan)
         found.append(sensitivity.shares(told.unknowns(draws, known, base, yaw), height))
     return found
 

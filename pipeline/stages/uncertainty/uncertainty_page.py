@@ -14,6 +14,7 @@ from pipeline.config.priors_schema import UncertaintyConfig
 from pipeline.drawing import style
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty import unknowns
+from pipeline.stages.uncertainty.draws import Observed
 from pipeline.stages.uncertainty.ensemble import CHECKED
 from pipeline.workflow.datasets import label, rows_of
 from pipeline.workflow.grammar import listed
@@ -29,6 +30,7 @@ def facts(
     config: UncertaintyConfig,
     found: xr.Dataset,
     responses: xr.Dataset,
+    observed: Observed | None,
     drawn: dict[str, str],
 ) -> dict[str, Any]:
     """Values for the template."""
@@ -62,6 +64,8 @@ def facts(
         "inferred": by[FoundBy.INFERRED],
         "checked": CHECKED,
         "seats": by_seat(found, responses),
+        "weighed": observed.data.attrs["effective_number"] if observed else None,
+        "observations": observed.data["observation"].values.tolist() if observed else [],
         "tests": tests(found),
         "undecided": int((found["overturned"] < 0).sum()),
         "records": rows_of(found) == "record",

@@ -44,7 +44,7 @@ from vsr_core.table.stepper import SteppedPulse, Stepper
 
 RUNS = {"runs", "responses", "bullet_sample", "fragility", "report"}
 MOVED = {"displacement_runs", "displacement", "displacement_report"}
-DRAWN = {"uncertainty", "hazard"}
+DRAWN = {"observations", "uncertainty", "hazard"}
 STUDIES = {"accuracy", "drive"}
 AFTER_MOTIONS = RUNS | MOVED | DRAWN | STUDIES
 
@@ -63,6 +63,8 @@ DECIDES = {
     "observed_boulder": {"displacement_report"},
     "hazard": {"hazard"},
     "uncertainty": DRAWN,
+    "uncertainty.inset": {"report"},
+    "observations": DRAWN,
     "stability": {"stability"},
 }
 """Stages whose products a setting decides, by the beginnings of dotted keys."""
@@ -82,6 +84,7 @@ NO_RUN = {
     "observed_boulder": "it is asked of runs that are done",
     "hazard": "it is asked of runs that are done",
     "uncertainty": "draws have runs of their own",
+    "observations": "they weigh draws",
     "stability": "it has cases of its own",
 }
 """Settings of a block on level ground that change no run on its grid, and why."""
@@ -109,6 +112,13 @@ RATIO = "hazard.pgv_pga={pga: [0.1, 0.5], median: [0.1, 0.2], log_sd: [0.3, 0.4]
 COMPARE = "hazard.compare=[{name: friction, study: friction, set: []}]"
 ASKED = ("hazard.curves=curves", "hazard.age={kind: normal, mean: 10000, sd: 1000}")
 PULSES = "[{axis: x}, {axis: z, pga_ratio: 0.3, pgv_pga: 0.1}]"
+OBSERVED = (
+    "observations=[{kind: tilt, direction: 30, angle: 9.5, outcome: tipped, sd: 0.3}, "
+    "{kind: push, direction: 30, force: 850, height: 1.2, outcome: lifted, sd: 40}, "
+    "{kind: rocking, direction: 30, frequency: 1.9, amplitude: 0.5, sd: 0.1}, "
+    "{kind: shake, motion: test7.csv, direction: 0, outcome: stood}, "
+    "{kind: earthquake, year: 2003, pga: 0.22, pga_log_sd: 0.4, pgv: 18, pgv_log_sd: 0.4}]"
+)
 RECORD = (
     "{kind: record, files: [a.csv], pga: [0.1, 0.3], processing: {order: standard, highpass: 0.1, "
     "lowpass: 25.0}, response: {file: a.xml, corners: [0.1, 0.2, 20.0, 25.0]}}"
@@ -147,6 +157,7 @@ BASES = {
         (STEP, "pedestal.cut=proposal", "pedestal.seat={points: 3}"),
         "pedestal.seat",
     ),
+    "observed": Base("cuboid_1x1x2", ("hazard",), (STEP, *ASKED, OBSERVED), "observations"),
     "lognormal": of_age("{kind: lognormal, median: 10000, log_sd: 0.3}"),
     "bounds": of_age("{kind: bounds, low: 9000, high: 20000}"),
     "samples": of_age("{kind: samples, values: [9000, 10000]}"),
@@ -227,6 +238,7 @@ def others(value: Any, name: str) -> Iterator[Any]:
         yield from (1.1 * value, 0.9 * value, 0.5 * value, value + 0.1)
     elif isinstance(value, str):
         yield from ("servo", "energetic", "caps", "hull", "mesh", "flat", "paper", "larger", "yaw")
+        yield from ("stood", "tipped", "lifted", "toppled", "scan")
         yield f"{value}2"
     elif value:
         yield from ((*value[:-1], last) for last in others(value[-1], ""))

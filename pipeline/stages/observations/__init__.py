@@ -1,0 +1,1 @@
+"""What was observed of a rock in the field, and what that teaches of it."""

@@ -1,0 +1,170 @@
+"""How likely draws of a rock stand or topple in motions that were observed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from scipy.stats import norm, qmc
+
+from pipeline.config import in_si
+from pipeline.config.layers import Origin
+from pipeline.config.observation_schema import Earthquake, Observations, ShakeTest
+from pipeline.config.paths import located, shown
+from pipeline.config.problems import InputError, Problem, not_found
+from pipeline.config.sections import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA, Key
+from pipeline.stages.motions.record_inputs import check_file
+from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
+from pipeline.stages.uncertainty.draws import Draw
+from pipeline.workflow.keys import digest_file
+from pipeline.workflow.stage import Input
+from vsr_core.arrays import Array
+from vsr_core.errors import InvalidInput
+from vsr_core.motions.ground_motion import GroundMotion
+from vsr_core.motions.pulses import CosinePulse
+from vsr_core.motions.records import formats
+from vsr_core.motions.records.record import repaired
+from vsr_core.motions.records.trace import RecordedMotion, Trace
+from vsr_core.run.cases import Settings
+from vsr_core.run.displacement import displace
+from vsr_core.run.overturning import simulate_all
+from vsr_core.validation.conditioning import MISFIT
+
+SAMPLES = 8
+"""Directions of an earthquake, and pairs of PGA and PGV of each."""
+
+NONE_STANDS = -20.0
+"""Logarithm of the likelihood of a survived earthquake in which a draw topples in all samples."""
+
+
+@dataclass(frozen=True)
+class ShakenBy(Input):
+    """Motions of tests in which the rock was shaken, by the number of the observation.
+
+    Attributes
+    ----------
+    file : str, where they are named
+    """
+
+    tests: tuple[tuple[int, Path, ShakeTest], ...]
+    file: str
+
+    def digests(self) -> dict[str, str]:
+        """Digests of the files, by the number of the observation."""
+        return {str(number): digest_file(path) for number, path, _ in self.tests}
+
+    def motion(self, number: int) -> GroundMotion:
+        """The motion of a test, its acceleration as it was recorded.
+
+        Raises
+        ------
+        InputError
+            For a file that holds none.
+        """
+        (found,) = [one for one in self.tests if one[0] == number]
+        _, path, test = found
+        try:
+            check_file(path)
+            reading = formats.Reading(test.component, test.unit, None, None)
+            every = formats.read_all(path.read_bytes(), path.suffix, reading)
+            record = repaired(every.channel(test.component))
+            return RecordedMotion(Trace(record.acceleration, record.interval))
+        except InvalidInput as error:
+            given = f"{shown(path)}, {error.given}"
+            problem = Problem(self.file, key_of(number), given, error.rule, error.remedy)
+            raise InputError(problem) from None
+
+
+def key_of(number: int) -> str:
+    """Key of an observation's motion."""
+    return f"observations.{number}.motion"
+
+
+def find(
+    observations: Annotated[Observations, Key("observations")], origin: Origin
+) -> ShakenBy | None:
+    """The files of motions that observations name."""
+    folder, file = origin.folder_of("observations"), origin.file_of("observations")
+    tests = tuple(
+        (number, located(folder, one.motion, file, key_of(number)), one)
+        for number, one in enumerate(observations)
+        if isinstance(one, ShakeTest)
+    )
+    for number, path, _ in tests:
+        if not path.is_file():
+            raise not_found(file, key_of(number), shown(path))
+    return ShakenBy(tests, file) if tests else None
+
+
+def of_shake(
+    draws: Sequence[Draw], test: ShakeTest, motion: GroundMotion, settings: Settings
+) -> Array:
+    """Logarithm of the likelihood of a test, shape (draws,).
+
+    One that ends as it did for a draw has 1 - ``MISFIT``, and ``MISFIT`` where it ends otherwise.
+    """
+    stood = np.array([_standing(draw, -test.direction, [motion], settings)[0] for draw in draws])
+    wanted = float(test.outcome == "stood")
+    return np.asarray(np.log(np.where(stood == wanted, 1.0 - MISFIT, MISFIT)))
+
+
+def of_earthquake(
+    draws: Sequence[Draw], earthquake: Earthquake, settings: Settings
+) -> tuple[Array, Array]:
+    """Logarithm of the likelihood that draws stand, and their share of standing, shape (draws,).
+
+    Pulses of PGA and PGV from their joint lognormal distribution, from all directions alike.
+    """
+    ways, motions = _pulses(earthquake)
+    share = np.array(
+        [
+            np.mean([_standing(draw, yaw, motions, settings) for yaw in ways.tolist()])
+            for draw in draws
+        ]
+    )
+    known = np.log(np.where(share > 0.0, share, 1.0))
+    return np.where(share > 0.0, known, NONE_STANDS), share
+
+
+def _pulses(earthquake: Earthquake) -> tuple[Array, list[GroundMotion]]:
+    """Directions [degree], and motions from each."""
+    ways = np.arange(SAMPLES) * 360.0 / SAMPLES
+    first, second = norm.ppf(qmc.Sobol(2, rng=3).random(SAMPLES).T)
+    rho = earthquake.correlation
+    ln_pga = math.log(earthquake.pga) + earthquake.pga_log_sd * first
+    mixed = rho * first + math.sqrt(1.0 - rho**2) * second
+    ln_pgv = math.log(0.01 * earthquake.pgv) + earthquake.pgv_log_sd * mixed
+    pga = np.clip(np.exp(ln_pga), SMALLEST_PGA, LARGEST_PGA)
+    ratios = np.clip(np.exp(ln_pgv) / in_si.acceleration(pga), SHORTEST_PULSE, LONGEST_PULSE)
+    return ways, [
+        CosinePulse.from_g(one, ratio)
+        for one, ratio in zip(pga.tolist(), ratios.tolist(), strict=True)
+    ]
+
+
+def _standing(
+    draw: Draw, yaw: float, motions: Sequence[GroundMotion], settings: Settings
+) -> list[float]:
+    """Whether a draw stands in some motions along one way; half where a run is unresolved.
+
+    Nothing is left out of runs on a flat pedestal: what proves it costs more for a rock than they.
+
+    Parameters
+    ----------
+    yaw : float [degree], which turns the way to +x
+    """
+    group = Group(yaw, draw.member.friction)
+    if draw.seat:
+        case = terrain_case(draw.identified, group)
+        found = [displace(case, one, settings, follow=False).response for one in motions]
+    else:
+        simulation = draw.settings.simulation.model_copy(update={"reduce": False})
+        scenes = replace(draw.identified, settings=draw.settings._replace(simulation=simulation))
+        whole = replace(settings, reduce=False)
+        found = simulate_all(flat_case(scenes, group), motions, whole)
+    sides = [response.outcome.overturned for response in found]
+    return [0.5 if side < 0 else 1.0 - side for side in sides]

@@ -1,0 +1,1 @@
+"""What tests of a standing rock in the field teach of it."""
