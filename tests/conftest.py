@@ -17,6 +17,7 @@ from support.browser import Opened, chromium, watched
 from pipeline import ROOT, cli
 from pipeline.drawing import style
 from vsr_core.engines import load
+from vsr_core.scan import weighing
 from vsr_core.source import tracing
 
 STEP = "simulation: {engine: bullet, time_step: 0.001}\n"
@@ -31,6 +32,11 @@ LONG = (
     *("test_displacement_product", "test_validation_product", "test_uncertainty_product"),
 )
 """Files of tests that take longest. They come first: one that began last would be waited for."""
+
+
+def pytest_configure() -> None:
+    """One thread for each product of matrices, as processes that compete only wait for threads."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_xdist_auto_num_workers() -> int:
@@ -79,6 +85,14 @@ def no_pictures() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         small = {kind: style._rendered(Figure(figsize=(1, 1)), kind) for kind in style._SAVED}
         patch.setattr(style, "_rendered", lambda figure, kind: small[kind])
+        yield
+
+
+@pytest.fixture(scope="module")
+def few_samples() -> Iterator[None]:
+    """Compare surfaces at their corners and few points more, where their distance is no subject."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(weighing, "SAMPLES", 100)
         yield
 
 

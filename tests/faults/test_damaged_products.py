@@ -149,17 +149,17 @@ def test_disk_full_at_each_write(run: Command, small_disk: Path, tmp_path: Path,
 # Clocks
 
 
-@pytest.mark.parametrize("shift", [-1e9, 1e6])
-def test_dates_of_files_decide_nothing(run: Command, derived: Path, shift: float) -> None:
+def test_dates_of_files_decide_nothing(run: Command, derived: Path) -> None:
     """As after a copy, or where a clock was set back."""
     assert run("fragility").code == 0
     files = [path for path in (derived / "rock").rglob("*") if path.is_file()]
-    then = time.time() + shift
-    for number, path in enumerate(sorted(files)):
-        os.utime(path, (then - number, then - number))
-    before = {path: path.stat().st_mtime_ns for path in files}
-    assert run("fragility").code == 0
-    assert {path: path.stat().st_mtime_ns for path in files} == before
+    for shift in (-1e9, 1e6):
+        then = time.time() + shift
+        for number, path in enumerate(sorted(files)):
+            os.utime(path, (then - number, then - number))
+        before = {path: path.stat().st_mtime_ns for path in files}
+        assert run("fragility").code == 0
+        assert {path: path.stat().st_mtime_ns for path in files} == before
 
 
 def test_clock_that_runs_backwards(

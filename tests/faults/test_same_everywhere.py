@@ -171,7 +171,7 @@ def on_processor(
 @pytest.mark.parametrize(
     "pretended",
     [
-        OTHER_BLAS[0] | PLAIN_NUMPY,
+        OTHER_BLAS[0] | PLAIN_NUMPY | {"OPENBLAS_NUM_THREADS": "2"},
         *(pytest.param(blas, marks=pytest.mark.slow) for blas in OTHER_BLAS[1:]),
         pytest.param(PLAIN_NUMBA, marks=pytest.mark.slow),
     ],

@@ -10,7 +10,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +47,14 @@ def farm(tmp_path: Path) -> Iterator[Farm]:
         yield farm
 
 
+@pytest.fixture(scope="module")
+def threads(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+    """A worker with four threads, for tests that leave it as it was."""
+    with Farm(tmp_path_factory.mktemp("threads")) as farm:
+        farm.worker("--nthreads", "4")
+        yield farm
+
+
 def rows(folder: Path) -> dict[bytes, tuple[Any, ...]]:
     if not (folder / RUNS).exists():
         return {}
@@ -77,7 +85,7 @@ def sleeper() -> Callable[[float, tuple[int, ...]], list[float]]:
     "engine", ["bullet", "nonsmooth", pytest.param("mujoco", marks=pytest.mark.slow)]
 )
 def test_threads_of_a_worker_change_no_bit(
-    farm: Farm,
+    threads: Farm,
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
     tmp_path: Path,
@@ -87,9 +95,8 @@ def test_threads_of_a_worker_change_no_bit(
     if engine == "mujoco":
         pytest.importorskip("mujoco")
     monkeypatch.setattr(runner, "QUICK_BATCH", 10)
-    farm.worker("--nthreads", "4")
     command = ("run", "responses", "--site", write_site(GRID % engine))
-    ran = vsr(*command, "--scheduler", farm.address, into=tmp_path / "threads")
+    ran = vsr(*command, "--scheduler", threads.address, into=tmp_path / "threads")
     assert ran.code == 0, ran.err
     assert "dashboard: " in ran.err
     assert ran.err.count("start workers with --nthreads 1") == (engine != "nonsmooth")
@@ -103,10 +110,8 @@ def test_threads_of_a_worker_change_no_bit(
 
 @pytest.mark.parametrize("together", [False, True])
 def test_one_batch_at_a_time_in_a_process_unless_it_shares_nothing(
-    farm: Farm, together: bool
+    threads: Farm, together: bool
 ) -> None:
-    farm.worker("--nthreads", "4")
-
     def crowd(shared: None, items: tuple[int, ...]) -> int:
         os.environ["CROWD"] = str(int(os.environ.get("CROWD", "0")) + 1)
         time.sleep(0.1)
@@ -114,7 +119,7 @@ def test_one_batch_at_a_time_in_a_process_unless_it_shares_nothing(
         os.environ["CROWD"] = str(now - 1)
         return now
 
-    cluster = Cluster(0, farm.address, log=quiet)
+    cluster = Cluster(0, threads.address, log=quiet)
     with cluster.in_threads() if together else cluster as chosen:
         done = chosen.run(crowd, (Batch(None, (k,)) for k in range(12)), lambda name: None)
         crowds = [result for _, result in done]
@@ -182,14 +187,16 @@ def test_worker_without_this_project_is_refused(
 # Deaths
 
 
+@pytest.mark.parametrize("second", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_scheduler_that_dies_ends_the_command(
     farm: Farm,
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
     derived: Path,
     tmp_path: Path,
+    second: bool,
 ) -> None:
-    """And a second scheduler goes on from there, to the same bits."""
+    """And the same command goes on from there, on a second one or none, to the same bits."""
     site = write_site(GRID % "bullet" + "contact: {friction: [0.5, 0.7, 0.9]}\n")
     command = ("run", "responses", "--site", site)
     farm.worker()
@@ -213,11 +220,13 @@ def test_scheduler_that_dies_ends_the_command(
     assert 50 <= len(kept) < 288
     assert Outcome.CRASHED not in {row[1] for row in kept.values()}
 
-    with Farm(tmp_path / "second") as second:
-        second.worker()
-        ran = vsr(*command, "--scheduler", second.address)
-        assert ran.code == 0, ran.err
-        assert f"{288 - len(kept)} runs done" in ran.err
+    with Farm(tmp_path / "second") if second else nullcontext() as other:
+        if other:
+            other.worker()
+        where = ("--scheduler", other.address) if other else ("--workers", "0")
+        ran = vsr(*command, *where)
+    assert ran.code == 0, ran.err
+    assert f"{288 - len(kept)} runs done" in ran.err
     assert rows(derived / "rock").items() >= kept.items()
     assert vsr(*command, "--workers", "0", into=tmp_path / "alone").code == 0
     alone = tmp_path / "alone" / "rock"

@@ -43,7 +43,7 @@ STATISTICS = ("trajectory_length", "largest_speed", "terminal_distance")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory, few_samples: None) -> Path:
     """Products of twelve runs on a small site."""
     place = tmp_path_factory.mktemp("hill")
     write_ply(place / "scan.ply", survey(), FAR)
@@ -53,7 +53,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "hill.yaml").write_text(site)
     line = ["run", "displacement", "--site", str(place / "hill.yaml"), "--workers", "0"]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vsr_core.scan.weighing.SAMPLES", 100)
         for name in ("separation", "closed_rock", "seat"):  # of the page of the scan
             patch.setattr(scan_figures, name, lambda *given: EMPTY)
         patch.setattr(timelapse, "timelapse", lambda *given: EMPTY)

@@ -113,17 +113,17 @@ def test_second_call_makes_nothing(
     ("setting", "new"),
     [
         ("motion.pga=[0.1, 0.2, 0.3, 0.4, 0.6]", 4),
-        ("motion.pga={start: 0.2, stop: 1.0, num: 5}", 4),
+        pytest.param("motion.pga={start: 0.2, stop: 1.0, num: 5}", 4, marks=pytest.mark.slow),
         ("motion.pgv_pga=[0.2, 0.3, 0.4]", 3),
         ("yaw=[0, 90]", 6),
-        ("yaw=[90]", 6),
+        pytest.param("yaw=[90]", 6, marks=pytest.mark.slow),
         ("contact.friction=[0.6, 0.8]", 6),
         ("motion.pga=[0.2, 0.6]", 0),
         ("rock.density=2110.0", 0),
         ("simulation.time_step=0.0005", 6),
-        ("simulation.reduce=off", 6),
-        ("contact.restitution=0.1", 6),
-        ("rock.size=[0.5, 1.0, 2.1]", 6),
+        pytest.param("simulation.reduce=off", 6, marks=pytest.mark.slow),
+        pytest.param("contact.restitution=0.1", 6, marks=pytest.mark.slow),
+        pytest.param("rock.size=[0.5, 1.0, 2.1]", 6, marks=pytest.mark.slow),
     ],
 )
 def test_only_new_cells_are_simulated(

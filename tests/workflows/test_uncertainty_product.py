@@ -256,9 +256,13 @@ RIM = "{rim: 1, points: 0, whole: 0}"
 
 
 @pytest.fixture
-def hill(write_site: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def hill(
+    write_site: Callable[..., str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    few_samples: None,
+) -> str:
     """A rock on its seat in a terrain of one scan."""
-    monkeypatch.setattr("vsr_core.scan.weighing.SAMPLES", 100)
     for name in ("separation", "closed_rock", "seat"):  # of the page of the scan
         monkeypatch.setattr(scan_figures, name, lambda *given: Figure(figsize=(0.1, 0.1)))
     write_ply(tmp_path / "scan.ply", survey(), FAR)

@@ -128,7 +128,7 @@ def _error(rock: trimesh.Trimesh, pieces: tuple[Array, ...]) -> float:
         own = spread(surface, SAMPLES // len(pieces))
         points.append(own[_beyond(own, planes[:number] + planes[number + 1 :]) > margin])
     out = farthest(np.concatenate(points), rock, in_front=True)
-    own = spread(rock)
+    own = spread(rock, SAMPLES)
     own = own[_beyond(own, planes) > 0.0]
     made = [np.array(surface.triangles) for surface in surfaces]
     together = trimesh.Trimesh(**trimesh.triangles.to_kwargs(np.concatenate(made)))

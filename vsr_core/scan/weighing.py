@@ -93,7 +93,7 @@ def hausdorff(one: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
     >>> round(hausdorff(small, large), 6)
     0.25
     """
-    return max(farthest(spread(one), other), farthest(spread(other), one))
+    return max(farthest(spread(one, SAMPLES), other), farthest(spread(other, SAMPLES), one))
 
 
 def farthest(points: Array, surface: trimesh.Trimesh, *, in_front: bool = False) -> float:
@@ -110,7 +110,7 @@ def farthest(points: Array, surface: trimesh.Trimesh, *, in_front: bool = False)
     """
     if not len(points):
         return 0.0
-    at_most = cKDTree(spread(surface)).query(points)[0]
+    at_most = cKDTree(spread(surface, SAMPLES)).query(points)[0]
     order = np.argsort(-at_most)
     largest = 0.0
     for chunk in chunks(len(points), _FARTHEST_AT_ONCE):
@@ -122,7 +122,7 @@ def farthest(points: Array, surface: trimesh.Trimesh, *, in_front: bool = False)
     return largest
 
 
-def spread(mesh: trimesh.Trimesh, number: int = SAMPLES) -> Array:
+def spread(mesh: trimesh.Trimesh, number: int) -> Array:
     """Vertices of a surface, and a number of points spread over it by area.
 
     Returns

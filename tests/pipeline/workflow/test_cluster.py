@@ -37,6 +37,13 @@ def always_a_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runner, "SMALL", 0)
 
 
+@pytest.fixture(scope="module")
+def clusters() -> Iterator[dict[int, Cluster]]:
+    """By the number of their workers, for tests that leave them as they were."""
+    with Cluster(0, log=quiet) as none, Cluster(2, log=quiet) as two:
+        yield {0: none, 2: two}
+
+
 @pytest.fixture
 def responses(
     vsr: Callable[..., Any], write_site: Callable[..., str], tmp_path: Path
@@ -102,7 +109,9 @@ def test_error_in_the_function_is_raised(workers: int) -> None:
 
 
 @pytest.mark.parametrize("workers", [0, 2])
-def test_holds_no_more_than_the_batches_in_flight(workers: int) -> None:
+def test_holds_no_more_than_the_batches_in_flight(
+    clusters: dict[int, Cluster], workers: int
+) -> None:
     taken = 0
 
     def batches() -> Iterator[Batch]:
@@ -112,32 +121,31 @@ def test_holds_no_more_than_the_batches_in_flight(workers: int) -> None:
 
     most = 0
     results = []
-    with Cluster(workers, log=quiet) as cluster:
-        for batch, result in cluster.run(
-            lambda shared, items: list(items), batches(), lambda name: None
-        ):
-            results += result
-            assert batch.items == tuple(result)
-            most = max(most, taken - len(results))
+    done = clusters[workers].run(lambda shared, items: list(items), batches(), lambda name: None)
+    for batch, result in done:
+        results += result
+        assert batch.items == tuple(result)
+        most = max(most, taken - len(results))
     assert sorted(results) == list(range(1, 101))
     assert most <= BATCHES_IN_FLIGHT * max(workers, 1)
     if workers == 0:
         assert most == 0
 
 
-@pytest.mark.parametrize("workers", [0, 1])
-def test_each_item_has_its_result_and_what_it_shared(workers: int) -> None:
+@pytest.mark.parametrize("workers", [0, 2])
+def test_each_item_has_its_result_and_what_it_shared(
+    clusters: dict[int, Cluster], workers: int
+) -> None:
     def work(shared: float, items: tuple[int, ...]) -> list[float]:
         return [shared * item for item in items]
 
     batches = (Batch((0.5, k), (k, 10 * k)) for k in range(3))  # any hashable key
-    with Cluster(workers, log=quiet) as cluster:
-        done = cluster.each(work, batches, lambda key: sum(key))
-        found = {(key, item): result for key, item, result in done}
+    done = clusters[workers].each(work, batches, lambda key: sum(key))
+    found = {(key, item): result for key, item, result in done}
     assert found == {((0.5, k), i): (0.5 + k) * i for k in range(3) for i in {k, 10 * k}}
 
 
-def test_shared_things_are_asked_for_once_each() -> None:
+def test_shared_things_are_asked_for_once_each(clusters: dict[int, Cluster]) -> None:
     asked = []
 
     def shared(name: str) -> str:
@@ -145,13 +153,12 @@ def test_shared_things_are_asked_for_once_each() -> None:
         return name.upper()
 
     batches = [Batch("ab"[k // 5], (k,)) for k in range(10)]
-    for workers in (0, 1):
+    for cluster in clusters.values():
         asked.clear()
-        with Cluster(workers, log=quiet) as cluster:
-            done = cluster.run(lambda thing, items: [thing], iter(batches), shared)
-            assert {batch.items: result for batch, result in done} == {
-                (k,): ["AB"[k // 5]] for k in range(10)
-            }
+        done = cluster.run(lambda thing, items: [thing], iter(batches), shared)
+        assert {batch.items: result for batch, result in done} == {
+            (k,): ["AB"[k // 5]] for k in range(10)
+        }
         assert asked == ["a", "b"]
 
 

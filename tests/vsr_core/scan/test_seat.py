@@ -23,6 +23,8 @@ from vsr_core.verification.stability import _field
 from vsr_core.verification.stability._field import longest_step, prepared, resting, tipping_limit
 from vsr_core.verification.stability.raw_scans import FIELDS
 
+pytestmark = pytest.mark.usefixtures("few_samples")
+
 FIELD = FIELDS["rough ground, sunk 1 cm"]
 
 

@@ -10,6 +10,8 @@ from vsr_core.verification.stability import Verdict
 from vsr_core.verification.stability._field import tipping_limit
 from vsr_core.verification.stability.raw_scans import CASES, swings
 
+pytestmark = pytest.mark.usefixtures("few_samples")
+
 QUICK = [
     f"rough ground, sunk 1 cm: {asked}"
     for asked in ("volume", "centre", "inertia", "settling", "energy", "tipping", "verdicts")

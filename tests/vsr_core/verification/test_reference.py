@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 
 CASES = {case.name: case for case in cases()}
 GRIDS = [name for name in CASES if name.startswith("first-overturning")]
+ORDERED = ("box COMPLEX, energy", "slide to rest", "rolling sphere")
+"""Cases of which the order of other engines than the compiled one is in the quick suite."""
+
 HELD = [
     pytest.param(case, engine, id=f"{name}, {engine}")
     for name, case in CASES.items()
@@ -29,7 +32,12 @@ HELD = [
     if name not in GRIDS
 ]
 SMOOTH = [
-    pytest.param(case, engine, id=f"{name}, {engine}")
+    pytest.param(
+        case,
+        engine,
+        id=f"{name}, {engine}",
+        marks=[pytest.mark.slow] * (engine != "nonsmooth" and name not in ORDERED),
+    )
     for name, case in CASES.items()
     for engine in case.engines
     if case.order is not None
@@ -112,10 +120,10 @@ def test_an_engine_with_wrong_gravity_fails(engine: str, monkeypatch: pytest.Mon
     "name",
     [
         "box COMPLEX, orientation",
-        "sliding under a cosine pulse",
+        pytest.param("sliding under a cosine pulse", marks=pytest.mark.slow),
         "tilt of a block that overturns after an impact",
-        "slender block, overturned at once",
-        "similar blocks",
+        pytest.param("slender block, overturned at once", marks=pytest.mark.slow),
+        pytest.param("similar blocks", marks=pytest.mark.slow),
     ],
 )
 def test_the_same_bits_again(name: str, engine: str) -> None:

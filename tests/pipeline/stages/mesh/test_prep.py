@@ -34,13 +34,15 @@ from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
 from vsr_core.rock.reduction import FLIGHT_SHARE, SEAT_SHARE
-from vsr_core.scan import cleaning, weighing
+from vsr_core.scan import cleaning
 from vsr_core.scan.cuts import Colour, Plane
 from vsr_core.scan.preparation import Prepared, prepare_scan
 from vsr_core.scan.proposal import Alternative, alternatives
 from vsr_core.scan.separation import Separation, by_cut, settled
 from vsr_core.scan.weighing import DIRECTIONS, measured
 from vsr_core.terrain.surface import Terrain
+
+pytestmark = pytest.mark.usefixtures("few_samples")
 
 Array = np.ndarray
 Refused = Callable[..., str]
@@ -112,11 +114,6 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Shown:
 
 
 @pytest.fixture(autouse=True)
-def _few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(weighing, "SAMPLES", 100)
-
-
-@pytest.fixture(autouse=True)
 def _no_pictures_of_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     """``test_closed_rock.py`` looks at one."""
     monkeypatch.setattr(scan_figures, "scan_from_sides", lambda *given: Figure(figsize=(0.1, 0.1)))
@@ -170,7 +167,7 @@ def test_nothing_runs_on_a_proposal_that_is_not_accepted(shown: Shown) -> None:
     assert names(shown.products) == before
 
 
-def test_planning_says_so_too(shown: Shown, tmp_path: Path) -> None:
+def test_planning_says_so_too(shown: Shown, tmp_path: Path, quick: None) -> None:
     ran = run("plan", "displacement", "--site", shown.site, "--derived", tmp_path / "derived")
     assert ran.code == 2
     assert "pedestal.cut: got nothing; " in ran.err.splitlines()[-1]
