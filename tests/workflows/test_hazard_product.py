@@ -25,7 +25,8 @@ from scipy.stats import norm
 from pipeline import ROOT, cli
 from pipeline.stages.hazard import hazard as stage
 from pipeline.stages.hazard.hazard_figures import shaking
-from pipeline.stages.hazard.survival_analysis import BASE_CASE, SAME_ROCK
+from pipeline.stages.hazard.survival_analysis import AS_SCANNED, AS_TESTED, BASE_CASE, SAME_ROCK
+from pipeline.stages.observations import observations
 from pipeline.workflow.datasets import read
 
 Array = NDArray[np.float64]
@@ -559,3 +560,34 @@ def test_curves_and_age_have_to_be_given(
     refused("run", "hazard", "--site", site, "--curves", CURVES, words=("hazard.age", "AGE="))
     wrong = ("--curves", CURVES, "--age", -5)
     refused("run", "hazard", "--site", site, *wrong, words=("hazard.age.mean", "-5"))
+
+
+def test_either_support_weighs_and_the_other_is_a_case(
+    vsr: Callable[..., Ran],
+    write_site: Callable[..., str],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The year of an earthquake that the rock was seen to survive is no part of its age."""
+    monkeypatch.setattr(observations, "FIRST", 16)
+    monkeypatch.setattr(observations, "MOST", 16)
+    grid = GRID.replace("members: 0", "members: 4, centre_of_mass: 0.02")
+    site = write_site(f"{BOX}{grid}{HAZARD}")
+    found, alone = {}, ("--set", "hazard.compare=[]")
+    for support in ("tested", "scan"):
+        ran = vsr("run", "hazard", "--site", site, *alone, "--set", f"hazard.support={support}")
+        assert ran.code == 0, ran.err
+        found[support] = read(derived / "rock" / "hazard.nc").load()
+    for support, name in (("tested", AS_SCANNED), ("scan", AS_TESTED)):
+        own, (other,) = found[support], found.keys() - {support}
+        case = own.isel(case=own["case"].values.tolist().index(name))
+        base = found[other].isel(case=0)
+        assert float(case["case_survival"]) == pytest.approx(float(base["case_survival"]))
+    quake = "{kind: earthquake, year: 1906, pga: 0.1, pga_log_sd: 0.3, pgv: 4, pgv_log_sd: 0.3}"
+    old = (*alone, "--set", "hazard.age={kind: normal, mean: 1000, sd: 0}")
+    for given, years in (((), 1000.0), (("--set", f"observations=[{quake}]"), 999.0)):
+        ran = vsr("run", "hazard", "--site", site, *old, *given)
+        assert ran.code == 0, ran.err
+        own = read(derived / "rock" / "hazard.nc").load()
+        wanted = np.exp(-own["toppling_rate"] * years)
+        np.testing.assert_allclose(own["survival"], wanted, rtol=1e-9)
