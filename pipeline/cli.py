@@ -13,7 +13,7 @@ from typing import NoReturn
 from pipeline.config.paths import located, working_folder
 from pipeline.config.problems import InputError, Problem, Unfinished
 from pipeline.workflow.products import DELIVERABLES
-from vsr_core.errors import InvalidInput
+from vsr_core.errors import InvalidInput, reason
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
 
@@ -35,7 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
         commands = importlib.import_module("pipeline.commands").COMMANDS
         unresolved = commands[options.verb](options)
         if options.verb in MAKING:
-            importlib.import_module("pipeline.workflow.front_page").renew(options.derived)
+            _renew_index(options.derived)
         return UNRESOLVED if unresolved else DONE
     except InputError as error:
         return _refused(error)
@@ -60,6 +60,14 @@ def main(arguments: list[str] | None = None) -> int:
             where = f"no details, because of {unwritten}"
         print(f"vsr: internal error: {error!r}; {where}", file=sys.stderr)
         return BROKEN
+
+
+def _renew_index(derived: Path) -> None:
+    """Renew the index of all results; what is wrong with it is told and decides nothing."""
+    try:
+        importlib.import_module("pipeline.workflow.front_page").renew(derived, _log)
+    except Exception as error:  # noqa: BLE001 (the command has done its work)
+        _log(f"index: not renewed ({reason(error)})")
 
 
 def _refused(error: InputError) -> int:

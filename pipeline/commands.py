@@ -138,7 +138,7 @@ def replay(options: argparse.Namespace) -> int:
 
 def index(options: argparse.Namespace) -> int:
     """Write the page that leads to all results."""
-    page = front_page.renew(options.derived)
+    page = front_page.renew(options.derived, log)
     if page is None:
         rule = "there are products in the folder, and it can be written to"
         remedy = "make one, e.g. make fragility SITE=cuboid_1x1x2"

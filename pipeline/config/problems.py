@@ -32,10 +32,16 @@ class Problem:
         where = ": ".join(_short(part) for part in (self.file, self.key) if part)
         given = f"got {_short(self.given)}; " if self.given else ""
         line = f"{where}: {given}{_short(self.rule)}; {_short(self.remedy)}"
-        return "".join(
-            letter if letter.isprintable() else ascii(letter)[1:-1]
-            for letter in " ".join(line.split())
-        )
+        return printable(" ".join(line.split()))
+
+
+def printable(text: str) -> str:
+    r"""A text that a terminal can show.
+
+    >>> print(printable("\x1b é"))
+    \x1b é
+    """
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
 
 
 def _short(part: str) -> str:

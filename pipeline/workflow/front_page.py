@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
+from pydantic import BaseModel, Field
+
+from pipeline.config.outside import content
+from pipeline.config.problems import InputError
 from pipeline.workflow.keys import digest
 from pipeline.workflow.owner import settle
 from pipeline.workflow.stage import named
@@ -19,8 +21,10 @@ DEEPEST = 4
 """Folders below that of the results in which products are: a member of a study of a site."""
 
 
-def renew(derived: Path) -> Path | None:
+def renew(derived: Path, log: Callable[[str], None]) -> Path | None:
     """Write the index of all that is in a folder of results, where it is not up to date.
+
+    What cannot be read is left out, and told.
 
     Returns
     -------
@@ -28,23 +32,28 @@ def renew(derived: Path) -> Path | None:
         None where there is nothing to list, or the folder cannot be written to: the products are
         there all the same.
     """
-    folders = list(product_folders(derived))
     page = derived / PAGE
     with suppress(OSError):
+        folders = list(product_folders(derived))
         if not folders:
             for path in (page, derived / KNOWN):
                 path.unlink(missing_ok=True)
             return None
         stamp = digest(
-            [str(path.relative_to(derived)) + _stamp(path) for path in manifests(folders)]
+            [ascii(path.relative_to(derived)) + _stamp(path) for path in manifests(folders)]
         )
         known = _known(derived)
-        if known.get("stamp") != stamp or not page.is_file():
-            text, facts = named("pipeline.workflow.front_page_text:text")(
-                derived, folders, known.get("facts", {})
+        if known.stamp != stamp or not page.is_file():
+            text, facts, left_out = named("pipeline.workflow.front_page_text:text")(
+                derived, folders, known.facts
             )
+            for one in left_out:
+                log(f"index: {one} cannot be read and is left out")
             _put(page, text)
-            _put(derived / KNOWN, json.dumps({"stamp": stamp, "facts": facts}))
+            _put(
+                derived / KNOWN,
+                _Known(stamp=stamp, facts=facts, seal=digest(facts)).model_dump_json(),
+            )
         return page
     return None
 
@@ -62,7 +71,8 @@ def product_folders(derived: Path) -> Iterator[Path]:
 
 def manifests(folders: list[Path]) -> list[Path]:
     """Files that tell what was made, and whether it has a verdict."""
-    return [path for folder in folders for path in sorted((folder / ".stages").glob("*.json"))]
+    found = (path for folder in folders for path in sorted((folder / ".stages").glob("*.json")))
+    return [path for path in found if path.is_file()]
 
 
 def _stamp(path: Path) -> str:
@@ -70,11 +80,21 @@ def _stamp(path: Path) -> str:
     return f" {state.st_mtime_ns} {state.st_size}"
 
 
-def _known(derived: Path) -> dict[str, Any]:
-    """Stamp and facts of the last index; nothing where they cannot be read."""
-    with suppress(OSError, ValueError, TypeError):
-        return dict(json.loads((derived / KNOWN).read_text(encoding="utf-8")))
-    return {}
+class _Known(BaseModel):
+    """Stamp of the last index, and what was read for it."""
+
+    stamp: str = ""
+    facts: dict[str, dict[str, str]] = Field(default_factory=dict)
+    seal: str = ""
+
+
+def _known(derived: Path) -> _Known:
+    """What is known of the last index; nothing where it cannot be read."""
+    with suppress(InputError, ValueError):
+        known = _Known.model_validate_json(content(derived / KNOWN), strict=True)
+        if known.seal == digest(known.facts):
+            return known
+    return _Known()
 
 
 def _put(path: Path, text: str) -> None:

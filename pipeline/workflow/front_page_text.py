@@ -5,20 +5,22 @@ from __future__ import annotations
 import base64
 import html
 import io
-import json
 import re
 import time
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 import netCDF4
+import numpy as np
 from PIL import Image
 
+from pipeline.config.outside import check_file, content
+from pipeline.config.problems import printable
 from pipeline.workflow import pages
 from pipeline.workflow.products import DELIVERABLES
+from pipeline.workflow.store import read_manifest
 
 TEMPLATE = "front_page.html"
 
@@ -34,46 +36,35 @@ _LARGEST_DRAWING = 150_000
 _DATA = (".nc", ".csv", ".png", ".pdf", ".svg")
 
 Facts = dict[str, Any]
+Known = dict[str, dict[str, str]]
+
+_LARGEST_PAGE = 512 * 1024**2
+_LARGEST_DATASET = 64 * 1024**3
+"""Bytes of a file."""
+
+_LARGEST_PICTURE = 40_000_000
+"""Pixels of a picture in a page."""
+
+_MOST_ERRORS = 1_000_000
+"""Frictions of a boundary."""
 
 
-def text(derived: Path, folders: list[Path], known: Facts) -> tuple[str, Facts]:
-    """The index page, and what was read for it, to be known the next time.
+def text(derived: Path, folders: list[Path], known: Known) -> tuple[str, Known, list[str]]:
+    """The index page, what was read for it, to be known the next time, and what could not be.
 
     Parameters
     ----------
     folders : list of Path, with products, each before those below it
     known : dict, what was read the last time, by path and checksum
     """
-    read: Facts = {}
-
-    def pages_of(folder: Path, made: dict[str, str]) -> Iterator[Facts]:
-        for name, checksum in _in_order(made):
-            key = f"{(folder / name).relative_to(derived)} {checksum}"
-            with suppress(OSError):
-                read[key] = known.get(key) or _page(folder / name)
-                yield {"name": name, "href": _href(derived, folder / name), **read[key]}
-
+    reader = _Reader(derived, known)
     sites: dict[str, list[Facts]] = {}
     for folder in folders:
-        manifests = _manifests(folder)
-        made = {name: sum_ for one in manifests for name, sum_ in one["files"].items()}
-        stale = {
-            name: one["stale"] for one in manifests if one.get("stale") for name in one["files"]
-        }
         place = folder.relative_to(derived)
-        entry = {
-            "name": " / ".join(place.parts),
-            "pages": list(pages_of(folder, {n: s for n, s in made.items() if n.endswith(".html")})),
-            "stale": stale,
-            "data": [
-                {"name": name, "href": _href(derived, folder / name), "stale": name in stale}
-                for name in sorted(made)
-                if name.endswith(_DATA) and (folder / name).is_file()
-            ],
-            "undecided": max((int(one["unresolved"]) for one in manifests), default=0),
-            **_dataset(derived, folder, made, known, read),
-        }
-        sites.setdefault(place.parts[0], []).append(entry)
+        if str(place).isprintable():
+            sites.setdefault(place.parts[0], []).append(reader.entry(folder))
+        else:
+            reader.left_out.append(printable(str(place)))
     groups: list[Facts] = [
         {
             "site": site,
@@ -84,17 +75,82 @@ def text(derived: Path, folders: list[Path], known: Facts) -> tuple[str, Facts]:
     ]
     with_page = [one for one in groups if any(entry["pages"] for entry in one["entries"])]
     without = [entry for one in groups if one not in with_page for entry in one["entries"]]
-    return pages.filled(TEMPLATE, {"groups": with_page, "runs": without, "up": ""}), read
+    found = {"groups": with_page, "runs": without, "left_out": reader.left_out, "up": ""}
+    return pages.filled(TEMPLATE, found), reader.read, reader.left_out
 
 
-def _manifests(folder: Path) -> list[Facts]:
-    found = []
-    for path in sorted((folder / ".stages").glob("*.json")):
-        with suppress(OSError, ValueError):
-            one = json.loads(path.read_text(encoding="utf-8"))
-            if isinstance(one, dict) and isinstance(one.get("files"), dict) and "unresolved" in one:
-                found.append(one)
-    return found
+class _Reader:
+    """Reads what folders of products hold; each file that it cannot read is left out, and named.
+
+    Attributes
+    ----------
+    read : dict, facts of files by path and checksum
+    left_out : list of str, relative to the folder of all results
+    """
+
+    def __init__(self, derived: Path, known: Known) -> None:
+        self._derived, self._known = derived, known
+        self.read: Known = {}
+        self.left_out: list[str] = []
+
+    def entry(self, folder: Path) -> Facts:
+        """What the index says of a folder."""
+        manifests = [
+            manifest
+            for path in sorted((folder / ".stages").glob("*.json"))
+            if (manifest := self._taken(path, read_manifest)) is not None
+        ]
+        made = {name: sum_ for one in manifests for name, sum_ in one["files"].items()}
+        stale = {
+            name: one["stale"] for one in manifests if one.get("stale") for name in one["files"]
+        }
+        shown: list[Facts] = []
+        for name, checksum in _in_order({n: s for n, s in made.items() if n.endswith(".html")}):
+            if (facts := self._facts(folder / name, checksum, _page)) is not None:
+                shown.append({"name": name, "href": self._href(folder / name), **facts})
+        entry = {
+            "name": " / ".join(folder.relative_to(self._derived).parts),
+            "pages": shown,
+            "stale": stale,
+            "data": [
+                {"name": name, "href": self._href(folder / name), "stale": name in stale}
+                for name in sorted(made)
+                if name.endswith(_DATA) and (folder / name).is_file()
+            ],
+            "undecided": max((one["unresolved"] for one in manifests), default=0),
+            "source": "",
+            "error": "",
+            "inputs": "",
+        }
+        if "config.yaml" in made and (folder / "config.yaml").is_file():
+            entry["inputs"] = _day(folder / "config.yaml")
+        for name, take in (("rock.nc", _source), ("responses.nc", _error)):
+            if name in made:
+                entry |= self._facts(folder / name, made[name], take) or {}
+        return entry
+
+    def _facts(
+        self, path: Path, checksum: str, take: Callable[[Path], dict[str, str]]
+    ) -> dict[str, str] | None:
+        """Facts of a file, as they are known, or read anew."""
+        key = f"{path.relative_to(self._derived)} {checksum}"
+        found = self._known.get(key) or (self._taken(path, take) if path.exists() else None)
+        if found is not None:
+            self.read[key] = found
+        return found
+
+    def _taken(self, path: Path, take: Callable[[Path], Any]) -> Any:
+        """What is read of a file; None of one that cannot be read."""
+        try:
+            found = take(path)
+        except Exception:  # noqa: BLE001 (one file that is broken leaves the index of all others)
+            found = None
+        if found is None:
+            self.left_out.append(printable(str(path.relative_to(self._derived))))
+        return found
+
+    def _href(self, path: Path) -> str:
+        return quote(path.relative_to(self._derived).as_posix())
 
 
 def _in_order(made: dict[str, str]) -> list[tuple[str, str]]:
@@ -104,18 +160,14 @@ def _in_order(made: dict[str, str]) -> list[tuple[str, str]]:
     return sorted(made.items(), key=lambda item: (rank.get(item[0], len(shown)), item[0]))
 
 
-def _href(derived: Path, path: Path) -> str:
-    return quote(path.relative_to(derived).as_posix())
-
-
-def _page(path: Path) -> Facts:
+def _page(path: Path) -> dict[str, str]:
     """Title, first answer, a small picture and the date of a page."""
-    content = path.read_text(encoding="utf-8", errors="replace")
-    title, answer = _TITLE.search(content), _ANSWER.search(content)
+    page = content(path, _LARGEST_PAGE).decode(errors="replace")
+    title, answer = _TITLE.search(page), _ANSWER.search(page)
     return {
         "title": _plain(title[1]) if title else path.stem,
         "answer": _plain(answer[1]) if answer else "",
-        "picture": _small(content),
+        "picture": _small(page),
         "made": _day(path),
     }
 
@@ -129,50 +181,51 @@ def _plain(fragment: str) -> str:
     return " ".join(html.unescape(_TAG.sub("", fragment)).split())
 
 
-def _small(content: str) -> str:
+def _small(page: str) -> str:
     """The first picture of a page, small, as a data URI; none where it has none."""
-    found = _PICTURE.search(content)
+    found = _PICTURE.search(page)
     if found is None:
-        drawing = _DRAWING.search(content)
+        drawing = _DRAWING.search(page)
         return drawing[1] if drawing and len(drawing[1]) < _LARGEST_DRAWING else ""
-    with suppress(OSError, ValueError):
-        picture = Image.open(io.BytesIO(base64.b64decode(found[1]))).convert("RGB")
-        picture.thumbnail((WIDEST, WIDEST))
-        small = io.BytesIO()
-        picture.save(small, "png", optimize=True)
-        return f"data:image/png;base64,{base64.b64encode(small.getvalue()).decode()}"
-    return ""
+    try:
+        picture = Image.open(io.BytesIO(base64.b64decode(found[1])))
+        if picture.width * picture.height > _LARGEST_PICTURE:
+            return ""
+        small = picture.convert("RGB")
+        small.thumbnail((WIDEST, WIDEST))
+    except Exception:  # noqa: BLE001 (of a broken picture, whatever Pillow meets first)
+        return ""
+    saved = io.BytesIO()
+    small.save(saved, "png", optimize=True)
+    return f"data:image/png;base64,{base64.b64encode(saved.getvalue()).decode()}"
 
 
-def _dataset(derived: Path, folder: Path, made: dict[str, str], known: Facts, read: Facts) -> Facts:
-    """Source of the rock's shape, error of the boundary, and the date of the inputs."""
-    facts: Facts = {"source": "", "error": "", "inputs": ""}
-    if "config.yaml" in made and (folder / "config.yaml").is_file():
-        facts["inputs"] = _day(folder / "config.yaml")
-    for name, take in (("rock.nc", _source), ("responses.nc", _error)):
-        if name in made:
-            key = f"{(folder / name).relative_to(derived)} {made[name]}"
-            with suppress(OSError, LookupError, AttributeError):  # it has no such variable, or fact
-                read[key] = known.get(key) or take(folder / name)
-                facts |= read[key]
-    return facts
+def _source(path: Path) -> dict[str, str]:
+    with _dataset(path) as data:
+        known = "shape_source" in data.ncattrs()
+        return {"source": str(data.getncattr("shape_source"))} if known else {}
 
 
-def _source(path: Path) -> Facts:
-    with netCDF4.Dataset(path) as data:
-        return {"source": str(data.getncattr("shape_source"))}
-
-
-def _error(path: Path) -> Facts:
+def _error(path: Path) -> dict[str, str]:
     """Least and largest error of the boundary over frictions, and whether all were measured."""
-    with netCDF4.Dataset(path) as data:
-        errors = data["boundary_error"][:].filled(float("nan")).ravel().tolist()
+    with _dataset(path) as data:
+        errors: list[float] = []
+        if "boundary_error" in data.variables:
+            stored = data["boundary_error"]
+            if stored.size > _MOST_ERRORS:
+                raise ValueError(f"{stored.size} errors")
+            errors = np.ma.filled(stored[...].astype(np.float64), np.nan).ravel().tolist()
     known = sorted(100.0 * error for error in errors if error == error)
     if not known:
-        return {"error": "not measured"}
+        return {"error": "not measured"} if errors else {}
     span = " to ".join(dict.fromkeys(f"{error:.2g}" for error in (known[0], known[-1])))
     missing = len(errors) - len(known)
     return {"error": f"{span} %" + f", not measured at {missing} of {len(errors)}" * bool(missing)}
+
+
+def _dataset(path: Path) -> netCDF4.Dataset:
+    check_file(path, _LARGEST_DATASET)
+    return netCDF4.Dataset(path)
 
 
 def _day(path: Path) -> str:

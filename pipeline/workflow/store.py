@@ -13,15 +13,68 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from graphlib import TopologicalSorter
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any
 
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
+
+from pipeline.config.outside import content
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.owner import LOCK, Ownership, settle
 from pipeline.workflow.writers import Writer, marked, text
 
 LOG = "log.jsonl"
+
+
+def _inside(name: str) -> str:
+    """A name that leads to nothing outside of the folder."""
+    parts = PurePosixPath(name).parts
+    if not parts or not name.isprintable() or name.startswith("/") or ".." in parts:
+        raise ValueError("no name of a product")
+    return name
+
+
+ProductName = Annotated[str, AfterValidator(_inside)]
+
+_NAMES = TypeAdapter(list[ProductName])
+
+
+class Facts(BaseModel):
+    """What a product was made of, for those that compare it."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+    config: dict[str, Any] = Field(default_factory=dict)
+    inputs: dict[str, str] = Field(default_factory=dict)
+    versions: dict[str, str] = Field(default_factory=dict)
+    code: dict[str, str] = Field(default_factory=dict)
+    needs: dict[str, str] = Field(default_factory=dict)
+
+
+class Manifest(BaseModel):
+    """What every manifest holds; files are products by their names, with checksums."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+    key: str
+    facts: Facts
+    files: dict[ProductName, str]
+    unresolved: int = Field(ge=0)
+    retry: int = Field(ge=0)
+    stale: str = ""
+    place: str = ""
+
+
+def read_manifest(path: Path) -> dict[str, Any] | None:
+    """What a manifest says; None if there is none, or what is there is none."""
+    try:
+        found = json.loads(content(path))
+        facts = Manifest.model_validate(found).facts
+    except (InputError, ValueError, RecursionError):
+        return None
+    return {**found, "facts": facts.model_dump()}
+
 
 ROOM = 65536
 """Bytes that must be free where products are written; with fewer, a disk is full."""
@@ -97,10 +150,7 @@ class Store:
 
     def manifest(self, stage: str) -> dict[str, Any] | None:
         """Manifest of a stage; None if there is none or it cannot be read."""
-        try:
-            return dict(json.loads((self._manifests / f"{stage}.json").read_text()))
-        except (OSError, ValueError):
-            return None
+        return read_manifest(self._manifests / f"{stage}.json")
 
     def manifests(self) -> dict[str, dict[str, Any]]:
         """Manifests of all that was made here, by stage, each after those that it needs."""
@@ -137,10 +187,9 @@ class Store:
         with writing(self.folder):
             files = {name: self._put(self.folder / name, write) for name, write in writers.items()}
             manifest = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
-            with suppress(FileNotFoundError):
-                for name in set(json.loads(self._shown(stage).read_text())) - files.keys():
-                    (self.folder / name).unlink(missing_ok=True)
-                self._shown(stage).unlink()
+            for name in _shown_in(self._shown(stage)) - files.keys():
+                (self.folder / name).unlink(missing_ok=True)
+            self._shown(stage).unlink(missing_ok=True)
             self._put(self._manifests / f"{stage}.json", text(manifest))
 
     def show(self, stage: str, writers: dict[str, Writer]) -> None:
@@ -208,6 +257,14 @@ class Store:
         finally:
             part.unlink(missing_ok=True)
         return checksum
+
+
+def _shown_in(path: Path) -> set[str]:
+    """Names of the files that show why an input was refused; none where they cannot be read."""
+    try:
+        return set(_NAMES.validate_json(content(path)))
+    except (InputError, ValueError):
+        return set()
 
 
 def _noted(line: bytes) -> dict[str, Any]:

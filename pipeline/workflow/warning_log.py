@@ -1,4 +1,4 @@
-"""Warnings of libraries, in the log."""
+"""Warnings of libraries and of machine code, in the log."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ def tell_warnings_once() -> None:
             parts = Path(file).parts
             at = parts.index("site-packages") + 1 if "site-packages" in parts else -1
             library = parts[at] if parts else "Python"
-            line = f"vsr: warning of {library}: {category.__name__}: {text}"
-            sys.stderr.write(line + "\n")
+            own = category.__module__.startswith("vsr_core.")
+            whose = "" if own else f" of {library}: {category.__name__}"
+            sys.stderr.write(f"vsr: warning{whose}: {text}\n")
             sys.stderr.flush()
 
     warnings.showwarning = tell  # type: ignore[assignment]

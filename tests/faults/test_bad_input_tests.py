@@ -43,15 +43,15 @@ def records() -> xr.Dataset:
 
 
 WRONG_OUTCOMES = {
-    "": ("cannot be read",),
-    "\0\1\2\xff": ("column is there",),
-    HEAD + "x,a,0.2,0.3,0\n": ("test", "no numbers"),
-    HEAD + "1,a,nan,0.3,0\n": ("pga_g", "no numbers"),
-    HEAD + "1,a,-1,0.3,0\n": ("pga_g", "1e-06 to 10"),
-    HEAD + "1,a,0.2,1e308,0\n": ("pgv_pga_s", "0.001 to 10"),
-    HEAD + "1.5,a,0.2,0.3,0\n": ("test", "whole numbers"),
+    "": ("without a row",),
+    "\0\1\2\xff": ("no text",),
+    HEAD + "x,a,0.2,0.3,0\n": ("test", "'x' in row 1"),
+    HEAD + "1,a,nan,0.3,0\n": ("pga_g", "'nan' in row 1"),
+    HEAD + "1,a,-1,0.3,0\n": ("pga_g", "'-1' in row 1", "0.000001"),
+    HEAD + "1,a,0.2,1e308,0\n": ("pgv_pga_s", "1e308", "equal to 10"),
+    HEAD + "1.5,a,0.2,0.3,0\n": ("test", "a whole one"),
     HEAD + '"1,a,0.2,0.3,0\n': ("cannot be read",),
-    HEAD + "1,a,0.2,0.3,perhaps\n": ("specimen1", "0 and 1"),
+    HEAD + "1,a,0.2,0.3,perhaps\n2,a,0.5,0.3,1\n": ("specimen1", "'perhaps' in row 1"),
 }
 
 

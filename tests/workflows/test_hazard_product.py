@@ -526,7 +526,7 @@ def test_rocks_of_one_site_are_combined(
     [
         ("hazard_curve-rlz-004-PGA_1.csv", "imt='PGA'", "imt='PGV'", "imt"),
         ("hazard_curve-rlz-004-PGA_1.csv", "-120.86000", "-121.86000", "one site"),
-        ("hazard_curve-rlz-004-PGA_1.csv", ",0.00000,", ",0.00000,1.0,", "no finite rate"),
+        ("hazard_curve-rlz-004-PGA_1.csv", ",0.00000,", ",0.00000,1.0,", "34 fields in row 1"),
         ("hazard_curve-rlz-004-PGA_1.csv", "investigation_time=1.0", "", "years"),
         ("realizations_1.csv", "4,AB~B,1.3200000e-01\n", "", "weight"),
     ],

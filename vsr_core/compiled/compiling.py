@@ -3,7 +3,8 @@
 Machine code is kept in a folder named by the digest of all that it was compiled from, constants and
 functions of other modules included: Numba itself looks at the file of the function called only, and
 would go on using code whose other parts were edited. The folder is beside the source or, where
-nothing can be written there, among the user's caches.
+nothing can be written there, among the user's caches. Each file of it is sealed: what was damaged,
+or could have been written by another user than oneself or root, is compiled anew and not loaded.
 """
 
 from __future__ import annotations
@@ -11,16 +12,22 @@ from __future__ import annotations
 import atexit
 import hashlib
 import os
+import pickle
 import shutil
+import stat
+import sys
 import tempfile
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar, cast
+from typing import Any, TypeVar, cast
 
+import llvmlite
 import numba
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.serialize import dumps
 
 from vsr_core.source import tracing
 
@@ -41,69 +48,145 @@ def compiled_from() -> dict[str, str]:
 
 
 @cache
-def _folder() -> Path:
-    """Folder of the machine code; one for this process alone where nothing can be kept."""
-    source = repr([numba.__version__, compiled_from()]).encode()
-    name = f"compiled-{hashlib.blake2b(source, digest_size=8).hexdigest()}"
+def _name() -> str:
+    """Name of a folder of machine code: of what it is made from, and by what."""
+    made_by = (sys.version, numba.__version__, llvmlite.__version__)
+    source = repr([made_by, compiled_from()]).encode()
+    return f"compiled-{hashlib.blake2b(source, digest_size=8).hexdigest()}"
+
+
+@cache
+def _folders() -> tuple[Path, ...]:
+    """Where machine code is looked for; it is written to the last of them.
+
+    That is a folder for this process alone where nothing can be kept.
+    """
+    found = []
     caches = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     for place in (os.environ.get("NUMBA_CACHE_DIR") or _BESIDE, Path(caches, "vsr")):
         with suppress(OSError, RuntimeError):  # the latter without a home
-            folder = Path(place).expanduser() / name
-            folder.mkdir(parents=True, exist_ok=True)
+            folder = Path(place).expanduser() / _name()
+            with suppress(OSError):
+                folder.mkdir(mode=0o755, parents=True, exist_ok=True)
+            if not _is_own(folder.stat()):
+                _tell(f"{folder} could be written by others and is not used")
+                continue
+            found.append(folder)
             if os.access(folder, os.W_OK):
-                return folder
+                return tuple(found)
     own = tempfile.mkdtemp(prefix="vsr-")
     atexit.register(shutil.rmtree, own, ignore_errors=True)
-    return Path(own)
+    return (*found, Path(own))
+
+
+def _is_own(state: os.stat_result) -> bool:
+    """Whether nobody but oneself and root can have written a file or folder."""
+    return state.st_uid in (0, os.geteuid()) and not state.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+class MachineCodeWarning(UserWarning):
+    """Machine code that is there is not used."""
+
+
+@cache
+def _tell(what: str) -> None:
+    warnings.warn(f"machine code: {what}; it is compiled anew", MachineCodeWarning, stacklevel=2)
 
 
 def forget_others() -> None:
     """Remove machine code of sources that are no more."""
     for folder in _BESIDE.glob("compiled-*"):
-        if folder != _folder():
+        if folder not in _folders():
             shutil.rmtree(folder, ignore_errors=True)
 
 
-class _Place(_CacheLocator):
-    """Where a function's machine code is: known by names, so that a moved checkout keeps it."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._module = function.__module__
-
-    @classmethod
-    def from_function(cls, function: Callable[..., Any], file: str) -> _Place:
-        return cls(function)
-
-    def get_cache_path(self) -> str:
-        return str(_folder() / self._module)
-
-    def get_source_stamp(self) -> str:
-        return ""  # the folder's name is the digest of the source
-
-    def get_disambiguator(self) -> str:
-        return ""
-
-
 class _Code(CompileResultCacheImpl):
-    _locator_classes: ClassVar[list[Any]] = [_Place]  # type: ignore[misc]
+    """How Numba takes its result to pieces; it would look for a place of its own."""
+
+    def __init__(self) -> None:
+        pass
 
 
 class _KeptCode(FunctionCache):
-    _impl_class = _Code
-
-
-class _Cache:
-    """Numba's cache of a function, which is found when the function is compiled."""
+    """Machine code of a function: a sealed file for each kind of arguments."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = function
+        self._py_func, self._impl = function, _Code()
+        self._named = f"{function.__module__}:{function.__qualname__}"
+        self._enabled = True
 
-    @cached_property
-    def _cache(self) -> FunctionCache:
-        return _KeptCode(self._function)
+    @property
+    def cache_path(self) -> str:
+        return str(_folders()[-1])
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._cache, name)
+    def flush(self) -> None:
+        """Nothing is to be forgotten: what others have made of the same source is the same."""
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        key = self._key(sig, target_context.codegen())
+        for folder in _folders():
+            if (kept := _unsealed(self._file(folder, key))) is not None:
+                known, data = pickle.loads(kept)  # noqa: S301 (sealed, and nobody else's)
+                if known == key:
+                    return self._impl.rebuild(target_context, data)
+        return None
+
+    def _save_overload(self, sig: Any, data: Any) -> None:
+        if data.library.has_dynamic_globals:
+            return
+        key = self._key(sig, data.codegen)
+        path = self._file(_folders()[-1], key)
+        try:
+            _seal(path, dumps((key, self._impl.reduce(data))))
+        except OSError as error:
+            _tell(f"{path.parents[1]} cannot be written to ({error.strerror})")
+
+    def _key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
+        return (self._named, *self._index_key(sig, codegen))
+
+    def _file(self, folder: Path, key: tuple[Any, ...]) -> Path:
+        module, _, function = self._named.partition(":")
+        return folder / module / f"{function}-{_digest(repr(key).encode()).hex()[:16]}"
+
+
+def _digest(content: bytes) -> bytes:
+    return hashlib.blake2b(content, digest_size=_SEAL, key=_name().encode()).digest()
+
+
+_SEAL = 16
+"""Bytes of a seal."""
+
+
+def _seal(path: Path, content: bytes) -> None:
+    path.parent.mkdir(mode=0o755, exist_ok=True)
+    part = path.with_name(f".{path.name}-{os.getpid()}")
+    try:
+        with open(part, "wb", opener=lambda name, flags: os.open(name, flags, 0o644)) as file:
+            file.write(_digest(content) + content)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _unsealed(path: Path) -> bytes | None:
+    """What was sealed in a file; None where there is none that is whole and one's own."""
+    try:
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as f:
+            state = os.fstat(f.fileno())
+            own = stat.S_ISREG(state.st_mode) and _is_own(state)
+            content = f.read() if own else b""
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        _tell(f"{path.parents[1]} cannot be read ({error.strerror})")
+        return None
+    if not own:
+        _tell(f"a file in {path.parents[1]} could be written by others and is not used")
+    elif _digest(content[_SEAL:]) == content[:_SEAL]:
+        return content[_SEAL:]
+    else:
+        _tell(f"a file in {path.parents[1]} is damaged")
+    return None
 
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
@@ -117,7 +200,7 @@ def compiled(function: Function) -> Function:
     off nobody counts who still uses an array, which took a quarter of the time.
     """
     dispatcher = numba.njit(**_OPTIONS)(function)
-    dispatcher._cache = _Cache(function)
+    dispatcher._cache = _KeptCode(function)
     return cast(Function, dispatcher)
 
 

@@ -31,7 +31,7 @@ class HazardCurve:
 
     def __post_init__(self) -> None:
         if len(self.levels) < 2 or len(self.levels) != len(self.rates):
-            given = f"{len(self.levels)} levels and {len(self.rates)} rates above 0"
+            given = f"{len(self.levels)} levels and {len(self.rates)} rates"
             rule = "a curve has two or more, and a rate for each"
             raise InvalidInput(given, rule, "look at the curve")
         if not (self.levels[0] > 0.0 and (np.diff(self.levels) > 0.0).all()):
@@ -93,9 +93,21 @@ def curve_of_probabilities(levels: Array, probabilities: Array, years: float) ->
     if (probabilities == 1.0).any():
         given, rule = f"a probability of 1 in {years:g} years", "it has no finite rate"
         raise InvalidInput(given, rule, "export the curve for fewer years, or drop the level")
-    rates = -np.log1p(-probabilities) / years
-    held = rates > 0.0
-    return HazardCurve(levels[held], rates[held])
+    return curve_of_rates(levels, -np.log1p(-probabilities) / years)
+
+
+def curve_of_rates(levels: Array, rates: Array) -> HazardCurve:
+    """A curve without the levels at its end that are never exceeded.
+
+    Parameters
+    ----------
+    levels : ndarray, shape (n,) [m/s^2]
+    rates : ndarray, shape (n,) [1/year]
+    """
+    number = len(rates)
+    while number and rates[number - 1] == 0.0:
+        number -= 1
+    return HazardCurve(levels[:number], rates[:number])
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import netCDF4
@@ -12,6 +13,9 @@ from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
 
 _BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+
+
+_DIGIT = re.compile(r"\d")
 
 
 class Column(NamedTuple):
@@ -32,6 +36,20 @@ class NetCDF(NamedTuple):
 
 MOST_SAMPLES = 10_000_000
 """Samples of a motion: three hours at a thousand a second."""
+
+
+def is_cut(text: str, last: Sequence[str], others: Sequence[str]) -> bool:
+    r"""Whether a text ends without an end of line, in a word formed like none of the others.
+
+    Examples
+    --------
+    >>> is_cut("0.25\n0.2", ["0.2"], ["0.25"]), is_cut("0.25\n-1.25", ["-1.25"], ["0.25"])
+    (True, False)
+    """
+    forms = {_DIGIT.sub("0", word.strip(" +-")) for word in others}
+    return not text.endswith(("\n", "\r")) and any(
+        _DIGIT.sub("0", word.strip(" +-")) not in forms for word in last
+    )
 
 
 def of_text(text: str) -> list[Column]:

@@ -10,22 +10,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.layers import Origin
+from pipeline.config.outside import checked, refused, table, text
 from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.hazard import openquake
-from pipeline.stages.hazard.hazard_model import UNITS, Branch, HazardModel, reading, refused
+from pipeline.stages.hazard.hazard_model import (
+    MEAN,
+    UNITS,
+    GivenCurve,
+    HazardModel,
+    Realization,
+    model,
+)
 from pipeline.stages.hazard.shaking_ratio import disaggregation_files, load_disaggregation
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Input
-from vsr_core.hazard.curve import HazardCurve
 
 ABOUT = "about.txt"
 """Text in a folder of curves that says where they come from; the page shows it."""
+
+_LONGEST_ABOUT = 100_000
+"""Bytes of that text."""
 
 
 def load(path: Path) -> HazardModel:
@@ -35,7 +42,13 @@ def load(path: Path) -> HazardModel:
     if not path.is_dir():
         rule = "curves are in a folder, or in OpenQuake's calc_N.hdf5"
         raise refused(path, "", "folder not found", rule, "check the path")
-    if openquake.is_there(path):
+    try:
+        of_openquake = openquake.is_there(path)
+    except OSError as error:
+        rule, remedy = "it is a folder that you may read", "change its permissions"
+        given = f"a folder that cannot be read ({error.strerror})"
+        raise refused(path, "", given, rule, remedy) from None
+    if of_openquake:
         return openquake.load(path)
     if (path / "PGA" / "curves.csv").is_file():
         return _nshmp(path)
@@ -47,35 +60,37 @@ def files(path: Path) -> list[Path]:
     """The files that decide what is read."""
     if path.is_file():
         return [path]
-    return sorted([*path.glob("*.csv"), *path.glob("*/curves.csv"), *path.glob(ABOUT)])
+    found = [*path.glob("*.csv"), *path.glob("*/curves.csv"), *path.glob(ABOUT)]
+    return sorted(one for one in found if one.is_file())
 
 
 def about(path: Path) -> str:
     """Description of the curves, on one line; empty if there is none."""
     note = path / ABOUT
-    return " ".join(note.read_text(encoding="utf-8").split()) if note.is_file() else ""
+    return " ".join(text(note, _LONGEST_ABOUT).split()) if note.exists() else ""
 
 
 def _nshmp(folder: Path) -> HazardModel:
     """The mean curve of a folder of nshmp-haz."""
-    curves, locations = {}, {}
-    for measure, unit in UNITS.items():
-        path = folder / measure / "curves.csv"
-        if path.is_file():
-            curves[measure], locations[measure] = _nshmp_curve(path, unit)
-    mean = Branch("mean", "the mean", 1.0, curves["PGA"], curves.get("PGV"))
-    return HazardModel((mean,), locations["PGA"])
+    paths = {measure: folder / measure / "curves.csv" for measure in UNITS}
+    curves = {
+        (MEAN, measure): (path, _nshmp_curve(path, measure))
+        for measure, path in paths.items()
+        if path.exists()
+    }
+    return model(folder, curves, [Realization(rlz_id=MEAN, branch_path="the mean", weight=1.0)])
 
 
-def _nshmp_curve(path: Path, unit: float) -> tuple[HazardCurve, tuple[float, float]]:
-    rule = "the columns are name, lon, lat and the levels; one line of rates follows"
-    with reading(path, "lon, lat", rule, "export the curves of the rock's site only"):
-        table = pd.read_csv(path, encoding="utf-8-sig", skipinitialspace=True, dtype=str)
-        (row,) = table.rename(columns=lambda name: name.strip().lower()).to_dict("records")
-        names = list(row)[list(row).index("lat") + 1 :]
-        levels, rates = (np.array(list(part), dtype=float) for part in (names, map(row.get, names)))
-        location = float(row["lon"]), float(row["lat"])
-        return HazardCurve(unit * levels[rates > 0.0], rates[rates > 0.0]), location
+def _nshmp_curve(path: Path, measure: str) -> GivenCurve:
+    sites = table(path, text(path))
+    if len(sites) != 1:
+        rule, remedy = "one line of rates follows", "export the curves of the rock's site only"
+        raise refused(path, "lon, lat", f"{len(sites)} sites", rule, remedy)
+    cells = {name.lower(): cell for name, cell in sites[0].items()}
+    levels = [name for name in cells if name not in ("name", "lon", "lat")]
+    place = {name: cells[name] for name in ("lon", "lat") if name in cells}
+    given = {"measure": measure, "levels": levels, "values": [cells[name] for name in levels]}
+    return checked(path, GivenCurve, place | given, text=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +105,7 @@ class Curves(Input):
     path: Path
     model: HazardModel
     disaggregated: Path | None
+    about: str
 
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
@@ -114,10 +130,10 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
         disaggregated = _located(origin, "disaggregation", hazard.disaggregation)
     elif path.is_dir() and disaggregation_files(path):
         disaggregated = path
-    model = load(path)
+    found = load(path)
     if disaggregated is not None:
         load_disaggregation(disaggregated)
-    return Curves(path, model, disaggregated)
+    return Curves(path, found, disaggregated, about(path))
 
 
 def _name(path: Path) -> str:

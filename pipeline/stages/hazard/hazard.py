@@ -19,7 +19,6 @@ from pipeline.config.paths import shown
 from pipeline.config.sections import Key
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.fragility.summary import Fits
-from pipeline.stages.hazard import curve_folder
 from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard.curve_folder import Curves
 from pipeline.stages.hazard.hazard_dataset import COLUMNS, dataset, pga_at, table
@@ -66,6 +65,8 @@ def make(
         ``hazard.nc``, ``hazard.csv`` and ``hazard.html``.
     """
     model, name = curves.model, work.origin.name
+    for unused in model.unused:
+        work.log(f"hazard: {unused}")
     ratio = of_model(config, model, model.levels[[0, -1]], curves.disaggregated)
     drawn = ensemble is not None and config.support == "tested"
     own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
@@ -89,8 +90,7 @@ def make(
     all_cases = cases(analysis, by_member, ratio, compared)
     results = all_cases[0].results
     found = dataset(analysis, results, by_member, all_cases)
-    about = curve_folder.about(curves.path)
-    facts = page(name, config, rock, analysis, ratio, found, shown(curves.path), about)
+    facts = page(name, config, rock, analysis, ratio, found, shown(curves.path), curves.about)
     facts["earthquakes"] = years
     files = {
         FILE: netcdf(described(found, work, "Hazard")),

@@ -1,23 +1,44 @@
-"""A hazard model at one site, as its logic-tree branches; its files are refused in one line."""
+"""A hazard model at one site, as its logic-tree branches, and the schema of its files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
-from pipeline.config.problems import InputError, Problem
+import numpy as np
+from pydantic import Field, model_validator
+
+from pipeline.config.outside import Row, check_sum, refused
+from pipeline.config.paths import shown
+from pipeline.config.problems import InputError
+from pipeline.config.sections import Lax, Refused, Section
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.hazard.curve import HazardCurve
+from vsr_core.hazard.curve import HazardCurve, curve_of_probabilities, curve_of_rates
+from vsr_core.hazard.ratio import ratio_of_curves
 
 UNITS = {"PGA": GRAVITY, "PGV": 0.01}
 """Intensity measures that are read, and their units in m/s^2 and m/s."""
 
-WEIGHTS_SUM = 1e-3
-"""How far weights may be from a sum of 1, as they are written with few digits."""
+LEVELS = {"PGA": (1.0, 0.05, 20.0), "PGV": (100.0, 5.0, 2000.0)}
+"""In g and cm/s: the first level of a curve is at most the first of these, the last from the second
+to the third. Otherwise the levels are in another unit."""
+
+STRONG, RARE = {"PGA": 1.0, "PGV": 100.0}, 0.01
+"""Levels that are nowhere exceeded more often than every hundred years; known maps reach a third of
+that."""
+
+RATIOS = (0.01, 1.0)
+"""PGV/PGA [s] of shaking that is as rare."""
+
+MEAN = -1
+"""In place of the number of a realization."""
+
+NEAR = 1e-4
+"""Distance in degrees within which two locations are one."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +65,12 @@ class HazardModel:
     Attributes
     ----------
     location : tuple of float [degree], longitude and latitude
+    unused : tuple of str, what the files hold that has no part in it
     """
 
     branches: tuple[Branch, ...]
     location: tuple[float, float]
+    unused: tuple[str, ...] = ()
 
     @property
     def levels(self) -> Array:
@@ -55,27 +78,125 @@ class HazardModel:
         return max((one.pga.levels for one in self.branches), key=len)
 
 
-def normalized(source: Path, branches: list[Branch], location: tuple[float, float]) -> HazardModel:
-    """A model of branches whose weights then sum to 1 exactly."""
-    total = sum(branch.weight for branch in branches)
-    if not abs(total - 1.0) <= WEIGHTS_SUM:
-        given, remedy = f"weights that sum to {total:g}", "export all realizations"
-        raise refused(source, "weight", given, "those of all branches sum to 1", remedy)
-    whole = tuple(replace(branch, weight=branch.weight / total) for branch in branches)
-    return HazardModel(whole, location)
+class Realization(Row):
+    """A row of the weights of a logic tree."""
+
+    rlz_id: int = Field(ge=MEAN, le=10_000_000, description="number of the realization")
+    branch_path: str = Field(max_length=10_000, description="choices that lead to it")
+    weight: float = Field(ge=0, le=1, description="weight, of all realizations they sum to 1 [1]")
 
 
-def refused(file: Path, key: str, given: str, rule: str, remedy: str) -> InputError:
-    """An error in a file of a hazard model."""
-    return InputError(Problem(str(file), key, given, rule, remedy))
+class GivenCurve(Section):
+    """A curve as a file gives it.
+
+    Attributes
+    ----------
+    levels : in g, or in cm/s of PGV
+    values : rates of exceedance, or their probabilities in so many years
+    """
+
+    measure: Literal["PGA", "PGV"]
+    years: float | None = Field(None, ge=1e-3, le=1e6, description="years of the probabilities")
+    lon: float = Field(ge=-180, le=360, description="longitude of the site [degree]")
+    lat: float = Field(ge=-90, le=90, description="latitude of the site [degree]")
+    levels: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Lax] = Field(
+        min_length=2, max_length=10_000, description="two or more levels of the measure"
+    )
+    values: Annotated[tuple[Annotated[float, Field(ge=0, le=1000)], ...], Lax] = Field(
+        description="annual rates, or probabilities, of exceeding them"
+    )
+
+    @model_validator(mode="after")
+    def _plausible(self) -> GivenCurve:
+        if len(self.levels) != len(self.values):
+            given = f"{len(self.values)} values"
+            rule = f"there is one for each of {len(self.levels)} levels"
+            raise Refused(rule, "export it again", "values", given)
+        curve = self.curve()
+        first, least, most = LEVELS[self.measure]
+        low, high = self.levels[0], self.levels[-1]
+        if not (low <= first and least <= high <= most):
+            unit = "g" if self.measure == "PGA" else "cm/s"
+            rule = f"in {unit} the first is up to {first:g}, the last {least:g} to {most:g}"
+            given = f"levels from {low:g} to {high:g}"
+            raise Refused(rule, "convert them", "levels", given)
+        often = float(curve.rate_at(np.array(UNITS[self.measure] * STRONG[self.measure])))
+        if often > RARE:
+            rule = f"{STRONG[self.measure]:g} is exceeded at most {RARE:g} times a year anywhere"
+            given = f"{often:.3g} times a year"
+            raise Refused(rule, "correct the units of levels or rates", "values", given)
+        return self
+
+    def curve(self) -> HazardCurve:
+        """The curve in SI, up to its last level that is ever exceeded."""
+        levels = UNITS[self.measure] * np.array(self.levels)
+        if self.years is None:
+            return curve_of_rates(levels, np.array(self.values))
+        return curve_of_probabilities(levels, np.array(self.values), self.years)
 
 
-@contextmanager
-def reading(file: Path, key: str, rule: str, remedy: str = "export it again") -> Iterator[None]:
-    """Refuse a file, in one line, whatever reading it raises."""
+Curves = Mapping[tuple[int, str], tuple[Path, GivenCurve]]
+"""By number of the realization, or `MEAN`, and measure: the file, and what it gives."""
+
+
+def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -> HazardModel:
+    """The model of the curves in some files.
+
+    Parameters
+    ----------
+    rows : weights of the branches, whose sum is then 1 exactly
+    unused : what else is in the files
+    """
+    for measure in UNITS:
+        _alike([one for key, one in curves.items() if key[1] == measure])
+    check_sum(source, "weight", [row.weight for row in rows])
+    total = sum(row.weight for row in rows)
+    branches, ended = [], 0
+    for row in rows:
+        pga = curves[row.rlz_id, "PGA"][1]
+        pgv = curves.get((row.rlz_id, "PGV"))
+        ended += len(pga.levels) - len(pga.curve().levels)
+        if pgv:
+            _together(pgv[0], pga.curve(), pgv[1].curve())
+        branches.append(
+            Branch(
+                "mean" if row.rlz_id == MEAN else str(row.rlz_id),
+                row.branch_path,
+                row.weight / total,
+                pga.curve(),
+                pgv[1].curve() if pgv else None,
+            )
+        )
+    if ended:
+        unused = (*unused, f"{ended} levels of PGA at the ends of curves, which nothing exceeds")
+    return HazardModel(tuple(branches), (pga.lon, pga.lat), unused)
+
+
+def _together(path: Path, pga: HazardCurve, pgv: HazardCurve) -> None:
+    """Refuse curves of PGA and PGV one of which is in another unit."""
     try:
-        yield
+        ratio = float(np.exp(np.log(ratio_of_curves(pga, pgv, 1.0).medians).mean()))
     except InvalidInput as error:
-        raise InputError.from_invalid(str(file), key, error) from None
-    except (OSError, ValueError, LookupError, SyntaxError, TypeError) as error:
-        raise refused(file, key, f"an invalid file ({error})", rule, remedy) from None
+        raise InputError.from_invalid(shown(path), "", error) from None
+    if not RATIOS[0] <= ratio <= RATIOS[1]:
+        rule = f"it is {RATIOS[0]:g} to {RATIOS[1]:g} s, with PGA in g and PGV in cm/s"
+        given = f"PGV/PGA of {ratio:.2g} s where both are as rare"
+        raise refused(path, "levels", given, rule, "convert the levels")
+
+
+def _alike(curves: list[tuple[Path, GivenCurve]]) -> None:
+    """Refuse curves of several calculations: of other places, years or levels."""
+    rule, remedy = "all curves are of one calculation", "export them again"
+    for path, one in curves[1:]:
+        first = curves[0][1]
+        if max(abs(one.lon - first.lon), abs(one.lat - first.lat)) > NEAR:
+            given = f"{one.lon:g}, {one.lat:g}, and elsewhere {first.lon:g}, {first.lat:g}"
+            raise refused(path, "lon, lat", given, "all curves are of one site", remedy)
+        if one.years != first.years:
+            given = f"{one.years:g} years, and elsewhere {first.years:g}"
+            raise refused(path, "investigation_time", given, rule, remedy)
+        if len(one.levels) != len(first.levels) or not np.allclose(
+            one.levels, first.levels, rtol=1e-5, atol=0.0
+        ):
+            given = f"other levels than {shown(curves[0][0])}"
+            raise refused(path, "levels", given, rule, remedy)

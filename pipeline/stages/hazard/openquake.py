@@ -14,27 +14,26 @@ JSON, or in older versions a table of names and values as Python writes them.
 from __future__ import annotations
 
 import ast
-import csv
 import json
 import re
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pipeline.config.outside import check_file, checked, refused, rows, table, text
 from pipeline.stages.hazard.hazard_model import (
+    MEAN,
     UNITS,
-    Branch,
+    GivenCurve,
     HazardModel,
-    normalized,
-    reading,
-    refused,
+    Realization,
+    model,
 )
-from vsr_core.hazard.curve import HazardCurve, curve_of_probabilities
-
-NEAR = 1e-4
-"""Distance in degrees within which two locations are one."""
+from vsr_core.arrays import Array
+from vsr_core.errors import reason
 
 SUFFIXES = (".hdf5", ".h5")
 
@@ -42,14 +41,18 @@ _STORED = "hcurves-rlzs"
 _NAME = re.compile(r"hazard_curve-(mean|rlz-(\d+))-(\w+?)(?:_\d+)?\.csv")
 _YEARS = re.compile(r"investigation_time\s*=\s*([^\s,'\"]+)")
 _MEASURE = re.compile(r"imt\s*=\s*['\"]*([A-Za-z]+(?:\([^)]*\))?)")
-_LEVEL = re.compile(r"(?:poe|[A-Z]\w*(?:\([^)]*\))?)-([0-9.eE+-]+)(?::\w+)?")
+_LEVEL = re.compile(r"([A-Za-z]\w*(?:\([^)]*\))?)-(.+)")
+_PLACES = ("lon", "lat", "depth", "custom_site_id", "site_id")
 
+_MOST = 50_000_000
+"""Numbers in an array of a calculation."""
 
-@dataclass(frozen=True)
-class _Curve:
-    curve: HazardCurve
-    location: tuple[float, float]
-    path: Path
+_MOST_SETTINGS = 10_000
+
+_LARGEST = 64 * 1024**3
+"""Bytes of a calculation, of whose arrays only some are read."""
+
+_OLDER = {"ordinal": "rlz_id"}
 
 
 def is_there(folder: Path) -> bool:
@@ -60,136 +63,148 @@ def is_there(folder: Path) -> bool:
 def load(folder: Path) -> HazardModel:
     """All realizations of a folder, or the mean curve where there are none."""
     curves = _curves(folder)
-    numbers = sorted({number for number, measure in curves if number >= 0 and measure == "PGA"})
+    numbers = {number for number, measure in curves if number >= 0 and measure == "PGA"}
     if not numbers and (-1, "PGA") not in curves:
         rule, remedy = "the probability of toppling is for PGA", "export the curves of PGA"
         raise refused(folder, "imt", "no curves of PGA", rule, remedy)
-    location = next(iter(curves.values())).location
     if not numbers:
-        return HazardModel((_branch(curves, -1, "the mean", 1.0),), location)
+        return model(folder, curves, [Realization(rlz_id=MEAN, branch_path="the mean", weight=1.0)])
     weights = _weights(folder)
-    if incomplete := set(numbers) ^ set(weights):
+    if incomplete := numbers ^ {row.rlz_id for row in weights}:
         given = f"realization {min(incomplete)} without curve or weight"
         rule = "each has a curve of PGA and a weight in realizations_1.csv"
         raise refused(folder, "rlz_id", given, rule, "export both from one calculation")
-    return normalized(folder, [_branch(curves, n, *weights[n]) for n in numbers], location)
+    return model(folder, curves, sorted(weights, key=lambda row: row.rlz_id))
 
 
 def load_calculation(path: Path) -> HazardModel:
     """All realizations of OpenQuake's own file of a calculation."""
     import h5py
 
-    rule = "it is a classical calculation of OpenQuake with individual_rlzs = true"
-    with (
-        reading(path, _STORED, rule, "run it so, or export its curves to CSV"),
-        h5py.File(path) as file,
-    ):
+    check_file(path, _LARGEST)
+    with _reading(path), h5py.File(path) as file:
         settings, levels = _settings(file)
-        probabilities = np.asarray(file[_STORED], dtype=np.float64)
+        poes, lon, lat = (_numbers(file[name]) for name in (_STORED, "sitecol/lon", "sitecol/lat"))
         measures = json.loads(file[_STORED].attrs["json"])["imt"]
-        number = probabilities.shape[1]
-        weights = np.asarray(file["weights"], dtype=np.float64).reshape(number, -1)[:, 0]
-        location = float(file["sitecol"]["lon"][0]), float(file["sitecol"]["lat"][0])
-        paths = _paths(file, number)
+        weights = _numbers(file["weights"]).reshape(poes.shape[1], -1)[:, 0]
+        paths = _paths(file, len(weights))
         years = float(settings["investigation_time"])
-    if len(probabilities) != 1:
-        given, rule = f"{len(probabilities)} sites", "all curves are of one site"
+        known = {name: [float(level) for level in levels[name]] for name in measures}
+    if len(poes) != 1:
+        given, rule = f"{len(poes)} sites", "all curves are of one site"
         raise refused(path, "sitecol", given, rule, "calculate the rock's site only")
     if "PGA" not in measures:
         given, rule = f"curves of {', '.join(measures)}", "the probability of toppling is for PGA"
         raise refused(path, "imt", given, rule, "calculate PGA too")
-    branches = []
-    for i in range(number):
-        curves = {}
-        for measure, poes in zip(measures, probabilities[0, i], strict=True):
+    place = {"years": years, "lon": float(lon[0]), "lat": float(lat[0])}
+    curves = {}
+    for number, of_measures in enumerate(poes[0].tolist()):
+        for measure, values in zip(measures, of_measures, strict=True):
             if measure in UNITS:
-                at = UNITS[measure] * np.asarray(levels[measure])
-                with reading(path, f"poe of {measure}", "probabilities are numbers"):
-                    curves[measure] = curve_of_probabilities(at, poes[: len(at)], years)
-        own = float(weights[i]), curves["PGA"], curves.get("PGV")
-        branches.append(Branch(str(i), paths[i], *own))
-    return normalized(path, branches, location)
+                at = {"measure": measure, "levels": known[measure], "values": values}
+                curves[number, measure] = path, checked(path, GivenCurve, place | at)
+    branches = [
+        checked(path, Realization, {"rlz_id": number, "branch_path": name, "weight": weight})
+        for number, (name, weight) in enumerate(zip(paths, weights.tolist(), strict=True))
+    ]
+    return model(path, curves, branches)
 
 
-def _branch(curves: dict[tuple[int, str], _Curve], number: int, path: str, weight: float) -> Branch:
-    pgv = curves.get((number, "PGV"))
-    name = "mean" if number < 0 else str(number)
-    return Branch(name, path, weight, curves[number, "PGA"].curve, pgv.curve if pgv else None)
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Refuse a calculation in one line, whatever reading it raises."""
+    try:
+        yield
+    except Exception as error:  # noqa: BLE001 (of a broken file, whatever HDF5 meets first)
+        given = f"an invalid file ({reason(error)})"
+        rule = "it is a classical calculation of OpenQuake with individual_rlzs = true"
+        raise refused(path, _STORED, given, rule, "run it so, or export its curves") from None
 
 
-def _curves(folder: Path) -> dict[tuple[int, str], _Curve]:
-    """Curves by number of the realization, -1 of the mean, and measure."""
-    found: dict[tuple[int, str], _Curve] = {}
+def _numbers(data: Any) -> Array:
+    """An array of a calculation, of bounded size."""
+    if data.size > _MOST:
+        raise ValueError(f"{data.size} numbers")
+    return np.asarray(data[...], dtype=np.float64)
+
+
+def _curves(folder: Path) -> dict[tuple[int, str], tuple[Path, GivenCurve]]:
+    """Curves by number of the realization, or of the mean, and measure."""
+    found: dict[tuple[int, str], tuple[Path, GivenCurve]] = {}
     for path in sorted(folder.iterdir()):
         name = _NAME.fullmatch(path.name)
         if not name or name[3] not in UNITS:
             continue
-        key = int(name[2] or -1), name[3]
+        key = MEAN if name[2] is None else int(name[2]), name[3]
         if key in found:
-            given = f"the curve that is in {found[key].path.name} too"
+            given = f"the curve that is in {found[key][0].name} too"
             raise refused(path, "", given, "a folder holds one calculation", "remove one")
-        found[key] = _curve(path, name[3])
-        first = next(iter(found.values()))
-        if not np.allclose(first.location, found[key].location, rtol=0.0, atol=NEAR):
-            given = f"{found[key].location}, and {first.location} in {first.path.name}"
-            remedy = "give the curves of one site"
-            raise refused(path, "lon, lat", given, "all curves are of one site", remedy)
+        found[key] = path, _curve(path, name[3])
     return found
 
 
-def _curve(path: Path, measure: str) -> _Curve:
-    header, names, rows = _lines(path)
+def _curve(path: Path, measure: str) -> GivenCurve:
+    lines = text(path)
+    header = _header(lines)
     years, stated = _YEARS.search(header), _MEASURE.search(header)
     if not years:
         rule = "the first line gives the years of the probabilities"
-        raise refused(path, "investigation_time", "nothing", rule, "export the file again")
+        raise refused(path, "investigation_time", "nothing", rule)
     if stated and stated[1] != measure:
         rule = f"the file name says {measure}"
         raise refused(path, "imt", stated[1], rule, "rename the file, or export it again")
-    levels = {
-        i: float(level[1]) for i, name in enumerate(names) if (level := _LEVEL.fullmatch(name))
-    }
-    places = [i for i, name in enumerate(names) if name.split(":")[0] in ("lon", "lat")]
-    if len(rows) != 1 or len(levels) < 2 or len(places) != 2:
-        given, rule = f"{len(rows)} sites and {len(levels)} levels", "one site, two or more levels"
-        raise refused(path, "lon, lat", given, rule, "export the curves of the rock's site only")
-    with reading(path, "poe", "all fields are numbers"):
-        at = UNITS[measure] * np.array([float(level) for level in levels.values()])
-        poes = np.array([float(rows[0][i]) for i in levels])
-        lon, lat = (float(rows[0][i]) for i in places)
-        return _Curve(curve_of_probabilities(at, poes, float(years[1])), (lon, lat), path)
+    sites = table(path, lines)
+    if len(sites) != 1:
+        given = f"{len(sites)} sites"
+        rule, remedy = "all curves are of one site", "export the curves of the rock's site only"
+        raise refused(path, "lon, lat", given, rule, remedy)
+    cells = {name.split(":")[0]: cell for name, cell in sites[0].items()}
+    levels = {name: found for name in cells if (found := _LEVEL.fullmatch(name))}
+    for name in cells:
+        of = levels[name][1] if name in levels else ""
+        if name not in _PLACES and of not in ("poe", measure):
+            rule = f"the columns are lon, lat, depth, and poe-0.1 for a level of {measure}"
+            raise refused(path, name, "the column", rule)
+    return checked(
+        path,
+        GivenCurve,
+        {
+            "measure": measure,
+            "years": years[1],
+            **{name: cells[name] for name in ("lon", "lat") if name in cells},
+            "levels": [found[2] for found in levels.values()],
+            "values": [cells[name] for name in levels],
+        },
+        text=True,
+    )
 
 
-def _weights(folder: Path) -> dict[int, tuple[str, float]]:
+def _weights(folder: Path) -> list[Realization]:
     """Path and weight of each realization."""
     files = sorted(folder.glob("realizations*.csv"))
     if len(files) != 1:
         given = f"{len(files)} files realizations*.csv"
         rule, remedy = "one file has the weights", "export it from the same calculation"
         raise refused(folder, "realizations", given, rule, remedy)
-    _, names, rows = _lines(files[0])
-    at = {name.split(":")[0]: i for i, name in enumerate(names)}
-    number = at.get("rlz_id", at.get("ordinal"))
-    if number is None or not {"weight", "branch_path"} <= at.keys():
-        given, rule = f"the columns {', '.join(names)}", "they are rlz_id, branch_path and weight"
-        raise refused(files[0], "weight", given, rule, "export it again")
-    with reading(files[0], "weight", "weights are numbers"):
-        path, weight = at["branch_path"], at["weight"]
-        return {int(row[number]): (row[path], float(row[weight])) for row in rows}
+    (path,) = files
+    cells = [
+        {_OLDER.get(plain := name.split(":")[0], plain): cell for name, cell in row.items()}
+        for row in table(path, text(path))
+    ]
+    return rows(path, Realization, cells, once=("rlz_id",))
 
 
-def _lines(path: Path) -> tuple[str, list[str], list[list[str]]]:
-    """The first line, the names of columns, and the fields of the other lines."""
-    with reading(path, "", "it is a text file"):
-        text = path.read_text(encoding="utf-8-sig").splitlines()
-    header = text[0] if text and text[0].lstrip('"').startswith("#") else ""
-    rows = [row for row in csv.reader(text[1 if header else 0 :]) if row]
-    return header, [name.strip() for name in rows[0]] if rows else [], rows[1:]
+def _header(lines: str) -> str:
+    first = lines.split("\n", 1)[0]
+    return first if first.lstrip('"').startswith("#") else ""
 
 
 def _settings(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters of the calculation, and the levels of each measure."""
-    stored = file["oqparam"][()]
+    stored = file["oqparam"]
+    if stored.size > _MOST_SETTINGS:
+        raise ValueError(f"{stored.size} parameters")
+    stored = stored[()]
     if isinstance(stored, bytes):
         settings = json.loads(stored)
         return settings, settings["hazard_imtls"]

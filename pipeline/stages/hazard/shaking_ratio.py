@@ -13,10 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from pydantic import Field
 
 from pipeline.config import in_si
 from pipeline.config.hazard_schema import HazardConfig
-from pipeline.stages.hazard.hazard_model import UNITS, HazardModel, reading, refused
+from pipeline.config.outside import Row, Share, refused, rows, table, text
+from pipeline.stages.hazard.hazard_model import LEVELS, UNITS, HazardModel
 from vsr_core.arrays import Array
 from vsr_core.hazard.curve import mean_curve
 from vsr_core.hazard.ratio import LOG_SD, RatioTable, ratio_of_curves, ratios_of_scenarios
@@ -124,30 +126,57 @@ def disaggregation_files(path: Path) -> list[Path]:
     return [path] if path.is_file() else sorted(path.glob(PATTERN))
 
 
+class Bin(Row):
+    """A row of a disaggregation of PGA."""
+
+    iml: float = Field(gt=0, le=LEVELS["PGA"][2], description="level of PGA [g]")
+    poe: Share = Field(0.0, description="probability that it is exceeded [1]")
+    mag: float = Field(ge=0, le=11, description="magnitude of the bin")
+    dist: float = Field(ge=0, le=20_100, description="distance of the bin [km]")
+    shares: tuple[Share, ...] = Field(
+        min_length=1, description="one or more columns of probabilities, after imt, iml, mag, dist"
+    )
+
+
 def load_disaggregation(path: Path) -> Disaggregation:
     """Read a disaggregation by magnitude and distance."""
-    parts = [_shares(one) for one in disaggregation_files(path)]
-    table = pd.concat(parts) if parts else pd.DataFrame(columns=[*_COLUMNS, "share"])
-    if not table["share"].sum() > 0.0:
+    found = [(one, row) for one in disaggregation_files(path) for row in _bins(one)]
+    bins = pd.DataFrame(
+        [(row.iml, row.mag, row.dist, float(np.mean(row.shares))) for _, row in found],
+        columns=["iml", "mag", "dist", "share"],
+    )
+    if not bins["share"].sum() > 0.0:
         rule = "OpenQuake's is named Mag_Dist-mean-0_1.csv and has rows of PGA"
         remedy = "export it, or leave disaggregation out"
         raise refused(path, "imt", "no disaggregation of PGA", rule, remedy)
-    grid = table.groupby(["iml", "mag", "dist"])["share"].sum().unstack(["mag", "dist"]).fillna(0.0)
+    grid = bins.groupby(["iml", "mag", "dist"])["share"].sum().unstack(["mag", "dist"])
+    if (bins["share"] == 0.0).any() and grid.isna().any(axis=None):
+        rule = "a file that holds empty bins holds all"
+        raise refused(found[-1][0], "mag, dist", "bins that are missing", rule)
+    grid = grid.fillna(0.0)
     grid = grid[grid.sum(axis=1) > 0.0]
     magnitudes, distances = (
         grid.columns.get_level_values(name).to_numpy(dtype=np.float64) for name in ("mag", "dist")
     )
-    shares = grid.to_numpy()
+    values = grid.to_numpy()
     levels = UNITS["PGA"] * grid.index.to_numpy(dtype=np.float64)
-    return Disaggregation(magnitudes, distances, levels, shares / shares.sum(axis=1, keepdims=True))
+    return Disaggregation(magnitudes, distances, levels, values / values.sum(axis=1, keepdims=True))
 
 
-def _shares(path: Path) -> pd.DataFrame:
-    """Rows of PGA; their share is the mean over the realizations or statistics of the file."""
-    rule = f"a disaggregation has the columns {', '.join(_COLUMNS)} and one of probabilities"
-    with reading(path, "", rule):
-        table = pd.read_csv(path, comment="#", encoding="utf-8-sig")
-        table = table[table["imt"] == "PGA"]
-        share = table.drop(columns=[*_COLUMNS, "poe"], errors="ignore").astype(float).mean(axis=1)
-        bins = table[list(_COLUMNS)].astype({"iml": float, "mag": float, "dist": float})
-        return bins.assign(share=share)
+def _bins(path: Path) -> list[Bin]:
+    """Rows of PGA."""
+    cells = table(path, text(path))
+    if cells and "imt" not in cells[0]:
+        raise refused(path, "imt", "no such column", f"there are {', '.join(_COLUMNS)}")
+    known = {*_COLUMNS, "poe"}
+    return rows(
+        path,
+        Bin,
+        [
+            {name: cell for name, cell in row.items() if name in known}
+            | {"shares": [cell for name, cell in row.items() if name not in known]}
+            for row in cells
+            if row["imt"] == "PGA"
+        ],
+        once=("iml", "mag", "dist"),
+    )

@@ -56,7 +56,7 @@ def results(derived: Path) -> Path:
 
 
 def index(results: Path) -> str:
-    found = front_page.renew(results)
+    found = front_page.renew(results, print)
     assert found == results / "index.html"
     return found.read_text(encoding="utf-8")
 
@@ -106,7 +106,7 @@ def test_without_products_there_is_none(results: Path) -> None:
     index(results)
     for folder in list(front_page.product_folders(results)):
         (folder / ".stages").rename(folder / "gone")
-    assert front_page.renew(results) is None
+    assert front_page.renew(results, print) is None
     assert not (results / "index.html").exists()
 
 
@@ -116,7 +116,7 @@ def test_who_asks_for_none_is_told_so(refused: Callable[..., str]) -> None:
 
 def test_a_folder_that_cannot_be_written_to_is_no_failure(results: Path) -> None:
     (results / "index.html").mkdir()  # in the way of it, whoever writes
-    assert front_page.renew(results) is None
+    assert front_page.renew(results, print) is None
     assert not list(results.glob(".part-*"))
 
 

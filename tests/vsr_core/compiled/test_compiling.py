@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import pickle
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from numba.core.dispatcher import Dispatcher
@@ -48,20 +51,35 @@ def small(tmp_path: Path) -> Path:
     return core
 
 
-def ask(core: Path, times: int = 1) -> list[str]:
-    """What new processes, begun at once, compute with the package; and if from kept code."""
+def ask(core: Path, times: int = 1, before: str = "", **environment: str) -> list[str]:
+    """What new processes, begun at once, compute with the package; and if from kept code.
+
+    Warnings of machine code follow on lines of their own.
+    """
     known = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA")}
+    caches = {"XDG_CACHE_HOME": str(core.parent / "caches")}
     asking = [
         subprocess.Popen(
-            [sys.executable, "-c", ASK],
+            [sys.executable, "-c", f"{before}\n{ASK}"],
             cwd=core.parent,
-            env={**known, "XDG_CACHE_HOME": str(core.parent / "caches")},
+            env={**known, **caches, **environment},
             stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
             text=True,
         )
         for _ in range(times)
     ]
-    return [process.communicate()[0].strip() for process in asking]
+    answers = []
+    for process in asking:
+        answer, said = process.communicate()
+        warned = [one.partition("Warning: ")[2] for one in said.splitlines() if "Warning: " in one]
+        answers.append("\n".join([answer.strip(), *warned]))
+    return answers
+
+
+def kept(core: Path) -> list[Path]:
+    """Files of machine code beside the source."""
+    return sorted(path for path in core.glob("__pycache__/compiled-*/*/*") if path.is_file())
 
 
 def test_a_constant_three_imports_away_changes_the_numbers(small: Path) -> None:
@@ -71,6 +89,125 @@ def test_a_constant_three_imports_away_changes_the_numbers(small: Path) -> None:
     assert [line.split()[0] for line in ask(small, times=2)] == ["15.0", "15.0"]
     limits.write_text(limits.read_text().replace("OTHER = 3", "OTHER = 4"))
     assert ask(small) == ["15.0 True"]  # nothing compiled reaches that
+
+
+def test_an_edit_counts_where_numba_is_told_to_keep_its_code(small: Path, tmp_path: Path) -> None:
+    place = {"NUMBA_CACHE_DIR": str(tmp_path / "told")}
+    assert ask(small, **place) == ["11.0 False"]
+    limits = small / "limits.py"
+    limits.write_text(limits.read_text().replace("0.5", "0.7"))
+    assert ask(small, **place) == ["15.0 False"]
+    assert not kept(small)
+
+
+class Runs:
+    """What a pickle does when it is read."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (os.mkdir, (str(self.path),))
+
+
+DAMAGES: dict[str, tuple[Callable[[Path, bytes], Any], str]] = {
+    "cut": (lambda path, code: path.write_bytes(code[: len(code) // 2]), "damaged"),
+    "empty": (lambda path, code: path.write_bytes(b""), "damaged"),
+    "a folder": (lambda path, code: (path.unlink(), path.mkdir()), "cannot be read"),
+    "a pipe": (lambda path, code: (path.unlink(), os.mkfifo(path)), "not used"),
+    "of others": (lambda path, code: path.chmod(0o666), "could be written by others"),
+}
+
+
+@pytest.fixture
+def sealed(tmp_path: Path) -> Path:
+    """A file of code."""
+    path = tmp_path / "compiled-0" / "module" / "code"
+    path.parents[1].mkdir()
+    compiling._seal(path, CODE)
+    assert compiling._unsealed(path) == CODE
+    compiling._tell.cache_clear()
+    return path
+
+
+CODE = bytes(range(250))
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damaged_code_is_told_of_and_not_used(sealed: Path, damage: str) -> None:
+    change, words = DAMAGES[damage]
+    change(sealed, sealed.read_bytes())
+    with pytest.warns(compiling.MachineCodeWarning, match=words) as told:
+        assert compiling._unsealed(sealed) is None
+    assert len(told) == 1
+
+
+def test_no_bit_of_code_is_believed_otherwise(sealed: Path) -> None:
+    whole = sealed.read_bytes()
+    flips = [(bit // 8, 1 << bit % 8) for bit in range(8 * len(whole))]
+    with pytest.warns(compiling.MachineCodeWarning, match="damaged") as told:
+        taken = [flip for flip in flips if _flipped(sealed, whole, *flip) is not None]
+    assert taken == []
+    assert len(told) == 1, "in one line"
+
+
+def _flipped(path: Path, whole: bytes, at: int, bit: int) -> bytes | None:
+    path.write_bytes(whole[:at] + bytes([whole[at] ^ bit]) + whole[at + 1 :])
+    return compiling._unsealed(path)
+
+
+def test_damaged_and_foreign_code_is_compiled_anew(small: Path) -> None:
+    assert ask(small) == ["11.0 False"]
+    one, other = kept(small)
+    _flipped(one, whole := one.read_bytes(), len(whole) // 2, 8)
+    other.write_bytes(pickle.dumps(Runs(small / "made")))
+    (folder,) = small.glob("__pycache__/compiled-*")
+    told = f"machine code: a file in {folder} is damaged; it is compiled anew"
+    assert ask(small) == [f"11.0 False\n{told}"]
+    assert not (small / "made").exists()
+    one.write_bytes(other.read_bytes())  # sound, but of another function
+    assert ask(small) in (["11.0 True"], ["11.0 False"])
+
+
+@pytest.fixture
+def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Path, Path]]:
+    """Folders of code beside the source and among the user's caches."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
+    monkeypatch.setattr(compiling, "_BESIDE", tmp_path / "beside")
+    compiling._folders.cache_clear()
+    yield tmp_path / "beside" / compiling._name(), tmp_path / "caches" / "vsr" / compiling._name()
+    monkeypatch.undo()
+    compiling._folders.cache_clear()
+
+
+def test_a_folder_that_others_can_write_to_is_not_used(places: tuple[Path, Path]) -> None:
+    beside, users = places
+    beside.mkdir(parents=True)
+    beside.chmod(0o777)
+    with pytest.warns(compiling.MachineCodeWarning, match="could be written by others"):
+        assert compiling._folders() == (users,)
+
+
+def test_code_of_root_is_read_by_who_cannot_write_beside_it(
+    places: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in an image that root has made."""
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != places[0])
+    places[0].mkdir(parents=True)
+    assert compiling._folders() == places
+    for user, mode, own in ((0, 0o644, True), (0, 0o664, False), (1234, 0o600, False)):
+        state = os.stat_result((mode, 0, 0, 1, user, 0, 0, 0, 0, 0))
+        assert compiling._is_own(state) == own
+
+
+def test_a_full_disk_costs_the_time_to_compile(small: Path) -> None:
+    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))"
+    number, *said = ask(small, before=full)[0].splitlines()
+    assert number == "11.0 False"
+    assert len(said) == 1
+    assert "cannot be written to" in said[0]
+    assert not kept(small)
 
 
 def test_it_does_where_nothing_can_be_written_beside_the_source(small: Path) -> None:

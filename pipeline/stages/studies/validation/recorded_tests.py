@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import pandas as pd
-from pandas.api.types import is_numeric_dtype
+from pydantic import Field
 
 from pipeline.config.layers import Origin, Site, load_file
+from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located, shown
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.problems import InputError, not_found
 from pipeline.config.sections import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA
 from pipeline.stages.mesh import mesh_files
-from pipeline.stages.studies.validation.table_motions import (
-    RECORDS,
-    commanded,
-    motions,
-    problem,
-    recorded,
-)
+from pipeline.stages.studies.validation.table_motions import RECORDS, commanded, motions, recorded
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Input
 from vsr_core.arrays import Mask
-from vsr_core.errors import InvalidInput, reason
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.rock.solid import checked
 from vsr_core.table.stepper import Stepper
@@ -39,17 +34,28 @@ if TYPE_CHECKING:
 
 OUTCOMES, ASSUMED = "outcomes.csv", "table.yaml"
 
-SCAN = re.compile(r"sp(\d+)\.ply")
-
-LIMITS = {
-    "pga_g": (SMALLEST_PGA, LARGEST_PGA),
-    "pgv_pga_s": (SHORTEST_PULSE, LONGEST_PULSE),
-    "azimuth_deg": (-360.0, 360.0),
-}
-"""Of columns of the outcomes."""
+SCAN, SPECIMEN = re.compile(r"sp(\d+)\.ply"), re.compile(r"specimen(\d+)")
 
 PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d+)_(?P<setting>\w+)")
 """A column of someone's predictions for a specimen, such as dem_s1_kn10."""
+
+
+_FLAGS = {"0": 0, "1": 1, "0.0": 0, "1.0": 1}
+_MISSING = {"": -1, "nan": -1, "NaN": -1, "NA": -1}
+
+
+class TestRow(Row):
+    """A row of the outcomes; further columns are of specimens, and others' predictions."""
+
+    test: int = Field(ge=0, le=10_000_000, description="number of the test, a whole one")
+    ground_motion: str = Field("", max_length=1000, description="name of the motion")
+    pga_g: float = Field(ge=SMALLEST_PGA, le=LARGEST_PGA, description="its PGA [g]")
+    pgv_pga_s: float = Field(ge=SHORTEST_PULSE, le=LONGEST_PULSE, description="its PGV/PGA [s]")
+    azimuth_deg: float | None = Field(
+        None, ge=-360, le=360, description="direction of the drive from the scan's +x [degree]"
+    )
+    series: str = Field("", max_length=1000, description="name of its series")
+    has_record: int = Field(1, ge=0, le=1, description="1 if it is among the records, or 0")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +70,7 @@ class Tests:
     series : tuple of str, name of the series that each test is of
     observed : dict from specimen to outcomes, 1 for overturned, -1 where none is given
     published : dict from (specimen, predictor) to predictions, 1 for overturned
+    unused : what else is in the folder, in words
     """
 
     number: tuple[int, ...]
@@ -76,6 +83,7 @@ class Tests:
     published: dict[tuple[int, str], tuple[int, ...]]
     specimens: tuple[int, ...]
     config: ShakeTableConfig = field(repr=False)
+    unused: tuple[str, ...] = ()
 
     def only(self, chosen: Mask) -> Tests:
         """Some of the tests.
@@ -100,9 +108,9 @@ def site_of(folder: Path) -> Site:
     if not folder.is_dir():
         raise not_found("--table", "", shown(folder))
     if not (folder / OUTCOMES).is_file():
-        raise problem(folder / OUTCOMES, "", "", "file not found", "put it there")
+        raise refused(folder / OUTCOMES, "", "", "file not found", "put it there")
     if not scans_in(folder):
-        raise problem(
+        raise refused(
             folder, "", "no scan", "there is one for each specimen", "call it sp1.ply, in metres"
         )
     return Site(name=folder.name, file=shown(folder), path=folder, settings=assumptions(folder))
@@ -156,37 +164,69 @@ def scan(path: Path) -> trimesh.Trimesh:
 
 def tests_in(folder: Path) -> Tests:
     """The tests of a folder: of its table of outcomes, those with a record if there are records."""
-    path = folder / OUTCOMES
-    table = _outcomes(path)
-    if (folder / RECORDS).is_file():
-        table = table[table["test"].isin(recorded(folder)[0])]
-        if not len(table):
-            rule, remedy = "some have one", "number them alike"
-            raise problem(path, "test", "no test with a record", rule, remedy)
-    table = table.sort_values("test")
-    specimens = tuple(scans_in(folder))
+    path, specimens = folder / OUTCOMES, tuple(scans_in(folder))
+    cells = table(path, text(path))
+    if not cells:
+        raise refused(path, "", "a table without a row", "it has a row for each test", "add them")
+    found = rows(path, TestRow, cells, once=("test",))
+    if "azimuth_deg" in cells[0] and any(row.azimuth_deg is None for row in found):
+        rule = "it is a number in each row"
+        raise refused(path, "azimuth_deg", "nothing", rule, "add it, or leave out the column")
+    there = (folder / RECORDS).exists()
+    both = [one for one in zip(found, cells, strict=True) if one[0].has_record or not there]
+    both.sort(key=lambda one: one[0].test)
+    found, used = [row for row, _ in both], [fields for _, fields in both]
     observed = {
-        number: _flags(path, table, f"specimen{number}", missing=True)
+        number: _flags(path, used, f"specimen{number}", _FLAGS | _MISSING)
         for number in specimens
-        if f"specimen{number}" in table
+        if f"specimen{number}" in cells[0]
     }
     published = {
-        (int(match["specimen"]), f"{match['name']} {match['setting']}"): _flags(path, table, name)
-        for name in table.columns
-        if (match := PUBLISHED.fullmatch(str(name)))
+        (int(match["specimen"]), f"{match['name']} {match['setting']}"): _flags(
+            path, used, name, _FLAGS
+        )
+        for name in cells[0]
+        if (match := PUBLISHED.fullmatch(name))
     }
+    if there:
+        _check_records(folder, {row.test for row in found})
     return Tests(
-        tuple(map(int, table["test"])),
-        tuple(map(str, table["ground_motion"])),
-        tuple(map(float, table["pga_g"])),
-        tuple(map(float, table["pgv_pga_s"])),
-        tuple(map(float, table["azimuth_deg"])) if "azimuth_deg" in table else (None,) * len(table),
-        tuple(map(str, table["series"])),
+        tuple(row.test for row in found),
+        tuple(row.ground_motion or f"{row.pga_g} g, {row.pgv_pga_s} s" for row in found),
+        tuple(row.pga_g for row in found),
+        tuple(row.pgv_pga_s for row in found),
+        tuple(row.azimuth_deg for row in found),
+        tuple(row.series for row in found),
         observed,
         published,
         specimens,
         assumptions(folder),
+        tuple(_unused(len(cells) - len(used), cells[0], specimens)),
     )
+
+
+def _check_records(folder: Path, listed: set[int]) -> None:
+    """Refuse records that are not those of the tests in the table."""
+    known, path = recorded(folder)[0], folder / OUTCOMES
+    remedy = "number them alike, or tell rows without one by a column has_record of 0 and 1"
+    if not known & listed:
+        raise refused(path, "test", "no test with a record", "some have one", remedy)
+    for numbers, given in (
+        (listed - known, "without a record"),
+        (known - listed, "with a record, and without a row that has one"),
+    ):
+        if numbers:
+            rule = f"{OUTCOMES} and {RECORDS} are of the same tests"
+            raise refused(path, "test", f"{min(numbers)} {given}", rule, remedy)
+
+
+def _unused(without: int, names: Iterable[str], specimens: tuple[int, ...]) -> Iterator[str]:
+    """What the table holds that has no part in the validation."""
+    if without:
+        yield f"{counted(without, 'row')} of {OUTCOMES} with has_record of 0 left out"
+    for name in names:
+        if (match := SPECIMEN.fullmatch(name)) and int(match[1]) not in specimens:
+            yield f"column {name} of {OUTCOMES} left out, as there is no scan of that specimen"
 
 
 @lru_cache(maxsize=2)
@@ -201,48 +241,13 @@ def motions_of(folder: Path) -> dict[int, GroundMotion]:
     return {number: commanded(pga, ratio, stepper) for number, pga, ratio in rows}
 
 
-def _outcomes(path: Path) -> pd.DataFrame:
-    """The table as it is, with columns for azimuth and series, and a name for each motion."""
-    try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        given = f"a file that cannot be read ({reason(error)})"
-        raise problem(path, "", given, "it is a table in CSV", "correct it") from None
-    if "ground_motion" not in table and {"pga_g", "pgv_pga_s"} <= set(table):
-        rows = zip(table["pga_g"], table["pgv_pga_s"], strict=True)
-        table["ground_motion"] = [f"{pga} g, {ratio} s" for pga, ratio in rows]
-    for name in ("test", "pga_g", "pgv_pga_s"):
-        if name not in table.columns:
-            raise problem(path, name, "nothing", "the column is there", "add it")
-        _check_numbers(path, table, name)
-    if not len(table):
-        raise problem(path, "", "a table without a row", "it has a row for each test", "add them")
-    if (table["test"] % 1 != 0).any():
-        raise problem(path, "test", "a fraction", "tests have whole numbers", "number them anew")
-    twice = table["test"][table["test"].duplicated()]
-    if len(twice):
-        rule, remedy = "each number is given once in a folder", "number the tests anew"
-        raise problem(path, "test", f"{twice.iloc[0]:g} twice", rule, remedy)
-    if "azimuth_deg" in table:
-        _check_numbers(path, table, "azimuth_deg")
-    table["series"] = table["series"].fillna("").astype(str) if "series" in table else ""
-    return table
-
-
-def _check_numbers(path: Path, table: pd.DataFrame, name: str) -> None:
-    if not is_numeric_dtype(table[name]) or not np.isfinite(table[name]).all():
-        given, rule = "values that are no numbers", "they are numbers"
-        raise problem(path, name, given, rule, "correct the column")
-    low, high = LIMITS.get(name, (-np.inf, np.inf))
-    if not table[name].between(low, high).all():
-        given = f"{table[name].min():g} to {table[name].max():g}"
-        raise problem(path, name, given, f"it is {low:g} to {high:g}", "correct the unit")
-
-
-def _flags(path: Path, table: Any, name: str, *, missing: bool = False) -> tuple[int, ...]:
-    """A column of outcomes; -1 for an empty cell where those may be missing."""
-    known = table[name].isin([0, 1])
-    if not (known | table[name].isna() if missing else known).all():
-        rule = "1 is overturned, 0 not" + (", empty a test to predict" if missing else "")
-        raise problem(path, name, "values other than 0 and 1", rule, "correct the column")
-    return tuple(table[name].where(known, -1).astype(int).tolist())
+def _flags(
+    path: Path, cells: list[dict[str, str]], name: str, known: dict[str, int]
+) -> tuple[int, ...]:
+    """A column of outcomes; -1 for an empty cell where those are known."""
+    for number, row in enumerate(cells, start=1):
+        if row[name] not in known:
+            rule = "1 is overturned, 0 not" + (", empty a test to predict" if "" in known else "")
+            given = f"{row[name]!r} in row {number}"
+            raise refused(path, name, given, rule, "correct the column")
+    return tuple(known[row[name]] for row in cells)

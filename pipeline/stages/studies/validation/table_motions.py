@@ -8,8 +8,9 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config import in_si
+from pipeline.config.outside import check_file, refused
 from pipeline.config.paths import shown
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import InputError
 from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA
 from pipeline.workflow.keys import digest_bytes
 from vsr_core.arrays import Array
@@ -22,6 +23,12 @@ from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.table.stepper import SteppedPulse, Stepper
 
 RECORDS = "records.nc"
+
+_LARGEST = 4 * 1024**3
+"""Bytes of the records."""
+
+_MOST = 100_000_000
+"""Samples of all tests, those that are missing included."""
 
 
 def commanded(pga: float, ratio: float, stepper: Stepper | None) -> GroundMotion:
@@ -50,10 +57,13 @@ def motions(folder: Path, variable: str | None) -> dict[int, GroundMotion]:
             "acceleration_merged" if "acceleration_merged" in records else "acceleration"
         )
         if name not in records:
-            raise problem(path, name, "nothing", "the variable is there", "name another")
+            raise refused(path, name, "nothing", "the variable is there", "name another")
         if records[name].dtype.kind not in "iuf" or not _is_series(records[name]):
             given, rule = "no table of numbers", "it holds numbers by test and time"
-            raise problem(path, name, given, rule, "name another")
+            raise refused(path, name, given, rule, "name another")
+        if records[name].size > _MOST:
+            given, rule = f"{records[name].size} samples", f"it holds at most {_MOST}"
+            raise refused(path, name, given, rule, "cut the tests to their shaking")
         values = records[name].transpose("test", "time", ...).values
         counts, numbers = records["n_samples"].values, records["test"].values
     return {
@@ -73,13 +83,13 @@ def _is_series(variable: xr.DataArray) -> bool:
 def _motion(path: Path, name: str, number: int, values: Array, interval: float) -> GroundMotion:
     if not np.isfinite(values).all():
         given = f"values that are no numbers in test {number}"
-        raise problem(path, name, given, "they are numbers", "mend or drop the test")
+        raise refused(path, name, given, "they are numbers", "mend or drop the test")
     along = values.reshape(len(values), -1).astype(np.float64)
     peak = float(np.abs(along[:, :2]).max())
     if not in_si.acceleration(SMALLEST_PGA) <= peak <= in_si.acceleration(LARGEST_PGA):
         given = f"a peak of {peak:.3g} m/s2 in test {number}"
         rule = f"it is {SMALLEST_PGA:g} to {LARGEST_PGA:g} g"
-        raise problem(path, name, given, rule, "correct the unit, or drop the test")
+        raise refused(path, name, given, rule, "correct the unit, or drop the test")
     if along.shape[1] == 1:
         return RecordedMotion(Trace(along[:, 0].copy(), interval))
     whole = np.zeros((len(along), 3))
@@ -105,18 +115,22 @@ def recorded(folder: Path) -> tuple[set[int], float]:
         for name in ("test", "time", "n_samples"):
             values = records.variables.get(name)
             if values is None:
-                raise problem(path, name, "nothing", "the variable is there", "add it")
+                raise refused(path, name, "nothing", "the variable is there", "add it")
             if values.dtype.kind not in "iuf" or not np.isfinite(values).all():
                 given, rule = "values that are no numbers", "they are numbers"
-                raise problem(path, name, given, rule, "correct them")
-        known = {int(number) for number in records["test"].values.ravel()}
+                raise refused(path, name, given, rule, "correct them")
+        numbers = records["test"].values.ravel()
+        if (numbers % 1 != 0).any():
+            rule, remedy = "tests have whole numbers", "number them anew"
+            raise refused(path, "test", "a fraction", rule, remedy)
+        known = {int(number) for number in numbers}
         time, counts = (records[name].values.ravel() for name in ("time", "n_samples"))
     if len(known) < len(counts):
         rule, remedy = "a test has one record", "number them anew"
-        raise problem(path, "test", "a number twice", rule, remedy)
+        raise refused(path, "test", "a number twice", rule, remedy)
     if not len(counts) or not 2 <= counts.min() <= counts.max() <= len(time):
         rule = f"each test has from 2 to {len(time)}, as there are times"
-        raise problem(path, "n_samples", "other numbers of samples", rule, "correct them")
+        raise refused(path, "n_samples", "other numbers of samples", rule, "correct them")
     interval = round(float(time[1] - time[0]), 9)
     try:
         check_sampling(interval, counts.max())
@@ -126,13 +140,9 @@ def recorded(folder: Path) -> tuple[set[int], float]:
 
 
 def _records(folder: Path) -> xr.Dataset:
+    check_file(folder / RECORDS, _LARGEST)
     try:
         return xr.open_dataset(folder / RECORDS, decode_times=False)
-    except (OSError, ValueError, RuntimeError) as error:
+    except Exception as error:  # noqa: BLE001 (of a broken file, whatever HDF5 meets first)
         given = f"a file that cannot be read ({reason(error)})"
-        raise problem(folder / RECORDS, "", given, "it is NetCDF", "correct it") from None
-
-
-def problem(path: Path, key: str, given: str, rule: str, remedy: str) -> InputError:
-    """What is wrong in a file of a folder of tests."""
-    return InputError(Problem(shown(path), key, given, rule, remedy))
+        raise refused(folder / RECORDS, "", given, "it is NetCDF", "correct it") from None

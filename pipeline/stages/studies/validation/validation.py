@@ -55,6 +55,8 @@ def make(work: Work, folder: Folder) -> Product:
     """
     tests = tests_in(folder.path)
     motions_of(folder.path)  # what is wrong is told at once
+    for unused in tests.unused:
+        work.log(f"validation: {unused}")
     forms = predictions.forms({n: scan(path) for n, path in scans_in(folder.path).items()})
     series = Series(folder.path, tests, forms)
     found, predicted = _predict(work, series)

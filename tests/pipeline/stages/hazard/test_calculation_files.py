@@ -101,7 +101,7 @@ def test_no_disaggregation_is_refused(tmp_path: Path) -> None:
         load_disaggregation(tmp_path)
     wrong = tmp_path / "Mag_Dist-mean-0_2.csv"
     wrong.write_text("imt,iml,mag\nPGA,0.5,x\n", encoding="utf-8")
-    with pytest.raises(InputError, match="a disaggregation has"):
+    with pytest.raises(InputError, match="dist: got no such column"):
         load_disaggregation(wrong)
 
 

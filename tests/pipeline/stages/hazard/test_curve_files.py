@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 
 from pipeline.config.problems import InputError
 from pipeline.stages.hazard import curve_folder
+from tests.support.bad_input import bounded
 from vsr_core import GRAVITY
 
 LEVELS = [0.01, 0.1, 1.0]
@@ -42,7 +45,7 @@ def written(folder: Path, spelt: Callable[[int, list[float]], str] = present) ->
         path.write_text(spelt(number, rates), encoding="utf-8")
     name = "rlz_id" if spelt is present else "ordinal"
     lines = [f"{name},branch_path,weight", *(f"{n},A~{n},{w}" for n, w in WEIGHTS.items())]
-    (folder / "realizations_1.csv").write_text("\n".join(lines), encoding="utf-8")
+    (folder / "realizations_1.csv").write_text("\n".join([*lines, ""]), encoding="utf-8")
     return folder
 
 
@@ -80,25 +83,114 @@ FIRST = "hazard_curve-rlz-000-PGA_1.csv"
         (FIRST, "investigation_time=50.0", "x=1", "years of the probabilities"),
         (FIRST, "imt='PGA'", "imt='SA(0.2)'", "the file name says PGA"),
         (FIRST, "-120.9,35.2", "-120.9,36.2", "all curves are of one site"),
-        (FIRST, "-120.9,35.2,0.0,", "-120.9,35.2,0.0,1.0,", None),
+        (FIRST, "-120.9,35.2,0.0,", "-120.9,35.2,0.0,1.0,", "7 fields in row 1"),
+        (FIRST, "9.999546000702E-01", "1.0", "no finite rate"),
+        (FIRST, "investigation_time=50.0", "investigation_time=1e-300", "years: got '1e-300'"),
+        (FIRST, "investigation_time=50.0", "investigation_time=5.0", "50 years, and elsewhere 5"),
+        (FIRST, "poe-0.1000000", "poe-nan", "levels.1: got 'nan'"),
+        (FIRST, "poe-0.1000000", "SA(0.2)-0.1", "poe-0.1 for a level of PGA"),
+        (FIRST, "poe-0.1000000", "PGV-0.1", "poe-0.1 for a level of PGA"),
+        (FIRST, "-120.9,", "nan,", "lon: got 'nan'"),
+        (FIRST, "35.2,", "1e300,", "lat: got '1e300'"),
+        (FIRST, "9.995001666250E-04\n", "9.995001666250E-0", "a last line that ends in"),
+        (FIRST, "9.995001666250E-04", "nan", "values.2: got 'nan'"),
+        (FIRST, "1.812692469220E-01", "-0.1", "values.1: got '-0.1'"),
+        (FIRST, "1.812692469220E-01", "0.0", "not positive"),
+        (FIRST, "lon,lat,depth", "lon,lon,depth", "lon: got a column twice"),
+        ("realizations_1.csv", "1,A~1,0.4", "1,A~1,0.4\n0,A~0,0.9", "0 twice"),
+        ("realizations_1.csv", "1,A~1,0.4", "1,A~1,-0.4", "weight: got '-0.4' in row 2"),
+        ("realizations_1.csv", "A~1", "A" * 200_000, "field larger"),
         (FIRST, "poe-0.0100000", "poe-9.0", "ascend"),
         ("realizations_1.csv", "0.4", "0.3", "sum to 1"),
-        ("realizations_1.csv", "weight", "gewicht", "rlz_id, branch_path and weight"),
+        ("realizations_1.csv", "weight", "gewicht", "rlz_id, branch_path, weight"),
         ("realizations_1.csv", "\n1,", "\n2,", "a curve of PGA and a weight"),
-        ("realizations_1.csv", "0.6", "half", "weights are numbers"),
+        ("realizations_1.csv", "0.6", "half", "weight: got 'half' in row 1"),
     ],
 )
 def test_what_breaks_a_rule_is_refused_in_one_line(
-    tmp_path: Path, file: str, old: str, new: str, words: str | None
+    tmp_path: Path, file: str, old: str, new: str, words: str
 ) -> None:
     path = written(tmp_path) / file
     text = path.read_text(encoding="utf-8")
     assert old in text
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(InputError, match=words or "no finite rate") as error:
+    with pytest.raises(InputError, match=re.escape(words)) as error:
         curve_folder.load(tmp_path)
     assert str(error.value).count("\n") == 0
     assert str(tmp_path) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("factor", "names", "words"),
+    [
+        (981.0, "*.csv", "levels: got levels from 9.81 to 981"),
+        (981.0, FIRST, "levels: got levels from 9.81 to 981"),
+        (9.81, FIRST, "other levels than"),
+        (1e-3, "hazard*.csv", "levels from 1e-05 to 0.001"),
+    ],
+)
+def test_levels_in_another_unit_are_refused(
+    tmp_path: Path, factor: float, names: str, words: str
+) -> None:
+    for path in written(tmp_path).glob(names):
+        text = re.sub(
+            r"poe-([0-9.]+)",
+            lambda level: f"poe-{factor * float(level[1])}",
+            path.read_text(encoding="utf-8"),
+        )
+        path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(words)):
+        curve_folder.load(tmp_path)
+
+
+def nshmp(folder: Path, rates: str, levels: str = "0.01,0.1,0.5,1.0") -> Path:
+    (folder / "PGA").mkdir()
+    text = f"name,lon,lat,{levels}\nhere,-120.9,35.2,{rates}\n"
+    (folder / "PGA" / "curves.csv").write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("rates", "words"),
+    [
+        ("0.1,nan,1e-3,1e-4", "values.1: got 'nan'"),
+        ("0.1,-0.01,1e-3,1e-4", "values.1: got '-0.01'"),
+        ("0.1,0.01,0,1e-4", "not positive"),
+        ("inf,0.01,1e-3,1e-4", "values.0: got 'inf'"),
+        ("1e306,1e300,1e299,1e298", "equal to 1000"),
+        ("0.9,0.3,0.1,0.03", "0.03 times a year; 1 is exceeded at most 0.01 times"),
+        ("0.1,0.01,1e-3", "6 fields in row 1"),
+        ("0.1,0.01,1e-3,1e-4,1e-5", "8 fields in row 1"),
+    ],
+)
+def test_rates_that_are_none_are_refused(tmp_path: Path, rates: str, words: str) -> None:
+    with pytest.raises(InputError, match=re.escape(words)):
+        curve_folder.load(nshmp(tmp_path, rates))
+
+
+def test_levels_that_are_never_exceeded_end_a_curve_and_are_counted(tmp_path: Path) -> None:
+    model = curve_folder.load(nshmp(tmp_path, "0.1,0.01,0,0"))
+    np.testing.assert_allclose(model.branches[0].pga.rates, [0.1, 0.01])
+    assert model.unused == ("2 levels of PGA at the ends of curves, which nothing exceeds",)
+
+
+@pytest.mark.parametrize("name", [FIRST, "realizations_1.csv", "about.txt"])
+def test_what_is_no_regular_file_of_text_is_refused(tmp_path: Path, name: str) -> None:
+    """A pipe or a device would be waited for, or never end."""
+    path = written(tmp_path) / name
+    for make in (
+        lambda: os.mkfifo(path),
+        lambda: path.symlink_to("/dev/zero"),
+        lambda: path.mkdir(),
+        lambda: path.write_bytes(b"caf\xe9"),
+    ):
+        path.unlink(missing_ok=True)
+        make()
+        read = curve_folder.about if name == "about.txt" else curve_folder.load
+        with bounded(seconds=1.0, mebibytes=50.0), pytest.raises(InputError, match=name):
+            read(tmp_path)
+        if path.is_dir():
+            path.rmdir()
 
 
 def test_a_folder_without_curves(tmp_path: Path) -> None:

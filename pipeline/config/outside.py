@@ -1,0 +1,181 @@
+"""Files from outside: one way to read them, by a schema, and to refuse in one line what breaks it.
+
+A file is opened if it is a regular one of bounded size; text is UTF-8. A table is a line of names,
+each there once, and rows with a field for each name. A row is a `Row`: its fields, their types and
+ranges, as of a section of the configuration. What is in no schema is refused, or named.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import stat
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from operator import attrgetter
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from pipeline.config.paths import shown
+from pipeline.config.problems import InputError, Problem
+from pipeline.config.refusals import problem
+from pipeline.config.sections import Section
+from vsr_core.motions.named_columns import is_cut
+
+LARGEST = 64 * 1024**2
+"""Bytes of a file: of a table of a million rows."""
+
+LONGEST_FIELD = 100_000
+"""Characters of a field of a table."""
+
+SUM = 1e-3
+"""How far weights may be from a sum of 1, as they are written with few digits."""
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class Row(Section):
+    """A row of a table; columns that it does not name are left to the reader of the table."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+def refused(path: Path, key: str, given: str, rule: str, remedy: str = "") -> InputError:
+    """The refusal of a file."""
+    return InputError(Problem(shown(path), key, given, rule, remedy or "export it again"))
+
+
+def check_file(path: Path, largest: int) -> None:
+    """Refuse what is no regular file, or too large."""
+    try:
+        state = path.stat()
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    if not stat.S_ISREG(state.st_mode):
+        raise refused(path, "", "no regular file", "it is a file", "correct the path")
+    if state.st_size > largest:
+        given = f"a file of {state.st_size / 1024**2:.0f} MiB"
+        rule = f"it has at most {largest / 1024**2:.0f} MiB"
+        raise refused(path, "", given, rule, "leave out what is not needed")
+
+
+def content(path: Path, largest: int = LARGEST) -> bytes:
+    """What a regular file holds."""
+    check_file(path, largest)
+    try:
+        with path.open("rb") as file:
+            return file.read(largest)
+    except OSError as error:
+        raise _unreadable(path, error) from None
+
+
+def _unreadable(path: Path, error: OSError) -> InputError:
+    given = f"a file that cannot be read ({error.strerror})"
+    return refused(path, "", given, "it is a file that you may read", "correct it")
+
+
+def text(path: Path, largest: int = LARGEST) -> str:
+    """What a file of text holds."""
+    try:
+        found = content(path, largest).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        given = f"byte {error.start + 1}, which is not in UTF-8"
+        raise refused(path, "", given, "it is text in UTF-8", "save it so") from None
+    if "\0" in found:
+        raise refused(path, "", "a character of no text (NUL)", "it is text", "export it again")
+    return found
+
+
+def table(path: Path, lines: str) -> list[dict[str, str]]:
+    """Rows of a table by its names, separated by commas; lines that begin with # are left out.
+
+    Raises
+    ------
+    InputError
+        For a row with another number of fields than there are names, a name given twice, or a last
+        line that is cut.
+    """
+    plain = "".join(
+        line for line in lines.splitlines(keepends=True) if not line.lstrip('"').startswith("#")
+    )
+    csv.field_size_limit(LONGEST_FIELD)
+    try:
+        rows = [
+            [field.strip() for field in row]
+            for row in csv.reader(io.StringIO(plain, newline=""), strict=True)
+            if row
+        ]
+    except csv.Error as error:
+        given = f"a table that cannot be read ({error})"
+        raise refused(path, "", given, "it is a table in CSV") from None
+    names = rows[0] if rows else []
+    if twice := [name for name, times in Counter(names).items() if times > 1]:
+        raise refused(path, twice[0], "a column twice", "a column has a name of its own")
+    for number, row in enumerate(rows[1:], start=1):
+        if len(row) != len(names):
+            given, rule = f"{len(row)} fields in row {number}", f"each row has {len(names)}"
+            raise refused(path, "", given, rule)
+    last = rows[-1] if rows else []
+    if is_cut(plain, last[-1:], [row[-1] for row in rows[1:-1]] or last[:-1]):
+        given, rule = f"a last line that ends in {last[-1]!r}", "the file is whole"
+        raise refused(path, "", given, rule, "export it again, or end its last line")
+    return [dict(zip(names, row, strict=True)) for row in rows[1:]]
+
+
+def rows(
+    path: Path, model: type[Model], cells: Sequence[dict[str, Any]], *, once: Sequence[str] = ()
+) -> list[Model]:
+    """Rows of a table by their schema; an empty field is none.
+
+    Parameters
+    ----------
+    once : fields that together are in one row only
+    """
+    needed = [name for name, field in model.model_fields.items() if field.is_required()]
+    if cells and (missing := [name for name in needed if name not in cells[0]]):
+        rule = f"there are columns {', '.join(needed)}"
+        raise refused(path, missing[0], "no such column", rule, "add it, or export it again")
+    found = []
+    for number, row in enumerate(cells, start=1):
+        given = {name: cell for name, cell in row.items() if cell != ""}
+        try:
+            found.append(model.model_validate(given, strict=False))
+        except ValidationError as error:
+            raise _in_row(path, error, model, number) from None
+    if once:
+        twice = [key for key, times in Counter(map(attrgetter(*once), found)).items() if times > 1]
+        if twice:
+            what = ", ".join(once)
+            raise refused(path, what, f"{twice[0]} twice", "it is in one row", "leave one out")
+    return found
+
+
+def _in_row(path: Path, error: ValidationError, model: type[BaseModel], number: int) -> InputError:
+    said = problem(error.errors()[0], {}, shown(path), model)
+    return InputError(replace(said, given=f"{said.given or 'nothing'} in row {number}"))
+
+
+def checked(path: Path, model: type[Model], values: dict[str, Any], *, text: bool = False) -> Model:
+    """Values of a file by their schema.
+
+    Parameters
+    ----------
+    text : bool, whether numbers are given as text
+    """
+    try:
+        return model.model_validate(values, strict=False if text else None)
+    except ValidationError as error:
+        raise InputError(problem(error.errors()[0], {}, shown(path), model)) from None
+
+
+def check_sum(path: Path, key: str, weights: Sequence[float]) -> None:
+    """Refuse weights that do not sum to 1."""
+    if not abs(sum(weights) - 1.0) <= SUM:
+        given = f"weights that sum to {sum(weights):g}"
+        raise refused(path, key, given, "those of all branches sum to 1", "export all realizations")
