@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import base64
 import io
+import json
+import os
 import re
+import struct
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import unquote
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
+from conftest import Ran
 from PIL import Image
 
 from pipeline.workflow import front_page, pages, writers
 from pipeline.workflow.datasets import netcdf
 from pipeline.workflow.store import Store
+from tests.support.bad_input import bounded
 
 HOSTILE = "<script>alert(1)</script>"
 
@@ -126,3 +133,135 @@ def test_the_way_back_leads_to_the_index(derived: Path, below: str) -> None:
     store = Store(site.folder / below, site) if below else site
     assert (store.folder / store.up / "index.html").resolve() == (derived / "index.html").resolve()
     assert 'href="../index.html"' in pages.filled("back.html", {})
+
+
+GOOD = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0, "files": {"report.html": "x"}}
+MANIFESTS = {
+    "a number as text": json.dumps(GOOD | {"unresolved": "x"}),
+    "no number": json.dumps(GOOD | {"unresolved": None}),
+    "less than none": json.dumps(GOOD | {"unresolved": -5}),
+    "beyond numbers": json.dumps(GOOD).replace(": 0", ": 1e400"),
+    "a list": "[1]",
+    "files in a list": json.dumps(GOOD | {"files": ["a"]}),
+    "no checksum": json.dumps(GOOD | {"files": {"report.html": ["x"]}}),
+    "deep": "[" * 100_000,
+    "no text": b"\xff\xfe",
+    "a file elsewhere": json.dumps(GOOD | {"files": {"/etc/passwd.html": "x"}}),
+    "a file above": json.dumps(GOOD | {"files": {"../../secret.html": "x"}}),
+}
+
+
+def beside(results: Path, **files: str | bytes) -> Path:
+    """A folder of products beside the others, with a manifest and files."""
+    folder = results / "broken"
+    (folder / ".stages").mkdir(parents=True)
+    for file, content in ({".stages/report.json": json.dumps(GOOD)} | files).items():
+        content = content.encode() if isinstance(content, str) else content
+        (folder / file).write_bytes(content)
+    return folder
+
+
+def index_of_rest(results: Path, capsys: pytest.CaptureFixture[str], named: str) -> str:
+    """The index, which names what is left out, and lists the rest."""
+    with bounded(seconds=2.0, mebibytes=100.0):
+        text = index(results)
+    assert "A rock&#39;s report" in text
+    assert f"<code>{named}</code>" in text
+    assert capsys.readouterr().out == f"index: {named} cannot be read and is left out\n"
+    return text
+
+
+@pytest.mark.parametrize("case", MANIFESTS)
+def test_a_broken_manifest_is_left_out_and_named(
+    results: Path, capsys: pytest.CaptureFixture[str], case: str
+) -> None:
+    beside(results, **{".stages/report.json": MANIFESTS[case]})
+    index_of_rest(results, capsys, "broken/.stages/report.json")
+
+
+@pytest.mark.parametrize("kind", ["pipe", "folder", "device"])
+def test_a_page_that_is_no_file_is_left_out_and_named(
+    results: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    path = beside(results) / "report.html"
+    {
+        "pipe": lambda: os.mkfifo(path),
+        "folder": path.mkdir,
+        "device": lambda: path.symlink_to("/dev/zero"),
+    }[kind]()
+    index_of_rest(results, capsys, "broken/report.html")
+
+
+def text_errors(data: netCDF4.Dataset) -> None:
+    data.createDimension("a", 1)
+    data.createVariable("boundary_error", str, ("a",))[0] = "q"
+
+
+def many_errors(data: netCDF4.Dataset) -> None:
+    data.createDimension("a", 10**10)
+    data.createVariable("boundary_error", "f8", ("a",), zlib=True, chunksizes=(10**6,))
+
+
+@pytest.mark.parametrize("change", [text_errors, many_errors])
+def test_a_dataset_that_is_none_is_left_out_and_named(
+    results: Path, capsys: pytest.CaptureFixture[str], change: Callable[[netCDF4.Dataset], None]
+) -> None:
+    manifest = json.dumps(GOOD | {"files": {"responses.nc": "x"}})
+    folder = beside(results, **{".stages/report.json": manifest})
+    with netCDF4.Dataset(folder / "responses.nc", "w") as data:
+        change(data)
+    index_of_rest(results, capsys, "broken/responses.nc")
+
+
+def test_a_folder_whose_name_is_no_text_is_left_out_and_named(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    beside(results).rename(os.fsdecode(os.fsencode(results) + b"/\xff\xfe"))
+    text = index_of_rest(results, capsys, "\\udcff\\udcfe")
+    assert text.encode()
+
+
+def png(width: int, height: int, more: bytes = b"") -> str:
+    """A picture that says it is larger than what it holds."""
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        check = struct.pack(">I", zlib.crc32(kind + content))
+        return struct.pack(">I", len(content)) + kind + content + check
+
+    head = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0))
+    content = b"\x89PNG\r\n\x1a\n" + head + chunk(b"IDAT", zlib.compress(bytes(1000))) + more
+    return base64.b64encode(content).decode()
+
+
+@pytest.mark.parametrize(
+    "content", [png(30_000, 30_000), png(13_000, 13_000), png(9, 9, b"\0\0\0\5IDATxx"), "!!!"]
+)
+def test_a_picture_that_is_none_is_left_out_of_its_card(results: Path, content: str) -> None:
+    beside(results, **{"report.html": page("Without a picture", "", content)})
+    with bounded(seconds=2.0, mebibytes=100.0):
+        text = index(results)
+    assert "Without a picture" in text
+    assert "First picture of: Without a picture" not in text
+
+
+def test_what_the_last_index_is_said_to_have_read_is_read_anew_where_it_is_changed(
+    results: Path,
+) -> None:
+    index(results)
+    known = results / ".index.json"
+    known.write_text(known.read_text().replace("0.3", "0.1").replace('"stamp":"', '"stamp":"x'))
+    assert "topples at 0.3" in index(results)
+
+
+def test_a_broken_index_decides_no_other_command(
+    vsr: Callable[..., Ran], derived: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beside(derived, **{".stages/report.json": MANIFESTS["a list"]})
+    given = ("run", "rock", "--site", "cuboid_1x1x2", "--workers", "0")
+    ran = vsr(*given)
+    assert ran.code == 0
+    assert "index: broken/.stages/report.json cannot be read" in ran.err
+    monkeypatch.setattr(front_page, "product_folders", lambda derived: 1 / 0)
+    ran = vsr(*given)
+    assert ran.code == 0
+    assert "index: not renewed (division by zero)" in ran.err
