@@ -40,17 +40,24 @@ def table(frame: pd.DataFrame) -> Writer:
     Parameters
     ----------
     frame : DataFrame
-        An empty text is an empty field; NaN is written as ``nan``.
+        An empty text is an empty field; NaN is written as ``nan``. A text that a spreadsheet would
+        take for a formula is written behind an apostrophe.
     """
     return text(frame.map(_shown).to_csv(index=False, lineterminator="\r\n"))
+
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""Beginnings of what a spreadsheet would compute, or run."""
 
 
 def _shown(value: Any) -> Any:
     """The value as a table shows it.
 
-    >>> _shown(0.1234567), _shown(1234567)
-    ('0.123457', 1234567)
+    >>> _shown(0.1234567), _shown(1234567), _shown("=1+1")
+    ('0.123457', 1234567, "'=1+1")
     """
+    if isinstance(value, str) and value.startswith(_FORMULA):
+        return f"'{value}"
     return f"{value:.6g}" if isinstance(value, float) else value
 
 

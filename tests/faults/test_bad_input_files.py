@@ -265,7 +265,7 @@ def test_record_runs_nothing(tmp_path: Path, name: str) -> None:
 
 
 def rows(times: Any, values: Any, names: str = "time [s],acceleration [m/s2]") -> str:
-    return "\n".join([names, *(f"{t!r},{v!r}" for t, v in zip(times, values, strict=True))])
+    return "\n".join([names, *(f"{t!r},{v!r}" for t, v in zip(times, values, strict=True)), ""])
 
 
 def late(when: float) -> str:

@@ -86,6 +86,10 @@ def of_text(text: str) -> list[Column]:
             raise InvalidInput(
                 f"row {place} of a table, {line.strip()[:40]!r}", "values are numbers", "correct it"
             ) from None
+    last = [line.split(separator)[-1] for line in lines[1:]]
+    if len(last) > 1 and is_cut(text, last[-1:], last[:-1]):
+        given = f"a table that ends in {last[-1].strip()!r}, formed like no other number above it"
+        raise InvalidInput(given, "it is whole", "write it again, or end its last line")
     table = np.array(rows, dtype=np.float64).reshape(-1, len(names)).T
     return [Column(*name, values) for name, values in zip(names, table, strict=True)]
 

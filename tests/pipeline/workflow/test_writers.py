@@ -37,6 +37,10 @@ def test_table_is_written_with_six_digits(tmp_path: Path) -> None:
         ["1.23457e-09", 'x, "y"\nz', "0", "inf"],
         ["nan", "", "12", ""],
     ]
+    formulas = ["=HYPERLINK(1)", "@SUM(1)", "+cmd|calc", "-1", "a=1"]
+    writers.table(pd.DataFrame({"a": [*formulas, -1.5]}))(tmp_path / "formulas")
+    lines = (tmp_path / "formulas").read_text(encoding="utf-8").splitlines()
+    assert lines[1:] == [*(f"'{one}" for one in formulas[:4]), "a=1", "-1.5"]
     writers.table(pd.DataFrame(columns=["a", "b"]))(tmp_path / "empty")
     assert (tmp_path / "empty").read_bytes() == b"a,b\r\n"
 

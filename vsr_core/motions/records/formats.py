@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import warnings
 from dataclasses import dataclass, replace
 from typing import Any
@@ -40,6 +41,8 @@ def read_waveforms(
     """
     import obspy  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
+    if kind == "KNET":
+        _check_knet(content)
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
@@ -56,6 +59,32 @@ def read_waveforms(
         raise _unreadable(error) from None
     record = from_stream(stream, "m/s2" if response is not None else unit)
     return replace(record, repairs=(*record.repairs, *_warnings(caught)))
+
+
+_KNET_HEADER = 17
+"""Lines of the header of K-NET and KiK-net."""
+
+_KNET_SIZE = re.compile(
+    r"^(Sampling Freq\(Hz\)|Duration Time\(s\))\s+([0-9]+\.?[0-9]*)", re.MULTILINE
+)
+
+
+def _check_knet(content: bytes) -> None:
+    """Refuse a K-NET file with other samples than its header says, or a last one that is cut."""
+    lines = content.decode("latin-1").splitlines()
+    said = dict(_KNET_SIZE.findall("\n".join(lines[:_KNET_HEADER])))
+    samples = [line.rstrip() for line in lines[_KNET_HEADER:]]
+    number = sum(len(line.split()) for line in samples)
+    wanted = float(said.get("Duration Time(s)", "nan")) * float(
+        said.get("Sampling Freq(Hz)", "nan")
+    )
+    if number != wanted:
+        given = f"a K-NET file of {number} samples that says {wanted:g}"
+        raise InvalidInput(given, "it holds as many as it says", "download it again")
+    ends = [[word.end() for word in re.finditer(r"\S+", line)] for line in samples if line]
+    if all(line == ends[0] for line in ends[:-1]) and ends[-1] != ends[0][: len(ends[-1])]:
+        given = f"a K-NET file that ends in {samples[-1][-9:]!r}, which is out of column"
+        raise InvalidInput(given, "it is whole", "download it again")
 
 
 def from_stream(stream: Any, unit: str | None) -> Record:

@@ -24,6 +24,7 @@ import numpy as np
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
+from vsr_core.motions.named_columns import is_cut
 from vsr_core.motions.records.record import Record, check_sampling, factor, side_by_side, stated
 
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)"
@@ -75,6 +76,9 @@ def read_at2(text: str, unit: str | None) -> Record:
     except ValueError as error:
         given = f"an AT2 file with a word among its samples ({error})"
         raise InvalidInput(given, "they are numbers", "download it again") from None
+    if is_cut(text, words[-1:], words[:-1]):
+        given = f"an AT2 file that ends in {words[-1]!r}, formed like no other number"
+        raise InvalidInput(given, "it is whole", "download it again, or end its last line")
     if len(values) != number:
         given = f"an AT2 file of {len(values)} samples that says NPTS = {number:.0f}"
         raise InvalidInput(given, "it holds as many as it says", "download it again")
@@ -187,6 +191,8 @@ def _block(lines: Iterator[str]) -> Array:
     while len(words) < number:
         line = _line(lines)
         taken = min(each, number - len(words))
+        if len(line.rstrip()) < taken * width:
+            raise _broken(f"has a short line under {heading.strip()[:50]!r}")
         words += [line[i * width : (i + 1) * width] for i in range(taken)]
     try:
         return np.array([float(word) for word in words])
