@@ -14,7 +14,7 @@ from pipeline.config.motion_schema import PULSES
 from pipeline.config.paths import SHIPPED, located, shown
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.problems import InputError, Problem, not_found
-from pipeline.config.refusals import nearest, problem
+from pipeline.config.refusals import is_section, nearest, problem
 from pipeline.config.schema import Config, TableConfig
 from pipeline.config.yaml_text import DEEPEST, LONGEST, parse
 
@@ -311,12 +311,16 @@ def _merge(
     for name, value in layer.items():
         key = str(name)
         here = (*path, key)
+        before = origin.get(here, source)
         origin[here] = source
         if isinstance(value, dict) and isinstance(into.get(key), dict):
             if "kind" in value and not _alike(value["kind"], into[key].get("kind")):
                 into[key] = {}  # what was said of another kind does not hold
             _merge(into[key], value, origin, source, here)
         elif isinstance(value, dict):
+            if into.get(key) is not None and is_section(here):
+                given, rule = repr(into[key]), "it is a section of keys"
+                raise InputError(Problem(before, ".".join(here), given, rule, "leave it out"))
             into[key] = {}
             _merge(into[key], value, origin, source, here)
         else:

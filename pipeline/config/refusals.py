@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from types import NoneType
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel
@@ -53,6 +54,9 @@ def problem(
     source = nearest(origin, place) or site
     key = ".".join(place)
     if error["type"] == "extra_forbidden":
+        if having := _kinds_with(place):
+            rule = f"only {place[-2]}.kind {', '.join(having)} has this key"
+            return Problem(source, key, "", rule, "leave it out, or set that kind")
         names = list(models[-1].model_fields) if models[-1] else ["start", "stop", "num"]
         return Problem(source, key, "", "unknown key", _instead(place[-1], names))
     if error["type"] == "missing":
@@ -133,6 +137,37 @@ def _inner(annotation: Any) -> type[BaseModel] | Sections | None:
             member = {kind: member}
         kinds |= member
     return kinds
+
+
+def _kinds_with(place: tuple[str, ...]) -> list[str]:
+    """Kinds of the section around a key that have it."""
+    _, models = _walk(place[:-1], Config)
+    field = models[-1].model_fields.get(place[-2]) if models and models[-1] else None
+    found = _inner(field.annotation) if field else None
+    if not isinstance(found, dict):
+        return []
+    return [kind for kind, model in found.items() if place[-1] in model.model_fields]
+
+
+def is_section(place: tuple[str, ...]) -> bool:
+    """Whether a key of the configuration holds other keys and nothing else.
+
+    >>> is_section(("uncertainty",)), is_section(("motion", "pga")), is_section(("yaw",))
+    (True, False, False)
+    """
+    _, models = _walk(place, Config)
+    field = models[-1].model_fields.get(place[-1]) if models[-1] else None
+    return field is not None and all(map(_is_model, _members(field.annotation)))
+
+
+def _members(annotation: Any) -> list[Any]:
+    """Types of a union, or the one type that it is."""
+    parts = get_args(annotation)
+    return [one for part in parts for one in _members(part)] if parts else [annotation]
+
+
+def _is_model(member: Any) -> bool:
+    return member is NoneType or (isinstance(member, type) and issubclass(member, BaseModel))
 
 
 def _description(place: tuple[str, ...], models: list[type[BaseModel] | None]) -> str:

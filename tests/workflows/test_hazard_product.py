@@ -552,6 +552,26 @@ def test_curves_that_break_a_rule_are_refused_before_anything_runs(
     refused("run", "hazard", "--site", site, "--curves", folder, "--age", 1000, words=(words,))
 
 
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("rocks=[{site: rock.yaml, age: {kind: normal, mean: 5}}]", "rock twice"),
+        ("compare=[{name: a, set: [yaw=30]},{name: a, set: [yaw=40]}]", "'a' twice"),
+        ("compare=[{name: a b, set: [yaw=30]},{name: a_b, set: [yaw=40]}]", "twice"),
+    ],
+)
+def test_a_rock_or_a_comparison_counts_once(
+    refused: Callable[..., str], write_site: Callable[..., str], setting: str, words: str
+) -> None:
+    path = Path(write_site(BOX + GRID + HAZARD))
+    key, _, value = setting.partition("=")
+    text = path.read_text(encoding="utf-8").replace(
+        ", compare: [{name: slippery, set: [contact.friction=0.3]}]}", f", {key}: {value}}}"
+    )
+    path.write_text(text, encoding="utf-8")
+    refused("run", "hazard", "--site", path, words=(f"hazard.{key}", words))
+
+
 def test_curves_and_age_have_to_be_given(
     refused: Callable[..., str], write_site: Callable[..., str]
 ) -> None:

@@ -180,13 +180,22 @@ class Others(Input):
 
 def find(hazard: HazardConfig, origin: Origin) -> Others:
     """What a site's hazard names beside the site itself."""
-    rocks = []
+    rocks: list[Other] = []
     for rock in hazard.rocks:
         name = rock.site
         if name.endswith((".yaml", ".yml")):
             name = str(origin.folder_of("hazard.rocks") / name)
         other = load_site(name)
+        if other.name in [origin.name, *(one.name for one in rocks)]:
+            file, given = origin.file_of("hazard.rocks"), f"{other.name} twice"
+            rule = "each rock is counted once, and has a name of its own"
+            raise InputError(Problem(file, "hazard.rocks", given, rule, "leave it out, or rename"))
         rocks.append(Other(other.name, other, "..", other.config.uncertain))
+    folders = [folder_of(one.name) for one in hazard.compare]
+    if len(set(folders)) < len(folders):
+        twice = next(one.name for one in hazard.compare if folders.count(folder_of(one.name)) > 1)
+        file, rule = origin.file_of("hazard.compare"), "a comparison has a name of its own"
+        raise InputError(Problem(file, "hazard.compare", f"{twice!r} twice", rule, "rename one"))
     assert origin.request is not None
     file, study, settings = origin.request
     compared = [

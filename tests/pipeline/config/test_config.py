@@ -243,6 +243,11 @@ def test_problem_names_the_layer_it_came_from(
         ("motion.pga.nmu=3", ("motion.pga.nmu", "did you mean num?")),
         ("contact.friction=-1", ("contact.friction", "-1", "0.6")),
         ("a.b=1", ("a", "unknown", "the keys here are")),
+        (
+            "uncertainty=1 uncertainty.members=5",
+            ("--set: uncertainty: got 1", "it is a section of keys"),
+        ),
+        ("motion.files=a", ("motion.files", "only motion.kind record, table has this key")),
     ],
 )
 def test_wrong_setting(
