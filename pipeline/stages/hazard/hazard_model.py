@@ -14,6 +14,7 @@ from pipeline.config.outside import Row, check_sum, refused
 from pipeline.config.paths import shown
 from pipeline.config.problems import InputError
 from pipeline.config.sections import Lax, Refused, Section
+from pipeline.workflow.grammar import counted
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
@@ -152,7 +153,7 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
     check_sum(source, "weight", [row.weight for row in rows])
     total = sum(row.weight for row in rows)
     branches, ended = [], 0
-    for row in rows:
+    for row in (row for row in rows if row.weight > 0.0):
         pga = curves[row.rlz_id, "PGA"][1]
         pgv = curves.get((row.rlz_id, "PGV"))
         ended += len(pga.levels) - len(pga.curve().levels)
@@ -167,8 +168,13 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
                 pgv[1].curve() if pgv else None,
             )
         )
+    if zero := len(rows) - len(branches):
+        unused = (*unused, f"{counted(zero, 'realization')} of weight 0 left out")
     if ended:
-        unused = (*unused, f"{ended} levels of PGA at the ends of curves, which nothing exceeds")
+        unused = (
+            *unused,
+            f"{counted(ended, 'level')} of PGA that nothing exceeds left out, at ends of curves",
+        )
     return HazardModel(tuple(branches), (pga.lon, pga.lat), unused)
 
 

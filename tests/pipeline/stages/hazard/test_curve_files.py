@@ -171,7 +171,15 @@ def test_rates_that_are_none_are_refused(tmp_path: Path, rates: str, words: str)
 def test_levels_that_are_never_exceeded_end_a_curve_and_are_counted(tmp_path: Path) -> None:
     model = curve_folder.load(nshmp(tmp_path, "0.1,0.01,0,0"))
     np.testing.assert_allclose(model.branches[0].pga.rates, [0.1, 0.01])
-    assert model.unused == ("2 levels of PGA at the ends of curves, which nothing exceeds",)
+    assert model.unused == ("2 levels of PGA that nothing exceeds left out, at ends of curves",)
+
+
+def test_a_realization_without_weight_is_no_branch_and_counted(tmp_path: Path) -> None:
+    path = written(tmp_path) / "realizations_1.csv"
+    path.write_text("rlz_id,branch_path,weight\n0,A~0,0.0\n1,A~1,1.0\n", encoding="utf-8")
+    model = curve_folder.load(tmp_path)
+    assert [one.name for one in model.branches] == ["1"]
+    assert model.unused[0] == "1 realization of weight 0 left out"
 
 
 @pytest.mark.parametrize("name", [FIRST, "realizations_1.csv", "about.txt"])
