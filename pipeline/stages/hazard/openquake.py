@@ -86,26 +86,29 @@ def load_calculation(path: Path) -> HazardModel:
         settings, levels = _settings(file)
         poes, lon, lat = (_numbers(file[name]) for name in (_STORED, "sitecol/lon", "sitecol/lat"))
         measures = json.loads(file[_STORED].attrs["json"])["imt"]
-        weights = _numbers(file["weights"]).reshape(poes.shape[1], -1)[:, 0]
-        paths = _paths(file, len(weights))
+        sites, number, of_measures, _ = poes.shape
+        if len(set(measures)) != of_measures:
+            raise ValueError(f"{of_measures} curves of {measures}")
+        weights = _numbers(file["weights"]).reshape(number, -1)[:, 0]
+        paths = _paths(file, number)
         years = float(settings["investigation_time"])
         known = {name: [float(level) for level in levels[name]] for name in measures}
-    if len(poes) != 1:
-        given, rule = f"{len(poes)} sites", "all curves are of one site"
+    if sites != 1:
+        given, rule = f"{sites} sites", "all curves are of one site"
         raise refused(path, "sitecol", given, rule, "calculate the rock's site only")
     if "PGA" not in measures:
         given, rule = f"curves of {', '.join(measures)}", "the probability of toppling is for PGA"
         raise refused(path, "imt", given, rule, "calculate PGA too")
     place = {"years": years, "lon": float(lon[0]), "lat": float(lat[0])}
     curves = {}
-    for number, of_measures in enumerate(poes[0].tolist()):
-        for measure, values in zip(measures, of_measures, strict=True):
+    for at, of_branch in enumerate(poes[0].tolist()):
+        for measure, values in zip(measures, of_branch, strict=True):
             if measure in UNITS:
-                at = {"measure": measure, "levels": known[measure], "values": values}
-                curves[number, measure] = path, checked(path, GivenCurve, place | at)
+                one = {"measure": measure, "levels": known[measure], "values": values}
+                curves[at, measure] = path, checked(path, GivenCurve, place | one)
     branches = [
-        checked(path, Realization, {"rlz_id": number, "branch_path": name, "weight": weight})
-        for number, (name, weight) in enumerate(zip(paths, weights.tolist(), strict=True))
+        checked(path, Realization, {"rlz_id": at, "branch_path": name, "weight": weight})
+        for at, (name, weight) in enumerate(zip(paths, weights.tolist(), strict=True))
     ]
     return model(path, curves, branches)
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -13,6 +16,7 @@ import pytest
 from pipeline.config.problems import InputError
 from pipeline.stages.hazard import curve_folder
 from pipeline.stages.hazard.shaking_ratio import load_disaggregation
+from tests.support.bad_input import bounded
 from vsr_core import GRAVITY
 
 LEVELS = {"PGA": [0.01, 0.1, 1.0], "PGV": [0.5, 5.0, 50.0], "SA(1.0)": [0.02, 0.2, 2.0]}
@@ -79,6 +83,60 @@ def test_what_is_no_calculation_of_one_site_is_refused(tmp_path: Path) -> None:
     assert str(error.value).count("\n") == 0
 
 
+CURVES = "hcurves-rlzs"
+DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
+    "one number": (lambda file: put(file, CURVES, 0.5), "individual_rlzs"),
+    "short curves": (lambda file: put(file, CURVES, file[CURVES][..., :2]), "2 values; there is"),
+    "none": (lambda file: put(file, CURVES, np.full((1, 2, 3, 3), np.nan)), "got nan"),
+    "below 0": (lambda file: put(file, CURVES, -file[CURVES][...]), "values.0: got -0.6"),
+    "four terabytes": (lambda file: bomb(file), "numbers"),
+    "no weights": (lambda file: put(file, "weights", np.zeros(0)), "individual_rlzs"),
+    "negative weights": (lambda file: put(file, "weights", [-0.5, 1.5]), "weight: got -0.5"),
+    "weights in words": (lambda file: put(file, "weights", [b"a", b"b"]), "individual_rlzs"),
+    "a measure twice": (lambda file: named(file, '{"imt": ["PGA", "PGA", "PGV"]}'), "3 curves of"),
+    "a number for measures": (lambda file: named(file, '{"imt": 5}'), "individual_rlzs"),
+    "nothing for a measure": (lambda file: named(file, '{"imt": [null]}'), "individual_rlzs"),
+    "deep": (lambda file: put(file, "oqparam", "[" * 60_000), "individual_rlzs"),
+    "levels in words": (lambda file: parameters(file, {"PGA": "x"}), "individual_rlzs"),
+    "levels of nothing": (lambda file: parameters(file, {}), "individual_rlzs"),
+    "no place": (lambda file: put(file, "sitecol/lon", [math.nan]), "lon: got nan"),
+}
+
+
+def put(file: h5py.File, name: str, values: Any) -> None:
+    facts = dict(file[name].attrs)
+    del file[name]
+    file[name] = values
+    file[name].attrs.update(facts)
+
+
+def named(file: h5py.File, measures: str) -> None:
+    file[CURVES].attrs["json"] = measures
+
+
+def parameters(file: h5py.File, levels: dict[str, Any]) -> None:
+    put(file, "oqparam", json.dumps({"hazard_imtls": levels, "investigation_time": YEARS}))
+
+
+def bomb(file: h5py.File) -> None:
+    """Numbers that are not stored, as they are all alike."""
+    del file[CURVES]
+    shape = (1, 10**6, 1, 10**6)
+    file.create_dataset(CURVES, shape, "f4", chunks=(1, 1000, 1, 1000), compression="gzip")
+    named(file, '{"imt": ["PGA"]}')
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_calculation_is_refused(tmp_path: Path, damage: str) -> None:
+    change, words = DAMAGES[damage]
+    path = written(tmp_path / "calc_7.hdf5")
+    with h5py.File(path, "r+") as file:
+        change(file)
+    with bounded(seconds=1.0, mebibytes=100.0), pytest.raises(InputError, match=words) as error:
+        curve_folder.load(path)
+    assert str(error.value).count("\n") == 0
+
+
 def test_a_disaggregation_is_read(tmp_path: Path) -> None:
     path = tmp_path / "Mag_Dist-mean-0_2.csv"
     path.write_text(
@@ -94,6 +152,30 @@ def test_a_disaggregation_is_read(tmp_path: Path) -> None:
         np.testing.assert_allclose(found.levels, GRAVITY * np.array([0.2, 0.5]))
         assert found.magnitudes.tolist() == [5.5, 7.0]
         np.testing.assert_allclose(found.shares, [[0.5, 0.5], [0.75, 0.25]])
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("PGA,0.5,1e-3,nan,10,0.3", "mag: got 'nan' in row 3"),
+        ("PGA,0.5,1e-3,inf,10,0.3", "mag: got 'inf'"),
+        ("PGA,0,1e-3,6.5,10,0.3", "iml: got '0'"),
+        ("PGA,-0.1,1e-3,6.5,10,0.3", "iml: got '-0.1'"),
+        ("PGA,490,1e-3,6.5,10,0.3", "iml: got '490'"),
+        ("PGA,0.5,1e-3,6.5,-10,0.3", "dist: got '-10'"),
+        ("PGA,0.5,1e-3,6.5,10,7", "shares.0: got '7'"),
+        ("PGA,0.5,1e-3,6.5,10,-0.3", "shares.0: got '-0.3'"),
+        ("PGA,0.5,1e-3,6.5,10,inf", "shares.0: got 'inf'"),
+        ("PGA,0.5,1e-3,5.5,10,0.3", "twice"),
+        ("PGA,0.5,1e-3,5.5", "4 fields in row 3"),
+    ],
+)
+def test_a_bin_that_is_none_is_refused(tmp_path: Path, row: str, words: str) -> None:
+    path = tmp_path / "Mag_Dist-mean-0_2.csv"
+    rows = ["imt,iml,poe,mag,dist,mean", "PGA,0.5,1e-3,5.5,10,0.3", "PGA,0.2,1e-2,5.5,10,0.2"]
+    path.write_text("\n".join([*rows, row, ""]), encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(words)):
+        load_disaggregation(path)
 
 
 def test_no_disaggregation_is_refused(tmp_path: Path) -> None:
