@@ -219,6 +219,14 @@ def journal_mode(folder: Path) -> str:
     return "WAL" if is_local(folder) else "TRUNCATE"
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those above it, to be there after a power cut."""
+    new = [one for one in (folder, *folder.parents) if not one.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    for one in reversed(new):
+        settle(one.parent)
+
+
 def settle(folder: Path) -> None:
     """See to it that files renamed or removed in a folder stay so after a power cut."""
     handle = os.open(folder, os.O_RDONLY)

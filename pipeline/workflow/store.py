@@ -21,7 +21,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 from pipeline.config.outside import content
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.keys import digest_file
-from pipeline.workflow.owner import LOCK, Ownership, settle
+from pipeline.workflow.owner import LOCK, Ownership, make_folder, settle
 from pipeline.workflow.writers import Writer, marked, text
 
 LOG = "log.jsonl"
@@ -138,7 +138,7 @@ class Store:
         if self._is_open:
             return just_owned
         with writing(self.folder):
-            self._manifests.mkdir(parents=True, exist_ok=True)
+            make_folder(self._manifests)
             if self._home is None:
                 self._owned, just_owned = Ownership(self.folder), True
             with tempfile.NamedTemporaryFile(dir=self.folder, prefix=".try-") as probe:
@@ -245,7 +245,7 @@ class Store:
 
     def _put(self, final: Path, write: Writer) -> str:
         part = self.folder / f".part-{os.getpid()}-{final.name}"
-        final.parent.mkdir(exist_ok=True)
+        make_folder(final.parent)
         try:
             with writing(self.folder):  # while the part still fills the disk
                 write(part)
