@@ -28,6 +28,7 @@ STAGE = [
     "motions",
     "runs",
     "datasets",
+    "boundary",
     "fragility",
     "displacement",
     "uncertainty",

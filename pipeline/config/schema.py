@@ -16,6 +16,7 @@ from pydantic import (
 )
 
 from pipeline.config import in_si
+from pipeline.config.fragility_schema import FragilityConfig
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.motion_schema import MotionConfig, RecordConfig, TableMotionConfig
 from pipeline.config.observation_schema import Observations
@@ -126,6 +127,9 @@ class Config(Section):
     servo: ServoConfig = Field(description="servo of the table, where drive is servo")
     simulation: SimulationConfig = Field(
         SimulationConfig(), description="how the runs are computed"
+    )
+    fragility: FragilityConfig = Field(
+        FragilityConfig(), description="the overturning boundary between the cells of the grid"
     )
     observed_boulder: ObservedBoulder | None = Field(
         None, description="boulder observed on the terrain, to be traced to its source"

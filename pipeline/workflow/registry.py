@@ -127,6 +127,11 @@ STAGES: tuple[Stage, ...] = (
         gives=("pipeline.stages.datasets.responses:Responses",),
     ),
     Stage(
+        "boundary",
+        make="pipeline.stages.boundary.boundary:make",
+        gives=("pipeline.stages.boundary.boundary:BoundaryData",),
+    ),
+    Stage(
         "bullet_sample",
         make="pipeline.stages.datasets.bullet_sample:make",
         gives=("pipeline.stages.datasets.bullet_sample:BulletSample",),

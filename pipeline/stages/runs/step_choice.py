@@ -160,6 +160,21 @@ def kept(measured: xr.Dataset, boundary: Boundary) -> tuple[int, int]:
     return int((errors[:, at] <= float(stated)).sum()), len(errors)
 
 
+def step_for(measured: xr.Dataset, error: float) -> float | None:
+    """Longest step [s] at which the boundary was measured to keep to an error, if there is one.
+
+    Parameters
+    ----------
+    measured : Dataset
+        As in ``time_step.nc``, of one friction.
+    """
+    rows = measured.isel(row=measured["row_displaced"].values == Boundary.TOPPLED)
+    shares: list[float] = measured["step_share"].values.tolist()
+    front = ladder.front(shares, rows["row_error"].values, rows["row_steps"].values)
+    kept = [share for share, own in zip(shares, front.error, strict=True) if own <= error]
+    return max(kept) * float(measured.attrs["step_unit_s"]) if kept else None
+
+
 def measure_rows(
     shared: tuple[Case | TerrainCase, Settings, Boundary], items: tuple[float, ...]
 ) -> list[Row]:

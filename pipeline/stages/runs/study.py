@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Annotated, Any
@@ -13,7 +13,7 @@ from pipeline.config.motion_schema import MotionConfig
 from pipeline.config.schema import SceneSettings
 from pipeline.config.sections import Key
 from pipeline.stages.motions import motion_grid
-from pipeline.stages.motions.motion_grid import ComponentRecords, MotionData, Shaking
+from pipeline.stages.motions.motion_grid import Cell, ComponentRecords, MotionData, Shaking
 from pipeline.stages.runs.runner import Kind, Run, run_missing
 from pipeline.stages.runs.scenes import (
     Group,
@@ -133,7 +133,15 @@ class Study:
 
     def wanted(self, group: Group) -> GridRuns:
         """The runs of a group, one for each cell of the grid."""
-        return GridRuns(scene_digest(self.identity, group, self.time_step(group)), self.cells)
+        return GridRuns(self._scene(group), self.cells)
+
+    def runs_of(self, group: Group, cells: Sequence[Cell]) -> list[Run]:
+        """Runs of a group at any PGA, not only those of the grid."""
+        tokens = map(self.motions.token, cells)
+        return list(map(Run, run_keys(self._scene(group), tokens), cells))
+
+    def _scene(self, group: Group) -> bytes:
+        return scene_digest(self.identity, group, self.time_step(group))
 
     def time_step(self, group: Group) -> float:
         """Time step of the runs of a group [s]; nan where it has to be measured first."""
@@ -144,6 +152,11 @@ class Study:
         step = self.time_step(group)
         assert not math.isnan(step)
         return Settings(step, self.settings.simulation.reduce, self.settings.engine)
+
+    def shared(self, group: Group) -> tuple[Case | TerrainCase, Settings, Shaking]:
+        """What the runs of a group share."""
+        place = terrain_case if self.settings.on_terrain else flat_case
+        return place(self.scenes, group), self.how(group), self.motions
 
 
 class LevelStudy(Study):
@@ -175,10 +188,5 @@ def run_study(work: Work, study: Study, kind: Kind[Any]) -> Product:
     kind : Kind, whose function takes a prepared scene, Settings and the motions; and cells
     """
     refuse_motions(study.scenes, study.yaw, study.motions, work.origin)
-    place = terrain_case if study.settings.on_terrain else flat_case
-
-    def shared(group: Group) -> tuple[Case | TerrainCase, Settings, Shaking]:
-        return place(study.scenes, group), study.how(group), study.motions
-
-    done = run_missing(work, kind, study.groups, study.wanted, shared)
+    done = run_missing(work, kind, study.groups, study.wanted, study.shared)
     return Product({}, done.summary, retry=done.crashed)

@@ -1,0 +1,46 @@
+"""To which relative width a boundary is resolved: as asked for, but not below its own error."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from pipeline.config.fragility_schema import FINE, FragilityConfig
+from pipeline.config.layers import Origin
+from pipeline.config.problems import InputError, Problem
+from pipeline.stages.runs.step_choice import StepData, step_for
+from vsr_core.arrays import Array
+
+
+def widths(config: FragilityConfig, measured: StepData, origin: Origin) -> Array:
+    """Relative width of a boundary's interval at each friction.
+
+    Raises
+    ------
+    InputError
+        For one asked for that is finer than the numerical error of the time step.
+    """
+    error: Array = measured.data["boundary_error"].values
+    if config.resolution == "auto":
+        return np.fmax(FINE, error)
+    asked = float(config.resolution)
+    if (error > asked).any():
+        at = int(np.nanargmax(error))
+        raise InputError(_refused(origin, asked, measured.data.isel(friction=at)))
+    return np.full(len(error), asked)
+
+
+def _refused(origin: Origin, asked: float, measured: xr.Dataset) -> Problem:
+    key = "fragility.resolution"
+    error, step = float(measured["boundary_error"]), float(measured["time_step"])
+    rule = (
+        f"an interval is no narrower than the numerical error of the boundary, {error:.3g} at "
+        f"friction {float(measured['friction']):g} and a time step of {1e3 * step:.3g} ms"
+    )
+    finer = step_for(measured, asked)
+    remedy = f"leave it to auto, or give {error:.2g} or more"
+    if finer is not None:
+        remedy = (
+            f"set simulation.tolerance={asked:g} (a time step of {1e3 * finer:.3g} ms), or auto"
+        )
+    return Problem(origin.file_of(key), key, f"{asked:g}", rule, remedy)
