@@ -29,6 +29,7 @@ DELIVERABLES = {
     "rock": Deliverable("rock"),
     "motions": Deliverable("motions"),
     "responses": Deliverable("responses"),
+    "boundary": Deliverable("boundary", ("boundary.nc",)),
     "fragility": Deliverable("report", ("report.html", "fragility.csv", "responses.nc")),
     "study": Deliverable("fragility"),
     "report": Deliverable("report", ("report.html", "fragility.csv", "responses.nc")),

@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from vsr_core.arrays import Array, Indices, Mask
 
-UP, DOWN = 1.25, 2.0
-"""Factors between the PGAs at which a first change is looked for above the last run of a level that
+OUTWARD = 1.25
+"""Factor between the PGAs at which a first change is looked for above the last run of a level that
 never topples, and below the first one of a level that topples there."""
 
 ASIDE = 0.1
@@ -173,8 +173,8 @@ def _outward(known: Known, bounds: tuple[float, float]) -> list[tuple[Indices, A
     never = np.isin(levels, own) & ~np.isin(levels, runs.level[runs.side == 1])
     down, up = at_once & (lowest > bounds[0]), never & (highest < bounds[1])
     return [
-        (levels[down], np.maximum(lowest[down] / DOWN, bounds[0])),
-        (levels[up], np.minimum(highest[up] * UP, bounds[1])),
+        (levels[down], np.maximum(lowest[down] / OUTWARD, bounds[0])),
+        (levels[up], np.minimum(highest[up] * OUTWARD, bounds[1])),
     ]
 
 
@@ -217,9 +217,9 @@ def middles(lower: Array, upper: Array) -> Array:
     Examples
     --------
     >>> middles(np.array([0.1, np.nan, 4.0]), np.array([0.4, 0.002, np.inf])).round(4).tolist()
-    [0.2, 0.0014, inf]
+    [0.2, 0.0018, inf]
     """
-    return np.asarray(np.sqrt(np.where(np.isnan(lower), upper / DOWN, lower) * upper))
+    return np.asarray(np.sqrt(np.where(np.isnan(lower), upper / OUTWARD, lower) * upper))
 
 
 def probes(

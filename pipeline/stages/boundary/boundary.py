@@ -130,7 +130,7 @@ def _wrong(overturned: Any, grid: Any, level: Any, pga: Any, outcome: Any) -> An
 
 
 def _summary(dataset: xr.Dataset, rounds: int) -> str:
-    width = np.log(dataset["change_upper"] / dataset["change_lower"]).values
+    width = np.log(dataset["change_upper"].values / dataset["change_lower"].values)
     probes, wrong = (int(dataset[name].sum()) for name in ("probes", "probes_wrong"))
     parts = [
         f"changes of outcome along PGA: {len(width)}",

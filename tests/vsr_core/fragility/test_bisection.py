@@ -90,7 +90,7 @@ def test_a_single_edge_is_found_wherever_it_is(edge: float, width: float) -> Non
         assert lower < edge <= upper <= lower * np.exp(width) * (1 + 1e-12)
         assert BOUNDS[0] <= lower
         assert upper <= BOUNDS[1]
-    assert rounds < 25
+    assert rounds < 30
 
 
 def test_a_round_halves_every_interval() -> None:
