@@ -42,7 +42,7 @@ from vsr_core.table.stepper import SteppedPulse, Stepper
 
 # What depends on what
 
-RUNS = {"runs", "responses", "bullet_sample", "fragility", "report"}
+RUNS = {"runs", "responses", "boundary", "bullet_sample", "fragility", "report"}
 MOVED = {"displacement_runs", "displacement", "displacement_report"}
 DRAWN = {"observations", "uncertainty", "hazard"}
 STUDIES = {"accuracy", "drive"}
@@ -60,6 +60,7 @@ DECIDES = {
     "simulation": {"time_step", "accuracy"} | RUNS | MOVED | DRAWN,
     "simulation.engine": {"terrain"},
     "simulation.reduce": {"terrain"},
+    "fragility": {"boundary"},
     "observed_boulder": {"displacement_report"},
     "hazard": {"hazard"},
     "uncertainty": DRAWN,
@@ -81,6 +82,7 @@ NO_RUN = {
     "pedestal.point_on_rock": "level ground is cut from no scan",
     "pedestal.seat": "a rock on level ground stands on its base",
     "simulation.tolerance": "it chooses a time step, which is given here",
+    "fragility": "it asks for runs between the cells of a grid",
     "observed_boulder": "it is asked of runs that are done",
     "hazard": "it is asked of runs that are done",
     "uncertainty": "draws have runs of their own",
@@ -242,7 +244,7 @@ def others(value: Any, name: str) -> Iterator[Any]:
         yield f"{value}2"
     elif value:
         yield from ((*value[:-1], last) for last in others(value[-1], ""))
-    yield from (None, "other", 0.5, 100.0, (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8), ("yaw=90",))
+    yield from (None, "other", 0.5, 0.05, 100.0, (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8), ("yaw=90",))
 
 
 @dataclass(frozen=True)
