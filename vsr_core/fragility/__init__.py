@@ -1,26 +1,39 @@
-"""Fragility models for a grid of overturning outcomes.
+"""Fragility models for the overturning outcomes of one yaw and one friction.
 
-A grid holds one deterministic run per (PGV/PGA, PGA) cell for one yaw and one friction.
 `fit_all` is the entry: it locates the boundary, fits and scores several models and names the
-one to use.
+one to use. With runs between the cells of a grid, models are fitted to the intervals of the
+first overturning, and nothing follows the grid; without them, to the counts of its cells.
 """
 
 from __future__ import annotations
 
-import numpy.typing as npt
+from dataclasses import replace
 
-from vsr_core.fragility.boundary import counted, locate
+import numpy as np
+import numpy.typing as npt
+from scipy.special import expit, logit
+
+from vsr_core.arrays import Array
+from vsr_core.fragility.bisection import Known, first_changes, middles
+from vsr_core.fragility.boundary import Boundary, counted, locate
+from vsr_core.fragility.censored import CensoredLogistic
 from vsr_core.fragility.cross_validation import bootstrap, cross_validate, recommend
-from vsr_core.fragility.logistic import LogisticFragility
+from vsr_core.fragility.logistic import Logistic, LogisticFragility
 from vsr_core.fragility.lognormal import LognormalFragility
 from vsr_core.fragility.model import FragilityModel, FragilityResult, ModelFit, Parameter
 from vsr_core.fragility.smooth import SmoothFragility
+from vsr_core.fragility.spans import shares, thresholds
 
 __all__ = ["FragilityResult", "ModelFit", "fit_all"]
 
 
 def fit_all(
-    pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLike, *, n_bootstrap: int = 200
+    pga: npt.ArrayLike,
+    pgv_pga: npt.ArrayLike,
+    overturned: npt.ArrayLike,
+    runs: Known | None = None,
+    *,
+    n_bootstrap: int = 200,
 ) -> FragilityResult:
     """Boundary, fitted models with intervals and scores, and the recommended model.
 
@@ -32,6 +45,8 @@ def fit_all(
         Positive, strictly increasing.
     overturned : array_like, shape (n_ratio, n_pga)
         1 overturned, 0 not, NaN or -1 undecided (left out of every fit and score).
+    runs : Known
+        Of the grid and between its cells, each row a level; without them the grid is all there is.
     n_bootstrap : int
         Replicates, always the same ones.
 
@@ -40,17 +55,32 @@ def fit_all(
     InvalidInput
         If an axis, the shape or an outcome does not fit, or no run is decided.
     """
-    cells = counted(pga, pgv_pga, overturned)
-    kinds = (LogisticFragility, LognormalFragility, SmoothFragility)
-    models = tuple(_fitted(kind(cells), n_bootstrap) for kind in kinds)
-    boundary = locate(pga, overturned)
+    cells, boundary = counted(pga, pgv_pga, overturned), locate(pga, overturned)
+    ln_pga = cells.ln_pga
+    logistic: Logistic
+    if runs is None:
+        logistic, lognormal = LogisticFragility(cells), LognormalFragility(cells)
+    else:
+        first, cells = thresholds(runs, cells.ln_ratio.size), shares(runs, pgv_pga)
+        boundary = _resolved(boundary, runs)
+        logistic, lognormal = CensoredLogistic(cells, first), LognormalFragility(cells, first)
+    every = (logistic, lognormal, SmoothFragility(cells))
+    models = tuple(_fitted(model, ln_pga, n_bootstrap) for model in every)
     recommended, reason = recommend(
         {model.name: model.scores for model in models}, boundary, separated=models[0].separated
     )
     return FragilityResult(boundary=boundary, models=models, recommended=recommended, reason=reason)
 
 
-def _fitted(model: FragilityModel, n_bootstrap: int) -> ModelFit:
+def _resolved(grid: Boundary, runs: Known) -> Boundary:
+    """The boundary of all runs; islands and clusters are those of the grid."""
+    lower, upper = first_changes(runs, grid.lower.size)
+    return replace(
+        grid, pga=middles(lower, upper), lower=lower, upper=upper, censored=np.isinf(upper)
+    )
+
+
+def _fitted(model: FragilityModel, ln_pga: Array, n_bootstrap: int) -> ModelFit:
     """Score a fitted model and put its answers for the grid together."""
     coefs = model.coefs
     spread = bootstrap(model, n_bootstrap)
@@ -70,5 +100,18 @@ def _fitted(model: FragilityModel, n_bootstrap: int) -> ModelFit:
         median_upper=spread.median[1],
         band_low=low,
         band_high=high,
-        probability=model.grid_probability(coefs)[0],
+        probability=_at(model, ln_pga),
     )
+
+
+SURE = 1e-12
+"""Probabilities nearer to 0 and 1 than this are as good as these."""
+
+
+def _at(model: FragilityModel, ln_pga: Array) -> Array:
+    """Probability at the cells of the grid, whose PGAs the model may not have been fitted at."""
+    found, own = model.grid_probability(model.coefs)[0], model.cells.ln_pga
+    if own is ln_pga:
+        return found
+    rows = logit(np.clip(found, SURE, 1.0 - SURE))
+    return np.array([expit(np.interp(ln_pga, own, row)) for row in rows])

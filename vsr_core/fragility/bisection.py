@@ -246,6 +246,8 @@ def probes(
     open_to = near & (side[:, 1:] == side[:, :-1]) & (side[:, 1:] >= 0)
     number = open_to.sum(axis=1)
     level = np.flatnonzero((drawn[:, 0] < share) & (number > 0))
+    if not len(level):  # as on a grid of one PGA
+        return level, np.zeros(0), level
     wanted = (drawn[level, 1] * number[level]).astype(int)
     gap = (open_to[level].cumsum(axis=1) > wanted[:, None]).argmax(axis=1)
     tried = pga[gap] + drawn[level, 2] * (pga[gap + 1] - pga[gap])

@@ -173,7 +173,7 @@ def recommend(
     name, reason : str
         The name is "none" when only one outcome occurred.
     """
-    fell = boundary.cluster_sizes.sum()
+    fell = np.isfinite(boundary.upper).any()
     stood = np.isfinite(boundary.lower).any() or boundary.islands.any()
     if not fell:
         return "none", "Nothing toppled: the boundary lies above the tested motions."

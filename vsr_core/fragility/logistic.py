@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 from scipy.optimize import linprog
 from scipy.special import expit, logit
@@ -11,7 +13,40 @@ from vsr_core.fragility.boundary import Cells
 from vsr_core.fragility.model import Evaluate, FragilityModel, maximise
 
 
-class LogisticFragility(FragilityModel):
+class Logistic(FragilityModel):
+    """logit P(overturned) = b0 + b1 ln(PGA / 1 g) + b2 ln((PGV/PGA) / 1 s)."""
+
+    name = "logistic"
+
+    @abstractmethod
+    def _solve(self, row_weights: Array, tolerance: float) -> Array:
+        """Scaled coefficients for each row of weights, shape (batch, p)."""
+
+    @abstractmethod
+    def _unscaled(self, beta: Array) -> Array:
+        """Undo the centring and scaling: shape (batch, p) -> (batch, 3)."""
+
+    def refit(self, row_weights: Array) -> Array:
+        return self._unscaled(self._solve(row_weights, tolerance=1e-5))
+
+    def named(self, coefs: Array) -> dict[str, Array]:
+        return dict(zip(("b0", "b1", "b2"), coefs.T, strict=True))
+
+    def grid_probability(self, coefs: Array) -> Array:
+        b0, b1, b2 = coefs.T[..., None, None]
+        return expit(b0 + b1 * self.cells.ln_pga + b2 * self.cells.ln_ratio[:, None])
+
+    def grid_contour(self, coefs: Array, probability: float) -> Array:
+        """As of the base; without a rising P: 0 if it is at the level everywhere, else inf."""
+        b0, b1, b2 = coefs.T[..., None]
+        missing = logit(probability) - b0 - b2 * self.cells.ln_ratio
+        rising = b1 > 0
+        with np.errstate(over="ignore"):
+            pga = np.exp(missing / np.where(rising, b1, 1.0))
+        return np.where(rising, pga, np.where((b1 < 0) | (missing <= 0), 0.0, np.inf))
+
+
+class LogisticFragility(Logistic):
     """logit P(overturned) = b0 + b1 ln(PGA / 1 g) + b2 ln((PGV/PGA) / 1 s).
 
     Unpenalised maximum likelihood where it exists. When a line separates the outcomes (as on
@@ -28,8 +63,6 @@ class LogisticFragility(FragilityModel):
     the remedy for separation.
     Konis, K. (2007), DPhil thesis, University of Oxford: separation by linear programming.
     """
-
-    name = "logistic"
 
     def __init__(self, cells: Cells) -> None:
         self.cells = cells
@@ -58,25 +91,6 @@ class LogisticFragility(FragilityModel):
             self.method += "; only one PGA or PGV/PGA: its slope is not known and set to 0"
         if self.coefs[0, 1] < 0:
             self.method += "; P falls with PGA: there is no boundary to read"
-
-    def refit(self, row_weights: Array) -> Array:
-        return self._unscaled(self._solve(row_weights, tolerance=1e-5))
-
-    def named(self, coefs: Array) -> dict[str, Array]:
-        return dict(zip(("b0", "b1", "b2"), coefs.T, strict=True))
-
-    def grid_probability(self, coefs: Array) -> Array:
-        b0, b1, b2 = coefs.T[..., None, None]
-        return expit(b0 + b1 * self.cells.ln_pga + b2 * self.cells.ln_ratio[:, None])
-
-    def grid_contour(self, coefs: Array, probability: float) -> Array:
-        """As of the base; without a rising P: 0 if it is at the level everywhere, else inf."""
-        b0, b1, b2 = coefs.T[..., None]
-        missing = logit(probability) - b0 - b2 * self.cells.ln_ratio
-        rising = b1 > 0
-        with np.errstate(over="ignore"):
-            pga = np.exp(missing / np.where(rising, b1, 1.0))
-        return np.where(rising, pga, np.where((b1 < 0) | (missing <= 0), 0.0, np.inf))
 
     def _solve(self, row_weights: Array, tolerance: float) -> Array:
         """Scaled coefficients for each row of weights, shape (batch, p)."""

@@ -6,8 +6,10 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri
 
 from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.fragility.bisection import OUTWARD
 from vsr_core.fragility.boundary import Cells
 from vsr_core.fragility.model import Evaluate, FragilityModel, maximise
+from vsr_core.fragility.spans import Thresholds
 
 MAX_BETA = 2.0
 """Largest beta: P then rises from 2.5 % to 97.5 % over a factor 2500 in PGA. A row that exceeds it
@@ -22,10 +24,11 @@ class LognormalFragility(FragilityModel):
 
     Where a row's outcomes overlap, maximum likelihood, that is probit regression on ln PGA with
     beta = 1/b1 and theta = exp(-b0/b1) (Baker 2015). Where they separate, the likelihood has no
-    maximum and only the grid is informative: ln theta is taken as uniform on the interval from
+    maximum and only its interval is informative: ln theta is taken as uniform on the interval from
     the last balanced to the first overturned PGA, so theta is their geometric mean and beta the
     standard deviation of that uniform, width / sqrt(12). A row that never topples (or always
-    does) gets the interval of one further grid step beyond its last (first) PGA. A row that is
+    does) gets the interval of one further step beyond its last (first) PGA. With thresholds, rows
+    that change more than once are those that overlap. A row that is
     undecided or left out gets ln theta and ln beta linear in ln PGV/PGA between its neighbours,
     constant beyond the outermost. Coefficients are ln theta and ln beta, shape (batch, n_ratio, 2).
 
@@ -45,9 +48,11 @@ class LognormalFragility(FragilityModel):
 
     name = "lognormal"
 
-    def __init__(self, cells: Cells) -> None:
+    def __init__(self, cells: Cells, thresholds: Thresholds | None = None) -> None:
         self.cells = cells
-        rows = [self._threshold(row) for row in range(cells.ln_ratio.size)]
+        every = range(cells.ln_ratio.size)
+        rows = [self._threshold(row) if thresholds is None else _resolved(thresholds, row)
+                for row in every]  # fmt: skip
         status = np.array([name for name, _, _ in rows])
         # the interval of ln theta; for overlapping rows filled in below
         low, high = (np.array(side) for side in list(zip(*rows, strict=True))[1:])
@@ -146,6 +151,18 @@ class LognormalFragility(FragilityModel):
         gradient = np.stack([-1.0 / b1, np.where(flat, 0.0, b0 / b1**2)], axis=1)
         error = np.sqrt(np.einsum("ri,rij,rj->r", gradient, np.linalg.pinv(fisher), gradient))
         return centre - b0 / b1, -np.log(b1), error, flat
+
+
+def _resolved(thresholds: Thresholds, row: int) -> tuple[str, float, float]:
+    """The same where the first overturning of each row was looked for by itself."""
+    low, high, further = thresholds.lower[row], thresholds.upper[row], np.log(OUTWARD)
+    if np.isnan(low) and np.isnan(high):
+        return "undecided", np.nan, np.nan
+    if np.isinf(high):
+        return "above", low, low + further
+    if not thresholds.single[row]:
+        return "probit", np.nan, np.nan
+    return ("below", high - further, high) if np.isnan(low) else ("interval", low, high)
 
 
 def _information(eta: Array, trials: Array) -> tuple[Array, Array, Array]:

@@ -15,7 +15,7 @@ from vsr_core.hazard.ratio import RatioTable
 Fragility = Callable[[Array], Array]
 """Probability of toppling at peak ground accelerations [m/s^2], which does not fall with them."""
 
-PARTS = 64
+PARTS = 128
 """Parts of an interval between two levels of a curve, equal in ln level."""
 
 
@@ -81,7 +81,7 @@ def any_of(fragilities: Sequence[Fragility]) -> Fragility:
 RowFragility = Callable[[Array], Array]
 """Probability of toppling of each row of PGV/PGA, shape (rows, n), at n accelerations [m/s^2]."""
 
-FINEST = 1.02
+FINEST = 1.005
 """Factor between accelerations at which an average is computed."""
 
 

@@ -17,7 +17,7 @@ from pipeline.stages.runs.study import Study
 from pipeline.workflow.datasets import Stored, described, netcdf, rows_of
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Product, Work
-from vsr_core.fragility.bisection import Known, changes, first_changes, middles
+from vsr_core.fragility.bisection import Known, changes, first_changes, middles, of_grid
 from vsr_core.outcome import Outcome
 
 
@@ -46,6 +46,24 @@ def make(
     unresolved = int((dataset["outcome"].values >= Outcome.UNSETTLED).sum())
     summary = _summary(dataset, search.rounds)
     return Product(files, summary, unresolved=unresolved, retry=search.crashed)
+
+
+def runs_of(boundary: xr.Dataset, responses: xr.Dataset, place: tuple[int, int]) -> Known:
+    """All runs of one yaw and friction that tell of a change, each row a level.
+
+    Parameters
+    ----------
+    place : tuple of int, of yaw and friction
+    """
+    grid, pga = responses["overturned"].values[place], responses["pga"].values
+    at = zip(("yaw", "friction"), place, strict=True)
+    own = [boundary[f"run_{name}"].values == responses[name].values[n] for name, n in at]
+    here = np.flatnonzero(own[0] & own[1])
+    row, peaks, outcome = (boundary[n].values[here] for n in ("run_row", "run_pga", "outcome"))
+    beside = np.zeros((len(grid), max(len(pga) - 1, 0)), dtype=bool)
+    inside = np.flatnonzero((peaks > pga[0]) & (peaks < pga[-1]))
+    beside[row[inside], np.searchsorted(pga, peaks[inside]) - 1] = True
+    return of_grid(pga, grid, beside).joined(row, peaks, SIDES[outcome])
 
 
 def _note(work: Work, notes: list[dict[str, Any]]) -> None:

@@ -17,7 +17,6 @@ from pipeline.config.layers import CONFIGS, TABLES, load_table
 from pipeline.drawing import style
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array, Mask
-from vsr_core.fragility.boundary import locate
 from vsr_core.run.rocking_block import Block, first_overturning_pga
 from vsr_core.table.capacity import Table, largest_pga
 
@@ -244,23 +243,19 @@ def _share(which: Mask) -> float:
     return float(which.mean()) if which.size else math.nan
 
 
-def first_overturning(pga: Array, outcomes: Array) -> Array:
-    """First-overturning PGA of each row.
+def first_overturning(boundary: xr.Dataset, yaw: float | None = None, friction: int = 0) -> Array:
+    """First-overturning PGA of each row of one direction.
 
     Parameters
     ----------
-    pga : ndarray, shape (columns,) [g]
-    outcomes : ndarray, shape (rows, columns)
+    yaw : float or None [degree], the first one if None
 
     Returns
     -------
     ndarray, shape (rows,) [g]; nan where the row does not overturn
-
-    >>> outcomes = np.array([[0, 0, 1], [0, 0, 0]])
-    >>> first_overturning(np.array([0.1, 0.2, 0.3]), outcomes).round(4).tolist()
-    [0.2449, nan]
     """
-    found = locate(pga, outcomes).pga
+    place = 0 if yaw is None else boundary["yaw"].values.tolist().index(yaw)
+    found = boundary["first_overturning_pga"].values[place, friction]
     return np.where(np.isfinite(found), found, np.nan)
 
 
@@ -270,7 +265,7 @@ def lower_in(one: Array, other: Array) -> float:
     Parameters
     ----------
     one, other : ndarray, shape (rows,) [g]
-        Rows where neither is known do not count; an unknown one lies above the grid.
+        Rows where neither is known do not count; an unknown one lies above all that was tried.
 
     >>> lower_in(np.array([0.1, 0.3, np.nan]), np.array([0.2, 0.2, np.nan]))
     0.5
@@ -302,7 +297,7 @@ def _exact(width: float, height: float, ratio: float, highest: float) -> float:
     return found / GRAVITY if math.isfinite(found) else math.nan
 
 
-def from_housner(responses: xr.Dataset, width: float, height: float) -> Array:
+def from_housner(boundary: xr.Dataset, width: float, height: float) -> Array:
     """Relative distance of a block's first overturning from that by Housner's equation.
 
     Parameters
@@ -313,8 +308,8 @@ def from_housner(responses: xr.Dataset, width: float, height: float) -> Array:
     -------
     ndarray, shape (rows in which both are known,)
     """
-    pga, ratios = responses["pga"].values, responses["pgv_pga"].values
-    first = first_overturning(pga, grid(responses))
+    pga, ratios = boundary["pga"].values, boundary["pgv_pga"].values
+    first = first_overturning(boundary)
     return apart(first, housner(width, height, ratios, pga[-1]))
 
 

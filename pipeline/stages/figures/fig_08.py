@@ -13,11 +13,12 @@ from pipeline.drawing import style
 from pipeline.stages.figures import diagrams
 from pipeline.stages.figures.diagrams import RATIO
 from pipeline.stages.figures.paper import Data, Finding, Source, by_rule
+from pipeline.stages.fragility.summary import SEARCHED
 from vsr_core.arrays import Array
 
 TITLE = "First overturning of the wooden block W2"
 
-SOURCES = {"stated": Source("w2_5.5cm", "responses"), "larger": Source("w2_55cm", "responses")}
+SOURCES = {"stated": Source("w2_5.5cm", "boundary"), "larger": Source("w2_55cm", "boundary")}
 
 SIZES = {"stated": (0.011, 0.055), "larger": (0.11, 0.55)}
 """Width along the shaking and height [m]."""
@@ -56,7 +57,7 @@ def draw(data: Data) -> Figure:
 def _curve(axes: Axes, responses: xr.Dataset, name: str) -> None:
     text, colour, marker = _LOOKS[name]
     ratios, pga = responses["pgv_pga"].values, responses["pga"].values
-    first = diagrams.first_overturning(pga, diagrams.grid(responses))
+    first = diagrams.first_overturning(responses)
     look: Any = {"color": colour, "ls": "", "marker": marker, "ms": 3.2, "gid": f"{name}-first"}
     axes.plot(ratios, first, label=f"{text}: simulated", **look)
     exact = diagrams.housner(*SIZES[name], ratios, pga[-1])
@@ -92,8 +93,7 @@ def findings(data: Data) -> list[Finding]:
             "section 2.3",
             "Simulated blocks rock as Housner's equation says (Ma et al. 2018, as cited).",
             f"median distance of the boundaries from Housner's at most {100 * CLOSE:g} %",
-            f"{100 * median:.2f} % in {len(off)} rows of both blocks; half a cell "
-            f"of the grid is {_half_cell(data['stated']):.1f} % of the boundary",
+            f"{100 * median:.2f} % in {len(off)} rows of both blocks",
             by_rule(median <= CLOSE, median),
         )
     )
@@ -103,7 +103,7 @@ def findings(data: Data) -> list[Finding]:
 def _rise(responses: xr.Dataset, text: str) -> Finding:
     """How much higher the boundary lies at the shortest pulse than at the longest."""
     ratios, first = _rows(responses)
-    high = f"more than {responses['pga'].values[-1]:.2f}"
+    high = f"more than {responses.attrs[SEARCHED[1]]:.2f}"
     start, end = (f"{pga:.3f}" if np.isfinite(pga) else high for pga in (first[0], first[-1]))
     rise = first[0] / first[-1]
     factor = f": a factor of {rise:.2f}" if np.isfinite(rise) else ""
@@ -117,12 +117,4 @@ def _rise(responses: xr.Dataset, text: str) -> Finding:
 
 
 def _rows(responses: xr.Dataset) -> tuple[Array, Array]:
-    outcomes = diagrams.grid(responses)
-    first = diagrams.first_overturning(responses["pga"].values, outcomes)
-    return responses["pgv_pga"].values, first
-
-
-def _half_cell(responses: xr.Dataset) -> float:
-    """Half a cell of the grid, in percent of the median boundary."""
-    pga = responses["pga"].values
-    return float(50.0 * (pga[1] - pga[0]) / np.nanmedian(_rows(responses)[1]))
+    return responses["pgv_pga"].values, diagrams.first_overturning(responses)

@@ -15,7 +15,7 @@ from vsr_core.arrays import Mask
 TITLE = "PLA print of Double Rock, 12.0 cm high, from two sides"
 
 SOURCES = {
-    "print": Source("pla_12cm", "responses"),
+    "print": Source("pla_12cm", "boundary"),
     "fit": Source("pla_12cm", "fragility"),
     "rock": Source("pla_12cm", "rock"),
 }
@@ -92,7 +92,9 @@ def _compared(data: Data, cells: Mask, which: str) -> Finding:
     pga = responses["pga"].values
     outcomes = [np.where(cells, diagrams.grid(responses, yaw), -1) for yaw in YAWS]
     share = [100.0 * diagrams.toppled_share(each) for each in outcomes]
-    first = [diagrams.first_overturning(pga, each) for each in outcomes]
+    highest = np.where(cells, pga, 0.0).max(axis=1)
+    found = [diagrams.first_overturning(responses, yaw) for yaw in YAWS]
+    first = [np.where(each <= highest, each, np.nan) for each in found]
     rows = diagrams.lower_in(*first)
     return Finding(
         "Fig. 11, section 4.3",

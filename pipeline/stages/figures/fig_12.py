@@ -23,7 +23,7 @@ SIZES = {
 }
 """Lengths along x, y and z [m], in the order of the paper's panels b to e."""
 
-SOURCES = {name: Source(f"cuboid_{name}", "responses") for name in SIZES}
+SOURCES = {name: Source(f"cuboid_{name}", "boundary") for name in SIZES}
 
 MOST_ROWS = 0.9
 """Share of the rows in which a boundary must lie lower."""
@@ -93,8 +93,7 @@ def _block(axes: Axes, left: float, size: tuple[float, float, float]) -> None:
 def findings(data: Data) -> list[Finding]:
     """Compare with section 5.1."""
     outcomes = {name: diagrams.grid(data[name]) for name in SIZES}
-    first = {name: diagrams.first_overturning(data[name]["pga"].values, outcomes[name])
-             for name in SIZES}  # fmt: skip
+    first = {name: diagrams.first_overturning(data[name]) for name in SIZES}
     share = {name: 100.0 * diagrams.toppled_share(outcomes[name]) for name in SIZES}
 
     def weaker(one: str, other: str, claim: str) -> Finding:

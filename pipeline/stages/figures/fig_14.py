@@ -28,7 +28,7 @@ SOURCES = {
     "90": Source(SITE, "displacement", "yaw_90"),
     "terrain": Source(SITE, "terrain"),
     "rock": Source(SITE, "rock"),
-    "flat": Source("double_rock", "responses"),
+    "flat": Source("double_rock", "boundary"),
 }
 
 YAWS = ("0", "90")
@@ -79,7 +79,7 @@ def _responses(axes: Axes, data: Data, yaw: str) -> None:
     pga, ratios, outcomes = gridded(data[yaw])
     diagrams.cells(axes, pga, ratios, outcomes)
     flat = data["flat"]
-    first = diagrams.first_overturning(flat["pga"].values, diagrams.grid(flat, float(yaw)))
+    first = diagrams.first_overturning(flat, float(yaw))
     for colour, width in (("white", 3.0), ("black", 1.4)):
         axes.plot(first, flat["pgv_pga"].values, color=colour, lw=width, gid="flat",
                   label="first overturning on flat ground" if width < 2 else None)  # fmt: skip

@@ -18,7 +18,7 @@ TITLE = "Friction and its thresholds"
 
 ROCKS = {"cuboid_1x1x2": "1x1x2 m", "double_rock": "Double Rock, yaw 0°"}
 
-SOURCES = {rock: Source(rock, "responses", "friction_thresholds") for rock in ROCKS}
+SOURCES = {rock: Source(rock, "boundary", "friction_thresholds") for rock in ROCKS}
 
 PLATEAU = 0.05
 """Largest change of the toppled share between two frictions on a plateau."""
@@ -56,7 +56,7 @@ def _boundaries(axes: Axes, responses: xr.Dataset) -> None:
     for place, friction in enumerate(responses["friction"].values.tolist()):
         if friction in SHOWN:
             number = SHOWN.index(friction)
-            first = diagrams.first_overturning(pga, diagrams.grid(responses, friction=place))
+            first = diagrams.first_overturning(responses, friction=place)
             axes.plot(first, ratios, color=viridis(shades[number]),
                       lw=7.0 - 1.1 * number, label=f"{friction:g}")  # fmt: skip
     axes.set(xlim=(0.0, pga[-1]), ylim=(0.0, ratios[-1]))

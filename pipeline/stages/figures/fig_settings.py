@@ -33,7 +33,9 @@ SETTINGS = {
 ROCKS = {"cuboid_1x1x2": "1x1x2 m", "double_rock": "Double Rock, yaw 0°"}
 
 SOURCES = {
-    f"{rock}-{study}": Source(rock, "responses", study) for rock in ROCKS for study in SETTINGS
+    f"{rock}-{study}": Source(rock, "boundary" if study == BASE else "responses", study)
+    for rock in ROCKS
+    for study in SETTINGS
 }
 
 SAME = 0.02
@@ -66,7 +68,7 @@ def draw(data: Data) -> Figure:
 def _panel(axes: Axes, responses: xr.Dataset, ours: xr.Dataset) -> None:
     pga, ratios = responses["pga"].values, responses["pgv_pga"].values
     diagrams.cells(axes, pga, ratios, diagrams.grid(responses), pale=True)
-    first = diagrams.first_overturning(ours["pga"].values, diagrams.grid(ours))
+    first = diagrams.first_overturning(ours)
     axes.plot(first, ours["pgv_pga"].values, color="black", lw=1.3, gid="ours",
               label="first overturning with this project's settings")  # fmt: skip
 

@@ -10,11 +10,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import xarray as xr
+
 from pipeline.config.layers import Site, load_site
 from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import data_uri, pictures
 from pipeline.stages.figures import paper
 from pipeline.stages.figures.paper import RECORDED, Finding, Source
+from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.workflow import graph, keys, pages, writers
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import read
@@ -92,6 +95,14 @@ def _bring(sources: list[Source], site: Site, asked: Asked) -> int:
         return max(graph.make(stage, job) for stage in _last({s.stage for s in sources}))
 
 
+def _dataset(source: Source, derived: Path) -> xr.Dataset:
+    first, *others = (read(derived / source.folder / file) for file in source.files)
+    for other in others:  # what lies along the dimensions of the first
+        first = first.assign(other.drop_dims(set(other.dims) - set(first.dims)).data_vars)
+        first.attrs |= {name: value for name, value in other.attrs.items() if name in SEARCHED}
+    return first
+
+
 def _last(stages: set[str]) -> list[str]:
     """Those of some stages that no other of them needs."""
     needed = {above.name for stage in stages for above in upstream(stage)[:-1]}
@@ -109,10 +120,7 @@ def _draw(
     if not any(graph.why(stage, identity, store)):
         return
     store.open()
-    data = {
-        told: read(asked.derived / source.folder / source.file)
-        for told, source in figure.SOURCES.items()
-    }
+    data = {told: _dataset(source, asked.derived) for told, source in figure.SOURCES.items()}
     try:
         found = {"title": figure.TITLE, "findings": [asdict(one) for one in figure.findings(data)]}
         files = pictures(name, figure.draw(data), KINDS)

@@ -44,9 +44,11 @@ class Source:
         return f"{self.site}-{self.study}" if self.study else self.site
 
     @property
-    def file(self) -> str:
-        """Name of its file there."""
-        return f"{self.stage}.nc"
+    def files(self) -> tuple[str, ...]:
+        """Names of its files there; a boundary is drawn on the responses that it is from."""
+        return (
+            ("responses.nc", "boundary.nc") if self.stage == "boundary" else (f"{self.stage}.nc",)
+        )
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,13 @@ from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 
 from pipeline.drawing import style
-from pipeline.stages.fragility.summary import long_rows_in_words, static_pga, typical_pga, undecided
+from pipeline.stages.fragility.summary import (
+    SEARCHED,
+    long_rows_in_words,
+    static_pga,
+    typical_pga,
+    undecided,
+)
 from pipeline.workflow.datasets import label, rows_of
 from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import DecidedBy, Movement, Outcome
@@ -154,13 +160,14 @@ def _not_rolled_over(axes: Axes, runs: xr.Dataset, pga: Array, ratio: Array, siz
 
 
 def _boundary(axes: Axes, fit: xr.Dataset) -> None:
-    """Where the first overturning lies: from the last balanced run to the first overturned."""
-    lower, upper = (fit[f"first_overturning_pga_{end}"].values for end in ("lower", "upper"))
-    both = np.isfinite(lower) & np.isfinite(upper)
-    if both.any():
-        look: Any = {"color": "black", "lw": 1.0, "zorder": 3, "gid": "boundary"}
-        name = "interval of the first overturning"
-        axes.hlines(_heights(fit)[both], lower[both], upper[both], label=name, **look)
+    """First overturning of each row that has it within the grid, a stroke as high as its cells."""
+    first, ends = fit["first_overturning_pga"].values, style.cell_edges(fit["pga"].values)
+    borders = style.cell_edges(_heights(fit))
+    inside = (first >= ends[0]) & (first <= ends[-1])
+    if inside.any():
+        look: Any = {"color": "black", "lw": 1.2, "zorder": 3, "gid": "boundary"}
+        rows = first[inside], borders[:-1][inside], borders[1:][inside]
+        axes.vlines(*rows, label="first overturning", **look)
 
 
 def _model(axes: Axes, fit: xr.Dataset) -> None:
@@ -281,8 +288,6 @@ def _first(axes: PolarAxes, fragility: xr.Dataset, rock: xr.Dataset) -> None:
     around = np.arange(361.0)
     static = static_pga(rock, around)
     rim = 1.15 * max([*upper[np.isfinite(upper)], min(static.max(), grid[-1]), grid[0]])
-    if np.isinf(upper).any():
-        rim = max(rim, 1.15 * grid[-1])
     axes.set_ylim(0.0, rim)
     several = fragility.sizes["friction"] > 1
     for k, friction in enumerate(fragility["friction"].values):
@@ -303,7 +308,7 @@ def _first(axes: PolarAxes, fragility: xr.Dataset, rock: xr.Dataset) -> None:
                 gid="above",
             )
     if np.isinf(upper).any():
-        none = f"none up to {grid[-1]:.3g} g"
+        none = f"none up to {fragility.attrs[SEARCHED[1]]:.3g} g"
         axes.plot([], [], ls="", marker="^", mfc="white", mec=style.INK, label=none)
     axes.plot(
         np.radians(around),

@@ -10,8 +10,9 @@ import pandas as pd
 import xarray as xr
 from threadpoolctl import threadpool_limits
 
+from pipeline.stages.boundary.boundary import BoundaryData, runs_of
 from pipeline.stages.datasets.responses import Responses
-from pipeline.stages.fragility.summary import TABLE, Fits
+from pipeline.stages.fragility.summary import SEARCHED, TABLE, Fits
 from pipeline.workflow import writers
 from pipeline.workflow.datasets import described, netcdf, rows_of
 from pipeline.workflow.stage import Product, Work
@@ -25,11 +26,12 @@ _COLUMNS = ["yaw_deg", "friction", "toppled_share", "model", "recommended", "log
 _Found = dict[tuple[int, int], FragilityResult]
 
 
-def make(work: Work, responses: Responses) -> Product:
-    """Fit every model to the responses of every yaw and friction."""
+def make(work: Work, responses: Responses, boundary: BoundaryData) -> Product:
+    """Fit every model to the boundary of every yaw and friction."""
     data = responses.data
-    fits = _fit(data, work.cluster.workers)
+    fits = _fit(data, boundary.data, work.cluster.workers)
     dataset = _dataset(data, fits)
+    dataset.attrs |= {name: boundary.data.attrs[name] for name in SEARCHED}
     table = _table(dataset, fits)
     names = [_recommended(fit) for fit in fits.values()]
     best = ", ".join(f"{name} for {names.count(name)}" for name in sorted(set(names)))
@@ -37,14 +39,18 @@ def make(work: Work, responses: Responses) -> Product:
     return Product(files, f"grids fitted: {len(fits)}; recommended: {best}")
 
 
-def _fit(data: xr.Dataset, workers: int) -> _Found:
+def _fit(data: xr.Dataset, boundary: xr.Dataset, workers: int) -> _Found:
     """Fits by position of yaw and friction; none where no run is resolved."""
     overturned = data["overturned"].values
     decided = [at for at in np.ndindex(overturned.shape[:2]) if (overturned[at] >= 0).any()]
     fit = partial(fit_all, data["pga"].values, data["pgv_pga"].values)
+    grids, runs = (
+        (overturned[at] for at in decided),
+        (runs_of(boundary, data, at) for at in decided),
+    )
     # in threads, as all but a little of a fit is linear algebra
     with threadpool_limits(1), ThreadPoolExecutor(max(workers, 1)) as pool:
-        return dict(zip(decided, pool.map(fit, (overturned[at] for at in decided)), strict=True))
+        return dict(zip(decided, pool.map(fit, grids, runs), strict=True))
 
 
 def _recommended(fit: FragilityResult) -> str:
@@ -131,7 +137,7 @@ def _table(dataset: xr.Dataset, fits: _Found) -> pd.DataFrame:
         one = dataset.isel(yaw=i, friction=k)
         edge = fit.boundary
         found = [_quantity(rows, "first_overturning_pga_g", edge.pga, edge.lower, edge.upper)]
-        found[0]["model"] = "grid"
+        found[0]["model"] = "runs"
         found += [_of_model(rows, model, fit.recommended) for model in fit.models]
         group = {"yaw_deg": str(one["yaw"].item()), "friction": str(one["friction"].item())}
         share = f"{one['toppled_share'].item():.4f}"

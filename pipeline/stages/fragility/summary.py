@@ -124,8 +124,8 @@ def typical_pga(fragility: xr.Dataset) -> Array:
     Returns
     -------
     ndarray, shape (3, yaw, friction) [g]
-        PGA, lower and upper end: 0 and inf where they lie below and above the grid; NaN without a
-        decided run.
+        PGA, lower and upper end: 0 and inf where it is below and above all that was tried; NaN
+        without a decided run.
     """
     name, rows = "first_overturning_pga", long_rows(fragility["pgv_pga"].values)
     first, lower, upper = (
@@ -155,22 +155,25 @@ def undecided(responses: xr.Dataset) -> Mask:
     return np.isin(outcome, codes) | (responses["overturned"].values < 0)
 
 
-def with_interval(grid: Any, first: float, lower: float, upper: float) -> str:
-    """Say a first-overturning PGA and its interval, against the ends of the tested PGA.
+def with_interval(first: float, lower: float, upper: float) -> str:
+    """Say a first-overturning PGA and its interval, or the bound beyond which it lies.
 
     Parameters
     ----------
-    grid : array_like, tested PGA [g]
-    first, lower, upper : float [g]
+    first, lower, upper : float [g], a lower end of nan or 0 and an upper of inf where it is open
+
+    Examples
+    --------
+    >>> with_interval(0.2, 0.1996, 0.2004), with_interval(math.inf, 4.0, math.inf)
+    ('0.2000 [0.1996, 0.2004] g', 'above 4 g')
     """
-    least, most = float(np.min(grid)), float(np.max(grid))
     if math.isnan(upper):
         return "not known"
-    if upper > most:
-        return f"above {most:.3f} g"
-    if lower < least:
-        return f"below {max(upper, least):.3f} g"
-    return f"{first:.3f} [{lower:.3f}, {upper:.3f}] g"
+    if math.isinf(upper):
+        return f"above {lower:.4g} g"
+    if not lower > 0.0:
+        return f"below {upper:.4g} g"
+    return f"{first:#.4g} [{lower:#.4g}, {upper:#.4g}] g"
 
 
 def time_steps(measured: xr.Dataset) -> list[dict[str, Any]]:
@@ -204,6 +207,9 @@ def _run(flags: Mask) -> int:
 
 
 TABLE = "fragility.csv"
+
+SEARCHED = ("searched_from_g", "searched_to_g")
+"""Attributes: PGAs [g] between which a boundary beyond the grid was looked for."""
 
 
 class Fits(Stored):

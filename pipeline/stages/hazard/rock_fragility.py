@@ -13,7 +13,7 @@ from pipeline.config import in_si
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.layers import Origin, Site, load_site
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.fragility.summary import Fits
+from pipeline.stages.fragility.summary import SEARCHED, Fits
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import graph
 from pipeline.workflow.datasets import rows_of
@@ -73,7 +73,7 @@ def of_fits(fits: Fits) -> RockFragility:
         },
         tuple(lognormal_rows(ends[..., end][known], beta[known]) for end in (0, 1)),
         FITTED,
-        _span(data),
+        _searched(data),
         tuple(data["friction"].values.tolist()),
         rows_of(data) == "record",
     )
@@ -122,6 +122,12 @@ def _share(overturned: Array) -> Array:
     decided = (overturned >= 0).sum(axis=0)
     toppled = (overturned == 1).sum(axis=0)
     return toppled / np.maximum(decided, 1)
+
+
+def _searched(data: xr.Dataset) -> tuple[float, float]:
+    """Least and largest PGA at which a boundary was looked for, of the grid or beyond it."""
+    (low, high), (first, last) = (float(data.attrs[name]) for name in SEARCHED), _span(data)
+    return min(low, first), max(high, last)
 
 
 def _span(data: xr.Dataset) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from pipeline.config.problems import InputError
 from pipeline.config.scene_schema import RockConfig
 from pipeline.config.sections import Key, Range
 from pipeline.drawing.style import png_uri, svg_uri
+from pipeline.stages.boundary.boundary import BoundaryData
 from pipeline.stages.datasets import vertical
 from pipeline.stages.datasets.bullet_sample import BulletSample
 from pipeline.stages.datasets.responses import Responses
@@ -70,6 +71,7 @@ class Parts(NamedTuple):
     terrain: TerrainData | None
     time_step: StepData
     responses: Responses
+    boundary: BoundaryData
     fits: Fits
     inset: Annotated[tuple[float, float], Key("uncertainty.inset")]
 
@@ -127,6 +129,7 @@ def _facts(work: Work, parts: Parts, sample: Later[BulletSample | None]) -> dict
         "answers": report_tables.answer(rows, fragility["friction"].values),
         "long_rows": long_rows_in_words(fragility["pgv_pga"].values),
         "grid": {name: [float(responses[name][i]) for i in (0, -1)] for name in ("pga", "pgv_pga")},
+        "between": report_tables.between_cells(parts.boundary.data),
         "counts": report_tables.counts(responses),
         "vertical": vertical.effect(responses),
         "unresolved": report_tables.unresolved(responses, _MOST_LISTED),

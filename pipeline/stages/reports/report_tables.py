@@ -11,6 +11,7 @@ import xarray as xr
 from pipeline.stages.datasets.bullet_sample import beyond_errors
 from pipeline.stages.datasets.stored_runs import in_words, kinds, ways
 from pipeline.stages.fragility.summary import (
+    SEARCHED,
     groups,
     typical_pga,
     undecided,
@@ -115,7 +116,7 @@ def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
             "yaw": f"{float(fragility['yaw'][place[0]]):g}",
             "friction": place[1],
             "share": float(fragility["toppled_share"].values[place]),
-            "first": with_interval(fragility["pga"].values, *typical[:, *place]),
+            "first": with_interval(*typical[:, *place]),
             "undecided": int(lost[place]),
             "model": (str(fragility["recommended"].values[place]) or "none")
             + " (too few levels to compare)" * bool(np.isnan(fragility["log_loss"][place]).all()),
@@ -200,7 +201,7 @@ def _heads(data: xr.Dataset) -> list[str]:
 
 def boundary(fragility: xr.Dataset) -> Row:
     """First overturning, and the recommended model's median, near a few PGV/PGA or per record."""
-    grid, ratios = fragility["pga"].values, fragility["pgv_pga"].values
+    ratios = fragility["pgv_pga"].values
     columns = list(range(len(ratios)))
     if rows_of(fragility) == "pgv_pga":
         columns = sorted({int(np.argmin(abs(ratios - ratio))) for ratio in _RATIOS})
@@ -210,7 +211,7 @@ def boundary(fragility: xr.Dataset) -> Row:
         lower = np.nan_to_num(fit["first_overturning_pga_lower"].values, nan=0.0)
         first, upper = (fit[f"first_overturning_pga{end}"].values for end in ("", "_upper"))
         cells = [
-            {"grid": with_interval(grid, *row), "model": ""}
+            {"first": with_interval(*row), "model": ""}
             for row in zip(first, lower, upper, strict=True)
         ]
         model = str(fit["recommended"].values)
@@ -218,24 +219,38 @@ def boundary(fragility: xr.Dataset) -> Row:
             own = fit.sel(model=model)
             medians = zip(own["median_pga"].values, own["median_pga_interval"].values, strict=True)
             for cell, (median, interval) in zip(cells, medians, strict=True):
-                cell["model"] = _with_interval(median, interval, grid)
+                cell["model"] = _with_interval(median, interval)
         rows.append({"name": name, "model": model or "none", "cells": cells})
     return {"heads": [_heads(fragility)[c] for c in columns], "rows": rows}
 
 
-def _with_interval(median: float, interval: Array, grid: Array) -> str:
-    middle, low, high = (_in(value, grid) for value in (median, *interval))
+def _with_interval(median: float, interval: Array) -> str:
+    middle, low, high = map(_in_words, (median, *interval))
     known = not np.isnan(interval).any() and not middle == low == high
     return f"{middle} [{low}, {high}]" if known else middle
 
 
-def _in(value: float, grid: Array) -> str:
-    """Name a level PGA; outside the tested range only that it is."""
+def _in_words(value: float) -> str:
+    """Name a level PGA; where a model does not reach it, on which side it lies."""
     if np.isnan(value):
         return "?"
-    if value < grid[0]:
-        return f"<{grid[0]:.3f}"
-    return f">{grid[-1]:.3f}" if value > grid[-1] else f"{value:.3f}"
+    return {0.0: "below", np.inf: "above"}.get(value, f"{value:#.4g}")
+
+
+def between_cells(boundary: xr.Dataset) -> Row:
+    """What the runs between the cells of the grid were, and how narrow the intervals are."""
+    width = np.log(boundary["change_upper"].values / boundary["change_lower"].values)
+    return {
+        "asked": float(boundary["boundary_resolution"].max()),
+        "reached": float(np.median(width)) if width.size else np.nan,
+        "changes": width.size,
+        "several": int((boundary["changes"] > 1).sum()),
+        "levels": boundary["changes"].size,
+        "runs": boundary.sizes["run"],
+        "probes": int(boundary["probes"].sum()),
+        "wrong": int(boundary["probes_wrong"].sum()),
+        "searched": [float(boundary.attrs[name]) for name in SEARCHED],
+    }
 
 
 def models(fragility: xr.Dataset) -> list[Row]:

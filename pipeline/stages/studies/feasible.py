@@ -19,7 +19,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.config.schema import TableConfig
 from pipeline.drawing import style
 from pipeline.drawing.style import pictures
-from pipeline.stages.datasets.responses import Responses
+from pipeline.stages.boundary.boundary import BoundaryData
 from pipeline.stages.mesh.products import Standing
 from pipeline.workflow import graph, writers
 from pipeline.workflow.datasets import described, label, netcdf
@@ -27,7 +27,6 @@ from pipeline.workflow.graph import Identity
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import writing
 from vsr_core import GRAVITY
-from vsr_core.fragility.boundary import locate
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.table.capacity import LIMITS, Table, binding, commands, largest_pga, loads
 
@@ -100,12 +99,12 @@ def _dataset(motion: PulseConfig, table: Table, mass: float) -> xr.Dataset:
 
 
 def _boundaries(job: Job) -> xr.Dataset | None:
-    """The site's responses, if they are there and of cosine pulses."""
-    stored = Responses.load(job.store)
+    """The site's boundary, if it is there and of pulses."""
+    stored = BoundaryData.load(job.store)
     if not (stored.folder / stored.FILE).is_file():
         return None
-    responses = stored.data
-    return responses if "pgv_pga" in responses.dims else None
+    boundary = stored.data
+    return boundary if "pgv_pga" in boundary.dims else None
 
 
 def _table(dataset: xr.Dataset) -> pd.DataFrame:
@@ -164,20 +163,20 @@ CAN, CANNOT, FAINTER = "#dcebdd", "#f2f2f2", "#b9b9b9"
 
 
 @style.styled
-def feasible_grid(feasible: xr.Dataset, responses: xr.Dataset | None) -> Figure:
+def feasible_grid(feasible: xr.Dataset, boundary: xr.Dataset | None) -> Figure:
     """Draw the motions that a table can do, its limits, and the rock's boundary.
 
     Parameters
     ----------
-    responses : Dataset or None
-        As in ``responses.nc``; its first friction is drawn.
+    boundary : Dataset or None
+        As in ``boundary.nc``; its first friction is drawn.
     """
     figure = Figure(figsize=(5.6, 5.2))
     axes = figure.add_axes((0.11, 0.24, 0.86, 0.69))
     _cells(axes, feasible)
     _limits(axes, feasible)
-    if responses is not None:
-        _boundary(axes, responses)
+    if boundary is not None:
+        _boundary(axes, boundary)
     axes.set_xlim(0.0, feasible["pga"].values[-1] * 1.02)
     axes.set_ylim(0.0, feasible["pgv_pga"].values[-1] * 1.02)
     axes.set_xlabel(label("pga"))
@@ -226,11 +225,11 @@ def _limits(axes: Axes, feasible: xr.Dataset) -> None:
             axes.plot(end, dense, color=style.INK, ls=dashes, lw=1.3, label=f"{text} limit")
 
 
-def _boundary(axes: Axes, responses: xr.Dataset) -> None:
+def _boundary(axes: Axes, boundary: xr.Dataset) -> None:
     """First overturning of each direction."""
-    runs = responses.isel(friction=0)
+    runs = boundary.isel(friction=0)
     for number, yaw in enumerate(runs["yaw"].values):
-        first = locate(runs["pga"].values, runs["overturned"].values[number]).pga
+        first = runs["first_overturning_pga"].values[number]
         text = "first overturning of the rock" + (", each yaw" if runs.sizes["yaw"] > 1 else "")
         axes.plot(
             np.where(np.isfinite(first), first, np.nan),

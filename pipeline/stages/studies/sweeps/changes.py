@@ -69,7 +69,7 @@ class Change:
     toppled : float, share of the decided runs that topple
     time_step : float [s]
     error : float, numerical error of the boundary [1]; nan where it was not measured
-    spacing : float, half the step of the PGA in the median row, as a share of the boundary [1]
+    interval : float, half the interval of the boundary in the median row, as a share of it [1]
     """
 
     label: str
@@ -83,7 +83,7 @@ class Change:
     toppled: float
     time_step: float
     error: float
-    spacing: float
+    interval: float
 
     @property
     def share(self) -> float:
@@ -130,7 +130,7 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
         toppled=(here["overturned"] == 1).sum().item() / decided if decided else np.nan,
         time_step=_largest(here["time_step"]),
         error=_largest(here["boundary_error"]),
-        spacing=_median(half.values),
+        interval=_median(half.values),
     )
 
 
@@ -282,9 +282,9 @@ def _moved(dimension: Dimension, changes: list[Change]) -> str:
 
 def _none(changes: list[Change]) -> str:
     """Where nothing topples."""
-    safe = [one.label for one in changes if one.toppled == 0.0]
+    safe = [one.label for one in changes if one.toppled == 0.0 and np.isnan(one.mean)]
     if safe:
-        return f"At {_named(safe)} nothing topples within the grid."
+        return f"At {_named(safe)} nothing topples up to the highest PGA tried."
     most = max(changes, key=lambda one: one.lost)
     if most.lost == 0:
         return ""
@@ -297,9 +297,9 @@ def _beyond(changes: list[Change]) -> str:
     strong = [one.label for one in others if one.share >= HALF]
     if not others:
         return ""
-    beyond = "beyond the numerical errors and the spacing of the grid"
+    beyond = "beyond the numerical errors and the intervals"
     if any(math.isnan(one.error) for one in changes):
-        beyond = "beyond the spacing of the grid (not all numerical errors were measured)"
+        beyond = "beyond the intervals (not all numerical errors were measured)"
     touched = max(others, key=lambda one: one.share)
     where = f"{touched.apart} of {counted(touched.rows, 'PGV/PGA level')} at {touched.label}"
     if strong:

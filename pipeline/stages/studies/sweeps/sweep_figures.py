@@ -128,9 +128,7 @@ def boundaries(data: xr.Dataset, dimension: Dimension, own: xr.Dataset | None) -
         )
     for axes in panels:
         if not np.isfinite(curves).any():  # for which there is no scale
-            axes.text(
-                0.5, 0.5, "no boundary within the grid", transform=axes.transAxes, ha="center"
-            )
+            axes.text(0.5, 0.5, "no boundary", transform=axes.transAxes, ha="center")
             continue
         axes.set(yscale="log", xscale="log")
         for scale in (axes.xaxis, axes.yaxis):

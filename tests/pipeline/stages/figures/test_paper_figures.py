@@ -24,6 +24,7 @@ from pipeline.stages.figures import (
     table_1,
 )
 from pipeline.workflow.registry import BY_NAME
+from vsr_core.fragility.boundary import locate
 from vsr_core.outcome import Outcome
 
 PGA = np.linspace(0.1, 1.0, 10)
@@ -34,7 +35,11 @@ def responses(*grids: NDArray[np.int_], yaw: tuple[float, ...] = (0.0,)) -> xr.D
     """Responses of one friction, a grid a yaw."""
     dims = ("yaw", "friction", "pgv_pga", "pga")
     coordinates = {"yaw": list(yaw), "friction": [0.6], "pgv_pga": RATIOS, "pga": PGA}
-    return xr.Dataset({"overturned": (dims, np.array(grids)[:, None])}, coordinates)
+    first = np.array([locate(PGA, grid).pga for grid in grids])[:, None]
+    found = {"overturned": (dims, np.array(grids)[:, None])}
+    return xr.Dataset(
+        found | {"first_overturning_pga": (dims[:3], first)}, coordinates, {"searched_to_g": 1.0}
+    )
 
 
 def beyond(level: float) -> NDArray[np.int_]:

@@ -137,7 +137,7 @@ def test_products_of_a_small_grid(
 ) -> None:
     out = tmp_path / "commands"
     site, table = write_site(GRID), write_table()
-    assert vsr("run", "responses", "--site", site, "--workers", "0").code == 0  # type: ignore[attr-defined]
+    assert vsr("run", "boundary", "--site", site, "--workers", "0").code == 0  # type: ignore[attr-defined]
     ran = vsr("feasible", "--site", site, "--table", table, "--export", out)
     assert ran.code == 0, ran.err  # type: ignore[attr-defined]
     folder = derived / "rock"

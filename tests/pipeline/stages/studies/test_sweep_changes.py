@@ -53,7 +53,7 @@ def test_rows_are_apart_where_their_intervals_are() -> None:
     assert other.mean == pytest.approx(ratios.prod() ** (1.0 / 3.0) - 1.0)
     assert reference.toppled == pytest.approx(0.7)
     assert other.toppled == pytest.approx((7 + 5 + 6) / 40)
-    assert reference.spacing == pytest.approx(0.05 / 0.12**0.5)
+    assert reference.interval == pytest.approx(0.05 / 0.12**0.5)
     assert np.isnan(reference.error)
 
 
@@ -76,14 +76,14 @@ def test_sentences_tell_a_change_from_its_error() -> None:
     same = [(0.3, 0.4)] * 4
     said = about(SIZE, compared(same, same), None)
     assert "does not move" in said
-    assert "At no PGV/PGA level is the change beyond the spacing of the grid (not all" in said
+    assert "At no PGV/PGA level is the change beyond the intervals (not all" in said
     said = about(SIZE, compared(same, same, error=0.01), None)
-    assert "At no PGV/PGA level is the change beyond the numerical errors and the spacing" in said
+    assert "At no PGV/PGA level is the change beyond the numerical errors and the intervals" in said
     said = about(SIZE, compared(same, [(0.5, 0.6)] * 2 + same[:2]), None)
     assert "moves by +26 % at 4" in said  # the fourth root of 0.30 / 0.12, less 1
     assert "at half or more of the PGV/PGA levels at 4" in said
     said = about(SIZE, compared(same, [NEVER] * 4), None)
-    assert "At 4 nothing topples within the grid." in said
+    assert "At 4 nothing topples up to the highest PGA tried." in said
 
 
 def test_similar_rocks_have_one_curve_in_their_own_units() -> None:

@@ -1,0 +1,181 @@
+"""Fits to intervals of the first overturning: exact cases, simulated truth, no trace of a grid."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.special import expit
+from threadpoolctl import threadpool_limits
+
+from vsr_core.fragility import fit_all
+from vsr_core.fragility.bisection import Known, next_runs, of_grid
+from vsr_core.fragility.censored import CensoredLogistic
+from vsr_core.fragility.cross_validation import bootstrap
+from vsr_core.fragility.lognormal import LognormalFragility
+from vsr_core.fragility.spans import STEP, shares, thresholds
+
+RATIO = np.geomspace(0.05, 1.0, 40)
+TRUTH = np.array([6.0, 5.0, 2.0])
+
+
+def drawn(seed: int, ratio: np.ndarray = RATIO) -> np.ndarray:
+    """First overturning of each row, from a logistic surface."""
+    noise = np.random.default_rng(seed).logistic(size=ratio.size)
+    return np.exp((noise - TRUTH[0] - TRUTH[2] * np.log(ratio)) / TRUTH[1])
+
+
+def resolved(
+    first: np.ndarray,
+    pga: np.ndarray,
+    width: float = 0.005,
+    bounds: tuple[float, float] = (0.01, 9),
+) -> tuple[np.ndarray, Known]:
+    """Outcomes on a grid, and all runs that a search between its cells adds."""
+    grid = (pga >= first[:, None]).astype(np.int8)
+    known = of_grid(pga, grid)
+    while len((runs := next_runs(known, np.full(len(first), width), bounds))[0]):
+        known = known.joined(*runs, runs[1] >= first[runs[0]])
+    return grid, known
+
+
+def fitted(known: Known, ratio: np.ndarray = RATIO) -> CensoredLogistic:
+    return CensoredLogistic(shares(known, ratio), thresholds(known, ratio.size))
+
+
+def test_the_likelihood_is_that_of_the_intervals() -> None:
+    """As another program maximises it, with rows that never topple or do so from the start."""
+    first = drawn(1)
+    first[3], first[7], first[20] = 20.0, 12.0, 0.001
+    known = resolved(first, np.linspace(0.1, 1.5, 8), 0.2)[1]
+    own = thresholds(known, RATIO.size)
+    assert np.isinf(own.upper[[3, 7]]).all()
+    assert np.isnan(own.lower[20])
+
+    def negative(beta: np.ndarray) -> float:
+        line = beta[0] + beta[2] * np.log(RATIO)
+        above = np.where(np.isinf(own.upper), 1.0, expit(line + beta[1] * np.minimum(own.upper, 9)))
+        below = np.where(np.isnan(own.lower), 0.0, expit(line + beta[1] * np.nan_to_num(own.lower)))
+        return -np.log(np.maximum(above - below, 1e-300)).sum()
+
+    found = minimize(negative, TRUTH, method="Nelder-Mead",
+                     options={"maxiter": 4000, "xatol": 1e-7, "fatol": 1e-10})  # fmt: skip
+    model = fitted(known)
+    assert not model.separated
+    np.testing.assert_allclose(model.coefs[0], found.x, rtol=1e-3)
+
+
+def test_intervals_cover_the_surface_that_the_thresholds_came_from() -> None:
+    n, covered, median_covered = 60, np.zeros(3), 0.0
+    for seed in range(n):
+        model = fitted(resolved(drawn(seed), np.linspace(0.1, 1.5, 8))[1])
+        spread = bootstrap(model, 200, seed)
+        covered += [
+            low <= value <= high
+            for (low, high), value in zip(spread.parameters.values(), TRUTH, strict=True)
+        ]
+        median = np.exp(-(TRUTH[0] + TRUTH[2] * np.log(RATIO)) / TRUTH[1])
+        median_covered += ((spread.median[0] <= median) & (median <= spread.median[1])).mean() / n
+    assert (covered / n >= 0.85).all()
+    assert 0.87 <= median_covered <= 0.995
+
+
+def test_a_line_through_all_intervals_is_steep_and_finite() -> None:
+    first = 0.3 * RATIO**-0.4
+    model = fitted(resolved(first, np.linspace(0.1, 1.5, 8))[1])
+    assert model.separated
+    b0, b1, b2 = model.coefs[0]
+    assert b2 / b1 == pytest.approx(0.4, rel=0.01)
+    np.testing.assert_allclose(np.exp(-(b0 + b2 * np.log(RATIO)) / b1), first, rtol=0.005)
+    assert 0.002 / 4 < np.pi / np.sqrt(3.0) / b1 < 0.005  # about that of a uniform interval
+
+
+@pytest.mark.parametrize("level", [0.001, 20.0])
+def test_one_outcome_has_no_slope(level: float) -> None:
+    pga = np.linspace(0.1, 1.5, 8)
+    model = fitted(resolved(np.full(RATIO.size, level), pga)[1])
+    assert model.coefs[0, 1:].tolist() == [0.0, 0.0]
+    fell = RATIO.size if level < 1.0 else 0
+    assert expit(model.coefs[0, 0]) == pytest.approx((fell + 0.5) / (RATIO.size + 1.0))
+    assert "only one outcome" in model.method
+
+
+def test_replicates_are_fits_of_their_rows() -> None:
+    known = resolved(drawn(5), np.linspace(0.1, 1.5, 8))[1]
+    model = fitted(known)
+    weights = np.random.default_rng(0).integers(0, 3, RATIO.size)
+    rows = np.repeat(np.arange(RATIO.size), weights)
+    parts = [known.level == row for row in rows]
+    level = np.concatenate([np.full(part.sum(), n) for n, part in enumerate(parts)])
+    pga, side = (np.concatenate([of[part] for part in parts]) for of in (known.pga, known.side))
+    alone = fitted(Known.of(level, pga, side), RATIO[rows])
+    np.testing.assert_allclose(
+        model.refit(weights[None].astype(float)), alone.coefs, rtol=2e-4, atol=2e-4
+    )
+
+
+def test_the_grid_leaves_no_trace() -> None:
+    """From 12, 25 and 50 PGAs: boundaries within 1 %, models within each other's intervals."""
+    first = drawn(3)
+    found = []
+    for number in (12, 25, 50):
+        pga = np.linspace(0.02, 1.0, number)
+        grid, known = resolved(first, pga)
+        with threadpool_limits(1):
+            found.append(fit_all(pga, RATIO, grid, known, n_bootstrap=60))
+    for one in found[:2]:
+        np.testing.assert_allclose(one.boundary.pga, found[2].boundary.pga, rtol=0.006)
+        assert one.recommended == found[2].recommended
+        for own, fine in zip(one.models, found[2].models, strict=True):
+            known = np.isfinite(own.median) & np.isfinite(fine.median)
+            assert known.mean() > 0.9
+            np.testing.assert_allclose(own.median[known], fine.median[known], rtol=0.03)
+            np.testing.assert_allclose(own.median_lower[known], fine.median_lower[known], rtol=0.05)
+            np.testing.assert_allclose(own.median_upper[known], fine.median_upper[known], rtol=0.05)
+            assert (own.median_lower <= fine.median_upper)[known].all()
+            assert (fine.median_lower <= own.median_upper)[known].all()
+            assert own.scores.log_loss == pytest.approx(fine.scores.log_loss, rel=0.1)
+            for a, b in zip(own.parameters, fine.parameters, strict=True):
+                if a.name == "beta":  # of an interval, whose width is as it comes
+                    continue
+                np.testing.assert_allclose(a.value, b.value, rtol=0.02)
+
+
+def test_cells_hold_what_topples_and_what_is_known_of_them() -> None:
+    """A row that topples from 0.3 g to 0.5 g and from 0.9 g on, tested from 0.1 to 2 g."""
+    ends = np.array([0.1, 0.2999, 0.3001, 0.4999, 0.5001, 0.8999, 0.9001, 2.0])
+    cells = shares(Known.of(np.zeros(8, int), ends, [0, 0, 1, 1, 0, 0, 1, 1]), [0.2])
+    toppled, known = STEP * cells.toppled.sum(), STEP * cells.trials.sum()
+    inside = np.exp(cells.ln_pga[[0, -1]] + STEP * np.array([-0.5, 0.5]))
+    low, high = max(inside[0], 0.1), min(inside[1], 2.0)
+    assert known == pytest.approx(np.log(high / low))
+    assert toppled == pytest.approx(np.log(0.5 / 0.3) + max(0.0, np.log(high / 0.9)), abs=1e-3)
+    at = np.abs(cells.ln_pga - np.log(0.4)).argmin()
+    assert cells.toppled[0, at] == pytest.approx(1.0)
+    assert inside[0] <= 0.15
+    assert inside[1] >= 0.6
+
+
+def test_nothing_is_known_around_an_unresolved_run() -> None:
+    pga, side = np.array([0.1, 0.2, 0.3, 0.4, 0.8]), [0, 0, -1, 0, 1]
+    cells = shares(Known.of(np.zeros(5, int), pga, side), [0.2])
+    inside = (cells.ln_pga > np.log(0.21)) & (cells.ln_pga < np.log(0.39))
+    assert (cells.trials[0, inside] < 0.6).all()
+    assert cells.trials[0, np.abs(cells.ln_pga - np.log(0.3)).argmin()] == 0.0
+
+
+def test_lognormal_rows_are_told_by_all_runs() -> None:
+    """Known to half a per cent, never toppled, toppled at the bound, and more than one change."""
+    first = np.array([0.33, 20.0, 0.001, 0.4])
+    pga = np.linspace(0.1, 1.5, 8)
+    known = resolved(first, pga)[1]
+    known = known.joined(np.array([3, 3, 3]), np.array([0.45, 0.5, 0.52]), [1, 0, 1])
+    own = thresholds(known, 4)
+    model = LognormalFragility(shares(known, [0.1, 0.2, 0.3, 0.4]), own)
+    assert model.status == ("interval", "above", "below", "probit")
+    theta, beta = np.exp(model.coefs[0].T)
+    assert theta[0] == pytest.approx(0.33, rel=0.003)
+    assert beta[0] == pytest.approx((own.upper[0] - own.lower[0]) / np.sqrt(12.0))
+    assert theta[1] > 9.0
+    assert theta[2] < 0.01
+    assert 0.38 < theta[3] < 0.55

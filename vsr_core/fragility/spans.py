@@ -1,0 +1,81 @@
+"""What runs say of every PGA between them, in cells that do not follow the grid they are from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from vsr_core.arrays import Array, Mask
+from vsr_core.fragility.bisection import Known, changes, first_changes
+from vsr_core.fragility.boundary import Cells
+
+STEP = 0.08
+"""Width of a cell in ln PGA."""
+
+REACH = 2.0
+"""Factor beyond the lowest and the highest first overturning to which the cells go."""
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """First overturning of each PGV/PGA row, as an interval.
+
+    Attributes
+    ----------
+    lower, upper : ndarray, shape (n_ratio,) [ln g]
+        NaN and infinite as ``vsr_core.fragility.boundary.Boundary`` has them.
+    single : ndarray of bool, shape (n_ratio,), rows that change once, or never
+    """
+
+    lower: Array
+    upper: Array
+    single: Mask
+
+
+def thresholds(known: Known, rows: int) -> Thresholds:
+    """First overturning of rows, which are the levels of the runs."""
+    lower, upper = first_changes(known, rows)
+    number = np.bincount(changes(known).level, minlength=rows)
+    return Thresholds(np.log(lower), np.log(upper), number <= 1)
+
+
+def shares(known: Known, pgv_pga: npt.ArrayLike) -> Cells:
+    """Share of each cell that topples, and share of it that is known.
+
+    Between two runs that end alike all is taken to end like them, unless an unresolved one lies
+    there; of an interval of a change half. What was not tested is not known.
+
+    Parameters
+    ----------
+    known : Known, the runs of rows, which are its levels
+    pgv_pga : array_like, shape (n_ratio,) [s]
+    """
+    ratios = np.asarray(pgv_pga, dtype=np.float64)
+    upper = first_changes(known, ratios.size)[1]
+    first = np.where(np.isfinite(upper), upper, np.nan)
+    ends = first if np.isfinite(first).any() else known.pga
+    low, high = np.log([np.nanmin(ends) / REACH, np.nanmax(ends) * REACH])
+    centres = STEP * np.arange(np.floor(low / STEP), np.ceil(high / STEP) + 1)
+    borders = np.append(centres, centres[-1] + STEP) - 0.5 * STEP
+    rows = [_row(known, row, borders) for row in range(ratios.size)]
+    toppled, trials = (np.array(part) / STEP for part in zip(*rows, strict=True))
+    trials[trials < 1e-9] = 0.0
+    return Cells(centres, np.log(ratios), np.where(trials > 0.0, toppled, 0.0), trials)
+
+
+def _row(known: Known, row: int, borders: Array) -> tuple[Array, Array]:
+    """Lengths [ln g] of each cell that topple, and that are known."""
+    start, end = np.searchsorted(known.level, [row, row + 1])
+    at, side = np.log(known.pga[start:end]), known.side[start:end]
+    decided = np.flatnonzero(side >= 0)
+    if decided.size < 2:
+        return np.zeros(borders.size - 1), np.zeros(borders.size - 1)
+    length = np.diff(at[decided]) * (np.diff(decided) == 1)
+    fell = 0.5 * (side[decided][1:] + side[decided][:-1])
+    found = []
+    for part in (length * fell, length):
+        so_far = np.append(0.0, np.cumsum(part))
+        found.append(np.diff(np.interp(borders, at[decided], so_far)))
+    return found[0], found[1]
