@@ -133,12 +133,12 @@ def next_runs(known: Known, width: Array, bounds: tuple[float, float]) -> tuple[
     >>> known = Known.of([0, 0, 1, 1], [0.1, 0.4, 0.1, 0.4], [0, 1, 0, 0])
     >>> level, pga = next_runs(known, np.array([0.01, 0.01]), (0.001, 4.0))
     >>> level.tolist(), pga.round(3).tolist()
-    ([0, 1], [0.2, 0.5])
+    ([0, 1], [0.25, 0.5])
     """
     found = changes(known)
     wide = found.width > width[found.level]
     level, lower, upper = found.level[wide], found.lower[wide], found.upper[wide]
-    pga = np.sqrt(lower * upper)
+    pga = roundest(lower, upper)
     hindered = np.isin(level, known.level[known.side < 0])
     for at in np.flatnonzero(hindered):
         pga[at] = _beside(known, level[at], lower[at], upper[at])
@@ -150,14 +150,34 @@ def next_runs(known: Known, width: Array, bounds: tuple[float, float]) -> tuple[
     return levels[order], peaks[order]
 
 
+def roundest(lower: Array, upper: Array) -> Array:
+    """PGA between two others that is a whole number of the largest power of two.
+
+    Whatever the grid, brackets of one change are parted at the same PGAs, so that grids share their
+    runs and end in the same interval, also where changes lie close together.
+
+    Examples
+    --------
+    >>> roundest(np.array([0.3, 0.3125, 0.3125]), np.array([0.32, 0.32, 0.375])).tolist()
+    [0.3125, 0.31640625, 0.34375]
+    """
+    step = np.ldexp(1.0, np.frexp(upper - lower)[1] - 1)  # of which one or two lie between
+    first = np.floor(lower / step) + 1.0
+    second = (first % 2.0 == 1.0) & ((first + 1.0) * step < upper)
+    found = (first + second) * step
+    between = (np.floor(2.0 * lower / step) + 1.0) * 0.5 * step
+    return np.asarray(np.where(found < upper, found, between))
+
+
 def _beside(known: Known, level: int, lower: float, upper: float) -> float:
-    """PGA to try in a bracket: its middle, or a quarter, away from unresolved runs; else nan."""
+    """PGA to try in a bracket, away from unresolved runs; nan where there is no place."""
     start, end = np.searchsorted(known.level, [level, level + 1])
     inside = known.pga[start:end]
     inside = inside[(inside > lower) & (inside < upper)]
     near = ASIDE * np.log(upper / lower)
     middle = np.sqrt(lower * upper)
-    for tried in (middle, np.sqrt(lower * middle), np.sqrt(middle * upper)):
+    usual = roundest(np.array([lower]), np.array([upper]))[0]
+    for tried in (usual, middle, np.sqrt(lower * middle), np.sqrt(middle * upper)):
         if (np.abs(np.log(inside / tried)) > near).all():
             return float(tried)
     return np.nan

@@ -99,9 +99,24 @@ def test_a_round_halves_every_interval() -> None:
     known, rounds = searched(lambda level, pga: int(pga >= edges[level]), 600)
     lower, upper = first_changes(known, 600)
     assert ((lower < edges) & (edges <= upper)).all()
-    most = np.ceil(np.log2(np.log(GRID[5] / GRID[4]) / WIDTH))
+    most = 1 + np.ceil(np.log2(np.log(GRID[5] / GRID[4]) / WIDTH))
     assert rounds <= most
     assert len(known.pga) <= 600 * (4 + most)
+
+
+def test_grids_share_the_runs_that_part_their_brackets() -> None:
+    """Of 24, 48 and 96 steps: the same last interval, and most runs of the finest."""
+    edges = np.random.default_rng(3).uniform(0.2, 0.9, 200)
+    tried, ends = [], []
+    for number in (25, 49, 97):
+        pga = np.linspace(0.02, 1.0, number)
+        known, _ = searched(lambda level, pga: int(pga >= edges[level]), 200, pga)
+        ends.append(np.array(first_changes(known, 200)))
+        own = ~np.isin(known.pga, pga)
+        tried.append(set(zip(known.level[own].tolist(), known.pga[own].tolist(), strict=True)))
+    same = (ends[0] == ends[1]).all(axis=0) & (ends[1] == ends[2]).all(axis=0)
+    assert same.mean() > 0.7  # in the others a cell of one of the grids lies in the interval
+    assert len(tried[0] & tried[2]) > 0.6 * len(tried[2])
 
 
 @settings(max_examples=60, deadline=None)
