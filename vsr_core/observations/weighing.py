@@ -134,32 +134,37 @@ def width(values: Array, weight: Array) -> Array:
     return np.asarray(high - low)
 
 
-def expected_widths(boundary: Array, angle: Array, weight: Array, sd: float, tests: int) -> Array:
+def expected_widths(boundary: Array, angle: Array, weight: Array, sd: float) -> Array:
     """Width of the band that is to be expected once the rock has been tilted in one direction.
 
-    Each of some draws, taken by its weight, is the true rock in turn, and the angle at which it
-    tips is observed.
+    That of jointly normal quantities: a test with the error sd of an angle of deviation s, which
+    goes with the boundary at a correlation r, leaves sqrt(1 - r^2 s^2 / (s^2 + sd^2)) of its width.
 
     Parameters
     ----------
     boundary : ndarray, shape (draws, directions), of which the band is
     angle : ndarray, shape (draws, directions), at which the draws tip
     sd : float, error of an observed angle, in its unit
-    tests : int, outcomes of each test
 
     Returns
     -------
     ndarray, shape (directions, directions), of the test and of the band
+
+    Examples
+    --------
+    A test as uncertain as what it measures leaves 1 / sqrt(2) of that band, and all of others:
+
+    >>> one = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
+    >>> alike = np.full(4, 0.25)
+    >>> (expected_widths(one, one, alike, 1.0) / width(one, alike)).round(3).tolist()
+    [[0.707, 1.0], [1.0, 0.707]]
     """
-    truths = np.unique(resampled(weight, tests), return_counts=True)
-    found = np.zeros((angle.shape[1], boundary.shape[1]))
-    for test, own in enumerate(angle.T):
-        for truth, times in zip(*truths, strict=True):
-            then = weight * np.exp(-0.5 * ((own - own[truth]) / sd) ** 2)
-            then[truth] = 0.0  # no draw is the true rock
-            if (whole := then.sum()) > 0.0:
-                found[test] += times * width(boundary, then / whole)
-    return found / tests
+    far, of_angle = boundary - weight @ boundary, angle - weight @ angle
+    spread = weight @ of_angle**2
+    joint = (of_angle * weight[:, None]).T @ far
+    least = np.finfo(float).tiny
+    told = joint**2 / ((spread + sd**2)[:, None] * np.maximum(weight @ far**2, least))
+    return np.asarray(width(boundary, weight) * np.sqrt(1.0 - np.minimum(told, 1.0)))
 
 
 def shares(output: Array, unknowns: Array, weight: Array) -> Array:

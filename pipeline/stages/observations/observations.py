@@ -44,8 +44,8 @@ FIRST, MOST = 256, 2048
 ENOUGH = 2.0
 """Effective number of draws for a member of the ensemble with which no more are drawn."""
 
-TEST_SD, TESTS = 0.5, 64
-"""Error of a tilt test that is thought of [degree], and its outcomes that are tried."""
+TEST_SD = 0.5
+"""Error of a tilt test that is thought of [degree]."""
 
 UNKNOWNS = (
     "centre of mass along the direction",
@@ -126,7 +126,7 @@ def _dataset(
         ]
         for one in both
     ]
-    wanted = weighing.expected_widths(ln_tipping, degrees, weight, TEST_SD, TESTS)
+    wanted = weighing.expected_widths(ln_tipping, degrees, weight, TEST_SD)
     likely = np.array([one.log_likelihood for one in found])
     alone = [effective_number(weighing.weights(one[None])) for one in likely]
     return xr.Dataset(
