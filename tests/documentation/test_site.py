@@ -61,7 +61,7 @@ def test_what_leads_nowhere_is_told(tmp_path: Path) -> None:
 
 
 def test_notebooks_are_kept_without_what_they_print() -> None:
-    assert len(NOTEBOOKS) == 5
+    assert len(NOTEBOOKS) == 6
     listed = (ROOT / "notebooks" / "index.md").read_text(encoding="utf-8")
     for path in NOTEBOOKS:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
