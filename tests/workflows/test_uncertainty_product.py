@@ -297,7 +297,7 @@ def test_a_larger_error_of_the_seam_alone_scatters_the_draws_more(
 ) -> None:
     spread = []
     for error in ("0.001", "0.02"):
-        given = priors(friction="[0.7, 0.7]", seat=RIM, scan=f"{{error: {error}}}", members="8")
+        given = priors(friction="[0.7, 0.7]", seat=RIM, scan=f"{{error: {error}}}", members="5")
         found = product(vsr("run", "uncertainty", "--site", hill, *given), derived, unresolved=True)
         assert found["unknown"].values.tolist() == ["seat"]
         toppled = (found["overturned"].values == 1).sum(axis=(1, 2, 3))

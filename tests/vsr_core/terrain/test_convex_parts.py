@@ -89,7 +89,7 @@ def test_corners_left_out_are_within_the_tolerance_of_the_lighter_hull(seed: int
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=6, deadline=None, derandomize=True)
 def test_a_finer_tolerance_keeps_what_a_coarser_one_keeps(seed: int) -> None:
     corners = boulder(seed).vertices
     start = np.zeros(len(corners), dtype=bool)

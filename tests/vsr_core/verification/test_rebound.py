@@ -168,7 +168,7 @@ def test_run_out_through_a_bend_is_that_of_many_chords(friction: float) -> None:
 
 
 @each_engine
-@settings(deadline=None, max_examples=12, derandomize=True)
+@settings(deadline=None, max_examples=8, derandomize=True)
 @given(degrees=st.floats(12.0, 60.0), friction=st.floats(0.05, 1.0), cut=st.booleans())
 def test_spheres_roll_and_slip(engine: str, degrees: float, friction: float, cut: bool) -> None:
     angle = math.radians(degrees)
