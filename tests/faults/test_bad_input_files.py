@@ -26,6 +26,7 @@ from pipeline.stages.motions import record_inputs, table_motions
 from tests.support import record_files
 from tests.support.bad_input import bounded, broken
 from vsr_core.errors import InvalidInput
+from vsr_core.motions.records import formats
 from vsr_core.rock import solid
 from vsr_core.scan.whole_rock import whole_rock
 
@@ -293,6 +294,31 @@ def test_record_is_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text(text)
     with bounded(seconds=2.0, mebibytes=200.0), pytest.raises(InvalidInput, match=words):
         read_record(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["one.at2", "one.v2", "one.ns"])
+def test_record_that_is_cut_is_refused_wherever_it_is(name: str) -> None:
+    content, suffix = RECORDS[name](), Path(name).suffix
+    whole = formats.read_all(content, suffix, formats.Reading()).acceleration
+    for length in [*range(100, len(content), 997), *range(len(content) - 100, len(content))]:
+        try:
+            found = formats.read_all(content[:length], suffix, formats.Reading())
+        except InvalidInput:
+            continue
+        assert found.acceleration.tobytes() == whole.tobytes(), length
+
+
+def test_record_shorter_than_its_header_says_is_refused() -> None:
+    content = RECORDS["one.ns"]().replace(b"Duration Time(s)  10", b"Duration Time(s)  300")
+    with pytest.raises(InvalidInput, match="1000 samples that says 30000"):
+        formats.read_all(content, ".ns", formats.Reading())
+
+
+def test_table_that_ends_in_a_number_is_refused() -> None:
+    text = "time,acc_g\n0.00,0.1250\n0.01,0.2500\n0.02,0.25"
+    with pytest.raises(InvalidInput, match="formed like no other"):
+        formats.read_all(text.encode(), ".csv", formats.Reading())
+    assert len(formats.read_all((text + "\n").encode(), ".csv", formats.Reading()).acceleration)
 
 
 @pytest.mark.parametrize("kind", ["record", "table"])
