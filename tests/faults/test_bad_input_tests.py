@@ -12,6 +12,7 @@ import trimesh
 import xarray as xr
 
 from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS
+from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
 
 Refused = Callable[..., str]
 
@@ -55,10 +56,35 @@ WRONG_OUTCOMES = {
 }
 
 
-@pytest.mark.parametrize("text", WRONG_OUTCOMES)
+BOTH = HEAD + "1,a,0.2,0.3,0\n2,a,0.5,0.3,1\n"
+WRONG_OUTCOMES |= {
+    BOTH + "2,a,0.5,0.3,0\n": ("test", "2 twice"),
+    BOTH + "9,a,0.5,0.3,0\n": ("test", "9 without a record"),
+    BOTH.replace("2,a,0.5,0.3,1\n", ""): ("test", "2 with a record, and without a row"),
+    BOTH.replace("pgv_pga_s", "pga_g"): ("pga_g", "a column twice"),
+    BOTH.removesuffix("1\n"): ("a last line that ends in ''",),
+    BOTH.replace(",a,", f",{'a' * 200_000},"): ("field larger",),
+    BOTH.replace(",0\n", ",True\n"): ("specimen1", "'True' in row 1"),
+}
+
+
+@pytest.mark.parametrize("text", WRONG_OUTCOMES, ids=range(len(WRONG_OUTCOMES)))
 def test_outcomes_are_refused(folder: Path, refused: Refused, text: str) -> None:
     (folder / OUTCOMES).write_text(text)
     refused("run", "validation", "--table", folder, words=(OUTCOMES, *WRONG_OUTCOMES[text]))
+
+
+def test_what_has_no_part_is_named(folder: Path) -> None:
+    rows = "1,0,1,a,0.2,0.3,0,1\n2,0,1,a,0.5,0.3,1,1\n3,0,0,a,0.5,0.3,1,1\n"
+    names = "test,date,has_record,ground_motion,pga_g,pgv_pga_s,specimen1,specimen9\n"
+    (folder / OUTCOMES).write_text(names + rows)
+    found = read_tests(folder)
+    assert found.number == (1, 2)
+    assert found.unused == (
+        "1 row of outcomes.csv with has_record of 0 left out",
+        "column date of outcomes.csv left out, as it says nothing here",
+        "column specimen9 of outcomes.csv left out, as there is no scan of that specimen",
+    )
 
 
 WRONG_RECORDS: dict[str, tuple[Callable[[xr.Dataset], xr.Dataset], str]] = {

@@ -100,12 +100,14 @@ class Curves(Input):
     Attributes
     ----------
     disaggregated : Path, of the disaggregation, if there is one
+    unused : what else the files hold, in words
     """
 
     path: Path
     model: HazardModel
     disaggregated: Path | None
     about: str
+    unused: tuple[str, ...]
 
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
@@ -131,9 +133,10 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
     elif path.is_dir() and disaggregation_files(path):
         disaggregated = path
     found = load(path)
+    unused = found.unused
     if disaggregated is not None:
-        load_disaggregation(disaggregated)
-    return Curves(path, found, disaggregated, about(path))
+        unused += load_disaggregation(disaggregated).unused
+    return Curves(path, found, disaggregated, about(path), unused)
 
 
 def _name(path: Path) -> str:

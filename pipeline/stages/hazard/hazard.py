@@ -65,7 +65,7 @@ def make(
         ``hazard.nc``, ``hazard.csv`` and ``hazard.html``.
     """
     model, name = curves.model, work.origin.name
-    for unused in model.unused:
+    for unused in curves.unused:
         work.log(f"hazard: {unused}")
     ratio = of_model(config, model, model.levels[[0, -1]], curves.disaggregated)
     drawn = ensemble is not None and config.support == "tested"

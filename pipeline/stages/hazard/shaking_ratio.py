@@ -19,6 +19,7 @@ from pipeline.config import in_si
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.outside import Row, Share, refused, rows, table, text
 from pipeline.stages.hazard.hazard_model import LEVELS, UNITS, HazardModel
+from pipeline.workflow.grammar import counted
 from vsr_core.arrays import Array
 from vsr_core.hazard.curve import mean_curve
 from vsr_core.hazard.ratio import LOG_SD, RatioTable, ratio_of_curves, ratios_of_scenarios
@@ -48,12 +49,14 @@ class Disaggregation:
     magnitudes, distances : ndarray, shape (n,) [1] and [km], middles of the bins
     levels : ndarray, shape (k,) [m/s^2], ascending
     shares : ndarray, shape (k, n), rows sum to 1
+    unused : what else is in the files, in words
     """
 
     magnitudes: Array
     distances: Array
     levels: Array
     shares: Array
+    unused: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +143,15 @@ class Bin(Row):
 
 def load_disaggregation(path: Path) -> Disaggregation:
     """Read a disaggregation by magnitude and distance."""
-    found = [(one, row) for one in disaggregation_files(path) for row in _bins(one)]
+    found: list[Bin] = []
+    unused: list[str] = []
+    for file in disaggregation_files(path):
+        of_pga, others = _bins(file)
+        found += of_pga
+        if others:
+            unused.append(f"{counted(others, 'row')} of other measures in {file.name} left out")
     bins = pd.DataFrame(
-        [(row.iml, row.mag, row.dist, float(np.mean(row.shares))) for _, row in found],
+        [(row.iml, row.mag, row.dist, float(np.mean(row.shares))) for row in found],
         columns=["iml", "mag", "dist", "share"],
     )
     if not bins["share"].sum() > 0.0:
@@ -152,31 +161,31 @@ def load_disaggregation(path: Path) -> Disaggregation:
     grid = bins.groupby(["iml", "mag", "dist"])["share"].sum().unstack(["mag", "dist"])
     if (bins["share"] == 0.0).any() and grid.isna().any(axis=None):
         rule = "a file that holds empty bins holds all"
-        raise refused(found[-1][0], "mag, dist", "bins that are missing", rule)
+        raise refused(path, "mag, dist", "bins that are missing", rule)
     grid = grid.fillna(0.0)
+    if empty := int((grid.sum(axis=1) == 0.0).sum()):
+        unused.append(f"{counted(empty, 'disaggregated level')} that nothing exceeds left out")
     grid = grid[grid.sum(axis=1) > 0.0]
     magnitudes, distances = (
         grid.columns.get_level_values(name).to_numpy(dtype=np.float64) for name in ("mag", "dist")
     )
     values = grid.to_numpy()
     levels = UNITS["PGA"] * grid.index.to_numpy(dtype=np.float64)
-    return Disaggregation(magnitudes, distances, levels, values / values.sum(axis=1, keepdims=True))
+    shares = values / values.sum(axis=1, keepdims=True)
+    return Disaggregation(magnitudes, distances, levels, shares, tuple(unused))
 
 
-def _bins(path: Path) -> list[Bin]:
-    """Rows of PGA."""
+def _bins(path: Path) -> tuple[list[Bin], int]:
+    """Rows of PGA, and the number of others."""
     cells = table(path, text(path))
     if cells and "imt" not in cells[0]:
         raise refused(path, "imt", "no such column", f"there are {', '.join(_COLUMNS)}")
     known = {*_COLUMNS, "poe"}
-    return rows(
-        path,
-        Bin,
-        [
-            {name: cell for name, cell in row.items() if name in known}
-            | {"shares": [cell for name, cell in row.items() if name not in known]}
-            for row in cells
-            if row["imt"] == "PGA"
-        ],
-        once=("iml", "mag", "dist"),
-    )
+    of_pga = [
+        {name: cell for name, cell in row.items() if name in known}
+        | {"shares": [cell for name, cell in row.items() if name not in known]}
+        for row in cells
+        if row["imt"] == "PGA"
+    ]
+    found = rows(path, Bin, of_pga, once=("iml", "mag", "dist"))
+    return found, len(cells) - len(found)

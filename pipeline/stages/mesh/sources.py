@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.config.layers import Origin
+from pipeline.config.outside import content
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.config.scene_schema import PedestalConfig, RockConfig
@@ -198,10 +199,10 @@ def _read(path: Path, origin: Origin, key: str) -> trimesh.Trimesh:
 def _label(path: Path) -> str:
     origin = path.with_name(ORIGIN)
     try:
-        facts = json.loads(origin.read_text(encoding="utf-8"))
+        facts = json.loads(content(origin))
         if facts["sha256"] == digest_file(path):
             return f"public original, {facts['from']}"
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (InputError, ValueError, KeyError, TypeError, RecursionError):
         pass  # none, or not what `fetch` wrote
     return f"scan {shown(path)}"
 

@@ -225,8 +225,11 @@ def _unused(without: int, names: Iterable[str], specimens: tuple[int, ...]) -> I
     if without:
         yield f"{counted(without, 'row')} of {OUTCOMES} with has_record of 0 left out"
     for name in names:
-        if (match := SPECIMEN.fullmatch(name)) and int(match[1]) not in specimens:
+        match = SPECIMEN.fullmatch(name)
+        if match and int(match[1]) not in specimens:
             yield f"column {name} of {OUTCOMES} left out, as there is no scan of that specimen"
+        elif not match and not PUBLISHED.fullmatch(name) and name not in TestRow.model_fields:
+            yield f"column {name} of {OUTCOMES} left out, as it says nothing here"
 
 
 @lru_cache(maxsize=2)

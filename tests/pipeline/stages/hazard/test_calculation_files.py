@@ -152,6 +152,7 @@ def test_a_disaggregation_is_read(tmp_path: Path) -> None:
         np.testing.assert_allclose(found.levels, GRAVITY * np.array([0.2, 0.5]))
         assert found.magnitudes.tolist() == [5.5, 7.0]
         np.testing.assert_allclose(found.shares, [[0.5, 0.5], [0.75, 0.25]])
+        assert found.unused == (f"1 row of other measures in {path.name} left out",)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+import os
 import socket
 import threading
 from collections.abc import Callable, Iterator
@@ -149,6 +150,9 @@ def test_label_says_where_the_shape_is_from(
     mesh.apply_scale(1.1)
     path.write_bytes(mesh.export(file_type="ply"))
     assert "public" not in source_of(site).label
+    assert "scan" in source_of(site).label
+    (path.parent / sources.ORIGIN).unlink()
+    os.mkfifo(path.parent / sources.ORIGIN)  # would be waited for
     assert "scan" in source_of(site).label
     path.unlink()
     assert "surrogate" in source_of(site).label
