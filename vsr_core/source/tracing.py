@@ -140,7 +140,7 @@ def _resolved(name: str) -> Iterator[str]:
         yield from _resolved(parsed.imports[definition])
 
 
-_FILE = Path(importlib.util.cache_from_source(__file__)).with_suffix(".json")
+_FILE = Path(importlib.util.cache_from_source(__file__)).with_suffix(".facts")
 
 _new: set[str] = set()
 """Modules whose text was read in this process."""
@@ -182,17 +182,19 @@ def keep_facts() -> None:
     _new.clear()
     part = _FILE.with_name(f".{_FILE.name}-{os.getpid()}")
     with suppress(OSError):  # as Python goes on where it cannot write bytecode
-        part.write_text(json.dumps(_kept()), encoding="utf-8")
+        text = json.dumps(_kept()).encode()
+        part.write_bytes(f"{_digest(text)}\n".encode() + text)
         part.replace(_FILE)
 
 
 @cache
 def _kept() -> dict[str, Any]:
-    """By a module's name: the digest of its text, and its facts."""
-    try:
-        return dict(json.loads(_FILE.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
-        return {}
+    """By a module's name: the digest of its text, and its facts; none of a file that is damaged."""
+    with suppress(OSError):
+        seal, _, text = _FILE.read_bytes().partition(b"\n")
+        if seal == _digest(text).encode():
+            return dict(json.loads(text))
+    return {}
 
 
 def _digest(content: bytes) -> str:

@@ -18,7 +18,7 @@ TEXT = b"from vsr_core import G\nLIMIT = 3\ndef used(x):\n    return x * LIMIT *
 @pytest.fixture
 def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The file of a process that has read nothing yet, and may write."""
-    path = tmp_path / "tracing.json"
+    path = tmp_path / "tracing.facts"
     monkeypatch.setattr(tracing, "_FILE", path)
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     next_process()
@@ -37,9 +37,10 @@ def test_the_next_process_takes_what_was_kept(kept: Path) -> None:
     assert read.definitions["used"][1] == ["G", "LIMIT"]
     assert read.imports == [("G", "vsr_core", "G")]
     tracing.keep_facts()
-    changed = json.loads(kept.read_text())
+    changed = json.loads(kept.read_text().partition("\n")[2])
     changed["vsr_core.a"][1] = {"seen": ["", []]}
-    kept.write_text(json.dumps(changed))
+    text = json.dumps(changed)
+    kept.write_text(f"{tracing._digest(text.encode())}\n{text}")
     next_process()
     assert set(tracing.facts_of("vsr_core.a", TEXT).definitions) == {"seen"}
 
@@ -70,6 +71,17 @@ def test_a_changed_reader_reads_anew(kept: Path, monkeypatch: pytest.MonkeyPatch
 def test_a_damaged_file_is_no_matter(kept: Path, damage: str) -> None:
     kept.write_text(damage)
     assert set(tracing.facts_of("vsr_core.a", TEXT).definitions) == {"LIMIT", "used"}
+
+
+def test_no_bit_of_what_was_kept_is_believed_otherwise(kept: Path) -> None:
+    """A dependency that is lost would leave old results fresh."""
+    read = tracing.facts_of("vsr_core.a", TEXT)
+    tracing.keep_facts()
+    whole = kept.read_bytes()
+    for at in range(len(whole)):
+        kept.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        next_process()
+        assert tracing.facts_of("vsr_core.a", TEXT) == read
 
 
 def test_nothing_is_written_where_python_writes_no_bytecode(
