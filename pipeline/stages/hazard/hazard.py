@@ -27,7 +27,7 @@ from pipeline.stages.hazard.shaking_ratio import DEFAULT, ShakingRatio, of_model
 from pipeline.stages.hazard.survival_analysis import (
     AS_SCANNED,
     AS_TESTED,
-    SAME_ROCK,
+    DRAWN_ANEW,
     DatedRock,
     SurvivalAnalysis,
     ages_of,
@@ -41,8 +41,6 @@ from pipeline.workflow.grammar import counted, form, listed
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array, Mask
 from vsr_core.hazard.ratio import CORRELATION, LOG_SD
-from vsr_core.hazard.survival import survival
-from vsr_core.hazard.toppling import toppling
 
 FILE, TABLE, PAGE = "hazard.nc", "hazard.csv", "hazard.html"
 
@@ -87,7 +85,7 @@ def make(
         model, tuple(rocks), ratio.table, config.minimum_survival_probability
     )
     by_member = analysis.survival_of_others()
-    all_cases = cases(analysis, by_member, ratio, compared)
+    all_cases = cases(analysis, ratio, compared)
     results = all_cases[0].results
     found = dataset(analysis, results, by_member, all_cases)
     facts = page(name, config, rock, analysis, ratio, found, shown(curves.path), curves.about)
@@ -191,7 +189,8 @@ def _results(
         "scale": hazard["scale_factor"].item(),
         "effective": [hazard[f"effective_branches_{name}"].item() for name in ("before", "after")],
         "cases": cases,
-        "same_rock": next((case for case in cases if case["name"] == SAME_ROCK), None),
+        "anew": next((case for case in cases if case["name"] == DRAWN_ANEW), None),
+        "sampling": float(hazard["survival_error"].max()),
     }
 
 
@@ -222,10 +221,12 @@ def _rocks(config: HazardConfig, analysis: SurvivalAnalysis) -> list[dict[str, s
     """Age and survival of each rock alone."""
     given = [config.age, *(one.age for one in config.rocks)]
     rows = []
-    for rock, own, age in zip(analysis.rocks, analysis.standing, given, strict=True):
+    for number, (rock, age) in enumerate(zip(analysis.rocks, given, strict=True)):
         assert age is not None
-        rates = [toppling(curve, own.fragility).rate for curve in analysis.curves]
-        alone = float(analysis.weights @ np.array([survival(rate, own.ages) for rate in rates]))
+        survival = [
+            analysis.survival_alone(number, curve, rock.ages).mean() for curve in analysis.curves
+        ]
+        alone = float(analysis.weights @ np.array(survival))
         row = {"name": rock.name, "age": of_age(age), "survival": percent(alone)}
         rows.append(row | {"source": age.source})
     return rows

@@ -17,7 +17,7 @@ from vsr_core.hazard.survival import largest_scale
 from vsr_core.hazard.toppling import FINEST, PARTS, rate_by_row, toppling
 
 COLUMNS = ("branch", "path", "weight", "toppling_rate", "survival", "survival_low",
-           "survival_high", "rejected", "new_weight")  # fmt: skip
+           "survival_high", "survival_error", "rejected", "new_weight")  # fmt: skip
 
 FRACTILES = (0.05, 0.16, 0.5, 0.84, 0.95)
 
@@ -53,6 +53,7 @@ def dataset(
             "survival": ("branch", results.survival),
             "survival_low": ("branch", low),
             "survival_high": ("branch", high),
+            "survival_error": ("branch", survival_error(analysis, others)),
             "rejected": ("branch", results.rejected.astype(np.int8)),
             "new_weight": ("branch", results.weights),
         },
@@ -86,6 +87,18 @@ def survival_range(analysis: SurvivalAnalysis, others: Array) -> tuple[Array, Ar
         low, high = np.percentile(others, [5.0, 95.0], axis=0)
         return low, high
     return others.min(axis=0), others.max(axis=0)
+
+
+def survival_error(analysis: SurvivalAnalysis, others: Array) -> Array:
+    """Standard error of survival for the number of draws, shape (branches,); none of fits.
+
+    Parameters
+    ----------
+    others : ndarray, shape (n, branches)
+    """
+    if not analysis.drawn or len(others) < 2:
+        return np.zeros(len(analysis.curves))
+    return np.asarray(others.std(axis=0, ddof=1) / np.sqrt(len(others)))
 
 
 def table(found: xr.Dataset) -> pd.DataFrame:
@@ -158,14 +171,10 @@ def _by_age(analysis: SurvivalAnalysis, ages: Array) -> xr.Dataset:
     """Survival of the first rock alone against its age, and how likely the ages are."""
     edges = np.linspace(0.0, 1.35 * np.percentile(ages, 99.0), _AGES + 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    own = analysis.standing[0].fragility
-    rates = np.array([toppling(curve, own).rate for curve in analysis.curves])
+    survival = [analysis.survival_alone(0, curve, middles) for curve in analysis.curves]
     density, _ = np.histogram(ages, bins=edges, density=True)
     return xr.Dataset(
-        {
-            "survival_at_age": (("branch", "age"), np.exp(-rates[:, None] * middles)),
-            "age_density": ("age", density),
-        },
+        {"survival_at_age": (("branch", "age"), survival), "age_density": ("age", density)},
         {"age": middles},
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,7 @@ class RockFragility:
     mean : RowFragility, all directions and frictions counting equally
     by_yaw : dict, from the direction [degree] to its RowFragility
     others : tuple of RowFragility, of each member, or of the ends of the intervals of the fits
+    others_by_yaw : dict, from the direction [degree] to those of each member
     tested : tuple of float [g], least and largest PGA that was tried
     records : bool, whether the rows are recorded motions, not pulses
     """
@@ -47,6 +48,7 @@ class RockFragility:
     tested: tuple[float, float]
     frictions: tuple[float, ...]
     records: bool
+    others_by_yaw: dict[float, tuple[RowFragility, ...]] = field(default_factory=dict)
 
 
 def of_fits(fits: Fits) -> RockFragility:
@@ -114,6 +116,10 @@ def of_members(data: xr.Dataset) -> RockFragility:
         _span(data),
         (),
         row == "record",
+        {
+            float(yaw): tuple(rows_of_grid(_share(one[[i]])) for one in data["overturned"].values)
+            for i, yaw in enumerate(data["yaw"].values)
+        },
     )
 
 

@@ -36,10 +36,10 @@ BASE_CASE = "base case"
 
 AS_SCANNED = "rock: as scanned, without uncertainty"
 AS_TESTED = "rock: with its uncertainty, its base as tests have found rocks"
-"""The case in which the fits of one rock replace its ensemble."""
+"""The cases in which the fits of one rock replace its ensemble, or it replaces them."""
 
-SAME_ROCK = "rock: same parameters in all earthquakes, survival averaged over the draws"
-"""The case in which a draw is a rock, not a rock in one earthquake."""
+DRAWN_ANEW = "rock: drawn anew in each earthquake"
+"""The case in which a draw is a rock in one earthquake, and not for all of its age."""
 
 AGES = (5.0, 95.0)
 """Percentiles of the age for a young and an old rock."""
@@ -126,9 +126,49 @@ class SurvivalAnalysis:
             for rock in self.rocks
         ]
 
+    @property
+    def drawn(self) -> bool:
+        """Whether the others are draws, of which one is the rock, and not ends of intervals."""
+        return all(rock.fragility.source == DRAWN for rock in self.rocks)
+
+    @cached_property
+    def others(self) -> list[list[Standing]]:
+        """The rocks with each of their other fragilities.
+
+        Several rocks have the others in turn, the fewer again from the first. Of two ensembles the
+        members are paired at random, as what is unknown of two rocks is not the same.
+        """
+        number = max(len(rock.fragility.others) for rock in self.rocks)
+        rng, turns = np.random.default_rng(1), []
+        for rock in self.rocks:
+            own = [
+                Standing(self.fragility_in_pga(rock, one), rock.ages)
+                for one in rock.fragility.others
+            ]
+            turn = np.resize(np.arange(len(own)), number)
+            paired = rock is self.rocks[0] or rock.fragility.source != DRAWN
+            turns.append([own[i] for i in (turn if paired else rng.permutation(turn))])
+        return [list(rocks) for rocks in zip(*turns, strict=True)]
+
+    def survival_of_others(self) -> Array:
+        """Survival under each branch with each of the other fragilities, (others, branches)."""
+        return np.array([[survival_of(one, rocks) for one in self.curves] for rocks in self.others])
+
     def survival(self, curve: HazardCurve) -> float:
-        """Probability that all rocks stand under a curve."""
+        """Probability that all rocks stand under a curve.
+
+        What is not known of a rock stays as it is through all earthquakes: of draws it is the mean
+        of their survivals.
+        """
+        if self.drawn:
+            return float(np.mean([survival_of(curve, rocks) for rocks in self.others]))
         return survival_of(curve, self.standing)
+
+    def survival_alone(self, rock: int, curve: HazardCurve, ages: Array) -> Array:
+        """Probability that one of the rocks stands for each of some ages."""
+        rocks = [rocks[rock] for rocks in self.others] if self.drawn else [self.standing[rock]]
+        rates = np.array([toppling(curve, one.fragility).rate for one in rocks])
+        return np.asarray(np.exp(-rates[:, None] * ages).mean(axis=0))
 
     def results(self) -> BranchResults:
         """Survival under each branch, and the branches weighted by it."""
@@ -143,31 +183,6 @@ class SurvivalAnalysis:
         if not new.rejected.all():
             after = mean_curve(self.curves, new.weights, self.model.levels)
         return BranchResults(rates, survival, new.rejected, new.weights, after)
-
-    def survival_of_others(self) -> Array:
-        """Survival under each branch with each of the other fragilities.
-
-        Several rocks have the others in turn, the fewer again from the first. Of two ensembles the
-        members are paired at random, as what is unknown of two rocks is not the same.
-
-        Returns
-        -------
-        ndarray, shape (others, branches)
-        """
-        number = max(len(rock.fragility.others) for rock in self.rocks)
-        rng, turns = np.random.default_rng(1), []
-        for rock in self.rocks:
-            turn = np.resize(np.arange(len(rock.fragility.others)), number)
-            paired = rock is self.rocks[0] or rock.fragility.source != DRAWN
-            turns.append(turn if paired else rng.permutation(turn))
-        found = []
-        for chosen in zip(*turns, strict=True):
-            rocks = [
-                Standing(self.fragility_in_pga(rock, rock.fragility.others[i]), rock.ages)
-                for rock, i in zip(self.rocks, chosen, strict=True)
-            ]
-            found.append([survival_of(curve, rocks) for curve in self.curves])
-        return np.array(found)
 
     def with_first(self, **changes: RockFragility | Array) -> SurvivalAnalysis:
         """The same analysis, the first rock changed."""
@@ -185,21 +200,18 @@ class Case:
 
 
 def cases(
-    analysis: SurvivalAnalysis,
-    others: Array,
-    ratio: ShakingRatio,
-    compared: Mapping[str, RockFragility],
+    analysis: SurvivalAnalysis, ratio: ShakingRatio, compared: Mapping[str, RockFragility]
 ) -> list[Case]:
     """All cases of the sensitivity study, the base case first.
 
     Parameters
     ----------
-    others : ndarray, shape (n, branches), survival with each other fragility
     compared : mapping, from the name of a case to the rock's fragility then
     """
     found = [Case(BASE_CASE, analysis, analysis.results())]
-    if all(rock.fragility.source == DRAWN for rock in analysis.rocks):
-        found.append(Case(SAME_ROCK, analysis, analysis.reweighted(others.mean(axis=0))))
+    if analysis.drawn:
+        anew = np.array([survival_of(curve, analysis.standing) for curve in analysis.curves])
+        found.append(Case(DRAWN_ANEW, analysis, analysis.reweighted(anew)))
     changes = _changes(analysis, ratio, compared)
     return found + [Case(name, one, one.results()) for name, one in changes]
 
@@ -213,7 +225,9 @@ def _changes(
     if len(ordered) > 1:
         for word, (yaw, rows) in (("most", ordered[0]), ("least", ordered[-1])):
             name = f"direction: all shaking at yaw {yaw:g}°, the {word} fragile"
-            yield name, analysis.with_first(fragility=replace(first.fragility, mean=rows))
+            others = first.fragility.others_by_yaw.get(yaw, first.fragility.others)
+            own = replace(first.fragility, mean=rows, others=others)
+            yield name, analysis.with_first(fragility=own)
     factor = LARGEST_TO_AVERAGE
     yield (
         f"component: PGA at the rock is {factor:g} times that of the curves, as in the largest "

@@ -11,13 +11,13 @@ from scipy.stats import norm
 
 from pipeline.config.hazard_schema import BoundedAge, LognormalAge, NormalAge, SampledAge
 from pipeline.stages.hazard.hazard import sentence
-from pipeline.stages.hazard.hazard_dataset import survival_range
+from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_members
 from pipeline.stages.hazard.shaking_ratio import ShakingRatio
 from pipeline.stages.hazard.survival_analysis import (
     BASE_CASE,
-    SAME_ROCK,
+    DRAWN_ANEW,
     DatedRock,
     SurvivalAnalysis,
     ages_of,
@@ -77,9 +77,8 @@ def test_survival_of_members_that_topple_from_a_level_on() -> None:
         # a threshold lies within a step of the grid of PGA, 4.8 %
         expected = np.percentile(exact, [5.0, 95.0])
         assert [low[n], high[n]] == pytest.approx(expected, rel=0.12)
-    mean = -np.log(analysis.results().survival) / 2e3
-    exact = [rate * (thresholds**-SLOPE).mean() for rate in (1e-5, 1e-4)]
-    np.testing.assert_allclose(mean, exact, rtol=0.06)
+    exact = [np.exp(-2e3 * rate * thresholds**-SLOPE).mean() for rate in (1e-5, 1e-4)]
+    np.testing.assert_allclose(analysis.results().survival, exact, rtol=0.06)
 
 
 def stand(
@@ -103,16 +102,18 @@ def test_a_rock_that_is_the_same_in_all_earthquakes_stands_more_often() -> None:
     thresholds, rates, years = [0.3, 0.6], [1e-4, 4.6e-4], 1000.0
     rock = DatedRock("rock", ensemble(thresholds, 2000), np.array([years]))
     analysis = SurvivalAnalysis(model(*rates), (rock,), TABLE, 0.05)
-    found = cases(
-        analysis,
-        analysis.survival_of_others(),
-        ShakingRatio(TABLE, "table", {}),
-        {"another": rock.fragility},
-    )
-    anew, same = (case.results for case in found[:2])
-    assert [case.name for case in found[:3]] == [BASE_CASE, SAME_ROCK, "another"]
+    found = cases(analysis, ShakingRatio(TABLE, "table", {}), {"another": rock.fragility})
+    same, anew = (case.results for case in found[:2])
+    assert [case.name for case in found[:3]] == [BASE_CASE, DRAWN_ANEW, "another"]
+    another = found[2].results  # which is the same ensemble
+    np.testing.assert_array_equal(another.survival, same.survival)
+    alone = analysis.survival_alone(0, analysis.curves[1], np.array([0.0, years]))
+    np.testing.assert_allclose(alone, [1.0, same.survival[1]])
+    error = survival_error(analysis, analysis.survival_of_others())
     nu = np.array([[rate * level**-SLOPE for rate in rates] for level in thresholds])
     np.testing.assert_allclose(same.survival, np.exp(-years * nu).mean(axis=0), rtol=0.01)
+    half = 0.5 * np.abs(np.diff(np.exp(-years * nu), axis=0))[0]  # of two: their half distance
+    np.testing.assert_allclose(error, half, rtol=0.02)
     np.testing.assert_allclose(anew.survival, np.exp(-years * nu.mean(axis=0)), rtol=0.03)
     for n, rate in enumerate(rates):
         for results, alike in ((same, True), (anew, False)):
