@@ -44,12 +44,22 @@ def _in_g(pga: tuple[float, ...]) -> tuple[float, ...]:
     return pga
 
 
+OCTAVES = (*(part * 2.0**power for power in range(-5, 1) for part in (1.0, 1.5)), 2.0)
+"""PGAs of ``auto`` [g]: two an octave, at which the brackets of every grid are parted, too."""
+
+
+def _as_peaks(given: object) -> object:
+    return OCTAVES if given == "auto" else as_values(given)
+
+
 Peaks = Annotated[
     Grid,
-    BeforeValidator(as_values, json_schema_input_type=_Peak | list[_Peak] | Range),
+    BeforeValidator(
+        _as_peaks, json_schema_input_type=Literal["auto"] | _Peak | list[_Peak] | Range
+    ),
     AfterValidator(_in_g),
 ]
-"""Peak ground accelerations [g]."""
+"""Peak ground accelerations [g]; ``auto`` where only the boundary is wanted."""
 
 
 def _in_seconds(pgv_pga: tuple[float, ...]) -> tuple[float, ...]:
@@ -73,7 +83,10 @@ Ratios = Annotated[
 class PulseGrid(Section):
     """A grid of pulses of one shape."""
 
-    pga: Peaks = Field(description="peak ground acceleration [g]")
+    pga: Peaks = Field(
+        description="peak ground acceleration; auto for 13 values from 1/32 to 2 g, between and "
+        "beyond which the boundary is resolved [g]"
+    )
     pgv_pga: Ratios = Field(description="ratio of peak velocity to peak acceleration [s]")
 
 

@@ -165,3 +165,42 @@ def test_a_resolution_finer_than_the_error_is_refused(
     assert "fragility.resolution: got 0.0001; an interval is no narrower than" in line
     assert re.search(r"time step of [\d.]+ ms", line)
     assert not (derived / "rock" / "boundary.nc").exists()
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("fragility.lowest=5", "lowest must be below highest"),
+        ("fragility.resolution=0", "greater than or equal to 0.0001"),
+        ("fragility.resolution=fine", "should be a valid number"),
+        ("fragility.highest=50", "less than or equal to 10"),
+        ("motion.pga=automatic", "should be a valid number"),
+        ("fragility.width=0.01", "unknown key"),
+    ],
+)
+def test_what_cannot_be_resolved_is_refused_in_one_line(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, setting: str, words: str
+) -> None:
+    ran = vsr("run", "boundary", "--site", write_site(BLOCK + GRID), "--set", setting)
+    assert ran.code == 2
+    assert ran.err.count("\n") == 1
+    assert words in ran.err
+    assert not derived.exists()
+
+
+@pytest.mark.parametrize(
+    ("motion", "bounds", "told"),
+    [
+        ("{pga: [0.8, 0.9], pgv_pga: 2.0}", "{lowest: 0.6}", "below 0.6 g"),
+        ("{pga: [0.1, 0.2], pgv_pga: 0.05}", "{highest: 0.3}", "above 0.3 g"),
+    ],
+)
+def test_what_lies_beyond_the_bounds_is_said_so(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, motion: str,
+    bounds: str, told: str
+) -> None:  # fmt: skip
+    """A range that always topples, and one that never does."""
+    text = f"{BLOCK}motion: {motion}\nfragility: {bounds}\n"
+    ran = vsr("run", "fragility", "--site", write_site(text), "--workers", "0")
+    assert ran.code == 0, ran.err
+    assert told in (derived / "rock" / "report.html").read_text(encoding="utf-8")
