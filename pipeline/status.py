@@ -12,7 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pipeline.config import in_si
+from pipeline.config.fragility_schema import FINE
 from pipeline.config.motion_schema import PulseGrid
 from pipeline.config.schema import Config
 from pipeline.stages.mesh.products import Ground, Standing
@@ -30,6 +33,7 @@ from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.run_store import RunStore, is_there
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
+from vsr_core.fragility.bisection import OUTWARD
 from vsr_core.outcome import Outcome
 
 TYPICAL_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 25.0
@@ -82,6 +86,8 @@ def plan(product: str, job: Job) -> list[str]:
         study = _study(job, Path(temporary))
         assert study is not None
         lines += _planned_runs(job, study, _kind(product, job.config))
+    if "boundary" in todo:
+        lines.append(_planned_between(job.config, study))
     if "uncertainty" in todo:
         lines.append(_planned_draws(job.config, study.motions))
     case = flat_case(study.scenes, study.groups[0])
@@ -168,6 +174,20 @@ def _left(store: Store, study: Study, group: Group, kind: Kind[Any]) -> list[Cel
     runs = study.wanted(group)
     kept = _stored(store, runs, kind)
     return [run.item for run in runs if run.key not in kept]
+
+
+def _planned_between(config: Config, study: Study) -> str:
+    """Runs that part the intervals of the first overturning, one of them in each level."""
+    pga, asked = np.array(study.motions.pga), config.fragility.resolution
+    # of an even grid the gap at a fifth of its range, where boundaries are
+    gap = float(np.quantile(np.diff(np.log(pga)), 0.8)) if len(pga) > 1 else np.log(OUTWARD)
+    width = np.log1p(FINE if asked == "auto" else asked)
+    each = math.ceil(math.log2(max(gap / width, 1.0)))
+    levels = len(study.groups) * len(study.motions.rows)
+    return (
+        f"boundary: about {levels * each} runs beside, {each} in each of {levels} levels where the "
+        "outcome changes once"
+    )
 
 
 def _planned_draws(config: Config, motions: Shaking) -> str:

@@ -75,6 +75,16 @@ def test_models_lie_in_each_other_s_intervals(
     assert ((low <= 1.01 * fine_high) & (fine_low <= 1.01 * high)).mean() > 0.9
 
 
+@pytest.mark.parametrize("name", GRIDS)
+def test_the_fits_have_the_boundary_of_the_runs(
+    made: dict[str, tuple[xr.Dataset, xr.Dataset]], name: str
+) -> None:
+    fragility, boundary = made[name]
+    for end in ("", "_lower", "_upper"):
+        own = fragility[f"first_overturning_pga{end}"].values
+        np.testing.assert_array_equal(own, boundary[f"first_overturning_pga{end}"].values)
+
+
 def test_auto_takes_fewer_than_half_the_runs(
     made: dict[str, tuple[xr.Dataset, xr.Dataset]],
 ) -> None:

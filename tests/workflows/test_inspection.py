@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -42,6 +43,7 @@ def test_draws_and_compared_settings_are_planned_too(
     planned = vsr("plan", "hazard", "--site", site).out
     whole, one_way = planned.split(f"{derived / 'rock' / 'compared' / 'one_way' / 'rock'}:\n")
     assert "runs: 12;" in whole
+    assert re.search(r"boundary: about \d+ runs beside, \d in each of 6 levels", whole)
     assert "at most 36 runs" in whole
     assert "runs: 6;" in one_way
     assert "draws" not in one_way

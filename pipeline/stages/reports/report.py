@@ -153,11 +153,12 @@ def _facts(work: Work, parts: Parts, sample: Later[BulletSample | None]) -> dict
             name: data.attrs["vsr_key"]
             for name, data in (
                 (RockData.FILE, rock),
+                (BoundaryData.FILE, parts.boundary.data),
                 (Responses.FILE, responses),
                 (Fits.FILE, fragility),
             )
         },
-        "timings": _timings(work.notes("runs")),
+        "timings": _timings(work.notes("runs"), work.notes("boundary")),
         "paper": _PAPER,
         "files": {"responses": Responses.FILE, "fragility": Fits.FILE, "table": TABLE},
     }
@@ -282,12 +283,14 @@ def _shorter(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _timings(notes: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Last and total cost of the runs, from the log; the same row once if there was one call."""
-    if not notes:
-        return []
-    last = {"what": "last call", **notes[-1]}
-    names = ("runs", "seconds", "cpu_seconds")
-    whole = {name: sum(note[name] for note in notes) for name in names}
-    total = {"what": f"all {len(notes)} calls", **whole, "workers": None}
-    return [last, total] if len(notes) > 1 else [last]
+def _timings(cells: list[dict[str, Any]], between: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Last and total cost of the cells, from the log, once if there was one call; and between."""
+    rows = []
+    for notes, where in ((cells, ""), (between, ", between the cells")):
+        if notes:
+            rows.append({"what": f"last call{where}", **notes[-1]})
+        if len(notes) > 1:
+            names = ("runs", "seconds", "cpu_seconds")
+            whole = {name: sum(note[name] for note in notes) for name in names}
+            rows.append({"what": f"all {len(notes)} calls{where}", **whole, "workers": None})
+    return rows

@@ -14,10 +14,12 @@ import pytest
 from conftest import Ran
 from support import ways
 
+from pipeline.stages.boundary import boundary
 from pipeline.stages.runs import overturning_runs
 from pipeline.workflow.datasets import read
 from pipeline.workflow.run_store import RUNS
 from vsr_core import GRAVITY
+from vsr_core.outcome import Outcome
 from vsr_core.run.rocking_block import Block, first_overturning_pga
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
@@ -165,6 +167,14 @@ def test_a_resolution_finer_than_the_error_is_refused(
     assert "fragility.resolution: got 0.0001; an interval is no narrower than" in line
     assert re.search(r"time step of [\d.]+ ms", line)
     assert not (derived / "rock" / "boundary.nc").exists()
+
+
+def test_probes_that_end_otherwise_than_the_cells_below_them_are_told() -> None:
+    cells, grid = np.array([[[[0, 0, 1, 1]]]], "i1"), np.array([0.1, 0.2, 0.3, 0.4])
+    ends = [Outcome.BALANCED, Outcome.OVERTURNED, Outcome.OVERTURNED, Outcome.UNSETTLED]
+    pga = np.array([0.15, 0.15, 0.35, 0.35])
+    found = boundary._wrong(cells, grid, np.zeros(4, int), pga, np.array(ends))
+    assert found.tolist() == [False, True, False, False]
 
 
 @pytest.mark.parametrize(
