@@ -128,8 +128,13 @@ def _reader(path: Path) -> sqlite3.Connection:
     database = _connected(uri)
     try:
         database.execute("SELECT count(*) FROM sqlite_master").fetchall()
-    except sqlite3.OperationalError:
+    except sqlite3.OperationalError as error:
         database.close()
+        if error.sqlite_errorcode == sqlite3.SQLITE_READONLY_ROLLBACK:
+            # What power or a kill cut short has to be taken back first, by who may write.
+            with closing(_connected(path)) as writer:
+                writer.execute("SELECT count(*) FROM sqlite_master").fetchall()
+            return _connected(uri)
         if any(path.with_name(path.name + ending).exists() for ending in _ENDINGS[1:]):
             raise
         # Left in the mode of a write-ahead log, which would need to be made in a folder that

@@ -61,6 +61,24 @@ def add(folder: Path, rows: Iterable[Any]) -> None:
             runs.add(some)
 
 
+def test_what_was_cut_short_is_taken_back_before_it_is_read(tmp_path: Path, whole: bytes) -> None:
+    """As power or a kill leaves a transaction: half in the database, the rest in its journal."""
+    before, after = tmp_path / "before", tmp_path / "after"
+    before.mkdir()
+    after.mkdir()
+    (before / RUNS).write_bytes(whole)
+    with closing(sqlite3.connect(before / RUNS, isolation_level=None)) as database:
+        database.execute("PRAGMA cache_size=1")  # pages are written before the end
+        database.execute("BEGIN IMMEDIATE")
+        for (table,) in database.execute("SELECT name FROM sqlite_master").fetchall():
+            database.execute(f"DELETE FROM {table}")
+        shutil.copytree(before, after, dirs_exist_ok=True)
+        database.execute("ROLLBACK")
+    assert (after / f"{RUNS}-journal").stat().st_size
+    assert (after / RUNS).read_bytes() != whole
+    assert rows_of(after, reads=True) == TRUTH
+
+
 @pytest.fixture
 def in_memory(tmp_path: Path) -> Iterator[Path]:
     """A folder that waits for no disk, where there is one."""
