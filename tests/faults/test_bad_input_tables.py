@@ -62,10 +62,10 @@ def calculation(folder: Path) -> Path:
 
 
 def disaggregation(folder: Path) -> Path:
-    rows = ["imt,iml,poe,mag,dist,mean"]
+    rows = ['#,,,,,"mag_bin_edges=[5.0, 6.0, 8.0], dist_bin_edges=[0.0, 20.0, 40.0]"']
+    rows += ["imt,iml,poe,mag,dist,mean"]
     rows += [
-        f"PGA,{iml},1.0e-03,{mag},{dist},{share:.5E}"
-        for iml in ("5.0E-01", "2.0E-01")
+        f"PGA,5.0E-01,1.0e-03,{mag},{dist},{share:.5E}"
         for mag in ("5.5", "7.0")
         for dist, share in (("10.0", 3e-4), ("30.0", 0.0))
     ]

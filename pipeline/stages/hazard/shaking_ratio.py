@@ -8,7 +8,10 @@ earthquakes of a bin of magnitude and distance.
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from dataclasses import dataclass
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +40,7 @@ STEP = 1.05
 
 PATTERN = "Mag_Dist-*.csv"
 
+_EDGES = re.compile(r"(?:mag|dist)_bin_edges=\[([^\]]*)\]")
 _COLUMNS = ("imt", "iml", "mag", "dist")
 
 
@@ -177,7 +181,8 @@ def load_disaggregation(path: Path) -> Disaggregation:
 
 def _bins(path: Path) -> tuple[list[Bin], int]:
     """Rows of PGA, and the number of others."""
-    cells = table(path, text(path))
+    lines = text(path)
+    cells = table(path, lines)
     if cells and "imt" not in cells[0]:
         raise refused(path, "imt", "no such column", f"there are {', '.join(_COLUMNS)}")
     known = {*_COLUMNS, "poe"}
@@ -188,4 +193,9 @@ def _bins(path: Path) -> tuple[list[Bin], int]:
         if row["imt"] == "PGA"
     ]
     found = rows(path, Bin, of_pga, once=("iml", "mag", "dist"))
+    along = [edges.count(",") for edges in _EDGES.findall(lines.partition("\n")[0])]
+    numbers = {*Counter(row.iml for row in found).values()}
+    if len(along) == 2 and any(0.0 in row.shares for row in found) and numbers != {prod(along)}:
+        given = f"{min(numbers)} bins at a level"
+        raise refused(path, "mag, dist", given, f"by its first line they are {prod(along)}")
     return found, len(cells) - len(found)
