@@ -53,7 +53,8 @@ def site(way: Mapping[str, str], time_step: str) -> str:
             ground.replace("NORMAL", str(up.tolist())),
             MOTIONS[way["motion"]],
             f"simulation: {{engine: {way['engine']}, time_step: {time_step}}}",
-            "yaw: 30\nuncertainty: {members: 2}\n",
+            "yaw: 30\nuncertainty: {members: 2}\n"
+            "fragility: {resolution: 0.2, lowest: 0.2, highest: 0.6}\n",
         ]
     )
 
