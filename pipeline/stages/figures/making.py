@@ -95,7 +95,8 @@ def _bring(sources: list[Source], site: Site, asked: Asked) -> int:
         return max(graph.make(stage, job) for stage in _last({s.stage for s in sources}))
 
 
-def _dataset(source: Source, derived: Path) -> xr.Dataset:
+def dataset(source: Source, derived: Path) -> xr.Dataset:
+    """What a figure is given of a source."""
     first, *others = (read(derived / source.folder / file) for file in source.files)
     for other in others:  # what lies along the dimensions of the first
         first = first.assign(other.drop_dims(set(other.dims) - set(first.dims)).data_vars)
@@ -120,7 +121,7 @@ def _draw(
     if not any(graph.why(stage, identity, store)):
         return
     store.open()
-    data = {told: _dataset(source, asked.derived) for told, source in figure.SOURCES.items()}
+    data = {told: dataset(source, asked.derived) for told, source in figure.SOURCES.items()}
     try:
         found = {"title": figure.TITLE, "findings": [asdict(one) for one in figure.findings(data)]}
         files = pictures(name, figure.draw(data), KINDS)
