@@ -33,7 +33,7 @@ class TiltTest(_Observation):
     direction: _Direction = Field(description=_TOWARDS)
     angle: float = Field(gt=0, lt=90, description="tilt at which it ended [degree]")
     outcome: Literal["tipped", "stood"] = Field(description="what the rock did")
-    sd: float = Field(gt=0, le=45, description="standard deviation of the angle [degree]")
+    sd: float = Field(ge=0.01, le=45, description="standard deviation of the angle [degree]")
 
     @property
     def told(self) -> str:
@@ -46,9 +46,9 @@ class PushTest(_Observation):
     kind: Literal["push"] = Field(description="kind of observation")
     direction: _Direction = Field(description=_TOWARDS)
     force: float = Field(gt=0, le=1e9, description="largest horizontal force [N]")
-    height: float = Field(gt=0, le=100, description="height of the force above the seat [m]")
+    height: float = Field(ge=0.001, le=100, description="height of the force above the seat [m]")
     outcome: Literal["lifted", "stood"] = Field(description="what the rock did")
-    sd: float = Field(gt=0, le=1e9, description="standard deviation of the force [N]")
+    sd: float = Field(ge=0.01, le=1e9, description="standard deviation of the force [N]")
 
     @property
     def told(self) -> str:
@@ -63,7 +63,7 @@ class RockingTest(_Observation):
     direction: _Direction = Field(description=_TOWARDS)
     frequency: float = Field(gt=0, le=1000, description="whole cycles in a second [Hz]")
     amplitude: float = Field(gt=0, lt=90, description="tilt to that side [degree]")
-    sd: float = Field(gt=0, le=1000, description="standard deviation of the frequency [Hz]")
+    sd: float = Field(ge=1e-4, le=1000, description="standard deviation of the frequency [Hz]")
 
     @property
     def told(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -127,7 +128,7 @@ WRONG = {
     "a direction in words": (TILT.replace("direction: 0", "direction: north"), "direction"),
     "an angle beyond": (TILT.replace("angle: 13.5", "angle: 95"), "angle", "less than 90"),
     "a force in kN": (PUSH.replace("force: 1200", "force: 1.2 kN"), "force", "1.2 kN"),
-    "no error": (TILT.replace("sd: 0.2", "sd: 0"), "sd", "greater than 0"),
+    "no error": (TILT.replace("sd: 0.2", "sd: 0"), "sd", "greater than or equal to 0.01"),
     "an outcome of another": (TILT.replace("tipped", "lifted"), "outcome", "tipped"),
     "twice": (f"{TILT}, {PUSH}, {TILT}", "observation 3 is observation 1 word for word", "label"),
     "a toppled one": (SHAKEN.replace("}", ", outcome: toppled}"), "outcome"),
@@ -151,7 +152,7 @@ def test_a_label_tells_two_tests_of_one_kind_apart(products: Callable[..., xr.Da
 
 IMPOSSIBLE = {
     "beyond geometry": (
-        (TILT.replace("13.5", "35"),), "observations.0", "tilted to 35°", "° in the 256 draws"
+        (TILT.replace("13.5", "35"),), "observations.0", "tilted to 35°", "° in the 32 draws"
     ),
     "toppled all": (
         (SHAKEN.replace("pga: 0.2", "pga: 2").replace("pgv: 40", "pgv: 900"),),
@@ -183,3 +184,51 @@ def test_without_observations_there_is_no_page(
 ) -> None:
     words = ("observations: got none", "give one")
     refused("run", "observations", "--site", write_site(SITE), words=words)
+
+
+def test_what_shaking_taught_is_told_of_the_draws_that_were_shaken(
+    products: Callable[..., xr.Dataset], derived: Path
+) -> None:
+    """A weak earthquake teaches nothing beside a sharp tilt test, which leaves few draws."""
+    weak = SHAKEN.replace("pga: 0.2", "pga: 0.001").replace("pgv: 40", "pgv: 0.1")
+    found = products("observations", TILT, weak)
+    shaken = np.isfinite(found["log_likelihood"].values[1])
+    assert 0 < shaken.sum() < found.sizes["draw"]
+    assert float(found["alone_effective"][1]) == pytest.approx(shaken.sum())
+    page = (derived / "rock" / "observations.html").read_text()
+    row = page[page.index("1906") :]
+    assert row[row.index("100 % stand") :].startswith(
+        '100 % stand</td><td class="n">100</td><td class="n">0</td>'
+    )
+
+
+@pytest.mark.parametrize("kind", ["a pipe", "a device", "too large", "no numbers"])
+def test_a_motion_that_is_no_file_of_numbers_is_refused_at_once(
+    vsr: Callable[..., Any], write_site: Callable[..., str], tmp_path: Path, kind: str
+) -> None:
+    path = tmp_path / "motion.csv"
+    if kind == "a pipe":
+        os.mkfifo(path)
+    elif kind == "a device":
+        path = Path("/dev/zero")
+    elif kind == "too large":
+        with path.open("wb") as file:
+            file.truncate(2**30)
+    else:
+        path.write_bytes(b"\0\xff motion")
+    test = f"{{kind: shake, motion: {path}, direction: 0, outcome: stood}}"
+    ran = vsr("run", "observations", "--site", write_site(SITE), *observed(test))
+    assert ran.code == 2, ran.err
+    (line,) = [line for line in ran.err.splitlines() if line.startswith("vsr: ")]
+    assert "observations.0.motion" in line
+    assert path.name in line
+
+
+def test_what_is_far_from_every_draw_is_refused_after_the_first_of_them(
+    vsr: Callable[..., Any], write_site: Callable[..., str]
+) -> None:
+    ran = vsr(
+        "run", "observations", "--site", write_site(SITE), *observed(TILT.replace("13.5", "60"))
+    )
+    assert ran.code == 2, ran.err
+    assert "in the 32 draws of the rock" in ran.err

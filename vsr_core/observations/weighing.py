@@ -64,28 +64,43 @@ def weights(log_likelihoods: Array) -> Array:
     return np.asarray(found / found.sum())
 
 
-def unexplained(log_likelihoods: Array) -> list[int]:
+def unexplained(log_likelihoods: Array, least: float = LEAST) -> list[int]:
     """Numbers of the observations that no draw explains."""
-    return np.flatnonzero(~(log_likelihoods.max(axis=1) > LEAST)).tolist()
+    return np.flatnonzero(~(log_likelihoods.max(axis=1) > least)).tolist()
 
 
-def contradiction(log_likelihoods: Array) -> tuple[int, int] | None:
-    """The two observations that are hardest to explain together, where no draw does.
+def left(log_likelihood: Array) -> Array:
+    """Weights of draws by one observation alone, shape (draws,), of those that were tried.
+
+    Parameters
+    ----------
+    log_likelihood : ndarray, shape (draws,), minus infinity where a draw was not tried
+    """
+    return weights(log_likelihood[np.isfinite(log_likelihood)][None])
+
+
+def contradiction(log_likelihoods: Array) -> tuple[int, ...]:
+    """The two observations that are hardest to explain together, or all, where no draw does.
+
+    Of all together half a unit more is allowed for each, as errors add up.
 
     Examples
     --------
     >>> contradiction(np.array([[0.0, -50.0], [-50.0, 0.0], [0.0, 0.0]]))
     (0, 1)
+    >>> contradiction(np.array([[0.0, -7.0, -7.0], [-7.0, 0.0, -7.0], [-7.0, -7.0, 0.0]]))
+    (0, 1, 2)
     """
     best = log_likelihoods.max(axis=1)
 
-    def agreement(pair: tuple[int, int]) -> float:
-        both = log_likelihoods[list(pair)]
-        return float(both.sum(axis=0).max() - best[list(pair)].sum())
+    def agreement(some: tuple[int, ...]) -> float:
+        return float(log_likelihoods[list(some)].sum(axis=0).max() - best[list(some)].sum())
 
-    pairs = list(combinations(range(len(log_likelihoods)), 2))
-    worst = min(pairs, key=agreement, default=None)
-    return worst if worst and agreement(worst) < LEAST else None
+    every = tuple(range(len(log_likelihoods)))
+    worst = min(combinations(every, 2), key=agreement, default=())
+    if worst and agreement(worst) < LEAST:
+        return worst
+    return every if agreement(every) < LEAST - 0.5 * len(every) else ()
 
 
 def resampled(weight: Array, count: int) -> Indices:

@@ -65,7 +65,11 @@ def of_observations(
         found[number] = _of_test(draws, observations[number])
     left = np.full(len(draws), True)
     if still:
-        weight = weighing.weights(np.array([one.log_likelihood for one in found.values()]))
+        likely = np.array([one.log_likelihood for one in found.values()])
+        if weighing.unexplained(likely):  # which is refused, or more are drawn
+            nothing = Evidence(np.zeros(len(draws)), np.full(len(draws), np.nan), "")
+            return [found.get(number, nothing) for number in range(len(observations))]
+        weight = weighing.weights(likely)
         left = weight > NEGLIGIBLE * weight.max()
     places = np.flatnonzero(left).tolist()
     for number, one in enumerate(observations):
@@ -127,9 +131,7 @@ def _of_shaking(
         return Evidence(*shaking.of_earthquake(draws, one, settings), "")
     assert isinstance(one, ShakeTest)
     assert shaken is not None
-    likely = shaking.of_shake(draws, one, shaken.motion(number), settings)
-    agrees = likely > math.log(0.5)
-    return Evidence(likely, np.where(agrees == (one.outcome == "stood"), 1.0, 0.0), "")
+    return Evidence(*shaking.of_shake(draws, one, shaken.motion(number), settings), "")
 
 
 def _spread(kept: Evidence, left: Array) -> Evidence:
@@ -139,8 +141,14 @@ def _spread(kept: Evidence, left: Array) -> Evidence:
     return Evidence(likely, expected, kept.unit)
 
 
-def refuse(observations: Sequence[Observation], found: Sequence[Evidence], file: str) -> None:
-    """Refuse observations that no draw explains, one by one or two together.
+def refuse(
+    observations: Sequence[Observation], found: Sequence[Evidence], file: str, least: float
+) -> None:
+    """Refuse observations that no draw explains, one by one or together.
+
+    Parameters
+    ----------
+    least : float, logarithm of the likelihood below which a draw does not explain one
 
     Raises
     ------
@@ -149,7 +157,7 @@ def refuse(observations: Sequence[Observation], found: Sequence[Evidence], file:
     """
     likely = np.array([one.log_likelihood for one in found])
     problems = []
-    for number in weighing.unexplained(likely):
+    for number in weighing.unexplained(likely, least):
         own = found[number].expected[np.isfinite(found[number].expected)]
         rule = f"{_range(own, found[number].unit)} in the {len(own)} draws of the rock"
         remedy = "correct it or its sd, or widen the priors of uncertainty"
@@ -157,12 +165,15 @@ def refuse(observations: Sequence[Observation], found: Sequence[Evidence], file:
         problems.append(Problem(file, key, observations[number].words, rule, remedy))
     if problems:
         raise InputError(*problems)
-    if pair := weighing.contradiction(likely):
-        one, other = pair
-        given = f"{observations[one].words}, and {observations[other].words}"
-        rule = f"it contradicts observation {one + 1}: no draw explains both"
+    if least == weighing.LEAST and (some := weighing.contradiction(likely)):
+        *first, last = some
+        given = f"{observations[first[0]].words}, and {observations[last].words}"
+        rule = f"it contradicts observation {first[0] + 1}: no draw explains both"
+        if len(some) > 2:
+            given, rule = f"{len(some)} observations", "no draw explains all of them together"
         remedy = "correct one or its sd, or widen the priors of uncertainty"
-        raise InputError(Problem(file, f"observations.{other}", given, rule, remedy))
+        key = "observations" if len(some) > 2 else f"observations.{last}"
+        raise InputError(Problem(file, key, given, rule, remedy))
 
 
 def _range(expected: Array, unit: str) -> str:

@@ -44,6 +44,9 @@ FIRST, MOST = 256, 2048
 ENOUGH = 2.0
 """Effective number of draws for a member of the ensemble with which no more are drawn."""
 
+HOPELESS = 4.0 * weighing.LEAST
+"""Logarithm of a likelihood below which more draws are not waited for."""
+
 TEST_SD = 0.5
 """Error of a tilt test that is thought of [degree]."""
 
@@ -51,7 +54,7 @@ UNKNOWNS = (
     "centre of mass along the direction",
     "height of the centre of mass",
     "inset of the base",
-    "shape of the base",
+    "shape of the base, and change of edge",
 )
 """What decides the static tipping; the last is what the others leave over."""
 
@@ -77,6 +80,9 @@ def make(
     shape = drawing.surface(rock, config.scan, replica)
     settings = study.how(Group(study.yaw[0], study.settings.contact.friction[0]))
     draws: list[Draw] = []
+    file = work.origin.file_of("observations")
+    if shaken:
+        shaken.read()
     number, most = (FIRST // 8, MOST // 8) if scan else (FIRST, MOST)
     with Steps("observations", work.log) as steps:
         while True:
@@ -85,11 +91,12 @@ def make(
             draws += drawing.draws(study, config, density, shape, scan, work.origin, more)
             found = evidence.of_observations(draws, observed, shaken, settings, steps.tell)
             weight = weighing.weights(np.array([one.log_likelihood for one in found]))
+            evidence.refuse(observed, found, file, HOPELESS)
             few = effective_number(weight) < ENOUGH * config.members
             if not few or number >= most:
                 break
             number *= 2
-        evidence.refuse(observed, found, work.origin.file_of("observations"))
+        evidence.refuse(observed, found, file, weighing.LEAST)
         steps.tell("what a further test would teach")
         dataset = _dataset(draws, found, weight, config.members)
     dataset["observation"] = [one.words for one in observed]
@@ -128,7 +135,7 @@ def _dataset(
     ]
     wanted = weighing.expected_widths(ln_tipping, degrees, weight, TEST_SD)
     likely = np.array([one.log_likelihood for one in found])
-    alone = [effective_number(weighing.weights(one[None])) for one in likely]
+    alone = [effective_number(weighing.left(one)) for one in likely]
     return xr.Dataset(
         {
             "draw_weight": ("draw", weight),

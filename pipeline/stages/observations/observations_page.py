@@ -14,6 +14,9 @@ from pipeline.stages.observations.evidence import Evidence
 from vsr_core.arrays import Array
 from vsr_core.observations import weighing
 
+ALIKE = 0.02
+"""Difference of expected reductions that is none."""
+
 
 def facts(
     site: str, found: xr.Dataset, evidence: Sequence[Evidence], pictures: dict[str, str]
@@ -36,7 +39,9 @@ def facts(
         "weak_after": float(posterior[low.argmin()]),
         "directions": directions(found),
         "unknowns": unknowns(found),
-        "best": float(found["test_direction"][best.argmax()]),
+        "best": [
+            f"{way:g}" for way in found["test_direction"].values[best > best.max() - ALIKE].tolist()
+        ],
         "best_reduction": float(best.max()),
         "test_sd": float(found.attrs["test_sd_degree"]),
         "pictures": pictures,
@@ -46,9 +51,7 @@ def facts(
 def taught(found: xr.Dataset, evidence: Sequence[Evidence]) -> list[dict[str, Any]]:
     """Each observation, what the draws expected of it, and how many of them it leaves alone."""
     rows = []
-    alike = np.full(found.sizes["draw"], 1.0 / found.sizes["draw"])
     ln_tipping = np.log(found["draw_tipping_pga"].values)
-    whole = float(weighing.width(ln_tipping, alike).mean())
     for at, one in enumerate(evidence):
         known = np.isfinite(one.expected)
         own = one.expected[known]
@@ -57,13 +60,15 @@ def taught(found: xr.Dataset, evidence: Sequence[Evidence]) -> list[dict[str, An
             expected = f"{low} to {high}{'' if one.unit == '°' else ' '}{one.unit}"
         else:
             expected = f"{100.0 * own.mean():.0f} % stand"
-        weight = weighing.weights(one.log_likelihood[None])
+        tried = ln_tipping[np.isfinite(one.log_likelihood)]
+        whole = weighing.width(tried, np.full(len(tried), 1.0 / len(tried))).mean()
+        alone = weighing.width(tried, weighing.left(one.log_likelihood)).mean()
         rows.append(
             {
                 "words": str(found["observation"].values[at]),
                 "expected": expected,
-                "left": float(found["alone_effective"][at]) / found.sizes["draw"],
-                "narrower": 1.0 - float(weighing.width(ln_tipping, weight).mean()) / whole,
+                "left": float(found["alone_effective"][at]) / len(tried),
+                "narrower": 1.0 - float(alone / whole),
             }
         )
     return rows
@@ -81,6 +86,7 @@ def directions(found: xr.Dataset) -> list[dict[str, Any]]:
             "direction": float(direction),
             "prior": bands[0, :, at].tolist(),
             "posterior": bands[1, :, at].tolist(),
+            "angle": float(np.degrees(np.arctan(bands[1, 1, at]))),
             "then": float(np.exp(wanted[at, at])),
             "now": float(np.exp(found["width"].values[1, at])),
             "reduction": float(reductions(found)[at]),
@@ -163,6 +169,8 @@ def shares(found: xr.Dataset) -> Figure:
         above = np.zeros(len(way))
         for at, name in enumerate(found["unknown"].values):
             part = np.clip(np.nan_to_num(own[:, at]), 0.0, None)
+            if not np.nan_to_num(found["tipping_share"].values[:, :, at]).any():
+                continue  # it is known
             axes.bar(way, part, 24.0, above, color=style.SERIES[at], label=name)
             above += part
         axes.set(title=title, xlabel="direction [degree]", xticks=np.arange(0.0, 360.0, 90.0))

@@ -15,7 +15,7 @@ from pipeline.config import in_si
 from pipeline.config.layers import Origin
 from pipeline.config.observation_schema import Earthquake, Observations, ShakeTest
 from pipeline.config.paths import located, shown
-from pipeline.config.problems import InputError, Problem, not_found
+from pipeline.config.problems import InputError, Problem
 from pipeline.config.sections import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA, Key
 from pipeline.stages.motions.record_inputs import check_file
 from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
@@ -57,6 +57,11 @@ class ShakenBy(Input):
         """Digests of the files, by the number of the observation."""
         return {str(number): digest_file(path) for number, path, _ in self.tests}
 
+    def read(self) -> None:
+        """Refuse motions that cannot be read."""
+        for number, _, _ in self.tests:
+            self.motion(number)
+
     def motion(self, number: int) -> GroundMotion:
         """The motion of a test, its acceleration as it was recorded.
 
@@ -68,7 +73,6 @@ class ShakenBy(Input):
         (found,) = [one for one in self.tests if one[0] == number]
         _, path, test = found
         try:
-            check_file(path)
             reading = formats.Reading(test.component, test.unit, None, None)
             every = formats.read_all(path.read_bytes(), path.suffix, reading)
             record = repaired(every.channel(test.component))
@@ -95,21 +99,26 @@ def find(
         if isinstance(one, ShakeTest)
     )
     for number, path, _ in tests:
-        if not path.is_file():
-            raise not_found(file, key_of(number), shown(path))
+        try:
+            check_file(path)
+        except InvalidInput as error:
+            given = f"{shown(path)}, {error.given}"
+            problem = Problem(file, key_of(number), given, error.rule, error.remedy)
+            raise InputError(problem) from None
     return ShakenBy(tests, file) if tests else None
 
 
 def of_shake(
     draws: Sequence[Draw], test: ShakeTest, motion: GroundMotion, settings: Settings
-) -> Array:
-    """Logarithm of the likelihood of a test, shape (draws,).
+) -> tuple[Array, Array]:
+    """Logarithm of the likelihood of a test, and whether draws stand, shape (draws,).
 
-    One that ends as it did for a draw has 1 - ``MISFIT``, and ``MISFIT`` where it ends otherwise.
+    One that ends as it did for a draw has 1 - ``MISFIT``, and ``MISFIT`` where it ends otherwise;
+    an unresolved run has one half.
     """
     stood = np.array([_standing(draw, -test.direction, [motion], settings)[0] for draw in draws])
-    wanted = float(test.outcome == "stood")
-    return np.asarray(np.log(np.where(stood == wanted, 1.0 - MISFIT, MISFIT)))
+    agrees = np.abs(stood - float(test.outcome == "toppled"))
+    return np.log(MISFIT + (1.0 - 2.0 * MISFIT) * agrees), stood
 
 
 def of_earthquake(
