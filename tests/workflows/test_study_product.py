@@ -158,7 +158,7 @@ def _check_questions(study: Study) -> None:
     assert told.count("32 of 32 runs stored") == 3
     assert study.vsr("plan", *study.line()).out.count("runs: 32; 32 stored, 0 to do") == 3
     assert "study: up to date" in study.vsr("why", *study.line()).out
-    more = (*study.line(), "--set", "motion.pga=[0.2, 0.3, 0.4, 0.5, 0.6]")
+    more = (*study.line(), "--set", "motion.pga=[0.2, 0.3, 0.4, 0.52, 0.6]")
     why = study.vsr("why", *more).out.splitlines()
     assert sum("motion.pga changed: 1 values added" in line for line in why) >= 2
     assert "study: stage bounce=0.3 changed" in why
