@@ -296,7 +296,7 @@ BAD = {
         f"files: a.csv, response: {{file: x, corners: [1, 2, 2, 3]}}, {NONE}",
         "motion.response.corners", "ascend",
     ),
-    "a pulse's key": (f"files: a.csv, pgv_pga: [0.3], {NONE}", "motion.pgv_pga", "unknown key"),
+    "a pulse's key": (f"files: a.csv, pgv_pga: [0.3], {NONE}", "motion.pgv_pga", "has this key"),
     "misspelt": (f"files: a.csv, compnent: x, {NONE}", "motion.compnent", "did you mean comp"),
 }  # fmt: skip
 
