@@ -115,6 +115,46 @@ def spiegelhalter(observed: Mask, probability: Array) -> float:
     )
 
 
+def chance_of_z(observed: Mask, members: Indices) -> float:
+    """Chance that Spiegelhalter's z is as far from 0 where a member is the true rock.
+
+    z is a standard normal number for tests that are independent given their probabilities. Tests of
+    one rock are not: what is unknown of it is the same in all. So each member of the ensemble is
+    taken for the rock in turn, and its outcomes are compared with the others' shares.
+
+    Parameters
+    ----------
+    observed : ndarray of bool, shape (n,)
+    members : ndarray of int, shape (members, n), 1 overturned, 0 not, -1 unresolved
+
+    Returns
+    -------
+    float
+        Probability p of the test, no less than 1 / (members + 1); NaN of fewer than three members.
+
+    Examples
+    --------
+    Two kinds of rock, of which one topples always: that all tests topple is nothing rare.
+
+    >>> members = np.repeat([[1] * 9, [0] * 9], 5, axis=0)
+    >>> chance_of_z(np.ones(9, dtype=bool), members)
+    1.0
+    """
+    count = len(members)
+    if count < 3:
+        return float("nan")
+    sides = np.where(members < 0, 0.5, members)
+    whole = sides.sum(axis=0)
+
+    def away(outcome: Mask, share: Array) -> float:
+        kept = np.clip(share, SMALLEST_PROBABILITY, 1.0 - SMALLEST_PROBABILITY)
+        return float(np.nan_to_num(abs(spiegelhalter(outcome, kept))))
+
+    own = away(observed, whole / count)
+    others = [away(side >= 0.5, (whole - side) / (count - 1)) for side in sides]
+    return (1 + int(sum(other >= own - 1e-9 for other in others))) / (1 + count)
+
+
 def predicted_to_overturn(probability: Array) -> Mask:
     """Whether each test is predicted to overturn: where that is likelier than the mean of all.
 

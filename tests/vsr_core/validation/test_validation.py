@@ -275,6 +275,25 @@ def recorded(acceleration: Array) -> RecordedMotion:
     return RecordedMotion(Trace(acceleration, 0.005))
 
 
+def test_a_rock_that_is_one_of_its_ensemble_is_rarely_found_uncalibrated() -> None:
+    """Rocks with limits of their own in 40 tests; one far weaker than the ensemble is found."""
+    rng = np.random.default_rng(8)
+    pga = np.linspace(0.2, 0.8, 40)
+    p, independent = [], []
+    for _ in range(200):
+        limits = rng.normal(0.5, 0.08, 65)
+        sides = (pga >= limits[:, None]).astype(np.int64)
+        truth, members = sides[0] == 1, sides[1:]
+        p.append(scores.chance_of_z(truth, members))
+        share = np.clip(members.mean(axis=0), 0.01, 0.99)
+        independent.append(abs(scores.spiegelhalter(truth, share)) > 1.96)
+    assert np.mean(np.array(p) <= 0.05) < 0.1
+    assert np.mean(np.array(p) <= 0.5) == pytest.approx(0.5, abs=0.15)
+    assert np.mean(independent) > 0.1  # tests of one rock are not independent
+    weak = (pga >= rng.normal(0.6, 0.02, (64, 1))).astype(np.int64)
+    assert scores.chance_of_z(pga >= 0.4, weak) <= 0.05
+
+
 def test_probabilities_that_come_true_are_found_calibrated() -> None:
     """Spiegelhalter's z is a standard normal number; with bolder probabilities it is not."""
     rng = np.random.default_rng(3)

@@ -39,6 +39,7 @@ class Predictions:
         Probability after the outcomes of all other series of the specimen.
     effective : ndarray, shape (specimens, tests), members that count in it
     half : ndarray of bool, shape (tests,), those of the half on which things are calibrated
+    ensembles : ndarray of int, shape (specimens, members, tests), 1 overturned, 0 not, -1 neither
     """
 
     overturned: Array
@@ -50,6 +51,7 @@ class Predictions:
     effective: Array
     calibration: Calibration
     half: Mask
+    ensembles: Indices
 
     def only(self, chosen: Mask) -> Predictions:
         """Those of some tests.
@@ -60,7 +62,8 @@ class Predictions:
         """
         names = ("overturned", "members", "best_guess", "calibrated", "conditioned", "effective")
         parts = {name: getattr(self, name)[:, chosen] for name in names}
-        return replace(self, half=self.half[chosen], **parts)
+        own = self.ensembles[:, :, chosen]
+        return replace(self, half=self.half[chosen], ensembles=own, **parts)
 
     @property
     def share(self) -> Array:
@@ -130,8 +133,18 @@ def predictions(tests: Tests, found: Outcomes) -> Predictions:
     )
     after = [_conditioned(tests, specimen, np.array(ensembles[specimen])) for specimen in ensembles]
     conditioned, effective = (np.array(part) for part in zip(*after, strict=True))
+    every = np.array([np.array(ensembles[specimen]) for specimen in tests.specimens])
     return Predictions(
-        overturned, members, int(lost), guess, calibrated, conditioned, effective, calibration, half
+        overturned,
+        members,
+        int(lost),
+        guess,
+        calibrated,
+        conditioned,
+        effective,
+        calibration,
+        half,
+        every,
     )
 
 

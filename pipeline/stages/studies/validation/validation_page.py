@@ -28,7 +28,7 @@ from vsr_core.validation import scores
 
 _SCORES = ["specimen", "predictor", "subset", "n", "accuracy", "balanced_accuracy", "f1",
            "matthews", "brier", "log_loss", "spiegelhalter_z", "intercept", "slope",
-           "mcnemar_p"]  # fmt: skip
+           "spiegelhalter_p", "mcnemar_p"]  # fmt: skip
 
 _FAILED = ["specimen", "test", "ground_motion", "pga_g", "pgv_pga_s", "happened", "share"]
 
@@ -57,7 +57,12 @@ def scored(tests: Tests, made: Predictions) -> pd.DataFrame:
                 score = scores.scored(observed[inside], sides[inside], part)
                 p = scores.mcnemar(observed[inside], ensemble[inside], sides[inside])
                 about = {"specimen": specimen, "predictor": name, "subset": subset}
-                rows.append({**about, **asdict(score), "mcnemar_p": p})
+                chance = np.nan
+                if name == "ensemble":
+                    members = one.made.ensembles[one.row][:, inside]
+                    chance = scores.chance_of_z(observed[inside], members)
+                tested = {"spiegelhalter_p": chance, "mcnemar_p": p}
+                rows.append({**about, **asdict(score), **tested})
     return pd.DataFrame(rows, columns=_SCORES)
 
 

@@ -40,7 +40,8 @@ def scored_tests() -> tuple[recorded_tests.Tests, Predictions]:
     half = np.arange(COUNT) // 3 % 2 == 0
     shape = (2, COUNT)
     share, members = toppled / 20.0, np.full(shape, 20.0)
-    parts = share, share, members, Calibration(), half
+    every = (np.arange(20)[:, None] < np.round(20.0 * chance)).astype(np.int64)
+    parts = share, share, members, Calibration(), half, np.stack([every, every])
     return tests, Predictions(toppled, members, 0, toppled > 10, *parts)
 
 
