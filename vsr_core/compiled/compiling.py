@@ -132,7 +132,7 @@ class _KeptCode(FunctionCache):
         return None
 
     def _save_overload(self, sig: Any, data: Any) -> None:
-        if data.library.has_dynamic_globals:
+        if not self._impl.check_cachable(data):
             return
         key = self._key(sig, data.codegen)
         path = self._file(_folders()[-1], key)
