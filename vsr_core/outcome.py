@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
+from vsr_core.arrays import Indices, Mask
+
 DISPLACED_SHARE = 0.1
 """A rock still upright is displaced once its base slid by this share of its radius."""
 
@@ -61,6 +63,19 @@ class DecidedBy(IntEnum):
         rule = int.__new__(cls, value)
         rule._value_, rule.how = value, how
         return rule
+
+
+def ran_whole(outcome: Indices, decided_by: Indices, *, on_terrain: bool) -> Mask:
+    """Whether runs went on until nothing moved any more, so that their peaks are known.
+
+    Parameters
+    ----------
+    on_terrain : bool, where a run ends as soon as the rock has toppled
+    """
+    early = (decided_by == DecidedBy.ENERGY_BOUND) | (decided_by == DecidedBy.NO_RETURN)
+    lost = (outcome == Outcome.UNSTABLE) | (outcome == Outcome.CRASHED)
+    whole: Mask = ~early & ~lost
+    return whole & (outcome != Outcome.OVERTURNED) if on_terrain else whole
 
 
 class FoundBy(IntEnum):

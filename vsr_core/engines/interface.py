@@ -84,6 +84,19 @@ class World(Protocol):
         """
 
 
+class WatchingWorld(World, Protocol):
+    """A scene under way whose rock is looked at in every step."""
+
+    def peaks(self) -> tuple[float, float]:
+        """Largest tilt and slip since the start.
+
+        Returns
+        -------
+        tuple of float [rad, m]
+            Slip is the way of the middle of the base along the pedestal or terrain.
+        """
+
+
 class TurningWorld(World, Protocol):
     """A scene under way on a table that turns too."""
 

@@ -87,7 +87,8 @@ class RunRecord:
     energy: float  # m^2/s^2, kinetic plus g z
     tilt: float  # rad
     peak_tilt: float  # rad
-    slip: float  # m, largest so far; on a terrain up to toppling
+    slip: float  # m, largest when it was monitored; on a terrain up to toppling
+    peak_slip: float  # m, largest so far, likewise
     rest_since: float  # s, less than 0 while it moves
     rest_position: Vector  # m, where it has rested since then
     rest_rotation: Matrix
@@ -102,7 +103,7 @@ class RunRecord:
 @compiled
 def begin(record: RunRecord, criteria: Criteria) -> None:
     """Begin with the state that was written into a record."""
-    record.peak_tilt = record.slip = 0.0
+    record.peak_tilt = record.slip = record.peak_slip = 0.0
     record.rest_since = -1.0
     record.intervals = 0
     record.toppled = record.topples = False
@@ -136,11 +137,25 @@ def note(record: RunRecord, criteria: Criteria) -> None:
     record.kinetic = 0.5 * square
     record.energy = record.kinetic + GRAVITY * record.position[2]
     record.tilt = math.acos(max(-1.0, min(1.0, upright)))
-    record.peak_tilt = max(record.peak_tilt, record.tilt)
     if not record.toppled:
         x = record.position[0] - criteria.foot * record.rotation[0, 2] - record.start_foot[0]
         y = record.position[1] - criteria.foot * record.rotation[1, 2] - record.start_foot[1]
         record.slip = max(record.slip, math.sqrt(x * x + y * y))
+    note_peaks(record, record.tilt, record.slip)
+
+
+@compiled
+def note_peaks(record: RunRecord, tilt: float, slip: float) -> None:
+    """Keep the largest tilt and slip; an engine may know of larger ones than when it is monitored.
+
+    Parameters
+    ----------
+    tilt : float [rad]
+    slip : float [m]
+    """
+    record.peak_tilt = max(record.peak_tilt, tilt)
+    if not record.toppled:
+        record.peak_slip = max(record.peak_slip, slip)
 
 
 @compiled

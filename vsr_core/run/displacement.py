@@ -164,7 +164,7 @@ def _stepped(
 
 
 def _result(outcome: int, stop: int, steps: int, record: RunRecord, kept: Track) -> DisplacementRun:
-    measured = float(record.peak_tilt), float(record.tilt), float(record.slip)
+    measured = float(record.peak_tilt), float(record.tilt), float(record.peak_slip)
     response = Response(Outcome(outcome), DecidedBy.SIMULATION, *measured, steps)
     return DisplacementRun(response, StopReason(stop), of_track(kept, int(record.kept)))
 

@@ -12,7 +12,7 @@ import numpy as np
 from vsr_core import engines
 from vsr_core.arrays import Array, matrix_product
 from vsr_core.compiled import records
-from vsr_core.engines.interface import DrivenWorld, TurningWorld, World
+from vsr_core.engines.interface import DrivenWorld, TurningWorld, WatchingWorld, World
 from vsr_core.judge import record as run_record
 from vsr_core.judge.record import Criteria, RunRecord
 from vsr_core.motions.ground_motion import GroundMotion
@@ -131,6 +131,8 @@ class Run:
     def step(self) -> None:
         """Step to the next judgement, and write the record."""
         self.take(self.until_judged())
+        if hasattr(self.world, "peaks"):
+            run_record.note_peaks(self.record, *cast(WatchingWorld, self.world).peaks())
         self.write(self.world.state())
         if self.scene.drive is not None:
             self.record.table_speed = cast(DrivenWorld, self.world).table()[1]

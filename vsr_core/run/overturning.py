@@ -214,7 +214,7 @@ def complete(run: Run, case: Case) -> Response:
             _pass_over_rest(run)
     if outcome == GOES_ON:
         outcome, by = on_pedestal.out_of_time(record, criteria), DecidedBy.SIMULATION
-    measured = float(record.peak_tilt), float(record.tilt), float(record.slip)
+    measured = float(record.peak_tilt), float(record.tilt), float(record.peak_slip)
     return Response(Outcome(outcome), _RULES[by], *measured, run.steps)
 
 

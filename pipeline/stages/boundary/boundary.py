@@ -6,12 +6,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from pipeline.config.fragility_schema import FragilityConfig
 from pipeline.stages.boundary.resolution import widths
 from pipeline.stages.boundary.search import SIDES, Search
-from pipeline.stages.datasets.responses import Responses
+from pipeline.stages.datasets.responses import TYPES, Responses
+from pipeline.stages.datasets.stored_runs import with_peaks
+from pipeline.stages.runs.overturning_runs import kind
 from pipeline.stages.runs.step_choice import StepData
 from pipeline.stages.runs.study import Study
 from pipeline.workflow.datasets import Stored, described, netcdf, rows_of
@@ -79,10 +82,10 @@ def _dataset(data: xr.Dataset, known: Known, search: Search) -> xr.Dataset:
     shape = tuple(data.sizes[dim] for dim in dims)
     lower, upper = first_changes(known, int(np.prod(shape)))
     found = changes(known)
-    runs = {
-        name: np.array([getattr(row, name) for row in search.rows], kind)
-        for name, kind in _TYPES.items()
-    }
+    row = kind(on_terrain=search.study.settings.on_terrain).row
+    table = pd.DataFrame(search.rows, columns=row._fields)
+    table = with_peaks(table, on_terrain=search.study.settings.on_terrain)
+    runs = {name: table[name].to_numpy(dtype) for name, dtype in TYPES.items() if name in table}
     level, pga, probe = (np.array(part) for part in zip(*search.places, strict=True)) if (
         search.places
     ) else (np.zeros(0, int), np.zeros(0), np.zeros(0, bool))  # fmt: skip
@@ -111,16 +114,6 @@ def _dataset(data: xr.Dataset, known: Known, search: Search) -> xr.Dataset:
         fill = -1 if values.dtype.kind == "i" else np.nan
         dataset[name].encoding["_FillValue"] = values.dtype.type(fill)
     return dataset
-
-
-_TYPES = {
-    "outcome": "i1",
-    "decided_by": "i1",
-    "peak_tilt": "f8",
-    "final_tilt": "f8",
-    "slip": "f8",
-    "steps": "i4",
-}
 
 
 def _placed(name: str, data: xr.Dataset, level: Any) -> dict[str, Any]:

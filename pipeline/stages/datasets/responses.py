@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pipeline.stages.datasets.stored_runs import moved, stored, tally
+from pipeline.stages.datasets.stored_runs import moved, stored, tally, with_peaks
 from pipeline.stages.datasets.vertical import VARIABLE, without
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.motions import motion_grid
@@ -28,13 +28,15 @@ class Responses(Stored):
     FILE = "responses.nc"
 
 
-_TYPES = {
+TYPES = {
     "outcome": "i1",
     "movement": "i1",
     "decided_by": "i1",
     "peak_tilt": "f8",
     "final_tilt": "f8",
     "slip": "f8",
+    "tilt_until_decided": "f8",
+    "slip_until_decided": "f8",
     "steps": "i4",
     VARIABLE: "i1",
 }
@@ -53,6 +55,7 @@ def make(
     table = stored(runs.database, kind(on_terrain=settings.on_terrain), study)
     in_air = table.pop("air_share") if settings.on_terrain else np.full(len(table), np.nan)
     table = table.assign(movement=moved(rock, table, np.asarray(in_air, dtype=float)))
+    table = with_peaks(table, on_terrain=settings.on_terrain)
     summary, unresolved = tally(table["outcome"])
     if level is not None:
         table = table.assign(**{VARIABLE: without(level, study)})
@@ -77,7 +80,7 @@ def _dataset(study: Study, runs: pd.DataFrame) -> xr.Dataset:
         "pga": list(motions.pga),
     }
     overturned = np.array([outcome.overturned for outcome in Outcome], "i1")[runs["outcome"]]
-    arrays = {name: runs[name].to_numpy(dtype) for name, dtype in _TYPES.items() if name in runs}
+    arrays = {name: runs[name].to_numpy(dtype) for name, dtype in TYPES.items() if name in runs}
     shape = tuple(map(len, coordinates.values()))
     dataset = xr.Dataset(
         {

@@ -13,7 +13,7 @@ from pipeline.stages.runs import runner
 from pipeline.stages.runs.runner import Kind
 from pipeline.stages.runs.study import Study
 from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.outcome import Movement, Outcome
+from vsr_core.outcome import Movement, Outcome, ran_whole
 from vsr_core.run.movement import movements, no_return_tilt
 
 
@@ -52,6 +52,19 @@ def moved(rock: RockData, runs: pd.DataFrame, air_share: Array) -> Indices:
     return movements(
         runs["outcome"].to_numpy(), runs["peak_tilt"].to_numpy(float), air_share, limit
     )
+
+
+def with_peaks(runs: pd.DataFrame, *, on_terrain: bool) -> pd.DataFrame:
+    """Runs with largest tilt and slip where they are the run's, and beside them those known of all.
+
+    A run that was ended once its outcome was decided might have tilted or slid further.
+    """
+    whole = ran_whole(
+        runs["outcome"].to_numpy(), runs["decided_by"].to_numpy(), on_terrain=on_terrain
+    )
+    tilt, slip = (runs[name].astype(float) for name in ("peak_tilt", "slip"))
+    known = {"peak_tilt": tilt.where(whole), "slip": slip.where(whole)}
+    return runs.assign(tilt_until_decided=tilt, slip_until_decided=slip, **known)
 
 
 def tally(outcome: pd.Series) -> tuple[str, int]:

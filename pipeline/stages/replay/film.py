@@ -102,8 +102,9 @@ def _place(scenes: Scenes, choice: Choice) -> Case | TerrainCase:
 
 def _compare(found: Response, stored: xr.Dataset) -> None:
     """Refuse a run that is not the one of the study, number by number."""
-    names = ("outcome", "decided_by", "steps", "peak_tilt", "final_tilt", "slip")
-    differs = [name for name in names if getattr(found, name) != stored[name].item()]
+    names = {"peak_tilt": "tilt_until_decided", "slip": "slip_until_decided"}
+    names |= {name: name for name in ("outcome", "decided_by", "steps", "final_tilt")}
+    differs = [own for own, name in names.items() if getattr(found, own) != stored[name].item()]
     if differs:
         given = f"{found.outcome.name.lower()}, {found.decided_by.how}"
         rule = f"the run stored for this cell has another {', '.join(differs)}"

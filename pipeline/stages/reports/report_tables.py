@@ -182,11 +182,11 @@ def counts(responses: xr.Dataset) -> Row:
 def unresolved(responses: xr.Dataset, most: int) -> Row:
     """How many runs are unresolved, and the first ``most`` of them."""
     dims, lost = list(responses["outcome"].dims), undecided(responses)
-    runs = responses[["outcome", "peak_tilt"]].to_dataframe(dim_order=dims)[lost.ravel()]
+    runs = responses[["outcome", "tilt_until_decided"]].to_dataframe(dim_order=dims)[lost.ravel()]
     listed = runs.head(most).reset_index()
     names = {outcome.value: outcome.name.lower() for outcome in Outcome}
     listed["outcome"] = listed["outcome"].map(names).fillna("missing")
-    listed["tilt"] = np.degrees(listed["peak_tilt"])
+    listed["tilt"] = np.degrees(listed["tilt_until_decided"])
     places = np.argwhere(lost)[:most, 2]
     listed["motion"] = [_heads(responses)[place] for place in places]
     return {"total": len(runs), "listed": listed.to_dict("records")}

@@ -35,7 +35,7 @@ def chosen(responses: xr.Dataset) -> list[Place]:
     is a run that stays upright between a weaker and a stronger motion of its row that topple the
     rock; the one chosen lies furthest above the weakest that does.
     """
-    overturned, tilt = responses["overturned"].values, responses["peak_tilt"].values
+    overturned, tilt = responses["overturned"].values, responses["tilt_until_decided"].values
     first = np.argmax(overturned == 1, axis=-1)
     known = (overturned == 1).any(axis=-1) & (first > 0)
     below = np.maximum(first - 1, 0)[..., None]

@@ -80,7 +80,12 @@ def test_it_is_the_run_of_the_study(pulse: CosinePulse, settings: Settings) -> N
     run, response = played(pulse, settings, 0.4), simulate(case(0.4), pulse, settings)
     assert run.response == response
     decided = int(np.searchsorted(run.time, run.decided - 1e-9))
-    assert run.tilt[: decided + 1].max() >= response.peak_tilt - 1e-6
+    frames = run.tilt[: decided + 1]
+    if settings.engine == "bullet":  # which is looked at when it is judged
+        assert response.peak_tilt <= frames.max() + 1e-6
+    else:  # in every step, and between steps
+        top = 0.125 * np.abs(np.diff(frames)).max(initial=0.0)
+        assert frames.max() - 1e-6 <= response.peak_tilt <= frames.max() + top + 1e-6
     assert run.tilt[decided] == pytest.approx(response.final_tilt, abs=1e-6)
     assert (np.diff(run.time) > 0.0).all()
 

@@ -10,6 +10,7 @@ from vsr_core.compiled.vectors import length
 from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState, Stepping
 from vsr_core.engines.nonsmooth.near import NEAR_STEPS, move_on, renew
 from vsr_core.engines.nonsmooth.pairs import CORNER, EDGES, beside
+from vsr_core.engines.nonsmooth.peaks import Peaks, look
 from vsr_core.engines.nonsmooth.sphere import gather_sphere, touch_sphere
 from vsr_core.engines.nonsmooth.stepping import step
 from vsr_core.engines.nonsmooth.touching import BORDER, DEEPEST, TINY, corner, edges, vertex
@@ -143,6 +144,7 @@ def advance(
     ground: Ground,
     rock: RockState,
     points: Points,
+    peaks: Peaks,
     values: Array,
     now: int,
     until: int,
@@ -169,4 +171,5 @@ def advance(
         speed = interval * (abs(push[0]) + abs(push[1]) + abs(push[2]))
         find(body, ground, rock, points, interval, speed)
         step(body, rock, points, push, interval, gravity, stepping.rounds, stepping.residual)
+        look(peaks, rock)
     return given

@@ -8,6 +8,7 @@ from vsr_core.arrays import Array
 from vsr_core.compiled.compiling import compiled
 from vsr_core.compiled.vectors import assign, inertia_turned, matrix, turned
 from vsr_core.engines.nonsmooth.body import Body, Points, RockState
+from vsr_core.engines.nonsmooth.peaks import Peaks
 from vsr_core.engines.nonsmooth.world import begin
 from vsr_core.judge import record as records
 from vsr_core.judge.record import Criteria, RunRecord
@@ -21,6 +22,7 @@ def start(
     axes: Array,
     rock: RockState,
     points: Points,
+    peaks: Peaks,
     interval: float,
 ) -> None:
     """Begin a run and its record, with no contact yet.
@@ -30,7 +32,7 @@ def start(
     axes : ndarray, shape (3, 3), principal axes of the rock in its rest pose, as columns
     interval : float [s], time step
     """
-    begin(body, rock, interval)
+    begin(body, rock, peaks, interval)
     write(record, body, axes, rock, points, interval)
     records.begin(record, criteria)
 

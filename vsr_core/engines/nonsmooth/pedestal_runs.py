@@ -14,10 +14,12 @@ from vsr_core.compiled.vectors import assign, assign_matrix, length
 from vsr_core.engines.interface import Solver
 from vsr_core.engines.nonsmooth import body as bodies
 from vsr_core.engines.nonsmooth import monitoring, plane
+from vsr_core.engines.nonsmooth import peaks as watched
 from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState, Stepping
+from vsr_core.engines.nonsmooth.peaks import Peaks
 from vsr_core.engines.nonsmooth.world import set_state
 from vsr_core.judge import on_pedestal
-from vsr_core.judge.record import GOES_ON, Criteria, RunRecord
+from vsr_core.judge.record import GOES_ON, Criteria, RunRecord, note_peaks
 from vsr_core.scene import Scene, resting
 
 
@@ -86,8 +88,9 @@ def run_all(
     )
     points = records.rows(Point, max(1, len(body.points)))
     now, record = records.room(RockState), records.room(RunRecord)
+    peaks = watched.room(rock, criteria.upward)
     decided, measured = np.zeros((number, 3), dtype=np.int64), np.zeros((number, 3))
-    _run_all(body, criteria, table, shaking, start, now, points, record, decided, measured)
+    _run_all(body, criteria, table, shaking, start, now, points, peaks, record, decided, measured)
     return decided, measured
 
 
@@ -100,6 +103,7 @@ def _run_all(
     start: RockState,
     rock: RockState,
     points: Points,
+    peaks: Peaks,
     record: RunRecord,
     decided: Indices,
     measured: Array,
@@ -109,10 +113,10 @@ def _run_all(
         assign(rock.quaternion, start.quaternion)
         assign_matrix(rock.rotation, start.rotation)
         assign(rock.velocity, start.velocity)
-        outcome, by, steps = _run(body, criteria, table, shaking, n, rock, points, record)
+        outcome, by, steps = _run(body, criteria, table, shaking, n, rock, points, peaks, record)
         decided[n, 0], decided[n, 1], decided[n, 2] = outcome, by, steps
         measured[n, 0], measured[n, 1] = record.peak_tilt, record.tilt
-        measured[n, 2] = record.slip
+        measured[n, 2] = record.peak_slip
 
 
 @compiled
@@ -124,6 +128,7 @@ def _run(
     n: int,
     rock: RockState,
     points: Points,
+    peaks: Peaks,
     record: RunRecord,
 ) -> tuple[int, int, int]:
     """Outcome, what decided it, and steps of one run."""
@@ -132,7 +137,7 @@ def _run(
     pulse, whole = len(values), _impulse(values, interval)
     stepping = Stepping(interval, table.gravity, table.rounds, table.residual)
     first = -1 if table.moving else _first_push(values, shaking.limits[n])
-    monitoring.start(record, criteria, body, table.axes, rock, points, interval)
+    monitoring.start(record, criteria, body, table.axes, rock, points, peaks, interval)
     outcome, by = on_pedestal.judge(record, criteria, 0.0, 0.0, math.inf, True, True)
     skipped = max(0, min(first, pulse)) if criteria.proves else 0
     now, impulse = skipped, _impulse(values[:skipped], interval)
@@ -140,8 +145,11 @@ def _run(
         until = min(now + shaking.monitored[n], last)
         if now < pulse:
             until = min(until, pulse)
-        impulse += plane.advance(body, rock, points, values, now, until, stepping, table.on_ground)
+        impulse += plane.advance(
+            body, rock, points, peaks, values, now, until, stepping, table.on_ground
+        )
         now = until
+        note_peaks(record, *watched.tilt_and_slip(peaks))
         monitoring.write(record, body, table.axes, rock, points, interval)
         remaining = max(0.0, whole - impulse)
         time, moved = now * interval, first < min(now, pulse)

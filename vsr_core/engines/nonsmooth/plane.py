@@ -6,6 +6,7 @@ from vsr_core.arrays import Array
 from vsr_core.compiled.compiling import compiled
 from vsr_core.compiled.vectors import length
 from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState, Stepping
+from vsr_core.engines.nonsmooth.peaks import Peaks, look
 from vsr_core.engines.nonsmooth.stepping import step
 from vsr_core.engines.nonsmooth.turning import feel
 
@@ -86,6 +87,7 @@ def advance(
     body: Body,
     rock: RockState,
     points: Points,
+    peaks: Peaks,
     values: Array,
     now: int,
     until: int,
@@ -117,4 +119,5 @@ def advance(
             speed = interval * (abs(push[0]) + abs(push[1]) + abs(push[2]))
             find(body, rock, points, interval, speed)
         step(body, rock, points, push, interval, gravity, stepping.rounds, stepping.residual)
+        look(peaks, rock)
     return given

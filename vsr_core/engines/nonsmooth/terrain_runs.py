@@ -17,12 +17,14 @@ from vsr_core.engines.interface import Solver
 from vsr_core.engines.nonsmooth import body as bodies
 from vsr_core.engines.nonsmooth import ground as grounds
 from vsr_core.engines.nonsmooth import monitoring
+from vsr_core.engines.nonsmooth import peaks as watched
 from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState, Stepping
+from vsr_core.engines.nonsmooth.peaks import Peaks
 from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
 from vsr_core.engines.nonsmooth.world import set_state
 from vsr_core.judge import ground_lookup, on_terrain, track
 from vsr_core.judge.ground_lookup import Lookup
-from vsr_core.judge.record import GOES_ON, UNSTABLE, Criteria, RunRecord
+from vsr_core.judge.record import GOES_ON, UNSTABLE, Criteria, RunRecord, note_peaks
 from vsr_core.judge.track import Track
 from vsr_core.scene import Scene
 
@@ -88,15 +90,15 @@ def run(
     axes = np.ascontiguousarray(site.seat.rock.axes)
     stepping = Stepping(shaking.interval, GRAVITY, solver.iterations, solver.residual)
     rock, points = records.room(RockState), records.rows(Point, MOST_POINTS)
-    record = records.room(RunRecord)
+    peaks, record = watched.room(site.seat.rock, criteria.upward), records.room(RunRecord)
     kept = track.room(math.ceil(shaking.last / shaking.monitored) + 1)
     set_state(rock, start, axes)
     forget(site.ground)
-    monitoring.start(record, criteria, site.body, axes, rock, points, shaking.interval)
+    monitoring.start(record, criteria, site.body, axes, rock, points, peaks, shaking.interval)
     track.begin(kept, record, shaking.first * shaking.interval)
     # With another ground to go on, a rock first comes to the moment in which it topples.
     stops = criteria._replace(follow=criteria.follow and site.flying is None)
-    given = axes, stepping, shaking, rock, points, record, kept
+    given = axes, stepping, shaking, rock, points, peaks, record, kept
     body, under = site.body, site.ground
     outcome, stop, now = _run(body, under, site.lookup, stops, *given, shaking.first)
     if criteria.follow and record.toppled and site.flying is not None and site.below is not None:
@@ -129,6 +131,7 @@ def _run(
     shaking: Shaking,
     rock: RockState,
     points: Points,
+    peaks: Peaks,
     record: RunRecord,
     kept: Track,
     now: int,
@@ -142,7 +145,8 @@ def _run(
         until = min(now + shaking.monitored, shaking.last)
         if now < pulse:
             until = min(until, pulse)
-        impulse += grounds.advance(body, ground, rock, points, values, now, until, stepping)
+        impulse += grounds.advance(body, ground, rock, points, peaks, values, now, until, stepping)
+        note_peaks(record, *watched.tilt_and_slip(peaks))
         change[0] = change[1] = change[2] = 0.0
         for n in range(now, until):
             for k in range(3):

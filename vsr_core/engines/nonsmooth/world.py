@@ -16,8 +16,10 @@ from vsr_core.compiled.vectors import assign, inertia_turned
 from vsr_core.engines.interface import Solver
 from vsr_core.engines.nonsmooth import body as bodies
 from vsr_core.engines.nonsmooth import ground as grounds
+from vsr_core.engines.nonsmooth import peaks as watched
 from vsr_core.engines.nonsmooth import plane
 from vsr_core.engines.nonsmooth.body import Body, Point, RockState, Stepping
+from vsr_core.engines.nonsmooth.peaks import Peaks
 from vsr_core.engines.nonsmooth.stepping import drift
 from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
 from vsr_core.scene import Scene, State, in_site, resting
@@ -35,6 +37,7 @@ class NonsmoothWorld:
             self._ground, most = ground(scene.rock, scene.terrain), MOST_POINTS
         self._points = records.rows(Point, most)
         self._rock = records.room(RockState)
+        self._peaks = watched.room(scene.rock, upward_of(scene))
         self._step, self._substeps = time_step, substeps
         effort = solver.iterations, solver.residual
         self._stepping, self._given = Stepping(time_step, scene.gravity, *effort), 0.0
@@ -44,7 +47,7 @@ class NonsmoothWorld:
     def put(self, state: State) -> None:
         """Have the rock go on from a state."""
         set_state(self._rock, state, self._axes)
-        begin(self._body, self._rock, self._step)
+        begin(self._body, self._rock, self._peaks, self._step)
         if self._ground is not None:
             forget(self._ground)
 
@@ -72,7 +75,7 @@ class NonsmoothWorld:
             self._step_on_level(along)
             return
         values = np.repeat(in_site(along, self._yaw), self._substeps, axis=0)
-        own = self._body, self._ground, self._rock, self._points
+        own = self._body, self._ground, self._rock, self._points, self._peaks
         grounds.advance(*own, values, 0, len(values), self._stepping)
         if self._ground.search[0].full:
             self._rock.place[:] = math.nan  # a list of what touches was too short
@@ -89,7 +92,7 @@ class NonsmoothWorld:
     def _step_on_level(self, samples: Array) -> float:
         """How much that can have added to sqrt(2 e) [m/s]."""
         values = np.repeat(samples, self._substeps, axis=0)
-        own = self._body, self._rock, self._points
+        own = self._body, self._rock, self._points, self._peaks
         return plane.advance(*own, values, 0, len(values), self._stepping, self._on_ground)
 
     def impulse(self) -> float:
@@ -100,6 +103,15 @@ class NonsmoothWorld:
         float [m/s]
         """
         return self._given
+
+    def peaks(self) -> tuple[float, float]:
+        """Largest tilt and slip since the start.
+
+        Returns
+        -------
+        tuple of float [rad, m]
+        """
+        return watched.tilt_and_slip(self._peaks)
 
     def state(self) -> State:
         """Present state in SI units."""
@@ -138,8 +150,8 @@ def _bears(point: Point) -> bool:
 
 
 @compiled
-def begin(body: Body, rock: RockState, time_step: float) -> None:
-    """Bring a state told at the start of a step to the middle of its path; forget all contacts.
+def begin(body: Body, rock: RockState, peaks: Peaks, time_step: float) -> None:
+    """Bring a state told at the start of a step to the middle of its path; forget what was.
 
     Parameters
     ----------
@@ -154,7 +166,20 @@ def begin(body: Body, rock: RockState, time_step: float) -> None:
         rock.momentum[k] = 0.0
         for j in range(3):
             rock.momentum[k] += rock.inertia[k, j] * rock.velocity[3 + j]
+    watched.begin(peaks, rock)
     drift(rock, 0.5 * time_step)
+
+
+def upward_of(scene: Scene) -> Array:
+    """Direction of a scene's rock that is up where its tilt is zero.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+    """
+    if scene.terrain is None or scene.start is None:
+        return np.array([0.0, 0.0, 1.0])
+    return scene.start.rotation[2]
 
 
 def set_state(rock: RockState, state: State, axes: Array) -> None:

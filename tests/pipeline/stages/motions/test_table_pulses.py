@@ -102,7 +102,7 @@ def test_a_grid_of_pulses_on_three_axes(site: str, vsr: Callable[..., Ran], deri
             response = simulate(case, motion, own)
             found = data.sel(pgv_pga=ratio, pga=pga).squeeze()
             assert int(found["outcome"]) == response.outcome
-            assert float(found["peak_tilt"]) == pytest.approx(response.peak_tilt)
+            assert float(found["tilt_until_decided"]) == pytest.approx(response.peak_tilt)
     assert {0, 1} <= set(data["overturned"].values.ravel().tolist())
     named = "x, -0.5 z, 0.2 pitch of 0.1 s"
     assert xr.load_dataset(derived / "rock" / "motions.nc").attrs["axes"] == named

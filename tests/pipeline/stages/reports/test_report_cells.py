@@ -98,7 +98,7 @@ def test_the_runs_that_teach_are_chosen_by_their_rule() -> None:
     responses = xr.Dataset(
         {
             "overturned": (("yaw", "friction", "pgv_pga", "pga"), overturned[None, None]),
-            "peak_tilt": (("yaw", "friction", "pgv_pga", "pga"), tilt[None, None]),
+            "tilt_until_decided": (("yaw", "friction", "pgv_pga", "pga"), tilt[None, None]),
         },
         {"pgv_pga": [0.25, 0.3, 0.4]},
     )
