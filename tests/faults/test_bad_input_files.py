@@ -170,7 +170,7 @@ def read_record(path: Path) -> None:
 def read_mesh(path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        solid.from_mesh(whole_rock(mesh_files.read(path), "caps", str).rock, 2000.0)
+        solid.from_mesh(whole_rock(lambda: mesh_files.read(path), "caps", str).rock, 2000.0)
 
 
 def read_table(path: Path) -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.errors import InvalidInput
 from vsr_core.rock.triangles import cross_products
 from vsr_core.scan.topology import edges, ends
 
@@ -18,9 +19,6 @@ NOISE = 0.2
 
 HOLLOW = np.radians(20.0)
 """A surface that turns inward by less than this at an edge [rad] has no hollow there."""
-
-LARGEST_FACES = 1_500_000
-"""Faces whose seam is sought at once; about 2 GB."""
 
 _KEPT = {1: 0.17, 2: 0.12, 4: 0.08, 8: 0.05}  # of a sharp turn, by rounds of smoothing
 _CHEAP = 0.02  # cost of a length along a sharp hollow, of the cost anywhere else
@@ -72,11 +70,16 @@ def smoothed_normals(vertices: Array, faces: Indices, rounds: int) -> Array:
     >>> smoothed_normals(np.eye(3) * [2, 2, 0], np.array([[0, 1, 2]]), 1).tolist()
     [[0.0, 0.0, 1.0]]
     """
+    return next(islice(_smoothings(vertices, faces), rounds, None))
+
+
+def _smoothings(vertices: Array, faces: Indices) -> Iterator[Array]:
+    """Unit normals of faces, and after one more round each time."""
     vector = cross_products(vertices, faces)
     area = np.linalg.norm(vector, axis=1, keepdims=True)
-    for _ in range(rounds):
+    while True:
+        yield _normed(vector)
         vector = _normed(_around_vertices(vector, faces, len(vertices))) * area
-    return _normed(vector)
 
 
 def _around_vertices(values: Array, faces: Indices, count: int) -> Array:
@@ -96,29 +99,20 @@ def turns(vertices: Array, faces: Indices) -> Turns:
     The turn at an edge is the difference of the normals beside it along the line from the middle
     of one face to that of the other. Smoothing spreads it over neighbouring edges; it is scaled
     such that the deepest edge along a sharp, regular hollow keeps its turn.
-
-    Raises
-    ------
-    InvalidInput
-        If the surface has too many faces.
     """
-    if len(faces) > LARGEST_FACES:
-        raise InvalidInput(
-            f"a scan of {len(faces) / 1e6:.1f} million faces",
-            f"a seam is sought among at most {LARGEST_FACES / 1e6:.1f} million",
-            "decimate or crop it first; half the faces resolve the seam to 1.4 edges instead of 1",
-        )
     side = edges(faces).pairs
     one, other = side.T // 3
     start, end = ends(faces, side[:, 0]).T
     length = np.linalg.norm(vertices[start] - vertices[end], axis=1)
     middle = vertices[faces].mean(axis=1)
     along = _normed(middle[other] - middle[one])
-    for rounds in _KEPT:
-        normal = smoothed_normals(vertices, faces, rounds) / _KEPT[rounds]
+    for rounds, normal in enumerate(_smoothings(vertices, faces)):
+        if rounds not in _KEPT:
+            continue
+        normal /= _KEPT[rounds]
         inward = np.einsum("ij,ij->i", normal[one] - normal[other], along)
         noise = float(np.percentile(np.abs(inward), 75.0))
-        if noise <= NOISE:
+        if noise <= NOISE or rounds == max(_KEPT):
             break
     return Turns(side, length, inward, noise)
 

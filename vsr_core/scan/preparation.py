@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import get_args
@@ -15,12 +15,14 @@ from vsr_core.rock.reduction import in_flight, on_its_seat
 from vsr_core.rock.solid import from_mesh
 from vsr_core.scan.cleaning import Cleaned, clean
 from vsr_core.scan.closing import Closed, Closing, close
+from vsr_core.scan.coarse_first import proposed
 from vsr_core.scan.contact_shape import ContactShape, Wanted, contact_shape
 from vsr_core.scan.cuts import Cut
 from vsr_core.scan.filling import filled
 from vsr_core.scan.ground_beneath import ground_beneath
-from vsr_core.scan.proposal import Alternative, Undecided, alternatives, propose
+from vsr_core.scan.proposal import Alternative, Undecided, alternatives
 from vsr_core.scan.separation import Separation, by_cut, settled
+from vsr_core.scan.thinning import thinned_out
 from vsr_core.scan.weighing import (
     Measure,
     Refused,
@@ -74,7 +76,7 @@ class Prepared:
 
 
 def prepare_scan(
-    mesh: trimesh.Trimesh,
+    load: Callable[[], trimesh.Trimesh],
     cut: Cut | None,
     *,
     near: tuple[float, float, float] | None = None,
@@ -87,6 +89,7 @@ def prepare_scan(
 
     Parameters
     ----------
+    load : function that gives the scan; it is kept no longer than needed, as scans are large
     cut : what of it is the rock, in its coordinates; None to propose the hollow around the rock
     near : three floats [m], a point on the rock, where several rocks stand on the ground
     density : float [kg/m^3]
@@ -102,25 +105,29 @@ def prepare_scan(
         ``contact_shape``.
     """
     tell("cleaning the scan")
-    with refusing(Seen.nothing_of(mesh)):
-        cleaned = filled(clean(mesh))
+    mesh = load()
+    raw = measured(mesh, density)
+    with refusing(lambda: Seen.nothing_of(load())):
+        cleaned = clean(mesh)
+        del mesh
+        cleaned = filled(thinned_out(cleaned))
     tell("telling rock and ground apart")
     separation = _separated(cleaned, cut, near)
     tell(f"closing the rock with {closing}")
-    with refusing(_two_parts(separation, cleaned.offset)):
+    with refusing(lambda: _two_parts(separation, cleaned.offset)):
         closed = close(separation, closing)
     tell("laying the ground beneath the rock")
-    with refusing(_three_parts(separation, closed, cleaned.offset)):
+    with refusing(lambda: _three_parts(separation, closed, cleaned.offset)):
         terrain, seat, notes = ground_beneath(separation, closed)
     tell("weighing what each step changed")
     shift = -np.append(closed.rock.center_mass[:2], closed.rock.vertices[:, 2].min())
     rock = closed.rock.copy()
     rock.apply_translation(shift)
-    steps = tuple(_steps(mesh, cleaned, separation, closed, density, closing))
+    steps = tuple(_steps(raw, cleaned, separation, closed, density, closing))
     solid = steps[2].after
     tell("finding what of the rock touches")
     terrain = Terrain(terrain.vertices + shift, terrain.faces)
-    with refusing(_three_parts(separation, closed, cleaned.offset)):
+    with refusing(lambda: _three_parts(separation, closed, cleaned.offset)):
         touching = contact_shape(rock, terrain, seat, *contact)
     tell("trying other cuts")
     others = alternatives(cleaned.mesh, separation)
@@ -153,12 +160,16 @@ def _separated(
 ) -> Separation:
     """Rock and ground, their seam settled."""
     mesh, offset = cleaned.mesh, cleaned.offset
-    seen = Seen(np.array(mesh.vertices), np.array(mesh.faces, np.int64), offset, {})
+
+    def seen() -> Seen:
+        return Seen(np.array(mesh.vertices), np.array(mesh.faces, np.int64), offset, {})
+
     with refusing(seen, Miscut):
         try:
-            found = propose(mesh, near, offset) if cut is None else by_cut(mesh, cut.moved(-offset))
+            moved = None if cut is None else cut.moved(-offset)
+            found = by_cut(mesh, moved) if moved else proposed(mesh, near, offset)
         except Undecided as error:
-            raise Miscut(error, replace(seen, parts=error.rocks)) from error
+            raise Miscut(error, replace(seen(), parts=error.rocks)) from error
         return settled(found)
 
 
@@ -184,7 +195,7 @@ def _rock(separation: Separation, closing: Closing) -> trimesh.Trimesh:
 
 
 def _steps(
-    raw: trimesh.Trimesh,
+    raw: Measure,
     cleaned: Cleaned,
     separation: Separation,
     closed: Closed,
@@ -197,7 +208,7 @@ def _steps(
     patch.remove_unreferenced_vertices()
     own = closed.notes[len(separation.notes) :]
     whole, part, solid = (measured(m, density) for m in (cleaned.mesh, patch, closed.rock))
-    yield Step("clean", measured(raw, density), whole, np.nan, cleaned.notes)
+    yield Step("clean", raw, whole, np.nan, cleaned.notes)
     yield Step("separate", whole, part, np.nan, separation.notes)
     yield Step(f"close ({closing})", part, solid, hausdorff(patch, closed.rock), own)
     yield from _hulls(closed.rock, solid)

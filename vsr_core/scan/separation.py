@@ -168,6 +168,7 @@ def seams(vertices: Array, faces: Indices, rock: Mask, found: Turns) -> tuple[Se
 
 
 _REACH = 2.5  # width, in edges, of the weight that faces have on the plane beside a seam
+_NO_MORE = 16.0  # edges, beyond which that weight is nothing
 _LARGEST_MOVE = 2.0  # edges by which a vertex moves at most: further off, a plane says nothing
 _FACES = 48  # nearest faces looked at on each side
 _SHIFTS = 10  # rounds in which the plane beside a point settles on like faces
@@ -235,9 +236,15 @@ def planes_beside(
             "move pedestal.cut, or scan in triangles that are smaller than the rock",
             [points.mean(axis=0)],
         )
+    middle = vertices[faces].mean(axis=1)
+    reach = _NO_MORE * edge
+    within = (middle > points.min(axis=0) - reach) & (middle < points.max(axis=0) + reach)
+    near = within.all(axis=1)
+    if near.sum() > _FACES:
+        faces, middle = faces[near], middle[near]
     used, local = np.unique(faces, return_inverse=True)
     normal = smoothed_normals(vertices[used], local, 2)
-    middle, area = vertices[faces].mean(axis=1), areas(vertices, faces)
+    area = areas(vertices, faces)
     away, near = cKDTree(middle).query(points, 1 + np.arange(min(_FACES, len(faces))))
     weight = area[near] * (np.exp(-0.5 * (away / (_REACH * edge)) ** 2) + 1e-12)
     own = weight

@@ -234,7 +234,7 @@ def measured(mesh: trimesh.Trimesh, density: float) -> Measure:
     """
     nothing = np.full(3, np.nan), np.full((3, 3), np.nan), np.full(len(DIRECTIONS), np.nan)
     counts = len(mesh.faces), len(mesh.vertices)
-    if not mesh.is_watertight:
+    if (edges(np.asarray(mesh.faces)).count != 2).any():
         return Measure(*counts, False, np.nan, np.nan, *nothing)
     centre = np.array(mesh.center_mass)
     volume = float(mesh.volume)
@@ -333,8 +333,14 @@ def place(point: Array) -> str:
 
 
 @contextmanager
-def refusing(seen: Seen, kind: type[Refused] = Refused) -> Iterator[None]:
+def refusing(
+    seen: Callable[[], Seen], kind: Callable[[InvalidInput, Seen], Refused] = Refused
+) -> Iterator[None]:
     """Add to a refusal what was made of the scan until then.
+
+    Parameters
+    ----------
+    seen : function, called only where something is refused, as scans are large
 
     Raises
     ------
@@ -346,4 +352,4 @@ def refusing(seen: Seen, kind: type[Refused] = Refused) -> Iterator[None]:
     except Refused:
         raise
     except InvalidInput as error:
-        raise kind(error, seen) from error
+        raise kind(error, seen()) from error

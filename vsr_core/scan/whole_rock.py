@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import get_args
@@ -18,6 +18,7 @@ from vsr_core.rock.triangles import cross_products
 from vsr_core.scan.cleaning import clean, with_area
 from vsr_core.scan.closing import Closing, at, close
 from vsr_core.scan.separation import Separation
+from vsr_core.scan.thinning import MOST_FACES, thinned_out
 from vsr_core.scan.topology import border, edges, ends, rims
 from vsr_core.scan.underside import across, area_vector, frame, uncrossed
 from vsr_core.scan.weighing import Measure, Seen, Tell, Trial, refusing, tipping_angles, tried
@@ -243,15 +244,17 @@ class WholeRock:
     offset: Array
 
 
-def whole_rock(mesh: trimesh.Trimesh, closing: Closing, tell: Tell) -> WholeRock:
+def whole_rock(load: Callable[[], trimesh.Trimesh], closing: Closing, tell: Tell) -> WholeRock:
     """Closed solid of a scan of a rock alone.
 
-    A mesh that is one already is taken as it is. Else it is cleaned (see ``clean``); holes up to
+    A mesh that is one already, and of at most ``MOST_FACES``, is taken as it is. Else it is
+    cleaned (see ``clean``) and thinned out; holes up to
     ``LARGEST_HOLE`` of its size are filled between the vertices of their rims; the opening on
     which it stood, of whatever size, is closed as that of a rock on a terrain is (see ``close``).
 
     Parameters
     ----------
+    load : function that gives the scan [m]; it is kept no longer than needed, as scans are large
     closing : "caps", "hull" or "poisson", of the opening beneath
 
     Raises
@@ -260,22 +263,34 @@ def whole_rock(mesh: trimesh.Trimesh, closing: Closing, tell: Tell) -> WholeRock
         If it cannot be cleaned or closed, has a larger hole, or is no solid then.
     """
     tell("checking the surface")
-    with refusing(Seen.nothing_of(mesh)):
-        try:
-            rock, repaired = checked(mesh)
-            faces, none = np.array(rock.faces, dtype=np.int64), np.zeros(len(rock.faces), bool)
-            return WholeRock(rock, none, repaired, np.array(rock.vertices), faces, (), np.zeros(3))
-        except NoSolidYet:
-            cleaned = clean(mesh, alone=True)
+    mesh = load()
+    with refusing(lambda: Seen.nothing_of(load())):
+        if (already := _solid_already(mesh)) is not None:
+            return already
+        cleaned = clean(mesh, alone=True)
+        del mesh
+        cleaned = thinned_out(cleaned, alone=True)
     vertices, faces = np.array(cleaned.mesh.vertices), np.array(cleaned.mesh.faces, dtype=np.int64)
     vertices, faces = without_chords(vertices, without_slits(vertices, faces))
     all_rock = {"rock": np.ones(len(faces), dtype=bool)}
-    with refusing(Seen(vertices, faces, cleaned.offset, all_rock)):
+    with refusing(lambda: Seen(vertices, faces, cleaned.offset, all_rock)):
         holes = _closable(vertices, faces)
         tell(f"closing the rock, holes: {len(holes)}")
         solid, added, notes = _closed(vertices, faces, holes, closing)
     notes = (*cleaned.notes, *notes)
     return WholeRock(solid, added, notes, vertices, faces, holes, cleaned.offset)
+
+
+def _solid_already(mesh: trimesh.Trimesh) -> WholeRock | None:
+    """A mesh that is a closed rock, of few faces enough, as it is."""
+    if len(mesh.faces) > MOST_FACES:
+        return None
+    try:
+        rock, repaired = checked(mesh)
+    except NoSolidYet:
+        return None
+    faces, none = np.array(rock.faces, dtype=np.int64), np.zeros(len(rock.faces), bool)
+    return WholeRock(rock, none, repaired, np.array(rock.vertices), faces, (), np.zeros(3))
 
 
 def _rough(rim: Array) -> float:

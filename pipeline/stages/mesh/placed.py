@@ -27,6 +27,7 @@ from vsr_core.run.dropping import dropped
 from vsr_core.scan import placing
 from vsr_core.scan.cleaning import clean
 from vsr_core.scan.contact_shape import ContactShape, contact_shape
+from vsr_core.scan.thinning import thinned_out
 from vsr_core.scan.weighing import Refused, Seen, measured, refusing
 from vsr_core.scan.whole_rock import WholeRock
 from vsr_core.terrain.surface import Terrain
@@ -110,8 +111,8 @@ def _placed(origin: Origin, rock: RockConfig, whole: WholeRock, file: GroundFile
     pose = rock.pose or AS_IN_ITS_FILE
     key = "rock.pose" if rock.pose else "pedestal.mesh"
     try:
-        with refusing(Seen.nothing_of(raw)):
-            cleaned = clean(raw)
+        with refusing(lambda: Seen.nothing_of(raw)):
+            cleaned = thinned_out(clean(raw))
     except Refused as error:
         where = f"{origin.file_of('pedestal.mesh')}: pedestal.mesh"
         raise InputError.from_invalid(where, file.name, error) from None
@@ -120,7 +121,10 @@ def _placed(origin: Origin, rock: RockConfig, whole: WholeRock, file: GroundFile
     points = turn.apply(np.array(whole.rock.vertices) + whole.offset)
     points += np.array(pose.position) - cleaned.offset
     mesh = trimesh.Trimesh(points, whole.rock.faces, process=False)
-    seen = Seen(ground.vertices, ground.faces, cleaned.offset, {})
+
+    def seen() -> Seen:
+        return Seen(ground.vertices, ground.faces, cleaned.offset, {})
+
     try:
         with refusing(seen):
             mesh, turned, gap = _lying(mesh, rock.density, ground, drop=pose.drop)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import xarray as xr
 
@@ -52,11 +54,10 @@ def _cut_of(pedestal: PedestalConfig) -> cuts.Cut | None:
 
 
 def _prepared(work: Work, rock: RockConfig, pedestal: PedestalConfig, source: Source) -> Prepared:
-    mesh = sources.load(source, work.origin)
     try:
         with Steps(work.stage, work.log) as steps:
             return prepare_scan(
-                mesh,
+                partial(sources.load, source, work.origin),
                 _cut_of(pedestal),
                 near=pedestal.point_on_rock,
                 closing=rock.closing,

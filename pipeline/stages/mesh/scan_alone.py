@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from pipeline.config.layers import Origin
 from pipeline.stages.mesh import sources
 from pipeline.stages.mesh.sources import Source
@@ -14,7 +16,7 @@ from vsr_core.scan.whole_rock import WholeRock, whole_rock
 def closed(source: Source, closing: Closing, origin: Origin, tell: Tell) -> WholeRock:
     """The rock as a closed solid."""
     try:
-        return whole_rock(sources.load(source, origin), closing, tell)
+        return whole_rock(partial(sources.load, source, origin), closing, tell)
     except Refused as error:
         refusal = named("pipeline.stages.mesh.scan_page:refusal")  # with figures, if need be
         raise refusal(origin, source, "rock.mesh", error) from None

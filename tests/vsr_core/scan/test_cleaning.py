@@ -40,7 +40,7 @@ def test_a_rock_beside_its_ground_is_not_dropped() -> None:
     share = 4.0 * np.pi * 0.3**2 / given.area
     assert share < 0.01
     with pytest.raises(Refused, match=r"a closed piece 0\.6 m large") as refused:
-        prepare_scan(given, None, closing="caps", density=2000.0, tell=str)
+        prepare_scan(lambda: given, None, closing="caps", density=2000.0, tell=str)
     np.testing.assert_allclose(refused.value.places[0], FAR + np.array([1.0, -2.0, 1.2]), atol=1e-6)
     assert "(712346.25, 3894565.40, 252.75)" in str(refused.value)
     assert "pedestal.mesh" in refused.value.remedy
@@ -49,9 +49,11 @@ def test_a_rock_beside_its_ground_is_not_dropped() -> None:
 @pytest.mark.parametrize(("radius", "height"), [(0.02, 1.2), (0.2, -0.5)])
 def test_a_speck_and_a_hollow_within_are_dropped(radius: float, height: float) -> None:
     with pytest.raises(Refused) as refused:  # of the hill alone
-        prepare_scan(hill(), None, closing="caps", density=2000.0, tell=str)
+        prepare_scan(hill, None, closing="caps", density=2000.0, tell=str)
     with pytest.raises(Refused) as beside:
-        prepare_scan(with_ball(radius, height), None, closing="caps", density=2000.0, tell=str)
+        prepare_scan(
+            lambda: with_ball(radius, height), None, closing="caps", density=2000.0, tell=str
+        )
     assert beside.value.given == refused.value.given
 
 
@@ -64,4 +66,4 @@ def test_a_rock_of_faces_that_all_touch_the_seam(half: float) -> None:
     mesh.vertices[middle, 2] = 0.5
     cut = Box((-half, -half, 0.01), (half, half, 1.0))
     with pytest.raises(Refused, match="all of whose faces touch the seam at"):
-        prepare_scan(mesh, cut, closing="caps", density=2000.0, tell=str)
+        prepare_scan(lambda: mesh, cut, closing="caps", density=2000.0, tell=str)

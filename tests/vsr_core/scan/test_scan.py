@@ -27,7 +27,7 @@ def prepared(name: str) -> tuple[Prepared, RawScan, trimesh.Trimesh]:
     top = raw.offset + np.array([0.0, 0.0, 1.0])
     mesh = trimesh.Trimesh(raw.vertices, raw.faces, process=False)
     near = tuple(top) if name == "granite_dells" else None
-    made = prepare_scan(mesh, None, near=near, closing="caps", density=2110.0, tell=str)
+    made = prepare_scan(lambda: mesh, None, near=near, closing="caps", density=2110.0, tell=str)
     return made, raw, trimesh.Trimesh(site.rock_vertices, site.rock_faces, process=False)
 
 

@@ -54,7 +54,7 @@ def holed(
 
 
 def made(mesh: trimesh.Trimesh, closing: Closing = "caps") -> WholeRock:
-    return whole_rock(mesh, closing, str)
+    return whole_rock(lambda: mesh, closing, str)
 
 
 def see_that_it_is(found: WholeRock, true: trimesh.Trimesh) -> None:

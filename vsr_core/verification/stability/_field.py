@@ -59,7 +59,9 @@ def prepared(field: FieldScan) -> tuple[Scanned, Prepared]:
     raw = scan(field)
     mesh = trimesh.Trimesh(raw.vertices, raw.faces, process=False)
     near = tuple(raw.on_rock) if field.walls else None
-    return raw, prepare_scan(mesh, None, near=near, closing="caps", density=DENSITY, tell=_untold)
+    return raw, prepare_scan(
+        lambda: mesh, None, near=near, closing="caps", density=DENSITY, tell=_untold
+    )
 
 
 @lru_cache(maxsize=2)

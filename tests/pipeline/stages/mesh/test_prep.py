@@ -56,7 +56,7 @@ inertia, centre of mass [m]."""
 
 @lru_cache(maxsize=1)
 def prepared() -> Prepared:
-    return prepare_scan(survey(), None, closing="caps", density=DENSITY, tell=NOBODY)
+    return prepare_scan(survey, None, closing="caps", density=DENSITY, tell=NOBODY)
 
 
 def site(folder: Path, pedestal: str = "", rock: str = "mesh: scan.ply", more: str = "") -> Path:
@@ -285,7 +285,7 @@ def test_alternatives_tell_the_truth_about_themselves() -> None:
     """Each is tried again here; an honest one that gives the rock gives its volume too."""
     assert prepared().alternatives
     for other in prepared().alternatives:
-        again = prepare_scan(survey(), other.cut, closing="caps", density=DENSITY, tell=NOBODY)
+        again = prepare_scan(survey, other.cut, closing="caps", density=DENSITY, tell=NOBODY)
         area = again.rock.area_faces[~again.added].sum()
         known = prepared().rock.area_faces[~prepared().added].sum()
         assert other.reason == ""
@@ -430,7 +430,7 @@ def test_one_of_two_rocks() -> None:
         true = tapered(at).solid
         near = tuple(np.array(true.vertices)[np.argmax(true.vertices[:, 2])])
         found = prepare_scan(
-            two_rocks(), None, near=near, closing="caps", density=DENSITY, tell=NOBODY
+            two_rocks, None, near=near, closing="caps", density=DENSITY, tell=NOBODY
         )
         place = np.array(found.rock.center_mass) + found.origin
         np.testing.assert_allclose(place, true.center_mass, atol=0.03)
@@ -494,7 +494,7 @@ def test_scan_with_the_usual_faults() -> None:
     broken = trimesh.Trimesh(
         vertices, np.concatenate([faces, flat, lost, faces[100:103]]), process=False
     )
-    found = prepare_scan(broken, None, closing="caps", density=DENSITY, tell=NOBODY)
+    found = prepare_scan(lambda: broken, None, closing="caps", density=DENSITY, tell=NOBODY)
     said = " ".join(found.notes)
     for word in ("not finite", "split vertices merged", "fewer than three points", "turned"):
         assert word in said
@@ -645,7 +645,7 @@ def test_page_of_an_accepted_and_of_a_given_cut(quick: None) -> None:
     assert "This is a surrogate, not a scan." in page
     up = tapered().up
     cut = Plane(tuple(0.02 * up), tuple(up))
-    given = prepare_scan(survey(), cut, closing="hull", density=DENSITY, tell=NOBODY)
+    given = prepare_scan(survey, cut, closing="hull", density=DENSITY, tell=NOBODY)
     page = scan_page.page("<hill>", "scan of <mine>", given, accepted=True, surrogate=False)
     assert "The cut is the one that the site" in page
     assert "confidence" not in page

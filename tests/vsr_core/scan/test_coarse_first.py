@@ -1,0 +1,56 @@
+"""A seam found on few faces first is that which is found among all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from vsr_core.rock.triangles import areas
+from vsr_core.scan import coarse_first
+from vsr_core.scan.coarse_first import proposed
+from vsr_core.scan.proposal import Undecided, propose
+from vsr_core.surrogates.field_scans import FieldScan, above_ground, scan
+
+SOMEWHERE = np.array([100.0, -20.0, 3.0])
+
+
+@pytest.fixture(autouse=True)
+def few_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(coarse_first, "AT_ONCE", 5_000)
+
+
+def sheet(field: FieldScan) -> trimesh.Trimesh:
+    made = scan(field)
+    return trimesh.Trimesh(made.vertices, made.faces, process=False)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_same_rock_as_among_all_faces_at_once(seed: int) -> None:
+    mesh = sheet(FieldScan(seed))
+    assert len(mesh.faces) > 2 * coarse_first.AT_ONCE
+    near = (100.0, -20.0, 3.7)
+    coarse, direct = (way(mesh, near, SOMEWHERE) for way in (proposed, propose))
+    area = areas(direct.vertices, direct.faces)
+    apart = area[coarse.rock != direct.rock].sum() / area[direct.rock].sum()
+    assert apart < 0.02
+
+
+def test_noise_as_large_as_the_edges_does_not_hide_the_rock() -> None:
+    field = FieldScan(4, noise=0.012, edge=0.04)
+    mesh = sheet(field)
+    made = proposed(mesh, (0.0, 0.0, 0.7), np.zeros(3))
+    points = made.vertices[made.faces[made.rock]].reshape(-1, 3)
+    true = above_ground(field)[0]
+    np.testing.assert_allclose(np.ptp(points, axis=0), np.ptp(true, axis=0), rtol=0.12)
+
+
+def test_where_no_rock_is_the_candidates_are_told_among_all_faces() -> None:
+    mesh = sheet(FieldScan(1))
+    with pytest.raises(Undecided) as refused:
+        proposed(mesh, (1.1, 1.1, 0.0), np.zeros(3))
+    assert refused.value.rocks
+    for rock in refused.value.rocks.values():
+        assert rock.shape == (len(mesh.faces),)
+        middle = mesh.triangles_center[rock].mean(axis=0)
+        assert np.hypot(*middle[:2]) < 0.3
