@@ -284,8 +284,9 @@ def alternatives(mesh: trimesh.Trimesh, separation: Separation) -> tuple[Alterna
     """
     seam = separation.seams[0].points
     rock = separation.vertices[np.unique(separation.faces[separation.rock])]
-    colours = colours_of(mesh)
     size = float(np.ptp(rock, axis=0).max())
+    mesh = _around_rock(mesh, rock, size)
+    colours = colours_of(mesh)
     made: list[Cut] = [
         _plane(seam, _CLOSE * size),
         _box(seam, rock, _CLOSE * size, _WIDE * size),
@@ -297,6 +298,17 @@ def alternatives(mesh: trimesh.Trimesh, separation: Separation) -> tuple[Alterna
     tried = [_tried(mesh, separation, cut) for cut in made]
     worse = max(tried[2:4], key=lambda found: np.nan_to_num(found.away, nan=np.inf))
     return tuple(found for found in tried if found is not worse)
+
+
+def _around_rock(mesh: trimesh.Trimesh, rock: Array, margin: float) -> trimesh.Trimesh:
+    """The faces within a margin [m] of a rock's points, shape (n, 3) [m]."""
+    middle = mesh.vertices[mesh.faces].mean(axis=1)
+    within = (middle > rock.min(axis=0) - margin) & (middle < rock.max(axis=0) + margin)
+    near = trimesh.Trimesh(
+        mesh.vertices, mesh.faces[within.all(axis=1)], vertex_colors=colours_of(mesh), process=False
+    )
+    near.remove_unreferenced_vertices()
+    return near
 
 
 def _plane(seam: Array, above: float) -> Plane:
