@@ -10,6 +10,14 @@ from vsr_core.arrays import Indices, Mask
 DISPLACED_SHARE = 0.1
 """A rock still upright is displaced once its base slid by this share of its radius."""
 
+AT_REST = ("peak_tilt", "final_tilt", "slip")
+"""Quantities of runs whose rock stays upright, up to where it rests."""
+
+OF_TRAVEL = ("end_position", "trajectory")
+"""Quantities of runs over a terrain whose rock leaves its place, up to where it rests."""
+
+QUANTITIES = AT_REST + OF_TRAVEL
+
 
 class Outcome(IntEnum):
     """Final state of the rock.

@@ -30,7 +30,6 @@ from pipeline.config.scene_schema import (
 )
 from pipeline.config.sections import (
     MOST_SCENES,
-    SHORTEST_STEP,
     SMALLEST_PGA,
     Key,
     Lax,
@@ -43,8 +42,10 @@ from pipeline.config.sections import (
     Values,
     as_values,
 )
+from pipeline.config.simulation_schema import SimulationConfig
 from vsr_core import engines
 from vsr_core.errors import InvalidInput
+from vsr_core.outcome import OF_TRAVEL
 from vsr_core.table.capacity import Table
 from vsr_core.table.servo import check
 
@@ -53,26 +54,6 @@ COMPILED = "nonsmooth"
 
 # What the schema says of each value; the validators below say it in the field's words.
 _Angle = Annotated[float, Field(ge=-360, le=360)]
-
-
-class SimulationConfig(Section):
-    """How runs are computed."""
-
-    engine: Literal["auto", "nonsmooth", "bullet", "mujoco"] = Field(
-        "auto", description="physics engine; auto for the cheapest that can represent the scene"
-    )
-    time_step: Literal["auto"] | Annotated[float, Field(ge=SHORTEST_STEP, le=0.02)] = Field(
-        "auto", description="time step; auto for the coarsest within the tolerance [s]"
-    )
-    tolerance: float = Field(
-        0.01,
-        ge=0.0005,
-        le=0.1,
-        description="largest relative error of the overturning boundary, for auto [1]",
-    )
-    reduce: Annotated[bool, Lax] = Field(
-        True, description="leave out of a run what cannot change its outcome"
-    )
 
 
 class StabilityConfig(Section):
@@ -270,6 +251,16 @@ class Config(Section):
             raise Refused(
                 "MuJoCo replaces a terrain by its convex hull", "set it to auto", key="engine"
             )
+        return simulation
+
+    @field_validator("simulation")
+    @classmethod
+    def _travels(cls, simulation: SimulationConfig, info: ValidationInfo) -> SimulationConfig:
+        pedestal = info.data.get("pedestal")
+        flat = pedestal is not None and pedestal.shape != "mesh"
+        if flat and set(OF_TRAVEL) & set(simulation.accurate):
+            rule = "a rock travels over a terrain, which pedestal.shape: mesh has"
+            raise Refused(rule, f"leave out {' and '.join(OF_TRAVEL)}", key="accurate")
         return simulation
 
     @field_validator("simulation")

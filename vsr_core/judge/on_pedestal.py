@@ -62,9 +62,15 @@ sqrt(radius / g), whichever is more."""
 
 
 def criteria(
-    rock: Rock, contact: Contact, limits: Barrier, *, proves: bool, slides: bool
+    rock: Rock, contact: Contact, limits: Barrier, *, proves: bool, slides: bool, whole: bool
 ) -> Criteria:
-    """What a rock on a flat pedestal is judged by; ``slides``: nothing can tip it."""
+    """What a rock on a flat pedestal is judged by.
+
+    Parameters
+    ----------
+    slides : bool, whether nothing can tip it
+    proves, whole : bool, as in ``Criteria``
+    """
     radius, climb = rock.radius, max(limits.edge_height - limits.upright_floor, 0.0)
     # One kind of arrays and numbers, wherever they were read, so that nothing is compiled twice.
     tilt, height, *numbers = limits
@@ -82,6 +88,7 @@ def criteria(
         DRIFT_SHARE * radius,
         SLIDING_LEAN if slides else math.inf,
         proves,
+        whole,
         follow=False,
     )
 
@@ -136,7 +143,8 @@ def judge(
     lies = record.tilt > criteria.limits.toppled_tilt
     if lies and falls_on(record, criteria):
         return OVERTURNED, NO_RETURN
-    if (lies or _slip_is_known(record, criteria, shaken)) and _proved(record, criteria, remaining):
+    ends = lies or (not criteria.whole and _slip_is_known(record, criteria, shaken))
+    if ends and _proved(record, criteria, remaining):
         return side(record, criteria), ENERGY_BOUND
     return GOES_ON, SIMULATED
 

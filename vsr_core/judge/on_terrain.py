@@ -93,6 +93,7 @@ def criteria(
         math.inf,
         math.inf,
         proves=False,
+        whole=True,
         follow=follow,
     )
 

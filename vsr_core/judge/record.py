@@ -47,6 +47,7 @@ class Criteria(NamedTuple):
     penetration, drift : float [m], deepest allowed, and longest path before anything moves the rock
     lean : float [rad], largest tilt of a rock that can only slide; inf where it can tip
     proves : bool, whether a run ends as soon as its outcome is proved
+    whole : bool, whether an upright rock is followed to rest all the same
     follow : bool, whether a run goes on after toppling
     """
 
@@ -63,6 +64,7 @@ class Criteria(NamedTuple):
     drift: float
     lean: float
     proves: bool
+    whole: bool
     follow: bool
 
 

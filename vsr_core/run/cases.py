@@ -21,6 +21,8 @@ class Settings:
     time_step : float [s], the largest allowed; a whole number of steps fills the motion, or the
         control period of a drive
     reduce : bool, whether to leave out what cannot change the outcome
+    whole : bool, whether a rock that stays upright is followed to rest though that is proved, so
+        that its largest tilt and slip are known
     engine : str, name of a module in ``vsr_core.engines``
     solver : Solver, effort of the engine's solver where it is not the engine's own
     """
@@ -29,6 +31,7 @@ class Settings:
     reduce: bool = True
     engine: str = "bullet"
     solver: Solver | None = None
+    whole: bool = False
 
 
 @dataclass(frozen=True)

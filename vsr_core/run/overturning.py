@@ -77,6 +77,7 @@ def _criteria(
         case.limits,
         proves=proves and not turns,
         slides=case.slides and along_x,
+        whole=settings.whole,
     )
 
 

@@ -12,11 +12,14 @@ from pipeline.stages.datasets.vertical import VARIABLE, without
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.runs.displacement_runs import KIND, SAMPLE, Journeys, unpack
 from pipeline.stages.runs.overturning_runs import LevelRuns
+from pipeline.stages.runs.quantity_errors import beside
+from pipeline.stages.runs.step_choice import StepData
 from pipeline.stages.runs.study import Study
 from pipeline.workflow import writers
 from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.stage import Product, Work
 from vsr_core.displacement.correlation import correlations, row
+from vsr_core.outcome import OF_TRAVEL
 from vsr_core.run.movement import air_share
 
 TABLE = "correlation.csv"
@@ -29,11 +32,20 @@ class Displacement(Stored):
 
 
 def make(
-    work: Work, study: Study, journeys: Journeys, level: LevelRuns | None, rock: RockData
+    work: Work,
+    study: Study,
+    journeys: Journeys,
+    level: LevelRuns | None,
+    rock: RockData,
+    measured: StepData,
 ) -> Product:
     """Assemble the displacement runs and correlate them."""
     runs = stored(journeys.database, KIND, study)
     dataset = _dataset(rock, runs, study)
+    errors = beside(xr.Dataset(), measured.data, OF_TRAVEL)
+    order = measured.data["friction"].values.tolist()
+    at = [order.index(friction) for friction in runs["friction"]]
+    dataset = dataset.assign({name: ("run", errors[name].values[at]) for name in errors})
     if level is not None:
         dataset[VARIABLE] = ("run", without(level, study))
         dataset[VARIABLE].encoding["_FillValue"] = np.int8(-1)

@@ -14,12 +14,13 @@ from pipeline.stages.mesh.products import RockData
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motions import MEASURES
 from pipeline.stages.runs.overturning_runs import LevelRuns, Runs, kind
+from pipeline.stages.runs.quantity_errors import beside
 from pipeline.stages.runs.scenes import flat_case, left_out
 from pipeline.stages.runs.step_choice import StepData
 from pipeline.stages.runs.study import Study
 from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.stage import Product, Work
-from vsr_core.outcome import Outcome
+from vsr_core.outcome import AT_REST, Outcome
 
 
 class Responses(Stored):
@@ -62,6 +63,7 @@ def make(
     dataset = _dataset(study, table).assign_coords(_measures(study))
     for name in ("time_step", "boundary_error", "boundary_error_worst"):
         dataset[name] = ("friction", measured.data[name].values)
+    dataset = beside(dataset, measured.data, AT_REST)
     case = flat_case(study.scenes, study.groups[0])
     reductions = left_out(settings, case, one_way=one_way)
     dataset.attrs["left_out"] = "\n".join(map(str, reductions))

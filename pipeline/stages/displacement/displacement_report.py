@@ -12,7 +12,7 @@ import xarray as xr
 
 from pipeline.config.motion_schema import MotionConfig
 from pipeline.config.scene_schema import ObservedBoulder as BoulderConfig
-from pipeline.config.schema import SimulationConfig
+from pipeline.config.simulation_schema import SimulationConfig
 from pipeline.drawing import style
 from pipeline.drawing.style import png_uri
 from pipeline.stages.datasets import displaced_runs, vertical

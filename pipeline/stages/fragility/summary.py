@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config import in_si
+from pipeline.stages.runs.quantity_errors import ENDS, IN_WORDS
 from pipeline.stages.runs.step_choice import kept
 from pipeline.workflow.datasets import Stored
 from vsr_core.arrays import Array, Mask
@@ -185,11 +186,17 @@ def time_steps(measured: xr.Dataset) -> list[dict[str, Any]]:
         With ``rows``, for overturning and for displacement: how many have a boundary below
         ``highest`` [g], of which an error takes ``enough``, and how many were tried; and with
         ``kept``, in how many the error is kept, and of how many. Empty where the step was given.
-        ``ground`` is what the rock stood on there.
+        ``ground`` is what the rock stood on there. With ``others``, the errors of what
+        ``simulation.accurate`` names besides the boundary.
     """
     names = ["time_step", "boundary_error", "boundary_error_worst", "displaced_error"]
     rows: list[Any] = measured[names].to_dataframe().reset_index().to_dict("records")
     for at, row in enumerate(rows):
+        row["others"] = [
+            {"what": what, **{end: float(measured[f"{name}_error_{end}"][at]) for end in ENDS}}
+            for name, what in IN_WORDS.items()
+            if f"{name}_error_95" in measured
+        ]
         row |= {"rows": [], "kept": [], "highest": in_si.in_g(HIGHEST), "enough": ENOUGH}
         if "row_reference" in measured:
             row["ground"] = measured.attrs["measured_on"]

@@ -172,6 +172,7 @@ def counts(responses: xr.Dataset) -> Row:
         ],
         "ways": in_words(left),
         "total": outcome.size,
+        "peaks": int(np.isfinite(responses["peak_tilt"].values).sum()),
         "toppled": float((outcome == Outcome.OVERTURNED).sum() / max(decided.sum(), 1)),
         "proved": int((decided & (rule == DecidedBy.NO_UPLIFT_BOUND)).sum()),
         "early": int((decided & np.isin(rule, _EARLY)).sum()),

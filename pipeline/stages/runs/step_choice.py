@@ -21,6 +21,15 @@ import xarray as xr
 from pipeline.config import in_si
 from pipeline.config.schema import COMPILED, SceneSettings
 from pipeline.stages.mesh.products import Ground, Standing
+from pipeline.stages.runs.quantity_errors import (
+    Measured,
+    Settled,
+    known,
+    measured,
+    settled,
+    told,
+    variables,
+)
 from pipeline.stages.runs.scenes import (
     Group,
     Scenes,
@@ -86,25 +95,48 @@ def make(
     """Measure the scene, or take the step that is given, and choose."""
     scenes, simulation = _tried(Scenes(settings, standing, ground)), settings.simulation
     refuse_engine(scenes, work.origin)
-    frictions = settings.contact.friction
     if simulation.time_step != "auto":
-        known = {name: ("friction", np.full(len(frictions), math.nan)) for name in _CHOSEN}
-        known["time_step"] = ("friction", np.full(len(frictions), simulation.time_step))
-        dataset = xr.Dataset(known, {"friction": list(frictions)})
-        note = f"time step {1e3 * simulation.time_step:.4g} ms as given; its error was not measured"
-        return Product({StepData.FILE: netcdf(described(dataset, work, "Time step"))}, note)
-
-    def measured(wanted: list[Wanted]) -> dict[Wanted, Row]:
-        return _measured(work, scenes, wanted, database)
+        return _given(work, scenes, simulation.time_step)
 
     with closing(RunStore(work.runs, StepRow, work.log)) as database:
-        found = _lots(scenes, measured)
-    dataset = _dataset(scenes, found)
-    choices = _choices(dataset, simulation.tolerance)
+        found = _lots(scenes, partial(_measured, work, scenes, database))
+        dataset = _dataset(scenes, found)
+        choices, errors = _settled(scenes, dataset, partial(measured, work, database))
     for name, field in _CHOSEN.items():
         dataset[name] = ("friction", [float(getattr(choice, field)) for choice in choices])
+    dataset = dataset.assign(variables(errors))
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
-    return Product(files, _summary(choices))
+    return Product(files, _summary(choices) + told(errors))
+
+
+def _given(work: Work, scenes: Scenes, time_step: float) -> Product:
+    """A step that is given, whose error of the boundary is not measured."""
+    frictions = scenes.settings.contact.friction
+    chosen = {name: ("friction", np.full(len(frictions), math.nan)) for name in _CHOSEN}
+    chosen["time_step"] = ("friction", np.full(len(frictions), time_step))
+    with closing(RunStore(work.runs, StepRow, work.log)) as database:
+        look = partial(measured, work, database)
+        errors = [settled(_alone(scenes, at), time_step, look) for at in range(len(frictions))]
+    dataset = xr.Dataset(chosen | variables(errors), {"friction": list(frictions)})
+    note = f"time step {1e3 * time_step:.4g} ms as given; its error was not measured"
+    files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
+    return Product(files, note + told(errors))
+
+
+def _settled(
+    scenes: Scenes, dataset: xr.Dataset, look: Measured
+) -> tuple[list[Choice], list[Settled]]:
+    """Steps at which the tolerance holds for the boundary, and for what else is named."""
+    tolerance, choices, errors = scenes.settings.simulation.tolerance, [], []
+    for at in range(dataset.sizes["friction"]):
+        own = dataset.isel(friction=at)
+        choice = _choice(own, tolerance)
+        found = settled(_alone(scenes, at), choice.time_step, look)
+        if found.time_step < choice.time_step:
+            choice = _choice(own, tolerance, found.time_step)
+        choices.append(replace(choice, within=choice.within and found.within))
+        errors.append(found)
+    return choices, errors
 
 
 def stored_steps(scenes: Scenes, database: Path) -> TimeSteps:
@@ -123,13 +155,12 @@ def stored_steps(scenes: Scenes, database: Path) -> TimeSteps:
         steps = []
         for at in range(len(frictions)):
             alone = _alone(_tried(scenes), at)
-            known = partial(_known, alone, rows)
             try:
-                found = _lots(alone, known)
+                found = _lots(alone, partial(_known, alone, rows))
+                (choice,), _ = _settled(alone, _dataset(alone, found), partial(known, rows))
             except KeyError:
                 steps.append(math.nan)
                 continue
-            (choice,) = _choices(_dataset(alone, found), simulation.tolerance)
             steps.append(choice.time_step)
     return TimeSteps(tuple(steps))
 
@@ -207,7 +238,7 @@ def _lots(
 
 
 def _measured(
-    work: Work, scenes: Scenes, wanted: list[Wanted], database: RunStore[StepRow]
+    work: Work, scenes: Scenes, database: RunStore[StepRow], wanted: list[Wanted]
 ) -> dict[Wanted, Row]:
     """Rows of a lot, of which those that are not stored are measured; none that died."""
     settings = scenes.settings
@@ -328,23 +359,22 @@ def _dataset(scenes: Scenes, found: list[dict[Place, Row]]) -> xr.Dataset:
     )
 
 
-def _choices(dataset: xr.Dataset, tolerance: float) -> list[Choice]:
-    return [
-        _choice(dataset.isel(friction=at), tolerance) for at in range(dataset.sizes["friction"])
-    ]
+def _choice(dataset: xr.Dataset, tolerance: float, most: float = math.inf) -> Choice:
+    """Choice from what was measured for one friction.
 
-
-def _choice(dataset: xr.Dataset, tolerance: float) -> Choice:
-    """Choice from what was measured for one friction."""
+    Parameters
+    ----------
+    most : float [s], no longer step
+    """
     shares = dataset["step_share"].values.tolist()
 
     def front(boundary: Boundary) -> Front:
         rows = dataset.isel(row=dataset["row_displaced"].values == boundary)
         return ladder.front(shares, rows["row_error"].values, rows["row_steps"].values)
 
-    unit, most = (float(dataset.attrs[name]) for name in ("step_unit_s", "longest_step_s"))
+    unit, longest = (float(dataset.attrs[name]) for name in ("step_unit_s", "longest_step_s"))
     toppled, displaced = map(front, (Boundary.TOPPLED, Boundary.DISPLACED))
-    return ladder.choose(toppled, displaced, tolerance, unit, most)
+    return ladder.choose(toppled, displaced, tolerance, unit, min(longest, most * 0.01 / tolerance))
 
 
 def _summary(choices: Sequence[Choice]) -> str:

@@ -151,7 +151,8 @@ class Study:
         """How the runs of a group are computed."""
         step = self.time_step(group)
         assert not math.isnan(step)
-        return Settings(step, self.settings.simulation.reduce, self.settings.engine)
+        simulation = self.settings.simulation
+        return Settings(step, simulation.reduce, self.settings.engine, whole=simulation.whole)
 
     def shared(self, group: Group) -> tuple[Case | TerrainCase, Settings, Shaking]:
         """What the runs of a group share."""
@@ -177,7 +178,8 @@ class LevelStudy(Study):
 
 def shared_identity(scenes: Scenes, motions: Shaking) -> dict[str, Any]:
     """Tell what all runs of a study share, but for group and time step."""
-    return {**identity(scenes), "motion": motions.identity()}
+    whole = scenes.settings.simulation.whole
+    return {**identity(scenes), "motion": motions.identity(), "whole": whole}
 
 
 def run_study(work: Work, study: Study, kind: Kind[Any]) -> Product:

@@ -30,7 +30,8 @@ def criteria(radius: float = 1.0) -> Criteria:
     """A rest has less than 1 m^2/s^2 for 2 s, and no longer path than 0.01 m."""
     limits = Barrier(np.zeros(1), np.zeros(1), 1.0, 0.0, 0.0, 0.0, 0.0)
     shares = 1.0, 2.0, 0.01, 0.01, 0.01, math.inf
-    return Criteria(limits, UP, 0.6, 0.0, radius, 1.0, *shares, proves=True, follow=False)
+    ends = {"proves": True, "whole": False, "follow": False}
+    return Criteria(limits, UP, 0.6, 0.0, radius, 1.0, *shares, **ends)
 
 
 def record(state: State = STANDING) -> RunRecord:

@@ -20,9 +20,9 @@ from vsr_core.rock.body import Rock
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.overturning import simulate, simulate_all
 from vsr_core.run.rocking_block import Block, rocking_response
+from vsr_core.run.sliding_block import farthest
 from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Contact, Scene
-from vsr_core.verification.reference.sliding import slide
 from vsr_core.verification.rocks import GRIPPING, box
 
 STEP = 0.02
@@ -62,13 +62,8 @@ def sliding_errors(step: float) -> NDArray[np.float64]:
     """Of largest slips of a squat block, relative to Newmark's or a thousandth of the radius."""
     rock, shaken = box(2.0, 2.0, 0.5), pulses(2, 200, (0.45, 3.0))
     slip = [response.slip for response in whole(rock, 0.4, shaken, step)]
-    right = np.array([farthest(pulse, 0.4) for pulse in shaken])
+    right = np.array([farthest(pulse, 0.4 * GRAVITY) for pulse in shaken])
     return np.abs(slip - right) / np.maximum(right, 1e-3 * rock.radius)
-
-
-def farthest(pulse: CosinePulse, friction: float) -> float:
-    times = np.linspace(0.0, 4.0 * pulse.duration, 40_001)
-    return float(np.abs(slide(pulse, friction * GRAVITY, times)).max())
 
 
 @pytest.mark.parametrize("errors", [rocking_errors, sliding_errors])
@@ -84,7 +79,7 @@ def test_peaks_are_those_of_the_exact_block(errors: Callable[[float], NDArray[np
 def test_a_block_that_slides_back_and_forth_slips_as_far_as_its_turning_point() -> None:
     """At 2.6 g it comes back by more than it goes on in a step before it is judged."""
     rock, pulse = box(1.0, 1.0, 2.0), CosinePulse.from_g(2.6, 0.1)
-    right = farthest(pulse, 0.3)
+    right = farthest(pulse, 0.3 * GRAVITY)
     (found,) = whole(rock, 0.3, [pulse], STEP)
     assert found.slip == pytest.approx(right, rel=0.02)
 
