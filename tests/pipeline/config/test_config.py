@@ -184,6 +184,13 @@ WRONG = {
         "nonsmooth",
         "set newton",
     ),
+    "travels nowhere": (
+        "simulation: {accurate: [boundary, trajectory]}",
+        "simulation.accurate",
+        "pedestal.shape: mesh",
+        "leave out",
+    ),
+    "accurate in what": ("simulation: {accurate: [tilt]}", "simulation.accurate", "'peak_tilt'"),
     "coarse step": ("simulation: {time_step: 1}", "simulation.time_step", "0.02"),
     "box without size": ("rock: {shape: box, density: 2000}", "rock", "needs `size`", "[x, y, z]"),
     "mesh without path": ("rock: {shape: mesh, density: 2000}", "rock", "needs `mesh`", "path"),

@@ -245,6 +245,7 @@ def others(value: Any, name: str) -> Iterator[Any]:
     elif value:
         yield from ((*value[:-1], last) for last in others(value[-1], ""))
     yield from (None, "other", 0.5, 0.05, 100.0, (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8), ("yaw=90",))
+    yield ("peak_tilt",)
 
 
 @dataclass(frozen=True)
