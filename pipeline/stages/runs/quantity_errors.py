@@ -34,6 +34,9 @@ from vsr_core.source import tracing
 ENDS = {"median": "median", "95": "most", "runs": "runs"}
 """Ends of the names of the variables that tell an error, and the fields of an ``Error``."""
 
+FINER_STILL = (0.7, 0.5, 0.35, 0.25)
+"""Steps that are tried beyond the ladder of the boundary, in units of its last one."""
+
 IN_WORDS = {
     "peak_tilt": "largest tilt",
     "final_tilt": "final tilt",
@@ -87,6 +90,7 @@ def settled(scenes: Scenes, longest: float, look: Measured) -> Settled:
     named, steps = simulation.measured, [longest]
     if simulation.time_step == "auto":
         shares = engines.load(scenes.settings.engine).LADDER.shares
+        shares += tuple(share * shares[-1] for share in FINER_STILL)
         tried = (share * ladder.step_unit(rock) for share in shares)
         steps += [step for step in tried if step < longest * (1.0 - 1e-9)]
     found = Settled(longest, {}, within=True)

@@ -133,8 +133,10 @@ def _settled(
         choice = _choice(own, tolerance)
         found = settled(_alone(scenes, at), choice.time_step, look)
         if found.time_step < choice.time_step:
-            choice = _choice(own, tolerance, found.time_step)
-        choices.append(replace(choice, within=choice.within and found.within))
+            finest = float(own["step_share"][-1]) * own.attrs["step_unit_s"]
+            choice = _choice(own, tolerance, max(found.time_step, finest))
+        within = choice.within and found.within
+        choices.append(replace(choice, time_step=found.time_step, within=within))
         errors.append(found)
     return choices, errors
 

@@ -19,8 +19,8 @@ from vsr_core import GRAVITY
 from vsr_core.outcome import Outcome
 from vsr_core.run.rocking_block import Block, rocking_response
 
-GRID = """
-motion: {pga: {start: 0.2, stop: 0.6, num: 21}, pgv_pga: [0.05, 0.1, 0.2, 0.3]}
+GRID = """rock: {shape: box, size: [1.0, 1.0, 2.0], density: 2110}
+motion: {pga: {start: 0.4, stop: 1.2, num: 21}, pgv_pga: [0.05, 0.1, 0.2, 0.3]}
 contact: {friction: 2.0}
 simulation: {accurate: [peak_tilt, slip]}
 """
@@ -44,7 +44,7 @@ def test_what_is_named_is_known_and_has_its_error(
         assert data[f"{name}_error_median"] <= 0.003
         assert data[f"{name}_error_95"] <= 0.02
     # as it says of runs that it was not told from
-    block = Block(0.25, 1.0)
+    block = Block(0.5, 1.0)
     small = 0.01 * block.alpha
     errors = []
     for ratio, pga in np.argwhere(upright):
