@@ -34,7 +34,7 @@ FINER = 16.0
 PULSES, PULSES_ON_TERRAIN = 256, 48
 """Pulses of a sample, over all directions."""
 
-STRONGEST, WEAKEST = 2.0, 0.05 * GRAVITY
+STRONGEST, STRONGEST_ON_TERRAIN, WEAKEST = 2.0, 6.0, 0.05 * GRAVITY
 """PGA of the strongest, in units of the weakest, which is about to move the rock; and that [m/s^2]
 where nothing is known to hold it."""
 
@@ -136,7 +136,7 @@ def pulses(case: Case | TerrainCase, number: int) -> list[CosinePulse]:
     least = next((min(-low, high) for low, high in known if low < 0.0 < high), WEAKEST)
     turns = np.outer(np.arange(1, number + 1), SPREAD) % 1.0
     ratios = unit_of(case) * (PERIODS[0] + (PERIODS[1] - PERIODS[0]) * turns[:, 1])
-    peaks = least * STRONGEST ** turns[:, 0]
+    peaks = least * (STRONGEST if scene.terrain is None else STRONGEST_ON_TERRAIN) ** turns[:, 0]
     return [CosinePulse(*pulse) for pulse in zip(peaks.tolist(), ratios.tolist(), strict=True)]
 
 

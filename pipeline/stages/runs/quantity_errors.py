@@ -7,6 +7,7 @@ and motion of a study.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -24,7 +25,7 @@ from pipeline.workflow.stage import Work
 from pipeline.workflow.workers import Batch
 from vsr_core import engines
 from vsr_core.arrays import Array
-from vsr_core.outcome import QUANTITIES
+from vsr_core.outcome import OF_TRAVEL, QUANTITIES
 from vsr_core.run import quantities
 from vsr_core.run import time_step as ladder
 from vsr_core.run.cases import Case, Settings, TerrainCase
@@ -36,6 +37,9 @@ ENDS = {"median": "median", "95": "most", "runs": "runs"}
 
 FINER_STILL = (0.7, 0.5, 0.35, 0.25)
 """Steps that are tried beyond the ladder of the boundary, in units of its last one."""
+
+LESS = 0.7
+"""Share of its median error that a way has left two steps further, unless it is chaotic."""
 
 IN_WORDS = {
     "peak_tilt": "largest tilt",
@@ -85,26 +89,38 @@ def settled(scenes: Scenes, longest: float, look: Measured) -> Settled:
     scenes : Scenes, of one friction
     longest : float [s], at which it holds for the boundary; a step that is given is kept
     """
-    simulation, rock = scenes.settings.simulation, scenes.level_rock
-    (friction,) = scenes.settings.contact.friction
-    named, steps = simulation.measured, [longest]
-    if simulation.time_step == "auto":
-        shares = engines.load(scenes.settings.engine).LADDER.shares
-        shares += tuple(share * shares[-1] for share in FINER_STILL)
-        tried = (share * ladder.step_unit(rock) for share in shares)
-        steps += [step for step in tried if step < longest * (1.0 - 1e-9)]
-    found = Settled(longest, {}, within=True)
-    for step in steps if named else ():
-        yaws = [in_si.in_degrees(yaw) for yaw in ladder.directions(rock)]
-        runs = np.concatenate(
-            look(scenes, [Row(Group(yaw, friction), step) for yaw in yaws]), axis=1
-        )
+    simulation = scenes.settings.simulation
+    named, tried = simulation.measured, [Settled(longest, {}, within=True)]
+    for step in _steps(scenes, longest) if named else ():
+        yaws = [in_si.in_degrees(yaw) for yaw in ladder.directions(scenes.level_rock)]
+        (friction,) = scenes.settings.contact.friction
+        rows = [Row(Group(yaw, friction), step) for yaw in yaws]
+        runs = np.concatenate(look(scenes, rows), axis=1)
         errors = {name: summed_up(runs[QUANTITIES.index(name)]) for name in named}
         within = all(error.within(simulation.tolerance) for error in errors.values())
-        found = Settled(step, errors, within)
-        if within:
+        tried.append(Settled(step, errors, within))
+        if within or _hopeless([one.errors for one in tried[1:]]):
             break
-    return found
+    return tried[-1]
+
+
+def _steps(scenes: Scenes, longest: float) -> list[float]:
+    """Time steps to try, longest first [s]."""
+    if scenes.settings.simulation.time_step != "auto":
+        return [longest]
+    shares = engines.load(scenes.settings.engine).LADDER.shares
+    shares += tuple(share * shares[-1] for share in FINER_STILL)
+    steps = (share * ladder.step_unit(scenes.level_rock) for share in shares)
+    return [longest, *(step for step in steps if step < longest * (1.0 - 1e-9))]
+
+
+def _hopeless(tried: Sequence[dict[str, Error]]) -> bool:
+    """Whether a finer step brings nothing: too few runs have a quantity, or a way is chaotic."""
+    if any(math.isnan(error.median) for error in tried[-1].values()):
+        return True
+    ways = [name for name in OF_TRAVEL if name in tried[-1]]
+    before = tried[-3] if len(tried) > 2 else {}
+    return any(tried[-1][way].median > LESS * before[way].median for way in ways if before)
 
 
 def variables(found: Sequence[Settled]) -> dict[str, Any]:

@@ -104,6 +104,7 @@ def make(
         choices, errors = _settled(scenes, dataset, partial(measured, work, database))
     for name, field in _CHOSEN.items():
         dataset[name] = ("friction", [float(getattr(choice, field)) for choice in choices])
+    dataset["within_tolerance"] *= np.array([one.within for one in errors])
     dataset = dataset.assign(variables(errors))
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
     return Product(files, _summary(choices) + told(errors))
@@ -135,8 +136,7 @@ def _settled(
         if found.time_step < choice.time_step:
             finest = float(own["step_share"][-1]) * own.attrs["step_unit_s"]
             choice = _choice(own, tolerance, max(found.time_step, finest))
-        within = choice.within and found.within
-        choices.append(replace(choice, time_step=found.time_step, within=within))
+        choices.append(replace(choice, time_step=found.time_step))
         errors.append(found)
     return choices, errors
 
