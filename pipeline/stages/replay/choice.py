@@ -16,12 +16,16 @@ from pipeline.stages.motions.motion_grid import Cell, Shaking
 from pipeline.stages.runs.scenes import Group
 from pipeline.workflow.datasets import rows_of
 from vsr_core import engines
+from vsr_core.arrays import Array
 
 NEIGHBOUR = "neighbour"
 """Selects the nearest cell with the other outcome."""
 
 AS_PRINTED = 1e-3
 """Share by which a number may differ from that of the grid, which is printed to three digits."""
+
+RESULTS = ("outcome", "decided_by", "steps", "peak_tilt", "final_tilt", "slip")
+"""What a run done again is compared in."""
 
 _NAMES = {"yaw": "yaw", "friction": "friction", "pgv_pga": "PGV/PGA", "pga": "PGA"}
 _UNITS = {"yaw": "deg", "pgv_pga": "s", "pga": "g"}
@@ -36,10 +40,13 @@ class Choice:
     cell: Cell
     engine: str
 
-    def among(self, responses: xr.Dataset) -> xr.Dataset:
-        """The results of this run in the study."""
+    def among(self, responses: xr.Dataset) -> dict[str, Any]:
+        """The results of this run in the study, by their names in ``Response``."""
         at = responses.sel(yaw=self.group.yaw, friction=self.group.friction, pga=self.cell.pga)
-        return at.isel({rows_of(responses): self.cell.row})
+        own = at.isel({rows_of(responses): self.cell.row})
+        names = {name: name for name in RESULTS}
+        names |= {"peak_tilt": "tilt_until_decided", "slip": "slip_until_decided"}
+        return {name: own[stored].item() for name, stored in names.items()}
 
 
 def chosen(config: Config, shaking: Shaking, given: Mapping[str, str | None]) -> Choice:
@@ -102,11 +109,14 @@ def _pairs(request: str, shaking: Shaking) -> dict[str, str]:
     return pairs
 
 
-def neighbour(responses: xr.Dataset, first: Choice) -> Choice:
-    """The nearest cell with the other outcome: at its PGV/PGA, else among all of its yaw."""
-    runs = responses.sel(yaw=first.group.yaw, friction=first.group.friction)
-    overturned = runs["overturned"].values
-    column = int(np.flatnonzero(runs["pga"].values == first.cell.pga)[0])
+def neighbour(overturned: Array, pga: Sequence[float], first: Choice) -> Choice:
+    """The nearest cell with the other outcome: at its PGV/PGA, else among all of its yaw.
+
+    Parameters
+    ----------
+    overturned : ndarray of int, shape (rows, pga), of the runs of its yaw and friction
+    """
+    column = pga.index(first.cell.pga)
     side = int(overturned[first.cell.row, column])
     rows, columns = np.nonzero(overturned == 1 - side)
     if side < 0 or not len(rows):
@@ -115,8 +125,7 @@ def neighbour(responses: xr.Dataset, first: Choice) -> Choice:
     away = np.hypot(rows - first.cell.row, columns - column)
     away += np.where(rows == first.cell.row, 0.0, overturned.size)
     nearest = int(np.argmin(away))
-    pga = float(runs["pga"][columns[nearest]])
-    return Choice(first.group, Cell(int(rows[nearest]), pga), first.engine)
+    return Choice(first.group, Cell(int(rows[nearest]), pga[columns[nearest]]), first.engine)
 
 
 def _at(name: str, values: Sequence[Any], given: str | None) -> int:

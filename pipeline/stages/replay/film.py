@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,12 +13,12 @@ import xarray as xr
 from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.rendering import packed, packed_mesh, thinned
 from pipeline.drawing.view import contour_step, reach, round_number
-from pipeline.stages.datasets.responses import Responses
 from pipeline.stages.motions.motion_grid import Shaking
-from pipeline.stages.replay.choice import Choice
+from pipeline.stages.replay.choice import RESULTS, Choice
 from pipeline.stages.runs.scenes import Scenes, flat_case, terrain_case
 from pipeline.stages.runs.study import Study
 from pipeline.workflow.pages import source as text_of
+from pipeline.workflow.run_store import RUNS
 from vsr_core import GRAVITY, engines
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
@@ -53,8 +53,8 @@ class Played:
 
 def played(
     study: Study,
-    responses: xr.Dataset,
     choice: Choice,
+    stored: Mapping[str, Any] | None,
     *,
     spacing: float | None = None,
     longest: float = math.inf,
@@ -63,24 +63,24 @@ def played(
 
     Parameters
     ----------
+    stored : mapping, its results in the study (see ``Choice.among``); None of another engine's
     spacing : float [s], longest time between two states; by default as many as a page holds
     longest : float [s], for which it goes on at most after its outcome was decided
     """
     scenes = study.scenes
-    own = choice.engine == scenes.settings.engine
     motion = study.motions.motion(choice.cell)
     try:
-        place, settings = (_own if own else _elsewhere)(study, choice)
+        place, settings = (_own if stored else _elsewhere)(study, choice)
         if spacing is None:
             unit = math.sqrt(scenes.rock.radius / GRAVITY)
             spacing = (motion.duration + _SEEN * unit) / MOST_FRAMES
         replay = do_again(place, motion, settings, spacing=spacing, longest=longest)
     except InvalidInput as error:
         raise InputError.from_invalid(choice.engine, "", error) from None
-    if own:
-        _compare(replay.response, choice.among(responses))
+    if stored:
+        _compare(replay.response, stored)
     along = -math.radians(choice.group.yaw) if isinstance(place, TerrainCase) else 0.0
-    return Played(choice, replay, along, own)
+    return Played(choice, replay, along, stored is not None)
 
 
 def _own(study: Study, choice: Choice) -> tuple[Case | TerrainCase, Settings]:
@@ -100,16 +100,13 @@ def _place(scenes: Scenes, choice: Choice) -> Case | TerrainCase:
     return case(scenes, choice.group)
 
 
-def _compare(found: Response, stored: xr.Dataset) -> None:
+def _compare(found: Response, stored: Mapping[str, Any]) -> None:
     """Refuse a run that is not the one of the study, number by number."""
-    names = {"peak_tilt": "tilt_until_decided", "slip": "slip_until_decided"}
-    names |= {name: name for name in ("outcome", "decided_by", "steps", "final_tilt")}
-    differs = [own for own, name in names.items() if getattr(found, own) != stored[name].item()]
-    if differs:
+    if differs := [name for name in RESULTS if getattr(found, name) != stored[name]]:
         given = f"{found.outcome.name.lower()}, {found.decided_by.how}"
         rule = f"the run stored for this cell has another {', '.join(differs)}"
         remedy = "make the study anew: vsr clean, then vsr run fragility"
-        raise InputError(Problem(Responses.FILE, "", given, rule, remedy))
+        raise InputError(Problem(RUNS, "", given, rule, remedy))
 
 
 SCRIPTS = tuple(

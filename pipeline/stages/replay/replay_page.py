@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
 from markupsafe import Markup
 
-from pipeline.stages.datasets.responses import Responses
 from pipeline.stages.mesh.products import RockData, TerrainData
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Shaking
-from pipeline.stages.replay.choice import NEIGHBOUR, chosen, neighbour, other
+from pipeline.stages.replay.choice import NEIGHBOUR, Choice, chosen, neighbour, other
 from pipeline.stages.replay.film import Played, film, named, played, scene, scripts
+from pipeline.stages.runs.overturning_runs import kind
+from pipeline.stages.runs.runner import Run, run_missing, stored
+from pipeline.stages.runs.scenes import Group, refuse_motions
 from pipeline.stages.runs.study import Study
 from pipeline.workflow import graph, keys, writers
 from pipeline.workflow.graph import Identity
 from pipeline.workflow.pages import filled
 from pipeline.workflow.pages import source as text_of
-from pipeline.workflow.stage import Job, Product
+from pipeline.workflow.registry import needs
+from pipeline.workflow.stage import Job, Product, Work
+from vsr_core.outcome import Outcome
 
 PAGE, OWN_SCRIPTS = "replay.html", ("panels.js", "replay.js")
 
@@ -36,13 +41,12 @@ class Parts(NamedTuple):
     """What a page is made from."""
 
     study: Study
-    responses: Responses
     rock: RockData
     terrain: TerrainData | None
 
 
 def make(job: Job, given: Mapping[str, str | None], second: str | None) -> str:
-    """Make the study as far as its outcomes, and a page that plays a run of it.
+    """A page that plays a run of a study; runs that it needs are done where they are not stored.
 
     Parameters
     ----------
@@ -54,21 +58,44 @@ def make(job: Job, given: Mapping[str, str | None], second: str | None) -> str:
     beside_it = second is not None and second.strip() != NEIGHBOUR
     if beside_it:
         choices.append(other(config, shaking, choices[0], str(second)))
-    graph.make("responses", job)
-    parts = graph.built(Parts, job)
-    study, responses = parts.study, parts.responses.data
+    own = graph.identities("runs", job.site)["runs"]
+    for stage in needs("runs"):
+        graph.make(stage, job)
+    job.store.open()
+    parts, work = graph.built(Parts, job), graph.work_of("replay", own.key, job)
+    study = parts.study
+    refuse_motions(study.scenes, study.yaw, study.motions, work.origin)
     if second is not None and not beside_it:
-        choices.append(neighbour(responses, choices[0]))
-    runs = [played(study, responses, choice) for choice in choices]
+        group, pga = choices[0].group, study.motions.pga
+        rows = _done(work, study, group, study.wanted(group))
+        overturned = np.array([Outcome(row.outcome).overturned for row in rows])
+        choices.append(neighbour(overturned.reshape(-1, len(pga)), pga, choices[0]))
+    runs = [played(study, choice, _stored(work, study, choice)) for choice in choices]
     text = page(job.site.name, f"../{job.store.up}", parts, runs)
     slug = _slug(runs, study.motions)
     name = f"{FOLDER}/{slug}.html"
-    made_from = graph.identities("responses", job.site)["responses"].facts
-    facts = made_from | {"inputs": {"choices": repr(choices)}}
+    facts = own.facts | {"inputs": {"choices": repr(choices)}}
     graph.keep(
         f"replay-{slug}", Identity(facts), Product({name: writers.text(text)}, name), job.store
     )
     return name
+
+
+def _stored(work: Work, study: Study, choice: Choice) -> dict[str, Any] | None:
+    """Results of a run of the study; None in another engine than the study's."""
+    if choice.engine != study.settings.engine:
+        return None
+    runs = study.runs_of(choice.group, [choice.cell])
+    (row,) = _done(work, study, choice.group, runs)
+    found: dict[str, Any] = row._asdict()
+    return found
+
+
+def _done(work: Work, study: Study, group: Group, runs: Iterable[Run]) -> list[Any]:
+    """Rows of some runs of a group."""
+    own = kind(on_terrain=study.settings.on_terrain)
+    run_missing(work, own, [group], lambda _: runs, study.shared)
+    return [row for _, part in stored(work.runs, own, [group], lambda _: runs) for row in part]
 
 
 def page(site: str, up: str, parts: Parts, runs: list[Played]) -> str:

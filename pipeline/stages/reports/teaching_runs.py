@@ -69,7 +69,8 @@ def packed(
     shaking = study.motions
     choices = [_choice(responses, place, study.settings.engine) for place in places]
     runs = [
-        played(study, responses, choice, spacing=SPACING, longest=AFTERWARDS) for choice in choices
+        played(study, choice, choice.among(responses), spacing=SPACING, longest=AFTERWARDS)
+        for choice in choices
     ]
     return {
         "scene": scene(rock, terrain, runs, MOST_ROCK_FACES),

@@ -5,7 +5,9 @@ from __future__ import annotations
 import base64
 import json
 import re
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,7 +25,7 @@ from pipeline.config.problems import InputError
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.replay import replay_page
 from pipeline.stages.replay.choice import chosen, neighbour
-from pipeline.stages.replay.film import played
+from pipeline.stages.replay.film import Played, played
 from pipeline.stages.runs.study import Study
 from pipeline.workflow.datasets import read
 from vsr_core.outcome import DecidedBy, Outcome
@@ -81,8 +83,17 @@ def study(site: Path, alone: Path) -> Study:
 
 
 @pytest.fixture(scope="module")
-def responses(alone: Path) -> xr.Dataset:
+def responses(site: Path, alone: Path) -> xr.Dataset:
+    derived = str(site.parent / "derived")
+    run = ["run", "responses", "--site", str(site), "--derived", derived, "--workers", "0"]
+    assert cli.main(run) == cli.DONE
     return read(alone.parents[1] / "responses.nc")
+
+
+def again(study: Study, responses: xr.Dataset, given: dict[str, str]) -> Played:
+    """A run of the study done once more."""
+    choice = chosen(config_of(study), study.motions, given)
+    return played(study, choice, choice.among(responses))
 
 
 def films(page: Path) -> list[dict[str, Any]]:
@@ -155,8 +166,11 @@ def test_the_neighbour_is_the_nearest_that_ends_otherwise(
         for pga in ("0.2", "0.4", "0.6", "0.8"):
             given = CELL | {"yaw": yaw, "pga": pga}
             first = chosen(config_of(study), study.motions, given)
-            second = neighbour(responses, first)
-            both = [int(choice.among(responses)["overturned"]) for choice in (first, second)]
+            of_yaw = responses["overturned"].sel(yaw=float(yaw))[0].values
+            second = neighbour(of_yaw, study.motions.pga, first)
+            both = [
+                Outcome(choice.among(responses)["outcome"]).overturned for choice in (first, second)
+            ]
             assert sorted(both) == [0, 1]
             row = responses["overturned"].sel(yaw=float(yaw))[0, first.cell.row]
             others = row["pga"].values[row.values != both[0]]
@@ -169,11 +183,22 @@ def test_the_neighbour_is_the_nearest_that_ends_otherwise(
 # ---- The run of the study
 
 
+def test_only_the_run_that_is_shown_is_done(site: Path, tmp_path: Path) -> None:
+    given = [word if word != str(site.parent / "derived") else str(tmp_path) for word in vsr(site)]
+    assert cli.main(given) == cli.DONE
+    with closing(sqlite3.connect(tmp_path / "small" / "runs.sqlite")) as database:
+        assert database.execute("SELECT COUNT(*) FROM runs").fetchone() == (1,)
+    assert not (tmp_path / "small" / "responses.nc").exists()
+    assert cli.main([*given, "--and", "neighbour"]) == cli.DONE
+    with closing(sqlite3.connect(tmp_path / "small" / "runs.sqlite")) as database:
+        assert database.execute("SELECT COUNT(*) FROM runs").fetchone() == (16,)  # of its yaw
+
+
 def test_every_cell_ends_again_as_it_is_stored(study: Study, responses: xr.Dataset) -> None:
     for cell in motion_grid.cells(study.motions)[::3]:
         row = repr(study.motions.pgv_pga[cell.row])
         given = {"yaw": "40", "pgv_pga": row, "pga": repr(cell.pga)}
-        run = played(study, responses, chosen(config_of(study), study.motions, given))
+        run = again(study, responses, given)
         stored = responses.sel(yaw=40.0, pga=cell.pga).isel(friction=0, pgv_pga=cell.row)
         assert run.own
         assert int(stored["outcome"]) == run.replay.response.outcome
@@ -184,13 +209,13 @@ def test_a_run_that_ends_otherwise_is_refused(study: Study, responses: xr.Datase
     choice = chosen(config_of(study), study.motions, CELL)
     changed = responses.copy(deep=True)
     changed["outcome"].loc[{"yaw": 40.0, "pga": 0.6}] = int(Outcome.DISPLACED)
-    with pytest.raises(InputError, match=r"responses\.nc: got .*; .* another outcome; "):
-        played(study, changed, choice)
+    with pytest.raises(InputError, match=r"runs\.sqlite: got .*; .* another outcome; "):
+        played(study, choice, choice.among(changed))
 
 
 def test_what_is_packed_is_the_run(alone: Path, study: Study, responses: xr.Dataset) -> None:
     (film,) = films(alone)
-    run = played(study, responses, chosen(config_of(study), study.motions, CELL)).replay
+    run = again(study, responses, CELL).replay
     np.testing.assert_allclose(numbers(film["time"]), run.time, rtol=1e-6)
     np.testing.assert_allclose(numbers(film["place"]).reshape(-1, 3), run.position, atol=1e-6)
     np.testing.assert_allclose(
@@ -226,7 +251,7 @@ def test_records_of_long_names_have_pages_of_their_own(
     monkeypatch.setattr(replay_page, "LONGEST_NAME", 20)
     cells = (CELL, CELL | {"pga": "0.8"})
     choices = [chosen(config_of(study), study.motions, cell) for cell in cells]
-    runs = [played(study, responses, choice) for choice in choices]
+    runs = [played(study, choice, choice.among(responses)) for choice in choices]
     names = {replay_page._slug([run], study.motions) for run in runs}
     assert len(names) == 2
 
@@ -254,7 +279,7 @@ def test_one_cursor_moves_all_views(
     opened: Opened, alone: Path, study: Study, responses: xr.Dataset
 ) -> None:
     page = drawn(opened(alone))
-    run = played(study, responses, chosen(config_of(study), study.motions, CELL)).replay
+    run = again(study, responses, CELL).replay
     turns = Slerp(run.time, Rotation.from_quat(run.quaternion))
     cursors = []
     for time in (0.25, 0.6, 1.1):
