@@ -11,7 +11,7 @@ import pytest
 
 from pipeline import cli
 from pipeline.drawing.style import png
-from pipeline.stages.studies.accuracy import comparison, worker_tasks
+from pipeline.stages.studies.accuracy import comparison, quantity_fronts, worker_tasks
 from pipeline.stages.studies.accuracy.accuracy import _better, cheapest, measured, work_precision
 from pipeline.workflow.datasets import read
 from vsr_core.run import agreement, time_step
@@ -39,6 +39,7 @@ def small(monkeypatch: pytest.MonkeyPatch, quick_time_step: None) -> None:
     monkeypatch.setattr(time_step, "BOX_PERIODS", (0.6,))
     monkeypatch.setattr(worker_tasks, "BUDGET", 0.2)
     monkeypatch.setattr(comparison, "CELLS", 6)
+    monkeypatch.setattr(quantity_fronts, "PULSES", 60)
     monkeypatch.setattr(comparison, "STEPS", (1 / 500, 1 / 1000))
     every = sensitivity.variations()
     few = tuple(
@@ -62,7 +63,7 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     with (made / "accuracy.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     parts = {row["part"] for row in rows}
-    assert parts == {"method", "sweep", "cells", "reference"}
+    assert parts == {"method", "sweep", "cells", "quantity", "reference"}
     measured = [row for row in rows if row["part"] in ("method", "sweep") and row["cpu_s"]]
     methods = {row["method"] for row in measured if row["part"] == "method"}
     labels = {other_engines.load(name).LABEL for name in ("mujoco_default", "published_setup")}
@@ -77,7 +78,7 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     absent = [row for row in rows if "not installed: dartpy" in row["note"]]
     assert [row["method"] for row in absent] == [other_engines.load("dart").LABEL]
     page = (made / "accuracy.html").read_text()
-    assert page.count("<img src=") == 2
+    assert page.count("<img src=") == 3
     for text in (*methods, "not installed: dartpy", "Housner", "tolerance: 1 %"):
         assert text.replace("'", "&#39;") in page
     assert (made / "work_precision.png").read_bytes().startswith(b"\x89PNG")
@@ -86,6 +87,19 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     assert cells.sizes["cell"] == 6
     assert set(cells["cell_pga"].values.round(6)) <= {0.2, 0.4, 0.6}
     assert {"outcome_bullet", "outcome_mujoco", "outcome_fine"} <= set(cells.data_vars)
+
+
+def test_every_quantity_has_its_front(made: Path) -> None:
+    table = pd.read_csv(made / "accuracy.csv")
+    lines = table[table["part"] == "quantity"]
+    assert set(lines["method"]) == {"largest tilt", "final tilt", "slip"}
+    for name, own in lines.groupby("method"):
+        assert (own["error"] <= own["worst"]).all()
+        assert (own["cpu_s"] > 0.0).all()
+        exact = name == "largest tilt"
+        assert own["note"].str.contains("Housner").all() == exact
+    page = " ".join((made / "accuracy.html").read_text().split())
+    assert page.count('<td>largest tilt</td><td class="soft">Housner&#39;s equation</td>') == 1
 
 
 def record(method: str, step: float, error: float, seconds: float) -> dict[str, object]:

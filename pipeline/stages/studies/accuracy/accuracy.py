@@ -23,7 +23,7 @@ from pipeline.config.schema import SceneSettings
 from pipeline.drawing.style import FAINT, INK, MARKERS, SERIES, pictures, png_uri, styled, svg_uri
 from pipeline.stages.runs.step_choice import StepData, kept
 from pipeline.stages.runs.study import Study
-from pipeline.stages.studies.accuracy import comparison
+from pipeline.stages.studies.accuracy import comparison, quantity_fronts
 from pipeline.stages.studies.accuracy.comparison import Place, Record, SampledCell
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
@@ -54,6 +54,7 @@ def make(work: Work, study: Study, measured: StepData) -> Product:
     records = comparison.score_ways(work, study, targets)
     cells = comparison.sample_cells(work, study)
     records += comparison.compare_cells(cells)
+    records += quantity_fronts.fronts(work, study)
     records += comparison.run_suite(work)
     if not study.settings.on_terrain:
         records += comparison.absent_engines()
@@ -110,7 +111,9 @@ def facts(
     diagram : Figure, error against CPU time
     """
     tolerance = config.simulation.tolerance
-    part = {name: table[table["part"] == name] for name in ("method", "sweep", "cells")}
+    parts = "method", "sweep", "cells", "quantity"
+    part = {name: table[table["part"] == name] for name in parts}
+    others = part["quantity"]
     suite = table[table["part"] == "reference"].astype({"error": float, "step": float})
     found, best = measured(table), cheapest(table, 0.01)
     own = best["cpu_s"][best["own"]]
@@ -133,6 +136,14 @@ def facts(
         "better": _better(found),
         "sweep": list(part["sweep"].itertuples()),
         "cells": list(part["cells"].itertuples()),
+        "quantities": {
+            name: list(own.itertuples()) for name, own in others.groupby("method", sort=False)
+        },
+        "of_quantities": svg_uri(
+            quantity_fronts.diagram(others, float(chosen["time_step"].values[0]))
+        )
+        if len(others)
+        else "",
         "suite": [
             {"name": name, "note": own["note"].iloc[0], "errors": own.set_index("setting")["error"]}
             for name, own in suite.groupby("method")

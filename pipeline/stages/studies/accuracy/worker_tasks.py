@@ -7,9 +7,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from vsr_core import engines
+from vsr_core.arrays import Array
 from vsr_core.motions.pulses import CosinePulse
+from vsr_core.run import quantities
 from vsr_core.run import time_step as ladder
 from vsr_core.run.cases import Case, Settings, TerrainCase
+from vsr_core.run.displacement import displace
+from vsr_core.run.overturning import simulate_all
 from vsr_core.verification import other_engines, reference, sensitivity, work_precision
 from vsr_core.verification.work_precision import Score, Target, response
 
@@ -138,6 +142,25 @@ def run_cells(
         tuple(int(response(case, CosinePulse(pga, pgv_pga), one).outcome) for one in every)
         for pgv_pga, pga in items
     ]
+
+
+def measure_quantities(
+    shared: tuple[Case | TerrainCase, Settings], items: tuple[int, ...]
+) -> list[tuple[Array, float]]:
+    """Errors of tilts, slips and travels over samples of so many pulses, and CPU time a run [s]."""
+    case, settings = shared
+    found = []
+    for number in items:
+        sample = quantities.pulses(case, number)
+        errors = quantities.measure(case, settings, number)
+        start = time.process_time()
+        if isinstance(case, Case):
+            simulate_all(case, sample, settings)
+        else:
+            for pulse in sample:
+                displace(case, pulse, settings)
+        found.append((errors, (time.process_time() - start) / number))
+    return found
 
 
 def run_reference(steps: tuple[float, ...], items: tuple[tuple[str, str], ...]) -> list[Any]:
