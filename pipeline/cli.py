@@ -17,7 +17,7 @@ from vsr_core.errors import InvalidInput, reason
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
 
-MAKING = ("run", "prep", "figures", "feasible", "replay", "clean")
+MAKING = ("run", "prep", "figures", "feasible", "replay", "join", "clean")
 """Commands after which the index of all results is updated."""
 
 MOST_WORKERS = 10_000
@@ -122,6 +122,10 @@ def _parser() -> argparse.ArgumentParser:
         "--export", metavar="DIR", help="write the commands for the table into this folder"
     )
     _add_replay(add("replay", "make a page that replays one run"))
+    joined = add("join", "take runs of a study that were done in other folders")
+    joined.add_argument("folders", nargs="+", type=Path, metavar="FOLDER")
+    _add_site(joined)
+    _add_where(joined)
     add("index", "make a page with links to all results")
     add("list", "list sites, studies, tables and products")
     clean = add("clean", "remove results of one site or all; never data/raw")

@@ -136,6 +136,15 @@ def replay(options: argparse.Namespace) -> int:
     return 0
 
 
+def join(options: argparse.Namespace) -> int:
+    """Take the runs of a study that other clients did in folders of their own."""
+    make = named("pipeline.stages.runs.joining:make")
+    job = job_of(options)
+    with job.store, job.cluster:
+        lines = make(job, options.folders)
+    return _show(lines)
+
+
 def index(options: argparse.Namespace) -> int:
     """Write the page that leads to all results."""
     page = front_page.renew(options.derived, log)
@@ -235,6 +244,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "figures": figures,
     "feasible": feasible,
     "replay": replay,
+    "join": join,
     "index": index,
     "list": list_known,
     "clean": clean,

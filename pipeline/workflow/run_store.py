@@ -72,6 +72,17 @@ class RunStore(Generic[Row]):
         rows = (self._layout.unsealed(kept) for kept in self._kept(keys))
         return {row.key: row for row in rows if row is not None}
 
+    def starting(self, start: bytes) -> Iterator[Row]:
+        """Stored rows whose keys begin with some bytes, in the order of their keys."""
+        database, table = self._database, self._layout.table
+        query = f"SELECT * FROM {table} WHERE key >= ? AND key < ? ORDER BY key"  # noqa: S608
+        with self._using():
+            if self._layout.schema not in _tables(database):
+                return
+            with closing(database.execute(query, (start, start + b"\xff" * 64))) as found:
+                rows = map(self._layout.unsealed, found)
+                yield from (row for row in rows if row is not None)
+
     def outcomes(self, keys: Iterable[bytes]) -> dict[bytes, int]:
         """Outcomes of those of ``keys`` that are stored."""
         is_sound = self._layout.is_sound

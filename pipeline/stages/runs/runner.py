@@ -34,6 +34,7 @@ QUICK, QUICK_BATCH = 200_000, 250
 less time than worker processes take to start."""
 
 G = TypeVar("G", bound=Hashable)
+Item = TypeVar("Item")
 
 
 class Run(NamedTuple):
@@ -156,7 +157,7 @@ def stored(
     """
     with closing(RunStore(database, kind.row, reads=True)) as runs:
         for group in groups:
-            for part in _parts(wanted(group)):
+            for part in parts(wanted(group)):
                 found = runs.get(run.key for run in part)
                 lost = sum(run.key not in found for run in part)
                 if lost:
@@ -181,21 +182,22 @@ class StoredRuns:
 def missing(wanted: Iterable[Run], runs: RunStore[Any]) -> bytes:
     """Mark the wanted runs that are not stored, or crashed."""
     marks, crashed = bytearray(), int(Outcome.CRASHED)
-    for part in _parts(wanted):
+    for part in parts(wanted):
         known = runs.outcomes(run.key for run in part)
         marks.extend(known.get(run.key, crashed) == crashed for run in part)
     return bytes(marks)
 
 
-def _parts(runs: Iterable[Run]) -> Iterator[list[Run]]:
-    left = iter(runs)
+def parts(items: Iterable[Item]) -> Iterator[list[Item]]:
+    """Runs or rows, at most ``AT_ONCE`` at a time."""
+    left = iter(items)
     while part := list(islice(left, AT_ONCE)):
         yield part
 
 
 def _batches(runs: Iterable[Run], size: Callable[[], int]) -> Iterator[tuple[Run, ...]]:
     """Runs of about one cost a batch, whose rows are neighbours in the database."""
-    for part in _parts(runs):
+    for part in parts(runs):
         part.sort(key=attrgetter("key"))
         start = 0
         while start < len(part):

@@ -1,0 +1,119 @@
+"""Folders of one study by several clients, brought together."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from conftest import Ran
+
+from pipeline.workflow.rows import Layout, RunRow
+from pipeline.workflow.run_store import RUNS
+
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
+SITE = """
+rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
+motion: {pga: [0.2, 0.4, 0.6, 0.8], pgv_pga: [0.1, 0.2, 0.3]}
+yaw: [0, 40, 90]
+"""
+
+Vsr = Callable[..., Ran]
+
+
+@pytest.fixture
+def site(write_site: Callable[..., str]) -> str:
+    return write_site(SITE)
+
+
+@pytest.fixture
+def shards(vsr: Vsr, site: str, tmp_path: Path, quick_time_step: None) -> list[Path]:
+    """A folder for each direction; the last of them was killed before it had done half."""
+    made = []
+    for yaw in (0, 40, 90):
+        into = tmp_path / f"client {yaw}"
+        settings = ("--set", f"yaw=[{yaw}]", "--workers", "0")
+        assert vsr("run", "boundary", "--site", site, *settings, into=into).code == 0
+        made += [path.parent for path in into.glob(f"*/{RUNS}")]
+    with closing(sqlite3.connect(made[-1] / RUNS)) as database:
+        database.execute("DELETE FROM runs WHERE key IN (SELECT key FROM runs LIMIT 8)")
+        database.commit()
+    return made
+
+
+def joined(vsr: Vsr, site: str, folders: list[Path], into: Path, *more: str) -> Ran:
+    return vsr("join", *map(str, folders), "--site", site, *more, into=into)
+
+
+def bytes_of(vsr: Vsr, site: str, into: Path) -> dict[str, bytes]:
+    assert vsr("run", "boundary", "--site", site, "--workers", "0", into=into).code == 0
+    return {path.name: path.read_bytes() for path in into.glob("*/*.nc")}
+
+
+def count(folder: Path) -> int:
+    with closing(sqlite3.connect(folder / RUNS)) as database:
+        return int(database.execute("SELECT COUNT(*) FROM runs").fetchone()[0])
+
+
+def test_joined_shards_give_the_bytes_of_one(
+    vsr: Vsr, site: str, shards: list[Path], tmp_path: Path
+) -> None:
+    together, alone = tmp_path / "together", tmp_path / "alone"
+    ran = joined(vsr, site, shards, together)
+    assert ran.code == 0, ran.err
+    (folder,) = (path.parent for path in together.glob(f"*/{RUNS}"))
+    assert count(folder) == sum(map(count, shards))
+    assert bytes_of(vsr, site, together) == bytes_of(vsr, site, alone)
+    (whole,) = (path.parent for path in alone.glob(f"*/{RUNS}"))
+    assert count(folder) == count(whole)
+
+
+def test_joined_twice_changes_nothing(
+    vsr: Vsr, site: str, shards: list[Path], tmp_path: Path
+) -> None:
+    together = tmp_path / "together"
+    for _ in range(2):
+        assert joined(vsr, site, shards, together).code == 0
+    (folder,) = (path.parent for path in together.glob(f"*/{RUNS}"))
+    assert count(folder) == sum(map(count, shards))
+
+
+def test_a_run_with_two_results_is_refused(
+    vsr: Vsr, site: str, shards: list[Path], tmp_path: Path
+) -> None:
+    """Also where both folders are others: before anything is taken."""
+    layout = Layout(RunRow)
+    with closing(sqlite3.connect(shards[0] / RUNS)) as database:
+        row = layout.unsealed(database.execute("SELECT * FROM runs LIMIT 1").fetchone())
+    assert row is not None
+    other = row._replace(outcome=1 - row.outcome)
+    with closing(sqlite3.connect(shards[1] / RUNS)) as database:
+        places = ", ".join("?" * layout.width)
+        database.execute(f"INSERT INTO runs VALUES ({places})", layout.sealed(other))
+        database.commit()
+    together = tmp_path / "together"
+    ran = joined(vsr, site, shards, together)
+    assert ran.code == 2
+    assert "1 runs with other results than in" in ran.err
+    (folder,) = (path.parent for path in together.glob(f"*/{RUNS}"))
+    assert count(folder) == 0
+
+
+def test_what_cannot_be_joined_is_refused(
+    vsr: Vsr, site: str, shards: list[Path], tmp_path: Path, derived: Path
+) -> None:
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    into = tmp_path / "together"
+    assert "without runs" in joined(vsr, site, [empty], into).err
+    assert "the same folder again" in joined(vsr, site, [shards[0], shards[0]], into).err
+    other = joined(vsr, site, shards, into, "--set", "contact.friction=0.3")
+    assert "no run that is wanted here" in other.err
+    own = tmp_path / "client 0"
+    assert "the same folder again" in joined(vsr, site, [shards[0]], own).err
+    for ran in (joined(vsr, site, [empty], into), other):
+        assert ran.code == 2
+        assert "Traceback" not in ran.err
