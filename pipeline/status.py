@@ -191,11 +191,11 @@ def _planned_between(config: Config, study: Study) -> str:
 
 
 def _planned_draws(config: Config, motions: Shaking) -> str:
-    """The most runs that an ensemble can take; those inferred are known as draws are found."""
-    cells, members = len(config.yaw) * motion_grid.count(motions), config.uncertainty.members
+    """The runs that an ensemble takes as a rule, near its boundaries."""
+    levels, members = len(config.yaw) * len(motions.rows), config.uncertainty.members
     return (
-        f"draws: {members} of {cells} cells, run near their boundaries only: at most "
-        f"{members * cells} runs beside, as a rule a tenth of that"
+        f"draws: {members}, each with {levels} first overturnings, of 5 runs as a rule: "
+        f"about {5 * members * levels} beside"
     )
 
 

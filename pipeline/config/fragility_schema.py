@@ -11,13 +11,15 @@ from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA, Refused, Section
 FINE = 0.005
 """Relative width to which a boundary is resolved where none is asked for."""
 
+Resolution = Literal["auto"] | Annotated[float, Field(ge=1e-4, le=0.2)]
+
 _Peak = Annotated[float, Field(ge=SMALLEST_PGA, le=LARGEST_PGA)]
 
 
 class FragilityConfig(Section):
     """The overturning boundary beside the grid."""
 
-    resolution: Literal["auto"] | Annotated[float, Field(ge=1e-4, le=0.2)] = Field(
+    resolution: Resolution = Field(
         "auto",
         description="relative width to which the overturning boundary is resolved; auto for 0.005, "
         "or the numerical error of the time step where that is larger [1]",

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from pipeline.config.fragility_schema import Resolution
 from pipeline.config.sections import Density, Lax, Refused, Section
 
 
@@ -30,6 +31,9 @@ def _ascend(pair: tuple[float, float]) -> tuple[float, float]:
 Pair = AfterValidator(_ascend)
 
 MOST_MEMBERS = 10_000
+
+BRACKET = 0.01
+"""Relative width to which a draw's first overturning is bracketed where none is asked for."""
 
 
 class PriorsConfig(Section):
@@ -143,6 +147,12 @@ class UncertaintyConfig(PriorsConfig):
     )
     members: int = Field(
         32, ge=0, le=MOST_MEMBERS, description="number of draws in the ensemble; 0 for none"
+    )
+
+    resolution: Resolution = Field(
+        "auto",
+        description="relative width to which the first overturning of each draw is bracketed; auto "
+        "for 0.01, or the numerical error of the time step where that is larger [1]",
     )
 
     @field_validator("members")

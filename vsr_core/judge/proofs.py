@@ -27,6 +27,7 @@ Coulomb friction. Z. Angew. Math. Mech. 80(10), 643-663.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +35,7 @@ import numpy as np
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array, matrix_product
 from vsr_core.compiled.compiling import compiled
-from vsr_core.rock.body import Rock, contact_tilts
+from vsr_core.rock.body import Hull, Rock, contact_tilts
 from vsr_core.rock.tipping import TOPPLED_TILT, rest_tilts, tipping
 from vsr_core.scene import Contact
 
@@ -159,8 +160,14 @@ def only_slides(rock: Rock, contact: Contact) -> bool:
     """
     if rock.shape == "sphere":
         return False
+    return contact.friction < SLIDING_SHARE * _least_uplift(rock.hull)
+
+
+@lru_cache(maxsize=16)
+def _least_uplift(hull: Hull) -> float:
+    """Least uplift acceleration of all directions [g], once for all yaws of a rock."""
     around = np.linspace(0.0, 2.0 * np.pi, _SLIDING_DIRECTIONS, endpoint=False)
-    return contact.friction < SLIDING_SHARE * float(tipping(rock.hull, around).uplift.min())
+    return float(tipping(hull, around).uplift.min())
 
 
 def static_limits(rock: Rock, contact: Contact, yaw: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Probability of overturning over draws: in each cell, of the boundary, and as a fitted surface."""
+"""Probability of overturning over draws: in each cell, of the boundary, and as fitted."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betaincinv
+from scipy.special import betaincinv, log_ndtr
 
-from vsr_core.arrays import Array
-from vsr_core.fragility.boundary import Cells
-from vsr_core.fragility.lognormal import LognormalFragility
+from vsr_core.arrays import Array, Indices
+from vsr_core.fragility.bisection import OUTWARD
+from vsr_core.fragility.lognormal import MAX_BETA
 
 LEVEL = 0.95
 """Of the sampling interval of a probability."""
 
 BAND = (0.05, 0.5, 0.95)
 """Shares of the draws below the lower end, the middle and the upper end of the boundary's band."""
+
+
+STEPS = 300
+"""Of a fit in which draws are censored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,28 +92,68 @@ def band(boundaries: Array) -> Array:
     return np.asarray(np.quantile(found, BAND, axis=0, method="inverted_cdf"))
 
 
-def surface(pga: Array, pgv_pga: Array, overturned: NDArray[np.int8]) -> tuple[Array, Array, Array]:
-    """Lognormal fragility of each PGV/PGA, fitted to the draws of one direction.
+def lognormal(
+    boundaries: Array, ratio: Array, width: float, bounds: tuple[float, float]
+) -> tuple[Array, Array]:
+    """Lognormal distribution of the first-overturning PGA over draws, by maximum likelihood.
 
-    It rises with PGA by its form, see ``LognormalFragility``.
+    A draw that does not topple up to the upper bound is censored there; the likelihood is that of
+    Tobin, climbed by expectation and maximisation. Where no draw topples, the median is taken to
+    lie in one further step. A row without verdict lies between its neighbours in PGV/PGA.
 
     Parameters
     ----------
-    pga : ndarray, shape (n,) [g]
-    pgv_pga : ndarray, shape (rows,) [s]
-    overturned : ndarray of int, shape (draws, rows, n)
+    boundaries : ndarray, shape (draws, yaws, rows) [g], infinite where a draw does not topple,
+        NaN where no run of it is decided
+    ratio : ndarray, shape (rows,) [s]
+    width : float, relative, of a bracket: the deviation is that of a uniform one at the least
+    bounds : tuple of float [g], between which boundaries were looked for
 
     Returns
     -------
-    probability : ndarray, shape (rows, n)
-    theta : ndarray, shape (rows,) [g], median
-    beta : ndarray, shape (rows,), logarithmic standard deviation
+    theta : ndarray, shape (yaws, rows) [g], median
+    beta : ndarray, shape (yaws, rows), logarithmic standard deviation
+
+    References
+    ----------
+    Tobin (1958), Econometrica 26(1), 24-36; Baker (2015), Earthquake Spectra 31(1), eq. 10.
+
+    Examples
+    --------
+    >>> theta, beta = lognormal(np.array([[[0.1]], [[0.4]]]), np.ones(1), 0.01, (0.001, 4.0))
+    >>> theta.round(3).tolist(), beta.round(3).tolist()
+    ([[0.2]], [[0.693]])
     """
-    fell = (overturned == 1).sum(axis=0).astype(np.float64)
-    number = (overturned >= 0).sum(axis=0).astype(np.float64)
-    if not number.any():
-        unknown = np.full(len(pgv_pga), np.nan)
-        return np.full(fell.shape, np.nan), unknown, unknown
-    model = LognormalFragility(Cells(np.log(pga), np.log(pgv_pga), fell, number))
-    theta, beta = np.exp(np.moveaxis(model.coefs[0], -1, 0))
-    return model.grid_probability(model.coefs)[0], theta, beta
+    known, last = ~np.isnan(boundaries), np.log(bounds[1])
+    number, stands = known.sum(axis=0), np.isinf(boundaries)
+    x = np.log(np.where(known & ~stands, boundaries, bounds[1]))
+    least = np.log1p(width) / np.sqrt(12.0)
+    mean, beta = _moments(np.where(known, x, 0.0), np.where(known, x, 0.0) ** 2, number, least)
+    for _ in range(STEPS if stands.any() else 0):
+        z = (last - mean) / beta
+        rate = np.exp(-0.5 * z**2 - log_ndtr(-z)) / np.sqrt(2.0 * np.pi)
+        one = np.where(stands, mean + beta * rate, x)
+        square = np.where(stands, mean**2 + beta**2 + beta * (last + mean) * rate, x**2)
+        mean, beta = _moments(
+            np.where(known, one, 0.0), np.where(known, square, 0.0), number, least
+        )
+    none = (stands.sum(axis=0) == number) & (number > 0)
+    mean = np.where(none, last + 0.5 * np.log(OUTWARD), mean)
+    beta = np.where(none, np.log(OUTWARD) / np.sqrt(12.0), beta)
+    order = np.argsort(ratio, kind="stable")
+    for one, other, decided in zip(mean, beta, number > 0, strict=True):
+        if decided.any() and not decided.all():
+            kept = order[decided[order]]
+            for part in (one, other):
+                part[~decided] = np.interp(ratio[~decided], ratio[kept], part[kept])
+    nothing = ~(number > 0).any(axis=1)
+    mean[nothing] = beta[nothing] = np.nan
+    return np.exp(mean), beta
+
+
+def _moments(one: Array, square: Array, number: Indices, least: float) -> tuple[Array, Array]:
+    """Mean and standard deviation over draws, of the sums of what is expected of them."""
+    count = np.maximum(number, 1)
+    mean = one.sum(axis=0) / count
+    spread = np.sqrt(np.maximum(square.sum(axis=0) / count - mean**2, 0.0))
+    return mean, np.clip(spread, least, MAX_BETA)

@@ -1,27 +1,36 @@
-"""Which cells of a draw's grid to run, so that its boundary is found with few of them.
+"""At which PGA to run a draw next, so that its first overturning is bracketed with few runs.
 
-A table holds the outcomes of one draw on (row, PGA), rows one below the other: 1 overturned, 0 not,
--1 unresolved, `UNKNOWN` not run. In each row the boundary is searched from where it is
-expected, by steps that double and then by halving, until a cell that stands is next to one that
-topples. In a row that may be ragged, cells are run on above it until `CALM` in a row topple, and
-`CALM_BELOW` below it. What is then unknown is taken to topple above the first cell that toppled,
-and to stand below. A cell unresolved guides the search as if it stood, and stays without.
+A level is one direction and one row of motions of a draw. Its first overturning is expected where
+those of the draws before lie, shifted by the acceleration that topples each rock steadily, and by
+how far the levels of the same draw that are found are from where they were expected. A run parts
+the bracket where what is expected is as likely above as below, until upper over lower end is as
+asked for. What lies below the bracket is taken to stand, and what lies above it to topple. A run
+that is unresolved guides the search as if the rock stood, and is no end of a bracket.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.arrays import Array, Indices
+from vsr_core.fragility.bisection import Known
 from vsr_core.rock.body import Hull
 from vsr_core.rock.tipping import tipping
 
-EVERY = 5
-"""Rows apart from which a draw's own boundary is searched first, to guide its other rows."""
+STRIDES = (8, 4, 2, 1)
+"""Rows apart that are searched one after the other, each guided by those found before."""
+
+UNSURE = (0.15, 0.02)
+"""How far the first rows, and those between them, are expected to be off before any draw is
+found [ln g]."""
+
+SURE = 0.25
+"""Share of a bracket's width that an expectation is never taken to be nearer than."""
 
 GUIDES = (1e-3, 1e2)
 """Ends of the static accelerations of a rock on points [g], where an edge lies above its weight."""
@@ -100,16 +109,25 @@ def offsets(boundaries: Array, scale: Array) -> tuple[Indices, Array]:
     return chosen, np.asarray(offset)
 
 
-def first_rows(count: int, *, ordered: bool) -> Indices:
-    """Rows that are searched first: all of those that no order joins, else some of them.
+def stages(count: int, *, ordered: bool) -> list[Indices]:
+    """Rows that are searched together: all of those that no order joins, else some, then between.
 
     Parameters
     ----------
     ordered : bool, whether neighbouring rows are alike, as pulses are and records are not
+
+    Examples
+    --------
+    >>> [rows.tolist() for rows in stages(7, ordered=True)]
+    [[0, 6], [4], [2], [1, 3, 5]]
     """
     if not ordered:
-        return np.arange(count)
-    return np.unique(np.append(np.arange(0, count, EVERY), count - 1))
+        return [np.arange(count)]
+    found: list[Indices] = []
+    for stride in STRIDES:
+        rows = np.union1d(np.arange(0, count, stride), [count - 1])
+        found.append(np.setdiff1d(rows, np.concatenate(found)) if found else rows)
+    return [rows for rows in found if rows.size]
 
 
 def from_own_rows(expected: Array, found: Array, rows: Indices) -> Array:
@@ -130,117 +148,82 @@ def from_own_rows(expected: Array, found: Array, rows: Indices) -> Array:
     return np.asarray(expected + (found - expected[..., rows]) @ weights)
 
 
-Table = NDArray[np.int8]
+def next_ln_pga(lower: Array, upper: Array, expected: Array, scale: Array, width: float) -> Array:
+    """Where to part brackets: as likely above as below, in Student's distribution of 2 degrees.
 
-UNKNOWN = -2
-"""Outcome of a cell that was not run."""
-
-CALM, CALM_BELOW = 2, 1
-"""Toppled cells above, and standing ones below, between which the cells of a ragged row are run."""
-
-
-def first_toppled(table: Table) -> Indices:
-    """Column of the lowest PGA that is known to topple, in each row.
+    Its tails make the steps double that leave a wrong expectation behind. No part is made narrower
+    than asked for where the other would stay wider.
 
     Parameters
     ----------
-    table : ndarray of int, shape (..., n)
-
-    Returns
-    -------
-    ndarray of int, shape (...), n where none is known
+    lower, upper : ndarray, shape (n,) [ln g], infinite where no run has stood, or toppled
+    expected, scale : ndarray, shape (n,) [ln g]
+    width : float, of a bracket as asked for [ln g]
 
     Examples
     --------
-    >>> first_toppled(np.array([[0, -2, 1, 1], [0, 0, -2, -2]], np.int8)).tolist()
-    [2, 4]
+    >>> next_ln_pga(*np.array([[-np.inf, 0.0], [np.inf] * 2, [0.3, 0.0], [0.1] * 2]), 0.2).round(2)
+    array([0.3, 0.2])
     """
-    fell = table == 1
-    return np.where(fell.any(axis=-1), fell.argmax(axis=-1), table.shape[-1])
+    low, high = ((end - expected) / scale for end in (lower, upper))
+    chance = 0.5 * (_share(low) + _share(high))
+    sought = expected + scale * chance * np.sqrt(2.0 / (1.0 - chance**2))
+    inner = [lower + width, upper - width]
+    return np.asarray(np.clip(sought, np.minimum(*inner), np.maximum(*inner)))
 
 
-def ragged(table: Table) -> Mask:
-    """Rows in which a cell stands above one that topples.
+def _share(z: Array) -> Array:
+    """Student's distribution of 2 degrees, less its part below 0, from -1 to 1."""
+    finite = np.where(np.isinf(z), 0.0, z)
+    return np.where(np.isinf(z), np.sign(z), finite / np.sqrt(2.0 + finite**2))
+
+
+def rounded(pga: Array, width: float) -> Array:
+    """PGA to as many binary digits as a bracket needs: the last ones differ between processors.
 
     Parameters
     ----------
-    table : ndarray of int, shape (..., n)
-
-    Returns
-    -------
-    ndarray of bool, shape (...)
+    width : float, of a bracket [ln g], of which it moves by a sixty-fourth or less
     """
-    above = np.arange(table.shape[-1]) > first_toppled(table)[..., None]
-    return np.asarray(((table == 0) & above).any(axis=-1))
+    mantissa, exponent = np.frexp(pga)
+    digit = 2.0 ** np.floor(np.log2(width / 64.0))
+    return np.asarray(np.ldexp(np.round(mantissa / digit) * digit, exponent))
 
 
-def next_cells(table: Table, expected: Indices, may_be_ragged: Mask) -> Mask:
-    """Cells to run next; none once the boundary is found in all rows.
+@dataclass(eq=False)
+class Brackets:
+    """Brackets of the first overturning of some levels, narrowed by each round of runs.
 
-    Parameters
+    Attributes
     ----------
-    table : ndarray of int, shape (rows, n)
-    expected : ndarray of int, shape (rows,), column at which each row is expected to topple first
-    may_be_ragged : ndarray of bool, shape (rows,)
-
-    Returns
-    -------
-    ndarray of bool, shape (rows, n)
+    expected, scale : ndarray, shape (n,) [ln g], where it is expected, and how far off
+    width : float, of a bracket [ln g]
+    bounds : tuple of float [g], between which it is looked for
     """
-    number, column = table.shape[1], np.arange(table.shape[1])
-    first = first_toppled(table)
-    stands = ((table == 0) | (table == -1)) & (column < first[:, None])
-    has_stood, has_fallen = stands.any(axis=1), first < number
-    last = _last(stands)
-    lowest = np.where(has_stood, np.maximum(stands.argmax(axis=1), expected - 1), 0)
-    highest = np.where(has_fallen, _last(table == 1), number)
-    up = np.maximum(last + 1 + 2 * np.maximum(last - lowest, 0), expected)
-    down = first - 1 - 2 * (highest - first)
-    probe = np.select(
-        [has_stood & has_fallen, has_fallen, has_stood],
-        [(first + last) // 2, np.maximum(down, 0), np.minimum(up, number - 1)],
-        np.clip(expected, 0, number - 1),
-    )
-    found = first - last == 1
-    ask = (column == probe[:, None]) & ~found[:, None]
-    calm = np.maximum(_last(table == 0), first - 1)[:, None]
-    near = ((column > calm) & (column <= calm + CALM)) | (
-        (column < first[:, None]) & (column >= first[:, None] - CALM_BELOW)
-    )
-    ask |= near & (found & may_be_ragged)[:, None]
-    return ask & (table == UNKNOWN)
 
+    expected: Array
+    scale: Array
+    width: float
+    bounds: tuple[float, float]
 
-def _last(cells: Mask) -> Indices:
-    """Column of the last of some cells in each row, -1 where there is none."""
-    return np.where(cells.any(axis=1), cells.shape[1] - 1 - cells[:, ::-1].argmax(axis=1), -1)
+    def __post_init__(self) -> None:
+        count = len(self.expected)
+        self.lower, self.upper = np.full(count, -np.inf), np.full(count, np.inf)
+        nothing = np.zeros(0, dtype=np.int64)
+        self.known = Known(nothing, np.zeros(0), nothing.astype(np.int8))
 
+    def next_runs(self) -> tuple[Indices, Array]:
+        """Levels and PGA [g] of the next round; none once all are found."""
+        least, most = np.log(self.bounds)
+        wide = self.upper - self.lower > self.width
+        level = np.flatnonzero(wide & (self.lower < most) & (self.upper > least))
+        ends = (self.lower[level], self.upper[level], self.expected[level], self.scale[level])
+        sought = np.exp(next_ln_pga(*ends, self.width * (1.0 - 1.0 / 32.0)))
+        return level, np.clip(rounded(sought, self.width), *self.bounds)
 
-def completed(table: Table) -> Table:
-    """Outcomes of all cells: those not run as the rule of this module takes them.
-
-    Parameters
-    ----------
-    table : ndarray of int, shape (..., n)
-
-    Returns
-    -------
-    ndarray of int, shape (..., n)
-    """
-    above = np.arange(table.shape[-1]) > first_toppled(table)[..., None]
-    return np.where(table == UNKNOWN, above, table).astype(np.int8)
-
-
-def expected_columns(ln_boundary: Array, ln_pga: Array) -> Indices:
-    """Columns at which rows topple first, by where their boundary is expected.
-
-    Parameters
-    ----------
-    ln_boundary : ndarray, shape (...) [ln g]
-    ln_pga : ndarray, shape (n,) [ln g], ascending
-
-    Returns
-    -------
-    ndarray of int, shape (...), 0 to n
-    """
-    return np.searchsorted(ln_pga, ln_boundary)
+    def add(self, level: Indices, pga: Array, side: NDArray[np.int8]) -> None:
+        """Take in what came of a round."""
+        fell, at = side == 1, np.log(pga)
+        self.upper[level[fell]] = at[fell]
+        self.lower[level[~fell]] = at[~fell]
+        self.known = self.known.joined(level, pga, side)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pipeline.config.fragility_schema import FragilityConfig
+from pipeline.config.fragility_schema import FINE, FragilityConfig
 from pipeline.stages.boundary.resolution import widths
 from pipeline.stages.boundary.search import SIDES, Search
 from pipeline.stages.datasets.responses import TYPES, Responses
@@ -34,7 +34,8 @@ def make(
     work: Work, study: Study, responses: Responses, measured: StepData, config: FragilityConfig
 ) -> Product:
     """Resolve the changes of outcome of every direction, friction and row."""
-    width, data = widths(config, measured, work.origin), responses.data
+    key, data = "fragility.resolution", responses.data
+    width = widths(config.resolution, FINE, measured, work.origin, key)
     overturned = data["overturned"].values
     of_level = np.broadcast_to(width[:, None], overturned.shape[:3]).ravel()
     notes: list[dict[str, Any]] = []

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import xarray as xr
 
-from pipeline.config.fragility_schema import FINE, FragilityConfig
 from pipeline.config.layers import Origin
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.runs.step_choice import StepData, step_for
 from vsr_core.arrays import Array
 
 
-def widths(config: FragilityConfig, measured: StepData, origin: Origin) -> Array:
+def widths(
+    asked: float | Literal["auto"], usual: float, measured: StepData, origin: Origin, key: str
+) -> Array:
     """Relative width of a boundary's interval at each friction.
+
+    Parameters
+    ----------
+    usual : float, where none is asked for, unless the numerical error is larger
 
     Raises
     ------
@@ -21,17 +28,15 @@ def widths(config: FragilityConfig, measured: StepData, origin: Origin) -> Array
         For one asked for that is finer than the numerical error of the time step.
     """
     error: Array = measured.data["boundary_error"].values
-    if config.resolution == "auto":
-        return np.fmax(FINE, error)
-    asked = float(config.resolution)
+    if asked == "auto":
+        return np.fmax(usual, error)
     if (error > asked).any():
         at = int(np.nanargmax(error))
-        raise InputError(_refused(origin, asked, measured.data.isel(friction=at)))
-    return np.full(len(error), asked)
+        raise InputError(_refused(origin, asked, measured.data.isel(friction=at), key))
+    return np.full(len(error), float(asked))
 
 
-def _refused(origin: Origin, asked: float, measured: xr.Dataset) -> Problem:
-    key = "fragility.resolution"
+def _refused(origin: Origin, asked: float, measured: xr.Dataset, key: str) -> Problem:
     error, step = float(measured["boundary_error"]), float(measured["time_step"])
     rule = (
         f"an interval is no narrower than the numerical error of the boundary, {error:.3g} at "

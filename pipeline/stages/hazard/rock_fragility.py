@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from pipeline.workflow import graph
 from pipeline.workflow.datasets import rows_of
 from pipeline.workflow.stage import Input
 from vsr_core.arrays import Array
-from vsr_core.hazard.toppling import RowFragility, continued_rows, gridded_rows, lognormal_rows
+from vsr_core.hazard.toppling import RowFragility, continued_rows, lognormal_rows
 
 FITTED, DRAWN = "fits", "members"
 """Origin of the range of a survival probability: intervals of fits, or members of an ensemble."""
@@ -87,47 +88,61 @@ def of_members(data: xr.Dataset) -> RockFragility:
     Parameters
     ----------
     data : Dataset
-        ``surface`` on (pgv_pga, pga), ``probability`` on (yaw, pgv_pga, pga), ``overturned`` on
-        (member, yaw, pgv_pga, pga), -1 where unresolved, and the lognormal fits ``theta``
-        and ``beta`` on (yaw, pgv_pga), by which all go on beyond the PGA that was tried.
+        ``member_boundary`` on (member, yaw, pgv_pga), ``overturned`` on (member, yaw, pgv_pga,
+        pga), -1 where unresolved, and the lognormal fits ``theta`` and ``beta`` on (yaw, pgv_pga),
+        which are the mean and by which all go on beyond the PGA that was tried.
     """
     row = rows_of(data)
     ratio = "pgv_pga" if row == "pgv_pga" else "record_pgv_pga"
     data = data.isel({row: np.argsort(data[ratio].values, kind="stable")})
     data = data.isel(yaw=np.flatnonzero(np.isfinite(data["theta"].values).all(axis=1)))
-    levels, theta = (in_si.acceleration(data[name].values) for name in ("pga", "theta"))
-    beta, tried = data["beta"].values, levels[[0, -1]]
-    beyond = lognormal_rows(theta, beta)
+    theta, beta = in_si.acceleration(data["theta"].values), data["beta"].values
+    levels, edges = (in_si.acceleration(data[name].values) for name in ("pga", "member_boundary"))
+    overturned, tested = data["overturned"].values, _searched(data)
+    tried = in_si.acceleration(np.array(tested))
 
-    def rows_of_grid(chance: Array, beyond: RowFragility = beyond) -> RowFragility:
-        return continued_rows(gridded_rows(levels, chance), tried, beyond)
+    def rows_with(cells: Array, edges: Array, own: slice) -> RowFragility:
+        rows = partial(_share, levels, cells, edges)
+        return continued_rows(rows, tried, lognormal_rows(theta[own], beta[own]))
 
+    every, yaws = slice(None), [(float(yaw), i) for i, yaw in enumerate(data["yaw"].values)]
+    members = list(zip(overturned, edges, strict=True))
     return RockFragility(
         data[ratio].values,
-        rows_of_grid(data["surface"].values),
-        {
-            float(yaw): rows_of_grid(chance, lognormal_rows(theta[[i]], beta[[i]]))
-            for i, (yaw, chance) in enumerate(
-                zip(data["yaw"].values, data["probability"].values, strict=True)
-            )
-        },
-        tuple(rows_of_grid(_share(one)) for one in data["overturned"].values),
+        lognormal_rows(theta, beta),
+        {yaw: rows_with(overturned[:, i], edges[:, i], slice(i, i + 1)) for yaw, i in yaws},
+        tuple(rows_with(*one, every) for one in members),
         DRAWN,
-        _span(data),
+        tested,
         (),
         row == "record",
         {
-            float(yaw): tuple(rows_of_grid(_share(one[[i]])) for one in data["overturned"].values)
-            for i, yaw in enumerate(data["yaw"].values)
+            yaw: tuple(rows_with(cells[[i]], edge[[i]], every) for cells, edge in members)
+            for yaw, i in yaws
         },
     )
 
 
-def _share(overturned: Array) -> Array:
-    """Share of the directions with a verdict from which a member topples, shape (rows, pga)."""
-    decided = (overturned >= 0).sum(axis=0)
-    toppled = (overturned == 1).sum(axis=0)
-    return toppled / np.maximum(decided, 1)
+def _share(levels: Array, cells: Array, edges: Array, at: Array) -> Array:
+    """Share of what topples among draws or directions with a verdict, shape (rows, m).
+
+    A draw stands below its first overturning and topples above it up to the next cell of the grid;
+    then each cell speaks for what is nearest to it, and nothing is known to stand beyond the last.
+
+    Parameters
+    ----------
+    levels : ndarray, shape (n,) [m/s^2], of the cells
+    cells : ndarray of int, shape (k, rows, n), 1, 0, or -1 unresolved
+    edges : ndarray, shape (k, rows) [m/s^2], infinite or NaN as a boundary is
+    at : ndarray, shape (m,) [m/s^2]
+    """
+    ends = np.append(levels, np.inf)
+    nearest = cells[..., np.searchsorted(np.sqrt(levels[1:] * levels[:-1]), at)]
+    beside = at < ends[np.searchsorted(levels, edges)][..., None]
+    above = np.where(beside | (at > levels[-1]), 1, nearest)
+    sides = np.where(at < edges[..., None], 0, above)
+    sides[np.isnan(edges)] = -1
+    return np.asarray((sides == 1).sum(axis=0) / np.maximum((sides >= 0).sum(axis=0), 1))
 
 
 def _searched(data: xr.Dataset) -> tuple[float, float]:

@@ -1,8 +1,8 @@
-"""Outcomes of all draws on the grid of motions, most cells of which need no run.
+"""First overturning of all draws, bracketed, and what that says of the cells of the grid.
 
 Each draw's boundary is searched from where those of the draws before it lie, by the rule of
-``vsr_core.uncertainty.search``; of the cells that the rule spares, some are run all the same, to
-count how often it is wrong.
+``vsr_core.uncertainty.search``; of the cells that need no run, some are run all the same, to count
+how often it is wrong.
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.config import in_si
+from pipeline.stages.boundary.search import SIDES
 from pipeline.stages.motions.motion_grid import Cell, Pulses, Shaking, TablePulses
 from pipeline.stages.runs import overturning_runs
 from pipeline.stages.runs.runner import Kind, Run, run_missing
@@ -24,11 +26,10 @@ from pipeline.workflow.rows import RunRow, TerrainRow
 from pipeline.workflow.run_store import RunStore
 from pipeline.workflow.stage import Work
 from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.fragility.boundary import interval, middle
-from vsr_core.outcome import FoundBy, Outcome
+from vsr_core.fragility.bisection import OUTWARD, first_changes, middles
+from vsr_core.outcome import FoundBy
 from vsr_core.run.cases import Case, Settings, TerrainCase, never_starts
 from vsr_core.uncertainty import search
-from vsr_core.uncertainty.search import UNKNOWN, Table
 
 TOGETHER = 8
 """Draws that are searched at once, as many as the engine keeps rocks of; the first of them from the
@@ -36,6 +37,13 @@ boundary of the site as it is, the others from those of all draws before."""
 
 CHECKED = 0.005
 """Share of the inferred cells that are run all the same."""
+
+FOLLOWED = 0.01
+"""Share of the levels in which all cells below the bracket are run, to see whether it is first."""
+
+
+Table: TypeAlias = NDArray[np.int8]
+"""Outcomes or flags of cells."""
 
 
 class Place(NamedTuple):
@@ -74,29 +82,49 @@ class Ensemble:
     Attributes
     ----------
     overturned : ndarray of int, shape (draws, yaws, rows, pga), 1, 0, or -1 unresolved
+    lower, upper : ndarray, shape (draws, yaws, rows) [g]
+        Bracket of the first overturning, as ``vsr_core.fragility.boundary.Boundary`` has them.
+    runs, unresolved : ndarray of int, shape (draws, yaws, rows), of the search, and all of those
+        without a verdict
     non_monotonic : ndarray of bool, shape (rows,), those in which the site as it is may be ragged
     checked, wrong : ndarray of int, shape (2,)
-        Spared cells that were run all the same, and those that the rule had wrong: of other rows,
-        and of non-monotonic ones.
+        Inferred cells that were run all the same, and those that were wrong: of other rows, and of
+        non-monotonic ones.
+    followed, not_first : ndarray of int, shape (2,)
+        Levels in which all cells below the bracket were run, and those in which one toppled.
     crashed : int, runs that killed their worker
     """
 
     overturned: Table
     found_by: Table
+    lower: Array
+    upper: Array
+    runs: Indices
+    unresolved: Indices
     non_monotonic: Mask
     checked: Indices
     wrong: Indices
+    followed: Indices
+    not_first: Indices
     crashed: int
+
+    @property
+    def boundary(self) -> Array:
+        """First-overturning PGA: the geometric middles of the brackets, shape as theirs [g]."""
+        return middles(self.lower, self.upper)
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What is asked for: all draws on the grid of motions.
+    """What is asked for: the first overturning of all draws.
 
     Attributes
     ----------
     given : ndarray, shape (4, yaws), static scales of the site's own rock
     nominal : ndarray of int, shape (yaws, rows, pga), outcomes of the site as it is
+    boundary : ndarray, shape (yaws, rows) [g], its first-overturning PGA
+    width : float, relative, of a bracket
+    bounds : tuple of float [g], between which a boundary is looked for
     """
 
     work: Work
@@ -105,66 +133,80 @@ class Search:
     motions: Shaking
     settings: Settings
     nominal: Table
+    boundary: Array
+    width: float
+    bounds: tuple[float, float]
 
     @property
     def kind(self) -> Kind[Any]:
         """Runs on a flat pedestal or on a terrain."""
         return ON_TERRAIN if self.draws[0].seat else KIND
 
-    @property
-    def ln_pga(self) -> Array:
-        """Levels of the grid [ln g]."""
-        return np.log(self.motions.pga)
-
-    def boundaries(self, tables: Table) -> Array:
-        """Boundaries of completed tables, no further than a step beyond the grid.
-
-        Parameters
-        ----------
-        tables : ndarray of int, shape (..., rows, pga)
-
-        Returns
-        -------
-        ndarray, shape (..., rows) [ln g]
-        """
-        pga = np.array(self.motions.pga)
-        found = np.log(middle(pga, *interval(pga, tables)))
-        return np.fmin(found, 2.0 * self.ln_pga[-1] - self.ln_pga[-2:][0])
+    def ln(self, boundary: Array) -> Array:
+        """Boundaries as they guide a search, finite [ln g]."""
+        lowest, highest = self.bounds
+        known = np.where(np.isnan(boundary), highest, boundary)
+        return np.asarray(np.log(np.clip(known, lowest / OUTWARD, highest * OUTWARD)))
 
 
 def outcomes(wanted: Search) -> Ensemble:
-    """Find the outcomes of all draws, with runs near their boundaries only."""
-    non_monotonic = _non_monotonic(wanted)
-    shape = (len(wanted.draws), *wanted.nominal.shape)
-    table = np.full(shape, UNKNOWN, dtype=np.int8)
-    found_by = np.full(shape, FoundBy.INFERRED, dtype=np.int8)
-    known = [wanted.boundaries(wanted.nominal)]
-    scales = [wanted.given]
+    """Bracket the first overturning of all draws, some draws after the others."""
+    known = [wanted.ln(wanted.boundary)]
+    scales, errors = [wanted.given], Errors()
     log_gain = np.log([draw.member.amplitude for draw in wanted.draws])
-    tested, crashed = np.zeros((2, 2), dtype=np.int64), 0
+    parts: list[Ensemble] = []
     with closing(RunStore(wanted.work.runs, wanted.kind.row, wanted.work.log)) as store:
         for start in range(0, len(wanted.draws), TOGETHER):
-            part, runner = slice(start, start + TOGETHER), _Runner(wanted, store)
-            draws, own = wanted.draws[part], table[part]
+            part = slice(start, start + TOGETHER)
+            draws, gain = wanted.draws[part], log_gain[part, None, None]
+            runner = _Runner(wanted, store, draws)
             scale = np.array([draw.scales() for draw in draws])
             chosen, offset = search.offsets(np.array(known), np.array(scales))
-            own[_proved(wanted, draws)] = 0
-            found_by[part][own == 0] = FoundBy.PROVED
             base = np.take_along_axis(scale, chosen[None, None], axis=1)[:, 0]
-            expected = base[..., None] + offset - log_gain[part, None, None]
-            _search(wanted, runner, draws, own, expected, non_monotonic)
-            tested += _tested(runner, draws, own, non_monotonic)
-            found_by[part][(own != UNKNOWN) & (found_by[part] == FoundBy.INFERRED)] = 0
-            own[...] = search.completed(own)
-            crashed += runner.crashed
-            known += list(wanted.boundaries(own) + log_gain[part, None, None])
+            expected = base[..., None] + offset - gain
+            found = _cells(wanted, runner, *_search(wanted, runner, expected, errors))
+            parts.append(found)
+            known += list(wanted.ln(found.boundary) + gain)
             scales += list(scale)
-    return Ensemble(table, found_by, non_monotonic, tested[0], tested[1], crashed)
+    return _together(parts)
+
+
+COUNTED = ("checked", "wrong", "followed", "not_first")
+"""What is counted of all draws together."""
+
+
+def _together(parts: list[Ensemble]) -> Ensemble:
+    """Draws one after the other; what is counted of all of them is added."""
+    own = ("overturned", "found_by", "lower", "upper", "runs", "unresolved")
+    values: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in own
+    }
+    values |= {name: sum(getattr(part, name) for part in parts) for name in (*COUNTED, "crashed")}
+    return Ensemble(**values, non_monotonic=parts[0].non_monotonic)
+
+
+class Errors:
+    """How far the boundary was from where it was expected, in the stages of the draws before."""
+
+    def __init__(self) -> None:
+        self._apart: dict[int, list[Array]] = {}
+
+    def add(self, stage: int, apart: Array) -> None:
+        """Distances, shape (draws, yaws, rows of the stage) [ln g]."""
+        self._apart.setdefault(stage, []).append(np.abs(apart))
+
+    def scale(self, stage: int, width: float) -> Array | float:
+        """Their median in each row, not far below a bracket's width."""
+        if stage not in self._apart:
+            return search.UNSURE[min(stage, 1)]
+        rows: Array = np.median(np.concatenate(self._apart[stage]), axis=(0, 1))
+        return np.maximum(rows, search.SURE * width)
 
 
 def _non_monotonic(wanted: Search) -> Mask:
-    """Rows that may be ragged: where the site is in some direction, and the rows next to them."""
-    own: Mask = np.asarray(search.ragged(wanted.nominal).any(axis=0))
+    """Rows that may be ragged: where the site stands above a toppled cell, and next to them."""
+    fell = np.maximum.accumulate(wanted.nominal == 1, axis=-1)
+    own: Mask = (fell & (wanted.nominal == 0)).any(axis=(0, 2))
     if wanted.motions.dimension != "pgv_pga":
         return own
     return np.asarray(np.convolve(own, np.ones(3))[1:-1] > 0)
@@ -187,74 +229,101 @@ def _proved(wanted: Search, draws: Sequence[Draw]) -> Mask:
 
 
 def _search(
-    wanted: Search,
-    runner: _Runner,
-    draws: Sequence[Draw],
-    table: Table,
-    expected: Array,
-    non_monotonic: Mask,
-) -> None:
-    """Find the boundary of some rows of each draw, then of all, in place."""
-    ordered = wanted.motions.dimension == "pgv_pga"
-    first = search.first_rows(table.shape[2], ordered=ordered)
-    for rows in (first, np.arange(table.shape[2])):
-        column = search.expected_columns(expected[:, :, rows], wanted.ln_pga).ravel()
-        may = np.broadcast_to(non_monotonic[rows], expected[:, :, rows].shape).ravel()
-        while True:
-            here = table[:, :, rows]
-            ask = np.zeros(table.shape, dtype=bool)
-            flat = here.reshape(-1, table.shape[3])
-            ask[:, :, rows] = search.next_cells(flat, column, may).reshape(here.shape)
-            if not ask.any():
-                break
-            runner.run(draws, table, ask)
-        found = wanted.boundaries(table[:, :, rows])
-        expected = search.from_own_rows(expected, found, rows)
+    wanted: Search, runner: _Runner, expected: Array, errors: Errors
+) -> tuple[Array, Array, Indices, Indices]:
+    """Bracket the boundaries of some draws, stage by stage.
+
+    Parameters
+    ----------
+    expected : ndarray, shape (draws, yaws, rows) [ln g]
+
+    Returns
+    -------
+    lower, upper, runs, unresolved : ndarray, shape (draws, yaws, rows), as `Ensemble` has them
+    """
+    ordered, width = wanted.motions.dimension == "pgv_pga", float(np.log1p(wanted.width))
+    lower, upper = np.full((2, *expected.shape), np.nan)
+    runs, unresolved = np.zeros((2, *expected.shape), dtype=np.int64)
+    done = np.zeros(0, dtype=np.int64)
+    for stage, rows in enumerate(search.stages(expected.shape[2], ordered=ordered)):
+        here = expected[:, :, rows]
+        scale = np.broadcast_to(errors.scale(stage, width), here.shape)
+        brackets = search.Brackets(here.ravel(), scale.ravel(), width, wanted.bounds)
+        while len((asked := brackets.next_runs())[0]):
+            draw, yaw, row = np.unravel_index(asked[0], here.shape)
+            brackets.add(*asked, runner.run(draw, yaw, rows[row], asked[1]))
+        known, size = brackets.known, here.size
+        counts = (
+            *first_changes(known, size),
+            np.bincount(known.level, minlength=size),
+            np.bincount(known.level[known.side < 0], minlength=size),
+        )
+        for every, own in zip((lower, upper, runs, unresolved), counts, strict=True):
+            every[:, :, rows] = own.reshape(here.shape)
+        done = np.union1d(done, rows)
+        found = wanted.ln(middles(lower, upper))
+        errors.add(stage, found[:, :, rows] - here)
+        expected = search.from_own_rows(expected, found[:, :, done], done)
+    return lower, upper, runs, unresolved
 
 
-def _tested(runner: _Runner, draws: Sequence[Draw], table: Table, non_monotonic: Mask) -> Indices:
-    """Run some inferred cells; count them and the wrong ones, non-monotonic levels last, (2, 2)."""
-    ask = np.zeros(table.shape, dtype=bool)
-    for at, draw in enumerate(draws):
-        chance = np.random.default_rng(draw.member.seed).random(table.shape[1:])
-        ask[at] = (table[at] == UNKNOWN) & (chance < CHECKED)
-    taken = search.completed(table)
-    runner.run(draws, table, ask)
-    wrong = ask & (table != taken)
-    kinds = np.array([~non_monotonic, non_monotonic])
-    return np.array([[(part[:, :, kind]).sum() for kind in kinds] for part in (ask, wrong)])
+def _cells(
+    wanted: Search, runner: _Runner, lower: Array, upper: Array, runs: Indices, unresolved: Indices
+) -> Ensemble:
+    """Outcomes of the cells of some draws, by their brackets and by some runs that check these."""
+    pga, kinds = np.array(wanted.motions.pga), _non_monotonic(wanted)
+    table = (pga >= middles(lower, upper)[..., None]).astype(np.int8)
+    open_to = ~(pga <= lower[..., None]) & (pga < upper[..., None])
+    table[(open_to & (unresolved > 0)[..., None]) | np.isnan(upper)[..., None]] = -1
+    proved = _proved(wanted, runner.draws)
+    found_by = np.where(proved, FoundBy.PROVED, FoundBy.INFERRED).astype(np.int8)
+    table[proved] = 0
+    chance = [np.random.default_rng(draw.member.seed) for draw in runner.draws]
+    checked = ~proved & (np.array([one.random(table.shape[1:]) for one in chance]) < CHECKED)
+    followed = np.array([one.random(table.shape[1:3]) for one in chance]) < FOLLOWED
+    below = ~proved & followed[..., None] & (pga <= lower[..., None])
+    asked, taken = np.nonzero(checked | below), table.copy()
+    draw, yaw, row, column = asked
+    table[asked] = runner.run(draw, yaw, row, pga[column])
+    found_by[asked] = FoundBy.SIMULATED
+    wrong = checked & (table >= 0) & (table != taken)
+    not_first = (below & (table == 1)).any(axis=-1)
+    np.add.at(unresolved, (draw, yaw, row), table[asked] < 0)
+    counts = {
+        name: np.array([part[:, :, kind].sum() for kind in (~kinds, kinds)])
+        for name, part in zip(COUNTED, (checked, wrong, followed, not_first), strict=True)
+    }
+    return Ensemble(
+        table, found_by, lower, upper, runs, unresolved, kinds, crashed=runner.crashed, **counts
+    )
 
 
 class _Runner:
-    """Runs of draws by their cells, done or read from the store."""
+    """Runs of some draws, done or read from the store."""
 
-    def __init__(self, wanted: Search, store: RunStore[Any]) -> None:
-        self._wanted, self._store = wanted, store
+    def __init__(self, wanted: Search, store: RunStore[Any], draws: Sequence[Draw]) -> None:
+        self._wanted, self._store, self.draws = wanted, store, draws
         self._scenes: dict[int, list[bytes]] = {}
         self.crashed = 0
 
-    def run(self, draws: Sequence[Draw], table: Table, ask: Mask) -> None:
-        """Put the outcomes of the cells asked for into the table."""
-        wanted = {draw: self._runs(draw, cells) for draw, cells in zip(draws, ask, strict=True)}
-        groups = [draw for draw, runs in wanted.items() if runs]
+    def run(self, draw: Indices, yaw: Indices, row: Indices, pga: Array) -> NDArray[np.int8]:
+        """Outcomes at some PGAs of the site [g], of draws and directions by their numbers."""
+        token, every = self._wanted.motions.token, []
+        for number, *place, peak in zip(
+            *(part.tolist() for part in (draw, yaw, row, pga)), strict=True
+        ):
+            one = self.draws[number]
+            cell = Cell(place[1], one.member.amplitude * peak)
+            key = next(run_keys(self._digests(one)[place[0]], [token(cell)]))
+            every.append((one, Run(key, Place(place[0], cell))))
+        wanted: dict[Draw, list[Run]] = {}
+        for one, run in every:
+            wanted.setdefault(one, []).append(run)
         work, kind = self._wanted.work, self._wanted.kind
-        done = run_missing(work, kind, groups, wanted.__getitem__, self._shared, self._store)
+        done = run_missing(work, kind, list(wanted), wanted.__getitem__, self._shared, self._store)
         self.crashed += done.crashed
-        sides = [outcome.overturned for outcome in Outcome]
-        for own, cells, runs in zip(table, ask, wanted.values(), strict=True):
-            known = self._store.outcomes(run.key for run in runs)
-            own[cells] = [sides[known[run.key]] for run in runs]
-
-    def _runs(self, draw: Draw, cells: Mask) -> list[Run]:
-        """Runs of the cells of a draw, in the order of a mask."""
-        pga = [draw.member.amplitude * level for level in self._wanted.motions.pga]
-        places = [
-            Place(yaw, Cell(row, pga[column])) for yaw, row, column in np.argwhere(cells).tolist()
-        ]
-        scenes, token = self._digests(draw), self._wanted.motions.token
-        return [
-            Run(next(run_keys(scenes[place.yaw], [token(place.cell)])), place) for place in places
-        ]
+        known = self._store.outcomes(run.key for _, run in every)
+        return SIDES[[known[run.key] for _, run in every]]
 
     def _digests(self, draw: Draw) -> list[bytes]:
         if draw.number not in self._scenes:

@@ -6,14 +6,19 @@ from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
+from scipy.special import ndtr
 from scipy.stats import binomtest
 
-from pipeline.config.priors_schema import UncertaintyConfig
+from pipeline.config.priors_schema import BRACKET, UncertaintyConfig
 from pipeline.config.sections import Key
 from pipeline.drawing.style import pictures, png_uri
+from pipeline.stages.boundary.boundary import BoundaryData
+from pipeline.stages.boundary.resolution import widths
 from pipeline.stages.datasets.responses import Responses
+from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.mesh.products import RockData, ScanData, TerrainData
 from pipeline.stages.runs.scenes import Group
+from pipeline.stages.runs.step_choice import StepData
 from pipeline.stages.runs.study import Study
 from pipeline.stages.uncertainty import draws as drawing
 from pipeline.stages.uncertainty import seats
@@ -25,7 +30,6 @@ from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
-from vsr_core.fragility.boundary import interval, middle
 from vsr_core.outcome import FoundBy
 from vsr_core.uncertainty import probability, search, sensitivity
 from vsr_core.uncertainty.sensitivity import Shares
@@ -38,6 +42,8 @@ def make(
     work: Work,
     study: Study,
     responses: Responses,
+    boundary: BoundaryData,
+    measured: StepData,
     rock: RockData,
     scan: ScanData | None,
     terrain: TerrainData | None,
@@ -51,7 +57,8 @@ def make(
     numbers = observed.data["taken"].values.tolist() if observed else range(config.members)
     draws = drawing.draws(study, config, density, shape, scan, work.origin, numbers)
     friction = nearest_friction(study.settings.contact.friction, config)
-    grid = responses.data.isel(friction=friction)
+    grid, own_edge = (one.data.isel(friction=friction) for one in (responses, boundary))
+    width = widths(config.resolution, BRACKET, measured, work.origin, "uncertainty.resolution")
     settings = study.how(Group(study.yaw[0], study.settings.contact.friction[friction]))
     own, yaws = study.scenes.rock, np.radians(study.yaw)
     if scan and terrain:
@@ -59,8 +66,19 @@ def make(
     else:
         given = search.scales(own.hull, yaws)
     nominal = grid["overturned"].values.astype(np.int8)
-    wanted = Search(work, draws, given, study.motions, settings, nominal)
-    work.log(f"uncertainty: {len(draws)} draws of {wanted.nominal.size} cells")
+    wanted = Search(
+        work,
+        draws,
+        given,
+        study.motions,
+        settings,
+        nominal,
+        own_edge["first_overturning_pga"].values,
+        float(width[friction]),
+        (own_edge.attrs["searched_from_g"], own_edge.attrs["searched_to_g"]),
+    )
+    levels = wanted.boundary.size
+    work.log(f"uncertainty: {len(draws)} draws of {levels} first overturnings each")
     found = outcomes(wanted)
     known = drawing.priors(config)
     base: Array | None = None
@@ -71,6 +89,7 @@ def make(
     dataset = _dataset(wanted, found)
     shares = _shares(draws, known, base, dataset["member_boundary"].values, weighed=bool(observed))
     dataset = dataset.merge(_indices(shares, draws, known, base))
+    dataset["boundary_error"] = ((), float(own_edge["boundary_error"]))
     dataset = described(dataset, work, "Overturning with its uncertainty")
     drawn = {
         "uncertainty_bands": page.bands(dataset, grid),
@@ -82,14 +101,14 @@ def make(
         rock,
         config,
         dataset,
-        grid,
+        own_edge,
         observed,
         {name: png_uri(figure) for name, figure in drawn.items()},
     )
     files = {EnsembleData.FILE: netcdf(dataset), PAGE: writers.text(pages.filled(PAGE, facts))}
     for name, figure in drawn.items():
         files |= pictures(name, figure)
-    lost = int((found.overturned < 0).sum())
+    lost = int(found.unresolved.sum())
     return Product(files, page.summary(dataset), unresolved=lost, retry=found.crashed)
 
 
@@ -105,10 +124,10 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
     grid = ("yaw", row, "pga")
     pga, ratio = np.array(motions.pga), np.array(motions.pgv_pga)
     chance = probability.chance(found.overturned)
-    edges = middle(pga, *interval(pga, found.overturned))
+    edges = found.boundary
     low, median, high = probability.band(edges)
-    fits = [probability.surface(pga, ratio, own) for own in np.moveaxis(found.overturned, 1, 0)]
-    of_yaw, theta, beta = (np.array(part) for part in zip(*fits, strict=True))
+    theta, beta = probability.lognormal(edges, ratio, wanted.width, wanted.bounds)
+    of_yaw = ndtr(np.log(pga / theta[..., None]) / beta[..., None])
     dataset = xr.Dataset(
         {
             "overturned": (("member", *grid), found.overturned),
@@ -118,6 +137,11 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
             "probability_high": (grid, chance.high),
             "inferred_share": (grid, (found.found_by == FoundBy.INFERRED).mean(axis=0)),
             "member_boundary": (("member", "yaw", row), edges),
+            "member_boundary_lower": (("member", "yaw", row), found.lower),
+            "member_boundary_upper": (("member", "yaw", row), found.upper),
+            "member_runs": (("member", "yaw", row), found.runs),
+            "member_unresolved": (("member", "yaw", row), found.unresolved),
+            "boundary_resolution": ((), wanted.width),
             "boundary_low": (("yaw", row), low),
             "boundary_median": (("yaw", row), median),
             "boundary_high": (("yaw", row), high),
@@ -128,6 +152,8 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
             "non_monotonic": (row, found.non_monotonic.astype(np.int8)),
             "inferred_tested": ("level_kind", found.checked),
             "inferred_wrong": ("level_kind", found.wrong),
+            "levels_followed": ("level_kind", found.followed),
+            "levels_not_first": ("level_kind", found.not_first),
             **told.drawn_values(wanted.draws),
         },
         {
@@ -141,19 +167,24 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
     if row != "pgv_pga":
         dataset["record_pgv_pga"] = (row, ratio)
     dataset["overturned"].encoding["_FillValue"] = np.int8(-1)
-    dataset.attrs |= _rule(found)
+    dataset.attrs |= _rule(found) | dict(zip(SEARCHED, wanted.bounds, strict=True))
     return dataset
 
 
 def _rule(found: Ensemble) -> dict[str, Any]:
-    """How often an inferred outcome is wrong, with its interval (Wilson, 95 %)."""
+    """How often an inferred outcome is wrong, or a bracket not the first (Wilson, 95 %)."""
     facts: dict[str, Any] = {"inference_rule": " ".join((search.__doc__ or "").split())}
     kinds = ("monotonic", "non_monotonic")
-    for name, tested, wrong in zip(kinds, found.checked, found.wrong, strict=True):
-        if tested:
-            ends = binomtest(int(wrong), int(tested)).proportion_ci(method="wilson")
-            facts[f"inferred_wrong_{name}_levels"] = wrong / tested
-            facts[f"inferred_wrong_{name}_levels_interval"] = [float(end) for end in ends]
+    counts = {
+        "inferred_wrong": (found.checked, found.wrong),
+        "not_first": (found.followed, found.not_first),
+    }
+    for what, (number, wrong) in counts.items():
+        for kind, tested, failed in zip(kinds, number.tolist(), wrong.tolist(), strict=True):
+            if tested:
+                ends = binomtest(failed, tested).proportion_ci(method="wilson")
+                facts[f"{what}_{kind}_levels"] = failed / tested
+                facts[f"{what}_{kind}_levels_interval"] = [float(end) for end in ends]
     return facts
 
 

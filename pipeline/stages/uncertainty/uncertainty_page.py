@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 
 from pipeline.config.priors_schema import UncertaintyConfig
 from pipeline.drawing import style
+from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty import unknowns
 from pipeline.stages.uncertainty.draws import Observed
-from pipeline.stages.uncertainty.ensemble import CHECKED
+from pipeline.stages.uncertainty.ensemble import CHECKED, FOLLOWED
 from pipeline.workflow.datasets import label, rows_of
 from pipeline.workflow.grammar import listed
-from vsr_core.fragility.boundary import interval, middle
 from vsr_core.outcome import FoundBy
 from vsr_core.uncertainty.probability import chance
 from vsr_core.uncertainty.sensitivity import SUPPORTED
@@ -29,7 +29,7 @@ def facts(
     rock: RockData,
     config: UncertaintyConfig,
     found: xr.Dataset,
-    responses: xr.Dataset,
+    boundary: xr.Dataset,
     observed: Observed | None,
     drawn: dict[str, str],
 ) -> dict[str, Any]:
@@ -46,7 +46,12 @@ def facts(
         "members": found.sizes["member"],
         "cells": found["probability"].size,
         "directions": directions(found),
-        "step": float(np.diff(found["pga"].values).max(initial=0.0)),
+        "asked": float(found["boundary_resolution"]),
+        "reached": _width(found),
+        "error": float(found["boundary_error"]),
+        "searched": [found.attrs[name] for name in SEARCHED],
+        "runs": int(found["member_runs"].sum()),
+        "each": float(found["member_runs"].mean()),
         "middle_ratio": float(found[_ratios(found)][_middle(found)]),
         "widest": widest(found),
         "ranked": ranked(found),
@@ -63,11 +68,12 @@ def facts(
         "proved": by[FoundBy.PROVED],
         "inferred": by[FoundBy.INFERRED],
         "checked": CHECKED,
-        "seats": by_seat(found, responses),
+        "followed": FOLLOWED,
+        "seats": by_seat(found, boundary),
         "weighed": observed.data.attrs["effective_number"] if observed else None,
         "observations": observed.data["observation"].values.tolist() if observed else [],
         "tests": tests(found),
-        "undecided": int((found["overturned"] < 0).sum()),
+        "undecided": int(found["member_unresolved"].sum()),
         "records": rows_of(found) == "record",
         "assumed": unknowns.assumed(
             config, box=origin["shape_source"] == "box", terrain="drawn_seat" in found
@@ -106,20 +112,19 @@ def _ratios(found: xr.Dataset) -> str:
     return "record_pgv_pga" if rows_of(found) == "record" else "pgv_pga"
 
 
-def by_seat(found: xr.Dataset, responses: xr.Dataset) -> list[dict[str, Any]]:
+def by_seat(found: xr.Dataset, boundary: xr.Dataset) -> list[dict[str, Any]]:
     """The boundary of the draws of each kind of seat; nothing of a flat pedestal.
 
     Parameters
     ----------
-    responses : xr.Dataset, of the site as it is
+    boundary : xr.Dataset, of the site as it is
     """
     if "drawn_seat" not in found:
         return []
     drawn = found["drawn_seat"].values
     kinds = {key: drawn == key for key in ("rim", "whole")}
     kinds["points"] = ~(kinds["rim"] | kinds["whole"])
-    pga, edges = found["pga"].values, found["member_boundary"].values
-    own = middle(pga, *interval(pga, responses["overturned"].values))
+    edges, own = found["member_boundary"].values, boundary["first_overturning_pga"].values
     with np.errstate(invalid="ignore"):
         ratio = edges / own
     rows = []
@@ -135,6 +140,12 @@ def by_seat(found: xr.Dataset, responses: xr.Dataset) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _width(found: xr.Dataset) -> float:
+    """Relative width of the draws' brackets, in the median."""
+    ratio = (found["member_boundary_upper"] / found["member_boundary_lower"]).values
+    return _median(ratio[np.isfinite(ratio)] - 1.0)
 
 
 def _median(values: np.ndarray) -> float:
@@ -196,6 +207,8 @@ def tests(found: xr.Dataset) -> list[dict[str, Any]]:
                 "wrong": int(found["inferred_wrong"][at]),
                 "share": int(found["inferred_wrong"][at]) / tested if tested else np.nan,
                 "ends": list(ends),
+                "followed": int(found["levels_followed"][at]),
+                "not_first": int(found["levels_not_first"][at]),
             }
         )
     return rows
