@@ -210,4 +210,6 @@ def _indices(values: Array) -> tuple[Array, Array]:
     """First-order and total indices of values on the samples, each shape (replicates, unknowns)."""
     one, other, mixed = values[:, 0], values[:, 1], np.moveaxis(values[:, 2:], 1, 0)
     found = sobol_indices(func={"f_A": one, "f_B": other, "f_AB": mixed}, n=POINTS)
-    return np.clip(found.first_order, 0.0, 1.0), np.clip(found.total_order, 0.0, 1.0)
+    kinds = (found.first_order, found.total_order)  # without the axis of a single unknown
+    first, total = (np.clip(kind, 0.0, 1.0).reshape(len(values), -1) for kind in kinds)
+    return first, total

@@ -60,7 +60,7 @@ DECIDES = {
     "simulation": {"time_step", "accuracy"} | RUNS | MOVED | DRAWN,
     "simulation.engine": {"terrain"},
     "simulation.reduce": {"terrain"},
-    "fragility": {"boundary", "fragility", "report", "hazard"},
+    "fragility": {"boundary", "fragility", "report"} | DRAWN - {"observations"},
     "observed_boulder": {"displacement_report"},
     "hazard": {"hazard"},
     "uncertainty": DRAWN,

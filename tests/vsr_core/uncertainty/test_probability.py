@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.stats import beta, norm
 
 from vsr_core.uncertainty import probability
@@ -37,18 +38,27 @@ def test_draws_without_a_verdict_do_not_count() -> None:
     assert np.isnan([found.probability[1], found.low[1], found.high[1]]).all()
 
 
-def test_the_surface_is_the_law_that_made_the_draws_and_never_falls() -> None:
-    pga, ratio = np.linspace(0.05, 1.0, 40), np.array([0.1, 0.2, 0.4])
-    median = np.array([0.5, 0.35, 0.3])
-    edges = median * np.exp(0.25 * norm.ppf((np.arange(400) + 0.5) / 400))[:, None]
-    draws = (pga >= edges[..., None]).astype(np.int8)
-    fitted, theta, spread = probability.surface(pga, ratio, draws)
-    np.testing.assert_allclose(theta, median, rtol=0.01)
-    np.testing.assert_allclose(spread, 0.25, rtol=0.03)
-    np.testing.assert_allclose(fitted, norm.cdf(np.log(pga / median[:, None]) / 0.25), atol=0.01)
-    rng = np.random.default_rng(1)
-    noisy, _, _ = probability.surface(pga, ratio, rng.integers(0, 2, draws.shape).astype(np.int8))
-    assert (np.diff(noisy, axis=1) >= 0.0).all()
+def test_the_law_that_made_the_draws_is_found_also_where_it_is_cut_off() -> None:
+    """Three medians, of which the last lies beyond what was tried in most draws."""
+    median, ratio = np.array([0.5, 0.35, 4.5]), np.array([0.1, 0.2, 0.4])
+    edges = median * np.exp(0.25 * norm.ppf((np.arange(2000) + 0.5) / 2000))[:, None, None]
+    edges[edges > 4.0] = np.inf
+    theta, beta = probability.lognormal(edges, ratio, 0.01, (0.001, 4.0))
+    assert np.isinf(edges[..., 2]).mean() > 0.6
+    np.testing.assert_allclose(theta[0], median, rtol=0.01)
+    np.testing.assert_allclose(beta[0], 0.25, rtol=0.03)
+
+
+def test_rows_of_which_nothing_or_nothing_else_is_known() -> None:
+    """No draw topples; none has a verdict; all topple at one PGA, in brackets of 1 %."""
+    one = np.array([[np.inf, np.nan, 0.2]] * 3)[:, None]
+    theta, beta = probability.lognormal(one, np.array([0.1, 0.2, 0.4]), 0.01, (0.001, 4.0))
+    assert 4.0 < theta[0, 0] < 5.0
+    assert theta[0, 2] == pytest.approx(0.2)
+    assert theta[0, 2] < theta[0, 1] < theta[0, 0]
+    assert beta[0, 2] == pytest.approx(np.log(1.01) / np.sqrt(12.0))
+    nothing = probability.lognormal(np.full((3, 1, 2), np.nan), np.ones(2), 0.01, (0.001, 4.0))
+    assert np.isnan(nothing).all()
 
 
 def test_the_band_is_made_of_draws() -> None:

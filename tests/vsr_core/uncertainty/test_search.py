@@ -1,61 +1,85 @@
-"""The search for boundaries against tables of which all cells are known."""
+"""The search for boundaries against known thresholds."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vsr_core.arrays import Array
+from vsr_core.fragility.bisection import first_changes
 from vsr_core.rock.solid import block
 from vsr_core.uncertainty import search
-from vsr_core.uncertainty.search import UNKNOWN, Table
+from vsr_core.uncertainty.search import Brackets
 
-COLUMNS = 24
-
-
-def searched(truth: Table, expected: int, *, rough: bool) -> Table:
-    """The table of one row once the search wants no more of it."""
-    table = np.full((1, truth.size), UNKNOWN, dtype=np.int8)
-    while (ask := search.next_cells(table, np.array([expected]), np.array([rough]))).any():
-        assert (table[ask] == UNKNOWN).all()
-        table[ask] = truth[None][ask]
-    return table
+WIDTH, BOUNDS = 0.01, (0.001, 4.0)
+peaks = st.floats(np.log(5e-4), np.log(8.0)).map(np.exp)
 
 
-@settings(deadline=None)
-@given(first=st.integers(0, COLUMNS), expected=st.integers(0, COLUMNS), rough=st.booleans())
-def test_a_single_boundary_is_found_from_anywhere(first: int, expected: int, rough: bool) -> None:
-    truth = (np.arange(COLUMNS) >= first).astype(np.int8)
-    table = searched(truth, expected, rough=rough)
-    np.testing.assert_array_equal(search.completed(table)[0], truth)
-    near = int((table != UNKNOWN).sum())
-    away = abs(first - expected)
-    assert near <= 5 + 2 * np.log2(1 + away) + 2 * rough
+def bracketed(topples: Callable[[Array], Array], expected: Array, scale: float) -> Brackets:
+    """Brackets of some levels once the search wants no more runs of them."""
+    found = Brackets(np.log(expected), np.full(len(expected), scale), WIDTH, BOUNDS)
+    while len((asked := found.next_runs())[0]):
+        assert len(found.known.pga) < 200 * len(expected)
+        found.add(*asked, topples(asked[1]).astype(np.int8))
+    return found
 
 
 @settings(deadline=None)
-@given(first=st.integers(2, 18), island=st.integers(1, 3), gap=st.integers(0, 1))
-def test_a_ragged_row_is_followed_until_it_is_calm(first: int, island: int, gap: int) -> None:
-    """One cell that topples, then cells that stand: all are run."""
-    truth = (np.arange(COLUMNS) >= first).astype(np.int8)
-    truth[first + 1 + gap : first + 1 + gap + island] = 0
-    completed = search.completed(searched(truth, first, rough=True))[0]
-    taken = island if gap else 0  # two that topple are taken for calm
-    assert (completed != truth).sum() == taken
+@given(threshold=peaks, expected=peaks, scale=st.floats(0.002, 1.0))
+def test_a_threshold_is_bracketed_from_anywhere(
+    threshold: float, expected: float, scale: float
+) -> None:
+    """Within the bounds to its width, and beyond them by the bound that was tried."""
+    found = bracketed(lambda pga: pga >= threshold, np.array([expected]), scale)
+    lower, upper = (end[0] for end in first_changes(found.known, 1))
+    if threshold <= BOUNDS[0]:
+        assert np.isnan(lower)
+        assert upper == BOUNDS[0]
+    elif threshold > BOUNDS[1]:
+        assert (lower, upper) == (BOUNDS[1], np.inf)
+    else:
+        assert lower < threshold <= upper
+        assert np.log(upper / lower) <= WIDTH
+
+
+def test_what_is_expected_well_takes_two_runs_and_what_is_not_a_few_more() -> None:
+    rng = np.random.default_rng(4)
+    threshold = np.exp(rng.uniform(-3.0, 0.0, 500))
+    runs = []
+    for apart in (0.004, 0.1):
+        expected = threshold * np.exp(apart * rng.uniform(-1.0, 1.0, 500))
+        known = Brackets(np.log(expected), np.full(500, 0.5 * apart), WIDTH, BOUNDS)
+        while len((asked := known.next_runs())[0]):
+            known.add(*asked, (asked[1] >= threshold[asked[0]]).astype(np.int8))
+        runs.append(len(known.known.pga) / 500)
+    assert 2.0 <= runs[0] < 2.1
+    assert runs[1] < 2.0 + np.log2(0.2 / WIDTH)
 
 
 @settings(deadline=None)
-@given(
-    row=st.lists(st.sampled_from([0, 1, -1]), min_size=1, max_size=12),
-    expected=st.integers(0, 12),
-    rough=st.booleans(),
-)
-def test_any_row_is_searched_to_an_end(row: list[int], expected: int, rough: bool) -> None:
-    truth = np.array(row, dtype=np.int8)
-    table = searched(truth, expected, rough=rough)
-    run = table[0] != UNKNOWN
-    np.testing.assert_array_equal(search.completed(table)[0][run], truth[run])
-    assert set(search.completed(table)[0].tolist()) <= {-1, 0, 1}
+@given(st.lists(st.sampled_from([0, 1, -1]), min_size=2, max_size=8), peaks)
+def test_any_outcomes_are_searched_to_an_end(sides: list[int], expected: float) -> None:
+    """A run without a verdict is no end of a bracket; what it tells is the change that it met."""
+    steps = np.geomspace(*BOUNDS, len(sides) + 1)[1:-1]
+    found = bracketed(
+        lambda pga: np.array(sides)[np.searchsorted(steps, pga, side="right")],
+        np.array([expected]),
+        0.1,
+    )
+    lower, upper = (end[0] for end in first_changes(found.known, 1))
+    assert not lower >= upper
+    if -1 not in sides and np.isfinite(lower) and np.isfinite(upper):
+        assert np.log(upper / lower) <= WIDTH
+
+
+def test_pga_is_rounded_by_less_than_a_part_of_the_bracket() -> None:
+    pga = np.geomspace(*BOUNDS, 1000)
+    rounded = search.rounded(pga, WIDTH)
+    assert np.abs(np.log(rounded / pga)).max() <= WIDTH / 64.0
+    np.testing.assert_array_equal(search.rounded(rounded * (1.0 + 1e-14), WIDTH), rounded)
 
 
 def test_rows_between_are_expected_where_those_beside_them_moved() -> None:
@@ -63,10 +87,11 @@ def test_rows_between_are_expected_where_those_beside_them_moved() -> None:
     found = np.array([[0.5, 4.5]])
     moved = search.from_own_rows(expected, found, np.array([0, 4]))
     np.testing.assert_allclose(moved, expected + 0.5)
-    rows = search.first_rows(13, ordered=True)
-    assert rows[0] == 0
-    assert rows[-1] == 12
-    np.testing.assert_array_equal(search.first_rows(4, ordered=False), np.arange(4))
+    stages = search.stages(13, ordered=True)
+    assert sorted(np.concatenate(stages).tolist()) == list(range(13))
+    assert stages[0].tolist() == [0, 8, 12]
+    (rows,) = search.stages(4, ordered=False)
+    assert rows.tolist() == [0, 1, 2, 3]
 
 
 def test_the_scale_that_boundaries_go_with_is_taken() -> None:

@@ -48,17 +48,19 @@ def ensemble(thresholds: list[float], number: int = 80) -> RockFragility:
     pga = np.geomspace(0.05, 2.0, number)
     falls = np.array([pga >= threshold for threshold in thresholds]).astype(np.int8)
     falls = np.broadcast_to(falls[:, None, None, :], (len(falls), 2, 3, len(pga)))
-    mean = falls.mean(axis=0)
+    edges = np.broadcast_to(np.array(thresholds)[:, None, None], falls.shape[:3])
+    beta = 0.05  # so narrow about this median that E[threshold^-SLOPE] is that of the members
+    theta = np.mean(np.array(thresholds) ** -SLOPE) ** (-1.0 / SLOPE) * np.exp(beta**2)
     return of_members(
         xr.Dataset(
             {
                 "overturned": (("member", "yaw", "pgv_pga", "pga"), falls),
-                "probability": (("yaw", "pgv_pga", "pga"), mean),
-                "surface": (("pgv_pga", "pga"), mean.mean(axis=0)),
-                "theta": (("yaw", "pgv_pga"), np.full((2, 3), 0.4)),
-                "beta": (("yaw", "pgv_pga"), np.full((2, 3), 0.3)),
+                "member_boundary": (("member", "yaw", "pgv_pga"), edges),
+                "theta": (("yaw", "pgv_pga"), np.full((2, 3), theta)),
+                "beta": (("yaw", "pgv_pga"), np.full((2, 3), beta)),
             },
             {"yaw": [0.0, 90.0], "pgv_pga": [0.05, 0.1, 0.2], "pga": pga},
+            {"searched_from_g": 0.05, "searched_to_g": 2.0},
         )
     )
 
@@ -146,12 +148,12 @@ def test_cells_without_a_verdict_do_not_count() -> None:
     data = xr.Dataset(
         {
             "overturned": (("member", "yaw", "pgv_pga", "pga"), fell),
-            "probability": (("yaw", "pgv_pga", "pga"), np.zeros((2, 1, 2))),
-            "surface": (("pgv_pga", "pga"), np.zeros((1, 2))),
+            "member_boundary": (("member", "yaw", "pgv_pga"), [[[0.4], [0.7]]]),
             "theta": (("yaw", "pgv_pga"), np.full((2, 1), 1.0)),
             "beta": (("yaw", "pgv_pga"), np.full((2, 1), 1.0)),
         },
         {"yaw": [0.0, 90.0], "pgv_pga": [0.1], "pga": [0.5, 1.0]},
+        {"searched_from_g": 0.5, "searched_to_g": 1.0},
     )
     (member,) = of_members(data).others
     np.testing.assert_allclose(member(GRAVITY * np.array([0.5, 1.0])), [[0.5, 1.0]])
@@ -161,16 +163,15 @@ def test_beyond_what_was_tried_half_of_what_stands_falls_where_half_would() -> N
     """Tried are 0.5 and 1 g; the fit has 1/2 at 1 g and Phi(1) at e g, Phi(-2) at exp(-2) g."""
     fell = np.array([[1], [0]], np.int8)  # from one of two directions, at both levels
     falls = np.broadcast_to(fell[None, :, None, :], (1, 2, 1, 2))
-    share = falls.mean(axis=0)
     data = xr.Dataset(
         {
             "overturned": (("member", "yaw", "pgv_pga", "pga"), falls),
-            "probability": (("yaw", "pgv_pga", "pga"), share),
-            "surface": (("pgv_pga", "pga"), share.mean(axis=0)),
+            "member_boundary": (("member", "yaw", "pgv_pga"), [[[0.4], [np.inf]]]),
             "theta": (("yaw", "pgv_pga"), np.ones((2, 1))),
             "beta": (("yaw", "pgv_pga"), np.ones((2, 1))),
         },
         {"yaw": [0.0, 90.0], "pgv_pga": [0.1], "pga": [0.5, 1.0]},
+        {"searched_from_g": 0.5, "searched_to_g": 1.0},
     )
     rock = of_members(data)
     levels = GRAVITY * np.array([np.exp(-2.0), 0.5, 0.7, 1.0, np.e])
@@ -181,8 +182,27 @@ def test_beyond_what_was_tried_half_of_what_stands_falls_where_half_would() -> N
         0.5,
         1.0 - 0.5 * norm.cdf(-1.0) / 0.5,
     ]
-    for rows in (rock.mean, *rock.others):
-        np.testing.assert_allclose(rows(levels)[0], expected)
+    (member,) = rock.others
+    np.testing.assert_allclose(member(levels)[0], expected)
+    np.testing.assert_allclose(rock.mean(levels)[0], norm.cdf(np.log(levels / GRAVITY)))
+
+
+def test_a_member_falls_from_its_boundary_on_also_between_the_cells() -> None:
+    """It topples from 0.3 g on, stands again about the cell at 0.8 g, and topples beyond."""
+    pga = np.array([0.2, 0.4, 0.8, 1.6])
+    data = xr.Dataset(
+        {
+            "overturned": (("member", "yaw", "pgv_pga", "pga"), np.array([[[[0, 1, 0, 1]]]])),
+            "member_boundary": (("member", "yaw", "pgv_pga"), [[[0.3]]]),
+            "theta": (("yaw", "pgv_pga"), [[0.3]]),
+            "beta": (("yaw", "pgv_pga"), [[0.1]]),
+        },
+        {"yaw": [0.0], "pgv_pga": [0.1], "pga": pga},
+        {"searched_from_g": 0.1, "searched_to_g": 4.0},
+    )
+    (member,) = of_members(data).others
+    levels = GRAVITY * np.array([0.25, 0.299, 0.301, 0.45, 0.7, 0.9, 1.3, 3.0])
+    np.testing.assert_array_equal(member(levels)[0], [0, 0, 1, 1, 0, 0, 1, 1])
 
 
 def test_a_kept_and_a_rejected_branch_by_hand() -> None:

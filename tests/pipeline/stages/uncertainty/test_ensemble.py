@@ -43,6 +43,9 @@ def test_a_block_stands_below_its_width_over_height(
     nominal = np.zeros((len(config.yaw), len(RATIO), len(PGA)), np.int8)
     nothing: Any = None
     given = np.zeros((4, len(config.yaw)))
-    wanted = ensemble.Search(nothing, [draw], given, motions, Settings(1e-3), nominal)
+    edges, bounds = np.ones(nominal.shape[:2]), (1e-3, 4.0)
+    wanted = ensemble.Search(
+        nothing, [draw], given, motions, Settings(1e-3), nominal, edges, 0.01, bounds
+    )
     found = ensemble._proved(wanted, [draw])
     np.testing.assert_array_equal(found, np.broadcast_to(np.array(still, bool), found.shape))
