@@ -195,7 +195,7 @@ def _planned_draws(config: Config, motions: Shaking) -> str:
     levels, members = len(config.yaw) * len(motions.rows), config.uncertainty.members
     return (
         f"draws: {members}, each with {levels} first overturnings, of 5 runs as a rule: "
-        f"about {5 * members * levels} beside"
+        f"about {5 * members * levels} runs beside"
     )
 
 
