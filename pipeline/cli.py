@@ -81,6 +81,14 @@ def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
     return _parser().parse_args(arguments)
 
 
+class _Version(argparse.Action):
+    """Tells the version, the code of the engines and the libraries, and ends."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(*importlib.import_module("pipeline.workflow.versions").lines(), sep="\n")
+        parser.exit()
+
+
 class _Parser(argparse.ArgumentParser):
     """Parser whose usage errors are one line, as all other errors are."""
 
@@ -91,6 +99,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="vsr", description="Virtual shake robot.")
+    parser.add_argument("--version", action=_Version, nargs=0, help="versions, for a report")
     verbs = parser.add_subparsers(metavar="COMMAND", required=True)
 
     def add(name: str, text: str) -> argparse.ArgumentParser:

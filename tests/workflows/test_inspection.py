@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 from conftest import Ran
 
 from pipeline import ROOT
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.registry import BY_NAME
+from vsr_core.compiled import compiling
 
 GRID = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2, 0.4, 0.5]}\nyaw: [0, 90]\n"
 
@@ -74,3 +77,17 @@ def test_before_between_and_after(
     assert "stages to make: none" in planned
     wider = vsr("why", "responses", "--site", site, "--set", "yaw=[0, 45, 90]").out
     assert "runs: 12 of 18 are stored and stay; 6 to do" in wider
+
+
+def test_the_version_names_the_code_that_outcomes_come_from(vsr: Callable[..., Ran]) -> None:
+    first, *engines, machine_code, libraries = vsr("--version").out.strip().splitlines()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert first.startswith(f"vsr {project['version']}, Python 3.")
+    digests = dict(re.fullmatch(r"engine (\w+): code of a run (\w+)", line).groups()  # type: ignore[union-attr]
+                   for line in engines)  # fmt: skip
+    assert set(digests) == {"bullet", "mujoco", "nonsmooth"}
+    assert len(set(digests.values())) == 3
+    folder = re.fullmatch(r"machine code: (compiled-\w+)", machine_code)
+    assert folder is not None
+    assert folder[1] == compiling.name()
+    assert f"numpy {np.__version__}" in libraries

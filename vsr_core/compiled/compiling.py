@@ -48,7 +48,7 @@ def compiled_from() -> dict[str, str]:
 
 
 @cache
-def _name() -> str:
+def name() -> str:
     """Name of a folder of machine code: of what it is made from, and by what."""
     made_by = (sys.version, numba.__version__, llvmlite.__version__)
     source = repr([made_by, compiled_from()]).encode()
@@ -65,7 +65,7 @@ def _folders() -> tuple[Path, ...]:
     caches = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     for place in (os.environ.get("NUMBA_CACHE_DIR") or _BESIDE, Path(caches, "vsr")):
         with suppress(OSError, RuntimeError):  # the latter without a home
-            folder = Path(place).expanduser() / _name()
+            folder = Path(place).expanduser() / name()
             with suppress(OSError):
                 folder.mkdir(mode=0o755, parents=True, exist_ok=True)
             if not _is_own(folder.stat()):
@@ -150,7 +150,7 @@ class _KeptCode(FunctionCache):
 
 
 def _digest(content: bytes) -> bytes:
-    return hashlib.blake2b(content, digest_size=_SEAL, key=_name().encode()).digest()
+    return hashlib.blake2b(content, digest_size=_SEAL, key=name().encode()).digest()
 
 
 _SEAL = 16

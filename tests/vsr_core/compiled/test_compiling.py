@@ -176,7 +176,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Pa
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
     monkeypatch.setattr(compiling, "_BESIDE", tmp_path / "beside")
     compiling._folders.cache_clear()
-    yield tmp_path / "beside" / compiling._name(), tmp_path / "caches" / "vsr" / compiling._name()
+    yield tmp_path / "beside" / compiling.name(), tmp_path / "caches" / "vsr" / compiling.name()
     monkeypatch.undo()
     compiling._folders.cache_clear()
 
