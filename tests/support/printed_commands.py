@@ -14,7 +14,7 @@ PAGES = sorted(
 FENCE = re.compile(r"^ *```(\w+)\n(.*?)^ *```$", re.DOTALL | re.MULTILINE)
 SPAN = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 BEGINNINGS = ("make ", "vsr ", ".venv/bin/", "python ")
-OPEN = re.compile(r"\.\.\.|[<>…]|^\[-|\]$")
+OPEN = re.compile(r"\.\.\.|[<>…]|^\[-|(?<!\d)\]$")
 """What stands for a value that the reader puts in."""
 
 

@@ -37,7 +37,8 @@ sweep: {bounce: {contact.restitution: [0, 0.3]}}
 NOT_RUN = {
     r"make (fetch|lock|docs-links)|pip install": "asks the network",
     r"podman|apptainer": "is no program of the project",
-    r"dask (scheduler|worker)|SCHEDULER=tcp://host|--cluster slurm": "asks other machines",
+    r"dask (scheduler|worker)|(SCHEDULER=|--scheduler )tcp://host|--cluster slurm|client_0": "asks "
+    "other machines",
     r"make (test|test-slow|check|coverage)\b|-m pytest": "is what runs this test",
     r"pre-commit install": "changes the repository's hooks",
     r"-m benchmarks\.": "takes hours and writes what docs/ says of them",
