@@ -167,6 +167,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "hazard",
         make="pipeline.stages.hazard.hazard:make",
+        refuses="pipeline.stages.hazard.hazard:refuse_older",
         files=("hazard.html",),
         versions=("scipy", "matplotlib", "jinja2"),
     ),

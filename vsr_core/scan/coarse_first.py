@@ -18,6 +18,7 @@ AT_ONCE = 60_000
 """Faces among which a seam is proposed at once; of a larger scan, so many are looked at first."""
 
 _BAND = 4.0  # edges of the coarse scan, from its seam, within which that of all faces is sought
+_CORE = 0.7  # of the way from its seam to what is deepest in the rock, beyond which all is rock
 
 
 def proposed(
@@ -67,10 +68,12 @@ def _nearest(mesh: trimesh.Trimesh, points: Array) -> Indices:
 
 
 def _beside_seam(coarse: Separation, points: Array) -> Mask:
-    """Which points lie within ``_BAND`` edges of a coarse seam."""
+    """Which points lie near a coarse seam: of a rock of a few edges, not all of it."""
     loops = np.concatenate([seam.points for seam in coarse.seams])
     loop = np.concatenate([seam.loop for seam in coarse.seams])
     beside = coarse.faces[touching(coarse.faces, loop)]
     edge = float(np.sqrt(4.0 / np.sqrt(3.0) * areas(coarse.vertices, beside).mean()))
-    away = cKDTree(loops).query(points, distance_upper_bound=_BAND * edge)[0]
+    tree, rock = cKDTree(loops), coarse.vertices[coarse.faces[coarse.rock]].mean(axis=1)
+    reach = min(_BAND * edge, _CORE * float(tree.query(rock)[0].max()))
+    away = tree.query(points, distance_upper_bound=reach)[0]
     return np.asarray(np.isfinite(away))

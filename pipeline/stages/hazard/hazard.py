@@ -14,8 +14,10 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config.hazard_schema import Age, BoundedAge, HazardConfig, LognormalAge, NormalAge
+from pipeline.config.layers import Site
 from pipeline.config.observation_schema import Earthquake, Observations
 from pipeline.config.paths import shown
+from pipeline.config.problems import InputError, Problem
 from pipeline.config.sections import Key
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.fragility.summary import Fits
@@ -43,6 +45,29 @@ from vsr_core.arrays import Array, Mask
 from vsr_core.hazard.ratio import CORRELATION, LOG_SD
 
 FILE, TABLE, PAGE = "hazard.nc", "hazard.csv", "hazard.html"
+
+
+PRESENT = 1950
+"""Year that ages are counted to, as dating does [CE]."""
+
+
+def refuse_older(site: Site) -> None:
+    """Refuse earthquakes that were before the rock stood, at whatever age."""
+    age, key = site.config.hazard.age, "observations"
+    oldest = ages_of(age).max() if age else math.inf
+    problems = [
+        Problem(
+            site.file_of(key),
+            f"{key}.{number}.year",
+            f"{one.year}",
+            f"a rock of at most {oldest:,.0f} years did not stand before {PRESENT - oldest:.0f}",
+            "leave the earthquake out, or correct its year or hazard.age",
+        )
+        for number, one in enumerate(site.config.observations)
+        if isinstance(one, Earthquake) and one.year < PRESENT - oldest
+    ]
+    if problems:
+        raise InputError(*problems)
 
 
 def make(

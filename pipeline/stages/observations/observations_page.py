@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing import style
 from pipeline.stages.observations.evidence import Evidence
+from pipeline.workflow.grammar import counted, form
 from vsr_core.arrays import Array
 from vsr_core.observations import weighing
 
@@ -127,10 +128,12 @@ def unknowns(found: xr.Dataset) -> list[dict[str, Any]]:
 def summary(found: xr.Dataset) -> str:
     """One line for the log."""
     before, after = (float(np.exp(np.median(one))) for one in found["width"].values)
+    number = found.sizes["observation"]
     return (
-        f"{found.sizes['observation']} observations leave {found.attrs['effective_number']:.0f} of "
-        f"{found.sizes['draw']} draws; the band of the tipping acceleration spans a factor of "
-        f"{before:.2f} before and {after:.2f} after, in the median direction"
+        f"{counted(number, 'observation')} {form(number, 'leaves', 'leave')} "
+        f"{found.attrs['effective_number']:.0f} of {found.sizes['draw']} draws; the band of the "
+        f"tipping acceleration spans a factor of {before:.2f} before and {after:.2f} "
+        "after, in the median direction"
     )
 
 

@@ -45,6 +45,28 @@ def test_noise_as_large_as_the_edges_does_not_hide_the_rock() -> None:
     np.testing.assert_allclose(np.ptp(points, axis=0), np.ptp(true, axis=0), rtol=0.12)
 
 
+@pytest.mark.parametrize("faces", [1_800, 3_000, 6_000])
+def test_a_rock_of_a_few_coarse_edges_is_that_among_all_faces(
+    monkeypatch: pytest.MonkeyPatch, faces: int
+) -> None:
+    """All of it is near its seam: a band of four edges would leave no rock to cut around."""
+    count, radius = 110, 0.4
+    axis = np.linspace(-4.0, 4.0, count)
+    x, y = (place.ravel() for place in np.meshgrid(axis, axis, indexing="ij"))
+    away = np.hypot(x, y)
+    top = 0.3 * radius + np.sqrt(np.maximum(radius**2 - away**2, 0.0))
+    at = np.arange(count**2).reshape(count, count)
+    corners = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
+    first, second, third, fourth = (corner.ravel() for corner in corners)
+    triangles = np.concatenate([np.c_[first, second, third], np.c_[first, third, fourth]])
+    noise = np.random.default_rng(0).normal(0.0, 0.002, len(x))
+    points = np.c_[x, y, np.where(away < radius, top, 0.05 * np.sin(x) + noise)]
+    mesh = trimesh.Trimesh(points, triangles, process=False)
+    monkeypatch.setattr(coarse_first, "AT_ONCE", faces)
+    coarse, direct = (way(mesh, None, SOMEWHERE) for way in (proposed, propose))
+    np.testing.assert_array_equal(coarse.rock, direct.rock)
+
+
 def test_where_no_rock_is_the_candidates_are_told_among_all_faces() -> None:
     mesh = sheet(FieldScan(1))
     with pytest.raises(Undecided) as refused:
