@@ -125,8 +125,7 @@ def by_seat(found: xr.Dataset, boundary: xr.Dataset) -> list[dict[str, Any]]:
     kinds = {key: drawn == key for key in ("rim", "whole")}
     kinds["points"] = ~(kinds["rim"] | kinds["whole"])
     edges, own = found["member_boundary"].values, boundary["first_overturning_pga"].values
-    with np.errstate(invalid="ignore"):
-        ratio = edges / own
+    ratio = edges / np.where(np.isfinite(own), own, np.nan)  # else it would be none of all
     rows = []
     for key, name in unknowns.KINDS.items():
         members = kinds[key]

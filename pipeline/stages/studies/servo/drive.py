@@ -129,6 +129,7 @@ def _dataset(
 def _shift(dataset: xr.Dataset) -> str:
     """Change of the boundary from the table's frame to a servo, in words."""
     boundary = dataset["first_overturning_pga"].values
+    boundary = boundary[:, np.isfinite(boundary[0])]
     change = 100.0 * (boundary[1:] / boundary[0] - 1.0)
     change = change[np.isfinite(change)]
     if not change.size:

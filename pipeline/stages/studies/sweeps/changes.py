@@ -109,7 +109,7 @@ def changes(data: xr.Dataset, dimension: Dimension) -> list[Change]:
 
 
 def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> Change:
-    both = here[LOWER].notnull() & there[LOWER].notnull()
+    both = here[LOWER].notnull() & there[LOWER].notnull() & np.isfinite(there[BOUNDARY])
     ratio = (here[BOUNDARY] / there[BOUNDARY]).where(both).values - 1.0
     known = ratio[np.isfinite(ratio)]
     low, high = np.quantile(known, (0.1, 0.9)) if known.size else (np.nan, np.nan)

@@ -15,7 +15,7 @@ import xarray as xr
 
 from pipeline.config.layers import Site, load_site
 from pipeline.stages.motions import motion_grid
-from pipeline.stages.studies.servo import drive_runs
+from pipeline.stages.studies.servo import drive, drive_runs
 from vsr_core import GRAVITY
 from vsr_core.judge.proofs import barrier
 from vsr_core.motions.pulses import CosinePulse
@@ -98,6 +98,13 @@ def test_a_made_motion_has_its_ratio_and_ends_at_rest() -> None:
         assert peaks[0] == pytest.approx(0.4 * GRAVITY, rel=1e-3)
         assert peaks[1] / peaks[0] == pytest.approx(ratio, rel=0.01)
         assert abs(float(trace.velocity[-1])) < 1e-3 * peaks[1]
+
+
+def test_a_row_that_only_a_servo_topples_has_no_shift() -> None:
+    rows = ("drive", "pgv_pga"), [[0.4, np.inf], [0.5, 0.6]]
+    assert "median row and by +25.0 % at most" in drive._shift(
+        xr.Dataset({"first_overturning_pga": rows})
+    )
 
 
 def test_a_toppling_rock_disturbs_the_table_for_an_instant() -> None:

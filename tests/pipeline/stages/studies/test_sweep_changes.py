@@ -57,6 +57,15 @@ def test_rows_are_apart_where_their_intervals_are() -> None:
     assert np.isnan(reference.error)
 
 
+def test_a_row_that_only_topples_elsewhere_has_no_change() -> None:
+    """A boundary is no share of one that was never reached."""
+    same = (0.3, 0.4)
+    other = compared([same, same, same, NEVER], [same] * 4)[1]
+    assert (other.mean, other.low, other.high) == (0.0, 0.0, 0.0)
+    assert (other.apart, other.rows, other.lost) == (1, 4, 0)
+    assert np.isnan(compared([NEVER] * 4, [same] * 4)[1].mean)
+
+
 def test_an_error_of_the_time_step_widens_the_intervals() -> None:
     """0.5 g less 15 % lies below 0.4 g and 15 %."""
     places = [(0.3, 0.4)] * 4, [(0.5, 0.6)] * 3 + [NEVER]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from support.grounds import incline
 
 from pipeline.config.layers import load_site
@@ -16,6 +17,7 @@ from pipeline.config.priors_schema import SeatWeights, UncertaintyConfig
 from pipeline.stages.mesh import seating
 from pipeline.stages.mesh.seating import Bed
 from pipeline.stages.uncertainty import seats
+from pipeline.stages.uncertainty.uncertainty_page import by_seat
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import block
@@ -124,3 +126,17 @@ def test_a_seam_that_bears_as_a_whole_has_no_error() -> None:
     assert one.bearing == other.bearing == "whole"
     np.testing.assert_array_equal(one.outline, other.outline)
     np.testing.assert_array_equal(one.ground.terrain.vertices, other.ground.terrain.vertices)
+
+
+def test_a_row_on_which_the_site_never_topples_is_no_share_of_its_boundary() -> None:
+    edges = [[[0.6, 0.5, 0.9]]]
+    found = xr.Dataset(
+        {
+            "drawn_seat": ("member", ["rim"]),
+            "member_boundary": (("member", "yaw", "pgv_pga"), edges),
+        },
+        {"pgv_pga": [0.2, 0.4, 0.8]},
+    )
+    own = xr.Dataset({"first_overturning_pga": (("yaw", "pgv_pga"), [[0.5, np.inf, np.inf]])})
+    rim = by_seat(found, own)[0]
+    assert (rim["members"], rim["ratio"]) == (1, pytest.approx(1.2))
