@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import random
+import signal
 import sqlite3
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from support.dask_processes import Farm
 
 from pipeline import ROOT
 from pipeline.stages.runs import runner
+from pipeline.stages.uncertainty import ensemble
 from pipeline.workflow.run_store import RUNS
 from vsr_core.judge.proofs import barrier
 from vsr_core.motions.pulses import CosinePulse
@@ -125,6 +127,93 @@ def test_two_clusters_make_one_study(
         assert rows(alone / "rock") == rows(tmp_path / "two" / "rock")
         one, other = (folder / "rock" / "responses.nc" for folder in (alone, tmp_path / "two"))
         assert one.read_bytes() == other.read_bytes()
+
+
+# Draws
+
+DRAWN = """
+rock: {shape: box, size: [0.3, 0.8, 1.0], density: 2000}
+motion: {pga: {start: 0.1, stop: 0.7, num: 6}, pgv_pga: {start: 0.1, stop: 0.5, num: 9}}
+yaw: [0, 45]
+simulation: {engine: nonsmooth, time_step: 0.002}
+uncertainty: {members: 4}
+"""
+
+KILLED = """
+import os, signal, sys
+from dataclasses import replace
+
+from pipeline.cli import main
+from pipeline.stages.uncertainty import ensemble
+
+done = []
+
+def simulate(shared, places):
+    done.append(len(places))
+    if sum(done) > int(sys.argv[1]):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return ensemble.simulate_draw(shared, places)
+
+ensemble.KIND = replace(ensemble.KIND, function=simulate)
+ensemble.TOGETHER = 2
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+@pytest.fixture
+def draws(
+    vsr: Callable[..., Any],
+    write_site: Callable[..., str],
+    monkeypatch: pytest.MonkeyPatch,
+    no_pictures: None,
+) -> Callable[..., dict[str, bytes]]:
+    """Makes draws of a rock in a folder, two of them after the other two; gives their products."""
+    monkeypatch.setattr(ensemble, "TOGETHER", 2)
+
+    def make(into: Path, workers: str = "0") -> dict[str, bytes]:
+        site = write_site(DRAWN)
+        ran = vsr("run", "uncertainty", "--site", site, "--workers", workers, into=into)
+        assert ran.code == 0, ran.err
+        names = ("uncertainty.nc", "uncertainty.html")
+        return {name: (into / "rock" / name).read_bytes() for name in names}
+
+    return make
+
+
+def test_workers_change_no_byte_of_draws(
+    draws: Callable[..., dict[str, bytes]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the process, on two threads and on two worker processes."""
+    alone = draws(tmp_path / "alone")
+    monkeypatch.setattr(runner, "SMALL", 0)
+    assert draws(tmp_path / "threads", "2") == alone
+    monkeypatch.setattr(runner, "QUICK", 0)
+    assert draws(tmp_path / "processes", "2") == alone
+    for other in ("threads", "processes"):
+        assert rows(tmp_path / other / "rock") == rows(tmp_path / "alone" / "rock")
+
+
+def test_draws_go_on_after_a_kill(
+    draws: Callable[..., dict[str, bytes]], write_site: Callable[..., str], tmp_path: Path
+) -> None:
+    """Killed in the search of the second two: what was done is not done again."""
+    alone, into = draws(tmp_path / "alone"), tmp_path / "killed"
+    own = ["run", "uncertainty", "--site", write_site(DRAWN), "--workers", "0"]
+    many = len(rows(tmp_path / "alone" / "rock"))
+    ran = subprocess.run(
+        [sys.executable, "-c", KILLED, str(many // 2), *own, "--derived", str(into)],
+        capture_output=True,
+        check=False,
+        cwd=ROOT,
+    )
+    assert ran.returncode == -signal.SIGKILL, ran.stderr
+    kept = rows(into / "rock")
+    assert many // 3 < len(kept) < many
+    assert not (into / "rock" / "uncertainty.nc").exists()
+    assert draws(into) == alone
+    found = rows(into / "rock")
+    assert found == rows(tmp_path / "alone" / "rock")
+    assert kept.items() <= found.items()
 
 
 # Processors

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
+from threadpoolctl import threadpool_limits
 
 from pipeline.config import in_si
 from pipeline.config.priors_schema import PriorsConfig, UncertaintyConfig
@@ -36,7 +37,8 @@ def base_effects(draws: Sequence[Draw], shape: Form, density: float, given: Arra
     ndarray, for the side that a pulse pushes the rock to first, and for the other
     """
     yaws = np.radians(draws[0].yaw)
-    hulls = [base_alone(draw, shape, density).hull for draw in draws]
+    with threadpool_limits(1):  # as in ``draws``
+        hulls = [base_alone(draw, shape, density).hull for draw in draws]
     return np.array([search.scales(hull, yaws)[1:3] - given[1:3] for hull in hulls])
 
 
