@@ -49,7 +49,7 @@ folders := $(filter-out docs,$(patsubst %/,%,$(wildcard */)))
 	$(error no target `$@`; `make` alone lists those there are)
 
 ## A rock
-.PHONY: fragility uncertainty observations displacement hazard study replay prep
+.PHONY: fragility uncertainty observations displacement hazard exclusion study replay prep
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(call vsr,run fragility $(site-flags) $(where-flags))
 
@@ -61,6 +61,10 @@ observations: setup ## what tests of SITE's rock in the field teach, and which w
 
 displacement: setup ## where the rock of SITE goes over its terrain: trajectories and report
 	$(call vsr,run displacement $(site-flags) $(where-flags))
+
+exclusion: setup ## which earthquakes would topple SITE's rock, and which faults it speaks against
+	$(call vsr,run exclusion $(site-flags) $(call flag,--age,AGE) $(call flag,--age-sd,AGE_SD) \
+	  $(where-flags))
 
 hazard: setup ## which branches of a hazard model let SITE's rock stand for its age
 	$(call vsr,run hazard $(site-flags) $(call flag,--curves,CURVES) $(call flag,--age,AGE) \

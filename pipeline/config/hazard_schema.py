@@ -138,6 +138,16 @@ class HazardConfig(Section):
         description="OpenQuake's Mag_Dist CSV of PGA, or a folder with it; null for the folder of "
         "the curves",
     )
+    faults: str | None = Field(
+        None,
+        description="CSV of faults near the rock, for `make exclusion`; relative to the file that "
+        "names it",
+    )
+    ground_motion: str | None = Field(
+        None,
+        description="CSV of median PGA and PGV with their standard deviations by magnitude and "
+        "distance, for `make exclusion`; null for equations for rock and strike-slip",
+    )
     rocks: Annotated[tuple[HazardRock, ...], Lax] = Field(
         (),
         max_length=8,

@@ -45,6 +45,7 @@ DELIVERABLES = {
     "displacement": Deliverable(
         "displacement_report", ("displacement.html", "trajectories.html", "correlation.csv")
     ),
+    "exclusion": Deliverable("exclusion", ("exclusion.html", "exclusion.csv", "exclusion.nc")),
     "hazard": Deliverable("hazard", ("hazard.html", "hazard.csv", "hazard.nc")),
     "accuracy": Deliverable(
         "accuracy", ("accuracy.html", "accuracy.csv", "work_precision.png"), engine="bullet"

@@ -40,6 +40,7 @@ INPUTS = tuple(
         ("stages.uncertainty.draws", "find_replica", "Replica"),
         ("stages.observations.shaking", "find", "ShakenBy"),
         ("stages.hazard.curve_folder", "find", "Curves"),
+        ("stages.hazard.fault_files", "find", "Faults"),
         ("stages.hazard.rock_fragility", "find", "Others"),
         ("stages.studies.validation.recorded_tests", "find", "Folder"),
     )
@@ -165,10 +166,17 @@ STAGES: tuple[Stage, ...] = (
         versions=("scikit-learn", "scipy", "trimesh", "matplotlib", "jinja2"),
     ),
     Stage(
+        "exclusion",
+        make="pipeline.stages.hazard.exclusion:make",
+        gives=("pipeline.stages.hazard.exclusion:ExclusionData",),
+        files=("exclusion.html", "earthquakes.html"),
+        versions=("scipy", "matplotlib", "jinja2"),
+    ),
+    Stage(
         "hazard",
         make="pipeline.stages.hazard.hazard:make",
         refuses="pipeline.stages.hazard.hazard:refuse_older",
-        files=("hazard.html",),
+        files=("hazard.html", "earthquakes.html"),
         versions=("scipy", "matplotlib", "jinja2"),
     ),
     Stage(

@@ -23,6 +23,8 @@ from pipeline.drawing.style import svg_uri
 from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard.curve_folder import Curves
+from pipeline.stages.hazard.exclusion import ExclusionData
+from pipeline.stages.hazard.exclusion import facts as of_earthquakes
 from pipeline.stages.hazard.hazard_dataset import COLUMNS, dataset, pga_at, table
 from pipeline.stages.hazard.rock_fragility import Others, of_fits, of_members
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, ShakingRatio, of_model
@@ -34,6 +36,8 @@ from pipeline.stages.hazard.survival_analysis import (
     SurvivalAnalysis,
     ages_of,
     cases,
+    exposed,
+    years_observed,
 )
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
@@ -78,6 +82,7 @@ def make(
     rock: RockData,
     fits: Fits,
     ensemble: EnsembleData | None,
+    excluded: ExclusionData,
     observed: Annotated[Observations, Key("observations")],
 ) -> Product:
     """Reject and reweight the branches of a hazard model by a rock's survival.
@@ -94,8 +99,7 @@ def make(
     drawn = ensemble is not None and config.support == "tested"
     own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
     assert config.age is not None
-    years = len({one.year for one in observed if isinstance(one, Earthquake)}) if drawn else 0
-    rocks = [DatedRock(name, own, np.maximum(ages_of(config.age) - years, 0.0))]
+    rocks = [DatedRock(name, own, exposed(config.age, observed, drawn=drawn))]
     for other, given in zip(beside.rocks, config.rocks, strict=True):
         rocks.append(DatedRock(other.name, other.fragility(fits.folder), ages_of(given.age)))
     compared = {}
@@ -114,7 +118,8 @@ def make(
     results = all_cases[0].results
     found = dataset(analysis, results, by_member, all_cases)
     facts = page(name, config, rock, analysis, ratio, found, shown(curves.path), curves.about)
-    facts["earthquakes"] = years
+    facts["earthquakes"] = years_observed(observed) if drawn else 0
+    facts["exclusion"] = of_earthquakes(excluded.data, config, own)
     files = {
         FILE: netcdf(described(found, work, "Hazard")),
         TABLE: writers.table(table(found)),

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.config.hazard_schema import Age, BoundedAge, LognormalAge, NormalAge
+from pipeline.config.observation_schema import Earthquake, Observations
 from pipeline.stages.hazard.hazard_model import HazardModel
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility
 from pipeline.stages.hazard.shaking_ratio import ShakingRatio
@@ -266,3 +267,18 @@ def ages_of(age: Age) -> Array:
     if isinstance(age, BoundedAge):
         return uniform_ages(age.low, age.high)
     return np.array(age.values)
+
+
+def years_observed(observed: Observations) -> int:
+    """Years in which earthquakes were seen to leave the rock standing."""
+    return len({one.year for one in observed if isinstance(one, Earthquake)})
+
+
+def exposed(age: Age, observed: Observations, *, drawn: bool) -> Array:
+    """Equally likely ages [year] without the years that the draws were weighed by already.
+
+    Parameters
+    ----------
+    drawn : bool, whether the rock is the draws that observations weigh
+    """
+    return np.maximum(ages_of(age) - (years_observed(observed) if drawn else 0), 0.0)

@@ -44,7 +44,7 @@ from vsr_core.table.stepper import SteppedPulse, Stepper
 
 RUNS = {"runs", "responses", "boundary", "bullet_sample", "fragility", "report"}
 MOVED = {"displacement_runs", "displacement", "displacement_report"}
-DRAWN = {"observations", "uncertainty", "hazard"}
+DRAWN = {"observations", "uncertainty", "exclusion", "hazard"}
 STUDIES = {"accuracy", "drive"}
 AFTER_MOTIONS = RUNS | MOVED | DRAWN | STUDIES
 
@@ -62,7 +62,7 @@ DECIDES = {
     "simulation.reduce": {"terrain"},
     "fragility": {"boundary", "fragility", "report"} | DRAWN - {"observations"},
     "observed_boulder": {"displacement_report"},
-    "hazard": {"hazard"},
+    "hazard": {"exclusion", "hazard"},
     "uncertainty": DRAWN,
     "uncertainty.inset": {"report"},
     "observations": DRAWN,

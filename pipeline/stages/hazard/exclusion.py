@@ -1,0 +1,241 @@
+"""Exclusion: which earthquakes would topple a rock, and which faults it speaks against.
+
+Nothing is simulated here, and no hazard curves are asked: a ground-motion model says what shaking
+an earthquake of a magnitude brings at a distance.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from pipeline.config import in_si
+from pipeline.config.hazard_schema import HazardConfig
+from pipeline.config.observation_schema import Observations
+from pipeline.config.paths import shown
+from pipeline.config.sections import Key
+from pipeline.drawing.style import svg_uri
+from pipeline.stages.fragility.summary import Fits
+from pipeline.stages.hazard import exclusion_figures as figures
+from pipeline.stages.hazard.fault_files import Faults
+from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_fits, of_members
+from pipeline.stages.hazard.survival_analysis import REACH, exposed
+from pipeline.stages.mesh.products import RockData
+from pipeline.stages.uncertainty.draws import EnsembleData
+from pipeline.workflow import pages, writers
+from pipeline.workflow.datasets import Stored, described, netcdf
+from pipeline.workflow.grammar import counted
+from pipeline.workflow.stage import Product, Work
+from vsr_core.arrays import Array
+from vsr_core.hazard import scenarios
+from vsr_core.hazard.scenarios import DISTANCES, MAGNITUDES, Shaking, nearest, toppling_chance
+
+FILE, TABLE, FAULTS, PAGE = (
+    "exclusion.nc",
+    "exclusion.csv",
+    "exclusion_faults.csv",
+    "exclusion.html",
+)
+
+STANDING = (0.05, 0.5, 0.95)
+"""Chances of standing at which the least distance of an earthquake is given."""
+
+_STEP, _FACTOR = 0.1, 1.1
+"""Step of magnitude, and factor between distances, of the map."""
+
+_SHOWN = np.arange(3.0, 10.5, 0.5)
+"""Magnitudes in the table of the page, those nearest to them that the map has."""
+
+
+class ExclusionData(Stored):
+    """Which earthquakes would topple the rock."""
+
+    FILE = FILE
+
+
+def make(
+    work: Work,
+    config: HazardConfig,
+    faults: Faults,
+    rock: RockData,
+    fits: Fits,
+    ensemble: EnsembleData | None,
+    observed: Annotated[Observations, Key("observations")],
+) -> Product:
+    """Map the earthquakes that topple a rock, and weigh faults by its survival.
+
+    Returns
+    -------
+    Product
+        ``exclusion.nc``, ``exclusion.csv``, ``exclusion_faults.csv`` and ``exclusion.html``.
+    """
+    drawn = ensemble is not None and config.support == "tested"
+    own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
+    found = _map(own, faults)
+    if faults.faults:
+        assert config.age is not None
+        found = found.merge(_of_faults(own, faults, exposed(config.age, observed, drawn=drawn)))
+        found["fault_rejected"] = (
+            found["fault_survival"] < config.minimum_survival_probability
+        ).astype(np.int8)
+    known = rock.data.attrs
+    page = {
+        "exclusion": facts(found, config, own),
+        "site": work.origin.name,
+        "origin": {"source": known["shape_source"], "surrogate": known["surrogate"]},
+        "files": [shown(path) for path in faults.files],
+    }
+    files = {
+        FILE: netcdf(described(found, work, "Exclusion")),
+        TABLE: writers.table(_distances(found)),
+        FAULTS: writers.table(_table(found)),
+        PAGE: writers.text(pages.filled(PAGE, page)),
+    }
+    return Product(files, _summary(found))
+
+
+def _chances(rock: RockFragility, shaking: Shaking) -> Array:
+    """Chance of toppling of each draw, or of the fits and their ends, shape (n, earthquakes)."""
+    low, high = in_si.acceleration(np.array(rock.tested)) * np.array([1.0 / REACH, REACH])
+    rows = [*rock.others] if rock.source == DRAWN else [rock.mean, *rock.others]
+    return toppling_chance(shaking, rock.ratios, rows, scenarios.parts_between(low, high))
+
+
+def _summed(rock: RockFragility, values: Array) -> tuple[Array, Array, Array]:
+    """Mean of draws with 5 and 95 % of them, or the fits with the ends of their intervals."""
+    if rock.source == DRAWN:
+        low, high = np.percentile(values, [5.0, 95.0], axis=0)
+        return values.mean(axis=0), low, high
+    return values[0], values.min(axis=0), values.max(axis=0)
+
+
+def _shaking(faults: Faults, magnitudes: Array, distances: Array) -> Shaking:
+    if faults.model is not None:
+        return faults.model.at(magnitudes, distances)
+    return scenarios.of_equations(magnitudes, distances)
+
+
+def _map(rock: RockFragility, faults: Faults) -> xr.Dataset:
+    """Chance of toppling by magnitude and distance, and how near it still stands."""
+    model = faults.model
+    spans = (model.magnitudes, model.distances) if model is not None else (MAGNITUDES, DISTANCES)
+    (weak, strong), (near, far) = ((one[0], one[-1]) for one in spans)
+    magnitudes = np.linspace(weak, strong, 1 + round((strong - weak) / _STEP))
+    distances = np.geomspace(near, far, 2 + int(np.log(far / near) / np.log(_FACTOR)))
+    rows = [
+        _summed(rock, _chances(rock, _shaking(faults, np.full(len(distances), one), distances)))
+        for one in magnitudes
+    ]
+    mean, low, high = (np.array(part) for part in zip(*rows, strict=True))
+    axes = ("magnitude", "distance")
+    least = np.stack([nearest(distances, mean, chance) for chance in STANDING], axis=1)
+    return xr.Dataset(
+        {
+            "scenario_toppling_probability": (axes, mean),
+            "scenario_toppling_probability_low": (axes, low),
+            "scenario_toppling_probability_high": (axes, high),
+            "least_distance": (("magnitude", "standing_probability"), least),
+        },
+        {"magnitude": magnitudes, "distance": distances, "standing_probability": list(STANDING)},
+    )
+
+
+def _of_faults(rock: RockFragility, faults: Faults, ages: Array) -> xr.Dataset:
+    """Survival of the rock under each fault alone, and under all of them."""
+    given = faults.faults
+    magnitudes, distances, rates = (
+        np.array([getattr(one, name) for one in given])
+        for name in ("magnitude", "distance_km", "rate_per_year")
+    )
+    chances = _chances(rock, _shaking(faults, magnitudes, distances))
+    alone = np.stack(
+        [scenarios.survival(chances[:, [i]], rates[[i]], ages) for i in range(len(given))], axis=1
+    )
+    toppled, stood = _summed(rock, chances), _summed(rock, alone)
+    together = _summed(rock, scenarios.survival(chances, rates, ages))
+    ends = ("", "_low", "_high")
+    return xr.Dataset(
+        {
+            "fault_magnitude": ("fault", magnitudes),
+            "fault_distance": ("fault", distances),
+            "fault_rate": ("fault", rates),
+            **{
+                f"fault_toppling_probability{end}": ("fault", toppled[i])
+                for i, end in enumerate(ends)
+            },
+            **{f"fault_survival{end}": ("fault", stood[i]) for i, end in enumerate(ends)},
+            **{f"survival_together{end}": ((), float(together[i])) for i, end in enumerate(ends)},
+            "mechanism": ("fault", [one.mechanism for one in given]),
+        },
+        {"fault": [one.name for one in given]},
+    )
+
+
+def _distances(found: xr.Dataset) -> pd.DataFrame:
+    """Least distances, a row a magnitude and chance."""
+    table = found["least_distance"].to_dataframe().reset_index()
+    return table.rename(columns={"least_distance": "least_distance_km"})
+
+
+def _table(found: xr.Dataset) -> pd.DataFrame:
+    """The faults, one a row; none where none are given."""
+    names = {
+        "name": "fault",
+        "magnitude": "fault_magnitude",
+        "distance_km": "fault_distance",
+        "rate_per_year": "fault_rate",
+        **{
+            f"{name}{end}": f"fault_{name}{end}"
+            for name in ("toppling_probability", "survival")
+            for end in ("", "_low", "_high")
+        },
+        "rejected": "fault_rejected",
+    }
+    if "fault" not in found.dims:
+        return pd.DataFrame(columns=list(names))
+    return pd.DataFrame({own: found[name].values for own, name in names.items()})
+
+
+def facts(found: xr.Dataset, config: HazardConfig, rock: RockFragility) -> dict[str, Any]:
+    """What the page says of earthquakes, and the page of the hazard too."""
+    of_page = found.sel(magnitude=_SHOWN, method="nearest").drop_duplicates("magnitude")
+    given: dict[str, Any] = {
+        "pictures": {"exclusion": svg_uri(figures.exclusion(found))},
+        "magnitudes": [
+            {"magnitude": float(m), "distances": row.tolist()}
+            for m, row in zip(
+                of_page["magnitude"].values, of_page["least_distance"].values, strict=True
+            )
+        ],
+        "standing": list(STANDING),
+        "span": (float(found["distance"][0]), float(found["distance"][-1])),
+        "table": config.ground_motion is not None,
+        "drawn": rock.source == DRAWN,
+        "least": config.minimum_survival_probability,
+        "faults": [],
+    }
+    if "fault" in found.dims:
+        rows = _table(found).to_dict("records")
+        mechanisms = found["mechanism"].values.tolist()
+        given["faults"] = [
+            row | {"mechanism": one} for row, one in zip(rows, mechanisms, strict=True)
+        ]
+        given["together"] = [
+            float(found[f"survival_together{end}"]) for end in ("", "_low", "_high")
+        ]
+    return given
+
+
+def _summary(found: xr.Dataset) -> str:
+    if "fault" not in found.dims:
+        return f"{counted(found.sizes['magnitude'], 'magnitude')}, no faults given"
+    worst = found.isel(fault=int(np.argmin(found["fault_survival"].values)))
+    rejected = int(found["fault_rejected"].sum())
+    return (
+        f"{rejected} of {counted(found.sizes['fault'], 'fault')} rejected; least survival "
+        f"{worst['fault_survival'].item():.3g} under {worst['fault'].item()}, "
+        f"{found['survival_together'].item():.3g} under all together"
+    )

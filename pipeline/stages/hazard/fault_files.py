@@ -1,0 +1,132 @@
+"""Faults near a rock, and a ground-motion model as a table: two files of a user's.
+
+Faults are ``name,magnitude,distance_km,rate_per_year`` and, to be shown, ``mechanism``: a row is
+one kind of earthquake of a fault, how large it is, how near the surface projection of its rupture,
+and how often a year it comes. A ground-motion model is
+``magnitude,distance_km,pga_g,pga_log_sd,pgv_cm_s,pgv_log_sd``: medians and standard deviations of
+natural logarithms, at every distance for every magnitude.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from pipeline.config.hazard_schema import HazardConfig
+from pipeline.config.layers import Origin
+from pipeline.config.outside import Row, refused, rows, table, text
+from pipeline.config.paths import located
+from pipeline.config.problems import InputError, Problem
+from pipeline.stages.hazard.hazard_model import LEVELS, RATIOS, UNITS
+from pipeline.workflow.keys import digest_file
+from pipeline.workflow.stage import Input
+from vsr_core.hazard.scenarios import GroundMotionTable
+
+_Magnitude = Annotated[float, Field(ge=3, le=10)]
+_LogSd = Annotated[float, Field(gt=0, le=3)]
+
+_MOST = 5_000
+"""Faults, or rows of a table of a ground-motion model."""
+
+
+class Fault(Row):
+    """A row of a table of faults."""
+
+    name: str = Field(min_length=1, max_length=200, description="name of the fault")
+    magnitude: _Magnitude = Field(description="moment magnitude of its earthquakes")
+    distance_km: float = Field(ge=0, le=1000, description="distance of the rupture [km]")
+    rate_per_year: float = Field(gt=0, le=10, description="earthquakes a year")
+    mechanism: str = Field("", max_length=100, description="kind of faulting, for the page")
+
+
+class Expected(Row):
+    """A row of a table of a ground-motion model."""
+
+    magnitude: _Magnitude = Field(description="moment magnitude")
+    distance_km: float = Field(gt=0, le=1000, description="distance [km]")
+    pga_g: float = Field(gt=0, le=LEVELS["PGA"][2], description="median PGA [g]")
+    pga_log_sd: _LogSd = Field(description="standard deviation of ln PGA")
+    pgv_cm_s: float = Field(gt=0, le=LEVELS["PGV"][2], description="median PGV [cm/s]")
+    pgv_log_sd: _LogSd = Field(description="standard deviation of ln PGV")
+
+
+@dataclass(frozen=True, eq=False)
+class Faults(Input):
+    """Faults and the ground-motion model that a site names, read and checked.
+
+    Attributes
+    ----------
+    model : GroundMotionTable, None for the equations
+    """
+
+    files: tuple[Path, ...]
+    faults: tuple[Fault, ...]
+    model: GroundMotionTable | None
+
+    def digests(self) -> dict[str, str]:
+        """Digests of the files, by their names."""
+        return {path.name: digest_file(path) for path in self.files}
+
+
+def find(hazard: HazardConfig, origin: Origin) -> Faults:
+    """What a site names; errors are reported before anything runs."""
+    found: dict[str, Path] = {}
+    for key, name in (("faults", hazard.faults), ("ground_motion", hazard.ground_motion)):
+        if name is not None:
+            at = f"hazard.{key}"
+            found[key] = located(origin.folder_of(at), name, origin.file_of(at), at)
+    if hazard.faults is not None and hazard.age is None:
+        file, rule = origin.file_of("hazard.faults"), "the chance to survive faults is for an age"
+        remedy = "give AGE=years AGE_SD=years (--age, --age-sd), or set the key"
+        raise InputError(Problem(file, "hazard.age", "nothing", rule, remedy))
+    return Faults(
+        tuple(found.values()),
+        _faults(found["faults"]) if "faults" in found else (),
+        _model(found["ground_motion"]) if "ground_motion" in found else None,
+    )
+
+
+def _faults(path: Path) -> tuple[Fault, ...]:
+    cells = table(path, text(path))
+    if not 1 <= len(cells) <= _MOST:
+        rule = f"there are 1 to {_MOST:,} faults"
+        raise refused(path, "", f"{len(cells)} rows", rule, "give one a row")
+    return tuple(rows(path, Fault, cells, once=("name", "magnitude", "distance_km")))
+
+
+def _model(path: Path) -> GroundMotionTable:
+    cells = table(path, text(path))
+    if len(cells) > _MOST:
+        raise refused(path, "", f"{len(cells)} rows", f"at most {_MOST:,}", "thin it out")
+    found = rows(path, Expected, cells, once=("magnitude", "distance_km"))
+    magnitudes = sorted({row.magnitude for row in found})
+    distances = sorted({row.distance_km for row in found})
+    whole = len(magnitudes) * len(distances)
+    if min(len(magnitudes), len(distances)) < 2 or len(found) != whole:
+        given = f"{len(found)} rows of {len(magnitudes)} magnitudes and {len(distances)} distances"
+        rule = "it has every distance for every magnitude, two or more of each"
+        raise refused(path, "magnitude, distance_km", given, rule, "fill the gaps")
+    for row in found:
+        ratio = UNITS["PGV"] * row.pgv_cm_s / (UNITS["PGA"] * row.pga_g)
+        if not RATIOS[0] <= ratio <= RATIOS[1]:
+            rule = f"it is {RATIOS[0]:g} to {RATIOS[1]:g} s, with PGA in g and PGV in cm/s"
+            given = f"PGV/PGA of {ratio:.2g} s at M {row.magnitude:g}, {row.distance_km:g} km"
+            raise refused(path, "pgv_cm_s", given, rule, "convert the units")
+    found.sort(key=lambda row: (row.magnitude, row.distance_km))
+    values = [
+        (
+            np.log(UNITS["PGA"] * row.pga_g),
+            row.pga_log_sd,
+            np.log(UNITS["PGV"] * row.pgv_cm_s),
+            row.pgv_log_sd,
+        )
+        for row in found
+    ]
+    shape = len(magnitudes), len(distances), 4
+    return GroundMotionTable(
+        np.array(magnitudes), np.array(distances), np.array(values).reshape(shape)
+    )
