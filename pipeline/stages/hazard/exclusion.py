@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.config.hazard_schema import HazardConfig
+from pipeline.config.hazard_schema import Age
 from pipeline.config.observation_schema import Observations
 from pipeline.config.paths import shown
 from pipeline.config.sections import Key
@@ -58,7 +58,9 @@ class ExclusionData(Stored):
 
 def make(
     work: Work,
-    config: HazardConfig,
+    age: Annotated[Age | None, Key("hazard.age")],
+    minimum: Annotated[float, Key("hazard.minimum_survival_probability")],
+    support: Annotated[str, Key("hazard.support")],
     faults: Faults,
     rock: RockData,
     fits: Fits,
@@ -72,18 +74,16 @@ def make(
     Product
         ``exclusion.nc``, ``exclusion.csv``, ``exclusion_faults.csv`` and ``exclusion.html``.
     """
-    drawn = ensemble is not None and config.support == "tested"
+    drawn = ensemble is not None and support == "tested"
     own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
     found = _map(own, faults)
     if faults.faults:
-        assert config.age is not None
-        found = found.merge(_of_faults(own, faults, exposed(config.age, observed, drawn=drawn)))
-        found["fault_rejected"] = (
-            found["fault_survival"] < config.minimum_survival_probability
-        ).astype(np.int8)
+        assert age is not None
+        found = found.merge(_of_faults(own, faults, exposed(age, observed, drawn=drawn)))
+        found["fault_rejected"] = (found["fault_survival"] < minimum).astype(np.int8)
     known = rock.data.attrs
     page = {
-        "exclusion": facts(found, config, own),
+        "exclusion": facts(found, minimum, own),
         "site": work.origin.name,
         "origin": {"source": known["shape_source"], "surrogate": known["surrogate"]},
         "files": [shown(path) for path in faults.files],
@@ -140,6 +140,7 @@ def _map(rock: RockFragility, faults: Faults) -> xr.Dataset:
             "least_distance": (("magnitude", "standing_probability"), least),
         },
         {"magnitude": magnitudes, "distance": distances, "standing_probability": list(STANDING)},
+        {"ground_motion": "equations" if model is None else "table"},
     )
 
 
@@ -199,7 +200,7 @@ def _table(found: xr.Dataset) -> pd.DataFrame:
     return pd.DataFrame({own: found[name].values for own, name in names.items()})
 
 
-def facts(found: xr.Dataset, config: HazardConfig, rock: RockFragility) -> dict[str, Any]:
+def facts(found: xr.Dataset, minimum: float, rock: RockFragility) -> dict[str, Any]:
     """What the page says of earthquakes, and the page of the hazard too."""
     of_page = found.sel(magnitude=_SHOWN, method="nearest").drop_duplicates("magnitude")
     given: dict[str, Any] = {
@@ -212,9 +213,9 @@ def facts(found: xr.Dataset, config: HazardConfig, rock: RockFragility) -> dict[
         ],
         "standing": list(STANDING),
         "span": (float(found["distance"][0]), float(found["distance"][-1])),
-        "table": config.ground_motion is not None,
+        "table": found.attrs["ground_motion"] == "table",
         "drawn": rock.source == DRAWN,
-        "least": config.minimum_survival_probability,
+        "least": minimum,
         "faults": [],
     }
     if "fault" in found.dims:

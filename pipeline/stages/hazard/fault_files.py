@@ -16,11 +16,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from pipeline.config.hazard_schema import HazardConfig
+from pipeline.config.hazard_schema import Age
 from pipeline.config.layers import Origin
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem
+from pipeline.config.sections import Key
 from pipeline.stages.hazard.hazard_model import LEVELS, RATIOS, UNITS
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Input
@@ -72,14 +73,19 @@ class Faults(Input):
         return {path.name: digest_file(path) for path in self.files}
 
 
-def find(hazard: HazardConfig, origin: Origin) -> Faults:
+def find(
+    faults: Annotated[str | None, Key("hazard.faults")],
+    ground_motion: Annotated[str | None, Key("hazard.ground_motion")],
+    age: Annotated[Age | None, Key("hazard.age")],
+    origin: Origin,
+) -> Faults:
     """What a site names; errors are reported before anything runs."""
     found: dict[str, Path] = {}
-    for key, name in (("faults", hazard.faults), ("ground_motion", hazard.ground_motion)):
+    for key, name in (("faults", faults), ("ground_motion", ground_motion)):
         if name is not None:
             at = f"hazard.{key}"
             found[key] = located(origin.folder_of(at), name, origin.file_of(at), at)
-    if hazard.faults is not None and hazard.age is None:
+    if faults is not None and age is None:
         file, rule = origin.file_of("hazard.faults"), "the chance to survive faults is for an age"
         remedy = "give AGE=years AGE_SD=years (--age, --age-sd), or set the key"
         raise InputError(Problem(file, "hazard.age", "nothing", rule, remedy))

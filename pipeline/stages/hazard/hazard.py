@@ -119,7 +119,7 @@ def make(
     found = dataset(analysis, results, by_member, all_cases)
     facts = page(name, config, rock, analysis, ratio, found, shown(curves.path), curves.about)
     facts["earthquakes"] = years_observed(observed) if drawn else 0
-    facts["exclusion"] = of_earthquakes(excluded.data, config, own)
+    facts["exclusion"] = of_earthquakes(excluded.data, config.minimum_survival_probability, own)
     files = {
         FILE: netcdf(described(found, work, "Hazard")),
         TABLE: writers.table(table(found)),
