@@ -97,6 +97,7 @@ def test_a_gain_moves_the_boundary_of_housner(
 ) -> None:
     """A block that rocks about an edge and knows its pulse but for a gain, with all cells run."""
     monkeypatch.setattr(ensemble, "CHECKED", 1.0)
+    monkeypatch.setattr(ensemble, "FOLLOWED", 1.0)
     ran = vsr(
         "run", "uncertainty", "--site", write_site(SITE), *priors(amplitude="{mean: 1, sd: 0.1}")
     )
@@ -126,6 +127,8 @@ def test_a_gain_moves_the_boundary_of_housner(
     islands = (inferred != (found["overturned"].values == 1)) & ~proved
     assert found["inferred_wrong"].values.sum() == islands.sum()
     assert islands.mean() < 0.02
+    ends = [found[f"member_boundary_{end}"].values for end in ("lower", "upper")]
+    assert found["levels_followed"].values.sum() == np.isfinite(ends).all(axis=0).sum()
 
 
 @pytest.mark.usefixtures("without_pictures")

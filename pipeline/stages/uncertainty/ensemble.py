@@ -39,8 +39,10 @@ CHECKED = 0.005
 """Share of the inferred cells that are run all the same."""
 
 FOLLOWED = 0.01
-"""Share of the levels in which all cells below the bracket are run, to see whether it is first."""
+"""Share of the levels that are followed below their bracket, to see whether it is first: at all
+cells, and at as many PGAs as `STEPS`, each lower than the one before by the width of a bracket."""
 
+STEPS = 25
 
 Table: TypeAlias = NDArray[np.int8]
 """Outcomes or flags of cells."""
@@ -91,7 +93,8 @@ class Ensemble:
         Inferred cells that were run all the same, and those that were wrong: of other rows, and of
         non-monotonic ones.
     followed, not_first : ndarray of int, shape (2,)
-        Levels in which all cells below the bracket were run, and those in which one toppled.
+        Levels that were followed below their bracket, and those in which a run toppled.
+    too_high : ndarray, shape (2,), ln of the bracket over the lowest PGA that toppled, all added up
     crashed : int, runs that killed their worker
     """
 
@@ -106,6 +109,7 @@ class Ensemble:
     wrong: Indices
     followed: Indices
     not_first: Indices
+    too_high: Array
     crashed: int
 
     @property
@@ -171,7 +175,7 @@ def outcomes(wanted: Search) -> Ensemble:
     return _together(parts)
 
 
-COUNTED = ("checked", "wrong", "followed", "not_first")
+COUNTED = ("checked", "wrong", "followed", "not_first", "too_high")
 """What is counted of all draws together."""
 
 
@@ -281,21 +285,47 @@ def _cells(
     chance = [np.random.default_rng(draw.member.seed) for draw in runner.draws]
     checked = ~proved & (np.array([one.random(table.shape[1:]) for one in chance]) < CHECKED)
     followed = np.array([one.random(table.shape[1:3]) for one in chance]) < FOLLOWED
+    followed &= np.isfinite(lower) & np.isfinite(upper)
     below = ~proved & followed[..., None] & (pga <= lower[..., None])
     asked, taken = np.nonzero(checked | below), table.copy()
     draw, yaw, row, column = asked
     table[asked] = runner.run(draw, yaw, row, pga[column])
     found_by[asked] = FoundBy.SIMULATED
     wrong = checked & (table >= 0) & (table != taken)
-    not_first = (below & (table == 1)).any(axis=-1)
     np.add.at(unresolved, (draw, yaw, row), table[asked] < 0)
+    lowest = np.where(below & (table == 1), pga, np.inf).min(axis=-1, initial=np.inf)
+    lowest = np.minimum(
+        lowest, _lowest(wanted, runner, np.where(followed, lower, np.nan), unresolved)
+    )
+    high = np.where(followed, upper, 1.0)
+    too_high = np.log(high / np.minimum(lowest, high))
+    not_first = too_high > 0.0
     counts = {
         name: np.array([part[:, :, kind].sum() for kind in (~kinds, kinds)])
-        for name, part in zip(COUNTED, (checked, wrong, followed, not_first), strict=True)
+        for name, part in zip(COUNTED, (checked, wrong, followed, not_first, too_high), strict=True)
     }
     return Ensemble(
         table, found_by, lower, upper, runs, unresolved, kinds, crashed=runner.crashed, **counts
     )
+
+
+def _lowest(wanted: Search, runner: _Runner, lower: Array, unresolved: Indices) -> Array:
+    """Lowest PGA [g] that topples within some steps below brackets; infinite where none does.
+
+    Parameters
+    ----------
+    lower : ndarray, shape (draws, yaws, rows) [g], lower ends of brackets; NaN of those left alone
+    """
+    width = float(np.log1p(wanted.width))
+    steps = width * (np.arange(STEPS) + 0.5)
+    peaks = search.rounded(lower[..., None] * np.exp(-steps), width)
+    draw, yaw, row, step = np.nonzero(peaks >= wanted.bounds[0])
+    tried = peaks[draw, yaw, row, step]
+    side = runner.run(draw, yaw, row, tried)
+    np.add.at(unresolved, (draw, yaw, row), side < 0)
+    found = np.full(lower.shape, np.inf)
+    np.minimum.at(found, (draw, yaw, row), np.where(side == 1, tried, np.inf))
+    return found
 
 
 class _Runner:

@@ -154,6 +154,7 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
             "inferred_wrong": ("level_kind", found.wrong),
             "levels_followed": ("level_kind", found.followed),
             "levels_not_first": ("level_kind", found.not_first),
+            "levels_too_high": ("level_kind", _too_high(found)),
             **told.drawn_values(wanted.draws),
         },
         {
@@ -169,6 +170,12 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
     dataset["overturned"].encoding["_FillValue"] = np.int8(-1)
     dataset.attrs |= _rule(found) | dict(zip(SEARCHED, wanted.bounds, strict=True))
     return dataset
+
+
+def _too_high(found: Ensemble) -> Array:
+    """How far brackets lie above the lowest PGA that topples, relative, in the mean."""
+    none = np.full(len(found.followed), np.nan)
+    return np.expm1(np.divide(found.too_high, found.followed, out=none, where=found.followed > 0))
 
 
 def _rule(found: Ensemble) -> dict[str, Any]:

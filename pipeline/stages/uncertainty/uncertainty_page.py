@@ -16,7 +16,7 @@ from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty import unknowns
 from pipeline.stages.uncertainty.draws import Observed
-from pipeline.stages.uncertainty.ensemble import CHECKED, FOLLOWED
+from pipeline.stages.uncertainty.ensemble import CHECKED, FOLLOWED, STEPS
 from pipeline.workflow.datasets import label, rows_of
 from pipeline.workflow.grammar import listed
 from vsr_core.outcome import FoundBy
@@ -69,6 +69,7 @@ def facts(
         "inferred": by[FoundBy.INFERRED],
         "checked": CHECKED,
         "followed": FOLLOWED,
+        "scanned": 1.0 - math.exp(-STEPS * math.log1p(float(found["boundary_resolution"]))),
         "seats": by_seat(found, boundary),
         "weighed": observed.data.attrs["effective_number"] if observed else None,
         "observations": observed.data["observation"].values.tolist() if observed else [],
@@ -208,6 +209,7 @@ def tests(found: xr.Dataset) -> list[dict[str, Any]]:
                 "ends": list(ends),
                 "followed": int(found["levels_followed"][at]),
                 "not_first": int(found["levels_not_first"][at]),
+                "too_high": 100 * float(found["levels_too_high"][at]),
             }
         )
     return rows
