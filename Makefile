@@ -100,7 +100,7 @@ validate: setup ## predict the shake-table tests in the folder TABLE, beside the
 	$(call vsr,run validation --table $(call argument,TABLE) $(derived-flag) $(where-flags))
 
 ## Before and after
-.PHONY: plan status why index fetch
+.PHONY: plan status why index fetch doctor
 plan: setup ## what would run for SITE, and what it costs
 	$(call vsr,plan $(site-flags))
 
@@ -112,6 +112,9 @@ why: setup ## why something of SITE would run again
 
 index: setup ## a page that leads to all results
 	$(call vsr,index $(derived-flag))
+
+doctor: setup ## whether this machine can do runs, and what to do where not
+	$(call vsr,doctor $(derived-flag) $(call flag,--scheduler,SCHEDULER))
 
 fetch: setup ## download the public original NAME into data/raw
 	$(call vsr,fetch $(call argument,NAME))

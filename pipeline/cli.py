@@ -30,6 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
     0 done; 1 some runs are unresolved, or not done as the scheduler was lost; 2 usage or input
     error; 3 internal error; 130 stopped by Ctrl-C or SIGTERM.
     """
+    options = argparse.Namespace(verb="", derived=Path("data", "derived"))  # until they are read
     try:
         options = parsed(arguments)
         commands = importlib.import_module("pipeline.commands").COMMANDS
@@ -136,6 +137,8 @@ def _parser() -> argparse.ArgumentParser:
     _add_site(joined)
     _add_where(joined)
     add("index", "make a page with links to all results")
+    doctor = add("doctor", "see whether this machine can do runs, and what to do where not")
+    doctor.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask scheduler to try")
     add("list", "list sites, studies, tables and products")
     clean = add("clean", "remove results of one site or all; never data/raw")
     clean.add_argument("--site", metavar="NAME")

@@ -165,6 +165,19 @@ def list_known(options: argparse.Namespace) -> int:
     return 0
 
 
+def doctor(options: argparse.Namespace) -> int:
+    """Print what of this machine is fit for runs; what is not is refused at the end."""
+    problems: list[Problem] = []
+    checks = named("pipeline.inspection.doctor:examined")
+    for name, found, error in checks(options.derived, cluster_of(vars(options))):
+        if error is not None:
+            problems += error.problems
+        _show([f"{name:<13}{found or 'not well, see below'}"])
+    if problems:
+        raise InputError(*problems)
+    return 0
+
+
 def clean(options: argparse.Namespace) -> int:
     """Remove derived data; never data/raw."""
     site, derived = options.site, options.derived
@@ -246,6 +259,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "replay": replay,
     "join": join,
     "index": index,
+    "doctor": doctor,
     "list": list_known,
     "clean": clean,
     "init": init,

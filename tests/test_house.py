@@ -22,7 +22,7 @@ CORE = [
     "motions", "table", "scene", "judge", "engines", "run", "verification", "fragility", "hazard",
     "displacement", "validation", "uncertainty", "observations",
 ]  # fmt: skip
-PIPELINE = ["config", "workflow", "drawing", "stages", "status", "cli", "commands"]
+PIPELINE = ["config", "workflow", "drawing", "stages", "inspection", "status", "cli", "commands"]
 STAGE = [
     "mesh",
     "motions",

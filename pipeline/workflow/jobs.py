@@ -108,21 +108,23 @@ def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
 def cluster_of(given: dict[str, Any]) -> Cluster:
     """The workers that the options name; all cores of this machine by default."""
     check_settings()
-    cores = (
-        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    )
     workers = given.get("workers")
     elsewhere = given.get("scheduler") or given.get("scheduler_file")
     if elsewhere and workers is not None:
         rule, remedy = "a scheduler that exists has its own workers", "leave one of the two out"
         raise InputError(Problem("--workers", "", f"{workers} beside {elsewhere}", rule, remedy))
     return Cluster(
-        cores if workers is None else workers,
+        cores() if workers is None else workers,
         given.get("scheduler"),
         given.get("scheduler_file"),
         given.get("cluster") == "slurm",
         log,
     )
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def log(line: str) -> None:

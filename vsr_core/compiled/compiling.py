@@ -100,6 +100,19 @@ def forget_others() -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
+def what_is_kept() -> tuple[Path | None, int, int]:
+    """Where machine code is written, how many files of it are whole, and how many are not used.
+
+    The place is None where nothing is kept beyond this process.
+    """
+    folder = _folders()[-1]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MachineCodeWarning)
+        found = [_unsealed(path) is not None for path in sorted(folder.glob("*/[!.]*"))]
+    lasts = folder.name == name()
+    return folder if lasts else None, sum(found), len(found) - sum(found)
+
+
 class _Code(CompileResultCacheImpl):
     """How Numba takes its result to pieces; it would look for a place of its own."""
 

@@ -1,0 +1,1 @@
+"""What is asked of a checkout, a machine or results, without making any."""
