@@ -49,7 +49,7 @@ folders := $(filter-out docs,$(patsubst %/,%,$(wildcard */)))
 	$(error no target `$@`; `make` alone lists those there are)
 
 ## A rock
-.PHONY: fragility uncertainty observations displacement hazard exclusion study replay prep
+.PHONY: fragility uncertainty observations displacement hazard exclusion archive study replay prep
 fragility: setup ## how strong must shaking be to topple SITE: curves and report
 	$(call vsr,run fragility $(site-flags) $(where-flags))
 
@@ -70,6 +70,9 @@ hazard: setup ## which branches of a hazard model let SITE's rock stand for its 
 	$(call vsr,run hazard $(site-flags) $(call flag,--curves,CURVES) $(call flag,--age,AGE) \
 	  $(call flag,--age-sd,AGE_SD) $(where-flags))
 
+archive: setup ## boundaries of rocks that nobody scanned, known by two angles, from a table ROCKS
+	$(call vsr,archive $(call argument,ROCKS) $(derived-flag))
+
 study: PRODUCT ?= study
 study: setup ## what changes in SITE, or in another PRODUCT of it, along the sweep of STUDY
 	$(call vsr,run $(call argument,PRODUCT) $(site-flags) $(where-flags))
@@ -81,7 +84,7 @@ prep: setup ## rock and terrain from SITE's scan, with a page of every step
 	$(call vsr,prep $(site-flags))
 
 ## How good the method is
-.PHONY: accuracy stability drive feasible validate
+.PHONY: accuracy stability drive feasible validate archive-equations
 accuracy: setup-dev ## error of SITE's boundary against run time, beside other ways of computing it
 	$(call vsr,run accuracy $(site-flags) $(where-flags))
 
@@ -98,6 +101,9 @@ feasible: setup ## what a table of hardware can do of SITE's pulses
 
 validate: setup ## predict the shake-table tests in the folder TABLE, beside their outcomes
 	$(call vsr,run validation --table $(call argument,TABLE) $(derived-flag) $(where-flags))
+
+archive-equations: setup ## the equations of archives anew, and their error; an hour
+	$(call vsr,archive-equations --ship $(derived-flag) $(call flag,--workers,WORKERS))
 
 ## Before and after
 .PHONY: plan status why index fetch doctor
@@ -130,6 +136,7 @@ fetch: setup ## download the public original NAME into data/raw
 #: SET='a.b=1 c.d=2'      any other keys of the configuration
 #: CURVES=folder          hazard curves of OpenQuake or nshmp-haz, or OpenQuake's calc_N.hdf5
 #: AGE=20000 AGE_SD=3000  how long the rock has stood, and the standard deviation of that [years]
+#: ROCKS=rocks.csv        a table of rocks known by a photograph
 #: LIMITS=my_table.yaml   a table in configs/tables, or any YAML file
 #: TABLE=folder           recorded shake-table tests
 #: WORKERS=4              worker processes; 0 for none

@@ -5,7 +5,7 @@ from pathlib import Path
 from setuptools import setup
 from setuptools.command.build_py import build_py
 
-SHIPPED = ("configs", "data/raw/hazard", "data/raw/records")
+SHIPPED = ("configs", "data/raw/archive", "data/raw/hazard", "data/raw/records")
 
 
 class Build(build_py):

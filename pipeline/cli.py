@@ -17,8 +17,11 @@ from vsr_core.errors import InvalidInput, reason
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
 
-MAKING = ("run", "prep", "figures", "feasible", "replay", "join", "clean")
+MAKING = ("run", "prep", "figures", "feasible", "replay", "join", "archive", "clean")
 """Commands after which the index of all results is updated."""
+
+FEWEST_SHAPES = 100
+"""Shapes from which equations can be fitted at all."""
 
 MOST_WORKERS = 10_000
 """More worker processes than any machine starts."""
@@ -136,6 +139,14 @@ def _parser() -> argparse.ArgumentParser:
     joined.add_argument("folders", nargs="+", type=Path, metavar="FOLDER")
     _add_site(joined)
     _add_where(joined)
+    archive = add("archive", "boundaries of rocks known by two angles and a distance or a height")
+    archive.add_argument("rocks", metavar="ROCKS.CSV")
+    equations = add("archive-equations", "make the equations anew by which archives are answered")
+    equations.add_argument("--shapes", type=_shapes, default=1750, metavar="N")
+    equations.add_argument("--workers", type=_workers, default=2, metavar="N")
+    equations.add_argument(
+        "--ship", action="store_true", help="put them in place of the shipped ones"
+    )
     add("index", "make a page with links to all results")
     doctor = add("doctor", "see whether this machine can do runs, and what to do where not")
     doctor.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask scheduler to try")
@@ -207,6 +218,13 @@ def _workers(text: str) -> int:
     if not (text.isascii() and text.isdecimal() and len(text) < 10) or int(text) > MOST_WORKERS:
         rule = f"the number of workers is 0 to {MOST_WORKERS}"
         raise InputError(Problem("--workers", "", repr(text), rule, "e.g. 2"))
+    return int(text)
+
+
+def _shapes(text: str) -> int:
+    if not (text.isascii() and text.isdecimal() and len(text) < 7) or int(text) < FEWEST_SHAPES:
+        rule = f"the number of shapes is {FEWEST_SHAPES} to 999999"
+        raise InputError(Problem("--shapes", "", repr(text), rule, "e.g. 1750"))
     return int(text)
 
 

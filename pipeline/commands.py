@@ -145,6 +145,23 @@ def join(options: argparse.Namespace) -> int:
     return _show(lines)
 
 
+def archive(options: argparse.Namespace) -> int:
+    """Answer the rocks of an archive; those that cannot be read count as unresolved."""
+    store, unanswered = named("pipeline.stages.archive.archive:make")(options, log)
+    for name in ("archive.html", "archive.csv", "archive.nc"):
+        log(f"-> {store.folder / name}")
+    if unanswered:
+        log(f"{unanswered} {form(unanswered, 'row has', 'rows have')} no answer, as told above")
+    return int(unanswered)
+
+
+def archive_equations(options: argparse.Namespace) -> int:
+    """Make the equations of archives anew."""
+    for line in named("pipeline.stages.archive.equations_making:make")(options, log):
+        log(line)
+    return 0
+
+
 def index(options: argparse.Namespace) -> int:
     """Write the page that leads to all results."""
     page = front_page.renew(options.derived, log)
@@ -258,6 +275,8 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "feasible": feasible,
     "replay": replay,
     "join": join,
+    "archive": archive,
+    "archive-equations": archive_equations,
     "index": index,
     "doctor": doctor,
     "list": list_known,

@@ -20,7 +20,7 @@ from pipeline.workflow.registry import STAGES
 CORE = [
     "source", "errors", "arrays", "outcome", "compiled", "rock", "terrain", "scan", "surrogates",
     "motions", "table", "scene", "judge", "engines", "run", "verification", "fragility", "hazard",
-    "displacement", "validation", "uncertainty", "observations",
+    "displacement", "validation", "uncertainty", "observations", "archive",
 ]  # fmt: skip
 PIPELINE = ["config", "workflow", "drawing", "stages", "inspection", "status", "cli", "commands"]
 STAGE = [
@@ -34,6 +34,7 @@ STAGE = [
     "uncertainty",
     "observations",
     "hazard",
+    "archive",
     "replay",
     "reports",
     "studies",

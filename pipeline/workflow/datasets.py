@@ -79,6 +79,13 @@ def spelled(units: str) -> str:
 
 def described(dataset: xr.Dataset, work: Work, title: str) -> xr.Dataset:
     """Give a dataset CF attributes for every variable, and its provenance."""
+    return attributed(dataset, f"{title}: {work.origin.name}", work.engine, work.provenance)
+
+
+def attributed(
+    dataset: xr.Dataset, title: str, by_engine: str, provenance: dict[str, str]
+) -> xr.Dataset:
+    """The same of a dataset that is of no site."""
     for name in dataset.variables:
         entry = catalogue()[str(name)]
         attributes: dict[str, Any] = {"long_name": entry["long_name"], "units": entry["units"]}
@@ -87,14 +94,14 @@ def described(dataset: xr.Dataset, work: Work, title: str) -> xr.Dataset:
             attributes["flag_values"] = [flag.value for flag in flags]
             attributes["flag_meanings"] = " ".join(flag.name.lower() for flag in flags)
         dataset[name].attrs.update(attributes)
-    engine = _ENGINES[work.engine]
+    engine = _ENGINES[by_engine]
     versions = {name: installed_version(name) for name in (*_VERSIONS, engine.lower())}
     dataset.attrs |= {
         "Conventions": "CF-1.11",
-        "title": f"{title}: {work.origin.name}",
+        "title": title,
         "source": f"virtual shake robot {versions['vsr']}, {engine} {versions[engine.lower()]}",
         "references": "Chen et al. (2024), Virtual Shake Robot, Seismica 3(1)",
-        **work.provenance,
+        **provenance,
         "vsr_versions_json": json.dumps(versions, sort_keys=True),
         "vsr_processor_json": json.dumps(_processor(), sort_keys=True),
     }

@@ -1,0 +1,1 @@
+"""Archives: boundaries of rocks that nobody scanned, and the equations that give them."""

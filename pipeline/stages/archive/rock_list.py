@@ -1,0 +1,178 @@
+"""Archives as they come: a table of rocks; a row that is wrong is named, the others go on."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, ValidationError, model_validator
+
+from pipeline.config import outside
+from pipeline.config.paths import shown
+from pipeline.config.problems import Problem
+from pipeline.config.refusals import problem
+from pipeline.config.sections import Refused
+from vsr_core.archive.photographs import Seen
+
+LEVEL = 1.25
+"""Factor between the heights of the centre of mass above both rocking points that is let pass."""
+
+Metres = Annotated[float, Field(gt=0.01, le=50.0)]
+Angle = Annotated[float, Field(ge=3.0, le=45.0)]
+
+
+class ListedRock(outside.Row):
+    """A rock of an archive; an empty field is None."""
+
+    name: str = Field(min_length=1, max_length=200, description="name of the rock")
+    alpha_1_deg: Angle = Field(
+        description="angle between the vertical and the line from the rocking point to the centre"
+    )
+    alpha_2_deg: Angle | None = Field(None, description="the same on the other side")
+    r_1_m: Metres | None = Field(None, description="from the rocking point to the centre of mass")
+    r_2_m: Metres | None = Field(None, description="the same on the other side")
+    height_m: Metres | None = Field(None, description="height of the rock")
+    azimuth_deg: float | None = Field(
+        None, ge=-360.0, le=360.0, description="from the centre of mass to side 1"
+    )
+    friction: float | None = Field(None, ge=0.05, le=3.0, description="of rock on pedestal")
+    roundness: float | None = Field(
+        None, ge=0.0, le=0.4, description="radius of the base's edges by the height of the centre"
+    )
+    age_mean_a: float | None = Field(None, gt=0.0, le=1e7, description="for which it has stood")
+    age_sd_a: float | None = Field(None, ge=0.0, le=1e7, description="its standard deviation")
+
+    @model_validator(mode="after")
+    def _is_one_rock(self) -> Self:
+        if self.r_1_m is None and self.r_2_m is None and self.height_m is None:
+            rule, remedy = "r_1_m, r_2_m or height_m is given", "give one: it sets the size"
+            raise Refused(rule, remedy, "r_1_m", "nothing")
+        weaker = min(self.alpha_1_deg, self.alpha_2_deg or math.inf)
+        if weaker > 35.0:
+            rule = "the weaker side's is at most 35 deg"
+            raise Refused(rule, "the equations hold no broader rocks", "alpha_1_deg")
+        self._check_heights()
+        return self
+
+    def _check_heights(self) -> None:
+        """Refuse distances that do not go with the angles, or with the height."""
+        sides = ((self.r_1_m, self.alpha_1_deg), (self.r_2_m, self.alpha_2_deg or math.nan))
+        centres = [r * math.cos(math.radians(alpha)) for r, alpha in sides if r is not None]
+        centres = [centre for centre in centres if not math.isnan(centre)]
+        if len(centres) == 2 and max(centres) > LEVEL * min(centres):
+            given = f"centres of mass {centres[0]:.3g} and {centres[1]:.3g} m high"
+            rule = f"r cos(alpha) of both sides agree within {LEVEL:g} times"
+            raise Refused(rule, "correct a distance or an angle", "r_2_m", given)
+        if centres and self.height_m is not None and max(centres) >= self.height_m:
+            given = f"{self.height_m:g}, with a centre of mass {max(centres):.3g} m high"
+            raise Refused("it is above the centre of mass", "correct one", "height_m", given)
+
+
+@dataclass(frozen=True, eq=False)
+class Archive:
+    """Rocks of a table, and what is wrong with its other rows."""
+
+    rocks: list[ListedRock]
+    problems: list[Problem]
+
+    @property
+    def seen(self) -> Seen:
+        """What is known of the rocks."""
+
+        def column(*names: str) -> np.ndarray:
+            rows = [[getattr(rock, name) for name in names] for rock in self.rocks]
+            return np.array(rows, dtype=np.float64)  # None is nan
+
+        return Seen(
+            np.radians(column("alpha_1_deg", "alpha_2_deg")),
+            column("r_1_m", "r_2_m"),
+            column("height_m")[:, 0],
+            column("friction")[:, 0],
+            column("roundness")[:, 0],
+        )
+
+
+def read(path: Path) -> Archive:
+    """Read an archive.
+
+    Raises
+    ------
+    InputError
+        For a file that is no table of rocks at all, or without a row.
+    """
+    lines = outside.text(path).splitlines()
+    rows = ((number, _fields(line)) for number, line in enumerate(lines, 1) if _is_row(line))
+    _, names = next(rows, (0, []))
+    _check_names(path, names or [])
+    rocks: list[ListedRock] = []
+    problems: list[Problem] = []
+    line_of: dict[str, int] = {}
+    for number, fields in rows:
+        where = f"{shown(path)}: line {number}"
+        try:
+            rock = _rock(where, names or [], fields)
+        except _Wrong as wrong:
+            problems.append(wrong.problem)
+            continue
+        if rock.name in line_of:
+            given = f"{rock.name!r}, which line {line_of[rock.name]} has, too"
+            problems.append(Problem(where, "name", given, "a rock has one row", "rename it"))
+            continue
+        line_of[rock.name] = number
+        rocks.append(rock)
+    if not rocks and not problems:
+        raise outside.refused(path, "", "no row", "there is a row for each rock", "add one")
+    return Archive(rocks, problems)
+
+
+class _Wrong(Exception):
+    """A row that is no rock."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(str(problem))
+        self.problem = problem
+
+
+def _is_row(line: str) -> bool:
+    return bool(line.strip(" \t,;")) and not line.lstrip('" ').startswith("#")
+
+
+def _fields(line: str) -> list[str] | None:
+    """Fields of a line; None where its quotes do not close."""
+    try:
+        return [field.strip() for field in next(csv.reader([line], strict=True))]
+    except csv.Error:
+        return None
+
+
+def _check_names(path: Path, names: list[str]) -> None:
+    known = list(ListedRock.model_fields)
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 1)
+            remedy = f"did you mean {near[0]}?" if near else f"the columns are {', '.join(known)}"
+            raise outside.refused(
+                path, name or "''", "a column of no meaning", "units are in names", remedy
+            )
+        if names.count(name) > 1:
+            raise outside.refused(path, name, "a column twice", "a column has a name of its own")
+    for name, field in ListedRock.model_fields.items():
+        if field.is_required() and name not in names:
+            raise outside.refused(path, name, "no such column", "it is there", "add it")
+
+
+def _rock(where: str, names: list[str], fields: list[str] | None) -> ListedRock:
+    if fields is None or len(fields) != len(names):
+        given = "quotes that do not close" if fields is None else f"{len(fields)} fields"
+        key = "" if fields is None else (*names, "")[min(len(fields), len(names))]
+        raise _Wrong(Problem(where, key, given, f"each row has {len(names)}", "correct it"))
+    cells = {name: cell for name, cell in zip(names, fields, strict=True) if cell}
+    try:
+        return ListedRock.model_validate(cells, strict=False)
+    except ValidationError as error:
+        raise _Wrong(problem(error.errors()[0], {}, where, ListedRock)) from None

@@ -1,0 +1,189 @@
+"""Archives from a table to their products: answers, directions, and rows that are wrong."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from pipeline import ROOT
+from pipeline.cli import REFUSED, UNRESOLVED, main
+from pipeline.stages.archive import archive as products
+from pipeline.stages.archive import rock_list, shipped_equations
+from vsr_core.archive.photographs import ASSUMED, Answers, answers
+
+HEADER = (
+    "name,alpha_1_deg,alpha_2_deg,r_1_m,r_2_m,height_m,azimuth_deg,friction,age_mean_a,age_sd_a"
+)
+SAMPLE = ROOT / "data/raw/archive/rocks.csv"
+RATIOS = np.array(products.PGV_PGA)
+
+
+def written(folder: Path, *rows: str, header: str = HEADER) -> Path:
+    path = folder / "rocks.csv"
+    path.write_text("\n".join((header, *rows)) + "\n", encoding="utf-8")
+    return path
+
+
+def answered(folder: Path, *rows: str, header: str = HEADER) -> Answers:
+    archive = rock_list.read(written(folder, *rows, header=header))
+    assert archive.problems == []
+    return answers(archive.seen, shipped_equations.load().equations, RATIOS)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    derived = tmp_path_factory.mktemp("derived")
+    assert main(["archive", str(SAMPLE), "--derived", str(derived)]) == 0
+    return derived / "archives" / "rocks"
+
+
+def test_each_rock_has_a_row_for_each_direction_and_level(made: Path) -> None:
+    with (made / "archive.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == [
+        "name", "direction_deg", "pgv_pga_s", "boundary_pga_g", "low_g", "high_g",
+    ]  # fmt: skip
+    ridge = [row for row in rows if row["name"] == "Ridge 7"]
+    assert {float(row["direction_deg"]) for row in ridge} == {40.0, 220.0}
+    assert len(rows) == 8 * 2 * len(RATIOS)
+    known = [row for row in rows if row["high_g"] != "nan"]
+    assert len(known) > 80
+    for row in known:
+        assert float(row["low_g"]) < float(row["boundary_pga_g"]) < float(row["high_g"])
+
+
+def test_a_dataset_holds_the_same_with_the_spread_by_what_is_assumed(made: Path) -> None:
+    data = xr.load_dataset(made / "archive.nc")
+    assert data.attrs["Conventions"] == "CF-1.11"
+    assert data["assumption"].values.tolist() == list(ASSUMED)
+    both = np.hypot(
+        data["unseen_log_sd"].pipe(lambda sd: np.sqrt((sd**2).sum("assumption"))),
+        data["equation_error"] / 1.96,
+    )
+    np.testing.assert_allclose(both, data["fragility_log_sd"], rtol=1e-4)
+    given = data.sel(rock=data["rock_name"] == "Saddle 2", assumption="friction")
+    assert (given["unseen_log_sd"] == 0.0).all()  # its friction is in the table
+
+
+def test_the_page_says_what_was_assumed_beside_the_numbers(made: Path) -> None:
+    page = (made / "archive.html").read_text(encoding="utf-8")
+    for one in ASSUMED.values():
+        assert one.what.replace("'", "&#39;") in page
+    assert "Saddle 5" in page
+    assert "open" in page  # Cliff 4: with the friction assumed it may slide
+
+
+def test_sides_that_change_places_change_directions_only(tmp_path: Path) -> None:
+    one = answered(tmp_path, "A,12,17,0.84,0.86,1.7,40,0.7,,")
+    other = answered(tmp_path, "A,17,12,0.86,0.84,1.7,220,0.7,,")
+    for name in ("boundary", "low", "high"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name)[:, ::-1], rtol=1e-12)
+    assert not np.allclose(one.boundary[:, 0], one.boundary[:, 1], equal_nan=True)
+    archive = rock_list.read(written(tmp_path, "A,12,17,0.84,0.86,1.7,350,0.7,,"))
+    assert products.directions(archive).tolist() == [[350.0, 170.0]]
+
+
+def test_what_is_given_is_no_part_of_the_band(tmp_path: Path) -> None:
+    header = HEADER + ",roundness"
+    vague, sure = (
+        answered(tmp_path, row, header=header)
+        for row in ("A,12,,,,1.7,,,,,", "A,12,12,0.8516,0.8516,1.7,,0.6,,,0.05")
+    )  # the second gives what is assumed of the first: 0.49 x 1.7 / cos 12 deg is 0.8516
+    np.testing.assert_allclose(vague.boundary, sure.boundary, rtol=1e-3)
+    assert (vague.log_sd > sure.log_sd).all()
+    assert [name for name, sd in sure.unseen.items() if sd.any()] == ["inertia"]
+
+
+def test_a_rock_whose_friction_is_below_tan_alpha_slides(tmp_path: Path) -> None:
+    found = answered(tmp_path, "A,20,20,0.8,0.8,1.7,,0.3,,", "B,20,20,0.8,0.8,1.7,,0.5,,")
+    assert found.slides.tolist() == [True, False]
+    assert np.isnan(found.boundary[0]).all()
+    assert np.isfinite(found.boundary[1]).any()
+    assert (found.low[0] >= math.tan(math.radians(20.0)) - 1e-12).all()
+
+
+WRONG = {
+    "B,abc,17,0.84,0.86,,,,,": "alpha_1_deg",
+    "B,,17,0.84,0.86,,,,,": "alpha_1_deg",
+    "B,12,nan,0.84,0.86,,,,,": "alpha_2_deg",
+    "B,12,17,-0.84,0.86,,,,,": "r_1_m",
+    "B,12,17,,,,,,,": "r_1_m",
+    "B,12,17,0.84,1.86,,,,,": "r_2_m",
+    "B,12,17,0.84,0.86,0.7,,,,": "height_m",
+    "B,36,40,0.84,0.88,,,,,": "alpha_1_deg",
+    "B,12,17,0.84,0.86,,700,,,": "azimuth_deg",
+    "B,12,17,0.84,0.86,,,0,,": "friction",
+    "B,12,17,0.84,0.86,,,,0,": "age_mean_a",
+    "B,12,17,0.84": "r_2_m",
+    "A,12,17,0.84,0.86,,,,,": "name",
+    ",12,17,0.84,0.86,,,,,": "name",
+}
+
+
+@pytest.mark.parametrize("row", WRONG)
+def test_a_row_that_is_wrong_is_named_and_the_others_go_on(
+    row: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, "A,12,17,0.84,0.86,,,,,", row, "C,12,17,0.84,0.86,,,,,")
+    assert main(["archive", str(path), "--derived", str(tmp_path / "d")]) == UNRESOLVED
+    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("vsr: ")]
+    assert len(said) == 1
+    assert f"line 3: {WRONG[row]}: " in said[0]
+    table = (tmp_path / "d/archives/rocks/archive.csv").read_text(encoding="utf-8")
+    assert {line.split(",")[0] for line in table.splitlines()[1:]} == {"A", "C"}
+    page = (tmp_path / "d/archives/rocks/archive.html").read_text(encoding="utf-8")
+    assert "line 3" in page
+
+
+def test_of_ten_thousand_rows_the_broken_ones_are_named(tmp_path: Path) -> None:
+    random = np.random.default_rng(3)
+    broken = set(random.choice(10_000, 50, replace=False).tolist())
+    alphas, height = random.uniform(5.0, 30.0, (10_000, 2)), random.uniform(0.2, 2.0, 10_000)
+    rows = [
+        f"R{n},{a:.2f},{b:.2f},{'x' if n in broken else ''},,{h:.2f},,,,"
+        for n, ((a, b), h) in enumerate(zip(alphas, height, strict=True))
+    ]
+    archive = rock_list.read(written(tmp_path, *rows))
+    assert len(archive.rocks) == 9950
+    lines = [str(one).split("line ")[1].split(":")[0] for one in archive.problems]
+    assert lines == [str(n + 2) for n in sorted(broken)]
+    found = answers(archive.seen, shipped_equations.load().equations, RATIOS)
+    assert found.boundary.shape == (9950, 2, len(RATIOS))
+    # Long pulses: every rock has a boundary, not far above g tan(alpha).
+    assert (found.boundary[..., -1] / found.static[:, None] < 2.0).all()
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "said"),
+    [
+        (HEADER.replace("r_1_m", "r_1_cm"), "A,12,17,84,86,,,,,", "did you mean r_1_m?"),
+        (HEADER.replace("alpha_1_deg", "roundness"), "A,0.1,17,1,1,,,,,", "alpha_1_deg"),
+        (HEADER.replace("r_2_m", "r_1_m"), "A,12,17,1,1,,,,,", "a column twice"),
+        (HEADER, "", "no row"),
+    ],
+)
+def test_a_table_of_something_else_is_refused(
+    header: str, row: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, row, header=header)
+    assert main(["archive", str(path), "--derived", str(tmp_path / "d")]) == REFUSED
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "d/archives").exists()
+
+
+def test_another_file_of_the_same_name_has_a_folder_of_its_own(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        path = written(tmp_path / name, "A,12,17,0.84,0.86,,,,,")
+        assert main(["archive", str(path), "--derived", str(tmp_path / "d")]) == 0
+    assert len(list((tmp_path / "d/archives").iterdir())) == 2
+
+
+def test_equations_are_made_anew_from_runs(tmp_path: Path) -> None:
+    given = ["archive-equations", "--shapes", "5", "--workers", "0", "--derived", str(tmp_path)]
+    assert main(given) == REFUSED  # of too few shapes nothing can be fitted
