@@ -90,6 +90,6 @@ def spread(dataset: xr.Dataset) -> Figure:
     axes.minorticks_off()
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("PGV/PGA [s]")
-    axes.set_ylabel("half-width in ln PGA [%]")
+    axes.set_ylabel("half-width of the band [%]")
     axes.grid()
     return figure

@@ -43,7 +43,7 @@ def errors(given: Boundaries, left_out: Array) -> Figure:
     for level in (50, 95):
         share.axhline(level, color=FAINT, linestyle=":", linewidth=0.8)
     share.set(xscale="log", xlim=(0.1, 200.0), ylim=(0.0, 100.0))
-    share.set_xlabel("error of ln PGA [%]")
+    share.set_xlabel("error [%]")
     share.set_ylabel("boundaries with less [%]")
     for axes in (against, share):
         axes.grid()
