@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import sys
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -16,7 +17,9 @@ from typing import Any, ClassVar, Self, cast
 import numpy as np
 import threadpoolctl
 import xarray as xr
-from xarray.backends import NetCDF4DataStore
+from xarray.backends import BackendArray, NetCDF4DataStore
+from xarray.backends.common import ArrayWriter
+from xarray.core import indexing
 
 from pipeline.config.yaml_text import parse
 from pipeline.workflow.keys import installed_version
@@ -24,6 +27,7 @@ from pipeline.workflow.stage import Work
 from pipeline.workflow.store import Store
 from pipeline.workflow.writers import Writer
 from vsr_core import outcome
+from vsr_core.arrays import Array
 
 if "dask" not in sys.modules:
     # At its first array xarray loads dask's arrays, to know them; there are none here.
@@ -32,6 +36,12 @@ if "dask" not in sys.modules:
     del sys.modules["dask"]
 
 _CATALOGUE = Path(__file__).with_name("catalogue.yaml")
+
+Place = tuple[int | slice, ...]
+"""Of a part of a grid: an index or a range along each of its dimensions."""
+
+LARGE = 4_000_000
+"""Bytes from which a variable is read by parts."""
 
 _LOCK = Lock()
 """Of the NetCDF library, which does one thing at a time."""
@@ -142,6 +152,16 @@ class Stored:
         return read(self.folder / self.FILE)
 
 
+@dataclass(frozen=True)
+class Opened(Stored):
+    """The same of one that may be larger than memory: what is looked at is read, when it is."""
+
+    @cached_property
+    def data(self) -> xr.Dataset:
+        """The dataset; each look at a part of a large variable reads that part."""
+        return opened(self.folder / self.FILE)
+
+
 def rows_of(dataset: xr.Dataset) -> str:
     """Name of the dimension along which the ground motions lie.
 
@@ -165,27 +185,94 @@ def split(dataset: xr.Dataset, size: str, sample: str = "sample") -> list[xr.Dat
     return [dataset.isel({owner: n, sample: slice(*span)}) for n, span in enumerate(spans)]
 
 
-def netcdf(dataset: xr.Dataset) -> Writer:
-    """Writer of a dataset as compressed NetCDF."""
+def unwritten(dims: tuple[str, ...], shape: tuple[int, ...], dtype: str) -> xr.Variable:
+    """A variable of numbers whose values are written by parts and not held; -1 or NaN is none."""
+    kind = np.dtype(dtype)
+    fill = kind.type(-1 if kind.kind == "i" else np.nan)
+    return xr.Variable(dims, np.broadcast_to(fill, shape), {"_FillValue": fill})
+
+
+def netcdf(
+    dataset: xr.Dataset, parts: Iterable[tuple[Place, dict[str, Array]]] = (), at_once: Place = ()
+) -> Writer:
+    """Writer of a dataset as compressed NetCDF.
+
+    Parameters
+    ----------
+    parts : iterable of (place, values by name), of all variables that are ``unwritten``
+    at_once : tuple of int, size of a part, in which these are compressed and read
+    """
 
     def write(path: Path) -> None:
+        apart = [str(n) for n, one in dataset.variables.items() if "_FillValue" in one.attrs]
         encoding: dict[str, dict[str, Any]] = {}
         for name, variable in dataset.variables.items():
             given = dict(variable.encoding)
             given.setdefault("_FillValue", None)
             if variable.dtype.kind in "fiu" and variable.ndim:
                 given |= {"zlib": True, "complevel": 4}
+            if name in apart:
+                given |= {"chunksizes": at_once}
             encoding[str(name)] = given
         try:
             # As to_netcdf does it, which loads all of dask to see which lock it would want.
             with closing(NetCDF4DataStore.open(str(path), mode="w", lock=_LOCK)) as file:
-                dataset.dump_to_store(file, encoding=encoding)
+                dataset.dump_to_store(file, encoding=encoding, writer=_Others(apart))
+                file.ds.set_auto_maskandscale(False)
+                for place, values in parts:
+                    for name, part in values.items():
+                        file.ds[name][place] = part
         except RuntimeError as error:  # one way in which netCDF4 says that the disk is full
             raise OSError(str(error)) from error
 
     return write
 
 
+class _Others(ArrayWriter):
+    """Writes all variables but some."""
+
+    def __init__(self, apart: list[str]) -> None:
+        super().__init__()
+        self._apart = apart
+
+    def add(self, source: Any, target: Any, region: Any = None) -> None:
+        if target.variable_name not in self._apart:
+            super().add(source, target, region)
+
+
 def read(path: Path) -> xr.Dataset:
     """Read a product whole."""
     return xr.load_dataset(path, engine="netcdf4", mask_and_scale=False)
+
+
+def opened(path: Path) -> xr.Dataset:
+    """Open a product, of which large variables are read when looked at, as far as looked at."""
+    with xr.open_dataset(path, engine="netcdf4", mask_and_scale=False) as file:
+        large = [name for name, one in file.data_vars.items() if one.nbytes > LARGE]
+        whole = file.drop_vars(large).load()
+        for name in large:
+            one = file[name].variable
+            values = indexing.LazilyIndexedArray(_InFile(path, str(name), one.shape, one.dtype))
+            whole[name] = xr.Variable(one.dims, values, one.attrs, one.encoding)
+        return whole[list(file.data_vars)]
+
+
+@dataclass(frozen=True)
+class _InFile(BackendArray):
+    """Values of a variable; the file is open only while some of them are read."""
+
+    path: Path
+    name: str
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        support = indexing.IndexingSupport.OUTER
+        return indexing.explicit_indexing_adapter(key, self.shape, support, self._read)
+
+    def _read(self, key: tuple[Any, ...]) -> Any:
+        with closing(NetCDF4DataStore.open(str(self.path), mode="r", lock=_LOCK)) as file:
+            variable = file.ds[self.name]
+            variable.set_auto_maskandscale(False)
+            with _LOCK:
+                return variable[key]

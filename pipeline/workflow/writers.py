@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,15 @@ def binary(content: bytes) -> Writer:
     return write
 
 
+def moved(part: Path) -> Writer:
+    """Writer of what is written already, on the same disk, which then is gone from there."""
+
+    def write(path: Path) -> None:
+        part.replace(path)
+
+    return write
+
+
 def table(frame: pd.DataFrame) -> Writer:
     """Writer of a table as CSV, numbers to six digits.
 
@@ -43,7 +52,19 @@ def table(frame: pd.DataFrame) -> Writer:
         An empty text is an empty field; NaN is written as ``nan``. A text that a spreadsheet would
         take for a formula is written behind an apostrophe.
     """
-    return text(frame.map(_shown).to_csv(index=False, lineterminator="\r\n"))
+    return tables([frame])
+
+
+def tables(frames: Iterable[pd.DataFrame]) -> Writer:
+    """The same of a table that comes in parts, all with the same columns."""
+
+    def write(path: Path) -> None:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            for number, frame in enumerate(frames):
+                shown = frame.map(_shown)
+                shown.to_csv(file, header=not number, index=False, lineterminator="\r\n")
+
+    return write
 
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")

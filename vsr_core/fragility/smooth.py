@@ -17,6 +17,9 @@ N_KNOTS = 10
 PENALTIES = (1.0, 0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4)
 """Candidates for the strength of the ridge, descending: each fit starts from the one before."""
 
+AT_ONCE = 1_000_000
+"""Cells of all replicates that are fitted at once: a table of them takes 8 MB."""
+
 RIDGE = 1e-4
 """On every coefficient: keeps a grid with one outcome finite."""
 
@@ -69,15 +72,28 @@ class SmoothFragility(FragilityModel):
 
     def refit(self, row_weights: Array) -> Array:
         """As of the base, at the ridge that was chosen."""
-        start = np.repeat(self.coefs, len(row_weights), axis=0)
-        return self._solve(row_weights, start, tolerance=1e-2)
+        return np.concatenate(
+            [
+                self._solve(part, np.repeat(self.coefs, len(part), axis=0), tolerance=1e-2)
+                for part in self._some(row_weights)
+            ]
+        )
 
     def grid_probability(self, coefs: Array) -> Array:
         return expit(self._logit(coefs))
 
     def grid_contour(self, coefs: Array, probability: float) -> Array:
         """As of the base; 0 and inf where the grid does not reach."""
-        return first_crossing(self.cells.ln_pga, self._logit(coefs) - logit(probability))
+        level = logit(probability)
+        columns = self.cells.ln_pga
+        return np.concatenate(
+            [first_crossing(columns, self._logit(part) - level) for part in self._some(coefs)]
+        )
+
+    def _some(self, members: Array) -> list[Array]:
+        """Members of a batch, as many at a time as may be at once; replicates know no others."""
+        number = max(AT_ONCE // self.cells.trials.size, 1)
+        return [members[start : start + number] for start in range(0, len(members), number)]
 
     def _ridge(self) -> Array:
         return self._penalty * self._roughness + RIDGE * np.eye(len(self._roughness))

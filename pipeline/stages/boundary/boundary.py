@@ -11,9 +11,9 @@ import xarray as xr
 
 from pipeline.config.fragility_schema import FINE, FragilityConfig
 from pipeline.stages.boundary.resolution import widths
-from pipeline.stages.boundary.search import SIDES, Search
+from pipeline.stages.boundary.search import Search
 from pipeline.stages.datasets.responses import TYPES, Responses
-from pipeline.stages.datasets.stored_runs import with_peaks
+from pipeline.stages.datasets.stored_runs import SIDES, with_peaks
 from pipeline.stages.runs.overturning_runs import kind
 from pipeline.stages.runs.step_choice import StepData
 from pipeline.stages.runs.study import Study

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.stages.datasets.stored_runs import SIDES
 from pipeline.stages.motions.motion_grid import Cell
 from pipeline.stages.runs.overturning_runs import kind
 from pipeline.stages.runs.runner import Run, run_missing
@@ -19,12 +20,9 @@ from pipeline.workflow.stage import Work
 from vsr_core.arrays import Array, Indices
 from vsr_core.fragility import bisection
 from vsr_core.fragility.bisection import Known
-from vsr_core.outcome import Outcome
 
 PROBED = 0.25
 """Share of the levels in which a run between two cells of one outcome is tried."""
-
-SIDES = np.array([outcome.overturned for outcome in Outcome], "i1")
 
 
 @dataclass
@@ -60,10 +58,7 @@ class Search:
         pga = np.array(self.study.motions.pga)
         kept = kind(on_terrain=self.study.settings.on_terrain)
         with closing(RunStore(self.work.runs, kept.row, self.work.log)) as store:
-            level, peaks, gap = bisection.probes(pga, overturned, self._drawn(), PROBED)
-            beside = np.zeros((len(overturned), max(len(pga) - 1, 0)), dtype=bool)
-            beside[level, gap] = True
-            known = bisection.of_grid(pga, overturned, beside)
+            known, level, peaks = self._of_grid(pga, overturned)
             known = known.joined(level, peaks, self._run(store, level, peaks, probes=True))
             while True:
                 level, peaks = bisection.next_runs(known, width, bounds)
@@ -71,13 +66,24 @@ class Search:
                     return known
                 known = known.joined(level, peaks, self._run(store, level, peaks, probes=False))
 
-    def _drawn(self) -> Array:
-        """Numbers that a level's probe is made from: those of a group whatever the others are."""
-        parts = [
-            np.random.default_rng(zlib.crc32(repr(tuple(group)).encode())).random((self.each, 3))
-            for group in self.study.groups
-        ]
-        return np.concatenate(parts)
+    def _of_grid(self, pga: Array, overturned: Any) -> tuple[Known, Indices, Array]:
+        """Cells that tell of a change or lie beside a probe; levels and PGAs of the probes.
+
+        What a level's probe is drawn from are numbers of its group, whatever the others are.
+        """
+        parts = []
+        for number, group in enumerate(self.study.groups):
+            start = number * self.each
+            own = overturned[start : start + self.each]
+            seed = zlib.crc32(repr(tuple(group)).encode())
+            drawn = np.random.default_rng(seed).random((self.each, 3))
+            level, peaks, gap = bisection.probes(pga, own, drawn, PROBED)
+            beside = np.zeros((self.each, max(len(pga) - 1, 0)), dtype=bool)
+            beside[level, gap] = True
+            cells = bisection.of_grid(pga, own, beside)
+            parts.append((cells.level + start, cells.pga, cells.side, level + start, peaks))
+        levels, peaks, sides, probed, tried = map(np.concatenate, zip(*parts, strict=True))
+        return Known(levels, peaks, sides), probed, tried
 
     def _run(self, store: RunStore[Any], level: Indices, pga: Array, *, probes: bool) -> Any:
         """Outcomes of some runs, done where they are not stored, shape (runs,) of int8."""

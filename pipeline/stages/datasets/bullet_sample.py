@@ -23,7 +23,7 @@ from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.grammar import counted, form
 from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.workers import Batch
-from vsr_core.arrays import Array, Indices
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.run.displacement import respond
@@ -46,7 +46,13 @@ class BulletSample(Stored):
 
 
 class Sample(NamedTuple):
-    """Places of the runs in the study's grid, and whether each is next to the boundary."""
+    """Runs of a study, and whether each is next to the boundary.
+
+    Attributes
+    ----------
+    places : ndarray of int, shape (n, dimensions), in its grid
+    near : ndarray of bool, shape (n,)
+    """
 
     places: Indices
     near: Array
@@ -59,24 +65,24 @@ def make(
     own = responses.data["overturned"].values
     held = np.array([_holds(study, group, engine) for group in study.groups])
     sample = chosen(np.where(held[:, None], own.reshape(len(held), -1), -1).reshape(own.shape))
-    at = [int(place) for place in sample.places]
-    grid = motion_grid.cells(study.motions)
-    places = [(study.groups[i // len(grid)], grid[i % len(grid)]) for i in at]
+    at = [tuple(int(i) for i in place) for place in sample.places]
+    frictions, pga = own.shape[1], study.motions.pga
+    places = [(study.groups[i * frictions + k], Cell(row, pga[c])) for i, k, row, c in at]
     found = _repeated(work, study, places, engine)
     groups, cells = zip(*places, strict=True) if places else ((), ())
-    pga = np.array([cell.pga for cell in cells])
+    peaks = np.array([cell.pga for cell in cells])
     dataset = xr.Dataset(
         {
-            "overturned": ("sample", own.ravel()[at].astype("i1")),
+            "overturned": ("sample", own[tuple(sample.places.T)].astype("i1")),
             "overturned_in_other_engine": ("sample", np.array(found, dtype="i1")),
             "next_to_boundary": ("sample", sample.near.astype("i1")),
-            "explained": ("sample", _explained(study, responses.data, groups, pga, sample.near)),
+            "explained": ("sample", _explained(study, responses.data, groups, peaks, sample.near)),
         },
         {
             "yaw": ("sample", [group.yaw for group in groups]),
             "friction": ("sample", [group.friction for group in groups]),
             "row": ("sample", [str(study.motions.rows[cell.row]) for cell in cells]),
-            "pga": ("sample", pga),
+            "pga": ("sample", peaks),
         },
     )
     same = int((dataset["overturned"] == dataset["overturned_in_other_engine"]).sum())
@@ -110,7 +116,7 @@ def chosen(overturned: Array, half: int = HALF) -> Sample:
     Examples
     --------
     >>> places, near = chosen(np.array([[0, 0, 1, 1, 1, 1]]), 2)
-    >>> places.tolist(), near.tolist()
+    >>> places[:, 1].tolist(), near.tolist()
     ([1, 2, 0, 5], [True, True, False, False])
     """
     known = overturned >= 0
@@ -118,16 +124,22 @@ def chosen(overturned: Array, half: int = HALF) -> Sample:
     near = np.zeros(overturned.shape, dtype=bool)
     near[..., 1:] |= differs
     near[..., :-1] |= differs
-    picked = [_spread(np.flatnonzero(mask), half) for mask in (near, known & ~near)]
+    picked = [_spread(mask, half) for mask in (near, known & ~near)]
     flags = np.repeat([True, False], [len(part) for part in picked])
     return Sample(np.concatenate(picked), flags)
 
 
-def _spread(places: Indices, number: int) -> Indices:
-    """Evenly spread choice, ends included."""
-    if len(places) <= number:
-        return places
-    return places[np.round(np.linspace(0, len(places) - 1, number)).astype(int)]
+def _spread(mask: Mask, number: int) -> Indices:
+    """Evenly spread choice of the true places, ends included; their numbers are never all held."""
+    rows = mask.reshape(-1, mask.shape[-1])
+    until = rows.sum(axis=1).cumsum()
+    count = int(until[-1])
+    wanted = np.round(np.linspace(0, count - 1, min(count, number))).astype(int)
+    at = np.searchsorted(until, wanted, side="right")
+    before = np.append(0, until)[at]
+    columns = [np.flatnonzero(rows[row])[n] for row, n in zip(at, wanted - before, strict=True)]
+    places = (*np.unravel_index(at, mask.shape[:-1]), np.array(columns, dtype=int))
+    return np.stack(places, axis=-1)
 
 
 def repeat(

@@ -19,7 +19,7 @@ from pipeline.workflow import writers
 from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.stage import Product, Work
 from vsr_core.displacement.correlation import correlations, row
-from vsr_core.outcome import OF_TRAVEL
+from vsr_core.outcome import OF_TRAVEL, Outcome
 from vsr_core.run.movement import air_share
 
 TABLE = "correlation.csv"
@@ -52,7 +52,7 @@ def make(
     found = correlations(overturned_runs(dataset))
     counts = ways(dataset["outcome"].values, dataset["movement"].values)
     moved_so = {f"n_{way.name.lower()}": count for way, count in counts.items()}
-    text, unresolved = tally(runs["outcome"])
+    text, unresolved = tally(np.bincount(runs["outcome"], minlength=len(Outcome)))
     files = {
         Displacement.FILE: netcdf(described(dataset, work, "Large displacement")),
         TABLE: writers.table(pd.DataFrame([row(one) | moved_so for one in found])),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,9 @@ from pipeline.stages.runs.study import Study
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.outcome import Movement, Outcome, ran_whole
 from vsr_core.run.movement import movements, no_return_tilt
+
+SIDES = np.array([outcome.overturned for outcome in Outcome], "i1")
+"""Whether a run overturned, by its outcome: 1, 0, or -1 unresolved."""
 
 
 def stored(database: Path, kind: Kind[Any], study: Study) -> pd.DataFrame:
@@ -38,6 +42,26 @@ def stored(database: Path, kind: Kind[Any], study: Study) -> pd.DataFrame:
     pga = np.tile(motions.pga, len(runs) // len(motions.pga))
     motion = np.repeat(np.arange(len(motions.rows)), len(motions.pga))
     return runs.assign(motion=np.tile(motion, len(study.groups)), pga=pga)
+
+
+def parts(
+    database: Path, kind: Kind[Any], study: Study
+) -> Iterator[tuple[tuple[int, int, slice], pd.DataFrame]]:
+    """The same in parts of whole rows of the grid, as many runs as ``runner.at_once`` says.
+
+    Yields
+    ------
+    (place, runs), numbers of yaw and friction, and which rows; with the fields of the rows
+    """
+    columns, frictions = len(study.motions.pga), len(study.settings.contact.friction)
+    numbers, start = {group: number for number, group in enumerate(study.groups)}, 0
+    for group, rows in runner.stored(database, kind, study.groups, study.wanted, columns):
+        end = start + len(rows) // columns
+        yield (
+            (*divmod(numbers[group], frictions), slice(start, end)),
+            pd.DataFrame(rows, columns=kind.row._fields).drop(columns="key"),
+        )
+        start = end % len(study.motions.rows)
 
 
 def moved(rock: RockData, runs: pd.DataFrame, air_share: Array) -> Indices:
@@ -67,13 +91,12 @@ def with_peaks(runs: pd.DataFrame, *, on_terrain: bool) -> pd.DataFrame:
     return runs.assign(tilt_until_decided=tilt, slip_until_decided=slip, **known)
 
 
-def tally(outcome: pd.Series) -> tuple[str, int]:
-    """Count runs by outcome.
+def tally(counts: Indices) -> tuple[str, int]:
+    """How many runs came to which outcome, and how many to no verdict.
 
-    >>> tally(pd.Series([Outcome.BALANCED, Outcome.OVERTURNED, Outcome.BALANCED]))
+    >>> tally(np.array([2, 1, 0, 0, 0, 0]))
     ('2 balanced, 1 overturned', 0)
     """
-    counts = np.bincount(outcome, minlength=len(Outcome))
     words = ", ".join(f"{counts[o]} {o.name.lower()}" for o in Outcome if counts[o])
     return words, int(sum(counts[o] for o in Outcome if o.overturned == -1))
 
@@ -104,10 +127,15 @@ def kinds(outcome: Indices, movement: Indices) -> dict[str, Mask]:
     return {name: runs for name, runs in found.items() if runs.any()}
 
 
-def ways(outcome: Indices, movement: Indices) -> dict[Movement, int]:
-    """Count the overturned runs by how the rock left its seat."""
-    left = outcome == Outcome.OVERTURNED
-    return {way: int((left & (movement == way)).sum()) for way in OFF_ITS_SEAT}
+def ways(outcome: Indices, movement: Indices, number: Indices | int = 1) -> dict[Movement, int]:
+    """Count the overturned runs by how the rock left its seat.
+
+    Parameters
+    ----------
+    number : ndarray of int, runs of each of these ends
+    """
+    left = number * (outcome == Outcome.OVERTURNED)
+    return {way: int((left * (movement == way)).sum()) for way in OFF_ITS_SEAT}
 
 
 def in_words(counts: dict[Movement, int]) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import xarray as xr
 
-from pipeline.stages.datasets.stored_runs import stored
+from pipeline.stages.datasets.stored_runs import SIDES, parts, stored
 from pipeline.stages.runs.overturning_runs import LevelRuns, kind
 from pipeline.stages.runs.study import LevelStudy, Study
-from vsr_core.outcome import Outcome
 
 VARIABLE = "overturned_without_vertical"
 
@@ -16,7 +17,14 @@ VARIABLE = "overturned_without_vertical"
 def without(level: LevelRuns, study: Study) -> np.ndarray:
     """Whether each run overturns without them, -1 undecided, shape (runs,) of int8."""
     runs = stored(level.database, kind(on_terrain=study.settings.on_terrain), LevelStudy.of(study))
-    return np.array([outcome.overturned for outcome in Outcome], "i1")[runs["outcome"]]
+    return SIDES[runs["outcome"]]
+
+
+def by_parts(level: LevelRuns, study: Study) -> Iterator[np.ndarray]:
+    """The same part by part."""
+    own = kind(on_terrain=study.settings.on_terrain)
+    for _, runs in parts(level.database, own, LevelStudy.of(study)):
+        yield SIDES[runs["outcome"]]
 
 
 def effect(runs: xr.Dataset) -> dict[str, int] | None:
@@ -28,8 +36,13 @@ def effect(runs: xr.Dataset) -> dict[str, int] | None:
     """
     if VARIABLE not in runs:
         return None
-    overturned = np.array([outcome.overturned for outcome in Outcome])[runs["outcome"].values]
-    level = runs[VARIABLE].values
-    decided = (overturned >= 0) & (level >= 0)
-    more, fewer = (int((decided & (overturned - level == sign)).sum()) for sign in (1, -1))
-    return {"decided": int(decided.sum()), "changed": more + fewer, "more": more, "fewer": fewer}
+    more = fewer = number = 0
+    both = runs[["outcome", VARIABLE]]
+    yaws = [{"yaw": number} for number in range(runs.sizes["yaw"])] if "yaw" in runs.dims else [{}]
+    for own in map(both.isel, yaws):
+        overturned, level = SIDES[own["outcome"].values], own[VARIABLE].values
+        decided = (overturned >= 0) & (level >= 0)
+        more += int((decided & (overturned > level)).sum())
+        fewer += int((decided & (overturned < level)).sum())
+        number += int(decided.sum())
+    return {"decided": number, "changed": more + fewer, "more": more, "fewer": fewer}

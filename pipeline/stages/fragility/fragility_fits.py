@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
+from tempfile import TemporaryFile
+from typing import IO
 
 import numpy as np
 import pandas as pd
@@ -13,8 +17,9 @@ from threadpoolctl import threadpool_limits
 from pipeline.stages.boundary.boundary import BoundaryData, runs_of
 from pipeline.stages.datasets.responses import Responses
 from pipeline.stages.fragility.summary import SEARCHED, TABLE, Fits
+from pipeline.stages.runs.runner import at_once
 from pipeline.workflow import writers
-from pipeline.workflow.datasets import described, netcdf, rows_of
+from pipeline.workflow.datasets import Place, described, netcdf, rows_of, unwritten
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.fragility import FragilityResult, ModelFit, fit_all
@@ -29,18 +34,28 @@ _Found = dict[tuple[int, int], FragilityResult]
 def make(work: Work, responses: Responses, boundary: BoundaryData) -> Product:
     """Fit every model to the boundary of every yaw and friction."""
     data = responses.data
-    fits = _fit(data, boundary.data, work.cluster.workers)
+    aside: IO[bytes] = TemporaryFile(dir=work.runs)  # noqa: SIM115 (until the product is written)
+    fits = _fit(data, boundary.data, work.cluster.workers, aside)
     dataset = _dataset(data, fits)
     dataset.attrs |= {name: boundary.data.attrs[name] for name in SEARCHED}
-    table = _table(dataset, fits)
     names = [_recommended(fit) for fit in fits.values()]
     best = ", ".join(f"{name} for {names.count(name)}" for name in sorted(set(names)))
-    files = {Fits.FILE: netcdf(described(dataset, work, "Fragility")), TABLE: writers.table(table)}
+    table = writers.tables(_tables(dataset, fits))
+    dataset = described(dataset, work, "Fragility")
+    rows, columns = dataset["probability"].shape[3:]
+    parts = _probabilities(aside, dataset.sizes["model"], (rows, columns), fits)
+    size = (1, 1, 1, min(at_once(columns) // columns, rows), columns)
+    files = {Fits.FILE: netcdf(dataset, parts, size), TABLE: table}
     return Product(files, f"grids fitted: {len(fits)}; recommended: {best}")
 
 
-def _fit(data: xr.Dataset, boundary: xr.Dataset, workers: int) -> _Found:
-    """Fits by position of yaw and friction; none where no run is resolved."""
+def _fit(data: xr.Dataset, boundary: xr.Dataset, workers: int, aside: IO[bytes]) -> _Found:
+    """Fits by position of yaw and friction; none where no run is resolved.
+
+    Parameters
+    ----------
+    aside : file, to which probabilities are moved, a number for each cell and model
+    """
     overturned = data["overturned"].values
     decided = [at for at in np.ndindex(overturned.shape[:2]) if (overturned[at] >= 0).any()]
     fit = partial(fit_all, data["pga"].values, data["pgv_pga"].values)
@@ -48,9 +63,27 @@ def _fit(data: xr.Dataset, boundary: xr.Dataset, workers: int) -> _Found:
         (overturned[at] for at in decided),
         (runs_of(boundary, data, at) for at in decided),
     )
+    found: _Found = {}
     # in threads, as all but a little of a fit is linear algebra
     with threadpool_limits(1), ThreadPoolExecutor(max(workers, 1)) as pool:
-        return dict(zip(decided, pool.map(fit, grids, runs), strict=True))
+        for at, one in zip(decided, pool.map(fit, grids, runs), strict=True):
+            for model in one.models:
+                aside.write(model.probability.astype("f4").tobytes())
+            models = (replace(model, probability=np.zeros((0, 0))) for model in one.models)
+            found[at] = replace(one, models=tuple(models))
+    return found
+
+
+def _probabilities(
+    aside: IO[bytes], models: int, shape: tuple[int, int], fits: _Found
+) -> Iterator[tuple[Place, dict[str, Array]]]:
+    """What was put aside, model by model."""
+    with aside:
+        aside.seek(0)
+        for place in fits:
+            for model in range(models):
+                cells = np.frombuffer(aside.read(4 * shape[0] * shape[1]), "f4").reshape(shape)
+                yield (*place, model), {"probability": cells}
 
 
 def _recommended(fit: FragilityResult) -> str:
@@ -75,6 +108,9 @@ def _dataset(data: xr.Dataset, fits: _Found) -> xr.Dataset:
     toppled = (overturned == 1).sum(overturned.dims[2:])
     dataset["toppled_share"] = (toppled / decided.where(decided > 0)).variable
     dataset = dataset.assign_coords(overturned.coords)
+    sizes = {**overturned.sizes, "model": dataset.sizes["model"]}
+    dims = ("yaw", "friction", "model", row, "pga")
+    dataset["probability"] = unwritten(dims, tuple(sizes[dim] for dim in dims), "f4")
     return dataset.assign_coords(bound=["lower", "upper"], parameter=["b0", "b1", "b2"])
 
 
@@ -112,7 +148,6 @@ def _model(model: ModelFit, row: str) -> xr.Dataset:
             "median_pga": (row, model.median),
             "median_pga_interval": ((row, "bound"), median),
             "band_pga": ((row, "bound"), _pair(model.band_low, model.band_high)),
-            "probability": ((row, "pga"), model.probability.astype("f4")),
             "separated": float(model.separated),
             "log_loss": scores.log_loss,
             "log_loss_error": scores.log_loss_se,
@@ -127,12 +162,14 @@ def _pair(lower: Array, upper: Array) -> Array:
     return np.stack([lower, upper], axis=-1)
 
 
-def _table(dataset: xr.Dataset, fits: _Found) -> pd.DataFrame:
-    """The boundary's rows, then those of each model, of each yaw and friction."""
+def _tables(dataset: xr.Dataset, fits: _Found) -> Iterator[pd.DataFrame]:
+    """The boundary's rows, then those of each model, one yaw and friction after the other."""
     rows = {"pgv_pga_s": dataset["pgv_pga"].values.astype(str)}
     if rows_of(dataset) == "record":
         rows["record"] = dataset["record"].values
-    parts = [pd.DataFrame(columns=[*_COLUMNS, *list(rows)[1:]])]
+    columns = [*_COLUMNS, *list(rows)[1:]]
+    words = [name for name in columns if name not in ("value", "lower", "upper")]
+    yield pd.DataFrame(columns=columns)
     for (i, k), fit in fits.items():
         one = dataset.isel(yaw=i, friction=k)
         edge = fit.boundary
@@ -141,10 +178,8 @@ def _table(dataset: xr.Dataset, fits: _Found) -> pd.DataFrame:
         found += [_of_model(rows, model, fit.recommended) for model in fit.models]
         group = {"yaw_deg": str(one["yaw"].item()), "friction": str(one["friction"].item())}
         share = f"{one['toppled_share'].item():.4f}"
-        parts.append(pd.concat(found).assign(**group, toppled_share=share))
-    table = pd.concat(parts)
-    words = table.columns.difference(["value", "lower", "upper"])
-    return table.fillna(dict.fromkeys(words, ""))
+        table = pd.concat(found).assign(**group, toppled_share=share).reindex(columns=columns)
+        yield table.fillna(dict.fromkeys(words, ""))
 
 
 def _of_model(rows: dict[str, Array], model: ModelFit, recommended: str) -> pd.DataFrame:

@@ -13,7 +13,7 @@ import xarray as xr
 from pipeline.config import in_si
 from pipeline.stages.runs.quantity_errors import ENDS, IN_WORDS
 from pipeline.stages.runs.step_choice import kept
-from pipeline.workflow.datasets import Stored
+from pipeline.workflow.datasets import Opened
 from vsr_core.arrays import Array, Mask
 from vsr_core.outcome import Outcome
 from vsr_core.run.agreement import HIGHEST
@@ -219,7 +219,7 @@ SEARCHED = ("searched_from_g", "searched_to_g")
 """Attributes: PGAs [g] between which a boundary beyond the grid was looked for."""
 
 
-class Fits(Stored):
+class Fits(Opened):
     """Fitted models, and the boundary, of each direction and friction."""
 
     FILE = "fragility.nc"

@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.stages.datasets.bullet_sample import beyond_errors
-from pipeline.stages.datasets.stored_runs import in_words, kinds, ways
+from pipeline.stages.datasets.stored_runs import SIDES, in_words, kinds, ways
 from pipeline.stages.fragility.summary import (
     SEARCHED,
     groups,
@@ -19,8 +19,8 @@ from pipeline.stages.fragility.summary import (
     with_interval,
 )
 from pipeline.workflow.datasets import rows_of
-from vsr_core.arrays import Array
-from vsr_core.outcome import DecidedBy, Outcome
+from vsr_core.arrays import Array, Indices, Mask
+from vsr_core.outcome import DecidedBy, Movement, Outcome
 
 Row = dict[str, Any]
 
@@ -109,7 +109,6 @@ def records(motions: xr.Dataset) -> list[Row]:
 def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
     """Toppled share, typical first-overturning PGA and model of each yaw and friction."""
     typical = typical_pga(fragility)
-    lost = undecided(responses).sum(axis=(2, 3))
     return [
         {
             "name": name,
@@ -117,7 +116,7 @@ def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
             "friction": place[1],
             "share": float(fragility["toppled_share"].values[place]),
             "first": with_interval(*typical[:, *place]),
-            "undecided": int(lost[place]),
+            "undecided": int(undecided(responses.isel(yaw=place[0], friction=place[1])).sum()),
             "model": (str(fragility["recommended"].values[place]) or "none")
             + " (too few levels to compare)" * bool(np.isnan(fragility["log_loss"][place]).all()),
         }
@@ -156,41 +155,75 @@ def _end(rows: list[Row]) -> Row:
 
 def counts(responses: xr.Dataset) -> Row:
     """Count runs by outcome and by what decided them."""
-    outcome, rule = responses["outcome"].values.ravel(), responses["decided_by"].values.ravel()
-    movement = responses["movement"].values.ravel()
-    found, left = kinds(outcome, movement), ways(outcome, movement)
-    decided = ~undecided(responses).ravel()
+    (outcome, movement, rule), number, peaks = _ends(responses)
+    found, left = kinds(outcome, movement), ways(outcome, movement, number)
+    decided, total = SIDES[outcome] >= 0, int(number.sum())
+
+    def of(runs: Mask) -> int:
+        return int(number[runs].sum())
+
     return {
         "kinds": list(found),
         "table": [
-            {
-                "how": code.how,
-                "runs": [int((runs & (rule == code)).sum()) for runs in found.values()],
-            }
+            {"how": code.how, "runs": [of(runs & (rule == code)) for runs in found.values()]}
             for code in DecidedBy
             if (rule == code).any()
         ],
         "ways": in_words(left),
-        "total": outcome.size,
-        "peaks": int(np.isfinite(responses["peak_tilt"].values).sum()),
-        "toppled": float((outcome == Outcome.OVERTURNED).sum() / max(decided.sum(), 1)),
-        "proved": int((decided & (rule == DecidedBy.NO_UPLIFT_BOUND)).sum()),
-        "early": int((decided & np.isin(rule, _EARLY)).sum()),
-        "simulated": int((decided & (rule == DecidedBy.SIMULATION)).sum()),
+        "total": total,
+        "peaks": peaks,
+        "toppled": of(outcome == Outcome.OVERTURNED) / max(of(decided), 1),
+        "proved": of(decided & (rule == DecidedBy.NO_UPLIFT_BOUND)),
+        "early": of(decided & np.isin(rule, _EARLY)),
+        "simulated": of(decided & (rule == DecidedBy.SIMULATION)),
     }
+
+
+def _ends(responses: xr.Dataset) -> tuple[Indices, Indices, int]:
+    """Outcomes, movements and rules that occur together, and how many runs have each.
+
+    Returns
+    -------
+    ends : ndarray of int, shape (3, n)
+    number : ndarray of int, shape (n,)
+    peaks : int, runs whose largest tilt is known
+    """
+    sizes = (len(Outcome) + 1, len(Movement) + 1, len(DecidedBy))
+    number, peaks = np.zeros(sizes, dtype=int), 0
+    for (yaw, friction), _ in groups(responses):
+        runs = responses.isel(yaw=yaw, friction=friction)
+        outcome, movement, rule = (
+            runs[name].values.ravel().astype(int) for name in ("outcome", "movement", "decided_by")
+        )
+        at = np.ravel_multi_index((outcome + 1, movement + 1, rule), sizes)
+        number += np.bincount(at, minlength=number.size).reshape(sizes)
+        peaks += int(np.isfinite(runs["peak_tilt"].values).sum())
+    ends = np.array(np.nonzero(number))
+    return ends - np.array([[1], [1], [0]]), number[number > 0], peaks
 
 
 def unresolved(responses: xr.Dataset, most: int) -> Row:
     """How many runs are unresolved, and the first ``most`` of them."""
-    dims, lost = list(responses["outcome"].dims), undecided(responses)
-    runs = responses[["outcome", "tilt_until_decided"]].to_dataframe(dim_order=dims)[lost.ravel()]
-    listed = runs.head(most).reset_index()
     names = {outcome.value: outcome.name.lower() for outcome in Outcome}
-    listed["outcome"] = listed["outcome"].map(names).fillna("missing")
-    listed["tilt"] = np.degrees(listed["tilt_until_decided"])
-    places = np.argwhere(lost)[:most, 2]
-    listed["motion"] = [_heads(responses)[place] for place in places]
-    return {"total": len(runs), "listed": listed.to_dict("records")}
+    total, heads = 0, _heads(responses)
+    listed: list[Row] = []
+    for (yaw, friction), _ in groups(responses):
+        runs = responses[["outcome", "overturned", "tilt_until_decided"]]
+        runs = runs.isel(yaw=yaw, friction=friction).load()
+        lost = undecided(runs)
+        for row, column in np.argwhere(lost)[: most - len(listed)]:
+            one = runs.isel({rows_of(runs): row, "pga": column})
+            values = {str(name): one[name].item() for name in one.variables}
+            listed.append(
+                values
+                | {
+                    "outcome": names.get(values["outcome"], "missing"),
+                    "tilt": np.degrees(values["tilt_until_decided"]),
+                    "motion": heads[row],
+                }
+            )
+        total += int(lost.sum())
+    return {"total": total, "listed": listed}
 
 
 def _heads(data: xr.Dataset) -> list[str]:

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from pipeline.stages.fragility.summary import long_rows
+from pipeline.stages.fragility.summary import groups, long_rows
 from pipeline.stages.motions.motion_grid import Cell
 from pipeline.stages.replay.choice import Choice
 from pipeline.stages.replay.film import film, named, played, scene
 from pipeline.stages.runs.scenes import Group
 from pipeline.stages.runs.study import Study
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Indices, Mask
 
 SPACING, AFTERWARDS = 0.02, 1.5
 """Time between two states of such a run, and for which it goes on once it is decided [s]."""
@@ -35,28 +35,57 @@ def chosen(responses: xr.Dataset) -> list[Place]:
     is a run that stays upright between a weaker and a stronger motion of its row that topple the
     rock; the one chosen lies furthest above the weakest that does.
     """
-    overturned, tilt = responses["overturned"].values, responses["tilt_until_decided"].values
-    first = np.argmax(overturned == 1, axis=-1)
-    known = (overturned == 1).any(axis=-1) & (first > 0)
-    below = np.maximum(first - 1, 0)[..., None]
-    upright = np.take_along_axis(overturned, below, -1)[..., 0] == 0
-    tilted = np.take_along_axis(tilt, below, -1)[..., 0]
-    candidates = known & upright & long_rows(responses["pgv_pga"].values)
-    places = []
-    if candidates.any():
-        *at, row = _largest(np.where(candidates, tilted, -1.0))
-        column = int(first[(*at, row)])
+    most, furthest = -1.0, 0
+    below: tuple[int, ...] = ()
+    island: tuple[int, ...] = ()
+    for at, _ in groups(responses):
+        own = responses.isel(yaw=at[0], friction=at[1])
+        tilt, place = _most_tilted(own)
+        if tilt > most:
+            most, below = tilt, (*at, *place)
+        above, place = _furthest_island(own["overturned"].values)
+        if above > furthest:
+            furthest, island = above, (*at, *place)
+    places: list[Place] = []
+    if below:
+        *row, column = below
         places = [
-            Place((*at, row, column - 1), "just below the boundary"),
-            Place((*at, row, column), "just above the boundary"),
+            Place(below, "just below the boundary"),
+            Place((*row, column + 1), "just above the boundary"),
         ]
-    columns = np.arange(overturned.shape[-1])
-    last = columns[-1] - np.argmax(overturned[..., ::-1] == 1, axis=-1)
-    above = columns - first[..., None]
-    island = (overturned == 0) & known[..., None] & (above > 0) & (columns < last[..., None])
-    if island.any():
-        places.append(Place(_largest(np.where(island, above, -1)), "an island above the boundary"))
+    if island:
+        places.append(Place(island, "an island above the boundary"))
     return places
+
+
+def _most_tilted(runs: xr.Dataset) -> tuple[float, tuple[int, ...]]:
+    """Largest tilt of the last runs that stay upright, and place; -1 where there is none."""
+    overturned, tilt = runs["overturned"].values, runs["tilt_until_decided"].values
+    first, known = _first(overturned)
+    rows, last = np.arange(len(first)), np.maximum(first - 1, 0)
+    upright = overturned[rows, last] == 0
+    candidates = known & upright & long_rows(runs["pgv_pga"].values)
+    tilted = np.where(candidates, tilt[rows, last], -1.0)
+    row = int(np.argmax(tilted))
+    return float(tilted[row]), (row, int(last[row]))
+
+
+def _furthest_island(overturned: Array) -> tuple[int, tuple[int, ...]]:
+    """Columns from the first run that topples to the island furthest above it, and place."""
+    first, known = _first(overturned)
+    columns = np.arange(overturned.shape[-1])
+    last = columns[-1] - np.argmax(overturned[:, ::-1] == 1, axis=-1)
+    above = columns - first[:, None]
+    island = (overturned == 0) & known[:, None] & (above > 0) & (columns < last[:, None])
+    row, column = np.unravel_index(int(np.argmax(np.where(island, above, 0))), above.shape)
+    return int(above[row, column] * island[row, column]), (int(row), int(column))
+
+
+def _first(overturned: Array) -> tuple[Indices, Mask]:
+    """Column of the first run of each row that topples, and whether one below it does not."""
+    toppled = overturned == 1
+    first = np.argmax(toppled, axis=-1)
+    return first, toppled.any(axis=-1) & (first > 0)
 
 
 def packed(
@@ -93,8 +122,3 @@ def _choice(responses: xr.Dataset, place: Place, engine: str) -> Choice:
     run = responses.isel(yaw=yaw, friction=friction, pga=column)
     group = Group(float(run["yaw"]), float(run["friction"]))
     return Choice(group, Cell(row, float(run["pga"])), engine)
-
-
-def _largest(values: Array) -> tuple[int, ...]:
-    """Place of the largest value, the first of several."""
-    return tuple(int(i) for i in np.unravel_index(int(np.argmax(values)), values.shape))

@@ -143,21 +143,22 @@ def run_missing(
 
 
 def stored(
-    database: Path, kind: Kind[Row], groups: Sequence[G], wanted: Wanted[G]
+    database: Path, kind: Kind[Row], groups: Sequence[G], wanted: Wanted[G], whole: int = 1
 ) -> Iterator[tuple[G, list[Row]]]:
     """Read the wanted runs of each group, in their order and in parts.
 
     Parameters
     ----------
     database : Path, of its folder
+    whole : int, of how many runs a part has a multiple
 
     Yields
     ------
-    (group, list of rows), one group after the other, at most ``AT_ONCE`` rows at a time
+    (group, list of rows), one group after the other, as many rows at a time as ``at_once`` says
     """
     with closing(RunStore(database, kind.row, reads=True)) as runs:
         for group in groups:
-            for part in parts(wanted(group)):
+            for part in parts(wanted(group), whole):
                 found = runs.get(run.key for run in part)
                 lost = sum(run.key not in found for run in part)
                 if lost:
@@ -188,10 +189,15 @@ def missing(wanted: Iterable[Run], runs: RunStore[Any]) -> bytes:
     return bytes(marks)
 
 
-def parts(items: Iterable[Item]) -> Iterator[list[Item]]:
-    """Runs or rows, at most ``AT_ONCE`` at a time."""
+def at_once(whole: int = 1) -> int:
+    """Runs or rows that are held: the largest multiple of ``whole`` up to ``AT_ONCE``, or one."""
+    return max(AT_ONCE // whole, 1) * whole
+
+
+def parts(items: Iterable[Item], whole: int = 1) -> Iterator[list[Item]]:
+    """Runs or rows, ``at_once`` of them at a time."""
     left = iter(items)
-    while part := list(islice(left, AT_ONCE)):
+    while part := list(islice(left, at_once(whole))):
         yield part
 
 

@@ -31,7 +31,7 @@ from vsr_core.source import tracing
 from vsr_core.table.servo import Servo
 
 MOST_RUNS = 10_000_000
-"""Runs of one direction and friction, whose dataset is made in memory, some 100 bytes a run."""
+"""Runs of one direction and friction, of which some 20 bytes a run are held, and pictures drawn."""
 
 
 class Group(NamedTuple):

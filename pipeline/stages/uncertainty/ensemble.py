@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.config import in_si
-from pipeline.stages.boundary.search import SIDES
+from pipeline.stages.datasets.stored_runs import SIDES
 from pipeline.stages.motions.motion_grid import Cell, Pulses, Shaking, TablePulses
 from pipeline.stages.runs import overturning_runs
 from pipeline.stages.runs.runner import Kind, Run, run_missing

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import pandas as pd
+import numpy as np
 import pytest
 
 from pipeline.stages.datasets import stored_runs
@@ -50,5 +50,5 @@ def test_every_run_is_at_its_own_cell(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_tally_counts_what_has_no_verdict() -> None:
     ended = [Outcome.UNSETTLED, Outcome.DISPLACED, Outcome.UNSETTLED, Outcome.CRASHED]
-    words, unresolved = stored_runs.tally(pd.Series(ended))
+    words, unresolved = stored_runs.tally(np.bincount(ended, minlength=len(Outcome)))
     assert (words, unresolved) == ("1 displaced, 2 unsettled, 1 crashed", 3)

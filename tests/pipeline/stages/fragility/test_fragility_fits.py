@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from io import BytesIO
+
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -38,7 +41,7 @@ def without_runs() -> xr.Dataset:
 
 @pytest.fixture(scope="module")
 def fits(responses: xr.Dataset) -> Fits:
-    return fragility_fits._fit(responses, without_runs(), 1)
+    return fragility_fits._fit(responses, without_runs(), 1, BytesIO())
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +75,7 @@ def test_each_fit_stands_at_its_yaw_and_friction(
 
 
 def test_the_table_says_what_the_dataset_says(dataset: xr.Dataset, fits: Fits) -> None:
-    table = fragility_fits._table(dataset, fits)
+    table = pd.concat(fragility_fits._tables(dataset, fits))
     assert set(zip(table["yaw_deg"], table["friction"], strict=True)) == {
         (str(YAWS[i]), str(FRICTIONS[k])) for i, k in fits
     }
