@@ -23,6 +23,8 @@ MAKING = ("run", "prep", "figures", "feasible", "replay", "join", "archive", "cl
 FEWEST_SHAPES = 100
 """Shapes from which equations can be fitted at all."""
 
+JSON = "print JSON, as of docs/answers.schema.json"
+
 MOST_WORKERS = 10_000
 """More worker processes than any machine starts."""
 
@@ -123,6 +125,7 @@ def _parser() -> argparse.ArgumentParser:
         sub = add(name, text)
         sub.add_argument("product", nargs="?", choices=DELIVERABLES, metavar="PRODUCT")
         _add_site(sub)
+        sub.add_argument("--json", action="store_true", help=JSON)
     figures = add("figures", "make every figure of the paper and check its claims")
     figures.add_argument("--fig", default="", metavar="NAME", help="one of them, e.g. 12")
     figures.add_argument("--record", default="", metavar="FILE", help="recorded motion for Fig. 7")
@@ -150,7 +153,8 @@ def _parser() -> argparse.ArgumentParser:
     add("index", "make a page with links to all results")
     doctor = add("doctor", "see whether this machine can do runs, and what to do where not")
     doctor.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask scheduler to try")
-    add("list", "list sites, studies, tables and products")
+    listed = add("list", "list sites, studies, tables and products")
+    listed.add_argument("--json", action="store_true", help=JSON)
     clean = add("clean", "remove results of one site or all; never data/raw")
     clean.add_argument("--site", metavar="NAME")
     clean.add_argument("--yes", action="store_true", help="do not ask")

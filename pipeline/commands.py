@@ -6,15 +6,18 @@ A command returns the number of unresolved runs.
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 from pipeline.config.layers import CONFIGS, STUDIES, TABLES, known
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sweep import Sweep
+from pipeline.inspection.answers import Answer, Comparison, Inspected, Known
 from pipeline.workflow import front_page, graph
 from pipeline.workflow.grammar import form
 from pipeline.workflow.jobs import (
@@ -97,12 +100,21 @@ def _inspected(question: str, options: argparse.Namespace) -> int:
     stage, ask = DELIVERABLES[product].stage, named(f"pipeline.status:{question}")
     job = job_of(options, sweep)
     if sweep is None:
-        lines = list(ask(stage, job))
-        for other_stage, other in others_of(job) if product == "hazard" else ():
-            lines += [f"{other.store.folder}:", *ask(other_stage, other)]
-        return _show(lines)
+        others = others_of(job) if product == "hazard" else ()
+        answers = [ask(stage, job), *(ask(*other) for other in others)]
+        return _told(Inspected(question, product, answers), options)
     swept = named("pipeline.workflow.sweeps:of_job")(sweep, stage, job)
-    return _show(named("pipeline.workflow.sweeps:told")(ask, swept))
+    answers, reasons = named("pipeline.workflow.sweeps:asked")(ask, swept)
+    members, folder = [member.name for member in sweep.members], str(swept.job.store.folder)
+    compared = Comparison(folder, members, reasons)
+    return _told(Inspected(question, product, answers, compared), options)
+
+
+def _told(answer: Answer, options: argparse.Namespace) -> int:
+    """Print an answer: its lines, or JSON."""
+    if not options.json:
+        return _show(answer.lines())
+    return _show([json.dumps(asdict(answer), ensure_ascii=False, allow_nan=False)])
 
 
 def figures(options: argparse.Namespace) -> int:
@@ -175,11 +187,7 @@ def index(options: argparse.Namespace) -> int:
 
 def list_known(options: argparse.Namespace) -> int:
     """Print sites, studies, tables and products."""
-    print("sites:   ", *known())
-    print("studies: ", *(known(STUDIES) or ["none"]))
-    print("tables:  ", *known(TABLES))
-    print("products:", *DELIVERABLES)
-    return 0
+    return _told(Known(known(), known(STUDIES), known(TABLES), [*DELIVERABLES]), options)
 
 
 def doctor(options: argparse.Namespace) -> int:

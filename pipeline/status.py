@@ -1,4 +1,4 @@
-"""What would run, what is done, and why: lines of text, nothing changed on disk."""
+"""What would run, what is done, and why: nothing changed on disk."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from pipeline.config import in_si
 from pipeline.config.fragility_schema import FINE
 from pipeline.config.motion_schema import PulseGrid
 from pipeline.config.schema import Config
+from pipeline.inspection.answers import Beside, Made, Plan, Record, Runs, Status, Stored, Why
 from pipeline.stages.mesh.products import Ground, Standing
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell, MotionData, Shaking
@@ -40,66 +41,51 @@ TYPICAL_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 25.0
 """CPU time of a run [ms] before any was measured here."""
 
 
-def why(product: str, job: Job) -> list[str]:
+def why(product: str, job: Job) -> Why:
     """Each stage that would be made again, with every reason."""
-    lines = []
-    for name, identity in graph.identities(product, job.site).items():
-        reasons = list(graph.why(BY_NAME[name], identity, job.store))
-        if not reasons:
-            lines.append(f"{name}: up to date")
-        lines += [f"{name}: {reason}" for reason in reasons]
-    lines += [f"{site_folder.FILE}: {fault}" for fault in site_folder.faults(job)]
-    counts, total = _runs(job, product)
-    if total:
-        kept = counts.total()
-        lines.append(f"runs: {kept} of {total} are stored and stay; {total - kept} to do")
-    return lines
+    settings = [f"{site_folder.FILE}: {fault}" for fault in site_folder.faults(job)]
+    return Why(*_where(job), _stages(product, job), settings, _runs(job, product))
 
 
-def status(product: str, job: Job) -> list[str]:
+def status(product: str, job: Job) -> Status:
     """What is done: stages, runs and their outcomes."""
-    lines = [f"{job.site.name} in {job.store.folder}"]
-    for name, identity in graph.identities(product, job.site).items():
-        reasons = list(graph.why(BY_NAME[name], identity, job.store))
-        lines.append(f"  {name:<20}{'done' if not reasons else 'to do: ' + reasons[0]}")
-    lines += [f"  {line}" for line in site_folder.told(job)]
-    counts, total = _runs(job, product)
-    if total:
-        lines.append(f"  {counts.total()} of {total} runs stored")
-        lines += [
-            f"    {number:>7} {Outcome(code).name.lower()}" for code, number in counts.most_common()
-        ]
-    return lines
+    stale = site_folder.told(job)
+    return Status(*_where(job), _stages(product, job), stale, _runs(job, product))
 
 
-def plan(product: str, job: Job) -> list[str]:
+def _where(job: Job) -> tuple[str, str]:
+    return job.site.name, str(job.store.folder)
+
+
+def _stages(product: str, job: Job) -> list[Made]:
+    return [
+        Made(name, list(graph.why(BY_NAME[name], identity, job.store)))
+        for name, identity in graph.identities(product, job.site).items()
+    ]
+
+
+def plan(product: str, job: Job) -> Plan:
     """What would run, what it costs, and what is left out of the scene."""
     todo = [
         name
         for name, identity in graph.identities(product, job.site, to_make=False).items()
         if any(graph.why(BY_NAME[name], identity, job.store))
     ]
-    lines = [f"stages to make: {', '.join(todo) or 'none'}"]
     if not {"runs", "displacement_runs"} & {stage.name for stage in upstream(product)}:
-        return lines
+        return Plan(*_where(job), todo)
     with tempfile.TemporaryDirectory() as temporary:
         study = _study(job, Path(temporary))
         assert study is not None
-        lines += _planned_runs(job, study, _kind(product, job.config))
-    if "boundary" in todo:
-        lines.append(_planned_between(job.config, study))
-    if "uncertainty" in todo:
-        lines.append(_planned_draws(job.config, study.motions))
+        runs = _planned_runs(job, study, _kind(product, job.config))
+    beside = [_planned_between(job.config, study)] if "boundary" in todo else []
+    beside += [_planned_draws(job.config, study.motions)] if "uncertainty" in todo else []
     case = flat_case(study.scenes, study.groups[0])
     one_way = motion_grid.one_way(study.motions)
     dropped = left_out(study.settings, case, one_way=one_way)
-    if job.config.on_terrain:
-        lines.append(f"contact on the terrain: {study.scenes.standing.contact}")
-    lines.append("left out:")
-    lines += [f"  {reduction}" for reduction in dropped] or ["  nothing (simulation.reduce: off)"]
-    if study.settings.simulation.reduce and not one_way:
-        lines.append("switched off: what is proved of shaking along one axis, as there are several")
-    return lines
+    contact = str(study.scenes.standing.contact) if job.config.on_terrain else ""
+    off = ["what is proved of shaking along one axis, as there are several"]
+    off *= study.settings.simulation.reduce and not one_way
+    return Plan(*_where(job), todo, runs, beside, contact, [str(one) for one in dropped], off)
 
 
 def _kind(product: str, config: Config) -> Kind[Any]:
@@ -139,7 +125,7 @@ def _study(job: Job, aside: Path | None) -> Study | None:
     return Study(scenes, engine, config.yaw, config.motion, MotionData(at.store.folder), steps)
 
 
-def _planned_runs(job: Job, study: Study, kind: Kind[Any]) -> list[str]:
+def _planned_runs(job: Job, study: Study, kind: Kind[Any]) -> Runs:
     """Runs to do and their cost; which are stored is known once the time step is measured."""
     settings, motions = study.settings, study.motions
     proves = settings.simulation.reduce and not settings.on_terrain and motion_grid.one_way(motions)
@@ -154,19 +140,22 @@ def _planned_runs(job: Job, study: Study, kind: Kind[Any]) -> list[str]:
         if known and each <= MOST_RUNS:
             left = _left(job.store, study, group, kind)
             new += len(left)
-            proved += sum(cell.pga < limit for cell in left)
+            proved += sum(bool(cell.pga < limit) for cell in left)
         else:
             new += each
             proved += len(motions.rows) * bisect_left(motions.pga, limit)
     steps = sorted({step for step in study.steps.steps if not math.isnan(step)})
-    text = ", ".join(f"{1e3 * step:.3g} ms" for step in steps)
-    return [
-        *_motions(motions),
-        f"runs: {total}; {total - new} stored, {new} to do, {proved} of them proved without a step",
-        f"time step: {text or 'measured on the scene first, some seconds'}",
-        f"cost: {_cost(job, new - proved, kind)}",
-        *["as many runs again: without vertical components"] * job.config.with_vertical,
-    ]
+    return Runs(
+        total,
+        total - new,
+        new,
+        proved,
+        steps,
+        *_cost(job, new - proved, kind),
+        _records(motions),
+        len(motions.pga),
+        job.config.with_vertical,
+    )
 
 
 def _left(store: Store, study: Study, group: Group, kind: Kind[Any]) -> list[Cell]:
@@ -176,7 +165,7 @@ def _left(store: Store, study: Study, group: Group, kind: Kind[Any]) -> list[Cel
     return [run.item for run in runs if run.key not in kept]
 
 
-def _planned_between(config: Config, study: Study) -> str:
+def _planned_between(config: Config, study: Study) -> Beside:
     """Runs that part the intervals of the first overturning, one of them in each level."""
     pga, asked = np.array(study.motions.pga), config.fragility.resolution
     # of an even grid the gap at a fifth of its range, where boundaries are
@@ -184,43 +173,33 @@ def _planned_between(config: Config, study: Study) -> str:
     width = np.log1p(FINE if asked == "auto" else asked)
     each = math.ceil(math.log2(max(gap / width, 1.0)))
     levels = len(study.groups) * len(study.motions.rows)
-    return (
-        f"boundary: about {levels * each} runs beside, {each} in each of {levels} levels where the "
-        "outcome changes once"
-    )
+    return Beside(levels * each, each, levels)
 
 
-def _planned_draws(config: Config, motions: Shaking) -> str:
+def _planned_draws(config: Config, motions: Shaking) -> Beside:
     """The runs that an ensemble takes as a rule, near its boundaries."""
     levels, members = len(config.yaw) * len(motions.rows), config.uncertainty.members
-    return (
-        f"draws: {members}, each with {levels} first overturnings, of 5 runs as a rule: "
-        f"about {5 * members * levels} runs beside"
-    )
+    return Beside(5 * members * levels, 5, levels, members)
 
 
-def _motions(motions: Shaking) -> list[str]:
+def _records(motions: Shaking) -> list[Record]:
     """Each record, with its length and PGV/PGA; nothing of pulses."""
     if motions.dimension != "record":
         return []
     lengths = [
         motions.motion(Cell(row, motions.pga[-1])).duration for row in range(len(motions.rows))
     ]
-    lines = [
-        f"  {name}: {length:.1f} s, PGV/PGA {ratio:.3g} s"
-        for name, length, ratio in zip(motions.rows, lengths, motions.pgv_pga, strict=True)
-    ]
-    return [f"records: {len(lines)}, each at {len(motions.pga)} PGA", *lines]
+    rows = zip(motions.rows, lengths, motions.pgv_pga, strict=True)
+    return [Record(str(name), float(length), float(ratio)) for name, length, ratio in rows]
 
 
-def _cost(job: Job, runs: int, kind: Kind[Any]) -> str:
+def _cost(job: Job, runs: int, kind: Kind[Any]) -> tuple[float, int, float, bool]:
+    """Time of all runs [s], number of workers, time of a run [ms], whether it was measured."""
     measured = [note for note in job.store.notes(kind.stage) if note["runs"]]
     typical = TYPICAL_ON_TERRAIN_MS if job.config.on_terrain else TYPICAL_MS
     each = 1e3 * measured[-1]["cpu_seconds"] / measured[-1]["runs"] if measured else typical
-    source = "as measured here" if measured else "typical"
     workers = max(job.cluster.workers, 1)
-    seconds = runs * each / 1e3 / workers
-    return f"about {seconds:.0f} s on {workers} workers at {each:.1f} ms a run ({source})"
+    return runs * each / 1e3 / workers, workers, each, bool(measured)
 
 
 def _is_stale(name: str, job: Job) -> bool:
@@ -235,14 +214,16 @@ def _stored(store: Store, runs: Iterable[Run], kind: Kind[Any]) -> dict[bytes, i
         return database.outcomes(run.key for run in runs)
 
 
-def _runs(job: Job, product: str) -> tuple[Counter[int], int]:
-    """Outcomes of the runs stored, and how many are wanted; none where no key is known yet."""
+def _runs(job: Job, product: str) -> Stored | None:
+    """Runs that are wanted and stored; None where no key is known yet."""
     if not isinstance(job.site.settings, Config):
-        return Counter(), 0
+        return None
     kind, study = _kind(product, job.config), _study(job, None)
     if study is None or any(map(math.isnan, study.steps.steps)):
-        return Counter(), 0
+        return None
     counts: Counter[int] = Counter()
     for group in study.groups:
         counts.update(_stored(job.store, study.wanted(group), kind).values())
-    return counts, len(study.groups) * motion_grid.count(study.motions)
+    wanted = len(study.groups) * motion_grid.count(study.motions)
+    outcomes = {Outcome(code).name.lower(): number for code, number in counts.most_common()}
+    return Stored(wanted, counts.total(), outcomes) if wanted else None

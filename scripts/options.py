@@ -17,12 +17,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import yaml
-from pydantic import BaseModel
+from pydantic import BaseModel, TypeAdapter
 
 from pipeline import ROOT
 from pipeline.config.layers import BASE
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.schema import Config, TableConfig
+from pipeline.inspection.answers import Answer
 
 Node = dict[str, Any]
 
@@ -93,6 +94,7 @@ def files() -> dict[str, str]:
     parts += [RECORDED, *sections(recorded)]
     return {
         "docs/options.md": "\n".join(parts),
+        "docs/answers.schema.json": as_json(TypeAdapter(Answer).json_schema()),
         "configs/schema.json": layered(with_sweep(site)),
         "configs/tables/schema.json": as_json(hardware),
         "configs/tests/double_rock_prints/schema.json": as_json(recorded),

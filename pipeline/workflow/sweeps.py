@@ -9,17 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sweep import GRIDS, Member, Sweep
 from pipeline.workflow import graph
 from pipeline.workflow.datasets import catalogue
-from pipeline.workflow.grammar import counted
 from pipeline.workflow.graph import Identity
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.stage import Job, Product, Stage, named
 from pipeline.workflow.store import Store
+
+Answer = TypeVar("Answer")
 
 FOLDER = "studies"
 """Of the sweeps of a site, in its own folder."""
@@ -86,16 +87,12 @@ def make(swept: Swept) -> int:
     return unresolved
 
 
-def told(question: Callable[[str, Job], list[str]], swept: Swept) -> list[str]:
-    """Ask something of every member, and whether the comparison is done."""
+def asked(question: Callable[[str, Job], Answer], swept: Swept) -> tuple[list[Answer], list[str]]:
+    """Ask something of every member, and why the comparison is not done."""
     wanted = _wanted(swept)
     reasons = list(graph.why(COMPARISON, wanted, swept.job.store))
-    members = counted(len(swept.jobs), "member")
-    lines = [f"{members} in {swept.job.store.folder}"]
-    for member in swept.sweep.members:
-        lines.append(f"{member.name}:")
-        lines += [f"  {line}" for line in question(swept.stage, swept.jobs[member.place])]
-    return [*lines, *(f"study: {reason}" for reason in reasons or ["up to date"])]
+    jobs = [swept.jobs[member.place] for member in swept.sweep.members]
+    return [question(swept.stage, job) for job in jobs], reasons
 
 
 def _check(stage: str, member: Job) -> None:

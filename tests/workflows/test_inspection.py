@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import subprocess
+import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import jsonschema
 import numpy as np
 from conftest import Ran
 
@@ -77,6 +83,50 @@ def test_before_between_and_after(
     assert "stages to make: none" in planned
     wider = vsr("why", "responses", "--site", site, "--set", "yaw=[0, 45, 90]").out
     assert "runs: 12 of 18 are stored and stay; 6 to do" in wider
+
+
+def read(ran: Ran) -> dict[str, Any]:
+    """What a command tells a program, which is as the schema in the docs has it."""
+    assert ran.code == 0
+    told: dict[str, Any] = json.loads(ran.out)
+    schema = json.loads((ROOT / "docs" / "answers.schema.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator(schema).validate(told)
+    return told
+
+
+def test_programs_are_told_the_same(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
+) -> None:
+    assert set(DELIVERABLES) == set(read(vsr("list", "--json"))["products"])
+    site = ("--site", write_site(GRID))
+    (planned,) = read(vsr("plan", "responses", *site, "--json"))["answers"]
+    assert (planned["runs"]["wanted"], planned["runs"]["to_do"]) == (12, 12)
+    assert planned["folder"] == str(derived / "rock")
+    assert vsr("run", "responses", *site, "--workers", "0").code == 0
+    (done,) = read(vsr("status", "responses", *site, "--json"))["answers"]
+    assert [stage["stage"] for stage in done["stages"] if stage["reasons"]] == []
+    assert done["runs"]["stored"] == sum(done["runs"]["outcomes"].values()) == 12
+    wider = (*site, "--set", "yaw=[0, 45, 90]", "--json")
+    (again,) = read(vsr("why", "responses", *wider))["answers"]
+    assert (again["runs"]["wanted"], again["runs"]["stored"]) == (18, 12)
+    stale = {stage["stage"] for stage in again["stages"] if stage["reasons"]}
+    assert "responses" in stale
+    assert "rock" not in stale
+
+    (tmp_path / "study.yaml").write_text("sweep: {bounce: {contact.restitution: [0, 0.2]}}")
+    swept = read(vsr("plan", *site, "--study", str(tmp_path / "study.yaml"), "--json"))
+    assert swept["comparison"]["members"] == ["bounce=0", "bounce=0.2"]
+    assert [one["runs"]["stored"] for one in swept["answers"]] == [12, 0]
+
+
+def test_a_program_that_has_read_enough_ends_it_quietly(tmp_path: Path) -> None:
+    for words in (["list", "--json"], ["plan", "--site", "cuboid_1x1x2", "--json"]):
+        read_end, write_end = os.pipe()
+        os.close(read_end)
+        command = [sys.executable, "-m", "pipeline", *words, "--derived", str(tmp_path)]
+        done = subprocess.run(command, cwd=ROOT, stdout=write_end, stderr=subprocess.PIPE)
+        os.close(write_end)
+        assert (done.returncode, done.stderr) == (0, b"")
 
 
 def test_the_version_names_the_code_that_outcomes_come_from(vsr: Callable[..., Ran]) -> None:
