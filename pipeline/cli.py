@@ -126,6 +126,8 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("product", nargs="?", choices=DELIVERABLES, metavar="PRODUCT")
         _add_site(sub)
         sub.add_argument("--json", action="store_true", help=JSON)
+        if name == "plan":
+            sub.add_argument("--graph", type=Path, metavar="SVG", help="draw the stages, too")
     figures = add("figures", "make every figure of the paper and check its claims")
     figures.add_argument("--fig", default="", metavar="NAME", help="one of them, e.g. 12")
     figures.add_argument("--record", default="", metavar="FILE", help="recorded motion for Fig. 7")
@@ -157,7 +159,11 @@ def _parser() -> argparse.ArgumentParser:
     listed.add_argument("--json", action="store_true", help=JSON)
     clean = add("clean", "remove results of one site or all; never data/raw")
     clean.add_argument("--site", metavar="NAME")
+    clean.add_argument("--older", type=_days, metavar="DAYS", help="made so long ago, e.g. 30d")
     clean.add_argument("--yes", action="store_true", help="do not ask")
+    completion = add("completion", "print what completes commands, options and names in a shell")
+    completion.add_argument("shell", choices=("bash", "zsh", "fish"), metavar="SHELL")
+    completion.set_defaults(parser=parser)
     init = add("init", "write a commented site and a README into a new folder")
     init.add_argument("folder", type=Path, metavar="FOLDER")
     fetch = add("fetch", "download a public scan into data/raw")
@@ -230,6 +236,14 @@ def _shapes(text: str) -> int:
         rule = f"the number of shapes is {FEWEST_SHAPES} to 999999"
         raise InputError(Problem("--shapes", "", repr(text), rule, "e.g. 1750"))
     return int(text)
+
+
+def _days(text: str) -> float:
+    number = text.removesuffix("d")
+    if not (number.isascii() and number.isdecimal() and len(number) < 6):
+        rule = "an age is a whole number of days"
+        raise InputError(Problem("--older", "", repr(text), rule, "e.g. 30d"))
+    return float(number)
 
 
 def _folder(text: str) -> Path:

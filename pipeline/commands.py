@@ -17,7 +17,10 @@ from pathlib import Path
 from pipeline.config.layers import CONFIGS, STUDIES, TABLES, known
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sweep import Sweep
+from pipeline.inspection import disk
 from pipeline.inspection.answers import Answer, Comparison, Inspected, Known
+from pipeline.inspection.completion import script
+from pipeline.inspection.picture import svg
 from pipeline.workflow import front_page, graph
 from pipeline.workflow.grammar import form
 from pipeline.workflow.jobs import (
@@ -31,6 +34,7 @@ from pipeline.workflow.jobs import (
 )
 from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.products import DELIVERABLES
+from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import writing
 from vsr_core import engines
@@ -99,6 +103,8 @@ def _inspected(question: str, options: argparse.Namespace) -> int:
     product = options.product or ("fragility" if sweep is None else "study")
     stage, ask = DELIVERABLES[product].stage, named(f"pipeline.status:{question}")
     job = job_of(options, sweep)
+    if question == "plan" and options.graph is not None:
+        _draw(stage, job, options.graph)
     if sweep is None:
         others = others_of(job) if product == "hazard" else ()
         answers = [ask(stage, job), *(ask(*other) for other in others)]
@@ -108,6 +114,20 @@ def _inspected(question: str, options: argparse.Namespace) -> int:
     members, folder = [member.name for member in sweep.members], str(swept.job.store.folder)
     compared = Comparison(folder, members, reasons)
     return _told(Inspected(question, product, answers, compared), options)
+
+
+def _draw(stage: str, job: Job, path: Path) -> None:
+    """Write the picture of a product's stages."""
+    found = graph.identities(stage, job.site, to_make=False)
+    stages = {name: any(graph.why(BY_NAME[name], own, job.store)) for name, own in found.items()}
+    with writing(path.parent):
+        path.write_text(svg(job.site.name, stages), encoding="utf-8")
+    log(f"-> {path}")
+
+
+def completion(options: argparse.Namespace) -> int:
+    """Print what completes the words of a command in a shell."""
+    return _show([script(options.shell, options.parser)])
 
 
 def _told(answer: Answer, options: argparse.Namespace) -> int:
@@ -213,10 +233,15 @@ def clean(options: argparse.Namespace) -> int:
         if not targets and site not in known():
             rule = f"there are results of {', '.join(there) or 'no site'}"
             raise InputError(Problem("--site", "", repr(site), rule, "omit it to remove all"))
+    if options.older is not None:
+        targets = [target for target in targets if (disk.age(target) or 0.0) >= options.older]
     if not targets:
         print("nothing derived to remove")
         return 0
-    names = ", ".join(str(target) for target in targets)
+    sizes = {target: disk.size(target) for target in targets}
+    for target, size in sizes.items():
+        print(f"{target}: {disk.told(size, disk.age(target))}")
+    names = f"{', '.join(map(str, targets))}, which frees {sum(sizes.values()) / 1e6:.1f} MB"
     if not options.yes and not _agreed(f"remove {names}? [y/N] "):
         print("kept")
         return 0
@@ -287,6 +312,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "archive-equations": archive_equations,
     "index": index,
     "doctor": doctor,
+    "completion": completion,
     "list": list_known,
     "clean": clean,
     "init": init,

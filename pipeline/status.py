@@ -18,6 +18,7 @@ from pipeline.config import in_si
 from pipeline.config.fragility_schema import FINE
 from pipeline.config.motion_schema import PulseGrid
 from pipeline.config.schema import Config
+from pipeline.inspection import disk
 from pipeline.inspection.answers import Beside, Made, Plan, Record, Runs, Status, Stored, Why
 from pipeline.stages.mesh.products import Ground, Standing
 from pipeline.stages.motions import motion_grid
@@ -50,7 +51,8 @@ def why(product: str, job: Job) -> Why:
 def status(product: str, job: Job) -> Status:
     """What is done: stages, runs and their outcomes."""
     stale = site_folder.told(job)
-    return Status(*_where(job), _stages(product, job), stale, _runs(job, product))
+    room = disk.size(job.store.folder), disk.age(job.store.folder)
+    return Status(*_where(job), _stages(product, job), stale, _runs(job, product), *room)
 
 
 def _where(job: Job) -> tuple[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from pipeline.inspection import disk
 from pipeline.workflow.grammar import counted
 
 VERSION = 1
@@ -56,17 +57,26 @@ class Why:
 
 @dataclass(frozen=True)
 class Status:
-    """What is done of a product of a site."""
+    """What is done of a product of a site.
+
+    Attributes
+    ----------
+    bytes : int, of all files in the folder
+    days : float or None, since the newest product there was made
+    """
 
     site: str
     folder: str
     stages: list[Made]
     stale: list[str]
     runs: Stored | None
+    bytes: int
+    days: float | None
 
     def lines(self) -> list[str]:
         """A line for each stage and each outcome."""
-        lines = [f"{self.site} in {self.folder}"]
+        room = f": {disk.told(self.bytes, self.days)}" if self.bytes else ""
+        lines = [f"{self.site} in {self.folder}{room}"]
         for one in self.stages:
             done = f"to do: {one.reasons[0]}" if one.reasons else "done"
             lines.append(f"  {one.stage:<20}{done}")

@@ -1,0 +1,82 @@
+"""The picture of stages, size and age of results, and completion in shells."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from conftest import Ran
+
+from pipeline import cli
+from pipeline.workflow.registry import needs
+
+SVG = "{http://www.w3.org/2000/svg}"
+SHORT = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2]}\nyaw: [0]\n"
+
+
+def test_the_picture_has_every_stage_and_every_need(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], tmp_path: Path
+) -> None:
+    picture, site = tmp_path / "dag.svg", write_site(SHORT)
+    assert vsr("plan", "--site", site, "--graph", picture).code == cli.DONE
+    root = ElementTree.parse(picture).getroot()
+    said, *stages = [str(text.text) for text in root.iter(f"{SVG}text")]
+    assert said.startswith("rock: ")
+    assert {"rock", "runs", "fragility", "report"} <= set(stages)
+    wanted = sum(need in stages for name in stages for need in needs(name))
+    lines = list(root.iter(f"{SVG}line"))
+    assert len(lines) == wanted
+    assert all(float(line.get("y1", 0)) < float(line.get("y2", 0)) for line in lines)
+    gone = vsr("plan", "--site", site, "--graph", tmp_path / "nowhere" / "dag.svg")
+    assert gone.code == cli.REFUSED
+    assert len(gone.err.splitlines()) == 1
+
+
+def test_what_is_old_is_removed_and_what_it_frees_is_told(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+) -> None:
+    for name in ("old", "new"):
+        site = write_site(SHORT, name)
+        assert vsr("run", "rock", "--site", site, "--workers", "0").code == cli.DONE
+    month = time.time() - 31 * 86400
+    for path in (derived / "old" / ".stages").iterdir():
+        os.utime(path, (month, month))
+    assert "last made 31 days ago" in vsr("status", "--site", derived.parent / "old.yaml").out
+    held = sum(path.stat().st_size for path in (derived / "old").rglob("*") if path.is_file())
+    ran = vsr("clean", "--older", "30d", "--yes")
+    assert f"{held / 1e6:.1f} MB, last made 31 days ago" in ran.out
+    assert not (derived / "old").exists()
+    assert (derived / "new" / "rock.nc").exists()
+    assert "nothing" in vsr("clean", "--older", "30d", "--yes").out
+    wrong = vsr("clean", "--older", "a month")
+    assert (wrong.code, len(wrong.err.splitlines())) == (cli.REFUSED, 1)
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (["vsr", "stat"], ["status"]),
+        (["vsr", "run", "fragi"], ["fragility"]),
+        (["vsr", "run", "rock", "--workers"], ["--workers"]),
+        (["vsr", "plan", "--study", "friction_t"], ["friction_thresholds"]),
+    ],
+)
+def test_bash_completes(words: list[str], wanted: list[str], vsr: Callable[..., Ran]) -> None:
+    given = " ".join(words)
+    asked = f"COMP_WORDS=({given}); COMP_CWORD={len(words) - 1}; _vsr; echo ${{COMPREPLY[@]}}"
+    text = vsr("completion", "bash").out + asked
+    done = subprocess.run(["bash", "-c", text], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == wanted
+
+
+def test_other_shells_are_told_every_command(vsr: Callable[..., Ran]) -> None:
+    verbs = set(cli._parser()._subparsers._group_actions[0].choices)  # type: ignore[union-attr]
+    for shell in ("zsh", "fish"):
+        ran = vsr("completion", shell)
+        assert [verb for verb in verbs if verb not in ran.out] == []
+    assert vsr("completion", "tcsh").code == cli.REFUSED
