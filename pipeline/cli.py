@@ -164,6 +164,15 @@ def _parser() -> argparse.ArgumentParser:
     completion = add("completion", "print what completes commands, options and names in a shell")
     completion.add_argument("shell", choices=("bash", "zsh", "fish"), metavar="SHELL")
     completion.set_defaults(parser=parser)
+    export = add("export", "put a site's results and what they were made from into one file")
+    export.add_argument("folder", type=Path, metavar="STUDY_FOLDER")
+    export.add_argument("--to", type=Path, required=True, metavar="ZIP")
+    export.add_argument(
+        "--digests", action="store_true", help="of inputs their digests and sources, not the files"
+    )
+    export.add_argument("--licence", default="", metavar="URL", help="of the results")
+    check = add("check", "tell what of an exported file does not match: bytes, inputs, versions")
+    check.add_argument("bundle", type=Path, metavar="ZIP")
     init = add("init", "write a commented site and a README into a new folder")
     init.add_argument("folder", type=Path, metavar="FOLDER")
     fetch = add("fetch", "download a public scan into data/raw")

@@ -210,6 +210,27 @@ def list_known(options: argparse.Namespace) -> int:
     return _told(Known(known(), known(STUDIES), known(TABLES), [*DELIVERABLES]), options)
 
 
+def export(options: argparse.Namespace) -> int:
+    """Write a bundle of a site's results."""
+    make = named("pipeline.bundles.export:export")
+    told = make(options.folder, options.to, inputs=not options.digests, licence=options.licence)
+    for one in told.inputs:
+        if not one.path:
+            log(f"vsr: input {one.name} is not in it; its digest is")
+    log(f"-> {options.to}")
+    return 0
+
+
+def check(options: argparse.Namespace) -> int:
+    """Print what of a bundle does not match what is here; refused where it is not whole."""
+    wrong, lines = named("pipeline.bundles.checking:check")(options.bundle)
+    if wrong:
+        file, remedy = str(options.bundle), "ask for it again"
+        raise InputError(*(Problem(file, "", "", line, remedy) for line in wrong))
+    _show(lines or ["whole, and every product would be the same here"])
+    return len(lines)
+
+
 def doctor(options: argparse.Namespace) -> int:
     """Print what of this machine is fit for runs; what is not is refused at the end."""
     problems: list[Problem] = []
@@ -313,6 +334,8 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "index": index,
     "doctor": doctor,
     "completion": completion,
+    "export": export,
+    "check": check,
     "list": list_known,
     "clean": clean,
     "init": init,

@@ -22,7 +22,17 @@ CORE = [
     "motions", "table", "scene", "judge", "engines", "run", "verification", "fragility", "hazard",
     "displacement", "validation", "uncertainty", "observations", "archive",
 ]  # fmt: skip
-PIPELINE = ["config", "workflow", "drawing", "stages", "inspection", "status", "cli", "commands"]
+PIPELINE = [
+    "config",
+    "workflow",
+    "drawing",
+    "stages",
+    "bundles",
+    "inspection",
+    "status",
+    "cli",
+    "commands",
+]
 STAGE = [
     "mesh",
     "motions",

@@ -1,0 +1,96 @@
+"""What of a bundle does not match: its files, its inputs, and the program that is here."""
+
+from __future__ import annotations
+
+import platform
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from pipeline.bundles.layout import ABOUT, INPUTS, RESULTS, SUMS, About, about, digest, opened
+from pipeline.config.layers import load_site
+from pipeline.config.problems import InputError, printable
+from pipeline.workflow import graph, keys
+from pipeline.workflow.grammar import counted, listed
+from pipeline.workflow.registry import BY_NAME
+from pipeline.workflow.site_folder import SETTINGS
+from pipeline.workflow.store import Store
+
+
+def check(path: Path) -> tuple[list[str], list[str]]:
+    """What is wrong with a bundle, and what would be made otherwise here, in lines."""
+    with opened(path) as archive:
+        told = about(path, archive)
+        wrong = [printable(line) for line in _files(archive, told)]
+        if wrong:
+            return wrong, []
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = Path(temporary)
+            for name in archive.namelist():
+                if name.startswith((f"{INPUTS}/", f"{RESULTS}/.stages/")):
+                    into = folder / PurePosixPath(name)
+                    into.parent.mkdir(parents=True, exist_ok=True)
+                    into.write_bytes(archive.read(name))
+            return [], [printable(line) for line in _otherwise(folder, told)]
+
+
+def _files(archive: zipfile.ZipFile, told: About) -> Iterator[str]:
+    """Files that are not what they were, inputs that are not there."""
+    there = set(archive.namelist()) - {ABOUT, SUMS}
+    for name in sorted(told.files.keys() - there):
+        yield f"{name} is missing"
+    for name in sorted(there - told.files.keys()):
+        yield f"{name} is not of it"
+    for name in sorted(there & told.files.keys()):
+        if digest(archive, name) != told.files[name]:
+            yield f"{name} is not what was written"
+    if f"{told.base}/{told.site}" not in told.files:
+        yield f"{told.site}, the site, is missing"
+    for one in told.inputs:
+        if one.path and told.files.get(one.path) != one.sha256:
+            yield f"input {one.name} is missing"
+
+
+def _otherwise(folder: Path, told: About) -> Iterator[str]:
+    """What the program that is here would make in another way, and why."""
+    for one in told.inputs:
+        if not one.path:
+            source = f"; {one.source}" if one.source else ""
+            yield f"input {one.name} (SHA-256 {one.sha256}) is not in it{source}"
+    store = Store(folder / RESULTS)
+    manifests = {name: one for name, one in store.manifests().items() if name != SETTINGS}
+    for name in ("vsr", "python", *sorted(told.versions.keys() - {"vsr", "python"})):
+        was, now = (
+            told.versions.get(name),
+            platform.python_version() if name == "python" else keys.installed_version(name),
+        )
+        if was is None or now == was:
+            continue
+        using = [stage for stage, one in manifests.items() if name in one["facts"]["versions"]]
+        depends = f"{listed(using)} depend on it" if using else "no product depends on it"
+        if using or name in ("vsr", "python"):
+            yield f"{name} is {now} here and was {was}: {depends}"
+    yield from _stages(folder, told, manifests)
+
+
+def _stages(folder: Path, told: About, manifests: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """Products whose settings, inputs or code are others here."""
+    try:
+        site = load_site(str(folder / told.base / told.site))
+        for stage, manifest in manifests.items():
+            if stage not in BY_NAME:
+                yield f"{stage} is a stage that is not known here"
+                continue
+            own = graph.identities(stage, site, to_make=False)[stage]
+            if own.key == manifest["key"]:
+                continue
+            differences = list(graph.differences(manifest["facts"], own.facts))
+            code = [one for one in differences if one.startswith("code ")]
+            yield from (f"{stage}: {one}" for one in differences if one not in code)
+            if code:
+                others = f" and {counted(len(code) - 1, 'other definition')}" if code[1:] else ""
+                yield f"{stage}: {code[0]}{others}; it would be made anew"
+    except InputError as error:
+        yield from (str(problem) for problem in error.problems)

@@ -1,0 +1,136 @@
+"""What a bundle holds, and reading one that somebody else made."""
+
+from __future__ import annotations
+
+import hashlib
+import stat
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from pipeline.config.outside import refused
+
+ABOUT, CRATE, SUMS = "bundle.json", "ro-crate-metadata.json", "checksums.txt"
+RESULTS, INPUTS = "results", "inputs"
+
+SCHEMA = 1
+
+LARGEST_ABOUT = 64 * 1024**2
+MOST_FILES = 100_000
+MOST_BYTES = 20 * 1024**3
+"""Of all that is unpacked."""
+
+MOST_SHARE = 1100
+"""Bytes that one packed byte stands for at most: of zeros that were deflated 1032."""
+
+PIECE = 1 << 20
+
+
+class Given(BaseModel):
+    """A file that products were made from."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    name: str
+    sha256: str
+    path: str = ""
+    source: str = ""
+
+
+class About(BaseModel):
+    """What a bundle says of itself.
+
+    Attributes
+    ----------
+    site : str, its YAML as a command names it from the folder ``base``
+    products : list of str, stages whose products it holds
+    versions : dict, of libraries that were installed
+    inputs : of files left out the path is empty
+    files : dict, SHA-256 of each file
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    schema_version: int
+    name: str
+    site: str
+    base: str
+    vsr: str
+    products: list[str]
+    versions: dict[str, str]
+    inputs: list[Given]
+    files: dict[str, str] = Field(max_length=MOST_FILES)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[zipfile.ZipFile]:
+    """A bundle, none of whose members leads outside, is a link or unpacks to too much."""
+    rule, remedy = "it is a bundle of vsr export", "ask for it again"
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if fault := _fault(archive.infolist()):
+                raise refused(path, "", fault, rule, remedy)
+            yield archive
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+        raise refused(path, "", f"a file that is cut or damaged ({error})", rule, remedy) from None
+    except OSError as error:
+        raise refused(path, "", error.strerror or str(error), rule, "check the path") from None
+
+
+def _fault(members: list[zipfile.ZipInfo]) -> str:
+    """Why members are not to be unpacked; empty where they may be."""
+    names = [one.filename for one in members]
+    if len(members) > MOST_FILES or sum(one.file_size for one in members) > MOST_BYTES:
+        size = sum(one.file_size for one in members) / 1024**3
+        return f"{len(members)} files of {size:.1f} GiB in all"
+    if len(set(names)) < len(names):
+        return "a name twice"
+    for one in members:
+        parts = PurePosixPath(one.filename).parts
+        plain = one.filename.isprintable() and not set("\\:") & set(one.filename)
+        if not parts or parts[0] == "/" or ".." in parts or not plain or one.is_dir():
+            return f"{one.filename!r}, which is no file within it"
+        if stat.S_IFMT(one.external_attr >> 16) not in (0, stat.S_IFREG):
+            return f"{one.filename!r}, which is a link or no file"
+        if one.file_size > MOST_SHARE * (one.compress_size + 1):
+            return f"{one.filename!r}, of {one.file_size / 1e6:.0f} MB packed in hardly anything"
+    return ""
+
+
+def about(path: Path, archive: zipfile.ZipFile) -> About:
+    """What a bundle says of itself."""
+    rule = f"it has a {ABOUT} of schema {SCHEMA}"
+    try:
+        if archive.getinfo(ABOUT).file_size > LARGEST_ABOUT:
+            raise refused(path, ABOUT, "a larger file", rule)
+        found = About.model_validate_json(archive.read(ABOUT))
+    except KeyError:
+        raise refused(path, ABOUT, "none", rule) from None
+    except ValidationError as error:
+        given = f"another form ({error.error_count()} differences)"
+        raise refused(path, ABOUT, given, rule, "use the version of vsr that made it") from None
+    if found.schema_version != SCHEMA:
+        given = f"schema {found.schema_version}"
+        raise refused(path, ABOUT, given, rule, "use the version of vsr that made it")
+    return found
+
+
+def digest(archive: zipfile.ZipFile, name: str) -> str:
+    """SHA-256 of a member; empty where it cannot be unpacked whole."""
+    state = hashlib.sha256()
+    try:
+        with archive.open(name) as file:
+            while piece := file.read(PIECE):
+                state.update(piece)
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError):
+        return ""
+    return state.hexdigest()
+
+
+def sha256(content: bytes) -> str:
+    """SHA-256 of bytes."""
+    return hashlib.sha256(content).hexdigest()

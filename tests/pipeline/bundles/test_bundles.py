@@ -1,0 +1,213 @@
+"""Results as one file: made again elsewhere with the same bytes, checked, and never trusted."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import stat
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Ran
+
+from pipeline import cli
+from pipeline.bundles import layout
+from pipeline.workflow.keys import digest_file
+
+SITE = """rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
+motion: {kind: record, files: [../records/shake.csv], pga: [0.3, 0.6], processing: {order: none,
+  highpass: null, lowpass: null}, unit: m/s2}
+simulation: {engine: nonsmooth, time_step: 0.008}
+"""
+
+
+@pytest.fixture
+def made(vsr: Callable[..., Ran], tmp_path: Path) -> Path:
+    """Results of a site in one folder whose record is in another."""
+    for name in ("sites", "records"):
+        (tmp_path / "there" / name).mkdir(parents=True)
+    times = 0.01 * np.arange(201)
+    sine, cosine = np.sin(0.5 * np.pi * times), np.cos(0.5 * np.pi * times)
+    shaking = 12.0 * (3.0 * sine**2 * cosine**2 - sine**4)  # of a table that goes as sin^4
+    rows = "".join(f"{t:.2f},{a:.6f}\n" for t, a in zip(times, shaking, strict=True))
+    (tmp_path / "there" / "records" / "shake.csv").write_text("time,acceleration\n" + rows)
+    site = tmp_path / "there" / "sites" / "stone.yaml"
+    site.write_text(SITE)
+    ran = vsr("run", "responses", "--site", site, "--workers", "0")
+    assert ran.code == cli.DONE, ran.err
+    return tmp_path / "derived" / "stone"
+
+
+@pytest.fixture
+def bundle(made: Path, vsr: Callable[..., Ran], tmp_path: Path) -> Path:
+    path = tmp_path / "study.zip"
+    ran = vsr("export", made, "--to", path)
+    assert ran.code == cli.DONE, ran.err
+    return path
+
+
+def test_it_is_checked_and_made_again_elsewhere_with_the_same_bytes(
+    made: Path,
+    bundle: Path,
+    vsr: Callable[..., Ran],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shutil.rmtree(tmp_path / "there")
+    ran = vsr("check", bundle)
+    assert (ran.code, ran.err) == (cli.DONE, "")
+    elsewhere = tmp_path / "elsewhere"
+    with zipfile.ZipFile(bundle) as archive:
+        archive.extractall(elsewhere)
+    about = json.loads((elsewhere / "bundle.json").read_text())
+    monkeypatch.chdir(elsewhere / about["base"])
+    again = tmp_path / "again"
+    ran = vsr("run", "responses", "--site", about["site"], "--workers", "0", into=again)
+    assert ran.code == cli.DONE, ran.err
+    names = {path.name for path in (elsewhere / "results").glob("*.nc")}
+    assert {"rock.nc", "motions.nc", "responses.nc"} <= names
+    for name in names:
+        assert digest_file(again / "stone" / name) == digest_file(made / name), name
+
+
+def test_the_same_results_are_the_same_bytes_and_name_no_folder_of_a_machine(
+    made: Path, bundle: Path, vsr: Callable[..., Ran], tmp_path: Path
+) -> None:
+    assert vsr("export", made, "--to", tmp_path / "twice.zip").code == cli.DONE
+    assert (tmp_path / "twice.zip").read_bytes() == bundle.read_bytes()
+    with zipfile.ZipFile(bundle) as archive:
+        for name in archive.namelist():
+            assert str(tmp_path).encode() not in archive.read(name), name
+
+
+def test_the_crate_describes_every_file(bundle: Path) -> None:
+    with zipfile.ZipFile(bundle) as archive:
+        names = set(archive.namelist())
+        crate = json.loads(archive.read(layout.CRATE))
+        sizes = {one.filename: str(one.file_size) for one in archive.infolist()}
+    assert crate["@context"] == "https://w3id.org/ro/crate/1.1/context"
+    graph = {one["@id"]: one for one in crate["@graph"]}
+    assert len(graph) == len(crate["@graph"])
+    assert graph[layout.CRATE]["about"] == {"@id": "./"}
+    root = graph["./"]
+    assert {"name", "description", "datePublished", "license"} <= root.keys()
+    parts = {part["@id"] for part in root["hasPart"]}
+    assert parts == names - {layout.CRATE, layout.ABOUT, layout.SUMS}
+    assert all(graph[name]["contentSize"] == sizes[name] for name in parts)
+    used = {one["@id"] for key in ("object", "result") for one in graph["#made"][key]}
+    assert used <= parts
+    assert any(name.endswith("records/shake.csv") for name in used)
+
+
+def test_inputs_that_may_not_be_given_are_told_by_their_digest(
+    made: Path, vsr: Callable[..., Ran], tmp_path: Path
+) -> None:
+    path = tmp_path / "study.zip"
+    assert "shake.csv" in vsr("export", made, "--to", path, "--digests").err
+    with zipfile.ZipFile(path) as archive:
+        assert not any("shake.csv" in name for name in archive.namelist())
+    digest = digest_file(tmp_path / "there" / "records" / "shake.csv")
+    ran = vsr("check", path)
+    assert ran.code == cli.UNRESOLVED
+    assert digest in ran.out
+
+
+def changed(bundle: Path, name: str, change: Callable[[bytes], bytes]) -> None:
+    """Put another content in place of a member's."""
+    with zipfile.ZipFile(bundle) as archive:
+        members = {one: archive.read(one) for one in archive.namelist()}
+    members[name] = change(members.get(name, b""))
+    with zipfile.ZipFile(bundle, "w", zipfile.ZIP_DEFLATED) as archive:
+        for one, content in members.items():
+            archive.writestr(one, content)
+
+
+def test_a_changed_byte_and_another_version_are_told(
+    bundle: Path, vsr: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def other(content: bytes) -> bytes:
+        told = json.loads(content)
+        told["versions"] |= {"python": "3.9.1", "numpy": "1.0"}
+        return json.dumps(told).encode()
+
+    changed(bundle, layout.ABOUT, other)
+    ran = vsr("check", bundle)
+    assert ran.code == cli.UNRESOLVED
+    assert "and was 3.9.1: no product depends on it" in ran.out
+    changed(bundle, "results/responses.nc", lambda content: content[:-1] + b"?")
+    ran = vsr("check", bundle)
+    assert ran.code == cli.REFUSED
+    (line,) = ran.err.splitlines()
+    assert "results/responses.nc is not what was written" in line
+
+
+def outside(archive: zipfile.ZipFile) -> None:
+    archive.writestr("../outside.txt", "x")
+
+
+def absolute(archive: zipfile.ZipFile) -> None:
+    archive.writestr("/outside.txt", "x")
+
+
+def link(archive: zipfile.ZipFile) -> None:
+    member = zipfile.ZipInfo("results/link")
+    member.external_attr = (stat.S_IFLNK | 0o777) << 16
+    archive.writestr(member, "/etc/passwd")
+
+
+def large(archive: zipfile.ZipFile) -> None:
+    archive.writestr("results/zeros", b"x")
+    archive.filelist[-1].file_size = 100 * 1024**3
+
+
+def schema(archive: zipfile.ZipFile) -> None:
+    archive.writestr("bundle.json", '{"schema_version": 2}')
+
+
+@pytest.mark.parametrize("fault", [outside, absolute, link, large, schema])
+def test_a_hostile_one_is_refused_in_a_line_and_nothing_is_written(
+    fault: Callable[[zipfile.ZipFile], None], vsr: Callable[..., Ran], tmp_path: Path
+) -> None:
+    path = tmp_path / "in" / "study.zip"
+    path.parent.mkdir()
+    with zipfile.ZipFile(path, "w") as archive:
+        fault(archive)
+    ran = vsr("check", path)
+    assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1), ran.err
+    assert [one for one in tmp_path.rglob("*") if one.is_file()] == [path]
+
+
+def test_a_file_that_is_larger_than_it_says_is_never_unpacked(
+    bundle: Path, vsr: Callable[..., Ran]
+) -> None:
+    """Declared as 1 kB in the archive's list, while 50 MB of zeros are packed."""
+    with zipfile.ZipFile(bundle, "a", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("results/zeros", bytes(50_000_000))
+        archive.filelist[-1].file_size = 1000
+    ran = vsr("check", bundle)
+    assert ran.code == cli.REFUSED
+    assert "results/zeros" in ran.err
+    assert layout.digest(zipfile.ZipFile(bundle), "results/zeros") == ""
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.999])
+def test_a_cut_one_is_refused(share: float, bundle: Path, vsr: Callable[..., Ran]) -> None:
+    content = bundle.read_bytes()
+    bundle.write_bytes(content[: int(share * len(content))])
+    ran = vsr("check", bundle)
+    assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1), ran.err
+
+
+def test_what_cannot_be_exported_is_refused(
+    made: Path, vsr: Callable[..., Ran], tmp_path: Path
+) -> None:
+    for folder in (tmp_path / "nowhere", tmp_path / "there"):
+        ran = vsr("export", folder, "--to", tmp_path / "study.zip")
+        assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1)
+    (made / "rock.nc").write_bytes(b"damaged")
+    ran = vsr("export", made, "--to", tmp_path / "study.zip")
+    assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1)
+    assert not (tmp_path / "study.zip").exists()
