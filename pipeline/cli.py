@@ -173,6 +173,10 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument("--licence", default="", metavar="URL", help="of the results")
     check = add("check", "tell what of an exported file does not match: bytes, inputs, versions")
     check.add_argument("bundle", type=Path, metavar="ZIP")
+    compare = add("compare", "tell how two results differ: settings, cells, boundaries; as a page")
+    for name in ("one", "other"):
+        compare.add_argument(name, type=Path, metavar="FOLDER_OR_ZIP")
+    compare.add_argument("--to", type=Path, default=Path("comparison.html"), metavar="HTML")
     init = add("init", "write a commented site and a README into a new folder")
     init.add_argument("folder", type=Path, metavar="FOLDER")
     fetch = add("fetch", "download a public scan into data/raw")

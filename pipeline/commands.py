@@ -231,6 +231,14 @@ def check(options: argparse.Namespace) -> int:
     return len(lines)
 
 
+def compare(options: argparse.Namespace) -> int:
+    """Print and write how two results differ."""
+    parts = named("pipeline.bundles.comparison:compare")(options.one, options.other, options.to)
+    lines = [f"{part.name}: {line}" for part in parts for line in part.lines]
+    log(f"-> {options.to}")
+    return _show(lines or ["no difference"])
+
+
 def doctor(options: argparse.Namespace) -> int:
     """Print what of this machine is fit for runs; what is not is refused at the end."""
     problems: list[Problem] = []
@@ -336,6 +344,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "completion": completion,
     "export": export,
     "check": check,
+    "compare": compare,
     "list": list_known,
     "clean": clean,
     "init": init,

@@ -1,0 +1,52 @@
+"""`vsr compare`: what differs between two results is told, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from conftest import Ran
+
+from pipeline import cli
+
+GRID = "motion: {pga: [0.2, 0.4, 0.8], pgv_pga: [0.2, 0.5]}\nyaw: [0]\n"
+
+
+def test_settings_cells_and_boundaries_that_differ_are_told(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
+) -> None:
+    for name, more in (("one", ""), ("other", "contact: {friction: 0.3}\n")):
+        site = write_site(GRID.replace("yaw", f"{more}yaw"), name)
+        assert vsr("run", "fragility", "--site", site, "--workers", "0").code == cli.DONE
+    page, bundle = tmp_path / "comparison.html", tmp_path / "one.zip"
+    assert vsr("export", derived / "one", "--to", bundle).code == cli.DONE
+    same = vsr("compare", derived / "one", bundle, "--to", page)
+    assert (same.code, same.out) == (cli.DONE, "no difference\n")
+    told = vsr("compare", bundle, derived / "other", "--to", page).out
+    assert "settings: contact.friction changed" in told
+    assert page.read_text().count("<li>") == len(told.splitlines())
+
+    path = derived / "one" / "responses.nc"
+    with xr.load_dataset(path) as data:
+        changed = data.copy(deep=True)
+    before = int(changed.outcome[0, 0, 0, 0])
+    changed.outcome[0, 0, 0, 0] = 5
+    changed.to_netcdf(path)
+    with xr.load_dataset(derived / "one" / "fragility.nc") as data:
+        moved = data.copy(deep=True)
+    finite = int(np.isfinite(moved.first_overturning_pga).sum())
+    moved["first_overturning_pga"] = 1.1 * moved.first_overturning_pga
+    moved.to_netcdf(derived / "one" / "fragility.nc")
+    lines = vsr("compare", bundle, derived / "one", "--to", page).out.splitlines()
+    assert before == 0
+    assert lines[0] == "cells: 1 of 6 cells: balanced and crashed"
+    assert lines[1].startswith(f"boundary: {finite} of 2 first-overturning PGAs differ")
+    assert "10 % at most" in lines[1]
+
+
+def test_what_is_no_result_is_refused(vsr: Callable[..., Ran], tmp_path: Path) -> None:
+    ran = vsr("compare", tmp_path, tmp_path / "nothing", "--to", tmp_path / "page.html")
+    assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1)
+    assert not list(tmp_path.glob("*.html"))
