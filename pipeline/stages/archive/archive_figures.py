@@ -44,7 +44,8 @@ def boundaries(dataset: xr.Dataset, names: list[str]) -> Figure:
         axes.set_visible(False)
     for axes, rock in zip(panels, rocks.tolist(), strict=False):
         _boundary(axes, dataset.isel(rock=rock))
-        axes.set_title(names[rock] if len(names[rock]) < 32 else names[rock][:30] + "…")
+        name = names[rock] if len(names[rock]) < 32 else names[rock][:30] + "…"
+        axes.set_title(name, parse_math=False)
     if len(rocks):
         panels[0].legend(loc="upper right")
     figure.supxlabel("PGV/PGA [s]", fontsize=9)

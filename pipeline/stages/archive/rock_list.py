@@ -86,7 +86,7 @@ class Archive:
 
         def column(*names: str) -> np.ndarray:
             rows = [[getattr(rock, name) for name in names] for rock in self.rocks]
-            return np.array(rows, dtype=np.float64)  # None is nan
+            return np.array(rows, dtype=np.float64).reshape(-1, len(names))  # None is nan
 
         return Seen(
             np.radians(column("alpha_1_deg", "alpha_2_deg")),

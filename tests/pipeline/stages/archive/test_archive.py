@@ -176,6 +176,32 @@ def test_a_table_of_something_else_is_refused(
     assert not (tmp_path / "d/archives").exists()
 
 
+def test_names_are_shown_as_they_are(tmp_path: Path) -> None:
+    names = [
+        "=cmd()",
+        "<script>alert(1)</script>",
+        "$x_1^{$",
+        '"a, b"',
+        "Rock \N{LATIN SMALL LETTER E WITH ACUTE}",
+    ]
+    path = written(tmp_path, *(f"{name},12,17,0.84,0.86,,,,," for name in names))
+    assert main(["archive", str(path), "--derived", str(tmp_path / "d")]) == 0
+    folder = tmp_path / "d/archives/rocks"
+    with (folder / "archive.csv").open(encoding="utf-8", newline="") as file:
+        shown = dict.fromkeys(row["name"] for row in csv.DictReader(file))
+    assert list(shown) == ["'=cmd()", *names[1:3], "a, b", names[4]]
+    assert "<script>alert" not in (folder / "archive.html").read_text(encoding="utf-8")
+
+
+def test_where_every_row_is_wrong_there_is_a_page_that_says_so(tmp_path: Path) -> None:
+    path = written(tmp_path, "A,x,17,0.84,0.86,,,,,")
+    assert main(["archive", str(path), "--derived", str(tmp_path / "d")]) == UNRESOLVED
+    page = (tmp_path / "d/archives/rocks/archive.html").read_text(encoding="utf-8")
+    assert "No row of" in page
+    assert "line 2" in page
+    assert xr.load_dataset(tmp_path / "d/archives/rocks/archive.nc").sizes["rock"] == 0
+
+
 def test_another_file_of_the_same_name_has_a_folder_of_its_own(tmp_path: Path) -> None:
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
