@@ -67,7 +67,15 @@ Age = Annotated[NormalAge | LognormalAge | BoundedAge | SampledAge, Field(discri
 class HazardRock(Section):
     """Another rock at the same location, shaken by the same earthquakes."""
 
-    site: str = Field(min_length=1, description="its site, by name or by the path of its YAML")
+    site: str = Field(
+        min_length=1,
+        description="its site, by name or by the path of its YAML; with `archive` its name there",
+    )
+    archive: str | None = Field(
+        None,
+        description="table of rocks known by a photograph that holds it, as `make archive` takes "
+        "it; relative to the file that names it",
+    )
     age: Age = Field(description="age of its position")
 
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from pipeline import ROOT, cli
+from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, answered
 from pipeline.stages.hazard import hazard as stage
 from pipeline.stages.hazard.hazard_figures import shaking
 from pipeline.stages.hazard.survival_analysis import AS_SCANNED, AS_TESTED, BASE_CASE, DRAWN_ANEW
@@ -478,6 +479,49 @@ def test_another_age_or_other_curves_run_nothing(
     assert ("invented" in page) is other
     assert cli.main(command) == 0  # and back, for the other tests
     assert "runs done" not in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_a_rock_of_an_archive_stands_beside_that_of_the_site(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+) -> None:
+    """The older of the two is the site's own, as in the test of two sites."""
+    hazard = HAZARD.split(", compare")[0] + (
+        ", rocks: [{site: Ridge 7, archive: rocks.csv, "
+        "age: {kind: bounds, low: 300, high: 500}}]}\n"
+    )
+    site = write_site(BOX + GRID + hazard, name="beside")
+    archive = Path(site).with_name("rocks.csv")
+    header = "name,alpha_1_deg,alpha_2_deg,r_1_m,r_2_m\n"
+    archive.write_text(f"{header}Ridge 7,10,12,0.5,0.5\n", encoding="utf-8")
+    ran = vsr("run", "hazard", "--site", site, "--workers", 0)
+    assert ran.code == 0, ran.err
+    found = read(derived / "beside" / "hazard.nc")
+    rock = answered(archive, "Ridge 7")
+    dims = ("yaw", "friction", "pgv_pga")
+    photographed = xr.Dataset(
+        {
+            "theta": (dims, rock.median[:, None]),
+            "beta": (dims, np.hypot(rock.log_sd, SHARP)[:, None]),
+        },
+        {"pgv_pga": list(PGV_PGA)},
+    )
+    levels, rates = levels_and_rates("PGA")
+    for row, survival in zip(rates, found["survival"].values, strict=True):
+        pga, rate = parts_of(levels, row)
+        own = by_row(read(derived / "beside" / "fragility.nc"), found, pga).sum(axis=0)
+        other = by_row(photographed, found, pga).sum(axis=0)
+        only = float(rate @ ((1.0 - own) * other))
+        spared = (math.exp(-300.0 * only) - math.exp(-500.0 * only)) / (200.0 * only)
+        assert spared < 0.999
+        assert survival == pytest.approx(survived(rate @ own) * spared, rel=0.02)
+    assert "hazard: up to date" in vsr("why", "hazard", "--site", site).out
+    archive.write_text(f"{header}Ridge 7,10,12,0.6,0.6\n", encoding="utf-8")
+    assert "hazard: up to date" not in vsr("why", "hazard", "--site", site).out
+    archive.write_text(f"{header}Ridge 8,10,12,0.6,0.6\n", encoding="utf-8")
+    refused = vsr("run", "hazard", "--site", site, "--workers", 0)
+    assert refused.code == 2
+    assert "no such rock; its rocks are Ridge 8" in refused.err
 
 
 @pytest.mark.usefixtures("without_pictures")

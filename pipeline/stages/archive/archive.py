@@ -112,15 +112,10 @@ def _dataset(archive: Archive, found: Answers, path: Path) -> xr.Dataset:
     }
     provenance = {
         "history": f"made by vsr archive from {shown(path)}",
-        "vsr_key": keys.digest([keys.digest_file(path), _equations_digest()]),
+        "vsr_key": keys.digest([keys.digest_file(path), shipped_equations.digest()]),
     }
     dataset = xr.Dataset(variables, coords)
     return attributed(dataset, f"Archive of rocks: {path.stem}", "nonsmooth", provenance)
-
-
-def _equations_digest() -> str:
-    names = (shipped_equations.FILE, shipped_equations.COVARIANCE)
-    return keys.digest([keys.digest_file(shipped_equations.HERE / name) for name in names])
 
 
 def _table(archive: Archive, dataset: xr.Dataset) -> pd.DataFrame:

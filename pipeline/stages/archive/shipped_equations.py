@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.config.yaml_text import parse
+from pipeline.workflow import keys
 from vsr_core.archive.equations import Equations, Error
 from vsr_core.arrays import Array
 
@@ -48,6 +49,11 @@ class Shipped:
 def load(folder: Path = HERE) -> Shipped:
     """The equations in a folder, the shipped ones by default."""
     return Shipped(folder, dict(parse((folder / FILE).read_text(encoding="utf-8"))))
+
+
+def digest() -> str:
+    """Digest of the shipped equations."""
+    return keys.digest([keys.digest_file(HERE / name) for name in (FILE, COVARIANCE)])
 
 
 def texts(equations: Equations, told: dict[str, Any]) -> dict[str, str]:

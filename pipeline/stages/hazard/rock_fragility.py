@@ -11,14 +11,18 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.config.hazard_schema import HazardConfig
+from pipeline.config.hazard_schema import HazardConfig, HazardRock
 from pipeline.config.layers import Origin, Site, load_site
+from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem
+from pipeline.stages.archive import shipped_equations
+from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, Answered, answered
 from pipeline.stages.fragility.summary import SEARCHED, Fits
 from pipeline.stages.uncertainty.draws import EnsembleData
-from pipeline.workflow import graph
+from pipeline.workflow import graph, keys
 from pipeline.workflow.datasets import rows_of
 from pipeline.workflow.stage import Input
+from vsr_core.archive.equations import HIGHEST
 from vsr_core.arrays import Array
 from vsr_core.hazard.toppling import RowFragility, continued_rows, lognormal_rows
 
@@ -123,6 +127,26 @@ def of_members(data: xr.Dataset) -> RockFragility:
     )
 
 
+def of_photograph(rock: Answered) -> RockFragility:
+    """Fragility of a rock of an archive; its draws differ in what is not known of it."""
+    median, draws = in_si.acceleration(rock.median), in_si.acceleration(rock.draws)
+    sharp, spread = np.full_like(median, SHARP), np.hypot(rock.log_sd, SHARP)
+    sides = list(enumerate(rock.directions.tolist()))
+    return RockFragility(
+        np.array(PGV_PGA),
+        lognormal_rows(median, spread),
+        {yaw: lognormal_rows(median[[i]], spread[[i]]) for i, yaw in sides},
+        tuple(lognormal_rows(one, sharp) for one in draws),
+        DRAWN,
+        (rock.static, HIGHEST * rock.static),
+        (),
+        records=False,
+        others_by_yaw={
+            yaw: tuple(lognormal_rows(one[[i]], sharp[[i]]) for one in draws) for i, yaw in sides
+        },
+    )
+
+
 def _share(levels: Array, cells: Array, edges: Array, at: Array) -> Array:
     """Share of what topples among draws or directions with a verdict, shape (rows, m).
 
@@ -191,33 +215,52 @@ class Other:
 
 
 @dataclass(frozen=True)
+class Archived:
+    """A rock of an archive, whose fragility no runs are needed for."""
+
+    name: str
+    path: Path
+
+    def fragility(self, own: Path) -> RockFragility:
+        """What the equations say; nothing is beside the site's ``own`` products."""
+        return of_photograph(answered(self.path, self.name))
+
+
+@dataclass(frozen=True)
 class Others(Input):
     """Other rocks at the place, and the rock with other settings."""
 
-    rocks: tuple[Other, ...]
+    rocks: tuple[Other | Archived, ...]
     compared: tuple[Other, ...]
 
     def digests(self) -> dict[str, str]:
-        """Keys of their products."""
-        return {
+        """Keys of their products, and digests of archives and their equations."""
+        found = {
             f"{one.derived}/{one.site.name}": graph.identities(one.stage, one.site)[one.stage].key
-            for one in (*self.rocks, *self.compared)
+            for one in self.made
         }
+        for one in self.rocks:
+            if isinstance(one, Archived):
+                found[f"archive of {one.name}"] = keys.digest_file(one.path)
+                found["equations"] = shipped_equations.digest()
+        return found
+
+    @property
+    def made(self) -> tuple[Other, ...]:
+        """Those with products of their own."""
+        return (*(one for one in self.rocks if isinstance(one, Other)), *self.compared)
 
 
 def find(hazard: HazardConfig, origin: Origin) -> Others:
     """What a site's hazard names beside the site itself."""
-    rocks: list[Other] = []
+    rocks: list[Other | Archived] = []
     for rock in hazard.rocks:
-        name = rock.site
-        if name.endswith((".yaml", ".yml")):
-            name = str(origin.folder_of("hazard.rocks") / name)
-        other = load_site(name)
+        other = _other(rock, origin)
         if other.name in [origin.name, *(one.name for one in rocks)]:
             file, given = origin.file_of("hazard.rocks"), f"{other.name} twice"
             rule = "each rock is counted once, and has a name of its own"
             raise InputError(Problem(file, "hazard.rocks", given, rule, "leave it out, or rename"))
-        rocks.append(Other(other.name, other, "..", other.config.uncertain))
+        rocks.append(other)
     folders = [folder_of(one.name) for one in hazard.compare]
     if len(set(folders)) < len(folders):
         twice = next(one.name for one in hazard.compare if folders.count(folder_of(one.name)) > 1)
@@ -231,6 +274,19 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
         for folder in (folder_of(one.name),)
     ]
     return Others(tuple(rocks), tuple(compared))
+
+
+def _other(rock: HazardRock, origin: Origin) -> Other | Archived:
+    """Another rock; one of an archive is read already, so that no run precedes its refusal."""
+    key, name = "hazard.rocks", rock.site
+    if rock.archive is not None:
+        path = located(origin.folder_of(key), rock.archive, origin.file_of(key), key)
+        answered(path, name)
+        return Archived(name, path)
+    if name.endswith((".yaml", ".yml")):
+        name = str(origin.folder_of(key) / name)
+    site = load_site(name)
+    return Other(site.name, site, "..", site.config.uncertain)
 
 
 def folder_of(name: str) -> str:

@@ -13,7 +13,8 @@ import xarray as xr
 from pipeline import ROOT
 from pipeline.cli import REFUSED, UNRESOLVED, main
 from pipeline.stages.archive import archive as products
-from pipeline.stages.archive import rock_list, shipped_equations
+from pipeline.stages.archive import archived_rock, rock_list, shipped_equations
+from pipeline.stages.hazard.rock_fragility import of_photograph
 from vsr_core.archive.photographs import ASSUMED, Answers, answers
 
 HEADER = (
@@ -200,6 +201,20 @@ def test_where_every_row_is_wrong_there_is_a_page_that_says_so(tmp_path: Path) -
     assert "No row of" in page
     assert "line 2" in page
     assert xr.load_dataset(tmp_path / "d/archives/rocks/archive.nc").sizes["rock"] == 0
+
+
+def test_draws_of_a_rock_are_its_fragility(tmp_path: Path) -> None:
+    """What is not known of a rock is the same in all rows, and its draws spread as the band."""
+    path = written(tmp_path, "A,12,17,0.84,0.86,,40,,,")
+    rock = archived_rock.answered(path, "A")
+    assert rock.directions.tolist() == [40.0, 220.0]
+    draws = np.log(rock.draws)
+    np.testing.assert_allclose(draws.mean(axis=0), np.log(rock.median), atol=1e-12)
+    np.testing.assert_allclose(draws.std(axis=0), rock.log_sd, rtol=0.03)
+    fragility = of_photograph(rock)
+    levels = 9.81 * np.geomspace(0.1, 3.0, 50)
+    by_draws = np.mean([one(levels) for one in fragility.others], axis=0)
+    assert np.abs(by_draws - fragility.mean(levels)).max() < 0.02
 
 
 def test_another_file_of_the_same_name_has_a_folder_of_its_own(tmp_path: Path) -> None:

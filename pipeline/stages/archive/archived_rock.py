@@ -1,0 +1,75 @@
+"""A rock of an archive as one of those that stand at a site: its fragility, by draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.special import ndtri
+
+from pipeline.config.paths import shown
+from pipeline.config.problems import InputError, Problem
+from pipeline.stages.archive import rock_list, shipped_equations
+from pipeline.stages.archive.rock_list import Archive
+from vsr_core.archive.equations import HIGHEST
+from vsr_core.archive.photographs import answers
+from vsr_core.arrays import Array
+
+PGV_PGA = (0.03, 0.04, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.56, 0.8, 1.1)
+"""Rows of PGV/PGA [s]."""
+
+DRAWS = 64
+"""Of what is not known of the rock, at equal steps of probability."""
+
+SHARP = 0.01
+"""Standard deviation of ln PGA in which a draw goes from standing to toppled: about what the runs
+resolve."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answered:
+    """Boundaries of one rock by direction and PGV/PGA, and how certain they are.
+
+    Attributes
+    ----------
+    directions : ndarray, shape (2,) [degree], of the first push
+    median, log_sd : ndarray, shape (2, rows) [g] and [1]
+        Where no boundary is known, the median is the PGA up to which it was looked for.
+    static : float [g]
+    """
+
+    directions: Array
+    median: Array
+    log_sd: Array
+    static: float
+
+    @property
+    def draws(self) -> Array:
+        """Boundaries of draws, shape (draws, 2, rows) [g]: what is not known is so of all rows."""
+        off = ndtri((np.arange(DRAWS) + 0.5) / DRAWS)
+        return np.asarray(self.median * np.exp(off[:, None, None] * self.log_sd))
+
+
+def answered(path: Path, name: str) -> Answered:
+    """Boundaries of a rock of an archive.
+
+    Raises
+    ------
+    InputError
+        If the archive has no such rock, or it slides.
+    """
+    archive = rock_list.read(path)
+    names = [rock.name for rock in archive.rocks]
+    if name not in names:
+        said = f"its rocks are {', '.join(names[:20])}" if names else "it has none"
+        raise InputError(Problem(shown(path), "name", repr(name), "no such rock", said))
+    one = Archive([archive.rocks[names.index(name)]], [])
+    found = answers(one.seen, shipped_equations.load().equations, np.array(PGV_PGA))
+    if found.slides[0]:
+        rule, remedy = "friction is above tan(alpha)", "leave it out: it slides and stands"
+        raise InputError(Problem(shown(path), "friction", f"{name!r}, which slides", rule, remedy))
+    static = float(found.static[0])
+    median = np.where(np.isnan(found.boundary[0]), HIGHEST * static, found.boundary[0])
+    towards = one.rocks[0].azimuth_deg or 0.0
+    return Answered(np.array([towards, towards + 180.0]) % 360.0, median, found.log_sd[0], static)
