@@ -49,9 +49,9 @@ class Expected(Row):
 
     magnitude: _Magnitude = Field(description="moment magnitude")
     distance_km: float = Field(gt=0, le=1000, description="distance [km]")
-    pga_g: float = Field(gt=0, le=LEVELS["PGA"][2], description="median PGA [g]")
+    pga_g: float = Field(gt=0, le=LEVELS["PGA"][2], description="median PGA in g")
     pga_log_sd: _LogSd = Field(description="standard deviation of ln PGA")
-    pgv_cm_s: float = Field(gt=0, le=LEVELS["PGV"][2], description="median PGV [cm/s]")
+    pgv_cm_s: float = Field(gt=0, le=LEVELS["PGV"][2], description="median PGV in cm/s")
     pgv_log_sd: _LogSd = Field(description="standard deviation of ln PGV")
 
 
