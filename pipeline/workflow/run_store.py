@@ -257,7 +257,7 @@ def _readable(
     old: sqlite3.Connection, layout: Layout[Any], order: str
 ) -> Iterator[tuple[Any, ...]]:
     query = f"SELECT * FROM {layout.table} ORDER BY key {order}"  # noqa: S608
-    with suppress(sqlite3.DatabaseError):
+    with suppress(sqlite3.DatabaseError, UnicodeDecodeError):  # of a row, of a column's name
         for kept in old.execute(query):
             if layout.is_sound(kept):
                 yield kept

@@ -246,6 +246,14 @@ def test_hunt_of_broken_files(tmp_path: Path, name: str, data: Any) -> None:
     taken_or_refused(tmp_path / name, data.draw(broken(content())), read)
 
 
+def test_a_time_that_no_calendar_has_is_refused(tmp_path: Path) -> None:
+    content = bytearray(waveform("SAC"))
+    content[20:24] = struct.pack("<f", 1e15)  # seconds from the reference time to the beginning
+    (tmp_path / "one.sac").write_bytes(content)
+    with pytest.raises(InvalidInput):
+        read_record(tmp_path / "one.sac")
+
+
 class Runs:
     """What a pickle does when it is read."""
 

@@ -79,6 +79,21 @@ def test_what_was_cut_short_is_taken_back_before_it_is_read(tmp_path: Path, whol
     assert rows_of(after, reads=True) == TRUTH
 
 
+@pytest.mark.parametrize("name", [b"outcome", b"checksum"])
+def test_a_column_whose_name_is_no_text_is_no_crash(
+    tmp_path: Path, whole: bytes, name: bytes
+) -> None:
+    damaged = whole.replace(name + b" ", b"\xe3" + name[1:] + b" ")
+    assert damaged != whole
+    (tmp_path / RUNS).write_bytes(damaged)
+    said: list[str] = []
+    found = rows_of(tmp_path, log=said.append)
+    assert found.items() <= TRUTH.items()
+    assert said
+    add(tmp_path, [row for key, row in TRUTH.items() if key not in found])
+    assert rows_of(tmp_path, reads=True) == TRUTH
+
+
 @pytest.fixture
 def in_memory(tmp_path: Path) -> Iterator[Path]:
     """A folder that waits for no disk, where there is one."""

@@ -182,6 +182,8 @@ def load_disaggregation(path: Path) -> Disaggregation:
 def _bins(path: Path) -> tuple[list[Bin], int]:
     """Rows of PGA, and the number of others."""
     lines = text(path)
+    if lines.lstrip('"').startswith("#") and not lines.endswith(("\n", "\r")):
+        raise refused(path, "", "a last line without its end", "OpenQuake ends each line")
     cells = table(path, lines)
     if cells and "imt" not in cells[0]:
         raise refused(path, "imt", "no such column", f"there are {', '.join(_COLUMNS)}")

@@ -53,11 +53,11 @@ def read_waveforms(
                 inventory = obspy.read_inventory(io.BytesIO(response), format="STATIONXML")
                 stream = _without_response(stream, inventory, corners)
             stream.merge()
+        record = from_stream(stream, "m/s2" if response is not None else unit)
     except InvalidInput:
         raise
     except Exception as error:  # noqa: BLE001 (readers of many formats raise what they like)
         raise _unreadable(error) from None
-    record = from_stream(stream, "m/s2" if response is not None else unit)
     return replace(record, repairs=(*record.repairs, *_warnings(caught)))
 
 

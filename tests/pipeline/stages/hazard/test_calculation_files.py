@@ -179,6 +179,14 @@ def test_a_bin_that_is_none_is_refused(tmp_path: Path, row: str, words: str) -> 
         load_disaggregation(path)
 
 
+def test_a_disaggregation_that_is_cut_after_a_row_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "Mag_Dist-mean-0_2.csv"
+    text = "#,,\"generated_by='OpenQuake'\"\nimt,iml,poe,mag,dist,mean\nPGA,0.5,1e-3,5.5,10,0.3"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="a last line without its end"):
+        load_disaggregation(path)
+
+
 def test_no_disaggregation_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no disaggregation of PGA"):
         load_disaggregation(tmp_path)
