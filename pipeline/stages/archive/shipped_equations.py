@@ -37,7 +37,8 @@ class Shipped:
         """The equations."""
         told = self.told
         coefficients = np.array([told["coefficients"][name] for name in told["coefficients"]]).T
-        lower = np.loadtxt(self.folder / COVARIANCE, comments="#")
+        lines = (self.folder / COVARIANCE).read_text(encoding="utf-8").splitlines()
+        lower = [line.split(",") for line in lines if not line.startswith("#")]
         error = Error(
             *(np.array(told["error"][name]) for name in ("above", "shorter", "median", "most"))
         )
@@ -67,10 +68,11 @@ def texts(equations: Equations, told: dict[str, Any]) -> dict[str, str]:
     lines.append("coefficients:")
     for name, row in zip(equations.names, equations.coefficients.T, strict=True):
         lines.append(f"  {json.dumps(name)}: [{', '.join(f'{value:.6g}' for value in row)}]")
-    lower = equations.covariance[np.tril_indices(len(equations.covariance))]
+    rows = enumerate(equations.covariance, start=1)
+    lower = [",".join(f"{value:.4g}" for value in row[:number]) for number, row in rows]
     return {
         FILE: _HEAD + "\n".join(lines) + "\n",
-        COVARIANCE: _COVARIANCE_HEAD + "\n".join(f"{value:.4g}" for value in lower) + "\n",
+        COVARIANCE: _COVARIANCE_HEAD + "\n".join(lower) + "\n",
     }
 
 
@@ -81,13 +83,11 @@ _HEAD = """\
 
 _COVARIANCE_HEAD = """\
 # Covariance of the coefficients of equations.yaml, counted spline by spline, each over all terms:
-# the lower triangle, row by row.
+# the lower triangle.
 """
 
 
-def _whole(lower: Array) -> Array:
-    """A symmetric matrix from its lower triangle, row by row."""
-    size = int((np.sqrt(8 * len(lower) + 1) - 1) / 2)
-    matrix = np.zeros((size, size))
-    matrix[np.tril_indices(size)] = lower
+def _whole(lower: list[list[str]]) -> Array:
+    """A symmetric matrix from the rows of its lower triangle."""
+    matrix = np.array([row + ["0"] * (len(lower) - len(row)) for row in lower], dtype=np.float64)
     return matrix + np.tril(matrix, -1).T
