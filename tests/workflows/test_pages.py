@@ -29,6 +29,8 @@ simulation: {time_step: 0.005}
 """
 STUDY = "sweep: {friction: {contact.friction: [0.4, 0.6]}}\n"
 CURVES = ROOT / "data" / "raw" / "hazard" / "made_up"
+FAULTS = ROOT / "data" / "raw" / "hazard" / "made_up_faults.csv"
+ARCHIVE = ROOT / "data" / "raw" / "archive" / "rocks.csv"
 TERRAIN = ("motion.pga=[0.5,0.8]", "motion.pgv_pga=[0.3,0.4]", "simulation.time_step=0.004")
 
 QUICK = {
@@ -47,6 +49,11 @@ SLOW = {
     "rock/hazard.html": (
         *("run", "hazard", "--site", "rock.yaml", "--curves", str(CURVES), "--age", "20000"),
     ),
+    "rock/exclusion.html": (
+        *("run", "exclusion", "--site", "rock.yaml", "--age", "20000"),
+        *("--set", f"hazard.faults={FAULTS}"),
+    ),
+    "archives/rocks/archive.html": ("archive", str(ARCHIVE)),
     "block_tests/validation.html": ("run", "validation", "--table", "block_tests"),
     "rock/drive.html": ("run", "drive", "--site", "rock.yaml"),
     "double_rock_terrain/displacement.html": (
@@ -85,7 +92,7 @@ def made(results: Path, page: str, command: tuple[str, ...]) -> Path:
     path = results / page
     if not path.exists() or page == "index.html":
         words = [str(results.parent / w) if w.endswith(".yaml") else w for w in command]
-        workers = () if command[0] in ("index", "prep") else ("--workers", "0")
+        workers = () if command[0] in ("index", "prep", "archive") else ("--workers", "0")
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(results.parent)
             for name, value in FEW.items():
