@@ -35,6 +35,11 @@ class SimulationConfig(Section):
     reduce: Annotated[bool, Lax] = Field(
         True, description="leave out of a run what cannot change its outcome"
     )
+    keep: Literal["all", "boundary"] = Field(
+        "all",
+        description="what is kept of the runs of a grid: each, or outcomes as their changes along "
+        "PGA and all else of a sample, for grids of many millions",
+    )
 
     @property
     def measured(self) -> tuple[str, ...]:

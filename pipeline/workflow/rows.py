@@ -10,7 +10,7 @@ from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
 
 from vsr_core.outcome import DecidedBy, StopReason
 
-Row = TypeVar("Row", bound="RunRow | TerrainRow | DisplacementRow | StepRow")
+Row = TypeVar("Row", bound="RunRow | TerrainRow | LineRow | DisplacementRow | StepRow")
 
 
 class RunRow(NamedTuple):
@@ -42,6 +42,19 @@ class TerrainRow(NamedTuple):
     slip: float | None = None
     steps: int = 0
     air_share: float | None = None
+
+
+class LineRow(NamedTuple):
+    """All runs of a row of the grid, as ``pipeline.stages.runs.lines`` packs them.
+
+    Attributes
+    ----------
+    outcome : int, largest code among its runs; where its worker died, there is nothing else
+    """
+
+    key: bytes
+    outcome: int
+    packed: bytes = b""
 
 
 class DisplacementRow(NamedTuple):
@@ -76,6 +89,7 @@ class StepRow(NamedTuple):
 TABLES: dict[type, str] = {
     RunRow: "runs",
     TerrainRow: "terrain_runs",
+    LineRow: "lines_of_runs",
     DisplacementRow: "displacement_runs",
     StepRow: "time_step_rows",
 }

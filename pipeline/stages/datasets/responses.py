@@ -16,7 +16,8 @@ from pipeline.stages.datasets.vertical import VARIABLE, by_parts
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motions import MEASURES
-from pipeline.stages.runs.overturning_runs import LevelRuns, Runs, kind
+from pipeline.stages.runs import lines
+from pipeline.stages.runs.overturning_runs import LevelRuns, Runs
 from pipeline.stages.runs.quantity_errors import beside
 from pipeline.stages.runs.runner import at_once
 from pipeline.stages.runs.scenes import flat_case, left_out
@@ -70,6 +71,8 @@ def make(
     reductions = left_out(settings, case, one_way=one_way)
     dataset.attrs["left_out"] = "\n".join(map(str, reductions))
     dataset.attrs["left_out_names"] = " ".join(r.reduction.name.lower() for r in reductions)
+    if settings.simulation.keep == "boundary":
+        dataset.attrs |= {"sampled_share": lines.SHARE, "sampled_seed": lines.SEED}
     dataset = described(dataset, work, "Overturning responses")
     counts = np.zeros(len(Outcome), dtype=int)
     parts = _parts(study, runs, level, rock, counts)
@@ -108,11 +111,12 @@ def _parts(
     on_terrain, columns = study.settings.on_terrain, len(study.motions.pga)
     others = repeat(None) if level is None else by_parts(level, study)
     for (place, table), other in zip(
-        stored_runs.parts(runs.database, kind(on_terrain=on_terrain), study), others, strict=False
+        stored_runs.parts(runs.database, study), others, strict=False
     ):
         counts += np.bincount(table["outcome"], minlength=len(counts))
-        in_air = table.pop("air_share") if on_terrain else np.full(len(table), np.nan)
-        table = table.assign(movement=moved(rock, table, np.asarray(in_air, dtype=float)))
+        if "movement" not in table:
+            in_air = table.pop("air_share") if on_terrain else np.full(len(table), np.nan)
+            table = table.assign(movement=moved(rock, table, np.asarray(in_air, dtype=float)))
         table = with_peaks(table, on_terrain=on_terrain)
         table = table.assign(overturned=SIDES[table["outcome"]], **{VARIABLE: other})
         yield (

@@ -10,12 +10,14 @@ import numpy as np
 import pandas as pd
 
 from pipeline.stages.mesh.products import RockData
-from pipeline.stages.runs import runner
+from pipeline.stages.runs import lines, runner
+from pipeline.stages.runs.overturning_runs import grid_runs
 from pipeline.stages.runs.runner import Kind
 from pipeline.stages.runs.study import Study
+from pipeline.workflow.rows import LineRow
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.outcome import Movement, Outcome, ran_whole
-from vsr_core.run.movement import movements, no_return_tilt
+from vsr_core.run.movement import movements
 
 SIDES = np.array([outcome.overturned for outcome in Outcome], "i1")
 """Whether a run overturned, by its outcome: 1, 0, or -1 unresolved."""
@@ -45,22 +47,25 @@ def stored(database: Path, kind: Kind[Any], study: Study) -> pd.DataFrame:
 
 
 def parts(
-    database: Path, kind: Kind[Any], study: Study
+    database: Path, study: Study
 ) -> Iterator[tuple[tuple[int, int, slice], pd.DataFrame]]:
-    """The same in parts of whole rows of the grid, as many runs as ``runner.at_once`` says.
+    """The runs of a grid by parts of its whole rows, as many runs as ``runner.at_once`` says.
 
     Yields
     ------
-    (place, runs), numbers of yaw and friction, and which rows; with the fields of the rows
+    (place, runs), numbers of yaw and friction, and which rows; with the fields of the rows, or
+    those of ``lines.table``
     """
+    kind, wanted = grid_runs(study)
     columns, frictions = len(study.motions.pga), len(study.settings.contact.friction)
     numbers, start = {group: number for number, group in enumerate(study.groups)}, 0
-    for group, rows in runner.stored(database, kind, study.groups, study.wanted, columns):
-        end = start + len(rows) // columns
-        yield (
-            (*divmod(numbers[group], frictions), slice(start, end)),
-            pd.DataFrame(rows, columns=kind.row._fields).drop(columns="key"),
-        )
+    for group, rows in runner.stored(database, kind, study.groups, wanted, columns):
+        if kind.row is LineRow:
+            table = lines.table(rows, columns)
+        else:
+            table = pd.DataFrame(rows, columns=kind.row._fields).drop(columns="key")
+        end = start + len(table) // columns
+        yield (*divmod(numbers[group], frictions), slice(start, end)), table
         start = end % len(study.motions.rows)
 
 
@@ -71,10 +76,8 @@ def moved(rock: RockData, runs: pd.DataFrame, air_share: Array) -> Indices:
     -------
     ndarray of int, see ``vsr_core.run.movement.movements``
     """
-    angles = np.radians(rock.data["tipping_angle"].values)
-    limit = no_return_tilt(angles, float(rock.data.attrs["barrier_toppled_tilt"]))
     return movements(
-        runs["outcome"].to_numpy(), runs["peak_tilt"].to_numpy(float), air_share, limit
+        runs["outcome"].to_numpy(), runs["peak_tilt"].to_numpy(float), air_share, rock.no_return
     )
 
 

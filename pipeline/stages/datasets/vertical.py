@@ -22,8 +22,7 @@ def without(level: LevelRuns, study: Study) -> np.ndarray:
 
 def by_parts(level: LevelRuns, study: Study) -> Iterator[np.ndarray]:
     """The same part by part."""
-    own = kind(on_terrain=study.settings.on_terrain)
-    for _, runs in parts(level.database, own, LevelStudy.of(study)):
+    for _, runs in parts(level.database, LevelStudy.of(study)):
         yield SIDES[runs["outcome"]]
 
 

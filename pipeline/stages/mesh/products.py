@@ -13,6 +13,7 @@ from pipeline.workflow.store import Store
 from vsr_core.arrays import Array
 from vsr_core.judge.proofs import Barrier
 from vsr_core.rock.body import Rock
+from vsr_core.run.movement import no_return_tilt
 from vsr_core.scene import State
 from vsr_core.terrain.surface import Terrain
 
@@ -67,6 +68,12 @@ class RockData(Stored):
     """The rock at rest, with its surface and how it tips."""
 
     FILE = "rock.nc"
+
+    @property
+    def no_return(self) -> float:
+        """Tilt from which the rock does not come back [rad]."""
+        angles = np.radians(self.data["tipping_angle"].values)
+        return no_return_tilt(angles, float(self.data.attrs["barrier_toppled_tilt"]))
 
 
 class TerrainData(Stored):

@@ -41,7 +41,7 @@ class Journeys(StoredRuns):
 
 def make(work: Work, study: Study) -> Product:
     """Do the missing displacement runs."""
-    return run_study(work, study, KIND)
+    return run_study(work, study, KIND, study.wanted, study.shared)
 
 
 def refuse_level_ground(site: Site) -> None:

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
+import numpy as np
+
+from pipeline.stages.mesh.products import RockData
 from pipeline.stages.motions.motion_grid import Cell, Shaking
-from pipeline.stages.runs.runner import Kind, StoredRuns
+from pipeline.stages.runs import lines
+from pipeline.stages.runs.lines import Line
+from pipeline.stages.runs.runner import LARGEST_BATCH, Kind, StoredRuns, Wanted
+from pipeline.stages.runs.scenes import Group
 from pipeline.stages.runs.study import LevelStudy, Study, run_study
-from pipeline.workflow.rows import RunRow, TerrainRow
+from pipeline.workflow.rows import LineRow, RunRow, TerrainRow
 from pipeline.workflow.stage import Product, Work
 from vsr_core.outcome import Response
 from vsr_core.run.cases import Case, Settings, TerrainCase
@@ -45,8 +53,25 @@ def values(response: Response) -> tuple[Any, ...]:
     return int(r.outcome), int(r.decided_by), r.peak_tilt, r.final_tilt, r.slip, r.steps
 
 
+def line_batch(
+    shared: tuple[Case | TerrainCase, Settings, Shaking, float], batch: tuple[Line, ...]
+) -> list[tuple[Any, ...]]:
+    """Simulate the responses along some lines, on a worker."""
+    *own, no_return = shared
+    simulate: Any = respond_batch if isinstance(own[0], TerrainCase) else simulate_batch
+    pga, rows = own[2].pga, []
+    for line in batch:
+        cells = [Cell(line.row, peak) for peak in pga]
+        parts = (cells[at : at + LARGEST_BATCH] for at in range(0, len(cells), LARGEST_BATCH))
+        runs = np.array([row for part in parts for row in simulate(tuple(own), tuple(part))])
+        sample = lines.sampled(line, len(cells))
+        rows.append((lines.worst(runs), lines.packed(runs, sample, no_return)))
+    return rows
+
+
 KIND = Kind("runs", "runs", RunRow, simulate_batch, batch=40)
 ON_TERRAIN = Kind("runs", "runs", TerrainRow, respond_batch, batch=40)
+LINES = Kind("runs", "runs", LineRow, line_batch, batch=40)
 
 
 class Runs(StoredRuns):
@@ -58,15 +83,29 @@ def kind(*, on_terrain: bool) -> Kind[Any]:
     return ON_TERRAIN if on_terrain else KIND
 
 
+def grid_runs(study: Study) -> tuple[Kind[Any], Wanted[Group]]:
+    """The runs of a study's grid as they are kept: each, or by rows of the grid."""
+    if study.settings.simulation.keep == "all":
+        return kind(on_terrain=study.settings.on_terrain), study.wanted
+    cells = len(study.motions.pga)
+    return replace(LINES, cells=cells, outcomes=partial(lines.outcomes, cells=cells)), study.lines
+
+
 class LevelRuns(Runs):
     """The runs of a study without the vertical components of its records."""
 
 
-def make(work: Work, study: Study) -> Product:
+def make(work: Work, study: Study, rock: RockData) -> Product:
     """Do the missing runs."""
-    return run_study(work, study, kind(on_terrain=study.settings.on_terrain))
+    own, wanted = grid_runs(study)
+
+    def shared(group: Group) -> tuple[Any, ...]:
+        """What the runs of a group share, and what lines need besides."""
+        return *study.shared(group), *((rock.no_return,) if own.row is LineRow else ())
+
+    return run_study(work, study, own, wanted, shared)
 
 
-def make_level(work: Work, study: Study) -> Product:
+def make_level(work: Work, study: Study, rock: RockData) -> Product:
     """Do the missing runs without the vertical components."""
-    return run_study(work, LevelStudy.of(study), kind(on_terrain=study.settings.on_terrain))
+    return make(work, LevelStudy.of(study), rock)

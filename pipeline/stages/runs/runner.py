@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from itertools import compress, islice
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, Self, TypeVar
 
@@ -63,6 +63,8 @@ class Kind(Generic[Row]):
     function : run on a worker, from what the runs of a group share and the items of some of them,
         to the values of a row after its key, for each
     batch : int, runs handed to a worker at once, 0.2-0.5 s of work; more if they prove quicker
+    cells : int, runs that one item stands for
+    outcomes : from the fields of a row but its key to the outcomes of its runs
     """
 
     stage: str
@@ -70,6 +72,8 @@ class Kind(Generic[Row]):
     row: type[Row]
     function: Callable[[Any, tuple[Any, ...]], list[tuple[Any, ...]]]
     batch: int
+    cells: int = 1
+    outcomes: Callable[[Sequence[Any]], Sequence[int]] = itemgetter(slice(1))
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ def run_missing(
     )
     with opened as runs:
         todo = [missing(wanted(group), runs) for group in groups]
-        total = sum(map(sum, todo))
+        total = sum(map(sum, todo)) * kind.cells
         compiled = work.engine == COMPILED
         quick = compiled and total <= QUICK
         shares = quick if work.cluster.local else compiled
@@ -113,13 +117,13 @@ def run_missing(
         def size() -> int:
             each = cpu / max(progress.outcomes.total(), 1)
             quickly = int(BATCH_SECONDS / each) if each else least
-            return max(least, min(quickly, LARGEST_BATCH))
+            return max(max(least, min(quickly, LARGEST_BATCH)) // kind.cells, 1)
 
         def batches() -> Iterator[Batch]:
             nonlocal planned
             for group, marks in zip(groups, todo, strict=True):
                 for items in _batches(compress(wanted(group), marks), size) if any(marks) else ():
-                    planned += len(items)
+                    planned += len(items) * kind.cells
                     yield Batch(group, items)
 
         with Progress(total, work.log) as progress:
@@ -128,7 +132,7 @@ def run_missing(
                 rows = [kind.row(r.key, *v) for r, v in zip(batch.items, values, strict=True)]
                 runs.add(rows)
                 cpu += used
-                progress.add([int(one[0]) for one in values])
+                progress.add([int(code) for one in values for code in kind.outcomes(one)])
     total = progress.outcomes.total()
     if total != planned:
         given = f"{total} of {planned} {kind.what} came back"
@@ -158,7 +162,7 @@ def stored(
     """
     with closing(RunStore(database, kind.row, reads=True)) as runs:
         for group in groups:
-            for part in parts(wanted(group), whole):
+            for part in parts(wanted(group), whole, kind.cells):
                 found = runs.get(run.key for run in part)
                 lost = sum(run.key not in found for run in part)
                 if lost:
@@ -194,10 +198,10 @@ def at_once(whole: int = 1) -> int:
     return max(AT_ONCE // whole, 1) * whole
 
 
-def parts(items: Iterable[Item], whole: int = 1) -> Iterator[list[Item]]:
-    """Runs or rows, ``at_once`` of them at a time."""
+def parts(items: Iterable[Item], whole: int = 1, cells: int = 1) -> Iterator[list[Item]]:
+    """Runs or rows, ``at_once`` of them at a time, of which an item stands for some."""
     left = iter(items)
-    while part := list(islice(left, at_once(whole))):
+    while part := list(islice(left, at_once(whole) // cells)):
         yield part
 
 

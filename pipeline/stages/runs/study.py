@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Iterator, Sequence
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Annotated, Any
@@ -14,7 +15,8 @@ from pipeline.config.schema import SceneSettings
 from pipeline.config.sections import Key
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell, ComponentRecords, MotionData, Shaking
-from pipeline.stages.runs.runner import Kind, Run, run_missing
+from pipeline.stages.runs.lines import SEED, SHARE, Line, packed
+from pipeline.stages.runs.runner import Kind, Run, Wanted, run_missing
 from pipeline.stages.runs.scenes import (
     Group,
     Scenes,
@@ -29,6 +31,7 @@ from pipeline.workflow import keys
 from pipeline.workflow.engine_input import Engine
 from pipeline.workflow.stage import Product, Work
 from vsr_core.run.cases import Case, Settings, TerrainCase
+from vsr_core.source import tracing
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +143,16 @@ class Study:
         tokens = map(self.motions.token, cells)
         return list(map(Run, run_keys(self._scene(group), tokens), cells))
 
+    def lines(self, group: Group) -> list[Run]:
+        """The same runs by rows of the grid, each a line along PGA."""
+        motions, scene = self.motions, self._scene(group)
+        code = keys.digest(tracing.reached((f"{packed.__module__}:{packed.__name__}",)))
+        along = repr((motions.pga, SHARE, SEED, code)).encode()
+        rows, seed = range(len(motions.rows)), zlib.crc32(repr(tuple(group)).encode())
+        tokens = (motions.token(Cell(row, motions.pga[-1])) + along for row in rows)
+        items = (Line(row, seed) for row in rows)
+        return list(map(Run, run_keys(scene, tokens), items))
+
     def _scene(self, group: Group) -> bytes:
         return scene_digest(self.identity, group, self.time_step(group))
 
@@ -182,13 +195,14 @@ def shared_identity(scenes: Scenes, motions: Shaking) -> dict[str, Any]:
     return {**identity(scenes), "motion": motions.identity(), "whole": whole}
 
 
-def run_study(work: Work, study: Study, kind: Kind[Any]) -> Product:
-    """Do the missing runs of a study.
-
-    Parameters
-    ----------
-    kind : Kind, whose function takes a prepared scene, Settings and the motions; and cells
-    """
+def run_study(
+    work: Work,
+    study: Study,
+    kind: Kind[Any],
+    wanted: Wanted[Group],
+    shared: Callable[[Group], Any],
+) -> Product:
+    """Do the missing runs of a study."""
     refuse_motions(study.scenes, study.yaw, study.motions, work.origin)
-    done = run_missing(work, kind, study.groups, study.wanted, study.shared)
+    done = run_missing(work, kind, study.groups, wanted, shared)
     return Product({}, done.summary, retry=done.crashed)
