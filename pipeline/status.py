@@ -24,7 +24,7 @@ from pipeline.stages.mesh.products import Ground, Standing
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell, MotionData, Shaking
 from pipeline.stages.runs import displacement_runs, overturning_runs
-from pipeline.stages.runs.runner import Kind, Run
+from pipeline.stages.runs.runner import Kind, Run, Wanted, parts
 from pipeline.stages.runs.scenes import MOST_RUNS, Group, Scenes, flat_case, left_out
 from pipeline.stages.runs.step_choice import stored_steps
 from pipeline.stages.runs.study import Study
@@ -78,7 +78,7 @@ def plan(product: str, job: Job) -> Plan:
     with tempfile.TemporaryDirectory() as temporary:
         study = _study(job, Path(temporary))
         assert study is not None
-        runs = _planned_runs(job, study, _kind(product, job.config))
+        runs = _planned_runs(job, study, *_asked(product, study))
     beside = [_planned_between(job.config, study)] if "boundary" in todo else []
     beside += [_planned_draws(job.config, study.motions)] if "uncertainty" in todo else []
     case = flat_case(study.scenes, study.groups[0])
@@ -90,12 +90,11 @@ def plan(product: str, job: Job) -> Plan:
     return Plan(*_where(job), todo, runs, beside, contact, [str(one) for one in dropped], off)
 
 
-def _kind(product: str, config: Config) -> Kind[Any]:
+def _asked(product: str, study: Study) -> tuple[Kind[Any], Wanted[Group]]:
     """Displacement runs, or runs whose outcome alone is wanted."""
-    names = {stage.name for stage in upstream(product)}
-    if "displacement_runs" in names:
-        return displacement_runs.KIND
-    return overturning_runs.kind(on_terrain=config.on_terrain)
+    if "displacement_runs" in {stage.name for stage in upstream(product)}:
+        return displacement_runs.KIND, study.wanted
+    return overturning_runs.grid_runs(study)
 
 
 def _study(job: Job, aside: Path | None) -> Study | None:
@@ -127,7 +126,7 @@ def _study(job: Job, aside: Path | None) -> Study | None:
     return Study(scenes, engine, config.yaw, config.motion, MotionData(at.store.folder), steps)
 
 
-def _planned_runs(job: Job, study: Study, kind: Kind[Any]) -> Runs:
+def _planned_runs(job: Job, study: Study, kind: Kind[Any], wanted: Wanted[Group]) -> Runs:
     """Runs to do and their cost; which are stored is known once the time step is measured."""
     settings, motions = study.settings, study.motions
     proves = settings.simulation.reduce and not settings.on_terrain and motion_grid.one_way(motions)
@@ -140,9 +139,12 @@ def _planned_runs(job: Job, study: Study, kind: Kind[Any]) -> Runs:
         total += (each := motion_grid.count(motions))
         known = not math.isnan(study.time_step(group)) and is_there(job.store.runs)
         if known and each <= MOST_RUNS:
-            left = _left(job.store, study, group, kind)
-            new += len(left)
-            proved += sum(bool(cell.pga < limit) for cell in left)
+            own = wanted(group)
+            kept = _stored(job.store, own, kind)
+            left = [run.item for run in own if run.key not in kept]
+            new += len(left) * kind.cells
+            weak = bisect_left(motions.pga, limit)
+            proved += sum(one.pga < limit if isinstance(one, Cell) else weak for one in left)
         else:
             new += each
             proved += len(motions.rows) * bisect_left(motions.pga, limit)
@@ -158,13 +160,6 @@ def _planned_runs(job: Job, study: Study, kind: Kind[Any]) -> Runs:
         len(motions.pga),
         job.config.with_vertical,
     )
-
-
-def _left(store: Store, study: Study, group: Group, kind: Kind[Any]) -> list[Cell]:
-    """Cells of a group whose runs are not stored."""
-    runs = study.wanted(group)
-    kept = _stored(store, runs, kind)
-    return [run.item for run in runs if run.key not in kept]
 
 
 def _planned_between(config: Config, study: Study) -> Beside:
@@ -209,23 +204,35 @@ def _is_stale(name: str, job: Job) -> bool:
 
 
 def _stored(store: Store, runs: Iterable[Run], kind: Kind[Any]) -> dict[bytes, int]:
-    """Outcomes of those of the runs that are stored."""
+    """Outcomes of those of the runs, or lines of them, that are stored."""
     if not is_there(store.runs):
         return {}
     with closing(RunStore(store.runs, kind.row, reads=True)) as database:
         return database.outcomes(run.key for run in runs)
 
 
+def _tallied(store: Store, runs: Iterable[Run], kind: Kind[Any]) -> Counter[int]:
+    """How many of the runs are stored, by outcome."""
+    counts: Counter[int] = Counter()
+    if is_there(store.runs):
+        with closing(RunStore(store.runs, kind.row, reads=True)) as database:
+            for part in parts(runs, kind.cells, kind.cells):
+                rows = database.get(run.key for run in part).values()
+                counts.update(code for row in rows for code in kind.outcomes(row[1:]))
+    return counts
+
+
 def _runs(job: Job, product: str) -> Stored | None:
     """Runs that are wanted and stored; None where no key is known yet."""
     if not isinstance(job.site.settings, Config):
         return None
-    kind, study = _kind(product, job.config), _study(job, None)
+    study = _study(job, None)
     if study is None or any(map(math.isnan, study.steps.steps)):
         return None
     counts: Counter[int] = Counter()
+    kind, asked = _asked(product, study)
     for group in study.groups:
-        counts.update(_stored(job.store, study.wanted(group), kind).values())
+        counts += _tallied(job.store, asked(group), kind)
     wanted = len(study.groups) * motion_grid.count(study.motions)
     outcomes = {Outcome(code).name.lower(): number for code, number in counts.most_common()}
     return Stored(wanted, counts.total(), outcomes) if wanted else None

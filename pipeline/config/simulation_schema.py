@@ -37,8 +37,8 @@ class SimulationConfig(Section):
     )
     keep: Literal["all", "boundary"] = Field(
         "all",
-        description="what is kept of the runs of a grid: each, or outcomes as their changes along "
-        "PGA and all else of a sample, for grids of many millions",
+        description="what is kept of the runs of a grid: each; or outcomes as their changes along "
+        "PGA, and all else of a sample: for grids of many millions",
     )
 
     @property

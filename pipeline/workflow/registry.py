@@ -112,7 +112,7 @@ STAGES: tuple[Stage, ...] = (
         "displacement_runs",
         make="pipeline.stages.runs.displacement_runs:make",
         gives=("pipeline.stages.runs.displacement_runs:Journeys",),
-        refuses="pipeline.stages.runs.displacement_runs:refuse_level_ground",
+        refuses="pipeline.stages.runs.displacement_runs:refuse",
         in_database=True,
     ),
     Stage(

@@ -110,9 +110,7 @@ def _parts(
     """
     on_terrain, columns = study.settings.on_terrain, len(study.motions.pga)
     others = repeat(None) if level is None else by_parts(level, study)
-    for (place, table), other in zip(
-        stored_runs.parts(runs.database, study), others, strict=False
-    ):
+    for (place, table), other in zip(stored_runs.parts(runs.database, study), others, strict=False):
         counts += np.bincount(table["outcome"], minlength=len(counts))
         if "movement" not in table:
             in_air = table.pop("air_share") if on_terrain else np.full(len(table), np.nan)

@@ -46,9 +46,7 @@ def stored(database: Path, kind: Kind[Any], study: Study) -> pd.DataFrame:
     return runs.assign(motion=np.tile(motion, len(study.groups)), pga=pga)
 
 
-def parts(
-    database: Path, study: Study
-) -> Iterator[tuple[tuple[int, int, slice], pd.DataFrame]]:
+def parts(database: Path, study: Study) -> Iterator[tuple[tuple[int, int, slice], pd.DataFrame]]:
     """The runs of a grid by parts of its whole rows, as many runs as ``runner.at_once`` says.
 
     Yields

@@ -41,12 +41,15 @@ class Choice:
     engine: str
 
     def among(self, responses: xr.Dataset) -> dict[str, Any]:
-        """The results of this run in the study, by their names in ``Response``."""
+        """The results of this run that the study keeps, by their names in ``Response``."""
         at = responses.sel(yaw=self.group.yaw, friction=self.group.friction, pga=self.cell.pga)
         own = at.isel({rows_of(responses): self.cell.row})
         names = {name: name for name in RESULTS}
         names |= {"peak_tilt": "tilt_until_decided", "slip": "slip_until_decided"}
-        return {name: own[stored].item() for name, stored in names.items()}
+        found = {name: own[stored].item() for name, stored in names.items()}
+        if found["steps"] < 0:  # not of the sample of those of which all is kept
+            return {name: found[name] for name in ("outcome", "decided_by")}
+        return found
 
 
 def chosen(config: Config, shaking: Shaking, given: Mapping[str, str | None]) -> Choice:

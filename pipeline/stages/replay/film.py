@@ -102,7 +102,8 @@ def _place(scenes: Scenes, choice: Choice) -> Case | TerrainCase:
 
 def _compare(found: Response, stored: Mapping[str, Any]) -> None:
     """Refuse a run that is not the one of the study, number by number."""
-    if differs := [name for name in RESULTS if getattr(found, name) != stored[name]]:
+    known = [name for name in RESULTS if name in stored]
+    if differs := [name for name in known if getattr(found, name) != stored[name]]:
         given = f"{found.outcome.name.lower()}, {found.decided_by.how}"
         rule = f"the run stored for this cell has another {', '.join(differs)}"
         remedy = "make the study anew: vsr clean, then vsr run fragility"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,8 +14,8 @@ from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Shaking
 from pipeline.stages.replay.choice import NEIGHBOUR, Choice, chosen, neighbour, other
 from pipeline.stages.replay.film import Played, film, named, played, scene, scripts
-from pipeline.stages.runs.overturning_runs import kind
-from pipeline.stages.runs.runner import Run, run_missing, stored
+from pipeline.stages.runs.overturning_runs import grid_runs, kind, shared
+from pipeline.stages.runs.runner import Kind, Run, run_missing, stored
 from pipeline.stages.runs.scenes import Group, refuse_motions
 from pipeline.stages.runs.study import Study
 from pipeline.workflow import graph, keys, writers
@@ -67,8 +67,10 @@ def make(job: Job, given: Mapping[str, str | None], second: str | None) -> str:
     refuse_motions(study.scenes, study.yaw, study.motions, work.origin)
     if second is not None and not beside_it:
         group, pga = choices[0].group, study.motions.pga
-        rows = _done(work, study, group, study.wanted(group))
-        overturned = np.array([Outcome(row.outcome).overturned for row in rows])
+        own_kind, wanted = grid_runs(study)
+        rows = _done(work, own_kind, group, wanted(group), shared(study, parts.rock))
+        codes = [code for row in rows for code in own_kind.outcomes(row[1:])]
+        overturned = np.array([Outcome(code).overturned for code in codes])
         choices.append(neighbour(overturned.reshape(-1, len(pga)), pga, choices[0]))
     runs = [played(study, choice, _stored(work, study, choice)) for choice in choices]
     text = page(job.site.name, f"../{job.store.up}", parts, runs)
@@ -86,15 +88,17 @@ def _stored(work: Work, study: Study, choice: Choice) -> dict[str, Any] | None:
     if choice.engine != study.settings.engine:
         return None
     runs = study.runs_of(choice.group, [choice.cell])
-    (row,) = _done(work, study, choice.group, runs)
+    own = kind(on_terrain=study.settings.on_terrain)
+    (row,) = _done(work, own, choice.group, runs, study.shared)
     found: dict[str, Any] = row._asdict()
     return found
 
 
-def _done(work: Work, study: Study, group: Group, runs: Iterable[Run]) -> list[Any]:
+def _done(
+    work: Work, own: Kind[Any], group: Group, runs: Iterable[Run], common: Callable[[Group], Any]
+) -> list[Any]:
     """Rows of some runs of a group."""
-    own = kind(on_terrain=study.settings.on_terrain)
-    run_missing(work, own, [group], lambda _: runs, study.shared)
+    run_missing(work, own, [group], lambda _: runs, common)
     return [row for _, part in stored(work.runs, own, [group], lambda _: runs) for row in part]
 
 

@@ -59,13 +59,16 @@ def chosen(responses: xr.Dataset) -> list[Place]:
 
 
 def _most_tilted(runs: xr.Dataset) -> tuple[float, tuple[int, ...]]:
-    """Largest tilt of the last runs that stay upright, and place; -1 where there is none."""
+    """Largest tilt of the last runs that stay upright, and place; -1 where there is none.
+
+    Where none is kept, it is the first of those runs.
+    """
     overturned, tilt = runs["overturned"].values, runs["tilt_until_decided"].values
     first, known = _first(overturned)
     rows, last = np.arange(len(first)), np.maximum(first - 1, 0)
     upright = overturned[rows, last] == 0
     candidates = known & upright & long_rows(runs["pgv_pga"].values)
-    tilted = np.where(candidates, tilt[rows, last], -1.0)
+    tilted = np.where(candidates, np.nan_to_num(tilt[rows, last]), -1.0)
     row = int(np.argmax(tilted))
     return float(tilted[row]), (row, int(last[row]))
 

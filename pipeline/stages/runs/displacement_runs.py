@@ -44,13 +44,16 @@ def make(work: Work, study: Study) -> Product:
     return run_study(work, study, KIND, study.wanted, study.shared)
 
 
-def refuse_level_ground(site: Site) -> None:
-    """Refuse a rock that has no terrain to travel over."""
+def refuse(site: Site) -> None:
+    """Refuse a rock that has no terrain to travel over, and runs that are not all kept."""
     shape = site.config.pedestal.shape
     if shape != "mesh":
         file, rule = site.file_of("pedestal.shape"), "a rock travels over a terrain"
         remedy = "set pedestal.shape: mesh, with the terrain in the rock's scan"
         raise InputError(Problem(file, "pedestal.shape", shape, rule, remedy))
+    if (keep := site.config.simulation.keep) != "all":
+        file, rule = site.file_of("simulation.keep"), "each displacement run is kept with its path"
+        raise InputError(Problem(file, "simulation.keep", keep, rule, "set simulation.keep: all"))
 
 
 SAMPLE = np.dtype(

@@ -13,12 +13,12 @@ from pipeline.stages.runs.runner import parts
 from pipeline.stages.runs.study import LevelStudy, Study
 from pipeline.workflow import graph
 from pipeline.workflow.registry import needs
-from pipeline.workflow.rows import DisplacementRow, RunRow, TerrainRow
+from pipeline.workflow.rows import DisplacementRow, LineRow, RunRow, TerrainRow
 from pipeline.workflow.run_store import RUNS, RunStore, is_there
 from pipeline.workflow.stage import Job
 from vsr_core.outcome import Outcome
 
-KINDS: tuple[Any, ...] = (RunRow, TerrainRow, DisplacementRow)
+KINDS: tuple[Any, ...] = (RunRow, TerrainRow, LineRow, DisplacementRow)
 
 
 def make(job: Job, folders: Sequence[Path]) -> list[str]:
@@ -40,7 +40,8 @@ def make(job: Job, folders: Sequence[Path]) -> list[str]:
     _require_others(job.store.runs, folders)
     for stage in needs("runs"):
         graph.make(stage, job)
-    scenes = sorted(_scenes(graph.built(Study, job)))
+    study = graph.built(Study, job)
+    scenes = sorted(_scenes(study))
     job.store.open()
     with ExitStack() as opened:
         own = [opened.enter_context(closing(RunStore(job.store.runs, kind, job.log)))
@@ -53,7 +54,8 @@ def make(job: Job, folders: Sequence[Path]) -> list[str]:
             for kind, store in enumerate(stores):
                 before = [own[kind], *(others[kind] for others in theirs[:n])]
                 for rows in parts(_of(store, scenes)):
-                    counts[n] += len(rows)
+                    line = KINDS[kind] is LineRow
+                    counts[n] += len(rows) * (len(study.motions.pga) if line else 1)
                     for place, other in zip(places, before, strict=False):
                         _require_same(rows, other, folders[n], place)
             _require_some(counts[n], folders[n], job)
@@ -69,7 +71,7 @@ def _scenes(study: Study) -> set[bytes]:
     studies = [study]
     if isinstance(study.motions, ComponentRecords):
         studies.append(LevelStudy.of(study))
-    return {one.wanted(group).scene[:4] for one in studies for group in one.groups}
+    return {one.scene(group)[:4] for one in studies for group in one.groups}
 
 
 def _require_others(own: Path, folders: Sequence[Path]) -> None:

@@ -1,7 +1,8 @@
 """Lines: the runs of a row of the grid at every PGA, kept as changes of outcome and a sample.
 
 That is what ``simulation.keep: boundary`` asks for. Outcome, rule and movement of every run come
-back of the PGAs at which they change; all else that is known of a run is kept of a random sample.
+back of the PGAs at which they change; all else that is known of a run is kept of a random sample
+and of those that are unresolved.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def packed(runs: Array, sample: Mask, no_return: float) -> bytes:
     moved = movements(outcome, peak, in_air, no_return)
     codes = np.stack([outcome, runs[:, 1], moved]).astype("i1")
     starts = np.flatnonzero(np.append(True, (codes[:, 1:] != codes[:, :-1]).any(axis=0)))
-    places = np.flatnonzero(sample)
+    places = np.flatnonzero(sample | (outcome >= Outcome.UNSETTLED))
     parts = (starts.astype("<u4"), codes[:, starts], places.astype("<u4"), runs[places, 2:6] + 0.0)
     return _LENGTHS.pack(len(starts), len(places)) + b"".join(part.tobytes() for part in parts)
 
@@ -60,7 +61,7 @@ def packed(runs: Array, sample: Mask, no_return: float) -> bytes:
 def _unpacked(row: LineRow, cells: int) -> tuple[Indices, Indices, Array]:
     """Codes, shape (3, cells), and places and numbers, shape (k, 4), of the sample."""
     if not row.packed:
-        lost = [[row.outcome], [DecidedBy.SIMULATION], [-1]]
+        lost = np.array([[row.outcome], [int(DecidedBy.SIMULATION)], [-1]])
         return np.repeat(lost, cells, axis=1), np.zeros(0, int), np.zeros((0, len(NUMBERS)))
     pieces, number = _LENGTHS.unpack_from(row.packed)
     at, found = _LENGTHS.size, []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -57,13 +58,14 @@ def line_batch(
     shared: tuple[Case | TerrainCase, Settings, Shaking, float], batch: tuple[Line, ...]
 ) -> list[tuple[Any, ...]]:
     """Simulate the responses along some lines, on a worker."""
-    *own, no_return = shared
-    simulate: Any = respond_batch if isinstance(own[0], TerrainCase) else simulate_batch
-    pga, rows = own[2].pga, []
+    place, settings, motions, no_return = shared
+    simulate: Any = respond_batch if isinstance(place, TerrainCase) else simulate_batch
+    rows = []
     for line in batch:
-        cells = [Cell(line.row, peak) for peak in pga]
+        cells = tuple(Cell(line.row, pga) for pga in motions.pga)
         parts = (cells[at : at + LARGEST_BATCH] for at in range(0, len(cells), LARGEST_BATCH))
-        runs = np.array([row for part in parts for row in simulate(tuple(own), tuple(part))])
+        own = (place, settings, motions)
+        runs = np.concatenate([np.array(simulate(own, part)) for part in parts])
         sample = lines.sampled(line, len(cells))
         rows.append((lines.worst(runs), lines.packed(runs, sample, no_return)))
     return rows
@@ -91,19 +93,20 @@ def grid_runs(study: Study) -> tuple[Kind[Any], Wanted[Group]]:
     return replace(LINES, cells=cells, outcomes=partial(lines.outcomes, cells=cells)), study.lines
 
 
+def shared(study: Study, rock: RockData) -> Callable[[Group], Any]:
+    """From a group to what the runs of its grid share."""
+    if study.settings.simulation.keep == "all":
+        return study.shared
+    return lambda group: (*study.shared(group), rock.no_return)
+
+
 class LevelRuns(Runs):
     """The runs of a study without the vertical components of its records."""
 
 
 def make(work: Work, study: Study, rock: RockData) -> Product:
     """Do the missing runs."""
-    own, wanted = grid_runs(study)
-
-    def shared(group: Group) -> tuple[Any, ...]:
-        """What the runs of a group share, and what lines need besides."""
-        return *study.shared(group), *((rock.no_return,) if own.row is LineRow else ())
-
-    return run_study(work, study, own, wanted, shared)
+    return run_study(work, study, *grid_runs(study), shared(study, rock))
 
 
 def make_level(work: Work, study: Study, rock: RockData) -> Product:

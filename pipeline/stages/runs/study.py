@@ -136,16 +136,16 @@ class Study:
 
     def wanted(self, group: Group) -> GridRuns:
         """The runs of a group, one for each cell of the grid."""
-        return GridRuns(self._scene(group), self.cells)
+        return GridRuns(self.scene(group), self.cells)
 
     def runs_of(self, group: Group, cells: Sequence[Cell]) -> list[Run]:
         """Runs of a group at any PGA, not only those of the grid."""
         tokens = map(self.motions.token, cells)
-        return list(map(Run, run_keys(self._scene(group), tokens), cells))
+        return list(map(Run, run_keys(self.scene(group), tokens), cells))
 
     def lines(self, group: Group) -> list[Run]:
         """The same runs by rows of the grid, each a line along PGA."""
-        motions, scene = self.motions, self._scene(group)
+        motions, scene = self.motions, self.scene(group)
         code = keys.digest(tracing.reached((f"{packed.__module__}:{packed.__name__}",)))
         along = repr((motions.pga, SHARE, SEED, code)).encode()
         rows, seed = range(len(motions.rows)), zlib.crc32(repr(tuple(group)).encode())
@@ -153,7 +153,8 @@ class Study:
         items = (Line(row, seed) for row in rows)
         return list(map(Run, run_keys(scene, tokens), items))
 
-    def _scene(self, group: Group) -> bytes:
+    def scene(self, group: Group) -> bytes:
+        """Digest of what the runs of a group share."""
         return scene_digest(self.identity, group, self.time_step(group))
 
     def time_step(self, group: Group) -> float:
@@ -196,11 +197,7 @@ def shared_identity(scenes: Scenes, motions: Shaking) -> dict[str, Any]:
 
 
 def run_study(
-    work: Work,
-    study: Study,
-    kind: Kind[Any],
-    wanted: Wanted[Group],
-    shared: Callable[[Group], Any],
+    work: Work, study: Study, kind: Kind[Any], wanted: Wanted[Group], shared: Callable[[Group], Any]
 ) -> Product:
     """Do the missing runs of a study."""
     refuse_motions(study.scenes, study.yaw, study.motions, work.origin)

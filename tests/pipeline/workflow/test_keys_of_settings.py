@@ -87,6 +87,7 @@ NO_RUN = {
     "pedestal.point_on_rock": "level ground is cut from no scan",
     "pedestal.seat": "a rock on level ground stands on its base",
     "simulation.tolerance": "it chooses a time step, which is given here",
+    "simulation.keep": "less is kept of the same runs",
     "fragility": "it asks for runs between the cells of a grid",
     "observed_boulder": "it is asked of runs that are done",
     "hazard": "it is asked of runs that are done",
@@ -245,6 +246,7 @@ def others(value: Any, name: str) -> Iterator[Any]:
         yield from (1.1 * value, 0.9 * value, 0.5 * value, value + 0.1)
     elif isinstance(value, str):
         yield from ("servo", "energetic", "caps", "hull", "mesh", "flat", "paper", "larger", "yaw")
+        yield "boundary"
         yield from ("stood", "tipped", "lifted", "toppled", "scan")
         yield f"{value}2"
     elif value:
