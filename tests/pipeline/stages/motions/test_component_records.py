@@ -102,6 +102,11 @@ def test_products_tell_components_and_what_the_vertical_does(
     toppled = responses["outcome"].values == Outcome.OVERTURNED
     level = responses["overturned_without_vertical"].values == 1
     changed = int((toppled != level).sum())
+    few = ("run", "responses", "--site", path, "--workers", 0, "--set", "simulation.keep=boundary")
+    assert vsr(*few, into=folder / "few").code == 0
+    kept = read(folder / "few" / "rock" / "responses.nc")
+    for name in ("overturned", "overturned_without_vertical"):
+        np.testing.assert_array_equal(kept[name].values, responses[name].values)
     page = " ".join((derived / "rock" / "report.html").read_text().split())
     assert f"<strong>{changed} of 13 runs</strong>" in page
     assert "azimuth of x 20 deg" in page
