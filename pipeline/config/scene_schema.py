@@ -24,7 +24,7 @@ from pipeline.config.sections import (
     Values,
     as_values,
 )
-from vsr_core.rock.body import THINNEST, check_size
+from vsr_core.rock.size import THINNEST, check_size
 
 Vector = Annotated[tuple[Coordinate, Coordinate, Coordinate], Lax]
 Point = Annotated[tuple[Coordinate, Coordinate], Lax]

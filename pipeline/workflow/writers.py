@@ -6,9 +6,10 @@ import html
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
+if TYPE_CHECKING:
+    import pandas as pd
 
 Writer = Callable[[Path], None]
 """Writes a product to a path."""

@@ -139,7 +139,9 @@ def check(opened: Opened, path: Path, results: Path) -> None:
     settle(narrow)
     assert overflow(narrow) == []
     assert silent(narrow) == []
-    assert narrow.evaluate(CHECKS) == []
+    for scheme in ("light", "dark"):
+        narrow.emulate_media(color_scheme=scheme)
+        assert narrow.evaluate(CHECKS) == []
     narrow.emulate_media(media="print")
     narrow.set_viewport_size(PAPER)
     settle(narrow)

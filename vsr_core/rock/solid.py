@@ -11,7 +11,8 @@ import numpy as np
 
 from vsr_core.arrays import Array, Indices, matrix_product
 from vsr_core.errors import InvalidInput, InvalidPlace
-from vsr_core.rock.body import Rock, check_size, convex_hull
+from vsr_core.rock.body import Rock, convex_hull
+from vsr_core.rock.size import check_size
 from vsr_core.rock.tipping import settle
 from vsr_core.rock.triangles import self_intersections
 
