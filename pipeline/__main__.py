@@ -9,7 +9,7 @@ from threading import Timer, get_ident
 from types import FrameType
 
 from pipeline.cli import main
-from pipeline.workflow.warning_log import tell_warnings_once
+from pipeline.workflow.log import tell_warnings_once
 
 COLLECTED_AFTER = 100_000
 """Objects made between two searches for rings of garbage, of which there is little here: Python's

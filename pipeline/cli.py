@@ -12,6 +12,7 @@ from typing import NoReturn
 
 from pipeline.config.paths import located, working_folder
 from pipeline.config.problems import InputError, Problem, Unfinished
+from pipeline.workflow.log import begin, complain, log
 from pipeline.workflow.products import DELIVERABLES
 from vsr_core.errors import InvalidInput, reason
 
@@ -38,6 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = argparse.Namespace(verb="", derived=Path("data", "derived"))  # until they are read
     try:
         options = parsed(arguments)
+        _begin_log(options)
         commands = importlib.import_module("pipeline.commands").COMMANDS
         unresolved = commands[options.verb](options)
         if options.verb in MAKING:
@@ -48,13 +50,13 @@ def main(arguments: list[str] | None = None) -> int:
     except InvalidInput as error:  # what no stage has blamed on a key
         return _refused(InputError.from_invalid(options.verb, "", error))
     except Unfinished as end:
-        print(f"vsr: {end}", file=sys.stderr)
+        complain(f"vsr: {end}")
         return UNRESOLVED
     except BrokenPipeError:  # whoever read our output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except KeyboardInterrupt:
-        _log("stopped; what was done is kept, and the same command goes on from there")
+        log("stopped; what was done is kept, and the same command goes on from there")
         return STOPPED
     except Exception as error:  # noqa: BLE001 (the last door: never a traceback on the screen)
         report = options.derived / "vsr-fault.txt"
@@ -64,21 +66,30 @@ def main(arguments: list[str] | None = None) -> int:
             report.write_text(traceback.format_exc(), encoding="utf-8", errors="backslashreplace")
         except OSError as unwritten:
             where = f"no details, because of {unwritten}"
-        print(f"vsr: internal error: {error!r}; {where}", file=sys.stderr)
+        complain(f"vsr: internal error: {error!r}; {where}")
         return BROKEN
+
+
+def _begin_log(options: argparse.Namespace) -> None:
+    file: Path | None = options.log_file
+    try:
+        begin(quiet=options.quiet, file=file)
+    except OSError as error:
+        given, rule = f"{file}: {reason(error)}", "lines can be added to the file of a log"
+        raise InputError(Problem("--log-file", "", given, rule, "give another path")) from error
 
 
 def _renew_index(derived: Path) -> None:
     """Renew the index of all results; what is wrong with it is told and decides nothing."""
     try:
-        importlib.import_module("pipeline.workflow.front_page").renew(derived, _log)
+        importlib.import_module("pipeline.workflow.front_page").renew(derived, log)
     except Exception as error:  # noqa: BLE001 (the command has done its work)
-        _log(f"index: not renewed ({reason(error)})")
+        log(f"index: not renewed ({reason(error)})")
 
 
 def _refused(error: InputError) -> int:
     for problem in error.problems:
-        print(f"vsr: {problem}", file=sys.stderr)
+        complain(f"vsr: {problem}")
     return REFUSED
 
 
@@ -113,6 +124,8 @@ def _parser() -> argparse.ArgumentParser:
         sub.set_defaults(verb=name)
         results = working_folder() / "data" / "derived"
         sub.add_argument("--derived", type=_folder, default=results, metavar="DIR")
+        sub.add_argument("--quiet", action="store_true", help="show only what is wrong")
+        sub.add_argument("--log-file", type=Path, metavar="FILE", help="add what is told to it")
         return sub
 
     _add_run(add("run", "make a product and its prerequisites"))
@@ -264,7 +277,3 @@ def _folder(text: str) -> Path:
         rule = "results need a folder, and this is a file"
         raise InputError(Problem("--derived", "", text, rule, "give another path"))
     return Path(text)
-
-
-def _log(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)

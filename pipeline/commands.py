@@ -28,10 +28,10 @@ from pipeline.workflow.jobs import (
     check_observed,
     cluster_of,
     job_of,
-    log,
     others_of,
     sweep_of,
 )
+from pipeline.workflow.log import complain, log
 from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.registry import BY_NAME
@@ -67,7 +67,7 @@ def made(options: argparse.Namespace) -> tuple[Job, int]:
     for name in wanted.shown if sweep is None else ("study.html", "study.nc"):
         log(f"-> {job.path(name)}")
     if unresolved:
-        log(f"{unresolved} {form(unresolved, *wanted.unresolved)}")
+        complain(f"{unresolved} {form(unresolved, *wanted.unresolved)}")
     return job, unresolved
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from pipeline.config.slips import warnings
 from pipeline.config.sweep import Sweep, load_sweep
 from pipeline.workflow import graph, site_folder
 from pipeline.workflow.cluster import Cluster, check_settings
+from pipeline.workflow.log import complain, log
 from pipeline.workflow.products import DELIVERABLES, GRIDDED
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import Store
@@ -98,7 +98,7 @@ def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
             site.places["hazard", "curves"] = ("--curves", Path.cwd())
     sites = [site] if sweep is None else [member.site for member in sweep.members]
     for warning in dict.fromkeys(str(one) for each in sites for one in warnings(each)):
-        log(f"vsr: warning: {warning}")
+        complain(f"vsr: warning: {warning}")
     store = site_folder.store_of(site, options.derived, given.get("name"))
     if store.folder.name.partition("@")[0] != site.name:
         log(f"vsr: results of another {site.name}.yaml are there; those of this: {store.folder}")
@@ -125,8 +125,3 @@ def cluster_of(given: dict[str, Any]) -> Cluster:
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def log(line: str) -> None:
-    """Tell how a command goes on, beside what it prints."""
-    print(line, file=sys.stderr, flush=True)

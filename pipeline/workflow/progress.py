@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from types import TracebackType
 
+from pipeline.workflow.log import on_terminal
 from vsr_core.outcome import Outcome
 
 _QUIET_SECONDS = 5.0
@@ -54,7 +55,7 @@ class Progress:
     def __init__(self, total: int, log: Callable[[str], None]) -> None:
         self.total, self._log = total, log
         self.outcomes: Counter[int] = Counter()
-        self._terminal = sys.stderr.isatty()
+        self._terminal = on_terminal()
         self._start = self._shown = time.monotonic()
 
     def __enter__(self) -> Progress:

@@ -20,7 +20,7 @@ from functools import lru_cache
 from typing import IO, Any, NamedTuple
 
 from pipeline.workflow import provenance
-from pipeline.workflow.warning_log import tell_warnings_once
+from pipeline.workflow.log import tell_warnings_once
 
 BATCHES_IN_FLIGHT = 4
 """Batches handed out per worker: enough to keep it busy, few enough to lose."""

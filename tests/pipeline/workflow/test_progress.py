@@ -31,7 +31,7 @@ def test_a_warning_of_a_library_is_told_in_one_line_once() -> None:
     """Also one that the library has shown always, and none that Python leaves out."""
     program = (
         "import warnings\n"
-        "from pipeline.workflow.warning_log import tell_warnings_once\n"
+        "from pipeline.workflow.log import tell_warnings_once\n"
         "tell_warnings_once()\n"
         "where = 'lib/site-packages/sklearn/x.py', 7\n"
         "warnings.simplefilter('always', UserWarning, append=True)\n"

@@ -1,0 +1,82 @@
+"""What a command tells beside what it prints: on the screen, and in a file that is asked for."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+
+class _Screen(logging.Handler):
+    """The standard error, as it is at the time of a line."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        sys.stderr.write(f"{record.getMessage()}\n")
+        sys.stderr.flush()
+
+
+class _File(logging.FileHandler):
+    """A file to which lines are added; one that can no longer be written is told, and left."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 (its name there)
+        _LOG.removeHandler(self)
+        _LOG.warning(f"vsr: warning: {self.baseFilename} takes no more lines: {sys.exception()}")
+
+
+_LOG, _SCREEN = logging.getLogger("vsr"), _Screen()
+_LOG.setLevel(logging.INFO)
+_LOG.propagate = False
+_LOG.addHandler(_SCREEN)
+
+
+def begin(*, quiet: bool, file: Path | None) -> None:
+    """Tell the lines of one command: of a quiet one only what is wrong on the screen.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    for handler in set(_LOG.handlers) - {_SCREEN}:
+        _LOG.removeHandler(handler)
+        handler.close()
+    _SCREEN.setLevel(logging.WARNING if quiet else logging.INFO)
+    if file is not None:
+        kept = _File(file, encoding="utf-8", errors="backslashreplace")
+        kept.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
+        _LOG.addHandler(kept)
+
+
+def log(line: str) -> None:
+    """Tell how a command goes on."""
+    _LOG.info(line)
+
+
+def complain(line: str) -> None:
+    """Tell what is wrong, also of a quiet command."""
+    _LOG.warning(line)
+
+
+def on_terminal() -> bool:
+    """Whether lines are shown on a screen on which they can be written over."""
+    return sys.stderr.isatty() and _SCREEN.level <= logging.INFO
+
+
+def tell_warnings_once() -> None:
+    """Have each warning of a library told in one line, once in this process."""
+    known: set[str] = set()
+
+    def tell(message: Warning | str, category: type[Warning], file: str, *_: Any) -> None:
+        text = " ".join(str(message).split())
+        if text not in known:
+            known.add(text)
+            parts = Path(file).parts
+            at = parts.index("site-packages") + 1 if "site-packages" in parts else -1
+            library = parts[at] if parts else "Python"
+            own = category.__module__.startswith("vsr_core.")
+            whose = "" if own else f" of {library}: {category.__name__}"
+            complain(f"vsr: warning{whose}: {text}")
+
+    warnings.showwarning = tell  # type: ignore[assignment]

@@ -1,0 +1,77 @@
+"""What commands tell: on the screen, and in a file."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pipeline import cli
+from pipeline.workflow.log import begin
+
+
+@pytest.fixture(autouse=True)
+def told_again() -> Iterator[None]:
+    """No log of one test in another."""
+    yield
+    begin(quiet=False, file=None)
+
+
+def asked(*words: str, derived: Path) -> int:
+    return cli.main(["run", "rock", "--site", "cuboid_1x1x2", "--derived", str(derived), *words])
+
+
+def test_a_log_file_holds_what_the_screen_shows_with_its_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "rock.log"
+    file.write_text("before\n", encoding="utf-8")
+    assert asked("--log-file", str(file), derived=tmp_path / "derived") == cli.DONE
+    shown = capsys.readouterr().err.splitlines()
+    first, *lines = file.read_text(encoding="utf-8").splitlines()
+    assert first == "before"
+    assert shown
+    assert [re.sub(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d,\d{3} ", "", line) for line in lines] == shown
+
+
+def test_a_quiet_command_shows_nothing_but_what_is_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "rock.log"
+    quiet = ("--quiet", "--log-file", str(file))
+    assert asked(*quiet, derived=tmp_path / "derived") == cli.DONE
+    assert capsys.readouterr() == ("", "")
+    assert " rock: box; " in file.read_text(encoding="utf-8")
+    assert (
+        asked(*quiet, "--set", "contact.friction=-1", derived=tmp_path / "derived") == cli.REFUSED
+    )
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert told.strip() in file.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("place", ["nowhere/rock.log", "."])
+def test_a_log_that_cannot_be_written_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], place: str
+) -> None:
+    assert asked("--log-file", str(tmp_path / place), derived=tmp_path / "derived") == cli.REFUSED
+    assert capsys.readouterr().err.startswith("vsr: --log-file: ")
+    assert not (tmp_path / "derived").exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
+def test_a_log_that_takes_no_more_is_told_once_and_the_command_goes_on(tmp_path: Path) -> None:
+    words = ("run", "rock", "--site", "cuboid_1x1x2", "--derived", str(tmp_path / "derived"))
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline", *words, "--log-file", "/dev/full"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr.count("takes no more lines") == 1
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "derived" / "cuboid_1x1x2" / "rock.nc").is_file()
