@@ -199,9 +199,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_run(run: argparse.ArgumentParser) -> None:
-    run.add_argument(
-        "product", choices=DELIVERABLES, metavar="PRODUCT", help=", ".join(DELIVERABLES)
-    )
+    run.add_argument("product", choices=DELIVERABLES, metavar="PRODUCT", help="one of those below")
+    products = (f"  {name:<14}{one.about}" for name, one in DELIVERABLES.items())
+    example = "  vsr run fragility --site double_rock --set yaw=[0,90]"
+    run.epilog = "\n".join(("products:", *products, "", "example:", example))
+    run.formatter_class = argparse.RawDescriptionHelpFormatter
     _add_site(run)
     run.add_argument("--table", metavar="FOLDER", help="recorded shake-table tests to predict")
     run.add_argument("--curves", metavar="FOLDER", help="hazard curves, or OpenQuake's calc_N.hdf5")

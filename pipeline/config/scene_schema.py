@@ -255,6 +255,20 @@ class ServoConfig(Section):
         return self
 
 
+class Georeference(Section):
+    """Where on earth a scan lies; its x points to the east and its y to the north of that grid."""
+
+    crs: str = Field(
+        pattern=r"^[A-Za-z]+:[0-9]+$",
+        description="projected coordinate reference system in metres, such as EPSG:32611",
+    )
+    origin: Annotated[tuple[Coordinate, Coordinate, Coordinate], Lax] = Field(
+        (0.0, 0.0, 0.0),
+        description="easting, northing and height there of the origin of the scan's coordinates; "
+        "zero where the scan is in that system's coordinates [m]",
+    )
+
+
 class ObservedBoulder(Section):
     """A boulder observed on the terrain, whose source is to be found."""
 

@@ -23,6 +23,7 @@ from pipeline.config.observation_schema import Observations
 from pipeline.config.priors_schema import UncertaintyConfig
 from pipeline.config.scene_schema import (
     ContactConfig,
+    Georeference,
     ObservedBoulder,
     PedestalConfig,
     RockConfig,
@@ -114,6 +115,9 @@ class Config(Section):
     )
     observed_boulder: ObservedBoulder | None = Field(
         None, description="boulder observed on the terrain, to be traced to its source"
+    )
+    georeference: Georeference | None = Field(
+        None, description="where the scan lies, for `vsr run geodata`"
     )
     hazard: HazardConfig = Field(
         HazardConfig(), description="hazard curves and age of the rock, for `make hazard`"

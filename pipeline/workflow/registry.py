@@ -204,6 +204,13 @@ STAGES: tuple[Stage, ...] = (
         versions=("matplotlib", "jinja2", "pillow"),
     ),
     Stage(
+        "geodata",
+        make="pipeline.stages.displacement.geodata:make",
+        refuses="pipeline.stages.displacement.geodata:refuse",
+        versions=("shapely", "pyogrio", "pyproj"),
+    ),
+    Stage("model", make="pipeline.stages.displacement.model:make", versions=("trimesh",)),
+    Stage(
         "accuracy",
         make="pipeline.stages.studies.accuracy.accuracy:make",
         code=(

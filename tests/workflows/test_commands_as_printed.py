@@ -40,6 +40,7 @@ NOT_RUN = {
     r"dask (scheduler|worker)|(SCHEDULER=|--scheduler )tcp://host|--cluster slurm|client_0": "asks "
     "other machines",
     r"make (test|test-slow|check|coverage)\b|-m pytest": "is what runs this test",
+    r"run geodata": "needs the extra gis",
     r"pre-commit install": "changes the repository's hooks",
     r"-m benchmarks\.": "takes hours and writes what docs/ says of them",
 }

@@ -7,12 +7,15 @@ Everything that the products say of the runs is computed again from the samples 
 from __future__ import annotations
 
 import csv
+import json
 import math
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
+import trimesh
 import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -242,3 +245,74 @@ def test_the_page_counts_the_runs_beside_the_scene(folder: Path, runs: xr.Datase
     page = (folder / "displacement.html").read_text(encoding="utf-8")
     assert f"In <strong>{toppled(runs).sum()}</strong> of 12 runs the rock left its seat" in page
     assert (folder / "trajectories.html").stat().st_size > 10_000
+
+
+def last_places(runs: xr.Dataset) -> Array:
+    return np.array([place(track)[-1] for track in tracks(runs)])
+
+
+def test_the_model_shows_each_rock_where_it_came_to_lie(folder: Path, runs: xr.Dataset) -> None:
+    """Bodies of a file of glTF, whose y is up, in poses of the dataset."""
+    line = ["run", "model", "--site", str(folder.parents[1] / "hill.yaml"), "--workers", "0"]
+    assert cli.main([*line, "--derived", str(folder.parent)]) == cli.DONE
+    scene = trimesh.load_scene(folder / "model.glb")
+    ground = read(folder / "terrain.nc")["terrain_vertex"].values
+    shown = {name: scene.geometry[part] for name, (_, part) in posed(scene).items()}
+    lain = trimesh.transform_points(shown["terrain"].vertices, posed(scene)["terrain"][0])
+    np.testing.assert_allclose(lain, ground[:, [0, 2, 1]] * [1, 1, -1], atol=1e-5)
+    found = {name: pose for name, (pose, _) in posed(scene).items() if name.startswith("run ")}
+    left = np.flatnonzero(toppled(runs))
+    assert len(found) == len(left) > 0
+    for run in left:
+        (pose,) = (pose for name, pose in found.items() if name.startswith(f"run {run}:"))
+        x, y, z = last_places(runs)[run]
+        np.testing.assert_allclose(pose[:3, 3], (x, z, -y), atol=1e-5)
+        turn = Rotation.from_quat(tracks(runs)[run]["quaternion"].values[-1])
+        about_x = Rotation.from_euler("x", -90, degrees=True)
+        np.testing.assert_allclose(pose[:3, :3], (about_x * turn).as_matrix(), atol=1e-5)
+
+
+def posed(scene: trimesh.Scene) -> dict[str, tuple[Array, str]]:
+    return {name: scene.graph.get(name) for name in scene.graph.nodes_geometry}
+
+
+def test_ends_and_paths_lie_on_the_map_where_they_lay(folder: Path, runs: xr.Dataset) -> None:
+    """On the central meridian of a zone of UTM, near the equator, where its scale is 0.9996."""
+    pyogrio = pytest.importorskip("pyogrio", reason="needs the extra gis")
+    pytest.importorskip("pyproj", reason="needs the extra gis")
+    x, y, z = read(folder / "terrain.nc").attrs["origin_in_scan"].tolist()
+    origin = [500_000.0 - x, -y, 700.0 - z]  # of the scan: the site's is on the equator
+    line = ["run", "geodata", "--site", str(folder.parents[1] / "hill.yaml"), "--workers", "0"]
+    line += ["--set", "georeference.crs=EPSG:32611", "--set", f"georeference.origin={origin}"]
+    assert cli.main([*line, "--derived", str(folder.parent)]) == cli.DONE
+    ends = json.loads((folder / "end_positions.geojson").read_text(encoding="utf-8"))["features"]
+    at = np.array([end["geometry"]["coordinates"] for end in ends])
+    east = np.radians(at[:, 0] + 117.0) * EQUATOR * 0.9996
+    north = np.radians(at[:, 1]) * EQUATOR * (1.0 - ECCENTRICITY_2) * 0.9996
+    found = np.column_stack([east, north, at[:, 2] - 700.0])
+    np.testing.assert_allclose(found, last_places(runs), atol=2e-3)
+    yaws = [end["properties"]["yaw_deg"] for end in ends]
+    assert yaws == runs["yaw"].values.tolist()
+    about, _, lines, columns = pyogrio.raw.read(folder / "displacement.gpkg", layer="trajectories")
+    assert about["crs"] == "EPSG:32611"
+    for run, path in zip(columns[0], shapely.from_wkb(lines), strict=True):
+        own = np.add(place(tracks(runs)[run]), (500_000.0, 0.0, 700.0))
+        np.testing.assert_allclose(shapely.get_coordinates(path, include_z=True), own, atol=1e-4)
+
+
+@pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:99999999", "EPSG:2229", "UTM 11"])
+def test_what_is_no_system_of_metres_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str], crs: str
+) -> None:
+    pytest.importorskip("pyproj", reason="needs the extra gis")
+    line = ["run", "geodata", "--site", str(folder.parents[1] / "hill.yaml"), "--workers", "0"]
+    line += ["--derived", str(folder.parent / "none"), "--set", f"georeference.crs={crs}"]
+    assert cli.main(line) == cli.REFUSED
+    told = capsys.readouterr().err
+    assert told.startswith("vsr: --set: georeference.crs: got ")
+    assert told.count("\n") == 1
+    assert not (folder.parent / "none").exists()
+
+
+EQUATOR, ECCENTRICITY_2 = 6_378_137.0, 0.00669437999014
+"""Of the ellipsoid of WGS 84: radius [m] of its equator, and its first eccentricity squared."""

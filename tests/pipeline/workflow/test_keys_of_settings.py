@@ -43,7 +43,7 @@ from vsr_core.table.stepper import SteppedPulse, Stepper
 # What depends on what
 
 RUNS = {"runs", "responses", "boundary", "bullet_sample", "fragility", "report"}
-MOVED = {"displacement_runs", "displacement", "displacement_report"}
+MOVED = {"displacement_runs", "displacement", "displacement_report", "geodata", "model"}
 DRAWN = {"observations", "uncertainty", "exclusion", "hazard"}
 STUDIES = {"accuracy", "drive"}
 AFTER_MOTIONS = RUNS | MOVED | DRAWN | STUDIES
@@ -62,6 +62,7 @@ DECIDES = {
     "simulation.reduce": {"terrain"},
     "fragility": {"boundary", "fragility", "report"} | DRAWN - {"observations"},
     "observed_boulder": {"displacement_report"},
+    "georeference": {"geodata"},
     "hazard": {"hazard"},
     "hazard.age": {"exclusion"},
     "hazard.minimum_survival_probability": {"exclusion"},
@@ -90,6 +91,7 @@ NO_RUN = {
     "simulation.keep": "less is kept of the same runs",
     "fragility": "it asks for runs between the cells of a grid",
     "observed_boulder": "it is asked of runs that are done",
+    "georeference": "it tells where runs that are done were",
     "hazard": "it is asked of runs that are done",
     "uncertainty": "draws have runs of their own",
     "observations": "they weigh draws",
@@ -164,6 +166,12 @@ BASES = {
         ("displacement_report",),
         (STEP, "pedestal.cut=proposal", "pedestal.seat={points: 3}"),
         "pedestal.seat",
+    ),
+    "map": Base(
+        "double_rock_terrain",
+        ("geodata", "model"),
+        (STEP, "pedestal.cut=proposal", "georeference.crs=EPSG:32611"),
+        "georeference",
     ),
     "observed": Base("cuboid_1x1x2", ("hazard",), (STEP, *ASKED, OBSERVED), "observations"),
     "lognormal": of_age("{kind: lognormal, median: 10000, log_sd: 0.3}"),

@@ -1,0 +1,141 @@
+"""End positions and paths as geographic information systems read them: GeoJSON and GeoPackage."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+import xarray as xr
+from numpy.typing import NDArray
+
+from pipeline.config.layers import Site
+from pipeline.config.problems import InputError, Problem
+from pipeline.config.scene_schema import Georeference
+from pipeline.stages.datasets.displaced_runs import STOPS
+from pipeline.stages.datasets.displacement_dataset import Displacement
+from pipeline.stages.mesh.products import TerrainData
+from pipeline.workflow.stage import Product, Work
+from pipeline.workflow.writers import Writer
+from vsr_core.arrays import Array
+from vsr_core.outcome import Movement, Outcome, StopReason
+
+PACKAGE, ENDS, PATHS = "displacement.gpkg", "end_positions.geojson", "trajectories.geojson"
+
+WHEN = "2000-01-01T00:00:00.000Z"
+"""What a GeoPackage says of its last change: the same products have the same bytes at any time."""
+
+RFC_7946 = {"RFC7946": "YES", "COORDINATE_PRECISION": 9}
+"""GeoJSON is in WGS 84, longitude first; 1e-9 degrees are a tenth of a millimetre."""
+
+INSTALL = "install it: .venv/bin/pip install -e '.[gis]'"
+
+Layer = tuple[NDArray[np.object_], xr.Dataset]
+"""Geometries, and the runs that they are of."""
+
+
+def refuse(site: Site) -> None:
+    """Refuse a scan that lies nowhere, or in no coordinates that are metres."""
+    key, place = "georeference", site.config.georeference
+    if place is None:
+        rule, remedy = "maps need to know where the scan lies", "set georeference.crs"
+        raise InputError(Problem(site.file_of(key), key, "null", rule, remedy))
+    try:
+        import pyogrio  # noqa: F401
+        from pyproj import CRS
+        from pyproj.exceptions import CRSError
+    except ImportError:
+        problem = Problem(site.file_of(key), key, "", "maps need the extra gis", INSTALL)
+        raise InputError(problem) from None
+    try:
+        system = CRS.from_user_input(place.crs)
+        metres = system.is_projected and all(a.unit_name == "metre" for a in system.axis_info)
+        rule = "" if metres else f"its coordinates are metres, and those of {system.name} are not"
+    except CRSError:
+        rule = "it is the code of a coordinate reference system"
+    if rule:
+        key, remedy = f"{key}.crs", "give a projected one, e.g. EPSG:32611 for UTM zone 11 north"
+        raise InputError(Problem(site.file_of(key), key, repr(place.crs), rule, remedy))
+
+
+def make(work: Work, runs: Displacement, ground: TerrainData, place: Georeference) -> Product:
+    """Write where each run ended, and its path."""
+    displacement = runs.data
+    origin = np.add(place.origin, ground.data.attrs["origin_in_scan"])
+    ends, paths = layers(displacement, origin)
+    files = {
+        PACKAGE: _written("GPKG", {"end_positions": ends, "trajectories": paths}, place.crs),
+        ENDS: _written("GeoJSON", {"end_positions": ends}, place.crs),
+        PATHS: _written("GeoJSON", {"trajectories": paths}, place.crs),
+    }
+    return Product(files, f"{len(ends[0])} end positions in {place.crs}")
+
+
+def layers(displacement: xr.Dataset, origin: Array) -> tuple[Layer, Layer]:
+    """Points at which runs ended, and lines along which the centre of mass went.
+
+    Parameters
+    ----------
+    origin : ndarray, shape (3,) [m], of the site's frame in the coordinate reference system
+
+    Returns
+    -------
+    tuple of two layers
+        A run that never left its start has an end, and no path.
+    """
+    size = displacement["row_size"].values
+    runs = displacement.assign(number=("run", np.arange(len(size), dtype=np.int32)))
+    place = origin + np.column_stack([displacement[name].values.astype(float) for name in "xyz"])
+    ends = np.tile(origin.astype(float), (len(size), 1))
+    ends[size > 0] = place[np.cumsum(size)[size > 0] - 1]
+    long = size > 1
+    run = np.repeat(np.cumsum(long) - 1, size)[np.repeat(long, size)]
+    lines = shapely.linestrings(place[np.repeat(long, size)], indices=run)
+    return (shapely.points(ends), runs), (lines, runs.isel(run=long))
+
+
+def _fields(runs: xr.Dataset) -> dict[str, NDArray[Any]]:
+    """What is told of each run, by name and unit."""
+    found = {
+        "run": runs["number"].values,
+        "yaw_deg": runs["yaw"].values,
+        "pga_g": runs["pga"].values,
+        "pgv_pga_s": runs["pgv_pga"].values,
+        "friction": runs["friction"].values,
+        "trajectory_length_m": runs["trajectory_length"].values,
+    }
+    words = {
+        "outcome": [Outcome(code).name.lower() for code in runs["outcome"].values],
+        "movement": [Movement(code).words for code in runs["movement"].values],
+        "ended": [STOPS[StopReason(code)] for code in runs["stop_reason"].values],
+    }
+    return found | {name: np.array(told, dtype=object) for name, told in words.items()}
+
+
+def _written(driver: str, of: dict[str, Layer], crs: str) -> Writer:
+    """Writer of a file of one or more layers."""
+    import pyogrio
+
+    def write(path: Path) -> None:
+        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": WHEN})
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / f"file.{'gpkg' if driver == 'GPKG' else 'geojson'}"
+            for layer, (shapes, runs) in of.items():
+                fields = _fields(runs)
+                pyogrio.raw.write(
+                    file,
+                    geometry=shapely.to_wkb(shapes),
+                    geometry_type="Point Z" if layer == "end_positions" else "LineString Z",
+                    field_data=list(fields.values()),
+                    fields=np.array(list(fields)),
+                    crs=crs,
+                    layer=layer,
+                    append=file.exists(),
+                    driver=driver,
+                    layer_options={} if driver == "GPKG" else RFC_7946,
+                )
+            path.write_bytes(file.read_bytes())
+
+    return write
