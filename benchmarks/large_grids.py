@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import resource
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -37,31 +37,31 @@ PROVED, ISLAND = 0.5, 1.15
 
 
 class Peak(NamedTuple):
-    """Largest memory of the client from the start of a stage to its end [MB], and its time [s]."""
+    """Largest memory of the client from the start of a stage to its end [MB], and its CPU [s]."""
 
     stage: str
     memory: float
-    seconds: float
+    cpu: float
 
 
 def measured(cells: int, keep: str, derived: str) -> Iterator[Peak]:
-    """Do a study of so many cells; last comes the largest of the client's child processes."""
+    """Do a study of so many cells; last comes what the client's processes took."""
     each = math.isqrt(cells // YAWS)
     grid = [f"motion.{key}={{start: 0.02, stop: 1, num: {each}}}" for key in ("pga", "pgv_pga")]
     settings = [*grid, f"yaw={{start: 0, stop: 330, num: {YAWS}}}", f"simulation.keep={keep}"]
     words = ["run", "report", "--site", SITE, "--derived", derived]
     words += [part for setting in settings for part in ("--set", setting)]
     command = [sys.executable, "-m", "benchmarks.large_grids", "--apart", *words]
-    last = time.monotonic()
+    last = 0.0
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         own = Path("/proc", str(process.pid))
         for line in process.stderr:
             stage, _, told = line.partition(":")
-            now = time.monotonic()
-            if stage == CHILD:
-                yield Peak(stage, float(told), 0.0)
-            elif stage in BY_NAME and own.joinpath("status").exists():
+            if stage == CHILDREN:
+                yield Peak(stage, *map(float, told.split()))
+            elif stage in BY_NAME:
+                now = _cpu(own)
                 yield Peak(stage, _largest(own), now - last)
                 last = now
                 own.joinpath("clear_refs").write_text("5")  # starts the peak anew
@@ -69,7 +69,13 @@ def measured(cells: int, keep: str, derived: str) -> Iterator[Peak]:
         raise subprocess.CalledProcessError(process.returncode, command)
 
 
-CHILD = "largest child"
+CHILDREN = "largest of its processes"
+
+
+def _cpu(own: Path) -> float:
+    """CPU time of a process [s]."""
+    fields = own.joinpath("stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
 
 
 def _largest(own: Path) -> float:
@@ -83,8 +89,8 @@ def _apart(words: list[str]) -> int:
     overturning_runs.KIND = replace(overturning_runs.KIND, function=stand_in)
     overturning_runs.LINES = replace(overturning_runs.LINES, function=stand_in_lines)
     code = cli.main(words)
-    children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    print(f"{CHILD}: {children}", file=sys.stderr)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    print(f"{CHILDREN}: {used.ru_maxrss / 1024} {used.ru_utime + used.ru_stime}", file=sys.stderr)
     return code
 
 
@@ -123,12 +129,12 @@ def main() -> int:
     options = parser.parse_args()
     if options.apart:
         return _apart(options.apart)
-    print("| cells | stage | largest memory [MB] | wall [s] |\n|---|---|---:|---:|")
+    print("| cells | stage | largest memory [MB] | CPU [s] |\n|---|---|---:|---:|")
     for cells in options.cells:
         say(f"a study of {cells} cells")
         with tempfile.TemporaryDirectory() as derived:
             for one in measured(cells, options.keep, derived):
-                print(f"| {cells:.0e} | {one.stage} | {one.memory:.0f} | {one.seconds:.0f} |",
+                print(f"| {cells:.0e} | {one.stage} | {one.memory:.0f} | {one.cpu:.0f} |",
                       flush=True)  # fmt: skip
             for name in ("runs.sqlite", "responses.nc", "boundary.nc", "fragility.nc"):
                 size = (Path(derived) / SITE / name).stat().st_size / 1e6

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import signal
 import sqlite3
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 from conftest import Ran
+from support.dask_processes import Farm
 
+from pipeline import ROOT
 from pipeline.workflow.rows import Layout, RunRow
 from pipeline.workflow.run_store import RUNS
 
@@ -48,8 +53,8 @@ def joined(vsr: Vsr, site: str, folders: list[Path], into: Path, *more: str) -> 
     return vsr("join", *map(str, folders), "--site", site, *more, into=into)
 
 
-def bytes_of(vsr: Vsr, site: str, into: Path) -> dict[str, bytes]:
-    assert vsr("run", "boundary", "--site", site, "--workers", "0", into=into).code == 0
+def bytes_of(vsr: Vsr, site: str, into: Path, *more: str) -> dict[str, bytes]:
+    assert vsr("run", "boundary", "--site", site, "--workers", "0", *more, into=into).code == 0
     return {path.name: path.read_bytes() for path in into.glob("*/*.nc")}
 
 
@@ -69,6 +74,65 @@ def test_joined_shards_give_the_bytes_of_one(
     assert bytes_of(vsr, site, together) == bytes_of(vsr, site, alone)
     (whole,) = (path.parent for path in alone.glob(f"*/{RUNS}"))
     assert count(folder) == count(whole)
+
+
+TEN = """
+rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
+motion: {pga: [0.2, 0.4, 0.6, 0.8], pgv_pga: [0.1, 0.2, 0.3]}
+yaw: {start: 0, stop: 81, num: 10}
+simulation: {time_step: 0.002}
+"""
+
+CLIENT = """
+import os, signal, sys
+
+from pipeline.cli import main
+from pipeline.stages.runs import runner
+from pipeline.workflow.run_store import RunStore
+
+left, add = [int(sys.argv.pop(1))], RunStore.add
+
+def killed_after(store, rows):
+    add(store, rows)
+    left[0] -= 1
+    if left[0] == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+RunStore.add = killed_after
+runner.SMALL, runner.QUICK_BATCH, runner.LARGEST_BATCH = 0, 4, 4
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("keep", ["all", "boundary"])
+def test_ten_clients_of_one_scheduler_of_which_some_are_killed_give_the_bytes_of_one(
+    vsr: Vsr, write_site: Callable[..., str], tmp_path: Path, keep: str
+) -> None:
+    """Each does a direction of 3 batches; every third is killed once it has stored two of them."""
+    site, kept = write_site(TEN), ("--set", f"simulation.keep={keep}")
+    yaws, killed = range(0, 90, 9), range(1, 10, 3)
+    command = ["run", "responses", "--site", site, *kept]
+    with Farm(tmp_path / "farm") as farm:
+        farm.worker()
+        farm.worker()
+        clients = []
+        for number, yaw in enumerate(yaws):
+            batches = "2" if number in killed else "0"
+            own = ["--scheduler", farm.address, "--set", f"yaw=[{yaw}]"]
+            own += ["--derived", str(tmp_path / f"client {yaw}")]
+            script = [sys.executable, "-c", CLIENT, batches, *command, *own]
+            clients.append(subprocess.Popen(script, stderr=subprocess.DEVNULL, cwd=ROOT))
+        codes = [client.wait(300) for client in clients]
+    assert codes == [-signal.SIGKILL if number in killed else 0 for number in range(len(yaws))]
+    folders = [tmp_path / f"client {yaw}" / "rock" for yaw in yaws]
+    together = tmp_path / "together"
+    ran = joined(vsr, site, folders, together, *kept)
+    assert ran.code == 0, ran.err
+    told = [f"{8 if number in killed else 12} runs" for number in range(len(yaws))]
+    assert [line.rpartition(": ")[2] for line in ran.out.splitlines()[: len(yaws)]] == told
+    whole = bytes_of(vsr, site, tmp_path / "alone", *kept)
+    assert bytes_of(vsr, site, together, *kept) == whole
 
 
 def test_joined_twice_changes_nothing(

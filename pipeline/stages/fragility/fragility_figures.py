@@ -29,6 +29,9 @@ from vsr_core.outcome import DecidedBy, Movement, Outcome
 PROVED, UPRIGHT, OVERTURNED, UNDECIDED = range(4)
 """Classes of cells of the diagram."""
 
+_MOST_DRAWN = 1000
+"""Rows and columns of cells of a diagram, which has fewer pixels."""
+
 _MOST_NAMED, _LONGEST = 16, 14
 """Records named at the side of a diagram, and letters of a name."""
 
@@ -59,8 +62,8 @@ def overturning_diagram(
     return figure
 
 
-def cell_borders(figure: Figure) -> tuple[Array, Array]:
-    """Where the cells of a diagram lie in its picture.
+def cell_borders(figure: Figure, runs: xr.Dataset) -> tuple[Array, Array]:
+    """Where the cells of one yaw and friction lie in the picture of their diagram.
 
     Returns
     -------
@@ -68,12 +71,12 @@ def cell_borders(figure: Figure) -> tuple[Array, Array]:
     down : ndarray, shape (rows + 1,), as shares of the height, from the top, of ascending PGV/PGA
     """
     (axes,) = figure.axes
-    cells: Any = next(part for part in axes.collections if part.get_gid() == "cells")
     axes.autoscale_view()
     to_share = axes.transData + figure.transFigure.inverted()
-    corners = cells.get_coordinates()
-    shares = to_share.transform(corners.reshape(-1, 2)).reshape(corners.shape)
-    return shares[0, :, 0], 1.0 - shares[:, 0, 1]
+    ends = style.cell_edges(runs["pga"].values), style.cell_edges(_heights(runs))
+    across = to_share.transform([(pga, ends[1][0]) for pga in ends[0]])[:, 0]
+    up = to_share.transform([(ends[0][0], row) for row in ends[1]])[:, 1]
+    return across, 1.0 - up
 
 
 def _shown(runs: xr.Dataset) -> Indices:
@@ -108,13 +111,22 @@ def _rows(axes: Axes, runs: xr.Dataset) -> None:
     axes.set_position((0.215, 0.3, 0.76, 0.63))
 
 
-def _cells(axes: Axes, runs: xr.Dataset) -> None:
-    pga, ratio = runs["pga"].values, _heights(runs)
-    kinds = _shown(runs)
+def _thinned(values: Array) -> tuple[Indices, Array]:
+    """Rows or columns that are drawn, one for several of too many; and their borders."""
+    step = -(-values.size // _MOST_DRAWN)
+    starts, edges = np.arange(0, values.size, step), style.cell_edges(values)
+    return np.minimum(starts + step // 2, values.size - 1), np.append(edges[starts], edges[-1])
+
+
+def _cells(axes: Axes, every: xr.Dataset) -> None:
+    all_pga, all_ratios = every["pga"].values, _heights(every)
+    (columns, across), (rows, up) = map(_thinned, (all_pga, all_ratios))
+    runs = every.isel({"pga": columns, rows_of(every): rows})
+    pga, ratio, kinds = all_pga[columns], all_ratios[rows], _shown(runs)
     colours = {kind: colour for kind, colour, _ in _KINDS}
     axes.pcolormesh(
-        style.cell_edges(pga),
-        style.cell_edges(ratio),
+        across,
+        up,
         kinds,
         cmap=ListedColormap([colours[kind] for kind in range(4)]),
         vmin=-0.5,
@@ -128,11 +140,11 @@ def _cells(axes: Axes, runs: xr.Dataset) -> None:
             axes.plot([], [], "s", ms=7, color=colour, label=text)
     size = 220.0 / max(pga.size, ratio.size)  # of a cell, in points
     _not_rolled_over(axes, runs, pga, ratio, float(np.clip(0.6 * size, 1.8, 6.0)))
-    row, column = np.nonzero(kinds == UNDECIDED)
+    row, column = np.nonzero(undecided(every))  # none is left out
     if row.size:
         axes.plot(
-            pga[column],
-            ratio[row],
+            all_pga[column],
+            all_ratios[row],
             "x",
             color="black",
             ms=float(np.clip(0.8 * size, 5.0, 10.0)),  # one in 2,500 must be seen
@@ -215,7 +227,7 @@ def axes_of(responses: xr.Dataset) -> dict[str, Any]:
 def cells_of(responses: xr.Dataset, place: tuple[int, int], figure: Any) -> dict[str, Any]:
     """The cells of a diagram, and where they lie in its picture."""
     runs = responses.isel(yaw=place[0], friction=place[1])
-    across, down = cell_borders(figure)
+    across, down = cell_borders(figure, runs)
     return {
         "across": across.round(5).tolist(),
         "down": down.round(5).tolist(),

@@ -19,11 +19,12 @@ from support.jobs import built, work
 from pipeline import cli
 from pipeline.config.layers import load_site
 from pipeline.drawing import style
-from pipeline.stages.fragility import summary
+from pipeline.stages.fragility import fragility_figures, summary
 from pipeline.stages.fragility.fragility_figures import (
     OVERTURNED,
     PROVED,
     UNDECIDED,
+    cell_borders,
     fragility_by_yaw,
     overturning_diagram,
 )
@@ -202,6 +203,25 @@ def test_undecided_and_displaced_cells_are_marked(products: dict[str, xr.Dataset
     assert (shown[4, :2] == UNDECIDED).all()
     assert (shown == UNDECIDED).sum() == 2
     assert "UNRESOLVED (2)" in labels(figure)
+
+
+def test_of_more_cells_than_pixels_some_are_drawn_and_all_unresolved(
+    products: dict[str, xr.Dataset], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    responses = products["responses"].copy(deep=True)
+    responses["overturned"][0, 0, 0, 0] = -1
+    whole = overturning_diagram(responses, products["fragility"], (0, 0))
+    monkeypatch.setattr(fragility_figures, "_MOST_DRAWN", 4)
+    thin = overturning_diagram(responses, products["fragility"], (0, 0))
+    cells, fewer = (np.asarray(artist(one, "cells").get_array()) for one in (whole, thin))
+    np.testing.assert_array_equal(fewer, cells[1::2, 1::2])
+    corners, few = (artist(one, "cells").get_coordinates() for one in (whole, thin))
+    np.testing.assert_array_equal(few, corners[::2, ::2])
+    marks = [artist(one, "undecided").get_xydata().tolist() for one in (whole, thin)]
+    assert marks[0] == marks[1] != []
+    runs = responses.isel(yaw=0, friction=0)
+    for one, other in zip(cell_borders(whole, runs), cell_borders(thin, runs), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-12)
 
 
 def test_contours_stay_inside_the_tested_range(products: dict[str, xr.Dataset]) -> None:
