@@ -20,6 +20,7 @@ from pipeline import ROOT
 from pipeline.stages.runs import lines, runner
 from pipeline.workflow.datasets import read
 from pipeline.workflow.run_store import RUNS
+from pipeline.workflow.workers import BATCHES_IN_FLIGHT
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
 
@@ -33,7 +34,7 @@ simulation: {time_step: 0.002}
 """
 CELLS, LINES = 40 * 12 * 2, 12 * 2
 
-FILES = ("responses.nc", "boundary.nc", "fragility.nc", "fragility.csv")
+FILES = ("responses.nc", "boundary.nc")
 
 KEEP = ("--set", "simulation.keep=boundary")
 
@@ -45,11 +46,11 @@ NUMBERS = {
 
 @pytest.fixture
 def site(write_site: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr(lines, "SHARE", 0.1)  # that a small grid has a sample, too
+    monkeypatch.setattr(lines, "SHARE", 0.1)  # so that a small grid has a sample, too
     return write_site(SITE)
 
 
-def made(vsr: Vsr, site: str, into: Path, *more: str, product: str = "fragility") -> Path:
+def made(vsr: Vsr, site: str, into: Path, *more: str, product: str = "boundary") -> Path:
     ran = vsr("run", product, "--site", site, *more, into=into)
     assert ran.code == 0, ran.err
     return into / "rock"
@@ -61,8 +62,8 @@ def table(folder: Path, name: str) -> list[Any]:
 
 
 def test_products_are_those_of_all_runs(vsr: Vsr, site: str, tmp_path: Path) -> None:
-    everything = made(vsr, site, tmp_path / "all", "--workers", "0")
-    few = made(vsr, site, tmp_path / "few", "--workers", "0", *KEEP)
+    everything = made(vsr, site, tmp_path / "all", "--workers", "0", product="fragility")
+    few = made(vsr, site, tmp_path / "few", "--workers", "0", *KEEP, product="fragility")
     for name in ("boundary.nc", "fragility.nc", "bullet_sample.nc"):
         one, other = read(everything / name), read(few / name)
         assert [v for v in one.variables if not one[v].identical(other[v])] == [], name
@@ -77,6 +78,8 @@ def test_products_are_those_of_all_runs(vsr: Vsr, site: str, tmp_path: Path) -> 
         if name == "steps":
             expected = np.where(sampled, one[name].values, -1)
         np.testing.assert_array_equal(other[name].values, expected)
+    page = " ".join((few / "report.html").read_text().split())
+    assert "kept of the unresolved runs and of a random sample" in page
     assert (other.attrs["sampled_share"], other.attrs["sampled_seed"]) == (0.1, lines.SEED)
 
 
@@ -93,8 +96,6 @@ def test_runs_of_the_grid_are_no_rows(vsr: Vsr, site: str, tmp_path: Path) -> No
     plan = vsr("plan", "fragility", "--site", site, *KEEP, *more, into=tmp_path).out
     assert f"runs: {3 * CELLS // 2}; {CELLS} stored, {CELLS // 2} to do" in plan
     assert "0 of them proved" not in plan
-    page = " ".join((folder / "report.html").read_text().split())
-    assert "kept of the unresolved runs and of a random sample" in page
 
 
 def test_a_wider_study_does_its_new_rows_only(vsr: Vsr, site: str, tmp_path: Path) -> None:
@@ -149,7 +150,7 @@ def test_a_killed_study_goes_on_with_its_next_line(
     monkeypatch.undo()
     alone = made(vsr, site, tmp_path / "alone", "--workers", "0", *KEEP)
     into = tmp_path / "killed"
-    command = ["run", "fragility", "--site", site, "--workers", "0", *KEEP, "--derived", str(into)]
+    command = ["run", "boundary", "--site", site, "--workers", "0", *KEEP, "--derived", str(into)]
     ran = subprocess.run(
         [sys.executable, "-c", KILLED, *command],
         capture_output=True,
@@ -159,9 +160,9 @@ def test_a_killed_study_goes_on_with_its_next_line(
     )
     assert ran.returncode == -signal.SIGKILL, ran.stderr
     kept = table(into / "rock", "lines_of_runs")
-    assert len(kept) == 9
-    again = vsr("run", "fragility", "--site", site, "--workers", "0", *KEEP, into=into)
-    assert f"{(LINES - 9) * 40} runs done" in again.err
+    assert 9 - BATCHES_IN_FLIGHT <= len(kept) <= 9
+    again = vsr("run", "boundary", "--site", site, "--workers", "0", *KEEP, into=into)
+    assert f"{(LINES - len(kept)) * 40} runs done" in again.err
     assert set(kept) <= set(table(into / "rock", "lines_of_runs"))
     assert table(into / "rock", "lines_of_runs") == table(alone, "lines_of_runs")
     for name in FILES:

@@ -52,14 +52,14 @@ def parts(database: Path, study: Study) -> Iterator[tuple[tuple[int, int, slice]
     Yields
     ------
     (place, runs), numbers of yaw and friction, and which rows; with the fields of the rows, or
-    those of ``lines.table``
+    ``lines.columns``
     """
     kind, wanted = grid_runs(study)
     columns, frictions = len(study.motions.pga), len(study.settings.contact.friction)
     numbers, start = {group: number for number, group in enumerate(study.groups)}, 0
     for group, rows in runner.stored(database, kind, study.groups, wanted, columns):
         if kind.row is LineRow:
-            table = lines.table(rows, columns)
+            table = pd.DataFrame(lines.columns(rows, columns))
         else:
             table = pd.DataFrame(rows, columns=kind.row._fields).drop(columns="key")
         end = start + len(table) // columns

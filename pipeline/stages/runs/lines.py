@@ -12,12 +12,13 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
+from pipeline.workflow import keys
 from pipeline.workflow.rows import LineRow
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.outcome import DecidedBy, Outcome
 from vsr_core.run.movement import movements
+from vsr_core.source import tracing
 
 SHARE, SEED = 0.01, 1
 """Probability that a run is in the sample, and what the numbers that decide it begin with."""
@@ -38,6 +39,12 @@ class Line(NamedTuple):
 def sampled(line: Line, cells: int) -> Mask:
     """Which cells of a line are in the sample, shape (cells,)."""
     return np.random.default_rng((SEED, line.seed, line.row)).random(cells) < SHARE
+
+
+def rule() -> tuple[float, int, str]:
+    """What decides what is kept of a line, besides its runs."""
+    code = tracing.reached((f"{packed.__module__}:{packed.__name__}",))
+    return SHARE, SEED, keys.digest(code)
 
 
 def packed(runs: Array, sample: Mask, no_return: float) -> bytes:
@@ -79,17 +86,16 @@ def outcomes(row: Sequence[Any], cells: int) -> list[int]:
     return found
 
 
-def table(rows: Sequence[LineRow], cells: int) -> pd.DataFrame:
-    """The runs of some lines, one line after the other; NaN, or -1 steps, outside the sample."""
+def columns(rows: Sequence[LineRow], cells: int) -> dict[str, Array]:
+    """Codes and numbers of the runs of some lines; NaN, or -1 steps, outside the sample."""
     codes, numbers = [], np.full((len(rows), cells, len(NUMBERS)), np.nan)
     numbers[..., -1] = -1
     for line, row in zip(numbers, rows, strict=True):
         found, places, known = _unpacked(row, cells)
         codes.append(found)
         line[places] = known
-    columns = dict(zip(CODES, np.concatenate(codes, axis=1), strict=True))
-    columns |= dict(zip(NUMBERS, numbers.reshape(-1, len(NUMBERS)).T, strict=True))
-    return pd.DataFrame(columns).astype({"steps": int})
+    values = (*np.concatenate(codes, axis=1), *numbers.reshape(-1, len(NUMBERS)).T)
+    return dict(zip((*CODES, *NUMBERS), values, strict=True))
 
 
 def worst(runs: Array) -> int:

@@ -15,7 +15,7 @@ from pipeline.config.schema import SceneSettings
 from pipeline.config.sections import Key
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell, ComponentRecords, MotionData, Shaking
-from pipeline.stages.runs.lines import SEED, SHARE, Line, packed
+from pipeline.stages.runs.lines import Line, rule
 from pipeline.stages.runs.runner import Kind, Run, Wanted, run_missing
 from pipeline.stages.runs.scenes import (
     Group,
@@ -31,7 +31,6 @@ from pipeline.workflow import keys
 from pipeline.workflow.engine_input import Engine
 from pipeline.workflow.stage import Product, Work
 from vsr_core.run.cases import Case, Settings, TerrainCase
-from vsr_core.source import tracing
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +145,7 @@ class Study:
     def lines(self, group: Group) -> list[Run]:
         """The same runs by rows of the grid, each a line along PGA."""
         motions, scene = self.motions, self.scene(group)
-        code = keys.digest(tracing.reached((f"{packed.__module__}:{packed.__name__}",)))
-        along = repr((motions.pga, SHARE, SEED, code)).encode()
+        along = repr((motions.pga, rule())).encode()
         rows, seed = range(len(motions.rows)), zlib.crc32(repr(tuple(group)).encode())
         tokens = (motions.token(Cell(row, motions.pga[-1])) + along for row in rows)
         items = (Line(row, seed) for row in rows)
