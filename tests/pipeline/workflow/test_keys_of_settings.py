@@ -374,14 +374,15 @@ def test_a_function_takes_what_is_read_off_its_text(stage: str) -> None:
     assert not {Config, Site, Job, Store} & set(hints.values())
 
 
-def run_keys(config: Config, folder: Path) -> set[bytes]:
-    """Keys of all runs on the grid of a block."""
+def run_keys(config: Config, folder: Path) -> tuple[set[bytes], set[bytes]]:
+    """Keys of all runs on the grid of a block, and of their lines along PGA."""
     assert config.rock.size is not None
     nothing: Any = None
     scenes = Scenes(config.scene, Standing(block(config.rock.size, config.rock.density), nothing))
     steps, motions = stored_steps(scenes, folder), MotionData(folder)
     asked = study.Study(scenes, nothing, config.yaw, config.motion, motions, steps)
-    return {run.key for group in asked.groups for run in asked.wanted(group)}
+    cells = {run.key for group in asked.groups for run in asked.wanted(group)}
+    return cells, {run.key for group in asked.groups for run in asked.lines(group)}
 
 
 @pytest.mark.parametrize("base", GRIDS_OF_RUNS)
@@ -395,10 +396,19 @@ def test_runs_change_with_every_setting_but_those_that_cannot_count(
             continue
         idle = change.among(NO_RUN) or (change.key[0] == "servo" and change.config.drive != "servo")
         idle |= change.leaf[1] == "engine" and change.config.engine == site_of(base).config.engine
-        same = run_keys(change.config, tmp_path) == before
-        if same != idle:
+        after = run_keys(change.config, tmp_path)
+        same = [one == other for one, other in zip(before, after, strict=True)]
+        if same != [idle, idle]:
             wrong[change.dotted] = same
     assert wrong == {}
+
+
+def test_a_line_is_told_by_all_its_pga(only_settings: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    lines = []
+    for pga in ("[0.2, 0.4, 0.6]", "[0.2, 0.5, 0.6]"):
+        settings = (STEP, f"motion.pga={pga}", "motion.pgv_pga=[0.1, 0.2]")
+        lines.append(run_keys(load_site("cuboid_1x1x2", None, settings).config, tmp_path)[1])
+    assert not lines[0] & lines[1]
 
 
 def test_pulses_of_other_shapes_and_axes_are_other_runs(
@@ -411,7 +421,7 @@ def test_pulses_of_other_shapes_and_axes_are_other_runs(
     found = []
     for motion in motions:
         config = load_site("cuboid_1x1x2", None, (STEP, f"motion={motion}")).config
-        found.append(run_keys(config, tmp_path))
+        found.append(run_keys(config, tmp_path)[0])
     assert len(set().union(*found)) == sum(map(len, found)) == 4 * len(motions)
 
 
