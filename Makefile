@@ -67,8 +67,8 @@ exclusion: setup ## which earthquakes would topple SITE's rock, and which faults
 	  $(where-flags))
 
 hazard: setup ## which branches of a hazard model let SITE's rock stand for its age
-	$(call vsr,run hazard $(site-flags) $(call flag,--curves,CURVES) $(call flag,--age,AGE) \
-	  $(call flag,--age-sd,AGE_SD) $(where-flags))
+	$(call vsr,run hazard $(site-flags) $(call flag,--curves,CURVES) $(call flag,--events,EVENTS) \
+	  $(call flag,--age,AGE) $(call flag,--age-sd,AGE_SD) $(where-flags))
 
 archive: setup ## boundaries of rocks that nobody scanned, known by two angles, from a table ROCKS
 	$(call vsr,archive $(call argument,ROCKS) $(derived-flag))
@@ -135,6 +135,7 @@ fetch: setup ## download the public original NAME into data/raw
 #: AND=neighbour          a run beside it, e.g. AND=engine=bullet or AND=yaw=30,pga=0.5
 #: SET='a.b=1 c.d=2'      any other keys of the configuration
 #: CURVES=folder          hazard curves of OpenQuake or nshmp-haz, or OpenQuake's calc_N.hdf5
+#: EVENTS=folder          in place of curves: a stochastic event set of OpenQuake
 #: AGE=20000 AGE_SD=3000  how long the rock has stood, and the standard deviation of that [years]
 #: ROCKS=rocks.csv        a table of rocks known by a photograph
 #: LIMITS=my_table.yaml   a table in configs/tables, or any YAML file

@@ -206,7 +206,11 @@ def _add_run(run: argparse.ArgumentParser) -> None:
     run.formatter_class = argparse.RawDescriptionHelpFormatter
     _add_site(run)
     run.add_argument("--table", metavar="FOLDER", help="recorded shake-table tests to predict")
-    run.add_argument("--curves", metavar="FOLDER", help="hazard curves, or OpenQuake's calc_N.hdf5")
+    shaking = run.add_mutually_exclusive_group()
+    shaking.add_argument(
+        "--curves", metavar="FOLDER", help="hazard curves, or OpenQuake's calc_N.hdf5"
+    )
+    shaking.add_argument("--events", metavar="FOLDER", help="a stochastic event set of OpenQuake")
     run.add_argument("--age", type=float, metavar="YEARS", help="age of the rock's position")
     run.add_argument("--age-sd", type=float, metavar="YEARS", help="standard deviation of the age")
     _add_where(run)

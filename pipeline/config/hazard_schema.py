@@ -126,6 +126,18 @@ class HazardConfig(Section):
         description="folder of hazard curves of OpenQuake or nshmp-haz, or OpenQuake's "
         "calc_N.hdf5; relative to the file that names it",
     )
+    events: str | None = Field(
+        None,
+        description="in place of curves: folder of a stochastic event set of OpenQuake; relative "
+        "to the file that names it",
+    )
+    effective_time: float | None = Field(
+        None,
+        gt=0,
+        le=1e12,
+        description="years that each realization of the events was simulated for; null to take "
+        "what the header of the ruptures says [year]",
+    )
     age: Age | None = Field(None, description="age of the rock in its present position")
     minimum_survival_probability: float = Field(
         0.05, gt=0, lt=1, description="survival probability below which a branch is rejected [1]"

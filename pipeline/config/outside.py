@@ -147,7 +147,7 @@ def rows(
         try:
             found.append(model.model_validate(given, strict=False))
         except ValidationError as error:
-            raise _in_row(path, error, model, number) from None
+            raise in_row(path, error, model, number) from None
     if once:
         twice = [key for key, times in Counter(map(attrgetter(*once), found)).items() if times > 1]
         if twice:
@@ -156,7 +156,8 @@ def rows(
     return found
 
 
-def _in_row(path: Path, error: ValidationError, model: type[BaseModel], number: int) -> InputError:
+def in_row(path: Path, error: ValidationError, model: type[BaseModel], number: int) -> InputError:
+    """The refusal of a row of a table."""
     said = problem(error.errors()[0], {}, shown(path), model)
     return InputError(replace(said, given=f"{said.given or 'nothing'} in row {number}"))
 

@@ -55,8 +55,9 @@ def others_of(job: Job) -> Iterator[tuple[str, Job]]:
 def _settings(given: dict[str, Any]) -> tuple[str, ...]:
     """Settings of the command line: ``--set``, and what has an option of its own."""
     found = list(given["settings"])
-    if given.get("curves") is not None:
-        found.append(f"hazard.curves={json.dumps(given['curves'])}")
+    for one, other in (("curves", "events"), ("events", "curves")):
+        if given.get(one) is not None:
+            found += [f"hazard.{one}={json.dumps(given[one])}", f"hazard.{other}=null"]
     if given.get("age") is not None:
         age = {"kind": "normal", "mean": given["age"], "sd": given.get("age_sd") or 0.0}
         age["source"] = ""  # that of the configuration is of another age
@@ -94,8 +95,9 @@ def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
         site = sweep.reference.site
     else:
         site = load_site(options.site, options.study, _settings(given))
-        if given.get("curves") is not None:  # beside who gives them, not beside the site's YAML
-            site.places["hazard", "curves"] = ("--curves", Path.cwd())
+        for one in ("curves", "events"):
+            if given.get(one) is not None:  # beside who gives them, not beside the site's YAML
+                site.places["hazard", one] = (f"--{one}", Path.cwd())
     sites = [site] if sweep is None else [member.site for member in sweep.members]
     for warning in dict.fromkeys(str(one) for each in sites for one in warnings(each)):
         complain(f"vsr: warning: {warning}")

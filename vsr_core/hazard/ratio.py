@@ -145,14 +145,29 @@ LOG_SD = PGV.log_sd * float(np.sqrt(1.0 - CORRELATION**2))
 """Standard deviation of ln PGV where PGA, magnitude and distance are known."""
 
 
+def log_pgv_given(log_pga: Array, magnitude: Array, distance: Array) -> Array:
+    """Mean of ln PGV where PGA, magnitude and distance are known, m_V + rho s_V (a - m_A) / s_A.
+
+    Parameters
+    ----------
+    log_pga, magnitude, distance : ndarray, of one shape, or that broadcast [ln m/s^2], [1], [km]
+
+    Returns
+    -------
+    ndarray [ln m/s]
+    """
+    residual = (log_pga - PGA.log_median(magnitude, distance)) / PGA.log_sd
+    return PGV.log_median(magnitude, distance) + CORRELATION * PGV.log_sd * residual
+
+
 def ratios_of_scenarios(
     magnitudes: Array, distances: Array, levels: Array, shares: Array, at: Array
 ) -> RatioTable:
     """PGV/PGA of the earthquakes that a disaggregation of PGA names.
 
-    Of one magnitude and distance ln PGV is normal given ln PGA = a, with mean
-    m_V + rho s_V (a - m_A) / s_A and variance s_V^2 (1 - rho^2). The table has mean and variance of
-    all together. Shares are straight in ln PGA between levels, and as at the ends beyond.
+    Of one magnitude and distance ln PGV is normal given ln PGA, with the mean of ``log_pgv_given``
+    and the standard deviation `LOG_SD`. The table has mean and variance of all together. Shares are
+    straight in ln PGA between levels, and as at the ends beyond.
 
     Parameters
     ----------
@@ -163,8 +178,7 @@ def ratios_of_scenarios(
     """
     x = np.log(at)
     share = np.stack([np.interp(x, np.log(levels), one) for one in shares.T], axis=1)
-    residual = (x[:, None] - PGA.log_median(magnitudes, distances)) / PGA.log_sd
-    velocity = PGV.log_median(magnitudes, distances) + CORRELATION * PGV.log_sd * residual
+    velocity = log_pgv_given(x[:, None], magnitudes, distances)
     mean = (share * velocity).sum(axis=1)
     spread = (share * (velocity - mean[:, None]) ** 2).sum(axis=1)
     return RatioTable(at, np.exp(mean - x), np.sqrt(LOG_SD**2 + spread))

@@ -12,8 +12,7 @@ from scipy.special import ndtr, ndtri
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.hazard.curve import HazardCurve
-from vsr_core.hazard.toppling import Fragility, any_of, toppling
+from vsr_core.hazard.toppling import Fragility, any_of
 
 AGES = 2000
 """Ages that stand for a distribution, in the middle of parts of equal probability."""
@@ -112,47 +111,61 @@ def _check(age: float, spread: float) -> None:
         raise InvalidInput(given, rule, "give them in years before present")
 
 
-def survival(rate: float, ages: Array) -> float:
+def survival(rate: float | Array, ages: Array) -> Array:
     """Chance of no earthquake that topples a rock in its age, S = E[exp(-nu T)].
 
     Parameters
     ----------
-    rate : float [1/year], of toppling
+    rate : float, or ndarray of any shape [1/year], of toppling
     ages : ndarray, shape (n,) [years], equally likely
+
+    Returns
+    -------
+    ndarray, of the shape of the rate
     """
-    return float(np.exp(-rate * ages).mean())
+    return np.asarray(np.exp(-np.multiply.outer(rate, ages)).mean(axis=-1))
 
 
-def survival_of(curve: HazardCurve, rocks: Sequence[Standing], seed: int = 1) -> float:
+Rates = Callable[[Fragility], Array]
+"""Annual rates of toppling under each branch, shape (branches,), of what has a fragility."""
+
+
+def survival_of(rates: Rates, rocks: Sequence[Standing], seed: int = 1) -> Array:
     """Chance that a rock stands, or that all of several rocks do, which felt the same earthquakes.
 
     In the years before present in which only some of them stood, only these could topple. Ages are
     unknown independently of each other.
+
+    Returns
+    -------
+    ndarray, shape (branches,)
     """
     if len(rocks) == 1:
-        return survival(toppling(curve, rocks[0].fragility).rate, rocks[0].ages)
+        return survival(rates(rocks[0].fragility), rocks[0].ages)
 
     @cache
-    def rate(standing: frozenset[int]) -> float:
-        return toppling(curve, any_of([rocks[i].fragility for i in sorted(standing)])).rate
+    def rate(standing: frozenset[int]) -> Array:
+        return rates(any_of([rocks[i].fragility for i in sorted(standing)]))
 
     rng, number = np.random.default_rng(seed), max(len(rock.ages) for rock in rocks)
     drawn = np.column_stack([rng.permutation(np.resize(rock.ages, number)) for rock in rocks])
     order = np.argsort(drawn, axis=1)
-    exposed = np.zeros(number)
+    exposed: float | Array = 0.0
     begun = np.zeros(number)
     for youngest in range(len(rocks)):
         until = np.take_along_axis(drawn, order[:, youngest : youngest + 1], axis=1)[:, 0]
-        rates = np.array([rate(frozenset(row[youngest:].tolist())) for row in order])
-        exposed += rates * (until - begun)
+        of_years = np.array([rate(frozenset(row[youngest:].tolist())) for row in order])
+        exposed = exposed + of_years * (until - begun)[:, None]
         begun = until
-    return float(np.exp(-exposed).mean())
+    return np.asarray(np.exp(-exposed).mean(axis=0))
 
 
-def largest_scale(
-    curve: HazardCurve, chance: Callable[[HazardCurve], float], least: float
-) -> float:
-    """Largest factor on the accelerations of a curve that leaves a chance of survival.
+def largest_scale(chance: Callable[[float], float], least: float) -> float:
+    """Largest factor on accelerations that leaves a chance of survival.
+
+    Parameters
+    ----------
+    chance : callable, from the factor to the chance then, which does not rise with it
 
     Returns
     -------
@@ -160,7 +173,7 @@ def largest_scale(
     """
 
     def spare(log_scale: float) -> float:
-        return chance(HazardCurve(curve.levels * np.exp(log_scale), curve.rates)) - least
+        return chance(float(np.exp(log_scale))) - least
 
     most = float(np.log(LARGEST_SCALE))
     if spare(most) >= 0.0:

@@ -164,6 +164,11 @@ def averaged(rows: RowFragility, ratios: Array, table: RatioTable, levels: Array
     return fragility
 
 
+def borders_of(ratios: Array) -> Array:
+    """Borders between rows of PGV/PGA, each of which stands for what is nearest to it [s]."""
+    return np.sqrt(ratios[1:] * ratios[:-1])
+
+
 def row_shares(ratios: Array, medians: Array, log_sds: Array) -> Array:
     """Share of a lognormal PGV/PGA that each row of a grid stands for.
 
@@ -177,8 +182,7 @@ def row_shares(ratios: Array, medians: Array, log_sds: Array) -> Array:
     -------
     ndarray, shape (rows, n), columns sum to 1
     """
-    x = np.log(ratios)
-    borders = np.concatenate([[-np.inf], 0.5 * (x[1:] + x[:-1]), [np.inf]])
+    borders = np.concatenate([[-np.inf], np.log(borders_of(ratios)), [np.inf]])
     below = ndtr((borders[:, None] - np.log(medians)) / log_sds)
     return np.diff(below, axis=0)
 

@@ -1,4 +1,4 @@
-"""A folder of hazard curves of any known format, or the file of a calculation.
+"""A folder of hazard curves of any known format, the file of a calculation, or an event set.
 
 nshmp-haz writes ``PGA/curves.csv``, annual rates of exceedance. Its first line names the columns
 ``name, lon, lat`` and the levels, in g and cm/s; each further line is a site. There are no
@@ -15,7 +15,7 @@ from pipeline.config.layers import Origin
 from pipeline.config.outside import checked, refused, table, text
 from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.hazard import openquake
+from pipeline.stages.hazard import event_files, openquake
 from pipeline.stages.hazard.hazard_model import (
     MEAN,
     UNITS,
@@ -27,6 +27,7 @@ from pipeline.stages.hazard.hazard_model import (
 from pipeline.stages.hazard.shaking_ratio import disaggregation_files, load_disaggregation
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Input
+from vsr_core.hazard.events import Events
 
 ABOUT = "about.txt"
 """Text in a folder of curves that says where they come from; the page shows it."""
@@ -95,16 +96,18 @@ def _nshmp_curve(path: Path, measure: str) -> GivenCurve:
 
 @dataclass(frozen=True, eq=False)
 class Curves(Input):
-    """A hazard model's curves and disaggregation, read and checked.
+    """A hazard model's curves, or events, and disaggregation, read and checked.
 
     Attributes
     ----------
+    events : Events, where they are what the curves are of
     disaggregated : Path, of the disaggregation, if there is one
     unused : what else the files hold, in words
     """
 
     path: Path
     model: HazardModel
+    events: Events | None
     disaggregated: Path | None
     about: str
     unused: tuple[str, ...]
@@ -112,31 +115,44 @@ class Curves(Input):
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
         found = files(self.path)
+        if self.events is not None:
+            found = [*event_files.files(self.path).values(), *self.path.glob(ABOUT)]
         if self.disaggregated is not None:
             found += [one for one in disaggregation_files(self.disaggregated) if one not in found]
         return {_name(path): digest_file(path) for path in found}
 
 
 def find(hazard: HazardConfig, origin: Origin) -> Curves:
-    """The curves that a site names; errors in them are reported before anything runs."""
-    if hazard.curves is None:
-        rule = "a folder of hazard curves is required"
-        remedy = "give CURVES=folder (--curves), or set the key"
+    """The curves, or events, that a site names; errors in them are told before anything runs."""
+    if hazard.curves is None and hazard.events is None:
+        rule = "a folder of hazard curves, or of events, is required"
+        remedy = "give CURVES=folder (--curves) or EVENTS=folder (--events), or set the key"
         raise InputError(Problem(origin.file, "hazard.curves", "nothing", rule, remedy))
     if hazard.age is None:
         rule = "the age of the rock is required"
         remedy = "give AGE=years AGE_SD=years (--age, --age-sd), or set the key"
         raise InputError(Problem(origin.file, "hazard.age", "nothing", rule, remedy))
-    path, disaggregated = _located(origin, "curves", hazard.curves), None
+    if hazard.events is not None:
+        if hazard.curves is not None:
+            file, rule = origin.file_of("hazard.events"), "events stand in place of curves"
+            given = "events beside curves"
+            raise InputError(Problem(file, "hazard.events", given, rule, "set one of them to null"))
+        path = _located(origin, "events", hazard.events)
+        simulated = event_files.load(path, hazard.effective_time)
+        found, events = simulated.model, simulated.events
+    else:
+        assert hazard.curves is not None
+        path, events = _located(origin, "curves", hazard.curves), None
+        found = load(path)
+    disaggregated = None
     if hazard.disaggregation is not None:
         disaggregated = _located(origin, "disaggregation", hazard.disaggregation)
     elif path.is_dir() and disaggregation_files(path):
         disaggregated = path
-    found = load(path)
     unused = found.unused
     if disaggregated is not None:
         unused += load_disaggregation(disaggregated).unused
-    return Curves(path, found, disaggregated, about(path), unused)
+    return Curves(path, found, events, disaggregated, about(path), unused)
 
 
 def _name(path: Path) -> str:

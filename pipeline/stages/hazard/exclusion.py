@@ -22,7 +22,7 @@ from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard import exclusion_figures as figures
 from pipeline.stages.hazard.fault_files import Faults
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_fits, of_members
-from pipeline.stages.hazard.survival_analysis import REACH, exposed
+from pipeline.stages.hazard.survival_analysis import exposed
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import pages, writers
@@ -32,6 +32,7 @@ from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.hazard import scenarios
 from vsr_core.hazard.scenarios import DISTANCES, MAGNITUDES, Shaking, nearest, toppling_chance
+from vsr_core.hazard.shaking import REACH
 
 FILE, TABLE, FAULTS, PAGE = (
     "exclusion.nc",

@@ -25,12 +25,13 @@ from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard.curve_folder import Curves
 from pipeline.stages.hazard.exclusion import ExclusionData
 from pipeline.stages.hazard.exclusion import facts as of_earthquakes
-from pipeline.stages.hazard.hazard_dataset import COLUMNS, dataset, pga_at, table
+from pipeline.stages.hazard.hazard_dataset import COLUMNS, OF_EVENTS, dataset, pga_at, table
 from pipeline.stages.hazard.rock_fragility import Others, of_fits, of_members
-from pipeline.stages.hazard.shaking_ratio import DEFAULT, ShakingRatio, of_model
+from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking, of_hazard
 from pipeline.stages.hazard.survival_analysis import (
     AS_SCANNED,
     AS_TESTED,
+    BASE_CASE,
     DRAWN_ANEW,
     DatedRock,
     SurvivalAnalysis,
@@ -47,6 +48,7 @@ from pipeline.workflow.grammar import counted, form, listed
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array, Mask
 from vsr_core.hazard.ratio import CORRELATION, LOG_SD
+from vsr_core.hazard.shaking import EventShaking
 
 FILE, TABLE, PAGE = "hazard.nc", "hazard.csv", "hazard.html"
 
@@ -95,7 +97,6 @@ def make(
     model, name = curves.model, work.origin.name
     for unused in curves.unused:
         work.log(f"hazard: {unused}")
-    ratio = of_model(config, model, model.levels[[0, -1]], curves.disaggregated)
     drawn = ensemble is not None and config.support == "tested"
     own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
     assert config.age is not None
@@ -110,16 +111,17 @@ def make(
     for other in beside.compared:
         what = f"{AS_SCANNED}, {other.name}" if drawn else other.name
         compared[what] = other.fragility(fits.folder)
-    analysis = SurvivalAnalysis(
-        model, tuple(rocks), ratio.table, config.minimum_survival_probability
-    )
+    ratios = [one.ratios for one in (*(rock.fragility for rock in rocks), *compared.values())]
+    assumed = of_hazard(config, model, curves.events, curves.disaggregated, ratios)
+    minimum = config.minimum_survival_probability
+    analysis = SurvivalAnalysis(model, tuple(rocks), assumed.shaking, minimum)
     by_member = analysis.survival_of_others()
-    all_cases = cases(analysis, ratio, compared)
+    all_cases = cases(analysis, assumed.alternatives, compared)
     results = all_cases[0].results
     found = dataset(analysis, results, by_member, all_cases)
-    facts = page(name, config, rock, analysis, ratio, found, shown(curves.path), curves.about)
+    facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves.about)
     facts["earthquakes"] = years_observed(observed) if drawn else 0
-    facts["exclusion"] = of_earthquakes(excluded.data, config.minimum_survival_probability, own)
+    facts["exclusion"] = of_earthquakes(excluded.data, minimum, own)
     files = {
         FILE: netcdf(described(found, work, "Hazard")),
         TABLE: writers.table(table(found)),
@@ -149,7 +151,7 @@ def page(
     config: HazardConfig,
     shape: RockData,
     analysis: SurvivalAnalysis,
-    ratio: ShakingRatio,
+    assumed: AssumedShaking,
     hazard: xr.Dataset,
     curves: str,
     about: str,
@@ -171,8 +173,9 @@ def page(
         "origin": origin,
         "config": config,
         "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
-        "place": of_location(*analysis.model.location),
-        "ratio": ratio.source,
+        "place": of_location(analysis.model.location),
+        "ratio": assumed.source,
+        "events": _events(assumed, hazard),
         "default": DEFAULT,
         "correlation": CORRELATION,
         "log_sd": LOG_SD,
@@ -199,8 +202,9 @@ def _results(
     pga = at["pga_before"].item(), at["pga_dropped"].item(), at["pga_after"].item()
     minimum, number = config.minimum_survival_probability, len(analysis.rocks)
     heavy = np.argsort(-hazard["weight"].values, kind="stable")[:MOST_ROWS]
-    columns = ("case", "case_survival", "case_rejected", "case_pga_after")
-    keys = ("name", "survival", "rejected", "after")
+    of_case = ("survival", "rejected", "pga_after", "toppling_rate")
+    columns = ("case", *(f"case_{name}" for name in of_case))
+    keys = ("name", "survival", "rejected", "after", "rate")
     rows = zip(*(hazard[column].values.tolist() for column in columns), strict=True)
     cases = [dict(zip(keys, row, strict=True)) for row in rows]
     periods = ("return_period", "pga_before", "pga_dropped", "pga_after")
@@ -225,8 +229,8 @@ def _results(
 
 
 def _row(branch: xr.Dataset) -> dict[str, Any]:
-    names = ["branch_path" if name == "path" else name for name in COLUMNS]
-    return {name: branch[name].item() for name in names}
+    names = ["branch_path" if name == "path" else name for name in (*COLUMNS, *OF_EVENTS)]
+    return {name: branch[name].item() for name in names if name in branch}
 
 
 def _shaking(hazard: xr.Dataset, tested: tuple[float, float]) -> dict[str, Any]:
@@ -247,16 +251,30 @@ def _shaking(hazard: xr.Dataset, tested: tuple[float, float]) -> dict[str, Any]:
     }
 
 
+def _events(assumed: AssumedShaking, hazard: xr.Dataset) -> dict[str, Any] | None:
+    """What the page tells of simulated earthquakes; None of curves."""
+    if not isinstance(assumed.shaking, EventShaking):
+        return None
+    events = assumed.shaking.events
+    rates = dict(zip(hazard["case"].values, hazard["case_toppling_rate"].values, strict=True))
+    return {
+        "number": f"{len(events.pga):,}",
+        "years": f"{events.years:,.0f}",
+        "pgv": events.pgv is not None,
+        "correlation": events.correlation() if DRAWN_AGAIN in rates else math.nan,
+        "rate": rates[BASE_CASE],
+        "error": hazard["mean_toppling_rate_error"].item(),
+        "anew": rates.get(DRAWN_AGAIN),
+    }
+
+
 def _rocks(config: HazardConfig, analysis: SurvivalAnalysis) -> list[dict[str, str]]:
     """Age and survival of each rock alone."""
     given = [config.age, *(one.age for one in config.rocks)]
     rows = []
     for number, (rock, age) in enumerate(zip(analysis.rocks, given, strict=True)):
         assert age is not None
-        survival = [
-            analysis.survival_alone(number, curve, rock.ages).mean() for curve in analysis.curves
-        ]
-        alone = float(analysis.weights @ np.array(survival))
+        alone = float(analysis.weights @ analysis.survival_alone(number, rock.ages).mean(axis=1))
         row = {"name": rock.name, "age": of_age(age), "survival": percent(alone)}
         rows.append(row | {"source": age.source})
     return rows
@@ -359,11 +377,14 @@ def of_age(age: Age) -> str:
     return f"{middle:,.0f} years (median of {samples})"
 
 
-def of_location(longitude: float, latitude: float) -> str:
-    """A longitude and latitude [degree] with their hemispheres.
+def of_location(place: tuple[float, float] | None) -> str:
+    """A longitude and latitude [degree] with their hemispheres, where they are told.
 
-    >>> of_location(-120.86, 35.19)
+    >>> of_location((-120.86, 35.19))
     '120.86° W, 35.19° N'
     """
+    if place is None:
+        return "an unnamed place"
+    longitude, latitude = place
     east, north = "E" if longitude >= 0.0 else "W", "N" if latitude >= 0.0 else "S"
     return f"{abs(longitude):.5g}° {east}, {abs(latitude):.5g}° {north}"

@@ -10,14 +10,24 @@ import xarray as xr
 
 from pipeline.config import in_si
 from pipeline.stages.hazard.rock_fragility import DRAWN
-from pipeline.stages.hazard.survival_analysis import BranchResults, Case, SurvivalAnalysis
+from pipeline.stages.hazard.survival_analysis import (
+    BranchResults,
+    Case,
+    Sampling,
+    SurvivalAnalysis,
+    sampling,
+)
 from vsr_core.arrays import Array
 from vsr_core.hazard.curve import HazardCurve, effective_number, fractiles, mean_curve
+from vsr_core.hazard.shaking import REACH
 from vsr_core.hazard.survival import largest_scale
-from vsr_core.hazard.toppling import FINEST, PARTS, rate_by_row, toppling
+from vsr_core.hazard.toppling import FINEST, averaged, toppling
 
 COLUMNS = ("branch", "path", "weight", "toppling_rate", "survival", "survival_low",
            "survival_high", "survival_error", "rejected", "new_weight")  # fmt: skip
+
+OF_EVENTS = ("toppling_rate_error", "survival_sampling_error")
+"""Columns of simulated earthquakes beside these."""
 
 FRACTILES = (0.05, 0.16, 0.5, 0.84, 0.95)
 
@@ -67,6 +77,7 @@ def dataset(
             _by_age(analysis, analysis.rocks[0].ages),
             _disaggregated(analysis),
             _cases(cases),
+            _sampled(sampling(analysis, results)),
         ],
         combine_attrs="drop",
     )
@@ -104,7 +115,8 @@ def survival_error(analysis: SurvivalAnalysis, others: Array) -> Array:
 def table(found: xr.Dataset) -> pd.DataFrame:
     """The branches, one a row."""
     own = {"path": "branch_path"}
-    return pd.DataFrame({name: found[own.get(name, name)].values for name in COLUMNS})
+    names = [*COLUMNS, *(name for name in OF_EVENTS if name in found)]
+    return pd.DataFrame({name: found[own.get(name, name)].values for name in names})
 
 
 def pga_at(curve: HazardCurve | None, years: float) -> float:
@@ -114,11 +126,13 @@ def pga_at(curve: HazardCurve | None, years: float) -> float:
 
 def _fragility(analysis: SurvivalAnalysis, at: Array) -> xr.Dataset:
     """The first rock's, with its range, and the PGV/PGA over which it was averaged."""
-    rock, own = analysis.rocks[0], analysis.standing[0].fragility
-    others = np.array([analysis.fragility_in_pga(rock, one)(at) for one in rock.fragility.others])
-    shares = (5.0, 95.0) if rock.fragility.source == DRAWN else (0.0, 100.0)
+    rock, shaking = analysis.rocks[0].fragility, analysis.shaking
+    span = analysis.model.levels[[0, -1]] * [1.0 / REACH, REACH]
+    own = averaged(rock.mean, rock.ratios, shaking.table, span)
+    others = [averaged(one, rock.ratios, shaking.table, span)(at) for one in rock.others]
+    shares = (5.0, 95.0) if rock.source == DRAWN else (0.0, 100.0)
     low, high = np.percentile(others, shares, axis=0)
-    median, log_sd = analysis.table.at(at)
+    median, log_sd = shaking.table.at(at)
     whole = toppling(analysis.before, own)
     return xr.Dataset(
         {
@@ -142,7 +156,7 @@ def _curves(analysis: SurvivalAnalysis, results: BranchResults, at: Array) -> xr
         only_dropped = mean_curve(analysis.curves, weights / weights.sum(), analysis.model.levels)
     curves = {"before": analysis.before, "after": results.after, "dropped": only_dropped}
     before = fractiles(analysis.curves, analysis.weights, at, FRACTILES)
-    scale = largest_scale(analysis.before, analysis.survival, analysis.minimum)
+    scale = largest_scale(analysis.survival_scaled, analysis.minimum)
     return xr.Dataset(
         {
             "branch_rate": (("branch", "pga"), [_rates(one, at) for one in analysis.curves]),
@@ -171,7 +185,7 @@ def _by_age(analysis: SurvivalAnalysis, ages: Array) -> xr.Dataset:
     """Survival of the first rock alone against its age, and how likely the ages are."""
     edges = np.linspace(0.0, 1.35 * np.percentile(ages, 99.0), _AGES + 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    survival = [analysis.survival_alone(0, curve, middles) for curve in analysis.curves]
+    survival = analysis.survival_alone(0, middles)
     density, _ = np.histogram(ages, bins=edges, density=True)
     return xr.Dataset(
         {"survival_at_age": (("branch", "age"), survival), "age_density": ("age", density)},
@@ -181,14 +195,11 @@ def _by_age(analysis: SurvivalAnalysis, ages: Array) -> xr.Dataset:
 
 def _disaggregated(analysis: SurvivalAnalysis) -> xr.Dataset:
     """Rate of toppling of the first rock under the mean curve, by PGA and by PGV/PGA."""
-    rock, own = analysis.rocks[0].fragility, analysis.standing[0].fragility
-    curve = analysis.before
-    _, rates = rate_by_row(curve, own, rock.mean, rock.ratios, analysis.table)
-    last = rates.shape[1] - 1  # the part of all beyond the last level
+    rock = analysis.rocks[0].fragility
+    parts, rates = analysis.mean_shaking.by_row(rock.mean, rock.ratios)
+    last = rates.shape[1] - 1  # of curves the part of all beyond the last level
     starts = np.append(np.arange(0, last, -(-last // _BINS)), last)
-    binned = np.add.reduceat(rates, starts, axis=1)
-    places = np.arange(len(curve.levels)), np.log(in_si.in_g(curve.levels))
-    edges = np.exp(np.interp(starts / PARTS, *places))
+    binned, edges = np.add.reduceat(rates, starts, axis=1), in_si.in_g(parts[starts])
     return xr.Dataset(
         {
             "toppling_rate_by_pga": ("pga_bin", binned.sum(axis=0)),
@@ -200,13 +211,30 @@ def _disaggregated(analysis: SurvivalAnalysis) -> xr.Dataset:
 
 
 def _cases(cases: Sequence[Case]) -> xr.Dataset:
-    survival = [float(one.analysis.weights @ one.results.survival) for one in cases]
+    survival, rates = (
+        [float(one.analysis.weights @ getattr(one.results, name)) for one in cases]
+        for name in ("survival", "rates")
+    )
     after = [pga_at(one.results.after, RETURN_PERIODS[1]) for one in cases]
     return xr.Dataset(
         {
             "case_survival": ("case", survival),
+            "case_toppling_rate": ("case", rates),
             "case_rejected": ("case", [int(one.results.rejected.sum()) for one in cases]),
             "case_pga_after": ("case", after),
         },
         {"case": [one.name for one in cases]},
+    )
+
+
+def _sampled(errors: Sampling | None) -> xr.Dataset:
+    """Standard errors of what was found from simulated earthquakes; none of curves."""
+    if errors is None:
+        return xr.Dataset()
+    return xr.Dataset(
+        {
+            "toppling_rate_error": ("branch", errors.rates),
+            "survival_sampling_error": ("branch", errors.survival),
+            "mean_toppling_rate_error": ((), errors.mean_rate),
+        }
     )

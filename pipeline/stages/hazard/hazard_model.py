@@ -65,12 +65,12 @@ class HazardModel:
 
     Attributes
     ----------
-    location : tuple of float [degree], longitude and latitude
+    location : tuple of float [degree], longitude and latitude; None where no file tells
     unused : tuple of str, what the files hold that has no part in it
     """
 
     branches: tuple[Branch, ...]
-    location: tuple[float, float]
+    location: tuple[float, float] | None
     unused: tuple[str, ...] = ()
 
     @property

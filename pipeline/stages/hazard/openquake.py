@@ -69,7 +69,7 @@ def load(folder: Path) -> HazardModel:
         raise refused(folder, "imt", "no curves of PGA", rule, remedy)
     if not numbers:
         return model(folder, curves, [Realization(rlz_id=MEAN, branch_path="the mean", weight=1.0)])
-    weights = _weights(folder)
+    weights = realizations(folder)
     if incomplete := numbers ^ {row.rlz_id for row in weights}:
         given = f"realization {min(incomplete)} without curve or weight"
         rule = "each has a curve of PGA and a weight in realizations_1.csv"
@@ -182,7 +182,7 @@ def _curve(path: Path, measure: str) -> GivenCurve:
     )
 
 
-def _weights(folder: Path) -> list[Realization]:
+def realizations(folder: Path) -> list[Realization]:
     """Path and weight of each realization."""
     files = sorted(folder.glob("realizations*.csv"))
     if len(files) != 1:

@@ -1,4 +1,4 @@
-"""Where PGV/PGA at a PGA comes from, best first: a table, a disaggregation, curves of PGV.
+"""Where PGV/PGA at a PGA comes from, best first: a table, events, a disaggregation, curves of PGV.
 
 A disaggregation is OpenQuake's, of PGA by magnitude and distance, as CSV: ``Mag_Dist-mean-0_1.csv``
 has columns ``imt, iml, poe, mag, dist`` and the mean, or one for each realization or statistic
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
@@ -25,7 +26,16 @@ from pipeline.stages.hazard.hazard_model import LEVELS, UNITS, HazardModel
 from pipeline.workflow.grammar import counted
 from vsr_core.arrays import Array
 from vsr_core.hazard.curve import mean_curve
-from vsr_core.hazard.ratio import LOG_SD, RatioTable, ratio_of_curves, ratios_of_scenarios
+from vsr_core.hazard.events import Events
+from vsr_core.hazard.ratio import (
+    CORRELATION,
+    LOG_SD,
+    RatioTable,
+    ratio_of_curves,
+    ratios_of_scenarios,
+)
+from vsr_core.hazard.shaking import CurveShaking, Shaking, counted_shaking
+from vsr_core.hazard.toppling import borders_of
 
 DEFAULT, SMALLER, LARGER = (6.5, 20.0), (5.5, 10.0), (7.5, 40.0)
 """Magnitude and distance [km] of the earthquake assumed where nothing is known of PGV, and of two
@@ -76,6 +86,64 @@ class ShakingRatio:
     table: RatioTable
     source: str
     alternatives: dict[str, RatioTable]
+
+
+@dataclass(frozen=True, eq=False)
+class AssumedShaking:
+    """Shaking at a site as it is used, and plausible alternatives.
+
+    Attributes
+    ----------
+    source : str, of PGV/PGA: as of `ShakingRatio`, or "events"
+    alternatives : dict, from the name of a case to the shaking then
+    """
+
+    source: str
+    shaking: Shaking
+    alternatives: Mapping[str, Shaking]
+
+
+DRAWN_AGAIN = f"PGV/PGA: PGV drawn anew given PGA, at a correlation of {CORRELATION:g}"
+"""The case in which PGV of an event is not as it was simulated."""
+
+
+def of_hazard(
+    config: HazardConfig,
+    model: HazardModel,
+    events: Events | None,
+    disaggregated: Path | None,
+    ratios: Sequence[Array],
+) -> AssumedShaking:
+    """Shaking of curves, or of events, with its PGV/PGA.
+
+    Parameters
+    ----------
+    ratios : PGV/PGA of the rows of each rock [s]
+    """
+    if events is None or events.pgv is None or config.pgv_pga is not None:
+        found = of_model(config, model, model.levels[[0, -1]], disaggregated)
+    if events is None:
+        curves = tuple(one.pga for one in model.branches)
+        tables = found.alternatives.items()
+        return AssumedShaking(
+            found.source,
+            CurveShaking(curves, found.table),
+            {name: CurveShaking(curves, table) for name, table in tables},
+        )
+    borders = np.unique(np.concatenate([borders_of(one) for one in ratios]))
+    weights = np.array([one.weight for one in model.branches])
+    if events.pgv is None or config.pgv_pga is not None:
+        drawn = {
+            name: counted_shaking(events, events.ratio_of_table(table), borders, weights)
+            for name, table in {"": found.table, **found.alternatives}.items()
+        }
+        return AssumedShaking(found.source, drawn.pop(""), drawn)
+    alternatives = {}
+    if events.ruptures is not None:
+        again = counted_shaking(events, events.ratio_anew(), borders, weights)
+        alternatives[DRAWN_AGAIN] = again
+    simulated = counted_shaking(events, events.ratio_as_simulated(), borders, weights)
+    return AssumedShaking("events", simulated, alternatives)
 
 
 def of_model(

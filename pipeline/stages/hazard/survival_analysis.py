@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -12,22 +12,18 @@ from pipeline.config.hazard_schema import Age, BoundedAge, LognormalAge, NormalA
 from pipeline.config.observation_schema import Earthquake, Observations
 from pipeline.stages.hazard.hazard_model import HazardModel
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility
-from pipeline.stages.hazard.shaking_ratio import ShakingRatio
 from vsr_core.arrays import Array, Mask
 from vsr_core.hazard.curve import HazardCurve, mean_curve, posterior_weights
-from vsr_core.hazard.ratio import RatioTable
+from vsr_core.hazard.shaking import EventShaking, Shaking
 from vsr_core.hazard.survival import (
+    Rates,
     Standing,
     lognormal_ages,
     normal_ages,
     survival_of,
     uniform_ages,
 )
-from vsr_core.hazard.toppling import RowFragility, any_of, averaged, toppling
-
-REACH = 10.0
-"""How far beyond the first and last level of a curve a fragility is known, as a factor: components
-and scale factors move curves along it."""
+from vsr_core.hazard.toppling import Fragility, RowFragility, any_of
 
 LARGEST_TO_AVERAGE = 1.2
 """PGA in the direction in which it is largest over that of the average component, RotD100/RotD50:
@@ -41,6 +37,12 @@ AS_TESTED = "rock: with its uncertainty, its base as tests have found rocks"
 
 DRAWN_ANEW = "rock: drawn anew in each earthquake"
 """The case in which a draw is a rock in one earthquake, and not for all of its age."""
+
+CATALOGUES = 200
+"""Catalogues that are drawn again for a sampling error, which is then known to 5 %."""
+
+_FACTORS, _LEAST = 9, 1e-300
+"""Factors on rates between which ln survival is straight, and the least survival of which it is."""
 
 AGES = (5.0, 95.0)
 """Percentiles of the age for a young and an old rock."""
@@ -86,15 +88,14 @@ class SurvivalAnalysis:
 
     Attributes
     ----------
+    shaking : Shaking, along the direction of shaking, under the branches of the model
     minimum : float, probability of survival below which a branch is rejected
-    component : float, PGA along the direction of shaking over that of the curves
     """
 
     model: HazardModel
     rocks: tuple[DatedRock, ...]
-    table: RatioTable
+    shaking: Shaking
     minimum: float
-    component: float = 1.0
 
     @cached_property
     def curves(self) -> list[HazardCurve]:
@@ -111,21 +112,19 @@ class SurvivalAnalysis:
         """Prior mean curve of the model."""
         return mean_curve(self.curves, self.weights, self.model.levels)
 
-    def fragility_in_pga(self, rock: DatedRock, rows: RowFragility) -> Callable[[Array], Array]:
-        """Fragility over the PGA of the curves, averaged over PGV/PGA."""
-        span = self.model.levels[[0, -1]] * np.array([1.0 / REACH, REACH])
-        along_shaking = averaged(rows, rock.fragility.ratios, self.table, span)
-        if self.component == 1.0:
-            return along_shaking
-        return lambda level: along_shaking(self.component * level)
+    @cached_property
+    def mean_shaking(self) -> Shaking:
+        """That of the prior mean of the branches, as the only one."""
+        return self.shaking.mean(self.weights)
+
+    def standing_with(self, rock: DatedRock, rows: RowFragility) -> Standing:
+        """A rock with a fragility."""
+        return Standing(self.shaking.fragility(rows, rock.fragility.ratios), rock.ages)
 
     @cached_property
     def standing(self) -> list[Standing]:
-        """The rocks with their fragilities in PGA."""
-        return [
-            Standing(self.fragility_in_pga(rock, rock.fragility.mean), rock.ages)
-            for rock in self.rocks
-        ]
+        """The rocks with their fragilities."""
+        return [self.standing_with(rock, rock.fragility.mean) for rock in self.rocks]
 
     @property
     def drawn(self) -> bool:
@@ -142,10 +141,7 @@ class SurvivalAnalysis:
         number = max(len(rock.fragility.others) for rock in self.rocks)
         rng, turns = np.random.default_rng(1), []
         for rock in self.rocks:
-            own = [
-                Standing(self.fragility_in_pga(rock, one), rock.ages)
-                for one in rock.fragility.others
-            ]
+            own = [self.standing_with(rock, one) for one in rock.fragility.others]
             turn = np.resize(np.arange(len(own)), number)
             paired = rock is self.rocks[0] or rock.fragility.source != DRAWN
             turns.append([own[i] for i in (turn if paired else rng.permutation(turn))])
@@ -153,32 +149,41 @@ class SurvivalAnalysis:
 
     def survival_of_others(self) -> Array:
         """Survival under each branch with each of the other fragilities, (others, branches)."""
-        return np.array([[survival_of(one, rocks) for one in self.curves] for rocks in self.others])
+        return np.array([survival_of(self.shaking.rates, rocks) for rocks in self.others])
 
-    def survival(self, curve: HazardCurve) -> float:
-        """Probability that all rocks stand under a curve.
+    def survival(self, rates: Rates) -> Array:
+        """Probability that all rocks stand under each branch, shape (branches,).
 
         What is not known of a rock stays as it is through all earthquakes: of draws it is the mean
         of their survivals.
         """
         if self.drawn:
-            return float(np.mean([survival_of(curve, rocks) for rocks in self.others]))
-        return survival_of(curve, self.standing)
+            return np.asarray(np.mean([survival_of(rates, rocks) for rocks in self.others], axis=0))
+        return survival_of(rates, self.standing)
 
-    def survival_alone(self, rock: int, curve: HazardCurve, ages: Array) -> Array:
-        """Probability that one of the rocks stands for each of some ages."""
+    def survival_scaled(self, factor: float) -> float:
+        """The same under the prior mean, all accelerations of which are multiplied."""
+        return float(self.survival(self.mean_shaking.times(factor).rates)[0])
+
+    def survival_alone(self, rock: int, ages: Array) -> Array:
+        """Probability that one of the rocks stands for some ages, shape (branches, ages)."""
         rocks = [rocks[rock] for rocks in self.others] if self.drawn else [self.standing[rock]]
-        rates = np.array([toppling(curve, one.fragility).rate for one in rocks])
-        return np.asarray(np.exp(-rates[:, None] * ages).mean(axis=0))
+        rates = (self.shaking.rates(one.fragility) for one in rocks)
+        stood = sum(np.exp(-np.multiply.outer(one, ages)) for one in rates)
+        return np.asarray(stood / len(rocks))
 
     def results(self) -> BranchResults:
         """Survival under each branch, and the branches weighted by it."""
-        return self.reweighted(np.array([self.survival(curve) for curve in self.curves]))
+        return self.reweighted(self.survival(self.shaking.rates))
+
+    @property
+    def together(self) -> Fragility:
+        """Probability that one or more of the rocks topple."""
+        return any_of([rock.fragility for rock in self.standing])
 
     def reweighted(self, survival: Array) -> BranchResults:
         """The branches weighted by a given survival under each."""
-        together = any_of([rock.fragility for rock in self.standing])
-        rates = np.array([toppling(curve, together).rate for curve in self.curves])
+        rates = self.shaking.rates(self.together)
         new = posterior_weights(self.weights, survival, self.minimum)
         after = None
         if not new.rejected.all():
@@ -201,24 +206,29 @@ class Case:
 
 
 def cases(
-    analysis: SurvivalAnalysis, ratio: ShakingRatio, compared: Mapping[str, RockFragility]
+    analysis: SurvivalAnalysis,
+    alternatives: Mapping[str, Shaking],
+    compared: Mapping[str, RockFragility],
 ) -> list[Case]:
     """All cases of the sensitivity study, the base case first.
 
     Parameters
     ----------
+    alternatives : mapping, from the name of a case to the shaking then
     compared : mapping, from the name of a case to the rock's fragility then
     """
     found = [Case(BASE_CASE, analysis, analysis.results())]
     if analysis.drawn:
-        anew = np.array([survival_of(curve, analysis.standing) for curve in analysis.curves])
+        anew = survival_of(analysis.shaking.rates, analysis.standing)
         found.append(Case(DRAWN_ANEW, analysis, analysis.reweighted(anew)))
-    changes = _changes(analysis, ratio, compared)
+    changes = _changes(analysis, alternatives, compared)
     return found + [Case(name, one, one.results()) for name, one in changes]
 
 
 def _changes(
-    analysis: SurvivalAnalysis, ratio: ShakingRatio, compared: Mapping[str, RockFragility]
+    analysis: SurvivalAnalysis,
+    alternatives: Mapping[str, Shaking],
+    compared: Mapping[str, RockFragility],
 ) -> Iterator[tuple[str, SurvivalAnalysis]]:
     for name, fragility in compared.items():
         yield name, analysis.with_first(fragility=fragility)
@@ -233,15 +243,15 @@ def _changes(
     yield (
         f"component: PGA at the rock is {factor:g} times that of the curves, as in the largest "
         "horizontal direction",
-        replace(analysis, component=factor),
+        replace(analysis, shaking=analysis.shaking.times(factor)),
     )
     yield (
         f"component: PGA at the rock is 1/{factor:g} of that of the curves, as if these were for "
         "the largest horizontal direction",
-        replace(analysis, component=1.0 / factor),
+        replace(analysis, shaking=analysis.shaking.times(1.0 / factor)),
     )
-    for name, table in ratio.alternatives.items():
-        yield name, replace(analysis, table=table)
+    for name, shaking in alternatives.items():
+        yield name, replace(analysis, shaking=shaking)
     if len(first.ages) > 1:
         for share in AGES:
             age = np.percentile(first.ages, [share])
@@ -250,12 +260,49 @@ def _changes(
 
 def _by_weakness(analysis: SurvivalAnalysis) -> list[tuple[float, RowFragility]]:
     """Directions [degree] of the first rock, the one from which it topples most often first."""
-    rock = analysis.rocks[0]
+    rock, shaking = analysis.rocks[0].fragility, analysis.mean_shaking
     rates = {
-        yaw: toppling(analysis.before, analysis.fragility_in_pga(rock, rows)).rate
-        for yaw, rows in rock.fragility.by_yaw.items()
+        yaw: float(shaking.rates(shaking.fragility(rows, rock.ratios))[0])
+        for yaw, rows in rock.by_yaw.items()
     }
-    return sorted(rock.fragility.by_yaw.items(), key=lambda item: -rates[item[0]])
+    return sorted(rock.by_yaw.items(), key=lambda item: -rates[item[0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Sampling:
+    """How far another catalogue of earthquakes, as long, would differ: standard errors.
+
+    Attributes
+    ----------
+    rates : ndarray, shape (branches,) [1/year], of toppling
+    mean_rate : float [1/year], of the prior mean of the branches
+    survival : ndarray, shape (branches,)
+    """
+
+    rates: Array
+    mean_rate: float
+    survival: Array
+
+
+def sampling(analysis: SurvivalAnalysis, results: BranchResults) -> Sampling | None:
+    """Sampling errors of simulated earthquakes; curves have none.
+
+    The rates of all draws of the rock are taken to be off together.
+    """
+    if not isinstance(analysis.shaking, EventShaking):
+        return None
+    drawn = analysis.shaking.resampled(analysis.together, CATALOGUES)
+    off = np.divide(drawn, results.rates, out=np.ones_like(drawn), where=results.rates > 0.0)
+    factors = np.linspace(off.min(), off.max(), _FACTORS)
+    known = [analysis.survival(partial(_times, one, analysis.shaking)) for one in factors]
+    log_known = np.log(np.maximum(known, _LEAST))
+    stood = [np.exp(np.interp(off[:, i], factors, log_known[:, i])) for i in range(off.shape[1])]
+    means = drawn @ analysis.weights
+    return Sampling(drawn.std(axis=0), float(means.std()), np.std(stood, axis=1))
+
+
+def _times(factor: float, shaking: Shaking, fragility: Fragility) -> Array:
+    return factor * shaking.rates(fragility)
 
 
 def ages_of(age: Age) -> Array:

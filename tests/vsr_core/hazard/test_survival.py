@@ -21,6 +21,7 @@ from vsr_core.hazard.curve import (
     posterior_weights,
 )
 from vsr_core.hazard.survival import (
+    Rates,
     Standing,
     largest_scale,
     lognormal_ages,
@@ -85,6 +86,11 @@ def test_what_lies_beyond_the_levels_is_told() -> None:
     assert found.below == pytest.approx(ndtr(math.log(0.25) / 0.5))
 
 
+def under(curve: HazardCurve) -> Rates:
+    """Rates of toppling under one branch."""
+    return lambda fragility: np.array([toppling(curve, fragility).rate])
+
+
 def test_survival_of_ages() -> None:
     """Closed forms: one age, a uniform one, and a lognormal one by its definition."""
     nu = 7e-5
@@ -128,7 +134,9 @@ def test_rocks_of_one_site_feel_the_same_earthquakes() -> None:
             for rock, age in zip(rocks, own, strict=True)
         )
         stand += not toppled
-    expected = survival_of(curve, [Standing(*one) for one in zip(rocks, ages, strict=True)])
+    (expected,) = survival_of(
+        under(curve), [Standing(*one) for one in zip(rocks, ages, strict=True)]
+    )
     assert stand / number == pytest.approx(expected, abs=4.0 * math.sqrt(0.25 / number))
     alone = [survival(toppling(curve, r).rate, a) for r, a in zip(rocks, ages, strict=True)]
     assert math.prod(alone) + 0.03 < expected < min(alone)
@@ -138,18 +146,23 @@ def test_a_rock_beside_itself_is_one_rock_where_it_topples_for_certain() -> None
     one = step_at(5.0)
     assert toppling(power_law(), any_of([one, one])).rate == toppling(power_law(), one).rate
     ages = [np.array([1e4]), np.array([2e4])]
-    joint = survival_of(power_law(), [Standing(one, age) for age in ages])
+    (joint,) = survival_of(under(power_law()), [Standing(one, age) for age in ages])
     assert joint == pytest.approx(survival(toppling(power_law(), one).rate, ages[1]))
 
 
 def test_the_largest_factor_leaves_just_the_chance_asked_for() -> None:
     """On a power law a factor on accelerations is a factor on rates, k^slope."""
     curve, rock, ages = power_law(1e-4, 1e6, 80), lognormal(6.0, 0.3), normal_ages(1e4, 0.0)
-    found = largest_scale(curve, lambda c: survival(toppling(c, rock).rate, ages), 0.05)
+
+    def chance(factor: float) -> float:
+        scaled = HazardCurve(factor * curve.levels, curve.rates)
+        return float(survival(toppling(scaled, rock).rate, ages))
+
+    found = largest_scale(chance, 0.05)
     rate = toppling(curve, rock).rate
     assert found == pytest.approx((-math.log(0.05) / (1e4 * rate)) ** (1.0 / SLOPE), rel=1e-3)
-    assert largest_scale(curve, lambda c: 1.0, 0.05) == math.inf
-    assert largest_scale(curve, lambda c: 0.0, 0.05) == 0.0
+    assert largest_scale(lambda factor: 1.0, 0.05) == math.inf
+    assert largest_scale(lambda factor: 0.0, 0.05) == 0.0
 
 
 def test_weights_by_hand() -> None:

@@ -14,7 +14,6 @@ from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_members
-from pipeline.stages.hazard.shaking_ratio import ShakingRatio
 from pipeline.stages.hazard.survival_analysis import (
     BASE_CASE,
     DRAWN_ANEW,
@@ -26,6 +25,7 @@ from pipeline.stages.hazard.survival_analysis import (
 from vsr_core import GRAVITY
 from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.ratio import RatioTable
+from vsr_core.hazard.shaking import CurveShaking
 
 SLOPE = 2.0
 TABLE = RatioTable(np.array([1.0]), np.array([0.1]), np.array([0.4]))
@@ -41,6 +41,11 @@ def model(*rates: float) -> HazardModel:
     share = 1.0 / len(rates)
     branches = tuple(Branch(str(n), f"b{n}", share, curve(rate)) for n, rate in enumerate(rates))
     return HazardModel(branches, (0.0, 50.0))
+
+
+def of_curves(hazard: HazardModel, *rocks: DatedRock, component: float = 1.0) -> SurvivalAnalysis:
+    shaking = CurveShaking(tuple(one.pga for one in hazard.branches), TABLE)
+    return SurvivalAnalysis(hazard, rocks, shaking.times(component), 0.05)
 
 
 def ensemble(thresholds: list[float], number: int = 80) -> RockFragility:
@@ -70,9 +75,7 @@ def test_survival_of_members_that_topple_from_a_level_on() -> None:
     thresholds = np.linspace(0.2, 0.6, 21)
     rock = ensemble(thresholds.tolist())
     assert rock.source == DRAWN
-    analysis = SurvivalAnalysis(
-        model(1e-5, 1e-4), (DatedRock("rock", rock, np.array([2e3])),), TABLE, 0.05
-    )
+    analysis = of_curves(model(1e-5, 1e-4), DatedRock("rock", rock, np.array([2e3])))
     low, high = survival_range(analysis, analysis.survival_of_others())
     for n, rate in enumerate((1e-5, 1e-4)):
         exact = np.exp(-2e3 * rate * thresholds**-SLOPE)
@@ -103,13 +106,13 @@ def test_a_rock_that_is_the_same_in_all_earthquakes_stands_more_often() -> None:
     """
     thresholds, rates, years = [0.3, 0.6], [1e-4, 4.6e-4], 1000.0
     rock = DatedRock("rock", ensemble(thresholds, 2000), np.array([years]))
-    analysis = SurvivalAnalysis(model(*rates), (rock,), TABLE, 0.05)
-    found = cases(analysis, ShakingRatio(TABLE, "table", {}), {"another": rock.fragility})
+    analysis = of_curves(model(*rates), rock)
+    found = cases(analysis, {}, {"another": rock.fragility})
     same, anew = (case.results for case in found[:2])
     assert [case.name for case in found[:3]] == [BASE_CASE, DRAWN_ANEW, "another"]
     another = found[2].results  # which is the same ensemble
     np.testing.assert_array_equal(another.survival, same.survival)
-    alone = analysis.survival_alone(0, analysis.curves[1], np.array([0.0, years]))
+    alone = analysis.survival_alone(0, np.array([0.0, years]))[1]
     np.testing.assert_allclose(alone, [1.0, same.survival[1]])
     error = survival_error(analysis, analysis.survival_of_others())
     nu = np.array([[rate * level**-SLOPE for rate in rates] for level in thresholds])
@@ -138,7 +141,7 @@ def test_two_rocks_are_not_drawn_alike() -> None:
     )
     lower = np.minimum(*np.meshgrid(thresholds, thresholds))
     exact = np.exp(-years * rate * lower**-SLOPE).mean()
-    found = SurvivalAnalysis(model(rate), rocks, TABLE, 0.05).survival_of_others().mean()
+    found = of_curves(model(rate), *rocks).survival_of_others().mean()
     assert found == pytest.approx(exact, rel=0.04)
     assert found < 0.85 * np.exp(-years * rate * thresholds**-SLOPE).mean()
 
@@ -213,7 +216,7 @@ def test_a_kept_and_a_rejected_branch_by_hand() -> None:
     sqrt(1e-4 * 2475) = 0.497 g.
     """
     rock = DatedRock("rock", ensemble([0.5]), np.array([2000.0]))
-    analysis = SurvivalAnalysis(model(1e-4, 1e-3), (rock,), TABLE, 0.05)
+    analysis = of_curves(model(1e-4, 1e-3), rock)
     results = analysis.results()
     np.testing.assert_allclose(results.rates, [4e-4, 4e-3], rtol=0.06)
     np.testing.assert_allclose(results.survival, [0.449, 0.0003], rtol=0.4)
@@ -231,7 +234,7 @@ def test_a_kept_and_a_rejected_branch_by_hand() -> None:
 
 def test_no_branch_left_is_an_answer_too() -> None:
     rock = DatedRock("rock", ensemble([0.5]), np.array([1e6]))
-    results = SurvivalAnalysis(model(1e-4, 1e-3), (rock,), TABLE, 0.05).results()
+    results = of_curves(model(1e-4, 1e-3), rock).results()
     assert results.after is None
     assert results.weights.tolist() == [0.0, 0.0]
     text = sentence(["0", "1"], results.rejected, results.survival, 0.05, (1.0, math.nan, math.nan))
@@ -243,7 +246,7 @@ def test_a_component_moves_the_rock_along_the_curve() -> None:
     """On a power law a factor on PGA is a factor on rates, to the power of the slope."""
     rock = DatedRock("rock", ensemble([0.5]), np.array([2000.0]))
     rates = [
-        SurvivalAnalysis(model(1e-4), (rock,), TABLE, 0.05, component).results().rates[0]
+        of_curves(model(1e-4), rock, component=component).results().rates[0]
         for component in (1.0, 1.2)
     ]
     assert rates[1] / rates[0] == pytest.approx(1.2**SLOPE, rel=0.02)

@@ -1,0 +1,316 @@
+"""Stochastic event sets of OpenQuake: simulated earthquakes with their shaking at a site, as CSV.
+
+``gmf-data_1.csv`` has ``event_id, gmv_PGA, gmv_PGV`` (g and cm/s) and the site; ``events_1.csv``
+the rupture and the realization of each event, and its year. The header of ``ruptures_1.csv`` has
+``investigation_time`` and ``ses_per_logic_tree_path``, whose product is the effective time: the
+years that each realization was simulated for. Years of the realizations follow each other.
+``ruptures_1.csv`` has magnitudes and middles, ``realizations_1.csv`` the weights, and
+``sitemesh_1.csv`` the place.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from pipeline.config import long_tables
+from pipeline.config.outside import Row, checked, refused, rows, table, text
+from pipeline.stages.hazard import openquake
+from pipeline.stages.hazard.hazard_model import (
+    LEVELS,
+    UNITS,
+    GivenCurve,
+    HazardModel,
+    Realization,
+    model,
+)
+from pipeline.workflow.grammar import counted
+from vsr_core.arrays import Array, Indices
+from vsr_core.hazard.events import Events, Ruptures, distance_of
+
+NEEDED, MORE = ("gmf-data", "events", "realizations"), ("ruptures", "sitemesh")
+"""Files of a folder that have to be there, and that may be."""
+
+LOWEST, STEP = 0.005, 1.05
+"""Least PGA of a curve of events [g], and the factor between its levels."""
+
+_TIMES = {name: re.compile(rf"{name}\s*=\s*([^\s,'\"]+)")
+          for name in ("investigation_time", "ses_per_logic_tree_path")}  # fmt: skip
+
+_SURE = 50
+"""Events whose years almost surely span half of those that they are of."""
+
+_Id = Field(ge=0, le=2**62)
+
+
+class Shaken(Row):
+    """A row of ground-motion fields."""
+
+    event_id: int = _Id
+    gmv_PGA: float = Field(ge=0, le=LEVELS["PGA"][2], description="peak ground acceleration [g]")  # noqa: N815
+    gmv_PGV: float | None = Field(None, ge=0, le=LEVELS["PGV"][2], description="PGV [cm/s]")  # noqa: N815
+
+
+class Event(Row):
+    """A row of events."""
+
+    event_id: int = _Id
+    rup_id: int = _Id
+    rlz_id: int = _Id
+    year: int = Field(0, ge=0, le=2**62)
+
+
+class Rupture(Row):
+    """A row of ruptures."""
+
+    rup_id: int = _Id
+    mag: float = Field(ge=0, le=11, description="magnitude")
+    centroid_lon: float = Field(ge=-180, le=360, description="longitude of the middle [degree]")
+    centroid_lat: float = Field(ge=-90, le=90, description="latitude of the middle [degree]")
+    strike: float = Field(ge=-360, le=360, description="strike [degree]")
+    dip: float = Field(ge=0, le=90, description="dip [degree]")
+
+
+class Place(Row):
+    """A row of sites."""
+
+    lon: float = Field(ge=-180, le=360, description="longitude of the site [degree]")
+    lat: float = Field(ge=-90, le=90, description="latitude of the site [degree]")
+
+
+@dataclass(frozen=True, eq=False)
+class EventSet:
+    """Branches with the curves of their events, and the events."""
+
+    model: HazardModel
+    events: Events
+
+
+def files(folder: Path) -> dict[str, Path]:
+    """The files of an event set, by what they hold."""
+    if not folder.is_dir():
+        rule = "events are in a folder, as OpenQuake exports them"
+        raise refused(folder, "", "folder not found", rule, "check the path")
+    found = {}
+    for name in (*NEEDED, *MORE):
+        of_name = [one for one in sorted(folder.glob(f"{name}*.csv")) if _is(name, one)]
+        if len(of_name) > 1:
+            given, rule = f"{len(of_name)} files {name}", "a folder holds one calculation"
+            raise refused(folder, name, given, rule, "leave the others out")
+        if of_name:
+            found[name] = of_name[0]
+        elif name in NEEDED:
+            rule = "OpenQuake's is named gmf-data_1.csv, with events_1.csv and realizations_1.csv"
+            raise refused(folder, name, "no such file", rule, "export it from the same calculation")
+    return found
+
+
+def _is(name: str, path: Path) -> bool:
+    return bool(re.fullmatch(rf"{name}(_\d+)?\.csv", path.name))
+
+
+def load(folder: Path, years: float | None) -> EventSet:
+    """Read and check an event set.
+
+    Parameters
+    ----------
+    years : effective time of each realization, where no file has it [year]
+    """
+    found = files(folder)
+    stamps = tuple((one, one.stat().st_mtime_ns, one.stat().st_size) for one in found.values())
+    return _loaded(tuple(found.items()), stamps, years)
+
+
+@lru_cache(maxsize=1)
+def _loaded(found: tuple[tuple[str, Path], ...], stamps: object, years: float | None) -> EventSet:
+    """The same, once for all that ask for it in a process."""
+    paths = dict(found)
+    years = _years(paths, years)
+    weights = openquake.realizations(paths["realizations"].parent)
+    weights = sorted(weights, key=lambda row: row.rlz_id)
+    known = _events(paths["events"], weights, years)
+    path = paths["gmf-data"]
+    place = _place(paths["sitemesh"]) if "sitemesh" in paths else None
+    at, pga, pgv = _shaken(path, paths["events"], known["event_id"])
+    rupture, ruptures = _ruptures(paths.get("ruptures"), known["rup_id"], place)
+    kept = (pga > 0.0) & (known["branch"][at] >= 0)
+    events = Events(
+        UNITS["PGA"] * pga[kept],
+        UNITS["PGV"] * pgv[kept] if pgv is not None else None,
+        known["branch"][at[kept]],
+        rupture[at[kept]],
+        years,
+        ruptures,
+    )
+    unused = []
+    if none := int((pga == 0.0).sum()):
+        unused.append(f"{counted(none, 'event')} without PGA left out")
+    return EventSet(_model(path, events, weights, place, unused), events)
+
+
+def _years(paths: dict[str, Path], given: float | None) -> float:
+    """Effective time of each realization."""
+    told = long_tables.header(paths["ruptures"])[0] if "ruptures" in paths else ""
+    values = [found[1] for one in _TIMES.values() if (found := one.search(told))]
+    if len(values) < len(_TIMES):
+        if given is None:
+            path = paths.get("ruptures", paths["events"])
+            rule = "the header of ruptures_1.csv gives it with ses_per_logic_tree_path"
+            remedy = "set hazard.effective_time, the years that each realization is simulated for"
+            raise refused(path, "investigation_time", "nothing", rule, remedy)
+        return given
+    try:
+        years = float(values[0]) * float(values[1])
+    except ValueError:
+        years = float("nan")
+    if not 0.0 < years < 1e12:
+        shown = f"{values[0]} times {values[1]}"
+        raise refused(paths["ruptures"], "investigation_time", shown, "they are numbers above 0")
+    if given is not None and abs(given / years - 1.0) > 1e-6:
+        rule, remedy = f"the files say {years:g}", "leave hazard.effective_time out"
+        raise refused(paths["ruptures"], "hazard.effective_time", f"{given:g}", rule, remedy)
+    return years
+
+
+def _all(path: Path, row: type[Row]) -> dict[str, Any]:
+    """All of a long table."""
+    found = list(long_tables.parts(path, row))
+    if not found or not len(next(iter(found[0].values()))):
+        raise refused(path, "", "no rows", "there is one or more")
+    return {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+
+
+def _places(sought: Indices, among: Indices) -> tuple[Indices, Indices]:
+    """Where numbers are among others, which are in order; and which of them are not there."""
+    at = np.minimum(np.searchsorted(among, sought), len(among) - 1)
+    return at, np.flatnonzero(among[at] != sought)
+
+
+def _events(path: Path, weights: list[Realization], years: float) -> dict[str, Any]:
+    """Events in the order of their numbers, each with its branch, -1 in one of weight 0."""
+    found = _all(path, Event)
+    order = np.argsort(found["event_id"], kind="stable")
+    found = {name: values[order] for name, values in found.items()}
+    ids = found["event_id"]
+    if len(twice := np.flatnonzero(ids[1:] == ids[:-1])):
+        raise refused(path, "event_id", f"{ids[twice[0]]} twice", "an event is in one row")
+    numbers = np.array([row.rlz_id for row in weights])
+    at, lost = _places(found["rlz_id"], numbers)
+    if len(lost):
+        given = f"{found['rlz_id'][lost[0]]} of event {ids[lost[0]]}"
+        raise refused(path, "rlz_id", given, "it is one of the realizations with a weight")
+    _check_years(path, found, at, years)
+    held = np.bincount(at, minlength=len(numbers))
+    kept = [row.rlz_id for row in weights if row.weight > 0.0]
+    if empty := [one for one in kept if not held[np.searchsorted(numbers, one)]]:
+        rule, remedy = "each realization has events", "simulate more years, or export all events"
+        raise refused(path, "rlz_id", f"no event of realization {empty[0]}", rule, remedy)
+    branch = np.full(len(numbers), -1)
+    branch[np.searchsorted(numbers, kept)] = np.arange(len(kept))
+    return {"event_id": ids, "rup_id": found["rup_id"], "branch": branch[at].astype(np.int32)}
+
+
+def _check_years(path: Path, found: dict[str, Any], at: Indices, years: float) -> None:
+    """Refuse years that are not those of an effective time; each realization has its own."""
+    if "year" not in found:
+        return
+    of = [found["year"][at == one] for one in np.unique(at)]
+    of = [one for one in of if len(one) >= 2]
+    spans = [int(one.max() - one.min()) for one in of]
+    remedy = "correct hazard.effective_time, or export it again"
+    if spans and max(spans) >= years:
+        rule = f"each realization is of {years:g} years"
+        raise refused(path, "year", f"years {max(spans)} apart", rule, remedy)
+    sure = [span for one, span in zip(of, spans, strict=True) if len(one) >= _SURE]
+    if sure and max(sure) < 0.5 * years:
+        rule = f"each realization is of {years:g} years"
+        raise refused(path, "year", f"years up to {max(sure)} apart only", rule, remedy)
+
+
+def _place(path: Path) -> Place:
+    sites = rows(path, Place, table(path, text(path)))
+    if len(sites) != 1:
+        given, rule = f"{len(sites)} sites", "all events are at one site"
+        raise refused(path, "lon, lat", given, rule, "export those of the rock's site only")
+    return sites[0]
+
+
+def _shaken(path: Path, of_events: Path, ids: Indices) -> tuple[Indices, Array, Array | None]:
+    """Place among the events, PGA [g] and PGV [cm/s] of each event that is felt."""
+    places, pga, pgv = [], [], []
+    seen = np.zeros(len(ids), dtype=np.uint8)
+    for part in long_tables.parts(path, Shaken):
+        at, lost = _places(part["event_id"], ids)
+        if len(lost):
+            given = f"event {part['event_id'][lost[0]]}"
+            raise refused(path, "event_id", given, f"it is one of those in {of_events.name}")
+        np.add.at(seen, at, 1)
+        if (seen > 1).any():
+            rule, remedy = "an event is in one row", "export those of the rock's site only"
+            raise refused(path, "event_id", f"{ids[np.argmax(seen)]} twice", rule, remedy)
+        places.append(at.astype(np.int32))
+        pga.append(part["gmv_PGA"].astype(np.float32))
+        if "gmv_PGV" in part:
+            pgv.append(part["gmv_PGV"].astype(np.float32))
+    if not places:
+        raise refused(path, "", "no rows", "there is one for each event that is felt")
+    velocity = np.concatenate(pgv) if pgv else None
+    return np.concatenate(places), np.concatenate(pga), velocity
+
+
+def _ruptures(
+    path: Path | None, of_events: Indices, place: Place | None
+) -> tuple[Indices, Ruptures | None]:
+    """Place of each event's rupture, and magnitudes and distances where they are told."""
+    if path is None or place is None:
+        return np.unique(of_events, return_inverse=True)[1].astype(np.int32), None
+    found = _all(path, Rupture)
+    order = np.argsort(found["rup_id"], kind="stable")
+    found = {name: values[order] for name, values in found.items()}
+    ids = found["rup_id"]
+    if len(twice := np.flatnonzero(ids[1:] == ids[:-1])):
+        raise refused(path, "rup_id", f"{ids[twice[0]]} twice", "a rupture is in one row")
+    at, lost = _places(of_events, ids)
+    if len(lost):
+        rule = "each rupture of an event is there"
+        raise refused(path, "rup_id", f"no {of_events[lost[0]]}", rule)
+    east = (place.lon - found["centroid_lon"] + 180.0) % 360.0 - 180.0
+    north = place.lat - found["centroid_lat"]
+    east = east * np.cos(np.radians(place.lat))
+    distance = distance_of(found["mag"], east, north, found["strike"], found["dip"])
+    return at.astype(np.int32), Ruptures(found["mag"], distance)
+
+
+def _model(
+    path: Path, events: Events, weights: list[Realization], place: Place | None, unused: list[str]
+) -> HazardModel:
+    """The branches with how often each level of PGA, and of PGV, is exceeded."""
+    kept = [row for row in weights if row.weight > 0.0]
+    site = {"lon": place.lon, "lat": place.lat} if place else {"lon": 0.0, "lat": 0.0}
+    curves = {}
+    for measure, values in (("PGA", events.pga), ("PGV", events.pgv)):
+        if values is None:
+            continue
+        own = values / UNITS[measure]
+        levels = _levels(own, LOWEST * LEVELS[measure][0])
+        rates = events.rates(own, levels, len(kept))
+        for row, of_branch in zip(kept, rates.tolist(), strict=True):
+            one = {"measure": measure, "levels": levels.tolist(), "values": of_branch}
+            curves[row.rlz_id, measure] = path, checked(path, GivenCurve, one | site)
+    found = model(path, curves, weights)
+    if place is None:
+        found = replace(found, location=None)
+    return replace(found, unused=tuple(unused))
+
+
+def _levels(values: Array, lowest: float) -> Array:
+    """Levels of a curve, from the least value or the lowest to the largest."""
+    high = float(values.max())
+    low = min(max(float(values.min()), lowest), high / STEP)
+    return np.geomspace(low, high, 2 + int(np.log(high / low) / np.log(STEP)))

@@ -1,0 +1,194 @@
+"""Shaking under the branches of a hazard model, of curves or of events, and what it topples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy import sparse
+
+from vsr_core.arrays import Array, Indices
+from vsr_core.hazard.curve import HazardCurve, mean_curve
+from vsr_core.hazard.events import Events, table_of
+from vsr_core.hazard.ratio import RatioTable
+from vsr_core.hazard.toppling import (
+    FINEST,
+    PARTS,
+    Fragility,
+    RowFragility,
+    averaged,
+    borders_of,
+    rate_by_row,
+    toppling,
+)
+
+REACH = 10.0
+"""How far beyond the first and last level of shaking a fragility is known, as a factor: components
+and scale factors move the shaking along it."""
+
+
+@dataclass(frozen=True, eq=False)
+class CurveShaking:
+    """Shaking as curves tell it: how often each PGA, and one lognormal PGV/PGA at each.
+
+    Attributes
+    ----------
+    factor : float, of the PGA at the rock over that of the curves
+    """
+
+    curves: tuple[HazardCurve, ...]
+    table: RatioTable
+    factor: float = 1.0
+
+    @property
+    def levels(self) -> Array:
+        """Levels of PGA at which some branch has a rate [m/s^2]."""
+        return max((one.levels for one in self.curves), key=len)
+
+    def fragility(self, rows: RowFragility, ratios: Array) -> Fragility:
+        """Fragility over the PGA of the curves, averaged over PGV/PGA.
+
+        Parameters
+        ----------
+        ratios : ndarray, shape (rows,) [s], ascending, PGV/PGA of the rows
+        """
+        return averaged(rows, ratios, self.table, self.levels[[0, -1]] * [1.0 / REACH, REACH])
+
+    def rates(self, fragility: Fragility) -> Array:
+        """Annual rates of toppling, shape (branches,)."""
+
+        def moved(level: Array) -> Array:
+            return fragility(self.factor * level)
+
+        return np.array([toppling(one, moved).rate for one in self.curves])
+
+    def mean(self, weights: Array) -> CurveShaking:
+        """That of the mean of the branches."""
+        return replace(self, curves=(mean_curve(self.curves, weights, self.levels),))
+
+    def times(self, factor: float) -> CurveShaking:
+        """The same with all accelerations multiplied."""
+        return replace(self, factor=factor * self.factor)
+
+    def by_row(self, rows: RowFragility, ratios: Array) -> tuple[Array, Array]:
+        """Which PGA and PGV/PGA topple a rock under the first branch.
+
+        Returns
+        -------
+        starts : ndarray, shape (m,) [m/s^2], where parts of PGA begin; the last has no end
+        rates : ndarray, shape (rows, m) [1/year]
+        """
+        curve, fragility = self.curves[0], self.fragility(rows, ratios)
+        _, rates = rate_by_row(curve, fragility, rows, ratios, self.table)
+        places = np.arange(len(curve.levels)), np.log(curve.levels)
+        return np.exp(np.interp(np.arange(rates.shape[1]) / PARTS, *places)), rates
+
+
+@dataclass(frozen=True, eq=False)
+class EventShaking:
+    """Shaking as simulated earthquakes tell it: how often each PGA with each PGV/PGA.
+
+    Earthquakes are counted in fine parts of PGA and in cells of PGV/PGA, which lie between the
+    borders of the rows of all rocks: a fragility is one number in each.
+
+    Attributes
+    ----------
+    levels : ndarray, shape (m,) [m/s^2], PGA in the middle of each part
+    borders : ndarray, shape (cells - 1,) [s], ascending, of PGV/PGA
+    counted : sparse array, shape (branches, cells * m) [1/year]
+    table : RatioTable, of PGV/PGA at a PGA, all branches together
+    events : Events, that were counted
+    place : ndarray of int, shape (n,), where each of them was
+    """
+
+    levels: Array
+    borders: Array
+    counted: sparse.csr_array
+    table: RatioTable
+    events: Events = field(repr=False)
+    place: Indices = field(repr=False)
+
+    def fragility(self, rows: RowFragility, ratios: Array) -> Fragility:
+        """Fragility in each cell of PGV/PGA, shape (cells, n) at n PGA.
+
+        Parameters
+        ----------
+        ratios : ndarray, shape (rows,) [s], ascending, PGV/PGA of the rows
+        """
+        row = self._row(ratios)
+        first, last = np.log(self.levels[[0, -1]]) + np.log([1.0 / REACH, REACH])
+        step = np.log(FINEST)
+        known = rows(np.exp(np.arange(first, last + step, step)))
+
+        def fragility(level: Array) -> Array:
+            at = np.clip((np.log(level) - first) / step, 0.0, known.shape[1] - 1.001)
+            below = at.astype(np.int64)
+            part = at - below
+            return ((1.0 - part) * known[:, below] + part * known[:, below + 1])[row]
+
+        return fragility
+
+    def rates(self, fragility: Fragility) -> Array:
+        """Annual rates of toppling, shape (branches,)."""
+        return np.asarray(self.counted @ fragility(self.levels).ravel())
+
+    def mean(self, weights: Array) -> EventShaking:
+        """That of the mean of the branches."""
+        return replace(self, counted=sparse.csr_array((weights @ self.counted)[None]))
+
+    def times(self, factor: float) -> EventShaking:
+        """The same with all accelerations, and velocities, multiplied."""
+        return replace(self, levels=factor * self.levels)
+
+    def by_row(self, rows: RowFragility, ratios: Array) -> tuple[Array, Array]:
+        """Which PGA and PGV/PGA topple a rock under the first branch, as of curves."""
+        fragility = self.fragility(rows, ratios)(self.levels)
+        rates = np.zeros((len(ratios), len(self.levels)))
+        parts = self.counted[[0]].toarray().reshape(fragility.shape) * fragility
+        np.add.at(rates, self._row(ratios), parts)
+        return self.levels / np.sqrt(FINEST), rates
+
+    def _row(self, ratios: Array) -> Indices:
+        """The row that each cell of PGV/PGA is in, shape (cells,)."""
+        return np.searchsorted(borders_of(ratios), np.append(0.0, self.borders), side="right")
+
+    def resampled(self, fragility: Fragility, number: int, seed: int = 1) -> Array:
+        """Rates of toppling of other catalogues that might have been simulated.
+
+        A bootstrap over ruptures, each there as often as Poisson's law has it, with all of its
+        earthquakes in all branches.
+
+        Returns
+        -------
+        ndarray, shape (number, branches) [1/year]
+        """
+        events, rng = self.events, np.random.default_rng(seed)
+        chance = fragility(self.levels).ravel()[self.place] / events.years
+        shape = int(events.rupture.max()) + 1, self.counted.shape[0]
+        of_rupture = sparse.csr_array((chance, (events.rupture, events.branch)), shape=shape).T
+        return np.array([of_rupture @ rng.poisson(1.0, shape[0]) for _ in range(number)])
+
+
+Shaking = CurveShaking | EventShaking
+
+
+def counted_shaking(events: Events, ratio: Array, borders: Array, weights: Array) -> EventShaking:
+    """Shaking of events, counted.
+
+    Parameters
+    ----------
+    ratio : ndarray, shape (n,) [s], PGV/PGA of each event
+    borders : ndarray, shape (cells - 1,) [s], ascending, between which fragilities do not change
+    weights : ndarray, shape (branches,)
+    """
+    x, step = np.log(events.pga), np.log(FINEST)
+    part = ((x - x.min()) / step).astype(np.int64)
+    number = int(part.max()) + 1
+    levels = np.exp(x.min() + step * (np.arange(number) + 0.5))
+    place = np.searchsorted(borders, ratio, side="right") * number + part
+    shape = len(weights), (len(borders) + 1) * number
+    each = np.full(len(place), 1.0 / events.years)
+    rates = sparse.csr_array((each, (events.branch, place)), shape=shape)
+    rates.sum_duplicates()
+    table = table_of(events.pga, ratio, weights[events.branch])
+    return EventShaking(levels, borders, rates, table, events, place)
