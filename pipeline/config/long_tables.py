@@ -76,9 +76,11 @@ def parts(path: Path, model: type[Row]) -> Iterator[dict[str, Any]]:
     begun = 0
     try:
         for part in pd.read_csv(
-            path, names=names, skiprows=number, dtype=kinds, chunksize=PART, index_col=False,
+            path, names=names, skiprows=number, dtype=kinds, chunksize=PART,
             keep_default_na=False, na_values=[], encoding="utf-8",
         ):  # fmt: skip
+            if not isinstance(part.index, pd.RangeIndex):
+                raise refused(path, "", "more fields than names", f"each row has {len(names)}")
             found = {name: part[name].to_numpy() for name in names if name in model.model_fields}
             _check(path, model, found, part[names[-1]].to_numpy() == "", begun)
             yield found

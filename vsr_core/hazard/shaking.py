@@ -12,7 +12,6 @@ from vsr_core.hazard.curve import HazardCurve, mean_curve
 from vsr_core.hazard.events import Events, table_of
 from vsr_core.hazard.ratio import RatioTable
 from vsr_core.hazard.toppling import (
-    FINEST,
     PARTS,
     Fragility,
     RowFragility,
@@ -25,6 +24,10 @@ from vsr_core.hazard.toppling import (
 REACH = 10.0
 """How far beyond the first and last level of shaking a fragility is known, as a factor: components
 and scale factors move the shaking along it."""
+
+
+PART = 1.002
+"""Factor between the borders of parts of PGA in which events are counted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +120,7 @@ class EventShaking:
         """
         row = self._row(ratios)
         first, last = np.log(self.levels[[0, -1]]) + np.log([1.0 / REACH, REACH])
-        step = np.log(FINEST)
+        step = np.log(PART)
         known = rows(np.exp(np.arange(first, last + step, step)))
 
         def fragility(level: Array) -> Array:
@@ -146,7 +149,7 @@ class EventShaking:
         rates = np.zeros((len(ratios), len(self.levels)))
         parts = self.counted[[0]].toarray().reshape(fragility.shape) * fragility
         np.add.at(rates, self._row(ratios), parts)
-        return self.levels / np.sqrt(FINEST), rates
+        return self.levels / np.sqrt(PART), rates
 
     def _row(self, ratios: Array) -> Indices:
         """The row that each cell of PGV/PGA is in, shape (cells,)."""
@@ -163,10 +166,19 @@ class EventShaking:
         ndarray, shape (number, branches) [1/year]
         """
         events, rng = self.events, np.random.default_rng(seed)
-        chance = fragility(self.levels).ravel()[self.place] / events.years
         shape = int(events.rupture.max()) + 1, self.counted.shape[0]
-        of_rupture = sparse.csr_array((chance, (events.rupture, events.branch)), shape=shape).T
+        own = self._each(fragility), (events.rupture, events.branch)
+        of_rupture = sparse.csr_array(own, shape=shape).T
         return np.array([of_rupture @ rng.poisson(1.0, shape[0]) for _ in range(number)])
+
+    def variance_of_independent(self, fragility: Fragility) -> Array:
+        """Variance of the rates if each event were a rupture of its own, shape (branches,)."""
+        own = self._each(fragility) ** 2
+        return np.bincount(self.events.branch, own, self.counted.shape[0]).astype(np.float64)
+
+    def _each(self, fragility: Fragility) -> Array:
+        """What each event adds to the rate of its branch [1/year]."""
+        return fragility(self.levels).ravel()[self.place] / self.events.years
 
 
 Shaking = CurveShaking | EventShaking
@@ -181,7 +193,7 @@ def counted_shaking(events: Events, ratio: Array, borders: Array, weights: Array
     borders : ndarray, shape (cells - 1,) [s], ascending, between which fragilities do not change
     weights : ndarray, shape (branches,)
     """
-    x, step = np.log(events.pga), np.log(FINEST)
+    x, step = np.log(events.pga), np.log(PART)
     part = ((x - x.min()) / step).astype(np.int64)
     number = int(part.max()) + 1
     levels = np.exp(x.min() + step * (np.arange(number) + 0.5))

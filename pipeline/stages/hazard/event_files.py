@@ -298,7 +298,7 @@ def _model(
         if values is None:
             continue
         own = values / UNITS[measure]
-        levels = _levels(own, LOWEST * LEVELS[measure][0])
+        levels = _levels(own, events.branch, LOWEST * LEVELS[measure][0])
         rates = events.rates(own, levels, len(kept))
         for row, of_branch in zip(kept, rates.tolist(), strict=True):
             one = {"measure": measure, "levels": levels.tolist(), "values": of_branch}
@@ -309,8 +309,10 @@ def _model(
     return replace(found, unused=tuple(unused))
 
 
-def _levels(values: Array, lowest: float) -> Array:
-    """Levels of a curve, from the least value or the lowest to the largest."""
-    high = float(values.max())
-    low = min(max(float(values.min()), lowest), high / STEP)
+def _levels(values: Array, branch: Indices, lowest: float) -> Array:
+    """Levels of a curve up to the largest value, two or more of them below that of each branch."""
+    strongest = np.zeros(int(branch.max()) + 1)
+    np.maximum.at(strongest, branch, values)
+    high = float(strongest.max())
+    low = min(max(float(values.min()), lowest), float(strongest.min()) / STEP**2)
     return np.geomspace(low, high, 2 + int(np.log(high / low) / np.log(STEP)))

@@ -264,6 +264,7 @@ def _events(assumed: AssumedShaking, hazard: xr.Dataset) -> dict[str, Any] | Non
         "correlation": events.correlation() if DRAWN_AGAIN in rates else math.nan,
         "rate": rates[BASE_CASE],
         "error": hazard["mean_toppling_rate_error"].item(),
+        "independent": hazard["mean_toppling_rate_error_independent"].item(),
         "anew": rates.get(DRAWN_AGAIN),
     }
 

@@ -236,5 +236,6 @@ def _sampled(errors: Sampling | None) -> xr.Dataset:
             "toppling_rate_error": ("branch", errors.rates),
             "survival_sampling_error": ("branch", errors.survival),
             "mean_toppling_rate_error": ((), errors.mean_rate),
+            "mean_toppling_rate_error_independent": ((), errors.mean_rate_independent),
         }
     )

@@ -276,11 +276,13 @@ class Sampling:
     ----------
     rates : ndarray, shape (branches,) [1/year], of toppling
     mean_rate : float [1/year], of the prior mean of the branches
+    mean_rate_independent : float [1/year], the same if each earthquake were a rupture of its own
     survival : ndarray, shape (branches,)
     """
 
     rates: Array
     mean_rate: float
+    mean_rate_independent: float
     survival: Array
 
 
@@ -291,14 +293,16 @@ def sampling(analysis: SurvivalAnalysis, results: BranchResults) -> Sampling | N
     """
     if not isinstance(analysis.shaking, EventShaking):
         return None
-    drawn = analysis.shaking.resampled(analysis.together, CATALOGUES)
+    together = analysis.together
+    drawn = analysis.shaking.resampled(together, CATALOGUES)
+    variance = analysis.weights**2 @ analysis.shaking.variance_of_independent(together)
     off = np.divide(drawn, results.rates, out=np.ones_like(drawn), where=results.rates > 0.0)
     factors = np.linspace(off.min(), off.max(), _FACTORS)
     known = [analysis.survival(partial(_times, one, analysis.shaking)) for one in factors]
     log_known = np.log(np.maximum(known, _LEAST))
     stood = [np.exp(np.interp(off[:, i], factors, log_known[:, i])) for i in range(off.shape[1])]
-    means = drawn @ analysis.weights
-    return Sampling(drawn.std(axis=0), float(means.std()), np.std(stood, axis=1))
+    mean = float((drawn @ analysis.weights).std())
+    return Sampling(drawn.std(axis=0), mean, float(np.sqrt(variance)), np.std(stood, axis=1))
 
 
 def _times(factor: float, shaking: Shaking, fragility: Fragility) -> Array:

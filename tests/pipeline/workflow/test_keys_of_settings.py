@@ -174,6 +174,12 @@ BASES = {
         "georeference",
     ),
     "observed": Base("cuboid_1x1x2", ("hazard",), (STEP, *ASKED, OBSERVED), "observations"),
+    "events": Base(
+        "cuboid_1x1x2",
+        ("hazard",),
+        (STEP, "hazard.events=events", "hazard.effective_time=1000.0", ASKED[1]),
+        "hazard.e",
+    ),
     "lognormal": of_age("{kind: lognormal, median: 10000, log_sd: 0.3}"),
     "bounds": of_age("{kind: bounds, low: 9000, high: 20000}"),
     "samples": of_age("{kind: samples, values: [9000, 10000]}"),

@@ -1,0 +1,201 @@
+"""Files of stochastic event sets: what is read of them, and what is refused."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.config import long_tables
+from pipeline.config.problems import InputError
+from pipeline.stages.hazard import event_files
+from tests.support.event_sets import EventSet
+from vsr_core import GRAVITY
+from vsr_core.hazard.events import Events
+
+YEARS = 100.0
+
+FILES = {
+    "ruptures_5.csv": "#,,\"investigation_time=50.0, ses_per_logic_tree_path=2\"\n"
+    "rup_id,multiplicity,mag,centroid_lon,centroid_lat,centroid_depth,trt,strike,dip,rake\n"
+    "8,3,6.5,-120.0,35.0,8.0,Active Shallow Crust,0.0,90.0,180.0\n"
+    "30,2,7.0,-121.0,35.0,8.0,Active Shallow Crust,0.0,90.0,180.0\n",
+    "events_5.csv": "#,,\"generated_by='OpenQuake engine 3.26.2'\"\n"
+    "event_id,rup_id,rlz_id,year,ses_id\n"
+    "0,8,1,110,1\n1,8,0,20,1\n2,8,1,150,2\n3,30,0,90,2\n4,30,1,190,1\n",
+    "gmf-data_5.csv": "#,,\"generated_by='OpenQuake engine 3.26.2'\"\n"
+    "event_id,gmv_PGA,gmv_PGV,gmv_SA(1.0),custom_site_id\n"
+    "3,0.3,30.0,0.4,9q6\n0,0.1,8.0,0.1,9q6\n1,0.2,15.0,0.2,9q6\n2,0.0,5.0,0.1,9q6\n"
+    "4,0.4,50.0,0.5,9q6\n",
+    "realizations_5.csv": "rlz_id,branch_path,weight\n0,A~0,0.4\n1,A~1,0.6\n",
+    "sitemesh_5.csv": "custom_site_id,lon,lat\n9q6,-121.0,35.0\n",
+}  # fmt: skip
+
+
+def written(folder: Path, **others: str) -> Path:
+    for name, text in FILES.items():
+        (folder / name).write_text(others.get(name[:3], text), encoding="utf-8")
+    return folder
+
+
+def by_number(events: Events) -> list[tuple[float, ...]]:
+    pgv = events.pgv if events.pgv is not None else np.zeros(len(events.pga))
+    columns = events.branch, events.rupture, events.pga / GRAVITY, pgv
+    return sorted(tuple(np.round(row, 6).tolist()) for row in np.column_stack(columns))
+
+
+def test_events_are_those_of_their_branches_and_ruptures(tmp_path: Path) -> None:
+    """One without PGA topples nothing; the second rupture runs through the site."""
+    found = event_files.load(written(tmp_path), None)
+    events, hazard = found.events, found.model
+    assert events.years == YEARS
+    assert by_number(events) == [
+        (0, 0, 0.2, 0.15), (0, 1, 0.3, 0.3), (1, 0, 0.1, 0.08), (1, 1, 0.4, 0.5)
+    ]  # fmt: skip
+    assert [(one.name, one.path, one.weight) for one in hazard.branches] == [
+        ("0", "A~0", 0.4), ("1", "A~1", 0.6)
+    ]  # fmt: skip
+    assert hazard.location == (-121.0, 35.0)
+    assert hazard.unused == ("1 event without PGA left out",)
+    assert events.ruptures is not None
+    kilometres = 111.195 * np.cos(np.radians(35.0))
+    np.testing.assert_allclose(events.ruptures.distances, [kilometres, 0.0], rtol=1e-6)
+    for branch, strongest in zip(hazard.branches, (0.3, 0.4), strict=True):
+        rates = branch.pga.rate_at(GRAVITY * np.array([0.15, 0.95 * strongest]))
+        number = 2 if branch.name == "0" else 1
+        np.testing.assert_allclose(rates, [number / YEARS, 1.0 / YEARS], rtol=1e-9)
+
+
+def test_parts_and_an_order_of_rows_change_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = EventSet(2_000.0).write(tmp_path)
+    whole = event_files.load(folder, None)
+    path = folder / "gmf-data_1.csv"
+    *first, last = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([*first[:2], last, *first[2:]]))
+    monkeypatch.setattr(long_tables, "PART", 17)
+    parts = event_files.load(folder, None)
+    assert parts is not whole
+    assert by_number(parts.events) == by_number(whole.events)
+    assert len(whole.events.pga) > 100
+
+
+def test_pgv_places_and_ruptures_may_be_missing(tmp_path: Path) -> None:
+    without = FILES["gmf-data_5.csv"].replace("gmv_PGV", "gmv_SA(0.3)")
+    events = event_files.load(written(tmp_path, gmf=without), None).events
+    assert events.pgv is None
+    (tmp_path / "sitemesh_5.csv").unlink()
+    found = event_files.load(tmp_path, YEARS)
+    assert found.model.location is None
+    assert found.events.ruptures is None
+    (tmp_path / "ruptures_5.csv").unlink()
+    with pytest.raises(InputError, match=r"set hazard\.effective_time"):
+        event_files.load(tmp_path, None)
+    again = event_files.load(tmp_path, YEARS).events
+    assert by_number(again) == by_number(events)
+
+
+def test_branches_without_weight_are_left_out_with_their_events(tmp_path: Path) -> None:
+    weights = "rlz_id,branch_path,weight\n1,A~1,1.0\n0,A~0,0.0\n"
+    found = event_files.load(written(tmp_path, rea=weights), None)
+    assert [one.name for one in found.model.branches] == ["1"]
+    assert by_number(found.events) == [(0, 0, 0.1, 0.08), (0, 1, 0.4, 0.5)]
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "words"),
+    [
+        ("gmf-data", "\n3,0.3", "\n9,0.3", "event_id: got event 9; it is one of those in events_5"),
+        ("gmf-data", "\n3,0.3", "\n0,0.3", "event_id: got 0 twice"),
+        ("gmf-data", "3,0.3", "3,-0.3", "gmv_PGA: got -0.3 in row 1"),
+        ("gmf-data", "3,0.3", "3,inf", "gmv_PGA: got inf in row 1"),
+        ("gmf-data", "3,0.3", "3,strong", "could not convert string to float: 'strong'"),
+        ("gmf-data", "3,0.3", "3,29.4", "gmv_PGA: got 29.4 in row 1"),
+        ("gmf-data", "3,0.3,30.0,0.4,9q6", "3,0.3,30.0,0.4", "fewer fields in row 1"),
+        ("gmf-data", "3,0.3,30.0,0.4", "3,0.3,30.0,0.4,0.5", "a table that cannot be read"),
+        ("gmf-data", "1,0.2,15.0", "1,0.2,1,15.0", "Expected 5 fields in line 5, saw 6"),
+        ("gmf-data", "0.4,50.0,0.5,9q6\n", "0.4,50.0,0.5,9q6", "a last line without its end"),
+        ("gmf-data", "gmv_PGA", "PGA", "gmv_PGA: got no such column"),
+        ("gmf-data", "gmv_PGV", "gmv_PGA", "gmv_PGA: got a column twice"),
+        ("events", "\n0,8,1,110,1", "\n0,8,1,110,1,1", "fewer fields in row 2"),
+        ("events", "\n1,8,0,", "\n1,8,5,", "rlz_id: got 5 of event 1"),
+        ("events", "\n1,8,0,", "\n0,8,0,", "event_id: got 0 twice"),
+        ("events", "\n1,8,", "\n1,9,", "rup_id: got no 9"),
+        ("events", "4,30,1,190", "4,30,1,250", "year: got years 140 apart"),
+        ("events", "\n1,8,0,", "\n1.5,8,0,", "a table that cannot be read"),
+        ("events", "year", "year,ses_id", "ses_id: got a column twice"),
+        ("realizations", "0,A~0,0.4", "0,A~0,0.3\n2,A~2,0.1", "no event of realization 2"),
+        ("realizations", "0.4", "0.3", "sum to 1"),
+        ("ruptures", "time=50.0", "time=-50.0", "-50.0 times 2"),
+        ("ruptures", "\n30,2,", "\n8,2,", "rup_id: got 8 twice"),
+        ("ruptures", "35.0,8.0", "95.0,8.0", "centroid_lat: got 95.0 in row 1"),
+        ("sitemesh", "35.0\n", "35.0\n9q7,-121.1,35.0\n", "lon, lat: got 2 sites"),
+    ],
+)
+def test_what_breaks_a_rule_is_refused_in_one_line(
+    tmp_path: Path, file: str, old: str, new: str, words: str
+) -> None:
+    path = written(tmp_path) / f"{file}_5.csv"
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(words)) as error:
+        event_files.load(tmp_path, None)
+    assert str(error.value).count("\n") == 0
+    assert str(tmp_path) in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["gmf-data", "events", "realizations"])
+def test_a_file_that_is_missing_or_there_twice_is_named(tmp_path: Path, name: str) -> None:
+    path = written(tmp_path) / f"{name}_5.csv"
+    (tmp_path / f"{name}_6.csv").write_text(path.read_text())
+    with pytest.raises(InputError, match=f"got 2 files {name}"):
+        event_files.load(tmp_path, None)
+    path.unlink()
+    (tmp_path / f"{name}_6.csv").unlink()
+    with pytest.raises(InputError, match=f"{name}: got no such file"):
+        event_files.load(tmp_path, None)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("gmv_PGA", 9.80665), "1 is exceeded at most 0.01 times a year anywhere"),
+        (("gmv_PGV", 0.01), "in cm/s the first is up to 100, the last 5 to 2000"),
+        (("gmv_PGA", 0.01), "the last 0.05 to 20"),
+    ],
+)
+def test_other_units_are_not_plausible(
+    tmp_path: Path, change: tuple[str, float], words: str
+) -> None:
+    """PGA in m/s^2 or percent of g, PGV in m/s."""
+    folder = EventSet(2_000.0).write(tmp_path)
+    path = folder / "gmf-data_1.csv"
+    first, names, *rows = path.read_text().splitlines()
+    at = names.split(",").index(change[0])
+    for i, row in enumerate(rows):
+        cells = row.split(",")
+        cells[at] = f"{float(cells[at]) * change[1]:.5E}"
+        rows[i] = ",".join(cells)
+    path.write_text("\n".join([first, names, *rows, ""]))
+    with pytest.raises(InputError, match=words):
+        event_files.load(folder, None)
+
+
+def test_an_effective_time_that_does_not_fit_is_refused(tmp_path: Path) -> None:
+    """One that the header contradicts, and one of which the years fill a fifth."""
+    folder = EventSet(2_000.0).write(tmp_path)
+    assert event_files.load(folder, 2_000.0).events.years == 2_000.0
+    with pytest.raises(InputError, match=r"hazard.effective_time: got 1000; the files say 2000"):
+        event_files.load(folder, 1_000.0)
+    path = folder / "ruptures_1.csv"
+    path.write_text(path.read_text().replace("path=2000", "path=10000"))
+    with pytest.raises(InputError, match=r"apart only; each realization is of 10000 years"):
+        event_files.load(folder, None)
+    path.write_text(path.read_text().replace("ses_per_logic_tree_path", "ses"))
+    with pytest.raises(InputError, match=r"each realization is of 1000 years"):
+        event_files.load(folder, 1_000.0)
+    assert event_files.load(folder, 2_000.0).events.years == 2_000.0

@@ -1,0 +1,129 @@
+"""Made-up stochastic event sets, in files as OpenQuake exports them.
+
+`python tests/support/event_sets.py data/raw/hazard/made_up_events` writes the sample.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsr_core import GRAVITY
+from vsr_core.hazard.events import distance_of
+from vsr_core.hazard.ratio import PGA, PGV
+
+Array = NDArray[np.float64]
+
+SITE = (-120.86, 35.19)
+DEGREE = 111.195
+
+
+@dataclass(frozen=True)
+class EventSet:
+    """What a made-up set is made of.
+
+    Attributes
+    ----------
+    years : float, of each branch
+    rates : dict, from the path of a branch to its weight, and earthquakes a year from M 5 on
+    correlation : float, of the residuals of ln PGA and ln PGV
+    """
+
+    years: float = 20_000.0
+    rates: tuple[tuple[str, float, float], ...] = (
+        ("slow", 0.3, 0.03), ("middle", 0.4, 0.06), ("fast", 0.3, 0.12),
+    )  # fmt: skip
+    correlation: float = 0.0
+    ruptures: int = 1500
+    seed: int = 1
+
+    def drawn(self) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Ruptures, and events in the order of their numbers: PGA in g, PGV in cm/s."""
+        rng, number = np.random.default_rng(self.seed), self.ruptures
+        steep = 0.9 * math.log(10.0)  # Gutenberg and Richter's, from 5 to 7.4
+        share = rng.uniform(size=number) * -math.expm1(-2.4 * steep)
+        magnitude = 5.0 - np.log1p(-share) / steep
+        east, north = rng.uniform(-30.0, 30.0, (2, number))
+        rupture = {
+            "mag": magnitude,
+            "centroid_lon": SITE[0] + east / DEGREE / math.cos(math.radians(SITE[1])),
+            "centroid_lat": SITE[1] + north / DEGREE,
+            "strike": rng.choice([140.0, 320.0], number),
+            "dip": rng.choice([60.0, 90.0], number),
+        }
+        branch, of = [], []
+        for at, (_, _, rate) in enumerate(self.rates):
+            count = rng.poisson(rate * self.years / number, number)
+            of.append(np.repeat(np.arange(number), count))
+            branch.append(np.full(count.sum(), at))
+        event = {"rup": np.concatenate(of), "rlz": np.concatenate(branch)}
+        order = np.argsort(event["rup"], kind="stable")
+        event = {name: values[order] for name, values in event.items()}
+        first = 1 + event["rlz"] * self.years
+        event["year"] = (first + rng.integers(0, int(self.years), len(order))).astype(int)
+        distance = distance_of(
+            magnitude, -east / DEGREE, -north / DEGREE, rupture["strike"], rupture["dip"]
+        )
+        own = magnitude[event["rup"]], distance[event["rup"]]
+        one, other = rng.standard_normal((2, len(order)))
+        other = self.correlation * one + math.sqrt(1.0 - self.correlation**2) * other
+        event["pga"] = np.exp(PGA.log_median(*own) + PGA.log_sd * one) / GRAVITY
+        event["pgv"] = 100.0 * np.exp(PGV.log_median(*own) + PGV.log_sd * other)
+        return rupture, event
+
+    def write(self, folder: Path) -> Path:
+        """The files of a folder."""
+        rupture, event = self.drawn()
+        folder.mkdir(parents=True, exist_ok=True)
+        told = f'"made_up=1, investigation_time=1.0, ses_per_logic_tree_path={self.years:.0f}"'
+        ids = 7 + np.arange(self.ruptures)  # as they are no places in the file
+        table(
+            folder / "ruptures_1.csv",
+            told,
+            "rup_id,multiplicity,mag,centroid_lon,centroid_lat,strike,dip",
+            "%d,%d,%.5f,%.5f,%.5f,%.1f,%.1f",
+            ids,
+            np.bincount(event["rup"], minlength=self.ruptures),
+            *(rupture[name] for name in ("mag", "centroid_lon", "centroid_lat", "strike", "dip")),
+        )
+        number = np.arange(len(event["rup"]))
+        table(
+            folder / "events_1.csv",
+            "made_up=1",
+            "event_id,rup_id,rlz_id,year,ses_id",
+            "%d,%d,%d,%d,%d",
+            number,
+            ids[event["rup"]],
+            event["rlz"],
+            event["year"],
+            1 + number % 100,
+        )
+        table(
+            folder / "gmf-data_1.csv",
+            "made_up=1",
+            "event_id,gmv_PGA,gmv_PGV,custom_site_id",
+            "%d,%.5E,%.5E,9q601y0k",
+            number,
+            event["pga"],
+            event["pgv"],
+        )
+        lines = [f"{n},{name},{weight}" for n, (name, weight, _) in enumerate(self.rates)]
+        lines = ["# made_up=1", "rlz_id,branch_path,weight", *lines, ""]
+        (folder / "realizations_1.csv").write_text("\n".join(lines), encoding="utf-8")
+        site = f"# made_up=1\ncustom_site_id,lon,lat\n9q601y0k,{SITE[0]},{SITE[1]}\n"
+        (folder / "sitemesh_1.csv").write_text(site, encoding="utf-8")
+        return folder
+
+
+def table(path: Path, told: str, names: str, form: str, *columns: Array) -> None:
+    head = f"# {told}\n{names}"
+    np.savetxt(path, np.column_stack(columns), form, header=head, comments="", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    EventSet().write(Path(sys.argv[1]))
