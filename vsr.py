@@ -147,20 +147,14 @@ def uncertainty(site: Site, *layers: Settings, **options: Any) -> xr.Dataset:
 
 
 def hazard(
-    site: Site,
-    *layers: Settings,
-    curves: str | os.PathLike[str] | None = None,
-    events: str | os.PathLike[str] | None = None,
-    **options: Any,
+    site: Site, *layers: Settings, curves: str | os.PathLike[str] | None = None, **options: Any
 ) -> xr.Dataset:
     """Survival probability of the rock under each branch of a hazard model.
 
     Parameters
     ----------
-    curves, events : path of its curves, or events, from the working folder; by default those of
-        the site
+    curves : path of its curves, from the working folder; by default ``hazard.curves`` of the site
     """
-    if curves is not None or events is not None:
-        given = {"hazard.curves": curves, "hazard.events": events}
-        layers += ({key: path and str(Path(path).resolve()) for key, path in given.items()},)
+    if curves is not None:
+        layers += ({"hazard.curves": str(Path(curves).resolve())},)
     return run("hazard", site, *layers, **options)

@@ -23,7 +23,7 @@ PART = 500_000
 _FIRST = 64 * 1024
 """Bytes in which the line of names ends."""
 
-_KINDS = {"int": np.int64, "float": np.float64}
+_KINDS = {"int": np.int64, "float": np.float64, "float | None": np.float64}
 
 _LIMITS = {"ge": np.less, "gt": np.less_equal, "le": np.greater, "lt": np.greater_equal}
 """What is beyond the limits of a field."""
@@ -72,17 +72,19 @@ def parts(path: Path, model: type[Row]) -> Iterator[dict[str, Any]]:
     if missing := [name for name in needed if name not in names]:
         rule = f"there are columns {', '.join(needed)}"
         raise refused(path, missing[0], "no such column", rule)
-    kinds = {name: _KINDS.get(model.__annotations__.get(name, ""), "category") for name in names}
+    kinds = {name: kind for name, of in model.__annotations__.items() if (kind := _KINDS.get(of))}
     begun = 0
     try:
         for part in pd.read_csv(
-            path, names=names, skiprows=number, dtype=kinds, chunksize=PART,
+            path, names=names, skiprows=number, dtype=kinds, chunksize=PART, low_memory=False,
             keep_default_na=False, na_values=[], encoding="utf-8",
         ):  # fmt: skip
             if not isinstance(part.index, pd.RangeIndex):
                 raise refused(path, "", "more fields than names", f"each row has {len(names)}")
             found = {name: part[name].to_numpy() for name in names if name in model.model_fields}
-            _check(path, model, found, part[names[-1]].to_numpy() == "", begun)
+            last = part[names[-1]]
+            short = np.zeros(len(part), bool) if last.dtype.kind in "if" else last == ""
+            _check(path, model, found, short, begun)
             yield found
             begun += len(part)
     except (ValueError, OverflowError) as error:

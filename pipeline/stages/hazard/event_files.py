@@ -178,12 +178,19 @@ def _years(paths: dict[str, Path], given: float | None) -> float:
     return years
 
 
-def _all(path: Path, row: type[Row]) -> dict[str, Any]:
-    """All of a long table."""
+def _all(path: Path, row: type[Row], number: str) -> dict[str, Any]:
+    """All of a long table, in the order of numbers, each of which is there once."""
     found = list(long_tables.parts(path, row))
-    if not found or not len(next(iter(found[0].values()))):
+    if not found or not len(found[0][number]):
         raise refused(path, "", "no rows", "there is one or more")
-    return {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+    whole = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+    if not (np.diff(whole[number]) > 0).all():
+        order = np.argsort(whole[number], kind="stable")
+        whole = {name: values[order] for name, values in whole.items()}
+    ids = whole[number]
+    if len(twice := np.flatnonzero(ids[1:] == ids[:-1])):
+        raise refused(path, number, f"{ids[twice[0]]} twice", "it is in one row")
+    return whole
 
 
 def _places(sought: Indices, among: Indices) -> tuple[Indices, Indices]:
@@ -194,12 +201,8 @@ def _places(sought: Indices, among: Indices) -> tuple[Indices, Indices]:
 
 def _events(path: Path, weights: list[Realization], years: float) -> dict[str, Any]:
     """Events in the order of their numbers, each with its branch, -1 in one of weight 0."""
-    found = _all(path, Event)
-    order = np.argsort(found["event_id"], kind="stable")
-    found = {name: values[order] for name, values in found.items()}
+    found = _all(path, Event, "event_id")
     ids = found["event_id"]
-    if len(twice := np.flatnonzero(ids[1:] == ids[:-1])):
-        raise refused(path, "event_id", f"{ids[twice[0]]} twice", "an event is in one row")
     numbers = np.array([row.rlz_id for row in weights])
     at, lost = _places(found["rlz_id"], numbers)
     if len(lost):
@@ -244,24 +247,22 @@ def _place(path: Path) -> Place:
 def _shaken(path: Path, of_events: Path, ids: Indices) -> tuple[Indices, Array, Array | None]:
     """Place among the events, PGA [g] and PGV [cm/s] of each event that is felt."""
     places, pga, pgv = [], [], []
-    seen = np.zeros(len(ids), dtype=np.uint8)
     for part in long_tables.parts(path, Shaken):
         at, lost = _places(part["event_id"], ids)
         if len(lost):
             given = f"event {part['event_id'][lost[0]]}"
             raise refused(path, "event_id", given, f"it is one of those in {of_events.name}")
-        np.add.at(seen, at, 1)
-        if (seen > 1).any():
-            rule, remedy = "an event is in one row", "export those of the rock's site only"
-            raise refused(path, "event_id", f"{ids[np.argmax(seen)]} twice", rule, remedy)
         places.append(at.astype(np.int32))
         pga.append(part["gmv_PGA"].astype(np.float32))
         if "gmv_PGV" in part:
             pgv.append(part["gmv_PGV"].astype(np.float32))
     if not places:
         raise refused(path, "", "no rows", "there is one for each event that is felt")
-    velocity = np.concatenate(pgv) if pgv else None
-    return np.concatenate(places), np.concatenate(pga), velocity
+    at = np.concatenate(places)
+    if (seen := np.bincount(at)).max() > 1:
+        rule, remedy = "an event is in one row", "export those of the rock's site only"
+        raise refused(path, "event_id", f"{ids[np.argmax(seen)]} twice", rule, remedy)
+    return at, np.concatenate(pga), np.concatenate(pgv) if pgv else None
 
 
 def _ruptures(
@@ -270,12 +271,8 @@ def _ruptures(
     """Place of each event's rupture, and magnitudes and distances where they are told."""
     if path is None or place is None:
         return np.unique(of_events, return_inverse=True)[1].astype(np.int32), None
-    found = _all(path, Rupture)
-    order = np.argsort(found["rup_id"], kind="stable")
-    found = {name: values[order] for name, values in found.items()}
+    found = _all(path, Rupture, "rup_id")
     ids = found["rup_id"]
-    if len(twice := np.flatnonzero(ids[1:] == ids[:-1])):
-        raise refused(path, "rup_id", f"{ids[twice[0]]} twice", "a rupture is in one row")
     at, lost = _places(of_events, ids)
     if len(lost):
         rule = "each rupture of an event is there"
