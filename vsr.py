@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,9 @@ Settings = Mapping[str, Any]
 """Keys of the configuration, as in a site's YAML."""
 
 Site = str | os.PathLike[str] | Settings
+
+WITHOUT_DATASET = ("stability", "geodata", "model")
+"""Products that are files of other kinds."""
 
 
 def box(x: float, y: float, z: float, density: float) -> Settings:
@@ -90,11 +94,10 @@ def run(
     """
     import xarray
 
-    if product == "stability":
-        rule, remedy = (
-            "it has a table and a page, and no dataset",
-            "use the command vsr run stability",
-        )
+    from pipeline.inspection import in_notebook
+
+    if product in WITHOUT_DATASET:
+        rule, remedy = "it has no dataset", f"use the command vsr run {product}"
         raise InputError(Problem("vsr.run", "", product, rule, remedy))
     folder = Path(derived or working_folder() / "data" / "derived")
     if isinstance(site, Mapping):
@@ -103,16 +106,24 @@ def run(
         path.write_text(json.dumps(_plain(site), indent=1), encoding="utf-8")  # which is YAML, too
         site = path
     given = "--table" if product == "validation" else "--site"
-    words = ["run", product, given, os.fspath(site), "--derived", str(folder)]
+    words = [given, os.fspath(site), "--derived", str(folder)]
     for layer in (*layers, keys):
         for key, value in layer.items():
             words += ["--set", f"{key}={json.dumps(_plain(value))}"]
     words += ["--study", study] if study else []
     words += [] if workers is None else ["--workers", str(workers)]
-    job, _ = commands.made(cli.parsed(words))
+    job, _ = commands.made(cli.parsed(["run", product, *words]))
     study_of_sweep = job.store.folder / "study.nc"
     own = job.store.folder / f"{'fragility' if product == 'report' else product}.nc"
-    return xarray.load_dataset(study_of_sweep if study_of_sweep.exists() else own)
+    made = study_of_sweep if study_of_sweep.exists() else own
+    in_notebook.MADE[made.resolve()] = partial(_replayed, words)
+    return xarray.load_dataset(made)
+
+
+def _replayed(words: list[str], **coordinates: Any) -> Path:
+    """Page that replays a run of what was made with some words of the command line."""
+    at = (f"--{name.replace('_', '-')}={value}" for name, value in coordinates.items())
+    return commands.replayed(cli.parsed(["replay", *words, *at]))
 
 
 def _plain(value: Any) -> Any:

@@ -159,13 +159,18 @@ def feasible(options: argparse.Namespace) -> int:
 
 def replay(options: argparse.Namespace) -> int:
     """Make a page that plays one run of a study, and the study as far as it needs it."""
+    log(f"-> {replayed(options)}")
+    return 0
+
+
+def replayed(options: argparse.Namespace) -> Path:
+    """The page of a replay."""
     make = named("pipeline.stages.replay.replay_page:make")
     given = {name: vars(options)[name] for name in ("yaw", "friction", "pgv_pga", "record", "pga")}
     job = job_of(options)
     with job.store, job.cluster:
         page = make(job, given, options.beside)
-    log(f"-> {job.path(page)}")
-    return 0
+    return job.path(page)
 
 
 def join(options: argparse.Namespace) -> int:

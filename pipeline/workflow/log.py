@@ -61,7 +61,8 @@ def complain(line: str) -> None:
 
 def on_terminal() -> bool:
     """Whether lines are shown on a screen on which they can be written over."""
-    return sys.stderr.isatty() and _SCREEN.level <= logging.INFO
+    in_notebook = type(sys.stderr).__module__.startswith("ipykernel.")
+    return (in_notebook or sys.stderr.isatty()) and _SCREEN.level <= logging.INFO
 
 
 def tell_warnings_once() -> None:

@@ -57,6 +57,7 @@ class Progress:
         self.outcomes: Counter[int] = Counter()
         self._terminal = on_terminal()
         self._start = self._shown = time.monotonic()
+        self._width = 0  # of the widest line so far, over which others are written
 
     def __enter__(self) -> Progress:
         return self
@@ -68,20 +69,26 @@ class Progress:
         trace: TracebackType | None,
     ) -> None:
         if self._terminal:
-            sys.stderr.write("\r\x1b[K")
+            self._show("")
+            sys.stderr.write("\r")
 
     def add(self, outcomes: list[int]) -> None:
         """Count finished runs by outcome code."""
         self.outcomes.update(outcomes)
         now = time.monotonic()
         if self._terminal and now - self._shown >= _SCREEN_SECONDS:
-            sys.stderr.write(f"\r\x1b[K{self.line(now)}")
-            sys.stderr.flush()
+            self._show(self.line(now))
         elif not self._terminal and now - self._shown >= _QUIET_SECONDS:
             self._log(self.line(now))
         else:
             return
         self._shown = now
+
+    def _show(self, line: str) -> None:
+        """Write over what stands there; notebooks do not know how to erase it."""
+        self._width = max(self._width, len(line))
+        sys.stderr.write(f"\r{line:<{self._width}}")
+        sys.stderr.flush()
 
     def line(self, now: float) -> str:
         """The line, at time ``now`` of the monotonic clock [s].

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import html
+import re
 from pathlib import Path
 
 import pytest
 import trimesh
+import xarray as xr
 
 import vsr
 
@@ -37,7 +40,7 @@ def test_a_scan_is_found_from_the_working_folder() -> None:
 
 
 def test_what_has_no_dataset_is_refused_before_any_work() -> None:
-    with pytest.raises(vsr.InputError, match="got stability; it has a table and a page"):
+    with pytest.raises(vsr.InputError, match="got stability; it has no dataset"):
         vsr.run("stability", BLOCK)
     assert not Path("data").exists()
 
@@ -48,3 +51,31 @@ def test_curves_and_tests_are_found_from_the_working_folder() -> None:
     assert "derived" not in str(refused.value)
     with pytest.raises(vsr.InputError, match="my_tests"):
         vsr.run("validation", "my_tests")
+
+
+def test_a_dataset_shows_its_page_its_figure_and_its_runs_in_a_notebook() -> None:
+    made = vsr.fragility(BLOCK, PULSES, derived="results", **QUICK)
+    shown = re.search(r'srcdoc="([^"]*)"', made.vsr._repr_html_())
+    assert shown is not None
+    page = Path("results", "rock", "report.html").read_text(encoding="utf-8")
+    assert html.unescape(shown[1]) == page
+    (diagram,) = made.vsr.plot(yaw=0).axes
+    assert diagram.get_xlabel() == "peak ground acceleration [g]"
+    run = made.vsr.replay(yaw=0, pga=0.9, pgv_pga=0.3)
+    assert "Replay of a run" in run._repr_html_()
+    assert run.path.parent.name == "replays"
+
+
+def test_what_a_dataset_does_not_have_is_refused() -> None:
+    made = vsr.responses(BLOCK, PULSES, **QUICK)
+    with pytest.raises(vsr.InputError, match="got responses; fragility and displacement have"):
+        made.vsr.plot()
+    with pytest.raises(vsr.InputError, match=r"report\.html"):
+        made.vsr.page  # noqa: B018 (it is the asking that fails)
+    with pytest.raises(vsr.InputError, match=r"the grid of the study has PGA 0\.3, 0\.9 g"):
+        made.vsr.replay(yaw=0, pga=0.5, pgv_pga=0.3)
+    with pytest.raises(vsr.InputError, match="a dataset of a product"):
+        xr.Dataset({"x": 1}).vsr  # noqa: B018
+    fragile = vsr.fragility(BLOCK, PULSES, **QUICK)
+    with pytest.raises(vsr.InputError, match="yaw: got 7; it is one of 0; give one of these"):
+        fragile.vsr.plot(yaw=7)
