@@ -81,15 +81,20 @@ class EventSet:
         rupture, event = self.drawn()
         folder.mkdir(parents=True, exist_ok=True)
         told = f'"made_up=1, investigation_time=1.0, ses_per_logic_tree_path={self.years:.0f}"'
-        ids = 7 + np.arange(self.ruptures)  # as they are no places in the file
+        ids = 7 + np.arange(self.ruptures)
+        count = np.bincount(event["rup"], minlength=self.ruptures)
+        there = count > 0  # as OpenQuake tells of no others
         table(
             folder / "ruptures_1.csv",
             told,
             "rup_id,multiplicity,mag,centroid_lon,centroid_lat,strike,dip",
             "%d,%d,%.5f,%.5f,%.5f,%.1f,%.1f",
-            ids,
-            np.bincount(event["rup"], minlength=self.ruptures),
-            *(rupture[name] for name in ("mag", "centroid_lon", "centroid_lat", "strike", "dip")),
+            ids[there],
+            count[there],
+            *(
+                rupture[name][there]
+                for name in ("mag", "centroid_lon", "centroid_lat", "strike", "dip")
+            ),
         )
         number = np.arange(len(event["rup"]))
         table(

@@ -149,6 +149,8 @@ def _loaded(found: tuple[tuple[str, Path], ...], stamps: object, years: float | 
         ruptures,
     )
     unused = []
+    if weak := len(known["event_id"]) - len(at):
+        unused.append(f"{counted(weak, 'event')} without shaking in {path.name}, as too weak")
     if none := int((pga == 0.0).sum()):
         unused.append(f"{counted(none, 'event')} without PGA left out")
     return EventSet(_model(path, events, weights, place, unused), events)
