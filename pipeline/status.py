@@ -37,6 +37,7 @@ from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
 from vsr_core.fragility.bisection import OUTWARD
 from vsr_core.outcome import Outcome
+from vsr_core.uncertainty import step_error
 
 TYPICAL_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 25.0
 """CPU time of a run [ms] before any was measured here."""
@@ -174,9 +175,11 @@ def _planned_between(config: Config, study: Study) -> Beside:
 
 
 def _planned_draws(config: Config, motions: Shaking) -> Beside:
-    """The runs that an ensemble takes as a rule, near its boundaries."""
+    """The runs that an ensemble takes as a rule, near its boundaries, and for its time step."""
     levels, members = len(config.yaw) * len(motions.rows), config.uncertainty.members
-    return Beside(5 * members * levels, 5, levels, members)
+    chosen = config.simulation.time_step == "auto"
+    measuring = step_error.planned(members, levels, chosen=chosen)
+    return Beside(3 * members * levels + measuring, 3, levels, members)
 
 
 def _records(motions: Shaking) -> list[Record]:

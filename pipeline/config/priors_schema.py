@@ -152,7 +152,8 @@ class UncertaintyConfig(PriorsConfig):
     resolution: Resolution = Field(
         "auto",
         description="relative width to which the first overturning of each draw is bracketed; auto "
-        "for 0.01, or the numerical error of the time step where that is larger [1]",
+        "for 0.01, or the numerical error of the draws and the spread of their islands together "
+        "where that is larger [1]",
     )
 
     @field_validator("members")

@@ -144,7 +144,7 @@ import os, signal, sys
 from dataclasses import replace
 
 from pipeline.cli import main
-from pipeline.stages.uncertainty import ensemble
+from pipeline.stages.uncertainty import draw_runs, ensemble
 
 done = []
 
@@ -152,9 +152,9 @@ def simulate(shared, places):
     done.append(len(places))
     if sum(done) > int(sys.argv[1]):
         os.kill(os.getpid(), signal.SIGKILL)
-    return ensemble.simulate_draw(shared, places)
+    return draw_runs.simulate_draw(shared, places)
 
-ensemble.KIND = replace(ensemble.KIND, function=simulate)
+draw_runs.KIND = replace(draw_runs.KIND, function=simulate)
 ensemble.TOGETHER = 2
 sys.exit(main(sys.argv[2:]))
 """

@@ -41,19 +41,22 @@ def test_every_deliverable_ends_with_a_stage_that_is_there() -> None:
 def test_draws_and_compared_settings_are_planned_too(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
-    """12 cells, 5 runs for each level of 3 draws, and 6 cells of a setting with one direction."""
+    """12 cells, and 6 of a setting with one direction; 3 runs for each level of 3 draws.
+
+    These levels are found by 8 runs, and run at 16 PGAs and 2 time steps before.
+    """
     curves = ROOT / "data" / "raw" / "hazard" / "made_up"
     age, compared = "{kind: samples, values: [900]}", "[{name: one way, set: ['yaw=[0]']}]"
     hazard = f"hazard: {{curves: {curves}, age: {age}, compare: {compared}}}\n"
     site = write_site(GRID + "uncertainty: {members: 3}\n" + hazard)
     own = vsr("plan", "uncertainty", "--site", site).out
     assert "draws: 3, each with 6 first overturnings" in own
-    assert "about 90 runs beside" in own
+    assert f"about {3 * 18 + 18 * (8 + 16 * 2)} runs beside" in own
     planned = vsr("plan", "hazard", "--site", site).out
     whole, one_way = planned.split(f"{derived / 'rock' / 'compared' / 'one_way' / 'rock'}:\n")
     assert "runs: 12;" in whole
     assert re.search(r"boundary: about \d+ runs beside, \d in each of 6 levels", whole)
-    assert "about 90 runs beside" in whole
+    assert f"about {3 * 18 + 18 * (8 + 16 * 2)} runs beside" in whole
     assert "runs: 6;" in one_way
     assert "draws" not in one_way
     assert "draws" not in vsr("plan", "fragility", "--site", site).out

@@ -2,7 +2,8 @@
 
 A level is one direction and one row of motions of a draw. Its first overturning is expected where
 those of the draws before lie, shifted by the acceleration that topples each rock steadily, and by
-how far the levels of the same draw that are found are from where they were expected. A run parts
+how far the levels of the same draw that are found are from where they were expected; and straight
+between these levels. The nearer either was in draws before, the more it counts. A run parts
 the bracket where what is expected is as likely above as below, until upper over lower end is as
 asked for. What lies below the bracket is taken to stand, and what lies above it to topple. A run
 that is unresolved guides the search as if the rock stood, and is no end of a bracket.
@@ -22,12 +23,8 @@ from vsr_core.fragility.bisection import Known
 from vsr_core.rock.body import Hull
 from vsr_core.rock.tipping import tipping
 
-STRIDES = (8, 4, 2, 1)
-"""Rows apart that are searched one after the other, each guided by those found before."""
-
-UNSURE = (0.15, 0.02)
-"""How far the first rows, and those between them, are expected to be off before any draw is
-found [ln g]."""
+UNSURE = (0.1, 0.03)
+"""How far the first row, and the others, are expected to be off before any draw is found [ln g]."""
 
 SURE = 0.25
 """Share of a bracket's width that an expectation is never taken to be nearer than."""
@@ -49,8 +46,8 @@ def scales(hull: Hull, yaw: Array) -> Array:
 
     Returns
     -------
-    ndarray, shape (4, k) [ln g]: nothing, the side that a pulse pushes the rock to first, the
-        other side, and their mean
+    ndarray, shape (5, k) [ln g]: the lesser of both sides, the side that a pulse pushes the rock to
+        first, the other side, their mean, and nothing
     """
     return _both_ways(tipping(hull, np.concatenate([math.pi - yaw, -yaw])).overturning)
 
@@ -85,18 +82,21 @@ def tipping_on(points: Array, direction: Array) -> Array:
 
 
 def _both_ways(tipping: Array) -> Array:
-    """The four scales, of the accelerations that topple to either side, shape (2 n,) [g]."""
+    """The five scales, of the accelerations that topple to either side, shape (2 n,) [g]."""
     first, other = np.log(tipping).reshape(2, -1)
-    return np.stack([np.zeros(len(first)), first, other, 0.5 * (first + other)])
+    nothing = np.zeros(len(first))
+    return np.stack([np.minimum(first, other), first, other, 0.5 * (first + other), nothing])
 
 
 def offsets(boundaries: Array, scale: Array) -> tuple[Indices, Array]:
     """Which scale the boundaries of draws go with best in each direction, and how far they are off.
 
+    Those of one draw go with all alike, and the first is taken.
+
     Parameters
     ----------
     boundaries : ndarray, shape (draws, yaws, rows) [ln g], finite
-    scale : ndarray, shape (draws, 4, yaws), as `scales` gives it
+    scale : ndarray, shape (draws, 5, yaws), as `scales` gives it
 
     Returns
     -------
@@ -109,6 +109,23 @@ def offsets(boundaries: Array, scale: Array) -> tuple[Indices, Array]:
     return chosen, np.asarray(offset)
 
 
+def from_others(boundaries: Array, scale: Array, own: Array) -> Array:
+    """Where the boundaries of further draws are expected.
+
+    Parameters
+    ----------
+    boundaries, scale : ndarray, of the draws that are known, as for `offsets`
+    own : ndarray, shape (further draws, 5, yaws), their scales
+
+    Returns
+    -------
+    ndarray, shape (further draws, yaws, rows) [ln g]
+    """
+    chosen, offset = offsets(boundaries, scale)
+    base = np.take_along_axis(own, chosen[None, None], axis=1)[:, 0]
+    return np.asarray(base[..., None] + offset)
+
+
 def stages(count: int, *, ordered: bool) -> list[Indices]:
     """Rows that are searched together: all of those that no order joins, else some, then between.
 
@@ -119,15 +136,30 @@ def stages(count: int, *, ordered: bool) -> list[Indices]:
     Examples
     --------
     >>> [rows.tolist() for rows in stages(7, ordered=True)]
-    [[0, 6], [4], [2], [1, 3, 5]]
+    [[3], [1, 5], [0, 2, 4, 6]]
     """
     if not ordered:
         return [np.arange(count)]
-    found: list[Indices] = []
-    for stride in STRIDES:
-        rows = np.union1d(np.arange(0, count, stride), [count - 1])
-        found.append(np.setdiff1d(rows, np.concatenate(found)) if found else rows)
-    return [rows for rows in found if rows.size]
+    number = np.arange(1, count + 1)
+    apart = number & -number  # the largest power of two that parts it
+    return [np.flatnonzero(apart == stride) for stride in np.unique(apart)[::-1]]
+
+
+def together(ways: Array, off: Array) -> tuple[Array, Array]:
+    """Where the boundary is expected by several ways, and how far that is off.
+
+    Parameters
+    ----------
+    ways : ndarray, shape (ways, ..., rows) [ln g]
+    off : ndarray, shape (ways, rows) [ln g], how far each was in the draws before, above 0
+
+    Returns
+    -------
+    expected : ndarray, shape (..., rows) [ln g]
+    scale : ndarray, shape (rows,) [ln g]
+    """
+    weight = off**-2.0 / (off**-2.0).sum(axis=0)
+    return np.asarray(np.einsum("k...r,kr->...r", ways, weight)), off.min(axis=0)
 
 
 def from_own_rows(expected: Array, found: Array, rows: Indices) -> Array:

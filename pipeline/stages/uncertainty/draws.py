@@ -104,7 +104,7 @@ class Draw:
         return [static_limits(self.rock, contact, yaw) for yaw in self.yaws().tolist()]
 
     def scales(self) -> Array:
-        """What topples it steadily, shape (4, yaws), as ``search.scales`` gives it."""
+        """What topples it steadily, shape (5, yaws), as ``search.scales`` gives it."""
         if self.seat:
             return search.scales_on(self.seat.outline, self.yaws())
         return search.scales(self.rock.hull, self.yaws())

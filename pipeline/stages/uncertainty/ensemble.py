@@ -7,28 +7,23 @@ how often it is wrong.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.config import in_si
-from pipeline.stages.datasets.stored_runs import SIDES
-from pipeline.stages.motions.motion_grid import Cell, Pulses, Shaking, TablePulses
-from pipeline.stages.runs import overturning_runs
-from pipeline.stages.runs.runner import Kind, Run, run_missing
-from pipeline.stages.runs.study import run_keys, scene_digest, shared_identity
+from pipeline.stages.motions.motion_grid import Pulses, TablePulses
+from pipeline.stages.uncertainty.draw_runs import Runner, Search, Table
 from pipeline.stages.uncertainty.draws import Draw
-from pipeline.workflow.rows import RunRow, TerrainRow
 from pipeline.workflow.run_store import RunStore
-from pipeline.workflow.stage import Work
 from vsr_core.arrays import Array, Indices, Mask
-from vsr_core.fragility.bisection import OUTWARD, first_changes, middles
+from vsr_core.fragility.bisection import first_changes, middles
 from vsr_core.outcome import FoundBy
-from vsr_core.run.cases import Case, Settings, TerrainCase, never_starts
+from vsr_core.run.cases import never_starts
 from vsr_core.uncertainty import search
 
 TOGETHER = 8
@@ -40,41 +35,10 @@ CHECKED = 0.005
 
 FOLLOWED = 0.01
 """Share of the levels that are followed below their bracket, to see whether it is first: at all
-cells, and at as many PGAs as `STEPS`, each lower than the one before by the width of a bracket."""
+cells, and at PGAs each lower than the one before by the width of a bracket, down to `REACH`."""
 
-STEPS = 25
-
-Table: TypeAlias = NDArray[np.int8]
-"""Outcomes or flags of cells."""
-
-
-class Place(NamedTuple):
-    """A run of a draw: number of the direction, and the cell with the gain in its PGA."""
-
-    yaw: int
-    cell: Cell
-
-
-def simulate_draw(
-    shared: tuple[tuple[Case | TerrainCase, ...], Settings, Shaking], places: tuple[Place, ...]
-) -> list[tuple[Any, ...]]:
-    """Simulate some runs of one draw, on a worker."""
-    cases, settings, motions = shared
-    found: dict[Place, tuple[Any, ...]] = {}
-    for yaw in sorted({place.yaw for place in places}):
-        here = [place for place in places if place.yaw == yaw]
-        cells = tuple(place.cell for place in here)
-        case = cases[yaw]
-        if isinstance(case, TerrainCase):
-            responses = overturning_runs.respond_batch((case, settings, motions), cells)
-        else:
-            responses = overturning_runs.simulate_batch((case, settings, motions), cells)
-        found.update(zip(here, responses, strict=True))
-    return [found[place] for place in places]
-
-
-KIND = Kind("uncertainty", "runs of draws", RunRow, simulate_draw, batch=40)
-ON_TERRAIN = Kind("uncertainty", "runs of draws", TerrainRow, simulate_draw, batch=20)
+REACH = 0.25
+"""How far below a bracket [ln g]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,41 +82,6 @@ class Ensemble:
         return middles(self.lower, self.upper)
 
 
-@dataclass(frozen=True, eq=False)
-class Search:
-    """What is asked for: the first overturning of all draws.
-
-    Attributes
-    ----------
-    given : ndarray, shape (4, yaws), static scales of the site's own rock
-    nominal : ndarray of int, shape (yaws, rows, pga), outcomes of the site as it is
-    boundary : ndarray, shape (yaws, rows) [g], its first-overturning PGA
-    width : float, relative, of a bracket
-    bounds : tuple of float [g], between which a boundary is looked for
-    """
-
-    work: Work
-    draws: Sequence[Draw]
-    given: Array
-    motions: Shaking
-    settings: Settings
-    nominal: Table
-    boundary: Array
-    width: float
-    bounds: tuple[float, float]
-
-    @property
-    def kind(self) -> Kind[Any]:
-        """Runs on a flat pedestal or on a terrain."""
-        return ON_TERRAIN if self.draws[0].seat else KIND
-
-    def ln(self, boundary: Array) -> Array:
-        """Boundaries as they guide a search, finite [ln g]."""
-        lowest, highest = self.bounds
-        known = np.where(np.isnan(boundary), highest, boundary)
-        return np.asarray(np.log(np.clip(known, lowest / OUTWARD, highest * OUTWARD)))
-
-
 def outcomes(wanted: Search) -> Ensemble:
     """Bracket the first overturning of all draws, some draws after the others."""
     known = [wanted.ln(wanted.boundary)]
@@ -163,11 +92,9 @@ def outcomes(wanted: Search) -> Ensemble:
         for start in range(0, len(wanted.draws), TOGETHER):
             part = slice(start, start + TOGETHER)
             draws, gain = wanted.draws[part], log_gain[part, None, None]
-            runner = _Runner(wanted, store, draws)
+            runner = Runner(wanted, store, draws)
             scale = np.array([draw.scales() for draw in draws])
-            chosen, offset = search.offsets(np.array(known), np.array(scales))
-            base = np.take_along_axis(scale, chosen[None, None], axis=1)[:, 0]
-            expected = base[..., None] + offset - gain
+            expected = search.from_others(np.array(known), np.array(scales), scale) - gain
             found = _cells(wanted, runner, *_search(wanted, runner, expected, errors))
             parts.append(found)
             known += list(wanted.ln(found.boundary) + gain)
@@ -190,21 +117,21 @@ def _together(parts: list[Ensemble]) -> Ensemble:
 
 
 class Errors:
-    """How far the boundary was from where it was expected, in the stages of the draws before."""
+    """How far each way was from the boundaries of the draws before, stage by stage."""
 
     def __init__(self) -> None:
         self._apart: dict[int, list[Array]] = {}
 
     def add(self, stage: int, apart: Array) -> None:
-        """Distances, shape (draws, yaws, rows of the stage) [ln g]."""
+        """Distances, shape (ways, draws, yaws, rows of the stage) [ln g]."""
         self._apart.setdefault(stage, []).append(np.abs(apart))
 
-    def scale(self, stage: int, width: float) -> Array | float:
-        """Their median in each row, not far below a bracket's width."""
+    def expected(self, stage: int, ways: Array, width: float) -> tuple[Array, Array]:
+        """Where it is expected by all ways, and how far off, not far below a bracket's width."""
         if stage not in self._apart:
-            return search.UNSURE[min(stage, 1)]
-        rows: Array = np.median(np.concatenate(self._apart[stage]), axis=(0, 1))
-        return np.maximum(rows, search.SURE * width)
+            return ways[0], np.full(ways.shape[-1], search.UNSURE[min(stage, 1)])
+        off = np.median(np.concatenate(self._apart[stage], axis=1), axis=(1, 2))
+        return search.together(ways, np.maximum(off, search.SURE * width))
 
 
 def _non_monotonic(wanted: Search) -> Mask:
@@ -233,7 +160,7 @@ def _proved(wanted: Search, draws: Sequence[Draw]) -> Mask:
 
 
 def _search(
-    wanted: Search, runner: _Runner, expected: Array, errors: Errors
+    wanted: Search, runner: Runner, expected: Array, errors: Errors
 ) -> tuple[Array, Array, Indices, Indices]:
     """Bracket the boundaries of some draws, stage by stage.
 
@@ -248,15 +175,12 @@ def _search(
     ordered, width = wanted.motions.dimension == "pgv_pga", float(np.log1p(wanted.width))
     lower, upper = np.full((2, *expected.shape), np.nan)
     runs, unresolved = np.zeros((2, *expected.shape), dtype=np.int64)
-    done = np.zeros(0, dtype=np.int64)
+    done, ways = np.zeros(0, dtype=np.int64), np.stack([expected, expected])
     for stage, rows in enumerate(search.stages(expected.shape[2], ordered=ordered)):
-        here = expected[:, :, rows]
-        scale = np.broadcast_to(errors.scale(stage, width), here.shape)
-        brackets = search.Brackets(here.ravel(), scale.ravel(), width, wanted.bounds)
-        while len((asked := brackets.next_runs())[0]):
-            draw, yaw, row = np.unravel_index(asked[0], here.shape)
-            brackets.add(*asked, runner.run(draw, yaw, rows[row], asked[1]))
-        known, size = brackets.known, here.size
+        here, off = errors.expected(stage, ways[..., rows], width)
+        scale, size = np.broadcast_to(off, here.shape), here.size
+        draw, yaw, row = np.unravel_index(np.arange(size), here.shape)
+        known = runner.bracketed(draw, yaw, rows[row], here.ravel(), scale.ravel())
         counts = (
             *first_changes(known, size),
             np.bincount(known.level, minlength=size),
@@ -266,13 +190,14 @@ def _search(
             every[:, :, rows] = own.reshape(here.shape)
         done = np.union1d(done, rows)
         found = wanted.ln(middles(lower, upper))
-        errors.add(stage, found[:, :, rows] - here)
-        expected = search.from_own_rows(expected, found[:, :, done], done)
+        errors.add(stage, found[:, :, rows] - ways[..., rows])
+        own, nothing = found[:, :, done], np.zeros(expected.shape)
+        ways = np.stack([search.from_own_rows(one, own, done) for one in (ways[0], nothing)])
     return lower, upper, runs, unresolved
 
 
 def _cells(
-    wanted: Search, runner: _Runner, lower: Array, upper: Array, runs: Indices, unresolved: Indices
+    wanted: Search, runner: Runner, lower: Array, upper: Array, runs: Indices, unresolved: Indices
 ) -> Ensemble:
     """Outcomes of the cells of some draws, by their brackets and by some runs that check these."""
     pga, kinds = np.array(wanted.motions.pga), _non_monotonic(wanted)
@@ -309,7 +234,7 @@ def _cells(
     )
 
 
-def _lowest(wanted: Search, runner: _Runner, lower: Array, unresolved: Indices) -> Array:
+def _lowest(wanted: Search, runner: Runner, lower: Array, unresolved: Indices) -> Array:
     """Lowest PGA [g] that topples within some steps below brackets; infinite where none does.
 
     Parameters
@@ -317,7 +242,7 @@ def _lowest(wanted: Search, runner: _Runner, lower: Array, unresolved: Indices) 
     lower : ndarray, shape (draws, yaws, rows) [g], lower ends of brackets; NaN of those left alone
     """
     width = float(np.log1p(wanted.width))
-    steps = width * (np.arange(STEPS) + 0.5)
+    steps = width * (np.arange(math.ceil(REACH / width)) + 0.5)
     peaks = search.rounded(lower[..., None] * np.exp(-steps), width)
     draw, yaw, row, step = np.nonzero(peaks >= wanted.bounds[0])
     tried = peaks[draw, yaw, row, step]
@@ -326,43 +251,3 @@ def _lowest(wanted: Search, runner: _Runner, lower: Array, unresolved: Indices) 
     found = np.full(lower.shape, np.inf)
     np.minimum.at(found, (draw, yaw, row), np.where(side == 1, tried, np.inf))
     return found
-
-
-class _Runner:
-    """Runs of some draws, done or read from the store."""
-
-    def __init__(self, wanted: Search, store: RunStore[Any], draws: Sequence[Draw]) -> None:
-        self._wanted, self._store, self.draws = wanted, store, draws
-        self._scenes: dict[int, list[bytes]] = {}
-        self.crashed = 0
-
-    def run(self, draw: Indices, yaw: Indices, row: Indices, pga: Array) -> NDArray[np.int8]:
-        """Outcomes at some PGAs of the site [g], of draws and directions by their numbers."""
-        token, every = self._wanted.motions.token, []
-        for number, *place, peak in zip(
-            *(part.tolist() for part in (draw, yaw, row, pga)), strict=True
-        ):
-            one = self.draws[number]
-            cell = Cell(place[1], one.member.amplitude * peak)
-            key = next(run_keys(self._digests(one)[place[0]], [token(cell)]))
-            every.append((one, Run(key, Place(place[0], cell))))
-        wanted: dict[Draw, list[Run]] = {}
-        for one, run in every:
-            wanted.setdefault(one, []).append(run)
-        work, kind = self._wanted.work, self._wanted.kind
-        done = run_missing(work, kind, list(wanted), wanted.__getitem__, self._shared, self._store)
-        self.crashed += done.crashed
-        known = self._store.outcomes(run.key for _, run in every)
-        return SIDES[[known[run.key] for _, run in every]]
-
-    def _digests(self, draw: Draw) -> list[bytes]:
-        if draw.number not in self._scenes:
-            shared = shared_identity(draw.identified, self._wanted.motions)
-            step = self._wanted.settings.time_step
-            self._scenes[draw.number] = [
-                scene_digest(shared, draw.group(yaw), step) for yaw in draw.yaw
-            ]
-        return self._scenes[draw.number]
-
-    def _shared(self, draw: Draw) -> tuple[tuple[Case | TerrainCase, ...], Settings, Shaking]:
-        return draw.cases, self._wanted.settings, self._wanted.motions

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -20,12 +21,14 @@ from pipeline.stages.mesh.products import RockData, ScanData, TerrainData
 from pipeline.stages.runs.scenes import Group
 from pipeline.stages.runs.step_choice import StepData
 from pipeline.stages.runs.study import Study
+from pipeline.stages.uncertainty import draw_step, seats
 from pipeline.stages.uncertainty import draws as drawing
-from pipeline.stages.uncertainty import seats
 from pipeline.stages.uncertainty import uncertainty_page as page
 from pipeline.stages.uncertainty import unknowns as told
+from pipeline.stages.uncertainty.draw_runs import Search
+from pipeline.stages.uncertainty.draw_step import DrawStep
 from pipeline.stages.uncertainty.draws import Draw, EnsembleData, Observed, Replica
-from pipeline.stages.uncertainty.ensemble import Ensemble, Search, outcomes
+from pipeline.stages.uncertainty.ensemble import Ensemble, outcomes
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.stage import Product, Work
@@ -77,6 +80,11 @@ def make(
         float(width[friction]),
         (own_edge.attrs["searched_from_g"], own_edge.attrs["searched_to_g"]),
     )
+    simulation = study.settings.simulation
+    step = draw_step.measured(wanted, simulation.time_step, simulation.tolerance)
+    settings = replace(settings, time_step=step.time_step)
+    bracket = draw_step.resolution(config.resolution, wanted.width, step, work.origin)
+    wanted = replace(wanted, settings=settings, width=bracket)
     levels = wanted.boundary.size
     work.log(f"uncertainty: {len(draws)} draws of {levels} first overturnings each")
     found = outcomes(wanted)
@@ -90,6 +98,7 @@ def make(
     shares = _shares(draws, known, base, dataset["member_boundary"].values, weighed=bool(observed))
     dataset = dataset.merge(_indices(shares, draws, known, base))
     dataset["boundary_error"] = ((), float(own_edge["boundary_error"]))
+    dataset = dataset.assign(_of_step(step))
     dataset = described(dataset, work, "Overturning with its uncertainty")
     drawn = {
         "uncertainty_bands": page.bands(dataset, grid),
@@ -103,6 +112,7 @@ def make(
         dataset,
         own_edge,
         observed,
+        step,
         {name: png_uri(figure) for name, figure in drawn.items()},
     )
     files = {EnsembleData.FILE: netcdf(dataset), PAGE: writers.text(pages.filled(PAGE, facts))}
@@ -170,6 +180,20 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
     dataset["overturned"].encoding["_FillValue"] = np.int8(-1)
     dataset.attrs |= _rule(found) | dict(zip(SEARCHED, wanted.bounds, strict=True))
     return dataset
+
+
+def _of_step(step: DrawStep) -> dict[str, Any]:
+    """The time step of the draws, and what was measured at all that were tried."""
+    errors, tried = step.errors, ("tried_step", step.tried)
+    told = {"shift": errors.shift, "shift_sd": errors.unsure, "error": errors.kept,
+            "islands": errors.islands}  # fmt: skip
+    return {
+        "tried_step": tried,
+        "time_step": ((), step.time_step),
+        "step_levels": ((), errors.levels),
+        **{f"draw_{name}": ((), values[step.at]) for name, values in told.items()},
+        **{f"tried_{name}": ("tried_step", values) for name, values in told.items()},
+    }
 
 
 def _too_high(found: Ensemble) -> Array:

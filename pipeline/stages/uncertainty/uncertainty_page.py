@@ -15,11 +15,13 @@ from pipeline.drawing import style
 from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty import unknowns
+from pipeline.stages.uncertainty.draw_step import DrawStep
 from pipeline.stages.uncertainty.draws import Observed
-from pipeline.stages.uncertainty.ensemble import CHECKED, FOLLOWED, STEPS
+from pipeline.stages.uncertainty.ensemble import CHECKED, FOLLOWED, REACH
 from pipeline.workflow.datasets import label, rows_of
 from pipeline.workflow.grammar import listed
 from vsr_core.outcome import FoundBy
+from vsr_core.uncertainty import step_error
 from vsr_core.uncertainty.probability import chance
 from vsr_core.uncertainty.sensitivity import SUPPORTED
 
@@ -31,6 +33,7 @@ def facts(
     found: xr.Dataset,
     boundary: xr.Dataset,
     observed: Observed | None,
+    step: DrawStep,
     drawn: dict[str, str],
 ) -> dict[str, Any]:
     """Values for the template."""
@@ -49,6 +52,13 @@ def facts(
         "asked": float(found["boundary_resolution"]),
         "reached": _width(found),
         "error": float(found["boundary_error"]),
+        "time_step": float(found["time_step"]),
+        "step_levels": int(found["step_levels"]),
+        "few": min(step_error.FEW, found.sizes["member"]),
+        "tried": tried(found),
+        "chosen": math.isfinite(step.tolerance),
+        "tolerance": step.tolerance,
+        "within": step.within,
         "searched": [found.attrs[name] for name in SEARCHED],
         "runs": int(found["member_runs"].sum()),
         "each": float(found["member_runs"].mean()),
@@ -69,7 +79,7 @@ def facts(
         "inferred": by[FoundBy.INFERRED],
         "checked": CHECKED,
         "followed": FOLLOWED,
-        "scanned": 1.0 - math.exp(-STEPS * math.log1p(float(found["boundary_resolution"]))),
+        "scanned": 1.0 - math.exp(-REACH),
         "seats": by_seat(found, boundary),
         "weighed": observed.data.attrs["effective_number"] if observed else None,
         "observations": observed.data["observation"].values.tolist() if observed else [],
@@ -81,6 +91,13 @@ def facts(
         ),
         "pictures": drawn,
     }
+
+
+def tried(found: xr.Dataset) -> list[dict[str, Any]]:
+    """What each time step tried does to the boundaries of draws; nothing where none was found."""
+    names = ("step", "shift", "shift_sd", "error", "islands")
+    rows = zip(*(found[f"tried_{name}"].values.tolist() for name in names), strict=True)
+    return [dict(zip(names, row, strict=True)) for row in rows if not math.isnan(row[1])]
 
 
 def directions(found: xr.Dataset) -> list[dict[str, float]]:

@@ -30,7 +30,7 @@ def base_effects(draws: Sequence[Draw], shape: Form, density: float, given: Arra
     Parameters
     ----------
     density : float [kg m-3]
-    given : ndarray, shape (4, yaws), static scales of the site's own rock
+    given : ndarray, shape (5, yaws), static scales of the site's own rock
 
     Returns
     -------
@@ -47,7 +47,7 @@ def seat_effects(draws: Sequence[Draw], given: Array) -> Array:
 
     Parameters
     ----------
-    given : ndarray, shape (4, yaws), static scales of the site's own rock on its seat
+    given : ndarray, shape (5, yaws), static scales of the site's own rock on its seat
 
     Returns
     -------

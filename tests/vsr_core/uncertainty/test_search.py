@@ -89,9 +89,16 @@ def test_rows_between_are_expected_where_those_beside_them_moved() -> None:
     np.testing.assert_allclose(moved, expected + 0.5)
     stages = search.stages(13, ordered=True)
     assert sorted(np.concatenate(stages).tolist()) == list(range(13))
-    assert stages[0].tolist() == [0, 8, 12]
+    assert [rows.tolist() for rows in stages[:3]] == [[7], [3, 11], [1, 5, 9]]
     (rows,) = search.stages(4, ordered=False)
     assert rows.tolist() == [0, 1, 2, 3]
+
+
+def test_the_way_that_was_nearer_counts_more() -> None:
+    ways = np.array([[[0.0, 0.0]], [[1.0, 1.0]]])
+    expected, scale = search.together(ways, np.array([[0.01, 0.2], [0.02, 0.2]]))
+    np.testing.assert_allclose(expected, [[0.2, 0.5]])
+    np.testing.assert_allclose(scale, [0.01, 0.2])
 
 
 def test_the_scale_that_boundaries_go_with_is_taken() -> None:

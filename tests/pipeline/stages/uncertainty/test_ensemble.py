@@ -13,6 +13,7 @@ from pipeline.config.motion_schema import AxisPulseConfig
 from pipeline.stages.mesh.products import Standing
 from pipeline.stages.motions.motion_grid import Pulses, Shaking, ShapedPulses, TablePulses
 from pipeline.stages.uncertainty import ensemble
+from pipeline.stages.uncertainty.draw_runs import Search
 from pipeline.stages.uncertainty.draws import Draw
 from vsr_core.arrays import Array, Indices
 from vsr_core.judge.proofs import barrier
@@ -44,11 +45,9 @@ def test_a_block_stands_below_its_width_over_height(
     draw = Draw(0, member, rock, config.scene, config.yaw, standing)
     nominal = np.zeros((len(config.yaw), len(RATIO), len(PGA)), np.int8)
     nothing: Any = None
-    given = np.zeros((4, len(config.yaw)))
+    given = np.zeros((5, len(config.yaw)))
     edges, bounds = np.ones(nominal.shape[:2]), (1e-3, 4.0)
-    wanted = ensemble.Search(
-        nothing, [draw], given, motions, Settings(1e-3), nominal, edges, 0.01, bounds
-    )
+    wanted = Search(nothing, [draw], given, motions, Settings(1e-3), nominal, edges, 0.01, bounds)
     found = ensemble._proved(wanted, [draw])
     np.testing.assert_array_equal(found, np.broadcast_to(np.array(still, bool), found.shape))
 
@@ -71,7 +70,7 @@ def test_the_lowest_overturning_within_a_fifth_below_a_bracket_is_found() -> Non
     """An island as wide as a bracket is met; one farther away, or below the bounds, is not."""
     nothing: Any = None
     bounds = (0.09, 4.0)
-    wanted = ensemble.Search(
+    wanted = Search(
         nothing, [], np.zeros(0), nothing, nothing, np.zeros(0), np.zeros(0), 0.01, bounds
     )
     lower = np.array([0.4, 0.4, 0.1, np.nan])[:, None, None]
