@@ -158,14 +158,20 @@ def uncertainty(site: Site, *layers: Settings, **options: Any) -> xr.Dataset:
 
 
 def hazard(
-    site: Site, *layers: Settings, curves: str | os.PathLike[str] | None = None, **options: Any
+    site: Site,
+    *layers: Settings,
+    curves: str | os.PathLike[str] | None = None,
+    events: str | os.PathLike[str] | None = None,
+    **options: Any,
 ) -> xr.Dataset:
     """Survival probability of the rock under each branch of a hazard model.
 
     Parameters
     ----------
-    curves : path of its curves, from the working folder; by default ``hazard.curves`` of the site
+    curves, events : path of its curves, or events, from the working folder; by default those of
+        the site
     """
-    if curves is not None:
-        layers += ({"hazard.curves": str(Path(curves).resolve())},)
+    if curves is not None or events is not None:
+        given = {"hazard.curves": curves, "hazard.events": events}
+        layers += ({key: path and str(Path(path).resolve()) for key, path in given.items()},)
     return run("hazard", site, *layers, **options)
