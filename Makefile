@@ -135,7 +135,7 @@ fetch: setup ## download the public original NAME into data/raw
 #: AND=neighbour          a run beside it, e.g. AND=engine=bullet or AND=yaw=30,pga=0.5
 #: SET='a.b=1 c.d=2'      any other keys of the configuration
 #: CURVES=folder          hazard curves of OpenQuake or nshmp-haz, or OpenQuake's calc_N.hdf5
-#: EVENTS=folder          in place of curves: a stochastic event set of OpenQuake
+#: EVENTS=folder          in place of curves: a stochastic event set of OpenQuake, or its calc_N.hdf5
 #: AGE=20000 AGE_SD=3000  how long the rock has stood, and the standard deviation of that [years]
 #: ROCKS=rocks.csv        a table of rocks known by a photograph
 #: LIMITS=my_table.yaml   a table in configs/tables, or any YAML file

@@ -210,7 +210,9 @@ def _add_run(run: argparse.ArgumentParser) -> None:
     shaking.add_argument(
         "--curves", metavar="FOLDER", help="hazard curves, or OpenQuake's calc_N.hdf5"
     )
-    shaking.add_argument("--events", metavar="FOLDER", help="a stochastic event set of OpenQuake")
+    shaking.add_argument(
+        "--events", metavar="FOLDER", help="OpenQuake's events, or its calc_N.hdf5"
+    )
     run.add_argument("--age", type=float, metavar="YEARS", help="age of the rock's position")
     run.add_argument("--age-sd", type=float, metavar="YEARS", help="standard deviation of the age")
     _add_where(run)

@@ -128,8 +128,8 @@ class HazardConfig(Section):
     )
     events: str | None = Field(
         None,
-        description="in place of curves: folder of a stochastic event set of OpenQuake; relative "
-        "to the file that names it",
+        description="in place of curves: folder of a stochastic event set of OpenQuake, or its "
+        "calc_N.hdf5; relative to the file that names it",
     )
     effective_time: float | None = Field(
         None,

@@ -84,7 +84,7 @@ def parts(path: Path, model: type[Row]) -> Iterator[dict[str, Any]]:
             found = {name: part[name].to_numpy() for name in names if name in model.model_fields}
             last = part[names[-1]]
             short = np.zeros(len(part), bool) if last.dtype.kind in "if" else last == ""
-            _check(path, model, found, short, begun)
+            check(path, model, found, short, begun)
             yield found
             begun += len(part)
     except (ValueError, OverflowError) as error:
@@ -92,7 +92,7 @@ def parts(path: Path, model: type[Row]) -> Iterator[dict[str, Any]]:
         raise refused(path, "", given, "each row has a number or text under each name") from None
 
 
-def _check(path: Path, model: type[Row], found: dict[str, Any], short: Any, begun: int) -> None:
+def check(path: Path, model: type[Row], found: dict[str, Any], short: Any, begun: int) -> None:
     """Refuse the first row that is short, or that the schema does not take."""
     wrong = np.array(short, dtype=bool)
     for name, values in found.items():

@@ -125,6 +125,10 @@ def events(folder: Path) -> Path:
     return EventSet(400.0, ruptures=40).write(folder)
 
 
+def stored_events(folder: Path) -> Path:
+    return EventSet(400.0, ruptures=40).write_calculation(folder / "calc_7.hdf5")
+
+
 def of_events(path: Path) -> Any:
     found = event_files.load(path, None)
     one = found.events
@@ -138,6 +142,7 @@ def of_events(path: Path) -> Any:
 READERS = {
     "events": Reader(events, "events_1.csv", of_events),
     "fields": Reader(events, "gmf-data_1.csv", of_events),
+    "stored events": Reader(stored_events, "calc_7.hdf5", of_events),
     "ruptures": Reader(events, "ruptures_1.csv", of_events),
     "curve": Reader(curves, CURVE.format(0), of_model),
     "realizations": Reader(curves, "realizations_1.csv", of_model),
@@ -185,7 +190,7 @@ MANY = settings(SOME, max_examples=20_000, derandomize=False)
 def see(folder: Path, name: str, data: Any) -> None:
     path, file, content, said = whole(folder, name)
     # of events that are too weak there are no fields, so that a lost line of these is not seen
-    seen = data.draw(st.booleans()) and name not in ("calculation", "fields")
+    seen = data.draw(st.booleans()) and name not in ("calculation", "stored events", "fields")
     file.write_bytes(data.draw((lines_lost if seen else broken)(content)))
     with bounded(seconds=2.0, mebibytes=200.0):
         found = taken_or_refused(lambda: READERS[name].read(path))

@@ -5,11 +5,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -123,6 +126,61 @@ class EventSet:
         site = f"# made_up=1\ncustom_site_id,lon,lat\n9q601y0k,{SITE[0]},{SITE[1]}\n"
         (folder / "sitemesh_1.csv").write_text(site, encoding="utf-8")
         return folder
+
+    def write_calculation(self, path: Path) -> Path:
+        """The same as OpenQuake stores it; surfaces are of four corners, or of nine points."""
+        rupture, event = self.drawn()
+        number, own = self.ruptures, len(event["rup"])
+        surfaces = [
+            surface(*(float(rupture[name][at]) for name in PLACED), points=2 + at % 2)
+            for at in range(number)
+        ]
+        columns = {"id": np.arange(own), "rup_id": 7 + event["rup"], "rlz_id": event["rlz"]}
+        with h5py.File(path, "w") as file:
+            file["events"] = records(columns | {"year": event["year"]})
+            for name, values in (
+                ("eid", columns["id"]),
+                ("PGA", event["pga"]),
+                ("PGV", event["pgv"]),
+            ):
+                file[f"gmf_data/{name}"] = values.astype("u4" if name == "eid" else "f4")
+            ids = {"id": 7 + np.arange(number), "geom_id": np.arange(number)[::-1]}
+            file["ruptures"] = records(ids | {"mag": rupture["mag"]})
+            file.create_dataset("rupgeoms", (number,), h5py.vlen_dtype(np.float32))
+            for at, one in zip(ids["geom_id"], surfaces, strict=True):
+                file["rupgeoms"][at] = one
+            file["sitecol/lon"], file["sitecol/lat"] = [SITE[0]], [SITE[1]]
+            file["weights"] = np.array([weight for _, weight, _ in self.rates])
+            file["full_lt/sm_data"] = np.array([(b"b",)], dtype=[("path", "S9")])
+            names = [(name.encode(),) for name, _, _ in self.rates]
+            file["full_lt/gsim_lt"] = np.array(names, dtype=[("branch", "S9")])
+            settings = {"investigation_time": 1.0, "ses_per_logic_tree_path": int(self.years)}
+            file["oqparam"] = json.dumps(settings | {"hazard_imtls": {"PGA": [0], "PGV": [0]}})
+        return path
+
+
+PLACED = ("centroid_lon", "centroid_lat", "strike", "dip")
+
+
+def records(columns: dict[str, Array]) -> Any:
+    kinds = [(name, values.dtype) for name, values in columns.items()]
+    found = np.zeros(len(next(iter(columns.values()))), kinds)
+    for name, values in columns.items():
+        found[name] = values
+    return found
+
+
+def surface(lon: float, lat: float, strike: float, dip: float, points: int) -> Array:
+    """Points of a rectangle of 8 km by 6 km, in rows from its upper edge; or its four corners."""
+    along, down = np.meshgrid(np.linspace(-4.0, 4.0, points), np.linspace(-3.0, 3.0, points))
+    sine, cosine = math.sin(math.radians(strike)), math.cos(math.radians(strike))
+    across = down * math.cos(math.radians(dip))
+    east, north = along * sine + across * cosine, along * cosine - across * sine
+    parallel = DEGREE * math.cos(math.radians(lat))
+    depth = 8.0 + down * math.sin(math.radians(dip))
+    rows = (1, 4) if points == 2 else (points, points)
+    places = lon + east / parallel, lat + north / DEGREE, depth
+    return np.concatenate([[1.0, *rows], *(one.ravel() for one in places)])
 
 
 def table(path: Path, told: str, names: str, form: str, *columns: Array) -> None:

@@ -116,7 +116,7 @@ class Curves(Input):
         """Digests of the files, by their names."""
         found = files(self.path)
         if self.events is not None:
-            found = [*event_files.files(self.path).values(), *self.path.glob(ABOUT)]
+            found = [*event_files.files(self.path), *self.path.glob(ABOUT)]
         if self.disaggregated is not None:
             found += [one for one in disaggregation_files(self.disaggregated) if one not in found]
         return {_name(path): digest_file(path) for path in found}

@@ -1,27 +1,17 @@
-"""Stochastic event sets of OpenQuake: simulated earthquakes with their shaking at a site, as CSV.
-
-``gmf-data_1.csv`` has ``event_id, gmv_PGA, gmv_PGV`` (g and cm/s) and the site; ``events_1.csv``
-the rupture and the realization of each event, and its year. The header of ``ruptures_1.csv`` has
-``investigation_time`` and ``ses_per_logic_tree_path``, whose product is the effective time: the
-years that each realization was simulated for. Years of the realizations follow each other.
-``ruptures_1.csv`` has magnitudes and middles, ``realizations_1.csv`` the weights, and
-``sitemesh_1.csv`` the place.
-"""
+"""Simulated earthquakes of a hazard model: events with their branches, ruptures and shaking."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import Field
 
-from pipeline.config import long_tables
-from pipeline.config.outside import Row, checked, refused, rows, table, text
-from pipeline.stages.hazard import openquake
+from pipeline.config.outside import Row, checked, refused
+from pipeline.stages.hazard import event_calculation, event_tables, openquake
+from pipeline.stages.hazard.event_tables import Event, EventTables, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import (
     LEVELS,
     UNITS,
@@ -34,54 +24,11 @@ from pipeline.workflow.grammar import counted
 from vsr_core.arrays import Array, Indices
 from vsr_core.hazard.events import Events, Ruptures, distance_of
 
-NEEDED, MORE = ("gmf-data", "events", "realizations"), ("ruptures", "sitemesh")
-"""Files of a folder that have to be there, and that may be."""
-
 LOWEST, STEP = 0.005, 1.05
 """Least PGA of a curve of events [g], and the factor between its levels."""
 
-_TIMES = {name: re.compile(rf"{name}\s*=\s*([^\s,'\"]+)")
-          for name in ("investigation_time", "ses_per_logic_tree_path")}  # fmt: skip
-
 _SURE = 50
 """Events whose years almost surely span half of those that they are of."""
-
-_Id = Field(ge=0, le=2**62)
-
-
-class Shaken(Row):
-    """A row of ground-motion fields."""
-
-    event_id: int = _Id
-    gmv_PGA: float = Field(ge=0, le=LEVELS["PGA"][2], description="peak ground acceleration [g]")  # noqa: N815
-    gmv_PGV: float | None = Field(None, ge=0, le=LEVELS["PGV"][2], description="PGV [cm/s]")  # noqa: N815
-
-
-class Event(Row):
-    """A row of events."""
-
-    event_id: int = _Id
-    rup_id: int = _Id
-    rlz_id: int = _Id
-    year: int = Field(0, ge=0, le=2**62)
-
-
-class Rupture(Row):
-    """A row of ruptures."""
-
-    rup_id: int = _Id
-    mag: float = Field(ge=0, le=11, description="magnitude")
-    centroid_lon: float = Field(ge=-180, le=360, description="longitude of the middle [degree]")
-    centroid_lat: float = Field(ge=-90, le=90, description="latitude of the middle [degree]")
-    strike: float = Field(ge=-360, le=360, description="strike [degree]")
-    dip: float = Field(ge=0, le=90, description="dip [degree]")
-
-
-class Place(Row):
-    """A row of sites."""
-
-    lon: float = Field(ge=-180, le=360, description="longitude of the site [degree]")
-    lat: float = Field(ge=-90, le=90, description="latitude of the site [degree]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,53 +39,32 @@ class EventSet:
     events: Events
 
 
-def files(folder: Path) -> dict[str, Path]:
-    """The files of an event set, by what they hold."""
-    if not folder.is_dir():
-        rule = "events are in a folder, as OpenQuake exports them"
-        raise refused(folder, "", "folder not found", rule, "check the path")
-    found = {}
-    for name in (*NEEDED, *MORE):
-        of_name = [one for one in sorted(folder.glob(f"{name}*.csv")) if _is(name, one)]
-        if len(of_name) > 1:
-            given, rule = f"{len(of_name)} files {name}", "a folder holds one calculation"
-            raise refused(folder, name, given, rule, "leave the others out")
-        if of_name:
-            found[name] = of_name[0]
-        elif name in NEEDED:
-            rule = "OpenQuake's is named gmf-data_1.csv, with events_1.csv and realizations_1.csv"
-            raise refused(folder, name, "no such file", rule, "export it from the same calculation")
-    return found
+def files(path: Path) -> list[Path]:
+    """The files that decide what is read."""
+    return [path] if path.is_file() else list(event_tables.files(path).values())
 
 
-def _is(name: str, path: Path) -> bool:
-    return bool(re.fullmatch(rf"{name}(_\d+)?\.csv", path.name))
-
-
-def load(folder: Path, years: float | None) -> EventSet:
-    """Read and check an event set.
+def load(path: Path, years: float | None) -> EventSet:
+    """Read and check an event set, in a folder or in a file of OpenQuake's.
 
     Parameters
     ----------
     years : effective time of each realization, where no file has it [year]
     """
-    found = files(folder)
-    stamps = tuple((one, one.stat().st_mtime_ns, one.stat().st_size) for one in found.values())
-    return _loaded(tuple(found.items()), stamps, years)
+    stamps = tuple((one, one.stat().st_mtime_ns, one.stat().st_size) for one in files(path))
+    return _loaded(path, stamps, years)
 
 
 @lru_cache(maxsize=1)
-def _loaded(found: tuple[tuple[str, Path], ...], stamps: object, years: float | None) -> EventSet:
+def _loaded(path: Path, stamps: object, given: float | None) -> EventSet:
     """The same, once for all that ask for it in a process."""
-    paths = dict(found)
-    years = _years(paths, years)
-    weights = openquake.realizations(paths["realizations"].parent)
-    weights = sorted(weights, key=lambda row: row.rlz_id)
-    known = _events(paths["events"], weights, years)
-    path = paths["gmf-data"]
-    place = _place(paths["sitemesh"]) if "sitemesh" in paths else None
-    at, pga, pgv = _shaken(path, paths["events"], known["event_id"])
-    rupture, ruptures = _ruptures(paths.get("ruptures"), known["rup_id"], place)
+    in_file = path.is_file() and path.suffix in openquake.SUFFIXES
+    told = event_calculation.tables(path) if in_file else event_tables.of_folder(path)
+    years = _years(told, given)
+    weights = sorted(told.weights, key=lambda row: row.rlz_id)
+    known = _events(told, weights, years)
+    at, pga, pgv = _shaken(told, known["event_id"])
+    rupture, ruptures = _ruptures(told, known["rup_id"])
     kept = (pga > 0.0) & (known["branch"][at] >= 0)
     events = Events(
         UNITS["PGA"] * pga[kept],
@@ -150,39 +76,38 @@ def _loaded(found: tuple[tuple[str, Path], ...], stamps: object, years: float | 
     )
     unused = []
     if weak := len(known["event_id"]) - len(at):
-        unused.append(f"{counted(weak, 'event')} without shaking in {path.name}, as too weak")
+        unused.append(f"{counted(weak, 'event')} without a row of shaking, as too weak")
     if none := int((pga == 0.0).sum()):
         unused.append(f"{counted(none, 'event')} without PGA left out")
-    return EventSet(_model(path, events, weights, place, unused), events)
+    return EventSet(_model(told, events, weights, unused), events)
 
 
-def _years(paths: dict[str, Path], given: float | None) -> float:
+def _years(told: EventTables, given: float | None) -> float:
     """Effective time of each realization."""
-    told = long_tables.header(paths["ruptures"])[0] if "ruptures" in paths else ""
-    values = [found[1] for one in _TIMES.values() if (found := one.search(told))]
-    if len(values) < len(_TIMES):
+    path = told.paths.get("ruptures", told.paths["events"])
+    if len(told.times) < 2:
         if given is None:
-            path = paths.get("ruptures", paths["events"])
             rule = "the header of ruptures_1.csv gives it with ses_per_logic_tree_path"
             remedy = "set hazard.effective_time, the years that each realization is simulated for"
             raise refused(path, "investigation_time", "nothing", rule, remedy)
         return given
+    one, number = told.times
     try:
-        years = float(values[0]) * float(values[1])
+        years = float(one) * float(number)
     except ValueError:
         years = float("nan")
     if not 0.0 < years < 1e12:
-        shown = f"{values[0]} times {values[1]}"
-        raise refused(paths["ruptures"], "investigation_time", shown, "they are numbers above 0")
+        shown = f"{one} times {number}"
+        raise refused(path, "investigation_time", shown, "they are numbers above 0")
     if given is not None and abs(given / years - 1.0) > 1e-6:
         rule, remedy = f"the files say {years:g}", "leave hazard.effective_time out"
-        raise refused(paths["ruptures"], "hazard.effective_time", f"{given:g}", rule, remedy)
+        raise refused(path, "hazard.effective_time", f"{given:g}", rule, remedy)
     return years
 
 
-def _all(path: Path, row: type[Row], number: str) -> dict[str, Any]:
-    """All of a long table, in the order of numbers, each of which is there once."""
-    found = list(long_tables.parts(path, row))
+def _all(told: EventTables, name: str, row: type[Row], number: str) -> dict[str, Any]:
+    """All of a table, in the order of numbers, each of which is there once."""
+    path, found = told.paths[name], list(told.parts(name, row))
     if not found or not len(found[0][number]):
         raise refused(path, "", "no rows", "there is one or more")
     whole = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
@@ -201,9 +126,9 @@ def _places(sought: Indices, among: Indices) -> tuple[Indices, Indices]:
     return at, np.flatnonzero(among[at] != sought)
 
 
-def _events(path: Path, weights: list[Realization], years: float) -> dict[str, Any]:
+def _events(told: EventTables, weights: list[Realization], years: float) -> dict[str, Any]:
     """Events in the order of their numbers, each with its branch, -1 in one of weight 0."""
-    found = _all(path, Event, "event_id")
+    path, found = told.paths["events"], _all(told, "events", Event, "event_id")
     ids = found["event_id"]
     numbers = np.array([row.rlz_id for row in weights])
     at, lost = _places(found["rlz_id"], numbers)
@@ -238,22 +163,15 @@ def _check_years(path: Path, found: dict[str, Any], at: Indices, years: float) -
         raise refused(path, "year", f"years up to {max(sure)} apart only", rule, remedy)
 
 
-def _place(path: Path) -> Place:
-    sites = rows(path, Place, table(path, text(path)))
-    if len(sites) != 1:
-        given, rule = f"{len(sites)} sites", "all events are at one site"
-        raise refused(path, "lon, lat", given, rule, "export those of the rock's site only")
-    return sites[0]
-
-
-def _shaken(path: Path, of_events: Path, ids: Indices) -> tuple[Indices, Array, Array | None]:
+def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | None]:
     """Place among the events, PGA [g] and PGV [cm/s] of each event that is felt."""
-    places, pga, pgv = [], [], []
-    for part in long_tables.parts(path, Shaken):
+    path, places, pga, pgv = told.paths["gmf-data"], [], [], []
+    for part in told.parts("gmf-data", Shaken):
         at, lost = _places(part["event_id"], ids)
         if len(lost):
             given = f"event {part['event_id'][lost[0]]}"
-            raise refused(path, "event_id", given, f"it is one of those in {of_events.name}")
+            rule = f"it is one of those in {told.paths['events'].name}"
+            raise refused(path, "event_id", given, rule)
         places.append(at.astype(np.int32))
         pga.append(part["gmv_PGA"].astype(np.float32))
         if "gmv_PGV" in part:
@@ -267,13 +185,12 @@ def _shaken(path: Path, of_events: Path, ids: Indices) -> tuple[Indices, Array, 
     return at, np.concatenate(pga), np.concatenate(pgv) if pgv else None
 
 
-def _ruptures(
-    path: Path | None, of_events: Indices, place: Place | None
-) -> tuple[Indices, Ruptures | None]:
+def _ruptures(told: EventTables, of_events: Indices) -> tuple[Indices, Ruptures | None]:
     """Place of each event's rupture, and magnitudes and distances where they are told."""
+    path, place = told.paths.get("ruptures"), told.place
     if path is None or place is None:
         return np.unique(of_events, return_inverse=True)[1].astype(np.int32), None
-    found = _all(path, Rupture, "rup_id")
+    found = _all(told, "ruptures", Rupture, "rup_id")
     ids = found["rup_id"]
     at, lost = _places(of_events, ids)
     if len(lost):
@@ -287,9 +204,10 @@ def _ruptures(
 
 
 def _model(
-    path: Path, events: Events, weights: list[Realization], place: Place | None, unused: list[str]
+    told: EventTables, events: Events, weights: list[Realization], unused: list[str]
 ) -> HazardModel:
     """The branches with how often each level of PGA, and of PGV, is exceeded."""
+    path, place = told.paths["gmf-data"], told.place
     kept = [row for row in weights if row.weight > 0.0]
     site = {"lon": place.lon, "lat": place.lat} if place else {"lon": 0.0, "lat": 0.0}
     curves = {}

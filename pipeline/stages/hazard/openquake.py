@@ -82,15 +82,16 @@ def load_calculation(path: Path) -> HazardModel:
     import h5py
 
     check_file(path, _LARGEST)
-    with _reading(path), h5py.File(path) as file:
-        settings, levels = _settings(file)
-        poes, lon, lat = (_numbers(file[name]) for name in (_STORED, "sitecol/lon", "sitecol/lat"))
+    rule = "it is a classical calculation of OpenQuake with individual_rlzs = true"
+    with reading(path, _STORED, rule), h5py.File(path) as file:
+        settings, levels = settings_of(file)
+        poes, lon, lat = (numbers(file[name]) for name in (_STORED, "sitecol/lon", "sitecol/lat"))
         measures = json.loads(file[_STORED].attrs["json"])["imt"]
         sites, number, of_measures, _ = poes.shape
         if len(set(measures)) != of_measures:
             raise ValueError(f"{of_measures} curves of {measures}")
-        weights = _numbers(file["weights"]).reshape(number, -1)[:, 0]
-        paths = _paths(file, number)
+        weights = numbers(file["weights"]).reshape(number, -1)[:, 0]
+        paths = paths_of(file, number)
         years = float(settings["investigation_time"])
         known = {name: [float(level) for level in levels[name]] for name in measures}
     if sites != 1:
@@ -114,17 +115,16 @@ def load_calculation(path: Path) -> HazardModel:
 
 
 @contextmanager
-def _reading(path: Path) -> Iterator[None]:
+def reading(path: Path, key: str, rule: str) -> Iterator[None]:
     """Refuse a calculation in one line, whatever reading it raises."""
     try:
         yield
     except Exception as error:  # noqa: BLE001 (of a broken file, whatever HDF5 meets first)
         given = f"an invalid file ({reason(error)})"
-        rule = "it is a classical calculation of OpenQuake with individual_rlzs = true"
-        raise refused(path, _STORED, given, rule, "run it so, or export its curves") from None
+        raise refused(path, key, given, rule, "run it so, or export its curves") from None
 
 
-def _numbers(data: Any) -> Array:
+def numbers(data: Any) -> Array:
     """An array of a calculation, of bounded size."""
     if data.size > _MOST:
         raise ValueError(f"{data.size} numbers")
@@ -202,7 +202,7 @@ def _header(lines: str) -> str:
     return first if first.lstrip('"').startswith("#") else ""
 
 
-def _settings(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def settings_of(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters of the calculation, and the levels of each measure."""
     stored = file["oqparam"]
     if stored.size > _MOST_SETTINGS:
@@ -215,7 +215,7 @@ def _settings(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     return settings, ast.literal_eval(settings["hazard_imtls"])
 
 
-def _paths(file: Any, number: int) -> list[str]:
+def paths_of(file: Any, number: int) -> list[str]:
     """Choices that lead to each realization, where each source model has all ground-motion models.
 
     Otherwise the realizations have their numbers only.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -81,6 +82,40 @@ def test_parts_and_an_order_of_rows_change_nothing(
     assert parts is not whole
     assert by_number(parts.events) == by_number(whole.events)
     assert len(whole.events.pga) > 100
+
+
+def test_a_calculation_has_the_events_of_its_tables(tmp_path: Path) -> None:
+    own = EventSet(2_000.0, ruptures=300)
+    folder = event_files.load(own.write(tmp_path / "out"), None)
+    path = own.write_calculation(tmp_path / "calc_7.hdf5")
+    stored = event_files.load(path, None)
+    assert [one.weight for one in stored.model.branches] == pytest.approx([0.3, 0.4, 0.3])
+    assert stored.model.branches[0].path == "b~slow"
+    assert stored.model.location == pytest.approx(folder.model.location)
+    one, other = folder.events, stored.events
+    assert other.years == one.years
+    np.testing.assert_array_equal(other.branch, one.branch)
+    for name in ("pga", "pgv"):
+        np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-5)
+    assert one.ruptures is not None
+    assert other.ruptures is not None
+    distances = (of.ruptures.distances[of.rupture] for of in (one, other) if of.ruptures)
+    np.testing.assert_allclose(*distances, atol=0.02)  # longitudes are in 4 bytes
+
+
+def test_what_is_no_calculation_of_events_is_refused(tmp_path: Path) -> None:
+    path = EventSet(2_000.0, ruptures=300).write_calculation(tmp_path / "calc_7.hdf5")
+    with h5py.File(path, "a") as file:
+        file["gmf_data/PGA"][3] = -1.0
+    with pytest.raises(InputError, match=r"gmv_PGA: got -1.0 in row 4"):
+        event_files.load(path, None)
+    with h5py.File(path, "a") as file:
+        del file["gmf_data/PGA"]
+    with pytest.raises(InputError, match=r"it is an event_based calculation"):
+        event_files.load(path, None)
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(InputError, match=r"gmf_data: got an invalid file"):
+        event_files.load(path, None)
 
 
 def test_pgv_places_and_ruptures_may_be_missing(tmp_path: Path) -> None:

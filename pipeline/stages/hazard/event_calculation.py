@@ -1,0 +1,104 @@
+"""Stochastic event sets as OpenQuake stores them, in its ``calc_N.hdf5``.
+
+``events`` has the rupture, realization and year of each event; ``gmf_data`` PGA [g] and PGV [cm/s]
+by number of the event; ``ruptures`` magnitudes, and ``rupgeoms`` their surfaces: the number of
+surfaces, two sizes of each, and longitudes, latitudes and depths of its points, by rows from
+the top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.config import long_tables
+from pipeline.config.outside import Row, check_file, checked, refused
+from pipeline.stages.hazard import openquake
+from pipeline.stages.hazard.event_tables import Event, EventTables, Place, Rupture, Shaken
+from pipeline.stages.hazard.hazard_model import Realization
+from vsr_core.arrays import Array
+
+_RULE = "it is an event_based calculation of OpenQuake with ground motions of PGA"
+
+_MOST = 50_000_000
+"""Events whose columns are held at once."""
+
+_KEYS = {"events": "events", "ruptures": "ruptures", "gmf-data": "gmf_data"}
+
+
+def tables(path: Path) -> EventTables:
+    """What the file of a calculation holds."""
+    import h5py
+
+    check_file(path, long_tables.LARGEST)
+    with openquake.reading(path, "gmf_data", _RULE), h5py.File(path) as file:
+        settings, _ = openquake.settings_of(file)
+        lon, lat = (openquake.numbers(file[f"sitecol/{name}"]) for name in ("lon", "lat"))
+        weights = openquake.numbers(file["weights"]).reshape(len(file["weights"]), -1)[:, 0]
+        names = openquake.paths_of(file, len(weights))
+        times = (settings["investigation_time"], settings["ses_per_logic_tree_path"])
+    if len(lon) != 1:
+        given, rule = f"{len(lon)} sites", "all events are at one site"
+        raise refused(path, "sitecol", given, rule, "calculate the rock's site only")
+    return EventTables(
+        dict.fromkeys(_KEYS, path),
+        tuple(map(str, times)),
+        [
+            checked(path, Realization, {"rlz_id": at, "branch_path": name, "weight": weight})
+            for at, (name, weight) in enumerate(zip(names, weights.tolist(), strict=True))
+        ],
+        checked(path, Place, {"lon": float(lon[0]), "lat": float(lat[0])}),
+        partial(_parts, path),
+    )
+
+
+def _parts(path: Path, name: str, row: type[Row]) -> Iterator[dict[str, Any]]:
+    """Columns of a table, all at once, as a table in CSV names them."""
+    import h5py
+
+    read = {Event: _events, Shaken: _shaken, Rupture: _ruptures}[row]
+    with openquake.reading(path, _KEYS[name], _RULE), h5py.File(path) as file:
+        if len(file["gmf_data/eid"]) > _MOST or len(file["events"]) > _MOST:
+            raise ValueError(f"more than {_MOST:,} events")
+        found = read(file)
+    long_tables.check(path, row, found, np.zeros(len(next(iter(found.values()))), bool), 0)
+    yield found
+
+
+def _events(file: Any) -> dict[str, Any]:
+    events = file["events"][()]
+    named = {"event_id": "id", "rup_id": "rup_id", "rlz_id": "rlz_id", "year": "year"}
+    return {name: events[own].astype(np.int64) for name, own in named.items()}
+
+
+def _shaken(file: Any) -> dict[str, Any]:
+    shaken = file["gmf_data"]
+    found = {"event_id": shaken["eid"][()].astype(np.int64), "gmv_PGA": shaken["PGA"][()]}
+    return found | ({"gmv_PGV": shaken["PGV"][()]} if "PGV" in shaken else {})
+
+
+def _ruptures(file: Any) -> dict[str, Any]:
+    ruptures, geometry = file["ruptures"][()], file["rupgeoms"][()]
+    lain = np.array([_lie(geometry[at]) for at in ruptures["geom_id"]]).T
+    names = ("centroid_lon", "centroid_lat", "strike", "dip")
+    own = {"rup_id": ruptures["id"].astype(np.int64), "mag": ruptures["mag"].astype(np.float64)}
+    return own | dict(zip(names, lain, strict=True))
+
+
+def _lie(surface: Array) -> tuple[float, float, float, float]:
+    """Longitude and latitude of the middle, strike and dip of the first surface of a rupture."""
+    number, rows, columns = (int(one) for one in surface[:3])
+    points = surface[1 + 2 * number :].reshape(3, -1)[:, : rows * columns]
+    lon, lat, depth = points.astype(np.float64)
+    # four corners are in one row of the two upper and the two lower ones
+    right, below = (1, 2) if rows == 1 else (columns - 1, (rows - 1) * columns)
+    parallel = np.cos(np.radians(lat[0]))
+    strike = np.arctan2((lon[right] - lon[0]) * parallel, lat[right] - lat[0])
+    east, north = (lon[below] - lon[0]) * parallel, lat[below] - lat[0]
+    beside = 111.195 * abs(east * np.cos(strike) - north * np.sin(strike))
+    dip = np.arctan2(depth[below] - depth[0], beside)
+    return lon.mean(), lat.mean(), np.degrees(strike), np.degrees(dip)
