@@ -28,6 +28,9 @@ _COLUMNS = ["yaw_deg", "friction", "toppled_share", "model", "recommended", "log
             "accuracy", "separated", "method", "quantity", "pgv_pga_s", "value", "lower",
             "upper"]  # fmt: skip
 
+_CELLS_AT_ONCE = 2**24
+"""Cells of the grids that are fitted at once: each takes some 35 bytes of memory."""
+
 _Found = dict[tuple[int, int], FragilityResult]
 
 
@@ -65,7 +68,8 @@ def _fit(data: xr.Dataset, boundary: xr.Dataset, workers: int, aside: IO[bytes])
     )
     found: _Found = {}
     # in threads, as all but a little of a fit is linear algebra
-    with threadpool_limits(1), ThreadPoolExecutor(max(workers, 1)) as pool:
+    threads = max(min(workers, _CELLS_AT_ONCE // max(overturned[0, 0].size, 1)), 1)
+    with threadpool_limits(1), ThreadPoolExecutor(threads) as pool:
         for at, one in zip(decided, pool.map(fit, grids, runs), strict=True):
             for model in one.models:
                 aside.write(model.probability.astype("f4").tobytes())
