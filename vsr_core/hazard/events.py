@@ -18,6 +18,9 @@ _NEAR = 6.0
 _MOST_FITTED = 1_000_000
 """Events of which a correlation is measured; of more, every second, third, ..."""
 
+_LEAST = 1e-6
+"""Standard deviation of ln PGV/PGA in place of none."""
+
 _BIN, _FEWEST = 1.25, 30
 """Factor between accelerations of a table of PGV/PGA, and events that a value is made of."""
 
@@ -126,11 +129,13 @@ def table_of(pga: Array, ratio: Array, weight: Array) -> RatioTable:
     place = np.minimum(place, _last(place))
 
     def mean(values: Array) -> Array:
-        return np.bincount(place, weight * values) / np.bincount(place, weight)
+        with np.errstate(invalid="ignore"):  # where no event is that counts
+            return np.bincount(place, weight * values) / np.bincount(place, weight)
 
     middle, level = mean(y), mean(x)
     spread = np.sqrt(mean((y - middle[place]) ** 2))
-    held = np.isfinite(spread) & (spread > 0.0)
+    held = np.isfinite(spread)
+    spread = np.maximum(spread, _LEAST)
     return RatioTable(np.exp(level[held]), np.exp(middle[held]), spread[held])
 
 

@@ -195,7 +195,7 @@ def counted_shaking(events: Events, ratio: Array, borders: Array, weights: Array
     """
     x, step = np.log(events.pga), np.log(PART)
     part = ((x - x.min()) / step).astype(np.int64)
-    number = int(part.max()) + 1
+    number = int(part.max()) + 2
     levels = np.exp(x.min() + step * (np.arange(number) + 0.5))
     place = np.searchsorted(borders, ratio, side="right") * number + part
     shape = len(weights), (len(borders) + 1) * number

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.events import Events
@@ -71,6 +72,19 @@ def test_rates_are_sums_over_events(events: Events, ratio: np.ndarray) -> None:
             np.testing.assert_allclose(found, np.bincount(events.branch, wanted) / YEARS, rtol=1e-3)
     mean = shaking.mean(WEIGHTS).rates(one)
     np.testing.assert_allclose(mean, [WEIGHTS @ shaking.rates(one)])
+
+
+def test_events_that_are_all_alike() -> None:
+    """Three of 4 m/s^2 with a PGV/PGA of 0.1 s in 100 years, of two directions."""
+    pga = np.full(3, 4.0)
+    events = Events(pga, 0.1 * pga, np.zeros(3, int), np.arange(3), 100.0, None)
+    shaking = counted_shaking(events, events.ratio_as_simulated(), BORDERS, np.ones(1))
+    found = shaking.rates(shaking.fragility(ROWS, RATIOS))
+    own = 0.5 * (norm.cdf(np.log(4.0 / 3.0) / 0.3) + norm.cdf(0.0))
+    np.testing.assert_allclose(found, 0.03 * own, rtol=5e-3)
+    median, log_sd = shaking.table.at(np.array([1.0, 4.0]))
+    np.testing.assert_allclose(median, 0.1)
+    assert (log_sd < 1e-3).all()
 
 
 def test_rates_of_a_power_law_in_closed_form(events: Events, ratio: np.ndarray) -> None:
