@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import os
 import sys
@@ -73,6 +74,8 @@ def main(arguments: list[str] | None = None) -> int:
 def _begin_log(options: argparse.Namespace) -> None:
     file: Path | None = options.log_file
     try:
+        if file is not None and file.is_fifo():
+            raise OSError(errno.EINVAL, "a pipe, which may never be read")
         begin(quiet=options.quiet, file=file)
     except OSError as error:
         given, rule = f"{file}: {reason(error)}", "lines can be added to the file of a log"

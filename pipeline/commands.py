@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import shutil
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
@@ -38,6 +40,7 @@ from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import writing
 from vsr_core import engines
+from vsr_core.errors import reason
 
 
 def run(options: argparse.Namespace) -> int:
@@ -330,7 +333,14 @@ def fetch(options: argparse.Namespace) -> int:
 
 
 def _show(lines: list[str]) -> int:
-    print("\n".join(lines), flush=True)
+    try:
+        print("\n".join(lines), flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:  # what could not be written is not tried again at the end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        given, rule = f"what is printed, not taken ({reason(error)})", "it can be written"
+        raise InputError(Problem("output", "", given, rule, "free space")) from None
     return 0
 
 

@@ -33,7 +33,11 @@ def check(path: Path) -> tuple[list[str], list[str]]:
                     into = folder / PurePosixPath(name)
                     into.parent.mkdir(parents=True, exist_ok=True)
                     into.write_bytes(archive.read(name))
-            return [], [printable(line) for line in _otherwise(folder, told)]
+            manifests = Store(folder / RESULTS).manifests()
+            if wrong := [printable(line) for line in _not_as_made(told, manifests)]:
+                return wrong, []
+            manifests.pop(SETTINGS)
+            return [], [printable(line) for line in _otherwise(folder, told, manifests)]
 
 
 def _files(archive: zipfile.ZipFile, told: About) -> Iterator[str]:
@@ -53,14 +57,22 @@ def _files(archive: zipfile.ZipFile, told: About) -> Iterator[str]:
             yield f"input {one.name} is missing"
 
 
-def _otherwise(folder: Path, told: About) -> Iterator[str]:
+def _not_as_made(told: About, manifests: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """Products that are missing, or of which a file is not what its stage wrote."""
+    for name in sorted({*told.products, SETTINGS} - manifests.keys()):
+        yield f"{RESULTS}/.stages/{name}.json tells nothing of {name}"
+    for stage, manifest in manifests.items():
+        for name, checksum in sorted(manifest["files"].items()):
+            if told.files.get(f"{RESULTS}/{name}") != checksum:
+                yield f"{RESULTS}/{name} is not what {stage} wrote"
+
+
+def _otherwise(folder: Path, told: About, manifests: dict[str, dict[str, Any]]) -> Iterator[str]:
     """What the program that is here would make in another way, and why."""
     for one in told.inputs:
         if not one.path:
             source = f"; {one.source}" if one.source else ""
             yield f"input {one.name} (SHA-256 {one.sha256}) is not in it{source}"
-    store = Store(folder / RESULTS)
-    manifests = {name: one for name, one in store.manifests().items() if name != SETTINGS}
     for name in ("vsr", "python", *sorted(told.versions.keys() - {"vsr", "python"})):
         was, now = (
             told.versions.get(name),

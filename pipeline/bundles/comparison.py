@@ -37,6 +37,8 @@ def compare(one: Path, other: Path, page: Path) -> list[Part]:
     """Compare, and write the page."""
     with ExitStack() as stack:
         stores = [Store(stack.enter_context(_Folder(path))) for path in (one, other)]
+        for store, path in zip(stores, (one, other), strict=True):
+            _require_whole(store, path)
         parts = [
             Part("settings", list(_settings(*stores))),
             Part("made of", list(_made_of(*stores))),
@@ -74,6 +76,14 @@ class _Folder(tempfile.TemporaryDirectory[str]):
         return Path(self.name, RESULTS)
 
 
+def _require_whole(store: Store, path: Path) -> None:
+    for stage in store.manifests():
+        if damage := store.damage(stage):
+            raise InputError(
+                Problem(str(path), stage, damage, "results are whole", "make it again")
+            )
+
+
 def _settings(one: Store, other: Store) -> Iterator[str]:
     kept = [
         (store.manifest(SETTINGS) or {"facts": {"config": {}}})["facts"] for store in (one, other)
@@ -93,6 +103,18 @@ def _made_of(one: Store, other: Store) -> Iterator[str]:
             if names:
                 more = f" and {len(names) - 1} more" if names[1:] else ""
                 yield f"{stage}: other {kind} ({names[0]}{more})"
+        if first[stage]["key"] == second[stage]["key"]:
+            yield from _unlike(one, other, stage)
+
+
+def _unlike(one: Store, other: Store, stage: str) -> Iterator[str]:
+    """Datasets whose values differ though the same was asked of the same code."""
+    first, second = (store.manifest(stage) or {"files": {}} for store in (one, other))
+    for name, checksum in sorted(first["files"].items()):
+        if name.endswith(".nc") and second["files"].get(name, checksum) != checksum:
+            a, b = (_read(store.folder / name, name) for store in (one, other))
+            if not a.equals(b):
+                yield f"{stage}: {name} holds other values, though it is made of the same"
 
 
 def _cells(one: Store, other: Store) -> Iterator[str]:
@@ -135,7 +157,21 @@ def _both(one: Store, other: Store, file: str, name: str) -> tuple[xr.DataArray,
     if not all(path.is_file() for path in paths):
         return None
     try:
-        return xr.align(*(xr.load_dataset(path)[name] for path in paths), join="inner")
-    except (OSError, KeyError, ValueError) as error:
-        rule, remedy = "both hold datasets of vsr", "make them again"
-        raise InputError(Problem(file, name, str(error), rule, remedy)) from None
+        found = [_read(path, name)[name] for path in paths]
+        if found[0].dims != found[1].dims:
+            return None
+        return xr.align(*found, join="inner")
+    except (KeyError, ValueError) as error:
+        raise _unusable(file, name, error) from None
+
+
+def _read(path: Path, name: str) -> xr.Dataset:
+    try:
+        return xr.load_dataset(path)
+    except (OSError, ValueError) as error:
+        raise _unusable(path.name, name, error) from None
+
+
+def _unusable(file: str, name: str, error: Exception) -> InputError:
+    rule, remedy = "both hold datasets of vsr", "make them again"
+    return InputError(Problem(file, name, str(error), rule, remedy))

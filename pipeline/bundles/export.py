@@ -28,6 +28,7 @@ from pipeline.bundles.layout import (
     SUMS,
     About,
     Given,
+    is_plain,
     sha256,
 )
 from pipeline.config.layers import STUDIES
@@ -123,8 +124,12 @@ def _members(
     for stage, manifest in manifests.items():
         kept = {**manifest, "place": ""} if stage == SETTINGS else manifest
         yield f"{RESULTS}/.stages/{stage}.json", json.dumps(kept, indent=1, sort_keys=True).encode()
-        for name in manifest["files"]:
-            yield f"{RESULTS}/{name}", (folder / name).read_bytes()
+        for name, checksum in manifest["files"].items():
+            held = (folder / name).read_bytes()
+            if sha256(held) != checksum:
+                given, rule = f"{name} written anew meanwhile", "no command is at work there"
+                raise InputError(Problem(str(folder), stage, given, rule, "wait for it to end"))
+            yield f"{RESULTS}/{name}", held
     yield f"{found.base}/{found.site}", found.config.encode()
     for name, path in found.files.items():
         yield name, path.read_bytes()
@@ -183,8 +188,9 @@ def _of(value: str, beside: Path, wanted: dict[str, str]) -> dict[str, Path]:
         with suppress(OSError, ValueError):
             files = {path.name: path, ORIGIN: path.with_name(ORIGIN)}
             if path.is_dir():
-                files = {f"{path.name}/{one.name}": one for one in sorted(path.glob("*"))}
-            files = {name: one for name, one in files.items() if one.is_file()}
+                inside = sorted([*path.glob("*"), *path.glob("*/*")])
+                files = {f"{path.name}/{one.relative_to(path)}": one for one in inside}
+            files = {name: one for name, one in files.items() if one.is_file() and is_plain(name)}
             if any(keys.digest_file(one) in wanted for one in files.values()):
                 return files
     return {}

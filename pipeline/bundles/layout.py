@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from pipeline.config.outside import refused
+from pipeline.config.outside import check_file, refused
 
 ABOUT, CRATE, SUMS = "bundle.json", "ro-crate-metadata.json", "checksums.txt"
 RESULTS, INPUTS = "results", "inputs"
@@ -28,6 +28,9 @@ MOST_SHARE = 1100
 """Bytes that one packed byte stands for at most: of zeros that were deflated 1032."""
 
 PIECE = 1 << 20
+
+DAMAGED = zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, UnicodeDecodeError
+"""Raised for an archive, or a member, that is cut or damaged."""
 
 
 class Given(BaseModel):
@@ -70,12 +73,13 @@ class About(BaseModel):
 def opened(path: Path) -> Iterator[zipfile.ZipFile]:
     """A bundle, none of whose members leads outside, is a link or unpacks to too much."""
     rule, remedy = "it is a bundle of vsr export", "ask for it again"
+    check_file(path, MOST_BYTES)
     try:
         with zipfile.ZipFile(path) as archive:
             if fault := _fault(archive.infolist()):
                 raise refused(path, "", fault, rule, remedy)
             yield archive
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+    except DAMAGED as error:
         raise refused(path, "", f"a file that is cut or damaged ({error})", rule, remedy) from None
     except OSError as error:
         raise refused(path, "", error.strerror or str(error), rule, "check the path") from None
@@ -90,15 +94,28 @@ def _fault(members: list[zipfile.ZipInfo]) -> str:
     if len(set(names)) < len(names):
         return "a name twice"
     for one in members:
-        parts = PurePosixPath(one.filename).parts
-        plain = one.filename.isprintable() and not set("\\:") & set(one.filename)
-        if not parts or parts[0] == "/" or ".." in parts or not plain or one.is_dir():
+        if not is_plain(one.filename):
             return f"{one.filename!r}, which is no file within it"
+        if one.flag_bits & 1 or one.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            return f"{one.filename!r}, which is encrypted or packed in another way"
         if stat.S_IFMT(one.external_attr >> 16) not in (0, stat.S_IFREG):
             return f"{one.filename!r}, which is a link or no file"
         if one.file_size > MOST_SHARE * (one.compress_size + 1):
             return f"{one.filename!r}, of {one.file_size / 1e6:.0f} MB packed in hardly anything"
     return ""
+
+
+def is_plain(name: str) -> bool:
+    """Whether a member may have a name: that of one file below, wherever it is unpacked.
+
+    >>> [is_plain(name) for name in ("a/b.nc", "/a", "a/../b", "a//b", "a/", "c:b", "")]
+    [True, False, False, False, False, False, False]
+    """
+    path = PurePosixPath(name)
+    whole = bool(path.parts) and str(path) == name and name.isprintable()
+    return (
+        whole and not path.is_absolute() and ".." not in path.parts and not set("\\:") & set(name)
+    )
 
 
 def about(path: Path, archive: zipfile.ZipFile) -> About:

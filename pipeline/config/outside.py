@@ -92,6 +92,20 @@ def text(path: Path, largest: int = LARGEST) -> str:
     return found
 
 
+def is_comment(line: str) -> bool:
+    """Whether a line of a table begins with #, in quotes only where nothing else is in it.
+
+    >>> [is_comment(line) for line in ("# made by us", '"# by A, B",,', '"#2 fault",7')]
+    [True, True, False]
+    """
+    if not line.lstrip(' "').startswith("#"):
+        return False
+    try:
+        return line.lstrip().startswith("#") or not any(next(csv.reader([line]))[1:])
+    except csv.Error:
+        return True
+
+
 def table(path: Path, lines: str) -> list[dict[str, str]]:
     """Rows of a table by its names, separated by commas; lines that begin with # are left out.
 
@@ -101,10 +115,8 @@ def table(path: Path, lines: str) -> list[dict[str, str]]:
         For a row with another number of fields than there are names, a name given twice, or a last
         line that is cut.
     """
-    plain = "".join(
-        line for line in lines.splitlines(keepends=True) if not line.lstrip('"').startswith("#")
-    )
     csv.field_size_limit(LONGEST_FIELD)
+    plain = "".join(line for line in lines.splitlines(keepends=True) if not is_comment(line))
     try:
         rows = [
             [field.strip() for field in row]

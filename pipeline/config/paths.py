@@ -30,7 +30,7 @@ def _own(path: Path) -> Path:
 def located(folder: Path, name: str, file: str, key: str) -> Path:
     """An absolute path, without links, of what a configuration names."""
     try:
-        if not name or not _is_text(name):
+        if not name or not is_text(name):
             raise ValueError("an empty name" if not name else "not in UTF-8")
         found = Path(os.path.realpath(_own(folder / name)))
         found.stat()
@@ -43,7 +43,7 @@ def located(folder: Path, name: str, file: str, key: str) -> Path:
     return found
 
 
-def _is_text(name: str) -> bool:
+def is_text(name: str) -> bool:
     """Whether a name can stand in a product; bytes that are no UTF-8 cannot."""
     try:
         name.encode()

@@ -18,6 +18,7 @@ from pipeline.config.problems import Problem
 from pipeline.config.refusals import problem
 from pipeline.config.sections import Refused
 from vsr_core.archive.photographs import Seen
+from vsr_core.motions.named_columns import is_cut
 
 LEVEL = 1.25
 """Factor between the heights of the centre of mass above both rocking points that is let pass."""
@@ -103,9 +104,10 @@ def read(path: Path) -> Archive:
     Raises
     ------
     InputError
-        For a file that is no table of rocks at all, or without a row.
+        For a file that is no table of rocks at all, is cut, or is without a row.
     """
-    lines = outside.text(path).splitlines()
+    text = outside.text(path)
+    lines = text.splitlines()
     rows = ((number, _fields(line)) for number, line in enumerate(lines, 1) if _is_row(line))
     _, names = next(rows, (0, []))
     _check_names(path, names or [])
@@ -125,9 +127,18 @@ def read(path: Path) -> Archive:
             continue
         line_of[rock.name] = number
         rocks.append(rock)
+    _check_end(path, text)
     if not rocks and not problems:
         raise outside.refused(path, "", "no row", "there is a row for each rock", "add one")
     return Archive(rocks, problems)
+
+
+def _check_end(path: Path, text: str) -> None:
+    """Refuse a table whose last line is cut."""
+    ends = [(_fields(line) or [""])[-1] for line in text.splitlines() if _is_row(line)]
+    if len(ends) > 2 and is_cut(text, ends[-1:], ends[1:-1]):
+        given, rule = f"a last line that ends in {ends[-1]!r}", "the file is whole"
+        raise outside.refused(path, "", given, rule, "export it again, or end its last line")
 
 
 class _Wrong(Exception):
@@ -139,7 +150,7 @@ class _Wrong(Exception):
 
 
 def _is_row(line: str) -> bool:
-    return bool(line.strip(" \t,;")) and not line.lstrip('" ').startswith("#")
+    return bool(line.strip(" \t,;")) and not outside.is_comment(line)
 
 
 def _fields(line: str) -> list[str] | None:

@@ -29,7 +29,7 @@ from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Product, Work
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Mask
 from vsr_core.hazard import scenarios
 from vsr_core.hazard.scenarios import DISTANCES, MAGNITUDES, Shaking, nearest, toppling_chance
 from vsr_core.hazard.shaking import REACH
@@ -119,11 +119,24 @@ def _shaking(faults: Faults, magnitudes: Array, distances: Array) -> Shaking:
     return scenarios.of_equations(magnitudes, distances)
 
 
+def _spans(faults: Faults) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Least and largest magnitude, and distance [km], that the shaking is known of."""
+    model = faults.model
+    one, other = (model.magnitudes, model.distances) if model else (MAGNITUDES, DISTANCES)
+    return (one[0], one[-1]), (other[0], other[-1])
+
+
+def _beyond(faults: Faults, magnitudes: Array, distances: Array) -> Mask:
+    """Of which earthquakes the shaking is not known; nearest to a fault the equations hold."""
+    (weak, strong), (near, far) = _spans(faults)
+    near = near if faults.model else 0.0
+    outside = (magnitudes < weak) | (magnitudes > strong) | (distances < near) | (distances > far)
+    return np.asarray(outside)
+
+
 def _map(rock: RockFragility, faults: Faults) -> xr.Dataset:
     """Chance of toppling by magnitude and distance, and how near it still stands."""
-    model = faults.model
-    spans = (model.magnitudes, model.distances) if model is not None else (MAGNITUDES, DISTANCES)
-    (weak, strong), (near, far) = ((one[0], one[-1]) for one in spans)
+    (weak, strong), (near, far) = _spans(faults)
     magnitudes = np.linspace(weak, strong, 1 + round((strong - weak) / _STEP))
     distances = np.geomspace(near, far, 2 + int(np.log(far / near) / np.log(_FACTOR)))
     rows = [
@@ -141,7 +154,7 @@ def _map(rock: RockFragility, faults: Faults) -> xr.Dataset:
             "least_distance": (("magnitude", "standing_probability"), least),
         },
         {"magnitude": magnitudes, "distance": distances, "standing_probability": list(STANDING)},
-        {"ground_motion": "equations" if model is None else "table"},
+        {"ground_motion": "equations" if faults.model is None else "table"},
     )
 
 
@@ -170,6 +183,7 @@ def _of_faults(rock: RockFragility, faults: Faults, ages: Array) -> xr.Dataset:
             },
             **{f"fault_survival{end}": ("fault", stood[i]) for i, end in enumerate(ends)},
             **{f"survival_together{end}": ((), float(together[i])) for i, end in enumerate(ends)},
+            "fault_beyond": ("fault", _beyond(faults, magnitudes, distances).astype(np.int8)),
             "mechanism": ("fault", [one.mechanism for one in given]),
         },
         {"fault": [one.name for one in given]},
@@ -195,6 +209,7 @@ def _table(found: xr.Dataset) -> pd.DataFrame:
             for end in ("", "_low", "_high")
         },
         "rejected": "fault_rejected",
+        "beyond": "fault_beyond",
     }
     if "fault" not in found.dims:
         return pd.DataFrame(columns=list(names))
@@ -235,9 +250,10 @@ def _summary(found: xr.Dataset) -> str:
     if "fault" not in found.dims:
         return f"{counted(found.sizes['magnitude'], 'magnitude')}, no faults given"
     worst = found.isel(fault=int(np.argmin(found["fault_survival"].values)))
-    rejected = int(found["fault_rejected"].sum())
+    rejected, beyond = (int(found[f"fault_{one}"].sum()) for one in ("rejected", "beyond"))
     return (
         f"{rejected} of {counted(found.sizes['fault'], 'fault')} rejected; least survival "
         f"{worst['fault_survival'].item():.3g} under {worst['fault'].item()}, "
         f"{found['survival_together'].item():.3g} under all together"
+        + (f"; {beyond} beyond what the shaking is known of" if beyond else "")
     )

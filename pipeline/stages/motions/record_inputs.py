@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.config.layers import Origin
 from pipeline.config.motion_schema import RecordConfig
-from pipeline.config.paths import located, shown
+from pipeline.config.paths import is_text, located, shown
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.workflow.keys import digest_file
 from vsr_core.errors import InvalidInput
@@ -94,7 +94,9 @@ def each(file: str, key: str, paths: list[Path], load: Callable[[Path], Loaded])
 
 
 def check_file(path: Path) -> None:
-    """Refuse what is no file or too large to be read."""
+    """Refuse what is no file or too large to be read, and names that no product can hold."""
+    if not is_text(path.name):
+        raise InvalidInput("whose name is not in UTF-8", "products name it", "rename it")
     if not path.is_file() or not os.access(path, os.R_OK):
         raise InvalidInput("which is no file that you may read", "it is a file", "correct the path")
     if (size := path.stat().st_size) > LARGEST_FILE:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import stat
 import zipfile
@@ -16,6 +17,7 @@ from conftest import Ran
 from pipeline import cli
 from pipeline.bundles import layout
 from pipeline.workflow.keys import digest_file
+from pipeline.workflow.store import Store
 
 SITE = """rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
 motion: {kind: record, files: [../records/shake.csv], pga: [0.3, 0.6], processing: {order: none,
@@ -163,11 +165,27 @@ def large(archive: zipfile.ZipFile) -> None:
     archive.filelist[-1].file_size = 100 * 1024**3
 
 
+def encrypted(archive: zipfile.ZipFile) -> None:
+    archive.writestr("results/rock.nc", "x")
+    archive.filelist[-1].flag_bits |= 1
+
+
+def packed_otherwise(archive: zipfile.ZipFile) -> None:
+    archive.writestr("results/rock.nc", "x", zipfile.ZIP_LZMA)
+
+
+def twice_in_one_place(archive: zipfile.ZipFile) -> None:
+    archive.writestr("inputs//etc/passwd", "x")
+
+
 def schema(archive: zipfile.ZipFile) -> None:
     archive.writestr("bundle.json", '{"schema_version": 2}')
 
 
-@pytest.mark.parametrize("fault", [outside, absolute, link, large, schema])
+@pytest.mark.parametrize(
+    "fault",
+    [outside, absolute, link, large, encrypted, packed_otherwise, twice_in_one_place, schema],
+)
 def test_a_hostile_one_is_refused_in_a_line_and_nothing_is_written(
     fault: Callable[[zipfile.ZipFile], None], vsr: Callable[..., Ran], tmp_path: Path
 ) -> None:
@@ -191,6 +209,88 @@ def test_a_file_that_is_larger_than_it_says_is_never_unpacked(
     assert ran.code == cli.REFUSED
     assert "results/zeros" in ran.err
     assert layout.digest(zipfile.ZipFile(bundle), "results/zeros") == ""
+
+
+def resealed(bundle: Path, name: str, change: Callable[[bytes], bytes]) -> None:
+    """Change a member, and its checksum with it."""
+    changed(bundle, name, change)
+    with zipfile.ZipFile(bundle) as archive:
+        content = archive.read(name)
+
+    def with_sum(about: bytes) -> bytes:
+        told = json.loads(about)
+        return json.dumps(told | {"files": told["files"] | {name: layout.sha256(content)}}).encode()
+
+    changed(bundle, layout.ABOUT, with_sum)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("results/responses.nc", "responses.nc is not what responses wrote"),
+        ("results/.stages/responses.json", "tells nothing of responses"),
+    ],
+)
+def test_what_its_stage_did_not_write_is_told_though_the_checksums_are_right(
+    name: str, words: str, bundle: Path, vsr: Callable[..., Ran]
+) -> None:
+    resealed(bundle, name, lambda content: content[:-2] + b"??")
+    ran = vsr("check", bundle)
+    assert (ran.code, words in ran.err) == (cli.REFUSED, True), (ran.out, ran.err)
+
+
+def test_manifests_that_need_each_other_end_nothing(bundle: Path, vsr: Callable[..., Ran]) -> None:
+    def circle(content: bytes) -> bytes:
+        told = json.loads(content)
+        return json.dumps(told | {"facts": told["facts"] | {"needs": {"rock": ""}}}).encode()
+
+    resealed(bundle, "results/.stages/rock.json", circle)
+    assert vsr("check", bundle).code == cli.DONE
+
+
+def test_a_name_in_no_encoding_and_a_pipe_are_refused(
+    bundle: Path, vsr: Callable[..., Ran], tmp_path: Path
+) -> None:
+    content = bundle.read_bytes()
+    with zipfile.ZipFile(bundle) as archive:
+        at = archive.start_dir
+    listed = bytearray(content[at:])
+    listed[8:10] = (0x800).to_bytes(2, "little")  # its name is in UTF-8
+    listed[46] = 0xA4
+    bundle.write_bytes(content[:at] + bytes(listed))
+    os.mkfifo(tmp_path / "pipe")
+    for path in (bundle, tmp_path / "pipe"):
+        ran = vsr("check", path)
+        assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1), ran.err
+
+
+def test_results_written_anew_while_they_are_read_are_refused(
+    made: Path, vsr: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Store, "damage", lambda *given: "")  # whole when it was looked at
+    (made / "rock.nc").write_bytes(b"of another command")
+    ran = vsr("export", made, "--to", tmp_path / "study.zip")
+    assert (ran.code, "written anew" in ran.err) == (cli.REFUSED, True), ran.err
+    assert not (tmp_path / "study.zip").exists()
+
+
+def test_curves_in_folders_of_a_folder_are_in_it(
+    write_site: Callable[..., str], vsr: Callable[..., Ran], derived: Path, tmp_path: Path
+) -> None:
+    curves = tmp_path / "model" / "PGA" / "curves.csv"
+    curves.parent.mkdir(parents=True)
+    curves.write_text("name,lon,lat,0.01,0.1,1.0\nhere,-120.9,35.2,2.0e-1,4.0e-3,2.0e-5\n")
+    ratio = "{pga: [0.1], median: [0.1], log_sd: [0.5]}"
+    age = "{kind: normal, mean: 3000}"
+    site = write_site(
+        "motion: {pga: [0.2, 0.4, 0.8], pgv_pga: [0.2]}\nuncertainty: {members: 0}\n"
+        f"hazard: {{curves: model, age: {age}, pgv_pga: {ratio}}}\n"
+    )
+    assert vsr("run", "hazard", "--site", site, "--workers", "0").code == cli.DONE
+    ran = vsr("export", derived / "rock", "--to", tmp_path / "study.zip")
+    assert (ran.code, "is not in it" in ran.err) == (cli.DONE, False), ran.err
+    ran = vsr("check", tmp_path / "study.zip")
+    assert (ran.code, ran.err) == (cli.DONE, ""), ran.out
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.999])

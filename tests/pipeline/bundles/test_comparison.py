@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import xarray as xr
 from conftest import Ran
 
 from pipeline import cli
+from pipeline.workflow.keys import digest_file
 
 GRID = "motion: {pga: [0.2, 0.4, 0.8], pgv_pga: [0.2, 0.5]}\nyaw: [0]\n"
 
@@ -33,17 +35,31 @@ def test_settings_cells_and_boundaries_that_differ_are_told(
         changed = data.copy(deep=True)
     before = int(changed.outcome[0, 0, 0, 0])
     changed.outcome[0, 0, 0, 0] = 5
-    changed.to_netcdf(path)
+    written(changed, derived / "one", "responses")
     with xr.load_dataset(derived / "one" / "fragility.nc") as data:
         moved = data.copy(deep=True)
     finite = int(np.isfinite(moved.first_overturning_pga).sum())
     moved["first_overturning_pga"] = 1.1 * moved.first_overturning_pga
-    moved.to_netcdf(derived / "one" / "fragility.nc")
+    written(moved, derived / "one", "fragility")
     lines = vsr("compare", bundle, derived / "one", "--to", page).out.splitlines()
     assert before == 0
-    assert lines[0] == "cells: 1 of 6 cells: balanced and crashed"
-    assert lines[1].startswith(f"boundary: {finite} of 2 first-overturning PGAs differ")
-    assert "10 % at most" in lines[1]
+    same = "holds other values, though it is made of the same"
+    assert lines[:2] == [f"made of: {one}: {one}.nc {same}" for one in ("fragility", "responses")]
+    assert lines[2] == "cells: 1 of 6 cells: balanced and crashed"
+    assert lines[3].startswith(f"boundary: {finite} of 2 first-overturning PGAs differ")
+    assert "10 % at most" in lines[3]
+    (derived / "one" / "responses.nc").write_bytes(path.read_bytes() + b"?")
+    damaged = vsr("compare", bundle, derived / "one", "--to", page)
+    assert (damaged.code, "not what was written" in damaged.err) == (cli.REFUSED, True)
+
+
+def written(data: xr.Dataset, folder: Path, stage: str) -> None:
+    """Put a dataset in place of a stage's, as if the stage had written it."""
+    data.to_netcdf(folder / f"{stage}.nc")
+    manifest = folder / ".stages" / f"{stage}.json"
+    told = json.loads(manifest.read_text())
+    told["files"][f"{stage}.nc"] = digest_file(folder / f"{stage}.nc")
+    manifest.write_text(json.dumps(told))
 
 
 def test_what_is_no_result_is_refused(vsr: Callable[..., Ran], tmp_path: Path) -> None:
