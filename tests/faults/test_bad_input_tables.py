@@ -116,7 +116,10 @@ def of_model(path: Path) -> Any:
 
 
 def of_disaggregation(path: Path) -> Any:
+    """What a disaggregation says; None where it is told that bins are missing."""
     found = load_disaggregation(path)
+    if any("taken as empty" in words for words in found.unused):
+        return None
     parts = found.magnitudes, found.distances, found.levels, found.shares
     return [one.tolist() for one in parts]
 

@@ -121,6 +121,26 @@ def test_a_table_takes_the_place_of_the_equations(
     assert "hazard.ground_motion" in page
 
 
+def test_a_fault_to_which_no_shaking_model_reaches_is_told(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, folder: Path
+) -> None:
+    """The nearest shaking of a table is far too strong at 400 km, and M 9.5 is no M 7.6."""
+    text = FAULTS + 'far out,6,400,0.001,\nhuge,9.5,50,0.001,\n"#3 of us",6,0,0.001,\n'
+    (folder / "faults.csv").write_text(text)
+    table = f", ground_motion: {folder / 'motion.csv'}"
+    for more, wanted in (("", "00110"), (table, "01111")):
+        ran = vsr("run", "exclusion", "--site", write_site(site_text(folder, more=more)))
+        number = wanted.count("1")
+        told = f"{number} beyond what the shaking is known of"
+        assert (ran.code, told in ran.err) == (0, True), ran.err
+        with (derived / "rock" / "exclusion_faults.csv").open() as file:
+            rows = list(csv.DictReader(file))
+        assert "".join(row["beyond"] for row in rows) == wanted
+        assert rows[-1]["name"] == "#3 of us"
+        page = (derived / "rock" / "exclusion.html").read_text(encoding="utf-8")
+        assert page.count("beyond the shaking known") == number
+
+
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [

@@ -218,8 +218,10 @@ def load_disaggregation(path: Path) -> Disaggregation:
     found: list[Bin] = []
     unused: list[str] = []
     for file in disaggregation_files(path):
-        of_pga, others = _bins(file)
+        of_pga, others, absent = _bins(file)
         found += of_pga
+        if absent:
+            unused.append(f"{counted(absent, 'bin')} of PGA not in {file.name} taken as empty")
         if others:
             unused.append(f"{counted(others, 'row')} of other measures in {file.name} left out")
     bins = pd.DataFrame(
@@ -247,8 +249,8 @@ def load_disaggregation(path: Path) -> Disaggregation:
     return Disaggregation(magnitudes, distances, levels, shares, tuple(unused))
 
 
-def _bins(path: Path) -> tuple[list[Bin], int]:
-    """Rows of PGA, and the number of others."""
+def _bins(path: Path) -> tuple[list[Bin], int, int]:
+    """Rows of PGA, the number of others, and of bins of its first line that have no row."""
     lines = text(path)
     if lines.lstrip('"').startswith("#") and not lines.endswith(("\n", "\r")):
         raise refused(path, "", "a last line without its end", "OpenQuake ends each line")
@@ -264,8 +266,9 @@ def _bins(path: Path) -> tuple[list[Bin], int]:
     ]
     found = rows(path, Bin, of_pga, once=("iml", "mag", "dist"))
     along = [edges.count(",") for edges in _EDGES.findall(lines.partition("\n")[0])]
-    numbers = {*Counter(row.iml for row in found).values()}
-    if len(along) == 2 and any(0.0 in row.shares for row in found) and numbers != {prod(along)}:
+    numbers = Counter(row.iml for row in found).values()
+    if len(along) == 2 and any(0.0 in row.shares for row in found) and {*numbers} != {prod(along)}:
         given = f"{min(numbers)} bins at a level"
         raise refused(path, "mag, dist", given, f"by its first line they are {prod(along)}")
-    return found, len(cells) - len(found)
+    absent = sum(prod(along) - number for number in numbers) if len(along) == 2 else 0
+    return found, len(cells) - len(found), absent

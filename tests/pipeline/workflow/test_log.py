@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import cli
+from pipeline import ROOT, cli
 from pipeline.workflow.log import begin
 
 
@@ -61,6 +62,24 @@ def test_a_log_that_cannot_be_written_is_refused(
     assert asked("--log-file", str(tmp_path / place), derived=tmp_path / "derived") == cli.REFUSED
     assert capsys.readouterr().err.startswith("vsr: --log-file: ")
     assert not (tmp_path / "derived").exists()
+
+
+def test_a_pipe_that_nobody_reads_is_no_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    assert asked("--log-file", str(tmp_path / "pipe"), derived=tmp_path) == cli.REFUSED
+    assert "a pipe, which may never be read" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
+def test_answers_that_cannot_be_printed_are_refused_in_a_line(tmp_path: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        ran = subprocess.run(
+            [sys.executable, "-m", "pipeline", "list", "--derived", str(tmp_path)],
+            stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT, check=False,
+        )  # fmt: skip
+    assert (ran.returncode, len(ran.stderr.splitlines())) == (cli.REFUSED, 1), ran.stderr
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")

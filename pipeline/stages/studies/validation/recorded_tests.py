@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 
 OUTCOMES, ASSUMED = "outcomes.csv", "table.yaml"
 
-SCAN, SPECIMEN = re.compile(r"sp(\d+)\.ply"), re.compile(r"specimen(\d+)")
+SCAN, SPECIMEN = re.compile(r"sp(\d{1,9})\.ply"), re.compile(r"specimen(\d{1,9})")
 
-PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d+)_(?P<setting>\w+)")
+PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d{1,9})_(?P<setting>\w+)")
 """A column of someone's predictions for a specimen, such as dem_s1_kn10."""
 
 

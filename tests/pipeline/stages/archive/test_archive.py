@@ -12,6 +12,7 @@ import xarray as xr
 
 from pipeline import ROOT
 from pipeline.cli import REFUSED, UNRESOLVED, main
+from pipeline.config.problems import InputError
 from pipeline.stages.archive import archive as products
 from pipeline.stages.archive import archived_rock, rock_list, shipped_equations
 from pipeline.stages.hazard.rock_fragility import of_photograph
@@ -228,3 +229,21 @@ def test_another_file_of_the_same_name_has_a_folder_of_its_own(tmp_path: Path) -
 def test_equations_are_made_anew_from_runs(tmp_path: Path) -> None:
     given = ["archive-equations", "--shapes", "5", "--workers", "0", "--derived", str(tmp_path)]
     assert main(given) == REFUSED  # of too few shapes nothing can be fitted
+
+
+def test_a_table_that_is_cut_inside_its_last_number_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "rocks.csv"
+    path.write_text("name,alpha_1_deg,height_m\nA,15,1.55\nB,20,2.25")
+    assert len(rock_list.read(path).rocks) == 2
+    for end in ("2.2", "2.", "2"):
+        path.write_text(f"name,alpha_1_deg,height_m\nA,15,1.55\nB,20,{end}")
+        with pytest.raises(InputError, match="a last line that ends in"):
+            rock_list.read(path)
+
+
+def test_a_quoted_name_with_a_number_sign_is_a_rock(tmp_path: Path) -> None:
+    header = "name,alpha_1_deg,height_m"
+    rows = ('"# seen by A, B"', '"# twice, by C",,', '"#2 East",15,1.5', "# no rock")
+    archive = rock_list.read(written(tmp_path, *rows, header=header))
+    assert [rock.name for rock in archive.rocks] == ["#2 East"]
+    assert archive.problems == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -196,6 +197,16 @@ def test_every_function_that_a_recorded_motion_enters_is_in_its_key(folder: Path
     } < entered
     in_key = tracing.reached((*scenes.code("bullet", terrain=False), *motion_grid.RECORD_CODE))
     assert entered - set(in_key) == set()
+
+
+def test_a_record_whose_name_no_product_can_hold_is_refused(
+    tmp_path: Path, refused: Refused
+) -> None:
+    (tmp_path / "motions").mkdir()
+    name = os.fsdecode(b"b\xe4d.csv")
+    (tmp_path / "motions" / name).write_text(pulse_record(0.3))
+    where = site(tmp_path, f"files: motions, {NONE}, pga: [1]")
+    refused("run", "motions", "--site", where, words=("whose name is not in UTF-8",))
 
 
 def test_plan_names_the_records(folder: Path, vsr: Vsr) -> None:
