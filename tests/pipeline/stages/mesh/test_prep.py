@@ -222,8 +222,8 @@ def cut_by(kind: str) -> str:
     foot = np.array(truth.solid.vertices)[np.array(truth.solid.vertices) @ truth.up < 1e-6] + FAR
     outline = foot[ConvexHull(foot[:, :2]).vertices, :2]
     wider = outline + 0.03 * (outline - outline.mean(axis=0))
-    low, high = foot.min(axis=0) - 0.05, foot.max(axis=0) + np.array([0.05, 0.05, 2.0])
-    low[2] = foot[:, 2].max() + 0.01
+    low, high = foot.min(axis=0) - 0.02, foot.max(axis=0) + np.array([0.02, 0.02, 2.0])
+    low[2] = foot[:, 2].max() + 0.003  # of a foot that slopes, all else that is higher is lost
     given = {
         "plane": {"point": (FAR + 0.02 * truth.up).tolist(), "normal": truth.up.tolist()},
         "box": {"low": low.tolist(), "high": high.tolist()},
