@@ -213,3 +213,18 @@ def test_damaged_table_is_refused_or_whole(tmp_path: Path, name: str, data: Any)
 @given(data=st.data())
 def test_hunt_of_damaged_tables(tmp_path: Path, name: str, data: Any) -> None:
     see(tmp_path, name, data)
+
+
+def test_a_column_of_a_specimen_beyond_counting_is_named(tmp_path: Path) -> None:
+    recorded_tests(tmp_path)
+    text = (tmp_path / OUTCOMES).read_text()
+    (tmp_path / OUTCOMES).write_text(text.replace("dem_s1_soft", f"specimen{'9' * 5000}"))
+    assert any("says nothing here" in words for words in read_tests(tmp_path).unused)
+
+
+def test_bins_without_a_row_are_named(tmp_path: Path) -> None:
+    """A file that leaves empty bins out, and one that is cut after a row, are alike."""
+    file = disaggregation(tmp_path) / "Mag_Dist-mean-0_1.csv"
+    file.write_text("".join(file.read_text().splitlines(keepends=True)[:3]))
+    (words,) = load_disaggregation(tmp_path).unused
+    assert words.startswith("3 bins of PGA not in Mag_Dist")

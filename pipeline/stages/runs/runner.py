@@ -201,7 +201,7 @@ def at_once(whole: int = 1) -> int:
 def parts(items: Iterable[Item], whole: int = 1, cells: int = 1) -> Iterator[list[Item]]:
     """Runs or rows, ``at_once`` of them at a time, of which an item stands for some."""
     left = iter(items)
-    while part := list(islice(left, at_once(whole) // cells)):
+    while part := list(islice(left, max(at_once(whole) // cells, 1))):
         yield part
 
 

@@ -8,6 +8,7 @@ import pytest
 from pipeline.stages.runs import lines, overturning_runs
 from pipeline.stages.runs.lines import Line
 from pipeline.stages.runs.overturning_runs import line_batch
+from pipeline.stages.runs.runner import AT_ONCE, parts
 from pipeline.workflow.rows import Layout, LineRow
 from vsr_core.outcome import DecidedBy, Movement, Outcome
 
@@ -96,3 +97,7 @@ def test_long_lines_are_run_by_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     assert asked == [200, 200, 100]
     assert worst == runs(1)[:, 0].max()
     assert packed == lines.packed(runs(1), lines.sampled(Line(4, 9), CELLS), NO_RETURN)
+
+
+def test_lines_of_more_runs_than_are_held_at_once_come_one_by_one() -> None:
+    assert list(parts(range(3), cells=AT_ONCE + 1)) == [[0], [1], [2]]
