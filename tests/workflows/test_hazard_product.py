@@ -153,8 +153,8 @@ def page(made: Path) -> str:
 
 def test_the_table_has_the_columns_that_are_promised(table: dict[str, list[str]]) -> None:
     assert list(table) == [
-        "branch", "path", "weight", "toppling_rate", "survival", "survival_low", "survival_high",
-        "survival_error", "rejected", "new_weight",
+        "branch", "path", "weight", "toppling_rate_per_year", "survival", "survival_low",
+        "survival_high", "survival_error", "rejected", "new_weight",
     ]  # fmt: skip
     assert table["branch"] == [str(n) for n in range(9)]
     assert table["path"][3] == "AB~A"

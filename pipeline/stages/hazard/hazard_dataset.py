@@ -116,7 +116,8 @@ def table(found: xr.Dataset) -> pd.DataFrame:
     """The branches, one a row."""
     own = {"path": "branch_path"}
     names = [*COLUMNS, *(name for name in OF_EVENTS if name in found)]
-    return pd.DataFrame({name: found[own.get(name, name)].values for name in names})
+    frame = pd.DataFrame({name: found[own.get(name, name)].values for name in names})
+    return frame.rename(columns=lambda name: f"{name}_per_year" if "rate" in name else name)
 
 
 def pga_at(curve: HazardCurve | None, years: float) -> float:
