@@ -2,9 +2,10 @@
 
     python -m benchmarks.draws [--members N]
 
-prints two tables of docs/uncertainty.md as Markdown. Boundaries of 8 draws, found by a run of
+prints the tables of docs/uncertainty.md as Markdown. Boundaries of 8 draws, found by a run of
 ``uncertainty``, are scanned within 12 % at its site's time step and at shorter ones, against a
-sixteenth; and the CPU time of that run is told beside that of a draw's whole grid at its step.
+sixteenth; some are searched again from elsewhere; and the CPU time of that run is told beside that
+of a draw's whole grid at its step.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from pipeline.config import in_si
 from pipeline.config.layers import load_site
 from pipeline.stages.uncertainty import draws
 from vsr_core.arrays import Array, Indices
+from vsr_core.fragility.bisection import first_changes
 from vsr_core.judge.proofs import Barrier, barrier
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Response
@@ -32,12 +34,14 @@ from vsr_core.rock.body import Rock
 from vsr_core.run.cases import Settings, prepare
 from vsr_core.run.overturning import simulate_all
 from vsr_core.scene import Contact, Scene
+from vsr_core.uncertainty import search
 from vsr_core.validation import priors
 from vsr_core.validation.priors import Member
 from vsr_core.validation.specimen import drawn, form
 
-SITE, FEW, LEVELS, CELLS = "double_rock", 8, 96, 500
-"""Draws that are looked at, their levels that are scanned, and the cells of each that are timed."""
+SITE, FEW, LEVELS, CELLS, REPEATS = "double_rock", 8, 96, 200, 5
+"""Draws that are looked at, their levels that are scanned, the cells of each that are timed, and
+how often."""
 
 SHARES = (1, 2, 4, 8, 16)
 """Parts of the time step, the last one the reference."""
@@ -117,18 +121,48 @@ def errors(topples: Indices, longest: float) -> list[str]:
     return rows
 
 
-def grid(every: list[Drawn], found: xr.Dataset) -> float:
-    """CPU time of a draw's whole grid at the draws' time step, from cells at random [s]."""
-    rng, used, number = np.random.default_rng(4), 0.0, 0
-    step, yaws = float(found["time_step"]), found["yaw"].values
-    for one in every:
-        for yaw in yaws.tolist():
-            count = CELLS // len(yaws)
-            pga, ratio = (rng.choice(found[name].values, count) for name in ("pga", "pgv_pga"))
-            begun = time.process_time()
-            one.responses(yaw, pga, ratio, step)
-            used, number = used + time.process_time() - begun, number + count
-    return used / number * found["probability"].size
+def apart(every: list[Drawn], found: xr.Dataset) -> tuple[int, int]:
+    """Searches from elsewhere that end beside the bracket that was found, and all of them."""
+    rng, width = np.random.default_rng(7), float(np.log1p(found["boundary_resolution"]))
+    ends = [found[f"member_boundary_{end}"].values for end in ("lower", "upper")]
+    yaws, ratio, beside, number = found["yaw"].values, found["pgv_pga"].values, 0, 0
+    for draw in np.repeat(np.arange(FEW), 2 * LEVELS // FEW).tolist():
+        yaw, row = int(rng.integers(len(yaws))), int(rng.integers(2, len(ratio)))
+        low, high = (float(end[draw, yaw, row]) for end in ends)
+        if not (np.isfinite(low) and np.isfinite(high)):
+            continue
+        start = np.log([np.sqrt(low * high)]) + rng.uniform(-0.1, 0.1)
+        sought = search.Brackets(start, np.array([0.03]), width, (0.001, 4.0))
+        while len((asked := sought.next_runs())[0]):
+            runs = every[draw].responses(
+                float(yaws[yaw]), asked[1], ratio[[row]], float(found["time_step"])
+            )
+            sought.add(*asked, np.array([one.outcome.overturned for one in runs], np.int8))
+        lower, upper = first_changes(sought.known, 1)
+        beside, number = beside + int(lower[0] >= high or upper[0] <= low), number + 1
+    return beside, number
+
+
+def each(every: list[Drawn], found: xr.Dataset, step: float) -> tuple[float, float]:
+    """CPU time of a cell of a draw's grid and of a run next to its boundary, in turn [s].
+
+    The least of some times, as other work on the machine lengthens them.
+    """
+    rng, yaws, ratio = np.random.default_rng(4), found["yaw"].values, found["pgv_pga"].values
+    times = []
+    for number, one in enumerate(every):
+        yaw = int(rng.integers(len(yaws)))
+        edge = found["member_boundary"].values[number, yaw]
+        known = np.isfinite(edge)
+        near = edge[known] * np.exp(0.0125 * rng.choice([-1, 1], known.sum()))
+        cells = tuple(rng.choice(found[name].values, CELLS) for name in ("pga", "pgv_pga"))
+        for _ in range(REPEATS):
+            for pga, rows in (cells, (near, ratio[known])):
+                begun = time.thread_time()
+                one.responses(float(yaws[yaw]), pga, rows, step)
+                times.append((time.thread_time() - begun) / len(pga))
+    cell, run = np.array(times).reshape(len(every), REPEATS, 2).min(axis=1).mean(axis=0)
+    return float(cell), float(run)
 
 
 def main() -> int:
@@ -146,14 +180,23 @@ def main() -> int:
         found = xr.load_dataset(folder / "uncertainty.nc", mask_and_scale=False)
         every = all_drawn(folder)
         say("the grid of a draw")
-        alone = grid(every, found)
-        runs, brackets = int(found["member_runs"].sum()), found["member_runs"].size
-        print("| draws | time step [ms] | runs of a bracket | CPU [s] | grid of a draw, CPU [s] | "
-              "ratio |\n|---:|---:|---:|---:|---:|---:|")  # fmt: skip
-        print(f"| {members} | {1e3 * float(found['time_step']):.2f} | {runs / brackets:.2f} | "
-              f"{cost.cpu:.0f} | {alone:.1f} | {cost.cpu / alone:.1f} |\n")  # fmt: skip
+        step, longest = (float(found[name].max()) for name in ("time_step", "tried_step"))
+        print("| time step [ms] | cell of a draw's grid [ms] | run next to a boundary [ms] |\n"
+              "|---:|---:|---:|")  # fmt: skip
+        for tried in (longest, step):
+            cell, near = (1e3 * one for one in each(every, found, tried))
+            print(f"| {1e3 * tried:.2f} | {cell:.2f} | {near:.2f} |")
+        whole = 1e-3 * cell * found["probability"].size
+        runs = float(found["member_runs"].mean())
+        print("\n| draws | runs of a bracket | CPU [s] | grid of a draw, CPU [s] | ratio |\n"
+              "|---:|---:|---:|---:|---:|")  # fmt: skip
+        print(
+            f"| {members} | {runs:.2f} | {cost.cpu:.0f} | {whole:.1f} | {cost.cpu / whole:.1f} |\n"
+        )
+        say("searches from elsewhere")
+        beside, number = apart(every, found)
+        print(f"{beside} of {number} searches from elsewhere end in another bracket\n")
         say("scans around boundaries")
-        longest = float(found["tried_step"][0])
         print("| time step [ms] | boundary too high [%] | first overturning too high [%] | "
               "4 of 5 keep [%] | islands [%] | levels with islands [%] |\n"
               "|---:|---:|---:|---:|---:|---:|")  # fmt: skip
