@@ -168,7 +168,9 @@ def each(every: list[Drawn], found: xr.Dataset, step: float) -> tuple[float, flo
 def main() -> int:
     """Print the tables."""
     parser = argparse.ArgumentParser(prog="benchmarks.draws")
-    parser.add_argument("--members", type=int, default=64, help="draws whose cost is told")
+    parser.add_argument(
+        "--members", type=int, default=64, help="draws whose cost is told, 8 or more"
+    )
     members = parser.parse_args().members
     with tempfile.TemporaryDirectory() as derived:
         words = ["--site", SITE, "--derived", derived, "--workers", "0"]
