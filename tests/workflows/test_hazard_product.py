@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from conftest import Ran
@@ -158,6 +159,23 @@ def test_the_table_has_the_columns_that_are_promised(table: dict[str, list[str]]
     ]  # fmt: skip
     assert table["branch"] == [str(n) for n in range(9)]
     assert table["path"][3] == "AB~A"
+
+
+def test_figures_and_cases_can_be_downloaded_as_they_are_in_the_dataset(
+    hazard: xr.Dataset, made: Path
+) -> None:
+    curves = pd.read_csv(made / "hazard_curves.csv")
+    ages = pd.read_csv(made / "hazard_survival.csv")
+    cases = pd.read_csv(made / "hazard_cases.csv")
+    for number, name in enumerate(hazard["branch"].values):
+        told = curves[f"branch_{name}_per_year"], ages[f"survival_branch_{name}"]
+        for found, own in zip(told, ("branch_rate", "survival_at_age"), strict=True):
+            np.testing.assert_allclose(found, hazard[own][number], rtol=1e-5)
+    upper = hazard["rate_after"].sel(fractile=0.95)
+    np.testing.assert_allclose(curves["fractile_0.95_after_per_year"], upper, rtol=1e-5)
+    np.testing.assert_allclose(curves["pga_g"], hazard["pga"], rtol=1e-5)
+    assert cases["case"].tolist() == hazard["case"].values.tolist()
+    np.testing.assert_allclose(cases["survival"], hazard["case_survival"], rtol=1e-5)
 
 
 def test_rates_and_survival_are_those_of_curves_and_fragility(

@@ -25,7 +25,14 @@ from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard.curve_folder import Curves
 from pipeline.stages.hazard.exclusion import ExclusionData
 from pipeline.stages.hazard.exclusion import facts as of_earthquakes
-from pipeline.stages.hazard.hazard_dataset import COLUMNS, OF_EVENTS, dataset, pga_at, table
+from pipeline.stages.hazard.hazard_dataset import (
+    COLUMNS,
+    OF_EVENTS,
+    dataset,
+    drawn_tables,
+    pga_at,
+    table,
+)
 from pipeline.stages.hazard.rock_fragility import Others, of_fits, of_members
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking, of_hazard
 from pipeline.stages.hazard.survival_analysis import (
@@ -92,7 +99,7 @@ def make(
     Returns
     -------
     Product
-        ``hazard.nc``, ``hazard.csv`` and ``hazard.html``.
+        ``hazard.nc``, ``hazard.html``, and tables of branches, curves, ages and cases.
     """
     model, name = curves.model, work.origin.name
     for unused in curves.unused:
@@ -125,6 +132,7 @@ def make(
     files = {
         FILE: netcdf(described(found, work, "Hazard")),
         TABLE: writers.table(table(found)),
+        **{name: writers.table(one) for name, one in drawn_tables(found).items()},
         PAGE: writers.text(pages.filled(PAGE, facts)),
     }
     rejected = int(results.rejected.sum())

@@ -120,6 +120,37 @@ def table(found: xr.Dataset) -> pd.DataFrame:
     return frame.rename(columns=lambda name: f"{name}_per_year" if "rate" in name else name)
 
 
+def drawn_tables(found: xr.Dataset) -> dict[str, pd.DataFrame]:
+    """What each figure of the page shows, and its cases, by the names of tables."""
+    branches = found["branch"].values
+    curves = {
+        "toppling_probability": found["toppling_probability"],
+        "toppling_probability_low": found["toppling_probability_low"],
+        "toppling_probability_high": found["toppling_probability_high"],
+        **{f"mean_{when}_per_year": found[f"mean_rate_{when}"] for when in ("before", "after")},
+    }
+    for when in ("before", "after"):
+        for fractile, rates in zip(FRACTILES, found[f"rate_{when}"], strict=True):
+            curves[f"fractile_{fractile:g}_{when}_per_year"] = rates
+    for branch, rates in zip(branches, found["branch_rate"], strict=True):
+        curves[f"branch_{branch}_per_year"] = rates
+    ages = {"age_density_per_year": found["age_density"]}
+    for branch, survival in zip(branches, found["survival_at_age"], strict=True):
+        ages[f"survival_branch_{branch}"] = survival
+    cases = {"survival": "survival", "toppling_rate": "toppling_rate_per_year",
+             "rejected": "branches_rejected", "pga_after": "posterior_2475_year_pga_g"}  # fmt: skip
+    of_case = {told: found[f"case_{name}"] for name, told in cases.items()}
+    return {
+        "hazard_curves.csv": _columns("pga_g", found["pga"], curves),
+        "hazard_survival.csv": _columns("age_years", found["age"], ages),
+        "hazard_cases.csv": _columns("case", found["case"], of_case),
+    }
+
+
+def _columns(name: str, along: xr.DataArray, others: dict[str, xr.DataArray]) -> pd.DataFrame:
+    return pd.DataFrame({name: along.values} | {k: one.values for k, one in others.items()})
+
+
 def pga_at(curve: HazardCurve | None, years: float) -> float:
     """PGA that is exceeded once in so many years [g]; NaN beyond the levels of a curve."""
     return float("nan") if curve is None else float(in_si.in_g(curve.level_at(1.0 / years)))
