@@ -169,6 +169,7 @@ STAGES: tuple[Stage, ...] = (
         "exclusion",
         make="pipeline.stages.hazard.exclusion:make",
         gives=("pipeline.stages.hazard.exclusion:ExclusionData",),
+        refuses="pipeline.stages.hazard.hazard:refuse_older",
         files=("exclusion.html", "earthquakes.html"),
         versions=("scipy", "matplotlib", "jinja2"),
     ),

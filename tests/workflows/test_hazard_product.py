@@ -677,18 +677,19 @@ def test_either_support_weighs_and_the_other_is_a_case(
         assert float(own["case_survival"][anew]) == pytest.approx(float(wanted), rel=1e-9)
 
 
+@pytest.mark.parametrize("product", ["hazard", "exclusion"])
 def test_an_earthquake_before_the_rock_stood_is_refused_at_once(
-    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, product: str
 ) -> None:
     """It would weigh the rock by what no rock was there to survive."""
     quake = "{{kind: earthquake, year: {}, pga: 0.1, pga_log_sd: 0.3, pgv: 4, pgv_log_sd: 0.3}}"
     old = f"observations=[{quake.format(1906)}, {quake.format(-2100)}]"
     site = write_site(f"{BOX}{GRID.replace('members: 0', 'members: 4')}{HAZARD}")
     age = "hazard.age={kind: bounds, low: 3000, high: 4000}"
-    ran = vsr("run", "hazard", "--site", site, "--set", age, "--set", old)
+    ran = vsr("run", product, "--site", site, "--set", age, "--set", old)
     assert ran.code == 2, ran.err
     (line,) = [line for line in ran.err.splitlines() if line.startswith("vsr: ")]
     assert "observations.1.year: got -2100" in line
     assert not (derived / "rock" / "responses.nc").exists()
     older = age.replace("high: 4000", "high: 4100")
-    assert vsr("plan", "hazard", "--site", site, "--set", older, "--set", old).code == 0
+    assert vsr("plan", product, "--site", site, "--set", older, "--set", old).code == 0
