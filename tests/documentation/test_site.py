@@ -61,7 +61,7 @@ def test_what_leads_nowhere_is_told(tmp_path: Path) -> None:
 
 
 def test_notebooks_are_kept_without_what_they_print() -> None:
-    assert len(NOTEBOOKS) == 6
+    assert len(NOTEBOOKS) == 7
     listed = (ROOT / "notebooks" / "index.md").read_text(encoding="utf-8")
     for path in NOTEBOOKS:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
@@ -96,7 +96,9 @@ def test_the_first_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def test_notebooks_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]))
     book = nbformat.read(path, as_version=4)
-    resources = {"metadata": {"path": str(tmp_path)}}
+    (tmp_path / "data").symlink_to(ROOT / "data")
+    (tmp_path / "notebooks").mkdir()  # as they lie beside the data of a checkout
+    resources = {"metadata": {"path": str(tmp_path / "notebooks")}}
     nbclient.NotebookClient(book, timeout=600, resources=resources).execute()
     shown = [output for cell in book.cells for output in cell.get("outputs", [])]
     assert any("image/png" in output.get("data", {}) for output in shown)
