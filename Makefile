@@ -155,7 +155,7 @@ figures: setup ## every figure of the paper and its table, and which of its clai
 #: RECORD=file            recorded motion for Fig. 7, in place of the samples
 
 ## The project
-.PHONY: setup setup-dev test coverage test-slow mutants lint check format options docs docs-links bench lock clean
+.PHONY: setup setup-dev test coverage test-slow mutants lint check format options docs docs-links bench release lock clean
 test: setup-dev ## tests of some minutes at most
 	$(call run,pytest -n auto --dist loadfile)
 
@@ -190,6 +190,9 @@ docs-links: setup-dev ## the same, and try every link to elsewhere
 
 bench: setup-dev ## performance benchmarks, as ratios in one run
 	$(call run,benchmarks $(call flag,--tests,TABLE))
+
+release: setup-dev ## wheel and source of the last commit in dist/, made twice and tried in an empty environment
+	@scripts/release.sh
 
 lock: ## renew both locks from pyproject.toml; UPGRADE=1 for the newest versions
 	@scripts/setup.sh lock $(if $(call read,UPGRADE),--upgrade)$(checked)

@@ -35,7 +35,7 @@ sweep: {bounce: {contact.restitution: [0, 0.3]}}
 """
 
 NOT_RUN = {
-    r"make (fetch|lock|docs-links)|pip install": "asks the network",
+    r"make (fetch|lock|docs-links|release)|pip install": "asks the network",
     r"podman|apptainer": "is no program of the project",
     r"dask (scheduler|worker)|(SCHEDULER=|--scheduler )tcp://host|--cluster slurm|client_0": "asks "
     "other machines",
