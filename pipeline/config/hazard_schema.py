@@ -12,6 +12,8 @@ from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA, Lax, Refused, Se
 Years = Annotated[float, Field(ge=1, le=1e8)]
 """An age [year]: no landform that carries a rock is older."""
 
+MOST_SAMPLES = 100_000
+
 _Source = Annotated[str, Field(max_length=400)]
 _Peak = Annotated[float, Field(ge=SMALLEST_PGA, le=LARGEST_PGA)]
 _Ratio = Annotated[float, Field(gt=0, le=100)]
@@ -52,11 +54,16 @@ class BoundedAge(Section):
 
 
 class SampledAge(Section):
-    """Equally likely samples of the age, e.g. of a dating program."""
+    """Equally likely samples of the age, e.g. of a dating program: values, or a file of them."""
 
     kind: Literal["samples"] = Field(description="kind of age")
     values: Annotated[tuple[Years, ...], Lax] = Field(
-        min_length=1, max_length=100_000, description="equally likely ages [year]"
+        (), min_length=1, max_length=MOST_SAMPLES, description="equally likely ages [year]"
+    )
+    file: str | None = Field(
+        None,
+        description="in place of values: CSV with a column `age_a` of equally likely ages; "
+        "relative to the file that names it",
     )
     source: _Source = Field("", description="source of the age, for the page")
 
@@ -77,6 +84,20 @@ class HazardRock(Section):
         "it; relative to the file that names it",
     )
     age: Age = Field(description="age of its position")
+
+
+class EarlierStage(Section):
+    """The rock as it stood before more of it came out of the ground."""
+
+    site: str = Field(
+        min_length=1,
+        description="site of the rock as it stood then, e.g. with its base raised, by name or by "
+        "the path of its YAML",
+    )
+    until: Age = Field(description="years before present when it ended, as an age")
+
+
+History = Annotated[tuple[EarlierStage, ...], Lax]
 
 
 class Comparison(Section):
@@ -139,6 +160,12 @@ class HazardConfig(Section):
         "what the header of the ruptures says [year]",
     )
     age: Age | None = Field(None, description="age of the rock in its present position")
+    history: History = Field(
+        (),
+        max_length=8,
+        description="earlier stages of a rock that came out of the ground, the latest first; the "
+        "last of them began at the age",
+    )
     minimum_survival_probability: float = Field(
         0.05, gt=0, lt=1, description="survival probability below which a branch is rejected [1]"
     )

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import difflib
 import re
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from pipeline.config.age_files import with_samples
 from pipeline.config.motion_schema import PULSES
 from pipeline.config.paths import SHIPPED, located, shown
 from pipeline.config.priors_schema import ShakeTableConfig
@@ -69,6 +70,10 @@ class Origin:
         key : str, e.g. ``"motion.files"``
         """
         return self.places.get(tuple(key.split(".")), (self.file, self.folder))[1]
+
+    def located(self, key: str, name: str) -> Path:
+        """The path that a dotted key gives."""
+        return located(self.folder_of(key), name, self.file_of(key), key)
 
     def file_of(self, key: str) -> str:
         """Where a key stands, or else the nearest section above it, for messages.
@@ -156,7 +161,7 @@ class Layers:
             for key, at in origin.items()
             if at != shown(BASE)  # what is to be other than in the base is set by the site
         }
-        return Site(
+        site = Site(
             name=self.path.stem,
             file=file,
             path=self.path,
@@ -164,6 +169,8 @@ class Layers:
             request=self.request,
             settings=config,
         )
+        hazard = with_samples(config.hazard, site.located, site.file_of)
+        return replace(site, settings=config.model_copy(update={"hazard": hazard}))
 
     def merged(self, *more: dict[str, Any]) -> tuple[dict[str, Any], dict[tuple[str, ...], str]]:
         """Merge them, unchecked.

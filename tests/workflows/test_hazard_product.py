@@ -45,6 +45,10 @@ HAZARD = (
     f"age: {{kind: normal, mean: {AGE:g}, sd: {SD:g}, source: invented.}}, "
     "compare: [{name: slippery, set: [contact.friction=0.3]}]}\n"
 )
+EXHUMED = (
+    f"hazard: {{curves: {CURVES}, age: {{kind: samples, file: ages.csv}}, "
+    "history: [{site: buried.yaml, until: {kind: normal, mean: 1200, source: invented}}]}\n"
+)
 
 
 def levels_and_rates(measure: str) -> tuple[Array, Array]:
@@ -582,6 +586,72 @@ def test_rocks_of_one_site_are_combined(
     other = Path(site).with_name("broad.yaml")
     other.write_text(other.read_text(encoding="utf-8").replace("density: 2", "density: 1"))
     assert "hazard: file ../broad edited" in vsr("why", "hazard", "--site", site).out
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_a_rock_that_came_out_of_the_ground(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+) -> None:
+    """exp(-nu T - nu' T') by the fragilities of two sites; ages are in a file of samples."""
+    write_site(BOX.replace("1.2]", "0.9]") + GRID, name="buried")
+    site = write_site(BOX + GRID + EXHUMED)
+    ages = Path(site).with_name("ages.csv")
+    ages.write_text("age_a\n2500\n4000\n", encoding="utf-8")
+    ran = vsr("run", "hazard", "--site", site, "--workers", 0)
+    assert ran.code == 0, ran.err
+    found = read(derived / "rock" / "hazard.nc")
+    page = (derived / "rock" / "hazard.html").read_text(encoding="utf-8")
+    assert (
+        "Until 1,200 years, taken as exact before present (invented) rock stood as buried" in page
+    )
+    levels, rates = levels_and_rates("PGA")
+    expected = []
+    for row in rates:
+        pga, rate = parts_of(levels, row)
+        now, before = (
+            float(rate @ by_row(read(derived / name / "fragility.nc"), found, pga).sum(axis=0))
+            for name in ("rock", "buried")
+        )
+        assert before < 0.8 * now
+        expected.append(
+            np.mean([math.exp(-1200 * now - (t - 1200) * before) for t in (2500, 4000)])
+        )
+    np.testing.assert_allclose(found["survival"], expected, rtol=0.02)
+    assert "history: as it stands now, for all of its age" in found["case"].values.tolist()
+    assert "hazard: up to date" in vsr("why", "hazard", "--site", site).out
+    ages.write_text("age_a\n2500\n4100\n", encoding="utf-8")
+    assert "hazard: up to date" not in vsr("why", "hazard", "--site", site).out
+
+
+@pytest.mark.parametrize(
+    ("ages", "given", "words"),
+    [
+        ("age_a\n2500\nold\n", (), ("ages.csv", "age_a", "row 2")),
+        ("age_ka\n2.5\n", (), ("ages.csv", "age_a", "no such column")),
+        ("age_a\n", (), ("ages.csv", "0 rows")),
+        ("age_a\n900\n800\n", (), ("hazard.history", "in their order in 0 of 2 draws")),
+        (None, (), ("ages.csv",)),
+        ("age_a\n5000\n", ("hazard.age.values=[5000]",), ("hazard.age", "both")),
+        ("age_a\n5000\n", ("hazard.age={kind: samples, file: null}",), ("hazard.age", "neither")),
+        (
+            "age_a\n5000\n",
+            ("hazard.history=[{site: rock.yaml, until: {kind: normal, mean: 5}}]",),
+            ("hazard.history", "rock twice"),
+        ),
+    ],
+)
+def test_ages_and_stages_that_cannot_be_are_refused(
+    refused: Callable[..., str],
+    write_site: Callable[..., str],
+    ages: str | None,
+    given: tuple[str, ...],
+    words: tuple[str, ...],
+) -> None:
+    write_site(BOX.replace("1.2]", "0.9]") + GRID, name="buried")
+    site = write_site(BOX + GRID + EXHUMED)
+    if ages is not None:
+        Path(site).with_name("ages.csv").write_text(ages, encoding="utf-8")
+    refused("run", "hazard", "--site", site, *(f"--set={one}" for one in given), words=words)
 
 
 @pytest.mark.parametrize(

@@ -24,16 +24,41 @@ LARGEST_SCALE = 1e3
 
 
 @dataclass(frozen=True, eq=False)
+class Stage:
+    """A rock as it stood before more of it came out of the ground.
+
+    Attributes
+    ----------
+    until : ndarray, shape (n,) [years before present], when that ended, a value for each age
+    """
+
+    fragility: Fragility
+    until: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Standing:
     """A rock that stands.
 
     Attributes
     ----------
-    ages : ndarray, shape (n,) [years], equally likely, for which it has stood as it stands
+    ages : ndarray, shape (n,) [years], equally likely, for which it has stood
+    earlier : tuple of Stage, the latest first; before the last of them there was no rock
     """
 
     fragility: Fragility
     ages: Array
+    earlier: tuple[Stage, ...] = ()
+
+    @property
+    def fragilities(self) -> tuple[Fragility, ...]:
+        """As it stands now, and in its earlier stages, the latest first."""
+        return (self.fragility, *(one.fragility for one in self.earlier))
+
+    @property
+    def back_to(self) -> Array:
+        """Years before present to which each of them reaches back, shape (n, stages)."""
+        return np.column_stack([*(one.until for one in self.earlier), self.ages])
 
 
 def normal_ages(mean: float, sd: float) -> Array:
@@ -104,6 +129,27 @@ def uniform_ages(low: float, high: float) -> Array:
     return low + (high - low) * _MIDDLES
 
 
+def in_order(times: Sequence[Array], seed: int = 1) -> Array:
+    """Draws of times that are unknown independently of each other but for their order.
+
+    Parameters
+    ----------
+    times : sequence of ndarray [years before present], each of equally likely values
+
+    Returns
+    -------
+    ndarray, shape (n, times), ascending along each row; draws in another order are left out
+
+    Examples
+    --------
+    >>> in_order([np.array([8.0]), np.array([20.0])]).tolist()
+    [[8.0, 20.0]]
+    """
+    rng, number = np.random.default_rng(seed), max(map(len, times))
+    drawn = np.column_stack([rng.permutation(np.resize(one, number)) for one in times])
+    return np.asarray(drawn[(np.diff(drawn, axis=1) > 0.0).all(axis=1)])
+
+
 def _check(age: float, spread: float) -> None:
     if not (age > 0.0 and spread >= 0.0 and np.isfinite(age + spread)):
         given = f"an age of {age:g} years with a spread of {spread:g}"
@@ -123,7 +169,19 @@ def survival(rate: float | Array, ages: Array) -> Array:
     -------
     ndarray, of the shape of the rate
     """
-    return np.asarray(np.exp(-np.multiply.outer(rate, ages)).mean(axis=-1))
+    return in_stages([rate], ages[:, None])
+
+
+def in_stages(rates: Sequence[float | Array], years: Array) -> Array:
+    """The same through stages, S = E[exp(-sum of nu_k T_k)].
+
+    Parameters
+    ----------
+    rates : of toppling in each stage, as of ``survival``
+    years : ndarray, shape (n, stages), that each lasted, rows equally likely
+    """
+    exposed = sum(np.multiply.outer(*one) for one in zip(rates, years.T, strict=True))
+    return np.asarray(np.exp(-exposed).mean(axis=-1))
 
 
 Rates = Callable[[Fragility], Array]
@@ -133,28 +191,35 @@ Rates = Callable[[Fragility], Array]
 def survival_of(rates: Rates, rocks: Sequence[Standing], seed: int = 1) -> Array:
     """Chance that a rock stands, or that all of several rocks do, which felt the same earthquakes.
 
-    In the years before present in which only some of them stood, only these could topple. Ages are
-    unknown independently of each other.
+    In the years before present in which only some of them stood, only these could topple, each as
+    it stood then. Ages are unknown independently of each other.
 
     Returns
     -------
     ndarray, shape (branches,)
     """
     if len(rocks) == 1:
-        return survival(rates(rocks[0].fragility), rocks[0].ages)
+        years = np.diff(rocks[0].back_to, axis=1, prepend=0.0)
+        return in_stages([rates(one) for one in rocks[0].fragilities], years)
+    stages = [one for rock in rocks for one in rock.fragilities]
 
     @cache
-    def rate(standing: frozenset[int]) -> Array:
-        return rates(any_of([rocks[i].fragility for i in sorted(standing)]))
+    def rate(standing: tuple[bool, ...]) -> Array:
+        return rates(any_of([one for one, on in zip(stages, standing, strict=True) if on]))
 
     rng, number = np.random.default_rng(seed), max(len(rock.ages) for rock in rocks)
-    drawn = np.column_stack([rng.permutation(np.resize(rock.ages, number)) for rock in rocks])
+    turns = [rng.permutation(np.resize(np.arange(len(rock.ages)), number)) for rock in rocks]
+    drawn = np.hstack([rock.back_to[own] for rock, own in zip(rocks, turns, strict=True)])
+    now = np.concatenate([np.arange(len(rock.fragilities)) == 0 for rock in rocks])
     order = np.argsort(drawn, axis=1)
+    place = np.argsort(order, axis=1)
+    begun_at = np.where(now, -1, np.roll(place, 1, axis=1))
     exposed: float | Array = 0.0
     begun = np.zeros(number)
-    for youngest in range(len(rocks)):
-        until = np.take_along_axis(drawn, order[:, youngest : youngest + 1], axis=1)[:, 0]
-        of_years = np.array([rate(frozenset(row[youngest:].tolist())) for row in order])
+    for step in range(len(stages)):
+        until = np.take_along_axis(drawn, order[:, step : step + 1], axis=1)[:, 0]
+        stood = (place >= step) & (begun_at < step)
+        of_years = np.array([rate(tuple(row)) for row in stood.tolist()])
         exposed = exposed + of_years * (until - begun)[:, None]
         begun = until
     return np.asarray(np.exp(-exposed).mean(axis=0))

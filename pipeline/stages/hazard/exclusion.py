@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.config.hazard_schema import Age
+from pipeline.config.hazard_schema import Age, History
 from pipeline.config.observation_schema import Observations
 from pipeline.config.paths import shown
 from pipeline.config.sections import Key
@@ -21,8 +21,8 @@ from pipeline.drawing.style import svg_uri
 from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard import exclusion_figures as figures
 from pipeline.stages.hazard.fault_files import Faults
+from pipeline.stages.hazard.rock_ages import back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_fits, of_members
-from pipeline.stages.hazard.survival_analysis import exposed
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import pages, writers
@@ -60,6 +60,7 @@ class ExclusionData(Stored):
 def make(
     work: Work,
     age: Annotated[Age | None, Key("hazard.age")],
+    history: Annotated[History, Key("hazard.history")],
     minimum: Annotated[float, Key("hazard.minimum_survival_probability")],
     support: Annotated[str, Key("hazard.support")],
     faults: Faults,
@@ -80,7 +81,8 @@ def make(
     found = _map(own, faults)
     if faults.faults:
         assert age is not None
-        found = found.merge(_of_faults(own, faults, exposed(age, observed, drawn=drawn)))
+        ages = back_to(age, history, observed, drawn=drawn)[:, 0]  # for which it stood as now
+        found = found.merge(_of_faults(own, faults, ages))
         found["fault_rejected"] = (found["fault_survival"] < minimum).astype(np.int8)
     known = rock.data.attrs
     page = {

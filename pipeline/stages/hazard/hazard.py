@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
 
-from pipeline.config.hazard_schema import Age, BoundedAge, HazardConfig, LognormalAge, NormalAge
-from pipeline.config.layers import Site
-from pipeline.config.observation_schema import Earthquake, Observations
+from pipeline.config.hazard_schema import HazardConfig
+from pipeline.config.observation_schema import Observations
 from pipeline.config.paths import shown
-from pipeline.config.problems import InputError, Problem
 from pipeline.config.sections import Key
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.fragility.summary import Fits
@@ -33,6 +32,7 @@ from pipeline.stages.hazard.hazard_dataset import (
     pga_at,
     table,
 )
+from pipeline.stages.hazard.rock_ages import ages_of, back_to, of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import Others, of_fits, of_members
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking, of_hazard
 from pipeline.stages.hazard.survival_analysis import (
@@ -42,10 +42,7 @@ from pipeline.stages.hazard.survival_analysis import (
     DRAWN_ANEW,
     DatedRock,
     SurvivalAnalysis,
-    ages_of,
     cases,
-    exposed,
-    years_observed,
 )
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
@@ -58,29 +55,6 @@ from vsr_core.hazard.ratio import CORRELATION, LOG_SD
 from vsr_core.hazard.shaking import EventShaking
 
 FILE, TABLE, PAGE = "hazard.nc", "hazard.csv", "hazard.html"
-
-
-PRESENT = 1950
-"""Year that ages are counted to, as dating does [CE]."""
-
-
-def refuse_older(site: Site) -> None:
-    """Refuse earthquakes that were before the rock stood, at whatever age."""
-    age, key = site.config.hazard.age, "observations"
-    oldest = ages_of(age).max() if age else math.inf
-    problems = [
-        Problem(
-            site.file_of(key),
-            f"{key}.{number}.year",
-            f"{one.year}",
-            f"a rock of at most {oldest:,.0f} years did not stand before {PRESENT - oldest:.0f}",
-            "leave the earthquake out, or correct its year or hazard.age",
-        )
-        for number, one in enumerate(site.config.observations)
-        if isinstance(one, Earthquake) and one.year < PRESENT - oldest
-    ]
-    if problems:
-        raise InputError(*problems)
 
 
 def make(
@@ -107,7 +81,9 @@ def make(
     drawn = ensemble is not None and config.support == "tested"
     own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
     assert config.age is not None
-    rocks = [DatedRock(name, own, exposed(config.age, observed, drawn=drawn))]
+    *ended, ages = back_to(config.age, config.history, observed, drawn=drawn).T
+    buried = [one.fragility(fits.folder) for one in beside.earlier]
+    rocks = [DatedRock(name, own, ages, tuple(zip(buried, ended, strict=True)))]
     for other, given in zip(beside.rocks, config.rocks, strict=True):
         rocks.append(DatedRock(other.name, other.fragility(fits.folder), ages_of(given.age)))
     compared = {}
@@ -118,7 +94,8 @@ def make(
     for other in beside.compared:
         what = f"{AS_SCANNED}, {other.name}" if drawn else other.name
         compared[what] = other.fragility(fits.folder)
-    ratios = [one.ratios for one in (*(rock.fragility for rock in rocks), *compared.values())]
+    used = (*(rock.fragility for rock in rocks), *buried, *compared.values())
+    ratios = [one.ratios for one in used]
     assumed = of_hazard(config, model, curves.events, curves.disaggregated, ratios)
     minimum = config.minimum_survival_probability
     analysis = SurvivalAnalysis(model, tuple(rocks), assumed.shaking, minimum)
@@ -197,6 +174,10 @@ def page(
         **_results(analysis, hazard, config),
         **_shaking(hazard, rock.tested),
         "rocks": _rocks(config, analysis),
+        "history": [
+            {"name": Path(one.site).stem, "until": of_age(one.until), "source": one.until.source}
+            for one in config.history
+        ],
     }
 
 
@@ -283,7 +264,7 @@ def _rocks(config: HazardConfig, analysis: SurvivalAnalysis) -> list[dict[str, s
     rows = []
     for number, (rock, age) in enumerate(zip(analysis.rocks, given, strict=True)):
         assert age is not None
-        alone = float(analysis.weights @ analysis.survival_alone(number, rock.ages).mean(axis=1))
+        alone = float(analysis.weights @ analysis.survival_alone(number))
         row = {"name": rock.name, "age": of_age(age), "survival": percent(alone)}
         rows.append(row | {"source": age.source})
     return rows
@@ -364,26 +345,6 @@ def _moved(before: float, after: float) -> str:
     else:
         change = f"{'falls' if after < before else 'rises'} from {shown[0]} to {shown[1]} g"
     return f"the 2,475-year PGA {change}"
-
-
-def of_age(age: Age) -> str:
-    """An age as the page states it.
-
-    >>> of_age(NormalAge(kind="normal", mean=20000.0, sd=3000.0))
-    '20,000 ± 3,000 years (normal, one standard deviation)'
-    """
-    if isinstance(age, NormalAge):
-        if age.sd == 0.0:
-            return f"{age.mean:,.0f} years, taken as exact"
-        return f"{age.mean:,.0f} ± {age.sd:,.0f} years (normal, one standard deviation)"
-    if isinstance(age, LognormalAge):
-        spread = f"lognormal, standard deviation {age.log_sd:g} of its logarithm"
-        return f"{age.median:,.0f} years ({spread})"
-    if isinstance(age, BoundedAge):
-        return f"{age.low:,.0f} to {age.high:,.0f} years, all equally likely"
-    low, middle, high = np.percentile(age.values, [5, 50, 95])
-    samples = f"{len(age.values):,} samples, 5-95 %: {low:,.0f} to {high:,.0f}"
-    return f"{middle:,.0f} years (median of {samples})"
 
 
 def of_location(place: tuple[float, float] | None) -> str:

@@ -217,7 +217,7 @@ def _by_age(analysis: SurvivalAnalysis, ages: Array) -> xr.Dataset:
     """Survival of the first rock alone against its age, and how likely the ages are."""
     edges = np.linspace(0.0, 1.35 * np.percentile(ages, 99.0), _AGES + 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    survival = analysis.survival_alone(0, middles)
+    survival = analysis.survival_for(0, middles)
     density, _ = np.histogram(ages, bins=edges, density=True)
     return xr.Dataset(
         {"survival_at_age": (("branch", "age"), survival), "age_density": ("age", density)},

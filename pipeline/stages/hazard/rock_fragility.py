@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -54,6 +54,13 @@ class RockFragility:
     frictions: tuple[float, ...]
     records: bool
     others_by_yaw: dict[float, tuple[RowFragility, ...]] = field(default_factory=dict)
+
+    def towards(self, yaw: float) -> RockFragility:
+        """The same in one direction [degree] alone, where that is known."""
+        if yaw not in self.by_yaw:
+            return self
+        others = self.others_by_yaw.get(yaw, self.others)
+        return replace(self, mean=self.by_yaw[yaw], others=others)
 
 
 def of_fits(fits: Fits) -> RockFragility:
@@ -228,10 +235,11 @@ class Archived:
 
 @dataclass(frozen=True)
 class Others(Input):
-    """Other rocks at the place, and the rock with other settings."""
+    """Other rocks at the place, the rock with other settings, and as it stood before."""
 
     rocks: tuple[Other | Archived, ...]
     compared: tuple[Other, ...]
+    earlier: tuple[Other, ...]
 
     def digests(self) -> dict[str, str]:
         """Keys of their products, and digests of archives and their equations."""
@@ -248,19 +256,22 @@ class Others(Input):
     @property
     def made(self) -> tuple[Other, ...]:
         """Those with products of their own."""
-        return (*(one for one in self.rocks if isinstance(one, Other)), *self.compared)
+        rocks = (one for one in self.rocks if isinstance(one, Other))
+        return (*rocks, *self.compared, *self.earlier)
 
 
 def find(hazard: HazardConfig, origin: Origin) -> Others:
     """What a site's hazard names beside the site itself."""
-    rocks: list[Other | Archived] = []
-    for rock in hazard.rocks:
-        other = _other(rock, origin)
-        if other.name in [origin.name, *(one.name for one in rocks)]:
-            file, given = origin.file_of("hazard.rocks"), f"{other.name} twice"
-            rule = "each rock is counted once, and has a name of its own"
-            raise InputError(Problem(file, "hazard.rocks", given, rule, "leave it out, or rename"))
-        rocks.append(other)
+    earlier = tuple(_of_site(one.site, origin, "hazard.history") for one in hazard.history)
+    rocks = tuple(_other(rock, origin) for rock in hazard.rocks)
+    named = [origin.name]
+    for key, others in (("hazard.history", earlier), ("hazard.rocks", rocks)):
+        for other in others:
+            if other.name in named:
+                file, given = origin.file_of(key), f"{other.name} twice"
+                rule = "each rock is counted once, and has a name of its own"
+                raise InputError(Problem(file, key, given, rule, "leave it out, or rename"))
+            named.append(other.name)
     folders = [folder_of(one.name) for one in hazard.compare]
     if len(set(folders)) < len(folders):
         twice = next(one.name for one in hazard.compare if folders.count(folder_of(one.name)) > 1)
@@ -273,7 +284,7 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
         for one in hazard.compare
         for folder in (folder_of(one.name),)
     ]
-    return Others(tuple(rocks), tuple(compared))
+    return Others(rocks, tuple(compared), earlier)
 
 
 def _other(rock: HazardRock, origin: Origin) -> Other | Archived:
@@ -283,6 +294,11 @@ def _other(rock: HazardRock, origin: Origin) -> Other | Archived:
         path = located(origin.folder_of(key), rock.archive, origin.file_of(key), key)
         answered(path, name)
         return Archived(name, path)
+    return _of_site(name, origin, key)
+
+
+def _of_site(name: str, origin: Origin, key: str) -> Other:
+    """A rock by the site that a key names."""
     if name.endswith((".yaml", ".yml")):
         name = str(origin.folder_of(key) / name)
     site = load_site(name)

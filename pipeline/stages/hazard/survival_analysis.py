@@ -8,21 +8,12 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from pipeline.config.hazard_schema import Age, BoundedAge, LognormalAge, NormalAge
-from pipeline.config.observation_schema import Earthquake, Observations
 from pipeline.stages.hazard.hazard_model import HazardModel
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility
 from vsr_core.arrays import Array, Mask
 from vsr_core.hazard.curve import HazardCurve, mean_curve, posterior_weights
 from vsr_core.hazard.shaking import EventShaking, Shaking
-from vsr_core.hazard.survival import (
-    Rates,
-    Standing,
-    lognormal_ages,
-    normal_ages,
-    survival_of,
-    uniform_ages,
-)
+from vsr_core.hazard.survival import Rates, Stage, Standing, survival_of
 from vsr_core.hazard.toppling import Fragility, RowFragility, any_of
 
 LARGEST_TO_AVERAGE = 1.2
@@ -44,6 +35,9 @@ CATALOGUES = 200
 _FACTORS, _LEAST = 9, 1e-300
 """Factors on rates between which ln survival is straight, and the least survival of which it is."""
 
+AS_NOW = "history: as it stands now, for all of its age"
+"""The case without the stages in which a rock was exhumed."""
+
 AGES = (5.0, 95.0)
 """Percentiles of the age for a young and an old rock."""
 
@@ -55,11 +49,22 @@ class DatedRock:
     Attributes
     ----------
     ages : ndarray, shape (n,) [year]
+    earlier : tuple of its fragility and when it ended, shape (n,) [years before present], for each
+        stage in which it was exhumed, the latest first
     """
 
     name: str
     fragility: RockFragility
     ages: Array
+    earlier: tuple[tuple[RockFragility, Array], ...] = ()
+
+    def aged(self, age: Array) -> DatedRock:
+        """The same at one age, shape (1,); of its stages the draws that had ended since."""
+        if not self.earlier:
+            return replace(self, ages=age)
+        kept = self.earlier[-1][1] < age
+        earlier = tuple((one, until[kept]) for one, until in self.earlier)
+        return replace(self, ages=np.repeat(age, kept.sum()), earlier=earlier)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,14 +122,37 @@ class SurvivalAnalysis:
         """That of the prior mean of the branches, as the only one."""
         return self.shaking.mean(self.weights)
 
-    def standing_with(self, rock: DatedRock, rows: RowFragility) -> Standing:
-        """A rock with a fragility."""
-        return Standing(self.shaking.fragility(rows, rock.fragility.ratios), rock.ages)
-
     @cached_property
     def standing(self) -> list[Standing]:
         """The rocks with their fragilities."""
-        return [self.standing_with(rock, rock.fragility.mean) for rock in self.rocks]
+        return [
+            Standing(
+                self.shaking.fragility(rock.fragility.mean, rock.fragility.ratios),
+                rock.ages,
+                tuple(
+                    Stage(self.shaking.fragility(one.mean, one.ratios), until)
+                    for one, until in rock.earlier
+                ),
+            )
+            for rock in self.rocks
+        ]
+
+    def _of_others(self, rock: DatedRock, standing: Standing) -> list[Standing]:
+        """A rock with each of its other fragilities.
+
+        Earlier stages have theirs in turn, as what is unknown of a rock stays through them, or the
+        mean where those are not of the same kind.
+        """
+        own, found = rock.fragility, []
+        for i, rows in enumerate(own.others):
+            earlier = tuple(
+                Stage(self.shaking.fragility(one.others[i % len(one.others)], one.ratios), until)
+                if one.source == own.source
+                else mean
+                for (one, until), mean in zip(rock.earlier, standing.earlier, strict=True)
+            )
+            found.append(Standing(self.shaking.fragility(rows, own.ratios), rock.ages, earlier))
+        return found
 
     @property
     def drawn(self) -> bool:
@@ -140,8 +168,8 @@ class SurvivalAnalysis:
         """
         number = max(len(rock.fragility.others) for rock in self.rocks)
         rng, turns = np.random.default_rng(1), []
-        for rock in self.rocks:
-            own = [self.standing_with(rock, one) for one in rock.fragility.others]
+        for rock, standing in zip(self.rocks, self.standing, strict=True):
+            own = self._of_others(rock, standing)
             turn = np.resize(np.arange(len(own)), number)
             paired = rock is self.rocks[0] or rock.fragility.source != DRAWN
             turns.append([own[i] for i in (turn if paired else rng.permutation(turn))])
@@ -165,12 +193,26 @@ class SurvivalAnalysis:
         """The same under the prior mean, all accelerations of which are multiplied."""
         return float(self.survival(self.mean_shaking.times(factor).rates)[0])
 
-    def survival_alone(self, rock: int, ages: Array) -> Array:
-        """Probability that one of the rocks stands for some ages, shape (branches, ages)."""
-        rocks = [rocks[rock] for rocks in self.others] if self.drawn else [self.standing[rock]]
-        rates = (self.shaking.rates(one.fragility) for one in rocks)
-        stood = sum(np.exp(-np.multiply.outer(one, ages)) for one in rates)
+    def _alone(self, rock: int) -> list[Standing]:
+        return [rocks[rock] for rocks in self.others] if self.drawn else [self.standing[rock]]
+
+    def survival_alone(self, rock: int) -> Array:
+        """Probability that one of the rocks stands under each branch, shape (branches,)."""
+        rocks = self._alone(rock)
+        stood = sum(survival_of(self.shaking.rates, [one]) for one in rocks)
         return np.asarray(stood / len(rocks))
+
+    def survival_for(self, rock: int, ages: Array) -> Array:
+        """The same for some ages, shape (branches, ages); stages ended at their median times."""
+        rocks, found = self._alone(rock), []
+        for one in rocks:
+            ended = np.array([[np.median(stage.until)] for stage in one.earlier])
+            reach = np.vstack([*np.minimum(ended, ages), ages]) if one.earlier else ages[None]
+            rates = [self.shaking.rates(stage) for stage in one.fragilities]
+            years = np.diff(reach, axis=0, prepend=0.0)
+            exposed = sum(np.multiply.outer(*stage) for stage in zip(rates, years, strict=True))
+            found.append(np.exp(-exposed))
+        return np.asarray(sum(found) / len(rocks))
 
     def results(self) -> BranchResults:
         """Survival under each branch, and the branches weighted by it."""
@@ -190,10 +232,9 @@ class SurvivalAnalysis:
             after = mean_curve(self.curves, new.weights, self.model.levels)
         return BranchResults(rates, survival, new.rejected, new.weights, after)
 
-    def with_first(self, **changes: RockFragility | Array) -> SurvivalAnalysis:
+    def with_first(self, rock: DatedRock) -> SurvivalAnalysis:
         """The same analysis, the first rock changed."""
-        changed = replace(self.rocks[0], **changes)  # type: ignore[arg-type]
-        return replace(self, rocks=(changed, *self.rocks[1:]))
+        return replace(self, rocks=(rock, *self.rocks[1:]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,15 +271,17 @@ def _changes(
     alternatives: Mapping[str, Shaking],
     compared: Mapping[str, RockFragility],
 ) -> Iterator[tuple[str, SurvivalAnalysis]]:
-    for name, fragility in compared.items():
-        yield name, analysis.with_first(fragility=fragility)
     first, ordered = analysis.rocks[0], _by_weakness(analysis)
+    for name, fragility in compared.items():
+        yield name, analysis.with_first(replace(first, fragility=fragility))
+    if first.earlier:
+        yield AS_NOW, analysis.with_first(replace(first, earlier=()))
     if len(ordered) > 1:
-        for word, (yaw, rows) in (("most", ordered[0]), ("least", ordered[-1])):
+        for word, (yaw, _) in (("most", ordered[0]), ("least", ordered[-1])):
             name = f"direction: all shaking at yaw {yaw:g}°, the {word} fragile"
-            others = first.fragility.others_by_yaw.get(yaw, first.fragility.others)
-            own = replace(first.fragility, mean=rows, others=others)
-            yield name, analysis.with_first(fragility=own)
+            earlier = tuple((one.towards(yaw), until) for one, until in first.earlier)
+            own = replace(first, fragility=first.fragility.towards(yaw), earlier=earlier)
+            yield name, analysis.with_first(own)
     factor = LARGEST_TO_AVERAGE
     yield (
         f"component: PGA at the rock is {factor:g} times that of the curves, as in the largest "
@@ -255,7 +298,10 @@ def _changes(
     if len(first.ages) > 1:
         for share in AGES:
             age = np.percentile(first.ages, [share])
-            yield f"age: {age[0]:,.0f} years, its {share:g} % value", analysis.with_first(ages=age)
+            yield (
+                f"age: {age[0]:,.0f} years, its {share:g} % value",
+                analysis.with_first(first.aged(age)),
+            )
 
 
 def _by_weakness(analysis: SurvivalAnalysis) -> list[tuple[float, RowFragility]]:
@@ -307,29 +353,3 @@ def sampling(analysis: SurvivalAnalysis, results: BranchResults) -> Sampling | N
 
 def _times(factor: float, shaking: Shaking, fragility: Fragility) -> Array:
     return factor * shaking.rates(fragility)
-
-
-def ages_of(age: Age) -> Array:
-    """Equally likely ages [year]."""
-    if isinstance(age, NormalAge):
-        return normal_ages(age.mean, age.sd)
-    if isinstance(age, LognormalAge):
-        return lognormal_ages(age.median, age.log_sd)
-    if isinstance(age, BoundedAge):
-        return uniform_ages(age.low, age.high)
-    return np.array(age.values)
-
-
-def years_observed(observed: Observations) -> int:
-    """Years in which earthquakes were seen to leave the rock standing."""
-    return len({one.year for one in observed if isinstance(one, Earthquake)})
-
-
-def exposed(age: Age, observed: Observations, *, drawn: bool) -> Array:
-    """Equally likely ages [year] without the years that the draws were weighed by already.
-
-    Parameters
-    ----------
-    drawn : bool, whether the rock is the draws that observations weigh
-    """
-    return np.maximum(ages_of(age) - (years_observed(observed) if drawn else 0), 0.0)

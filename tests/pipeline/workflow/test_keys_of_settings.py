@@ -65,6 +65,7 @@ DECIDES = {
     "georeference": {"geodata"},
     "hazard": {"hazard"},
     "hazard.age": {"exclusion"},
+    "hazard.history": {"exclusion"},
     "hazard.minimum_survival_probability": {"exclusion"},
     "hazard.support": {"exclusion"},
     "hazard.faults": {"exclusion"},
@@ -121,6 +122,7 @@ ROCKS = "hazard.rocks=[{site: other, age: {kind: normal, mean: 1000, sd: 10}}]"
 RATIO = "hazard.pgv_pga={pga: [0.1, 0.5], median: [0.1, 0.2], log_sd: [0.3, 0.4]}"
 COMPARE = "hazard.compare=[{name: friction, study: friction, set: []}]"
 ASKED = ("hazard.curves=curves", "hazard.age={kind: normal, mean: 10000, sd: 1000}")
+HISTORY = "hazard.history=[{site: other, until: {kind: normal, mean: 1000, sd: 10}}]"
 PULSES = "[{axis: x}, {axis: z, pga_ratio: 0.3, pgv_pga: 0.1}]"
 OBSERVED = (
     "observations=[{kind: tilt, direction: 30, angle: 9.5, outcome: tipped, sd: 0.3}, "
@@ -180,6 +182,7 @@ BASES = {
         (STEP, "hazard.events=events", "hazard.effective_time=1000.0", ASKED[1]),
         "hazard.e",
     ),
+    "exhumed": Base("cuboid_1x1x2", ("hazard",), (STEP, *ASKED, HISTORY), "hazard.history"),
     "lognormal": of_age("{kind: lognormal, median: 10000, log_sd: 0.3}"),
     "bounds": of_age("{kind: bounds, low: 9000, high: 20000}"),
     "samples": of_age("{kind: samples, values: [9000, 10000]}"),

@@ -22,7 +22,9 @@ from vsr_core.hazard.curve import (
 )
 from vsr_core.hazard.survival import (
     Rates,
+    Stage,
     Standing,
+    in_order,
     largest_scale,
     lognormal_ages,
     normal_ages,
@@ -225,3 +227,63 @@ def test_probabilities_become_rates() -> None:
 def test_an_age_is_positive(age: float) -> None:
     with pytest.raises(InvalidInput, match="ages are positive"):
         normal_ages(age, 0.0)
+
+
+def rates_on(*curves: HazardCurve) -> Rates:
+    return lambda fragility: np.array([toppling(one, fragility).rate for one in curves])
+
+
+def in_two_stages(now: Fragility, buried: Fragility, until: Array, ages: Array) -> Standing:
+    return Standing(now, ages, (Stage(buried, until),))
+
+
+def test_a_rock_that_came_out_of_the_ground_at_a_known_time() -> None:
+    """S = exp(-nu_1 T_1 - nu_2 T_2) with nu = lambda(level)."""
+    now, buried = step_at(0.5), step_at(2.0)
+    rates = {now: np.array([2e-4, 1e-5]), buried: np.array([3e-5, 4e-6])}
+    rock = in_two_stages(now, buried, np.array([3000.0]), np.array([10_000.0]))
+    found = survival_of(rates.__getitem__, [rock])
+    exact = np.exp([-2e-4 * 3000.0 - 3e-5 * 7000.0, -1e-5 * 3000.0 - 4e-6 * 7000.0])
+    np.testing.assert_allclose(found, exact, rtol=1e-14)
+
+
+def test_a_stage_of_times_that_are_not_known() -> None:
+    """Between bounds E[exp(-(nu_1 - nu_2) U)] exp(-nu_2 T) is an integral in closed form."""
+    now, buried, low, high, age = step_at(0.5), step_at(2.0), 1000.0, 4000.0, 9000.0
+    rates = {now: np.array([3e-4]), buried: np.array([5e-5])}
+    drawn = in_order([uniform_ages(low, high), np.array([age])])
+    found = survival_of(rates.__getitem__, [in_two_stages(now, buried, drawn[:, 0], drawn[:, 1])])
+    k = 3e-4 - 5e-5
+    mean = (math.exp(-k * low) - math.exp(-k * high)) / (k * (high - low))
+    assert found[0] == pytest.approx(mean * math.exp(-5e-5 * age), rel=1e-6)
+
+
+def test_stages_alike_are_one() -> None:
+    fragility, ages = lognormal(3.0, 0.4), normal_ages(2e4, 3e3)
+    rates = rates_on(power_law())
+    parted = in_two_stages(fragility, fragility, 0.3 * ages, ages)
+    other = Standing(lognormal(2.5, 0.3), uniform_ages(5e3, 3e4))
+    for beside in ([], [other]):
+        one = survival_of(rates, [Standing(fragility, ages), *beside])
+        np.testing.assert_allclose(survival_of(rates, [parted, *beside]), one, rtol=1e-12)
+
+
+@pytest.mark.parametrize("own", [0, 1])
+def test_of_two_rocks_one_came_out_of_the_ground(own: int) -> None:
+    """Steps: in the same earthquakes the weaker of those that stand decides, at every time."""
+    rock = in_two_stages(step_at(0.5), step_at(2.0), np.array([300.0]), np.array([1000.0]))
+    rocks = [Standing(step_at(1.0), np.array([700.0]))]
+    rocks.insert(own, rock)
+    curve, found = power_law(), survival_of(rates_on(power_law()), rocks)
+    weakest = ((0.5, 300.0), (1.0, 400.0), (2.0, 300.0))
+    exposed = sum(toppling(curve, step_at(level)).rate * years for level, years in weakest)
+    np.testing.assert_allclose(found, [math.exp(-exposed)], rtol=1e-12)
+
+
+def test_times_out_of_order_are_left_out() -> None:
+    """Of two times that are uniform on the same bounds, the later is beyond the middle by 2/3."""
+    kept = in_order([uniform_ages(1.0, 2.0), uniform_ages(1.0, 2.0)])
+    assert (kept[:, 0] < kept[:, 1]).all()
+    assert len(kept) == pytest.approx(1000, abs=4 * math.sqrt(500))
+    np.testing.assert_allclose(kept.mean(axis=0), [4 / 3, 5 / 3], atol=0.03)
+    assert len(in_order([np.array([9.0]), np.array([8.0])])) == 0

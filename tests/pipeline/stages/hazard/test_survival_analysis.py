@@ -9,17 +9,24 @@ import pytest
 import xarray as xr
 from scipy.stats import norm
 
-from pipeline.config.hazard_schema import BoundedAge, LognormalAge, NormalAge, SampledAge
+from pipeline.config.hazard_schema import (
+    BoundedAge,
+    EarlierStage,
+    LognormalAge,
+    NormalAge,
+    SampledAge,
+)
 from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
+from pipeline.stages.hazard.rock_ages import ages_of, back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_members
 from pipeline.stages.hazard.survival_analysis import (
+    AS_NOW,
     BASE_CASE,
     DRAWN_ANEW,
     DatedRock,
     SurvivalAnalysis,
-    ages_of,
     cases,
 )
 from vsr_core import GRAVITY
@@ -112,7 +119,7 @@ def test_a_rock_that_is_the_same_in_all_earthquakes_stands_more_often() -> None:
     assert [case.name for case in found[:3]] == [BASE_CASE, DRAWN_ANEW, "another"]
     another = found[2].results  # which is the same ensemble
     np.testing.assert_array_equal(another.survival, same.survival)
-    alone = analysis.survival_alone(0, np.array([0.0, years]))[1]
+    alone = analysis.survival_for(0, np.array([0.0, years]))[1]
     np.testing.assert_allclose(alone, [1.0, same.survival[1]])
     error = survival_error(analysis, analysis.survival_of_others())
     nu = np.array([[rate * level**-SLOPE for rate in rates] for level in thresholds])
@@ -285,3 +292,47 @@ def test_many_branches_are_counted_not_named() -> None:
     assert text.startswith(
         "The rock's survival probability is below 5 % under 400 of 1,000 branches"
     )
+
+
+def test_members_keep_what_is_unknown_of_them_through_stages() -> None:
+    """Mean of exp(-nu_m T_1 - nu'_m T_2) over members, and the case without the stage before."""
+    now, buried, rate, age = [0.3, 0.6], [0.5, 0.9], 1e-4, 2000.0
+    stage = EarlierStage(site="buried", until=NormalAge(kind="normal", mean=800.0))
+    given = NormalAge(kind="normal", mean=age)
+    until, reached = back_to(given, (stage,), (), drawn=True).T
+    own, before = ensemble(now, 2000), ensemble(buried, 2000)
+    rock = DatedRock("rock", own, reached, ((before, until),))
+    analysis = of_curves(model(rate), rock)
+    nu, nu_before = (rate * np.array(levels) ** -SLOPE for levels in (now, buried))
+    found = {case.name: case.results.survival[0] for case in cases(analysis, {}, {})}
+    exact = np.exp(-nu * 800.0 - nu_before * 1200.0).mean()
+    assert found[BASE_CASE] == pytest.approx(exact, rel=0.01)
+    assert found[AS_NOW] == pytest.approx(np.exp(-nu * age).mean(), rel=0.01)
+    assert found[AS_NOW] < 0.9 * found[BASE_CASE]
+    alone = of_curves(model(rate), DatedRock("rock", own, reached)).results().survival[0]
+    assert found[AS_NOW] == alone
+    at = analysis.survival_for(0, np.array([0.0, 500.0, age]))[0]
+    expected = [1.0, np.exp(-nu * 500.0).mean(), found[BASE_CASE]]
+    np.testing.assert_allclose(at, expected, rtol=0.01)
+    np.testing.assert_allclose(analysis.survival_alone(0)[0], found[BASE_CASE], rtol=1e-12)
+
+
+def test_the_direction_and_the_age_of_a_rock_are_those_of_its_stages_too() -> None:
+    """Both fragilities have one in all directions; young and old rocks are of the same stages."""
+    rate, spread = 1e-4, BoundedAge(kind="bounds", low=1000.0, high=3000.0)
+    stage = EarlierStage(site="buried", until=BoundedAge(kind="bounds", low=500.0, high=1500.0))
+    until, reached = back_to(spread, (stage,), (), drawn=True).T
+    assert (until < reached).all()
+    weak, strong = ensemble([0.3] * 2, 2000), ensemble([0.6] * 2, 2000)
+    analysis = of_curves(model(rate), DatedRock("rock", weak, reached, ((strong, until),)))
+    found = {case.name: case.results.survival[0] for case in cases(analysis, {}, {})}
+    for name, chance in found.items():
+        if name.startswith("direction"):
+            assert chance == pytest.approx(found[BASE_CASE], rel=1e-9)
+    ages = {name: chance for name, chance in found.items() if name.startswith("age")}
+    assert len(ages) == 2
+    for share, chance in zip((5.0, 95.0), ages.values(), strict=True):
+        age = np.percentile(reached, share)
+        ended = until[until < age]
+        lasted = np.exp(-rate * (0.3**-SLOPE * ended + 0.6**-SLOPE * (age - ended)))
+        assert chance == pytest.approx(lasted.mean(), rel=0.01)

@@ -1,0 +1,75 @@
+"""Ages that a configuration names by a file of samples, read when it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import Field
+
+from pipeline.config.hazard_schema import (
+    MOST_SAMPLES,
+    Age,
+    EarlierStage,
+    HazardConfig,
+    HazardRock,
+    SampledAge,
+    Years,
+)
+from pipeline.config.outside import Row, refused, rows, table, text
+from pipeline.config.problems import InputError, Problem
+
+Dated = TypeVar("Dated", HazardRock, EarlierStage)
+
+
+class DatedSample(Row):
+    """A row of a table of ages."""
+
+    age_a: Years = Field(description="age [year]")
+
+
+def with_samples(
+    hazard: HazardConfig, path_of: Callable[[str, str], Path], file_of: Callable[[str], str]
+) -> HazardConfig:
+    """The same with the samples of its ages in place of their files.
+
+    Parameters
+    ----------
+    path_of : callable, from a dotted key and what is given there to a path
+    file_of : callable, from a dotted key to where it stands, for messages
+    """
+
+    def read(age: Age, key: str) -> Age:
+        if not isinstance(age, SampledAge) or (age.values and age.file is None):
+            return age
+        if age.file is None or age.values:
+            given = "both" if age.file else "neither"
+            rule, remedy = "samples have values or a file", "give one of the two"
+            raise InputError(Problem(file_of(key), key, given, rule, remedy))
+        values = samples(path_of(f"{key}.file", age.file))
+        source = age.source or Path(age.file).name[:400]
+        return SampledAge(kind="samples", values=values, source=source)
+
+    def each(name: str, stages: tuple[Dated, ...], key: str) -> tuple[Dated, ...]:
+        return tuple(
+            one.model_copy(update={key: read(getattr(one, key), f"hazard.{name}")})
+            for one in stages
+        )
+
+    return hazard.model_copy(
+        update={
+            "age": hazard.age and read(hazard.age, "hazard.age"),
+            "history": each("history", hazard.history, "until"),
+            "rocks": each("rocks", hazard.rocks, "age"),
+        }
+    )
+
+
+def samples(path: Path) -> tuple[float, ...]:
+    """Equally likely ages [year] of a table."""
+    cells = table(path, text(path))
+    if not 1 <= len(cells) <= MOST_SAMPLES:
+        rule = f"there are 1 to {MOST_SAMPLES:,} ages"
+        raise refused(path, "", f"{len(cells)} rows", rule, "give one a row, or thin them out")
+    return tuple(row.age_a for row in rows(path, DatedSample, cells))

@@ -1,0 +1,111 @@
+"""How long a rock has stood, and as what: its age, and the stages in which it was exhumed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pipeline.config.hazard_schema import Age, BoundedAge, History, LognormalAge, NormalAge
+from pipeline.config.layers import Site
+from pipeline.config.observation_schema import Earthquake, Observations
+from pipeline.config.problems import InputError, Problem
+from vsr_core.arrays import Array
+from vsr_core.hazard.survival import in_order, lognormal_ages, normal_ages, uniform_ages
+
+PRESENT = 1950
+"""Year that ages are counted to, as dating does [CE]."""
+
+LEAST_IN_ORDER = 0.1
+"""Share of draws in which stages follow each other, below which they contradict each other."""
+
+
+def refuse(site: Site) -> None:
+    """Refuse stages that contradict each other, and earthquakes before the rock stood so."""
+    hazard, key = site.config.hazard, "observations"
+    if hazard.age and hazard.history:
+        _check_order(site)
+    now = hazard.history[0].until if hazard.history else hazard.age
+    oldest = ages_of(now).max() if now else math.inf
+    so = " as it stands" if hazard.history else ""
+    problems = [
+        Problem(
+            site.file_of(key),
+            f"{key}.{number}.year",
+            f"{one.year}",
+            f"a rock of at most {oldest:,.0f} years{so} did not stand before "
+            f"{PRESENT - oldest:.0f}",
+            "leave the earthquake out, or correct its year or hazard.age",
+        )
+        for number, one in enumerate(site.config.observations)
+        if isinstance(one, Earthquake) and one.year < PRESENT - oldest
+    ]
+    if problems:
+        raise InputError(*problems)
+
+
+def _check_order(site: Site) -> None:
+    times = _times(site.config.hazard.age, site.config.hazard.history)
+    kept, drawn = len(in_order(times)), max(map(len, times))
+    if kept < LEAST_IN_ORDER * drawn:
+        key, given = "hazard.history", f"stages in their order in {kept} of {drawn} draws"
+        rule = "the latest comes first, and each ended after the one before it, and after the age"
+        raise InputError(Problem(site.file_of(key), key, given, rule, "exchange or correct them"))
+
+
+def ages_of(age: Age) -> Array:
+    """Equally likely ages [year]."""
+    if isinstance(age, NormalAge):
+        return normal_ages(age.mean, age.sd)
+    if isinstance(age, LognormalAge):
+        return lognormal_ages(age.median, age.log_sd)
+    if isinstance(age, BoundedAge):
+        return uniform_ages(age.low, age.high)
+    return np.array(age.values)
+
+
+def _times(age: Age | None, history: History) -> list[Array]:
+    return [ages_of(one) for one in (*(stage.until for stage in history), age) if one]
+
+
+def years_observed(observed: Observations) -> int:
+    """Years in which earthquakes were seen to leave the rock standing."""
+    return len({one.year for one in observed if isinstance(one, Earthquake)})
+
+
+def back_to(age: Age, history: History, observed: Observations, *, drawn: bool) -> Array:
+    """Years before present to which the stages of a rock reach back, the present one first.
+
+    Those in which earthquakes weighed the draws already are left out.
+
+    Parameters
+    ----------
+    drawn : bool, whether the rock is the draws that observations weigh
+
+    Returns
+    -------
+    ndarray, shape (n, stages) [year], rows equally likely, the age last
+    """
+    times = _times(age, history)
+    found = in_order(times) if history else times[0][:, None]
+    return np.maximum(found - (years_observed(observed) if drawn else 0), 0.0)
+
+
+def of_age(age: Age) -> str:
+    """An age as the page states it.
+
+    >>> of_age(NormalAge(kind="normal", mean=20000.0, sd=3000.0))
+    '20,000 ± 3,000 years (normal, one standard deviation)'
+    """
+    if isinstance(age, NormalAge):
+        if age.sd == 0.0:
+            return f"{age.mean:,.0f} years, taken as exact"
+        return f"{age.mean:,.0f} ± {age.sd:,.0f} years (normal, one standard deviation)"
+    if isinstance(age, LognormalAge):
+        spread = f"lognormal, standard deviation {age.log_sd:g} of its logarithm"
+        return f"{age.median:,.0f} years ({spread})"
+    if isinstance(age, BoundedAge):
+        return f"{age.low:,.0f} to {age.high:,.0f} years, all equally likely"
+    low, middle, high = np.percentile(age.values, [5, 50, 95])
+    samples = f"{len(age.values):,} samples, 5-95 %: {low:,.0f} to {high:,.0f}"
+    return f"{middle:,.0f} years (median of {samples})"
