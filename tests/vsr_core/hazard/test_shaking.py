@@ -12,7 +12,7 @@ from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.events import Events
 from vsr_core.hazard.ratio import RatioTable
 from vsr_core.hazard.shaking import CurveShaking, EventShaking, counted_shaking
-from vsr_core.hazard.survival import Standing, survival_of
+from vsr_core.hazard.survival import Stage, Standing, survival_of
 from vsr_core.hazard.toppling import RowFragility, any_of, borders_of, lognormal_rows, row_shares
 
 SLOPE, LEAST, YEARS = 2.5, 0.5, 1e5
@@ -138,6 +138,19 @@ def test_two_rocks_survive_the_same_earthquakes(events: Events, ratio: np.ndarra
     either = 1.0 - (1.0 - own) * (1.0 - its)
     exposed = np.bincount(events.branch, 400.0 * either + 500.0 * its) / YEARS
     np.testing.assert_allclose(survival_of(shaking.rates, rocks), np.exp(-exposed), rtol=2e-3)
+
+
+def test_a_rock_feels_the_events_of_a_stage_as_it_stood_then(
+    events: Events, ratio: np.ndarray
+) -> None:
+    """400 years as one rock, and 500 before as another."""
+    shaking = counted(events, ratio)
+    before = Stage(shaking.fragility(OTHER_ROWS, OTHER), np.array([400.0]))
+    rock = Standing(shaking.fragility(ROWS, RATIOS), np.array([900.0]), (before,))
+    own = chance(ROWS, RATIOS, events.pga, ratio)
+    its = chance(OTHER_ROWS, OTHER, events.pga, ratio)
+    exposed = np.bincount(events.branch, 400.0 * own + 500.0 * its) / YEARS
+    np.testing.assert_allclose(survival_of(shaking.rates, [rock]), np.exp(-exposed), rtol=2e-3)
 
 
 def grouped(events: Events, size: int) -> Events:
