@@ -79,8 +79,12 @@ def make(
     columns = len(study.motions.pga)
     rows = min(at_once(columns) // columns, len(study.motions.rows))
     part = work.runs / f".part-{os.getpid()}-{work.stage}"  # what a kill leaves goes with others
-    with writing(work.runs):
-        netcdf(dataset, parts, (1, 1, rows, columns))(part)
+    try:
+        with writing(work.runs):  # while the part still fills the disk
+            netcdf(dataset, parts, (1, 1, rows, columns))(part)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
     summary, unresolved = tally(counts)
     return Product({Responses.FILE: writers.moved(part)}, summary, unresolved=unresolved)
 
