@@ -38,7 +38,7 @@ class Shaken(Row):
 
     event_id: int = _Id
     gmv_PGA: float = Field(ge=0, le=LEVELS["PGA"][2], description="peak ground acceleration [g]")  # noqa: N815
-    gmv_PGV: float | None = Field(None, ge=0, le=LEVELS["PGV"][2], description="PGV [cm/s]")  # noqa: N815
+    gmv_PGV: float | None = Field(None, ge=0, le=LEVELS["PGV"][2], description="PGV in cm/s")  # noqa: N815
 
 
 class Event(Row):
