@@ -135,6 +135,7 @@ def own_files(place: Path) -> None:
     shutil.copy(shipped / "records" / "near.v2", place / "quakes" / "more")
     for folder in ("my_curves", "folder"):
         shutil.copytree(shipped / "hazard" / "made_up", place / folder)
+    shutil.copytree(shipped / "hazard" / "made_up_events", place / "my_events")
     write_tests(place / "folder")
 
 
