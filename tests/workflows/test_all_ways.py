@@ -42,6 +42,11 @@ SWEEP = "sweep: {turned: {yaw: [0, 30]}}\n"
 
 
 @pytest.fixture(scope="module")
+def quick_time_step() -> None:
+    """The whole ladder of time steps: a shorter one would not reach the workers' processes."""
+
+
+@pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of the scans, the record and the sweep that all ways use."""
     place = tmp_path_factory.mktemp("ways")
