@@ -24,6 +24,7 @@ FILLED = {
     "STUDY=... SITE=... PRODUCT=displacement": "STUDY=my_study.yaml SITE=granite_dells "
     "PRODUCT=displacement",
     "--site SITE": "--site cuboid_1x1x2",
+    "FOLDER_OR_ZIP FOLDER_OR_ZIP": "data/derived/double_rock study.zip",
     " [--export DIR]": "",
     "tests/faults/FILE": "tests/faults/test_slurm.py",
 }
@@ -120,7 +121,7 @@ def own_files(place: Path) -> None:
     rock, site, placed = _yaml(place / "docs" / "how_to" / "own_scan.md")
     assert "pose:" in placed  # of files that no command of the page names
     (place / "my_rock.yaml").write_text(rock, encoding="utf-8")
-    trimesh.creation.box([500.0, 700.0, 1500.0]).export(place / "my_rock.ply")  # mm, as printed
+    trimesh.creation.box([0.5, 0.7, 1.5]).export(place / "my_rock.ply")
     scan = place / "data" / "raw" / "my_site" / "scan.ply"
     scan.parent.mkdir()
     write_ply(scan, survey())
