@@ -24,7 +24,7 @@ FILLED = {
     "STUDY=... SITE=... PRODUCT=displacement": "STUDY=my_study.yaml SITE=granite_dells "
     "PRODUCT=displacement",
     "--site SITE": "--site cuboid_1x1x2",
-    "FOLDER_OR_ZIP FOLDER_OR_ZIP": "data/derived/double_rock study.zip",
+    "FOLDER_OR_ZIP FOLDER_OR_ZIP": "data/derived/double_rock data/derived/double_rock",
     " [--export DIR]": "",
     "tests/faults/FILE": "tests/faults/test_slurm.py",
 }
