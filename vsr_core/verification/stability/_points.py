@@ -16,8 +16,11 @@ from vsr_core.rock.body import Rock
 SPHERE_SHARE = 1e-3
 """Radius of the sphere that a point is, as a share of the rock's."""
 
-STEPS = (4e-4, 2e-4)
-"""Time steps in units of sqrt(radius / g), the finest last."""
+CONTACTS = ((2e-4, 4.0), (4e-4, 4.0), (2e-4, 2.0), (2e-4, 8.0))
+"""Time steps in units of sqrt(radius / g), and time constants of the contact in time steps.
+
+The first is the finest and the one to compare with; by the others, its own answer changes.
+"""
 
 _STEPS_A_LOOK = 10
 
@@ -32,6 +35,7 @@ def tilts(
     motion: GroundMotion,
     rest: float,
     step_share: float,
+    spring: float,
 ) -> Array:
     """Angles from the start [rad], by MuJoCo, one every ten steps.
 
@@ -41,8 +45,9 @@ def tilts(
     motion : GroundMotion, along +x
     rest : float [s], time after the motion
     step_share : float, time step in units of sqrt(radius / g)
+    spring : float, time constant of the contact in time steps
     """
-    model = _model(rock, points, upward, friction, step_share)
+    model = _model(rock, points, upward, friction, step_share, spring)
     data = mujoco.MjData(model)
     data.qpos[:3] = 0.0, 0.0, rock.height / rock.radius
     mujoco.mju_mat2Quat(data.qpos[3:7], rock.axes.ravel())
@@ -59,7 +64,7 @@ def tilts(
 
 
 def _model(
-    rock: Rock, points: Array, upward: Array, friction: float, step_share: float
+    rock: Rock, points: Array, upward: Array, friction: float, step_share: float, spring: float
 ) -> mujoco.MjModel:
     """Spheres that touch from below, and the rock, of radius 1 and mass 1."""
     scale = 1.0 / rock.radius
@@ -79,7 +84,7 @@ def _model(
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
     )
     body.add_geom(name="rock", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="rock", **unpaired)
-    spring = 4.0 * spec.option.timestep
+    yielding = [spring * spec.option.timestep, 2.0]
     for k, (point, up) in enumerate(zip(points, upward, strict=True)):
         spec.worldbody.add_geom(
             name=f"point {k}",
@@ -93,7 +98,7 @@ def _model(
             geomname2="rock",
             friction=[friction] * 2 + [0.0] * 3,
             condim=3,
-            solref=[spring, 2.0],
-            solreffriction=[spring, 2.0],
+            solref=yielding,
+            solreffriction=yielding,
         )
     return spec.compile()
