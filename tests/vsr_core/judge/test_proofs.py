@@ -274,7 +274,7 @@ def test_a_box_does_not_move_inside_the_still_range(friction: float) -> None:
     for yaw in np.radians([0.0, 70.0, 190.0]):
         case = case_of("box 1x1x2", Contact(friction), float(yaw))
         for level in (0.97 * case.static_limits[0], 0.97 * case.static_limits[1]):
-            response = complete(case, CosinePulse(level, 0.25), Contact(friction))
+            response = complete(case, CosinePulse(level, 0.25))
             assert response.outcome is Outcome.BALANCED
             assert response.peak_tilt < 1e-5
             assert response.slip < 1e-4 * case.full.rock.radius
@@ -293,7 +293,7 @@ def test_a_hull_stays_standing_inside_the_still_range(name: str, friction: float
         rock, turned = case.full.rock, np.array([-yaw, math.pi - yaw])
         angle = tipping(rock.hull, turned).angle.min()
         for level in (0.9 * end, -0.9 * end):
-            response = complete(case, CosinePulse(level, 0.25), Contact(friction))
+            response = complete(case, CosinePulse(level, 0.25))
             assert response.outcome is Outcome.BALANCED
             assert response.peak_tilt < 0.2 * angle
             assert response.slip < 0.01 * rock.radius
@@ -303,9 +303,7 @@ def test_a_hull_stays_standing_inside_the_still_range(name: str, friction: float
 def test_rock_lifts_beyond_the_still_range(name: str, friction: float) -> None:
     for yaw in np.radians([0.0, 70.0, 190.0]):
         case = case_of(name, Contact(friction), float(yaw))
-        response = complete(
-            case, CosinePulse(1.15 * case.static_limits[1], 0.25), Contact(friction)
-        )
+        response = complete(case, CosinePulse(1.15 * case.static_limits[1], 0.25))
         assert response.peak_tilt > 1e-3
 
 
@@ -346,12 +344,10 @@ def test_a_yaw_turns_the_rock_counter_clockwise() -> None:
     assert static_limits(rock, Contact(9.0), -yaw) != pytest.approx(expected, rel=0.02)
 
 
-def complete(case: Case, motion: CosinePulse, contact: Contact) -> Response:
+def complete(case: Case, motion: CosinePulse, engine: str = "bullet") -> Response:
     """The run with every vertex and no rule, to rest."""
-    assert case.full.contact == contact
-    unreduced = replace(case, scene=case.full)
-    step = 0.003 * step_unit(case.full.rock)
-    return overturning.simulate(unreduced, motion, Settings(step, reduce=False))
+    settings = Settings(0.003 * step_unit(case.full.rock), reduce=False, engine=engine)
+    return overturning.simulate(replace(case, scene=case.full), motion, settings)
 
 
 def claims_of(
@@ -411,18 +407,24 @@ def test_no_claim_is_contradicted_later_in_the_run(
 
 
 def compare(
-    name: str, count: int, low: float, high: float, seed: int, contact: Contact
+    name: str, count: int, low: float, high: float, seed: int, contact: Contact, engine: str
 ) -> list[str]:
-    """Cells in which a reduced run ends otherwise than the complete one, in words."""
+    """Cells in which a reduced run ends otherwise than the complete one, in words.
+
+    Bullet's rocks can topple a little sooner than theorems allow (docs/engine.md): its complete run
+    may do so within 2 % of its boundary, that is, where it no longer does at a PGA lower by that.
+    """
     differing = []
     toppled = 0
     for pga, ratio, yaw in cells(seed, count, low, high):
-        case = case_of(name, contact, yaw)
-        motion = CosinePulse.from_g(pga, ratio)
-        reduced = overturning.simulate(case, motion, Settings(0.003 * step_unit(case.full.rock)))
-        full = complete(case, motion, contact)
-        toppled += full.outcome is Outcome.OVERTURNED
-        if reduced.outcome is not full.outcome:
+        case, motion = case_of(name, contact, yaw), CosinePulse.from_g(pga, ratio)
+        settings = Settings(0.003 * step_unit(case.full.rock), engine=engine)
+        reduced = overturning.simulate(case, motion, settings).outcome
+        full = complete(case, motion, engine).outcome
+        toppled += full is Outcome.OVERTURNED
+        if engine == "bullet" and reduced is not full is Outcome.OVERTURNED:
+            full = complete(case, CosinePulse.from_g(0.98 * pga, ratio), engine).outcome
+        if reduced is not full:
             differing.append(
                 f"{name} {pga!r} g {ratio!r} s {math.degrees(yaw):.0f} deg: {reduced} {full}"
             )
@@ -437,10 +439,12 @@ def compare(
 def test_reduced_runs_end_as_complete_ones(
     name: str, low: float, high: float, contact: Contact
 ) -> None:
-    assert compare(name, 20, low, high, 1, contact) == []
+    for engine in ("bullet", "nonsmooth"):
+        assert compare(name, 20, low, high, 1, contact, engine) == []
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("engine", ["bullet", "nonsmooth"])
 @pytest.mark.parametrize(
     ("name", "count", "low", "high"),
     [
@@ -451,9 +455,9 @@ def test_reduced_runs_end_as_complete_ones(
     ],
 )
 def test_reduced_runs_end_as_complete_ones_on_many_cells(
-    name: str, count: int, low: float, high: float
+    name: str, count: int, low: float, high: float, engine: str
 ) -> None:
     """5,000 random cells of three rocks, and of the scan where it is at hand."""
     if name == "scan" and not SCAN.exists():
         pytest.skip(f"no scan at {SCAN.name} beside the checkout")
-    assert compare(name, count, low, high, 2, Contact(0.6)) == []
+    assert compare(name, count, low, high, 2, Contact(0.6), engine) == []
