@@ -1,7 +1,8 @@
 """Every way through the program ends with a product that opens, or with a line that says why not.
 
 A way is a product of a ground, shaken by a motion, in an engine, on some workers. Here go ways that
-hold each pair of these; the slow suite goes all of them.
+hold each pair of these; the slow suite goes all of them at a given time step, and each pair at one
+that is measured.
 """
 
 from __future__ import annotations
@@ -164,4 +165,10 @@ def test_each_pair_has_a_way(
 @pytest.mark.slow
 @pytest.mark.parametrize("way", ways.every({"product": QUICK + SLOW, **SCENES}), ids=told)
 def test_every_way(way: Way, go: Callable[[Way, str], None]) -> None:
+    go(way, "0.0015")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ways.pairwise({"product": QUICK + SLOW, **SCENES}), ids=told)
+def test_each_pair_has_a_way_at_a_measured_step(way: Way, go: Callable[[Way, str], None]) -> None:
     go(way, "auto")

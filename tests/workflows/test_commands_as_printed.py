@@ -21,6 +21,7 @@ from pipeline import ROOT, cli
 FILLED = {
     "<name>": "cuboid_1x1x2",
     "FIG=...": "FIG=8",
+    "EVENTS=folder": "EVENTS=my_events",
     "STUDY=... SITE=... PRODUCT=displacement": "STUDY=my_study.yaml SITE=granite_dells "
     "PRODUCT=displacement",
     "--site SITE": "--site cuboid_1x1x2",
