@@ -23,7 +23,7 @@ PART = 500_000
 _FIRST = 64 * 1024
 """Bytes in which the line of names ends."""
 
-_KINDS = {"int": np.int64, "float": np.float64, "float | None": np.float64}
+_KINDS = {"int": np.int64, "float": np.float64, "float | None": np.float64, "str | None": str}
 
 _LIMITS = {"ge": np.less, "gt": np.less_equal, "le": np.greater, "lt": np.greater_equal}
 """What is beyond the limits of a field."""
@@ -105,7 +105,9 @@ def check(path: Path, model: type[Row], found: dict[str, Any], short: Any, begun
     if wrong.any():
         at = int(np.argmax(wrong))
         try:
-            model.model_validate({name: values[at].item() for name, values in found.items()})
+            model.model_validate(
+                {name: row[at : at + 1].tolist()[0] for name, row in found.items()}
+            )
         except ValidationError as error:
             raise in_row(path, error, model, begun + at + 1) from None
         raise refused(path, "", f"fewer fields in row {begun + at + 1}", "each row has all")

@@ -117,7 +117,11 @@ SLIPS = (
         "a period in seconds? write 25 for 0.04 s",
     ),
     Slip(
-        "hazard.age.mean hazard.age.median hazard.age.low hazard.age.values",
+        " ".join(
+            f"{age}.{name}"
+            for age in ("hazard.age", "hazard.history.until", "hazard.rocks.age")
+            for name in ("mean", "median", "low", "values")
+        ),
         _below(150.0),
         "ages are in years",
         "thousands of years? write 20000 for 20 ka",
@@ -140,7 +144,14 @@ def warnings(site: Site) -> Iterator[Problem]:
 
 
 def _values(settings: Any, key: str) -> Values:
+    """Numbers at a key, of each of several entries."""
+    found = [settings]
     for part in key.split("."):
-        settings = settings.get(part) if isinstance(settings, dict) else None
-    found = settings if isinstance(settings, tuple) else (settings,)
-    return tuple(value for value in found if isinstance(value, float | int))
+        each = (one for one in _spread(found) if isinstance(one, dict))
+        found = [one.get(part) for one in each]
+    return tuple(value for value in _spread(found) if isinstance(value, float | int))
+
+
+def _spread(found: list[Any]) -> Iterator[Any]:
+    for one in found:
+        yield from one if isinstance(one, tuple) else (one,)

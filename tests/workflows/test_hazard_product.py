@@ -627,6 +627,7 @@ def test_a_rock_that_came_out_of_the_ground(
     ("ages", "given", "words"),
     [
         ("age_a\n2500\nold\n", (), ("ages.csv", "age_a", "row 2")),
+        ("age_a,weight\n2500,0.9\n", (), ("ages.csv", "weight", "another column")),
         ("age_ka\n2.5\n", (), ("ages.csv", "age_a", "no such column")),
         ("age_a\n", (), ("ages.csv", "0 rows")),
         ("age_a\n900\n800\n", (), ("hazard.history", "in their order in 0 of 2 draws")),

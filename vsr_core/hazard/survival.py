@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -16,6 +17,9 @@ from vsr_core.hazard.toppling import Fragility, any_of
 
 AGES = 2000
 """Ages that stand for a distribution, in the middle of parts of equal probability."""
+
+DRAWS = 20_000
+"""Draws of several ages, of which there are all combinations if these are no more."""
 
 _MIDDLES = (np.arange(AGES) + 0.5) / AGES
 
@@ -145,9 +149,27 @@ def in_order(times: Sequence[Array], seed: int = 1) -> Array:
     >>> in_order([np.array([8.0]), np.array([20.0])]).tolist()
     [[8.0, 20.0]]
     """
-    rng, number = np.random.default_rng(seed), max(map(len, times))
-    drawn = np.column_stack([rng.permutation(np.resize(one, number)) for one in times])
+    turns = independent([len(one) for one in times], seed)
+    drawn = np.column_stack([one[turn] for one, turn in zip(times, turns, strict=True)])
     return np.asarray(drawn[(np.diff(drawn, axis=1) > 0.0).all(axis=1)])
+
+
+def independent(lengths: Sequence[int], seed: int) -> Array:
+    """Places in several lists that do not depend on each other, each equally often in its list.
+
+    Returns
+    -------
+    ndarray of int, shape (lists, n): all combinations, or ``DRAWS`` and more of them at random
+
+    Examples
+    --------
+    >>> independent([1, 2, 2], seed=1).tolist()
+    [[0, 0, 0, 0], [0, 0, 1, 1], [0, 1, 0, 1]]
+    """
+    if math.prod(lengths) <= DRAWS:
+        return np.indices(lengths).reshape(len(lengths), -1)
+    rng, number = np.random.default_rng(seed), max(DRAWS, *lengths)
+    return np.array([rng.permutation(np.resize(np.arange(one), number)) for one in lengths])
 
 
 def _check(age: float, spread: float) -> None:
@@ -207,15 +229,14 @@ def survival_of(rates: Rates, rocks: Sequence[Standing], seed: int = 1) -> Array
     def rate(standing: tuple[bool, ...]) -> Array:
         return rates(any_of([one for one, on in zip(stages, standing, strict=True) if on]))
 
-    rng, number = np.random.default_rng(seed), max(len(rock.ages) for rock in rocks)
-    turns = [rng.permutation(np.resize(np.arange(len(rock.ages)), number)) for rock in rocks]
+    turns = independent([len(rock.ages) for rock in rocks], seed)
     drawn = np.hstack([rock.back_to[own] for rock, own in zip(rocks, turns, strict=True)])
     now = np.concatenate([np.arange(len(rock.fragilities)) == 0 for rock in rocks])
     order = np.argsort(drawn, axis=1)
     place = np.argsort(order, axis=1)
     begun_at = np.where(now, -1, np.roll(place, 1, axis=1))
     exposed: float | Array = 0.0
-    begun = np.zeros(number)
+    begun = np.zeros(len(drawn))
     for step in range(len(stages)):
         until = np.take_along_axis(drawn, order[:, step : step + 1], axis=1)[:, 0]
         stood = (place >= step) & (begun_at < step)

@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.config.outside import Row, checked, refused
 from pipeline.stages.hazard import event_calculation, event_tables, openquake
-from pipeline.stages.hazard.event_tables import Event, EventTables, Rupture, Shaken
+from pipeline.stages.hazard.event_tables import Event, EventTables, Place, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import (
     LEVELS,
     UNITS,
@@ -20,15 +20,15 @@ from pipeline.stages.hazard.hazard_model import (
     Realization,
     model,
 )
-from pipeline.workflow.grammar import counted
+from pipeline.workflow.grammar import counted, listed
 from vsr_core.arrays import Array, Indices
 from vsr_core.hazard.events import Events, Ruptures, distance_of
 
 LOWEST, STEP = 0.005, 1.05
 """Least PGA of a curve of events [g], and the factor between its levels."""
 
-_SURE = 50
-"""Events whose years almost surely span half of those that they are of."""
+_CHANCE = 1e-6
+"""Of events of equally likely years to span no more than they do, below which they are refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,10 +157,12 @@ def _check_years(path: Path, found: dict[str, Any], at: Indices, years: float) -
     if spans and max(spans) >= years:
         rule = f"each realization is of {years:g} years"
         raise refused(path, "year", f"years {max(spans)} apart", rule, remedy)
-    sure = [span for one, span in zip(of, spans, strict=True) if len(one) >= _SURE]
-    if sure and max(sure) < 0.5 * years:
-        rule = f"each realization is of {years:g} years"
-        raise refused(path, "year", f"years up to {max(sure)} apart only", rule, remedy)
+    for one, span in zip(of, spans, strict=True):
+        # the range of n equally likely values: n r^(n-1) - (n-1) r^n
+        number, share = len(one), (span + 1) / years
+        if share ** (number - 1) * (number - (number - 1) * share) < _CHANCE:
+            rule = f"{number} events of {years:g} years span more of them"
+            raise refused(path, "year", f"years up to {span} apart only", rule, remedy)
 
 
 def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | None]:
@@ -172,6 +174,7 @@ def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | No
             given = f"event {part['event_id'][lost[0]]}"
             rule = f"it is one of those in {told.paths['events'].name}"
             raise refused(path, "event_id", given, rule)
+        _check_site(path, part, told.place)
         places.append(at.astype(np.int32))
         pga.append(part["gmv_PGA"].astype(np.float32))
         if "gmv_PGV" in part:
@@ -185,6 +188,18 @@ def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | No
     return at, np.concatenate(pga), np.concatenate(pgv) if pgv else None
 
 
+def _check_site(path: Path, part: dict[str, Any], place: Place | None) -> None:
+    """Refuse shaking at other sites than the one place, or than the first row's."""
+    for name in ("custom_site_id", "site_id"):
+        if name not in part:
+            continue
+        own = place.custom_site_id if place and name == "custom_site_id" else None
+        sites = {own or part[name][0], *np.unique(part[name]).tolist()}
+        if len(sites) > 1:
+            given, rule = listed([*map(repr, sorted(sites))][:3]), "all shaking is at one site"
+            raise refused(path, name, given, rule, "export that of the rock's site only")
+
+
 def _ruptures(told: EventTables, of_events: Indices) -> tuple[Indices, Ruptures | None]:
     """Place of each event's rupture, and magnitudes and distances where they are told."""
     path, place = told.paths.get("ruptures"), told.place
@@ -196,6 +211,12 @@ def _ruptures(told: EventTables, of_events: Indices) -> tuple[Indices, Ruptures 
     if len(lost):
         rule = "each rupture of an event is there"
         raise refused(path, "rup_id", f"no {of_events[lost[0]]}", rule)
+    if "multiplicity" in found:
+        short = np.bincount(at, minlength=len(ids)) - found["multiplicity"]
+        if len(few := np.flatnonzero(short < 0)):
+            one, told_of = ids[few[0]], found["multiplicity"][few[0]]
+            given, rule = f"{told_of + short[few[0]]} events of rupture {one}", f"it has {told_of}"
+            raise refused(told.paths["events"], "rup_id", given, rule, "export all events")
     east = (place.lon - found["centroid_lon"] + 180.0) % 360.0 - 180.0
     north = place.lat - found["centroid_lat"]
     east = east * np.cos(np.radians(place.lat))

@@ -23,12 +23,15 @@ from pipeline.config import long_tables
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.stages.hazard import openquake
 from pipeline.stages.hazard.hazard_model import LEVELS, Realization
+from pipeline.workflow.grammar import listed
 
 NEEDED, MORE = ("gmf-data", "events", "realizations"), ("ruptures", "sitemesh")
 """Files of a folder that have to be there, and that may be."""
 
-_TIMES = {name: re.compile(rf"{name}\s*=\s*([^\s,'\"]+)")
+_TIMES = {name: re.compile(rf"\b{name}\s*=\s*([^\s,'\"]+)")
           for name in ("investigation_time", "ses_per_logic_tree_path")}  # fmt: skip
+
+_CHECKSUM = re.compile(r"checksum\s*=\s*(\d+)")
 
 _Id = Field(ge=0, le=2**62)
 
@@ -39,6 +42,8 @@ class Shaken(Row):
     event_id: int = _Id
     gmv_PGA: float = Field(ge=0, le=LEVELS["PGA"][2], description="peak ground acceleration [g]")  # noqa: N815
     gmv_PGV: float | None = Field(None, ge=0, le=LEVELS["PGV"][2], description="PGV in cm/s")  # noqa: N815
+    custom_site_id: str | None = None
+    site_id: str | None = None
 
 
 class Event(Row):
@@ -54,6 +59,7 @@ class Rupture(Row):
     """A row of ruptures."""
 
     rup_id: int = _Id
+    multiplicity: int = Field(1, ge=1, le=2**62, description="events of it, or more")
     mag: float = Field(ge=0, le=11, description="magnitude")
     centroid_lon: float = Field(ge=-180, le=360, description="longitude of the middle [degree]")
     centroid_lat: float = Field(ge=-90, le=90, description="latitude of the middle [degree]")
@@ -64,6 +70,7 @@ class Rupture(Row):
 class Place(Row):
     """A row of sites."""
 
+    custom_site_id: str | None = None
     lon: float = Field(ge=-180, le=360, description="longitude of the site [degree]")
     lat: float = Field(ge=-90, le=90, description="latitude of the site [degree]")
 
@@ -119,7 +126,25 @@ def files(folder: Path) -> dict[str, Path]:
         elif name in NEEDED:
             rule = "OpenQuake's is named gmf-data_1.csv, with events_1.csv and realizations_1.csv"
             raise refused(folder, name, "no such file", rule, "export it from the same calculation")
+    _check_calculation(folder, found)
     return found
+
+
+def _check_calculation(folder: Path, found: dict[str, Path]) -> None:
+    """Refuse files of several calculations, by the numbers of their names and their checksums."""
+    said = {
+        path.name: (
+            path.stem.partition("_")[2],
+            one[1] if (one := _CHECKSUM.search(long_tables.header(path)[0])) else "",
+        )
+        for path in found.values()
+    }
+    for what, told in zip(("number", "checksum"), zip(*said.values(), strict=True), strict=True):
+        kinds = {one for one in told if one}
+        if len(kinds) > 1:
+            names = ", ".join(said)
+            rule, remedy = "all are of one calculation", "export them from the same one"
+            raise refused(folder, what, f"{listed(sorted(kinds))} of {names}", rule, remedy)
 
 
 def _is(name: str, path: Path) -> bool:

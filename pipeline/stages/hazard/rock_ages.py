@@ -11,7 +11,13 @@ from pipeline.config.layers import Site
 from pipeline.config.observation_schema import Earthquake, Observations
 from pipeline.config.problems import InputError, Problem
 from vsr_core.arrays import Array
-from vsr_core.hazard.survival import in_order, lognormal_ages, normal_ages, uniform_ages
+from vsr_core.hazard.survival import (
+    in_order,
+    independent,
+    lognormal_ages,
+    normal_ages,
+    uniform_ages,
+)
 
 PRESENT = 1950
 """Year that ages are counted to, as dating does [CE]."""
@@ -46,7 +52,7 @@ def refuse(site: Site) -> None:
 
 def _check_order(site: Site) -> None:
     times = _times(site.config.hazard.age, site.config.hazard.history)
-    kept, drawn = len(in_order(times)), max(map(len, times))
+    kept, drawn = len(in_order(times)), independent([len(one) for one in times], 1).shape[1]
     if kept < LEAST_IN_ORDER * drawn:
         key, given = "hazard.history", f"stages in their order in {kept} of {drawn} draws"
         rule = "the latest comes first, and each ended after the one before it, and after the age"

@@ -21,10 +21,12 @@ from vsr_core.hazard.curve import (
     posterior_weights,
 )
 from vsr_core.hazard.survival import (
+    DRAWS,
     Rates,
     Stage,
     Standing,
     in_order,
+    independent,
     largest_scale,
     lognormal_ages,
     normal_ages,
@@ -284,6 +286,37 @@ def test_times_out_of_order_are_left_out() -> None:
     """Of two times that are uniform on the same bounds, the later is beyond the middle by 2/3."""
     kept = in_order([uniform_ages(1.0, 2.0), uniform_ages(1.0, 2.0)])
     assert (kept[:, 0] < kept[:, 1]).all()
-    assert len(kept) == pytest.approx(1000, abs=4 * math.sqrt(500))
-    np.testing.assert_allclose(kept.mean(axis=0), [4 / 3, 5 / 3], atol=0.03)
+    assert len(kept) == pytest.approx(0.5 * DRAWS, abs=2 * math.sqrt(DRAWS))
+    np.testing.assert_allclose(kept.mean(axis=0), [4 / 3, 5 / 3], atol=0.01)
     assert len(in_order([np.array([9.0]), np.array([8.0])])) == 0
+
+
+def test_few_samples_of_independent_ages_go_together_in_every_way() -> None:
+    """Two stages, and two rocks: S is the mean over all four pairs, in whatever order they stand.
+
+    exp(-nu_1 t - nu_2 (T - t)), and for two steps exp(-lambda(lower) min - lambda(of the older)).
+    """
+    now, buried = step_at(0.5), step_at(2.0)
+    rates = {now: np.array([2e-4]), buried: np.array([3e-5])}
+    until, ages = np.array([2000.0, 9000.0]), np.array([10_000.0, 30_000.0])
+    pairs = [(t, age) for t in until for age in ages]
+    exact = np.mean([math.exp(-2e-4 * t - 3e-5 * (age - t)) for t, age in pairs])
+    both = rates_on(power_law(1e-4))
+    weak, strong = (both(one)[0] for one in (now, buried))
+    old = [(one, other) for one in ages for other in 0.5 * ages]
+    together = np.mean([math.exp(-weak * a - (strong * (b - a) if b > a else 0.0)) for a, b in old])
+    for order in ([0, 1], [1, 0]):
+        drawn = in_order([until, ages[order]])
+        rock = in_two_stages(now, buried, drawn[:, 0], drawn[:, 1])
+        assert survival_of(rates.__getitem__, [rock])[0] == pytest.approx(exact, rel=1e-12)
+        rocks = [Standing(now, ages[order]), Standing(buried, 0.5 * ages)]
+        assert survival_of(both, rocks)[0] == pytest.approx(together, rel=1e-9)
+
+
+def test_many_samples_of_ages_do_not_depend_on_each_other() -> None:
+    one, other, third = independent([300, 70, 2000], 1)
+    for places, length in ((one, 300), (other, 70), (third, 2000)):
+        times = np.bincount(places, minlength=length)
+        assert times.max() - times.min() <= 1
+    for a, b in ((one, other), (other, third), (one, third)):
+        assert abs(np.corrcoef(a, b)[0, 1]) < 4.0 / math.sqrt(DRAWS)

@@ -423,7 +423,8 @@ def compare(
         full = complete(case, motion, engine).outcome
         toppled += full is Outcome.OVERTURNED
         if engine == "bullet" and reduced is not full is Outcome.OVERTURNED:
-            full = complete(case, CosinePulse.from_g(0.98 * pga, ratio), engine).outcome
+            lower = complete(case, CosinePulse.from_g(0.98 * pga, ratio), engine).outcome
+            full = full if lower is Outcome.OVERTURNED else reduced
         if reduced is not full:
             differing.append(
                 f"{name} {pga!r} g {ratio!r} s {math.degrees(yaw):.0f} deg: {reduced} {full}"

@@ -19,7 +19,8 @@ from vsr_core.hazard.events import Events
 YEARS = 100.0
 
 FILES = {
-    "ruptures_5.csv": "#,,\"investigation_time=50.0, ses_per_logic_tree_path=2\"\n"
+    "ruptures_5.csv": "#,,\"risk_investigation_time=1.0, investigation_time=50.0, "
+    "ses_per_logic_tree_path=2\"\n"
     "rup_id,multiplicity,mag,centroid_lon,centroid_lat,centroid_depth,trt,strike,dip,rake\n"
     "8,3,6.5,-120.0,35.0,8.0,Active Shallow Crust,0.0,90.0,180.0\n"
     "30,2,7.0,-121.0,35.0,8.0,Active Shallow Crust,0.0,90.0,180.0\n",
@@ -167,6 +168,10 @@ def test_branches_without_weight_are_left_out_with_their_events(tmp_path: Path) 
         ("ruptures", "time=50.0", "time=-50.0", "-50.0 times 2"),
         ("ruptures", "\n30,2,", "\n8,2,", "rup_id: got 8 twice"),
         ("ruptures", "35.0,8.0", "95.0,8.0", "centroid_lat: got 95.0 in row 1"),
+        ("gmf-data", "0.4,50.0,0.5,9q6", "0.4,50.0,0.5,9q7", "got '9q6' and '9q7'; all shaking is"),
+        ("sitemesh", "9q6", "9q7", "got '9q6' and '9q7'; all shaking is at one site"),
+        ("ruptures", "\n30,2,", "\n30,4,", "rup_id: got 2 events of rupture 30; it has 4"),
+        ("ruptures", "\n30,2,", "\n30,0,", "multiplicity: got 0 in row 2"),
         ("sitemesh", "35.0\n", "35.0\n9q7,-121.1,35.0\n", "lon, lat: got 2 sites"),
     ],
 )
@@ -192,6 +197,24 @@ def test_a_file_that_is_missing_or_there_twice_is_named(tmp_path: Path, name: st
     path.unlink()
     (tmp_path / f"{name}_6.csv").unlink()
     with pytest.raises(InputError, match=f"{name}: got no such file"):
+        event_files.load(tmp_path, None)
+
+
+@pytest.mark.parametrize("name", ["gmf-data", "events", "ruptures", "sitemesh"])
+def test_files_of_two_calculations_are_refused(tmp_path: Path, name: str) -> None:
+    """By the number of a name, and by the checksum that OpenQuake writes in the first line."""
+    path = written(tmp_path) / f"{name}_5.csv"
+    path.rename(tmp_path / f"{name}_6.csv")
+    with pytest.raises(InputError, match=r"number: got 5 and 6 of gmf-data_"):
+        event_files.load(tmp_path, None)
+    (tmp_path / f"{name}_6.csv").unlink()
+    own = {"gmf": "events", "eve": "gmf-data"}.get(name[:3], "gmf-data")
+    for one, checksum in ((name, 17), (own, 18)):
+        text = FILES[f"{one}_5.csv"]
+        told = f"#,checksum={checksum}\n" + text[text.index("\n") + 1 :] * text.startswith("#")
+        told += text * (not text.startswith("#"))
+        (tmp_path / f"{one}_5.csv").write_text(told)
+    with pytest.raises(InputError, match=r"checksum: got 17 and 18 of gmf-data_5"):
         event_files.load(tmp_path, None)
 
 
@@ -228,9 +251,11 @@ def test_an_effective_time_that_does_not_fit_is_refused(tmp_path: Path) -> None:
         event_files.load(folder, 1_000.0)
     path = folder / "ruptures_1.csv"
     path.write_text(path.read_text().replace("path=2000", "path=10000"))
-    with pytest.raises(InputError, match=r"apart only; each realization is of 10000 years"):
+    with pytest.raises(InputError, match=r"apart only; \d+ events of 10000 years span"):
         event_files.load(folder, None)
     path.write_text(path.read_text().replace("ses_per_logic_tree_path", "ses"))
     with pytest.raises(InputError, match=r"each realization is of 1000 years"):
         event_files.load(folder, 1_000.0)
+    with pytest.raises(InputError, match=r"events of 3900 years span more of them"):
+        event_files.load(folder, 3_900.0)
     assert event_files.load(folder, 2_000.0).events.years == 2_000.0
