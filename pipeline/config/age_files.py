@@ -69,10 +69,11 @@ def with_samples(
 def samples(path: Path) -> tuple[float, ...]:
     """Equally likely ages [year] of a table."""
     cells = table(path, text(path))
-    if more := [name for name in (cells[0] if cells else ()) if name != "age_a"]:
-        rule, remedy = "samples are equally likely, in a column age_a alone", "draw by the weights"
-        raise refused(path, more[0], "another column", rule, f"{remedy}, or leave it out")
     if not 1 <= len(cells) <= MOST_SAMPLES:
         rule = f"there are 1 to {MOST_SAMPLES:,} ages"
         raise refused(path, "", f"{len(cells)} rows", rule, "give one a row, or thin them out")
-    return tuple(row.age_a for row in rows(path, DatedSample, cells))
+    ages = tuple(row.age_a for row in rows(path, DatedSample, cells))
+    if more := [name for name in cells[0] if name != "age_a"]:
+        rule, remedy = "samples are equally likely, in a column age_a alone", "draw by the weights"
+        raise refused(path, more[0], "another column", rule, f"{remedy}, or leave it out")
+    return ages

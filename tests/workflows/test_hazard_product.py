@@ -636,7 +636,7 @@ def test_a_rock_that_came_out_of_the_ground(
         ("age_a\n5000\n", ("hazard.age={kind: samples, file: null}",), ("hazard.age", "neither")),
         (
             "age_a\n5000\n",
-            ("hazard.history=[{site: rock.yaml, until: {kind: normal, mean: 5}}]",),
+            ("hazard.history=[{site: rock.yaml, until: {kind: normal, mean: 500}}]",),
             ("hazard.history", "rock twice"),
         ),
     ],
