@@ -689,7 +689,7 @@ def test_curves_that_break_a_rule_are_refused_before_anything_runs(
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ("rocks=[{site: rock.yaml, age: {kind: normal, mean: 5}}]", "rock twice"),
+        ("rocks=[{site: rock.yaml, age: {kind: normal, mean: 500}}]", "rock twice"),
         ("compare=[{name: a, set: [yaw=30]},{name: a, set: [yaw=40]}]", "'a' twice"),
         ("compare=[{name: a b, set: [yaw=30]},{name: a_b, set: [yaw=40]}]", "twice"),
     ],

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.hazard.toppling import Fragility, any_of
 
@@ -154,7 +154,7 @@ def in_order(times: Sequence[Array], seed: int = 1) -> Array:
     return np.asarray(drawn[(np.diff(drawn, axis=1) > 0.0).all(axis=1)])
 
 
-def independent(lengths: Sequence[int], seed: int) -> Array:
+def independent(lengths: Sequence[int], seed: int) -> Indices:
     """Places in several lists that do not depend on each other, each equally often in its list.
 
     Returns
