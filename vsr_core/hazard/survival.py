@@ -154,7 +154,7 @@ def in_order(times: Sequence[Array], seed: int = 1) -> Array:
     return np.asarray(drawn[(np.diff(drawn, axis=1) > 0.0).all(axis=1)])
 
 
-def independent(lengths: Sequence[int], seed: int) -> Indices:
+def independent(lengths: Sequence[int], seed: int = 1) -> Indices:
     """Places in several lists that do not depend on each other, each equally often in its list.
 
     Returns
@@ -163,7 +163,7 @@ def independent(lengths: Sequence[int], seed: int) -> Indices:
 
     Examples
     --------
-    >>> independent([1, 2, 2], seed=1).tolist()
+    >>> independent([1, 2, 2]).tolist()
     [[0, 0, 0, 0], [0, 0, 1, 1], [0, 1, 0, 1]]
     """
     if math.prod(lengths) <= DRAWS:

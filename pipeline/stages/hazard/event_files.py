@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.config.outside import Row, checked, refused
 from pipeline.stages.hazard import event_calculation, event_tables, openquake
-from pipeline.stages.hazard.event_tables import Event, EventTables, Place, Rupture, Shaken
+from pipeline.stages.hazard.event_tables import Event, EventTables, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import (
     LEVELS,
     UNITS,
@@ -20,7 +20,7 @@ from pipeline.stages.hazard.hazard_model import (
     Realization,
     model,
 )
-from pipeline.workflow.grammar import counted, listed
+from pipeline.workflow.grammar import counted
 from vsr_core.arrays import Array, Indices
 from vsr_core.hazard.events import Events, Ruptures, distance_of
 
@@ -160,7 +160,7 @@ def _check_years(path: Path, found: dict[str, Any], at: Indices, years: float) -
     for one, span in zip(of, spans, strict=True):
         # the range of n equally likely values: n r^(n-1) - (n-1) r^n
         number, share = len(one), (span + 1) / years
-        if share ** (number - 1) * (number - (number - 1) * share) < _CHANCE:
+        if share ** (number - 1) * (number - (number - 1) * share) < _CHANCE / len(of):
             rule = f"{number} events of {years:g} years span more of them"
             raise refused(path, "year", f"years up to {span} apart only", rule, remedy)
 
@@ -168,13 +168,15 @@ def _check_years(path: Path, found: dict[str, Any], at: Indices, years: float) -
 def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | None]:
     """Place among the events, PGA [g] and PGV [cm/s] of each event that is felt."""
     path, places, pga, pgv = told.paths["gmf-data"], [], [], []
+    place = told.place.custom_site_id if told.place else None
+    sites = {"custom_site_id": place} if place else {}
     for part in told.parts("gmf-data", Shaken):
         at, lost = _places(part["event_id"], ids)
         if len(lost):
             given = f"event {part['event_id'][lost[0]]}"
             rule = f"it is one of those in {told.paths['events'].name}"
             raise refused(path, "event_id", given, rule)
-        _check_site(path, part, told.place)
+        _check_site(path, part, sites)
         places.append(at.astype(np.int32))
         pga.append(part["gmv_PGA"].astype(np.float32))
         if "gmv_PGV" in part:
@@ -188,16 +190,21 @@ def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | No
     return at, np.concatenate(pga), np.concatenate(pgv) if pgv else None
 
 
-def _check_site(path: Path, part: dict[str, Any], place: Place | None) -> None:
-    """Refuse shaking at other sites than the one place, or than the first row's."""
-    for name in ("custom_site_id", "site_id"):
-        if name not in part:
+def _check_site(path: Path, part: dict[str, Any], sites: dict[str, str]) -> None:
+    """Refuse shaking at two sites.
+
+    Parameters
+    ----------
+    sites : dict, the site of each column that tells one; those of the first row are put in
+    """
+    for name in {"custom_site_id", "site_id"} & part.keys():
+        if not len(part[name]):
             continue
-        own = place.custom_site_id if place and name == "custom_site_id" else None
-        sites = {own or part[name][0], *np.unique(part[name]).tolist()}
-        if len(sites) > 1:
-            given, rule = listed([*map(repr, sorted(sites))][:3]), "all shaking is at one site"
-            raise refused(path, name, given, rule, "export that of the rock's site only")
+        own = sites.setdefault(name, part[name][0])
+        others = part[name][part[name] != own]
+        if len(others):
+            rule, remedy = "all shaking is at one site", "export that of the rock's site only"
+            raise refused(path, name, f"{own!r} and {others[0]!r}", rule, remedy)
 
 
 def _ruptures(told: EventTables, of_events: Indices) -> tuple[Indices, Ruptures | None]:

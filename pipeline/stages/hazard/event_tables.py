@@ -20,7 +20,7 @@ from typing import Any
 from pydantic import Field
 
 from pipeline.config import long_tables
-from pipeline.config.outside import Row, refused, rows, table, text
+from pipeline.config.outside import Row, check_file, refused, rows, table, text
 from pipeline.stages.hazard import openquake
 from pipeline.stages.hazard.hazard_model import LEVELS, Realization
 from pipeline.workflow.grammar import listed
@@ -135,7 +135,7 @@ def _check_calculation(folder: Path, found: dict[str, Path]) -> None:
     said = {
         path.name: (
             path.stem.partition("_")[2],
-            one[1] if (one := _CHECKSUM.search(long_tables.header(path)[0])) else "",
+            one[1] if (one := _CHECKSUM.search(_first_line(path))) else "",
         )
         for path in found.values()
     }
@@ -145,6 +145,12 @@ def _check_calculation(folder: Path, found: dict[str, Path]) -> None:
             names = ", ".join(said)
             rule, remedy = "all are of one calculation", "export them from the same one"
             raise refused(folder, what, f"{listed(sorted(kinds))} of {names}", rule, remedy)
+
+
+def _first_line(path: Path) -> str:
+    check_file(path, long_tables.LARGEST)
+    with path.open("rb") as file:
+        return file.readline(10_000).decode("utf-8", "replace")
 
 
 def _is(name: str, path: Path) -> bool:

@@ -52,7 +52,7 @@ def refuse(site: Site) -> None:
 
 def _check_order(site: Site) -> None:
     times = _times(site.config.hazard.age, site.config.hazard.history)
-    kept, drawn = len(in_order(times)), independent([len(one) for one in times], 1).shape[1]
+    kept, drawn = len(in_order(times)), independent([*map(len, times)]).shape[1]
     if kept < LEAST_IN_ORDER * drawn:
         key, given = "hazard.history", f"stages in their order in {kept} of {drawn} draws"
         rule = "the latest comes first, and each ended after the one before it, and after the age"

@@ -314,7 +314,7 @@ def test_few_samples_of_independent_ages_go_together_in_every_way() -> None:
 
 
 def test_many_samples_of_ages_do_not_depend_on_each_other() -> None:
-    one, other, third = independent([300, 70, 2000], 1)
+    one, other, third = independent([300, 70, 2000])
     for places, length in ((one, 300), (other, 70), (third, 2000)):
         times = np.bincount(places, minlength=length)
         assert times.max() - times.min() <= 1

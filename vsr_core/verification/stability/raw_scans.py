@@ -347,7 +347,7 @@ def _verdicts(field: FieldScan) -> Measured:
     if len(held):
         note += f"; walls hold it toward {len(held)} of 12 directions"
     if decided + left < 64:
-        remedy = "nothing slows a smooth base that rolls to and fro; its trajectory tells how far"
+        remedy = "look at their trajectories: a smooth base can roll to and fro for minutes"
         raise InvalidInput(note, "64 runs have an outcome each", remedy)
     return Measured(64.0, 64.0, 0.0, note)
 

@@ -169,7 +169,7 @@ def test_branches_without_weight_are_left_out_with_their_events(tmp_path: Path) 
         ("ruptures", "\n30,2,", "\n8,2,", "rup_id: got 8 twice"),
         ("ruptures", "35.0,8.0", "95.0,8.0", "centroid_lat: got 95.0 in row 1"),
         ("gmf-data", "0.4,50.0,0.5,9q6", "0.4,50.0,0.5,9q7", "got '9q6' and '9q7'; all shaking is"),
-        ("sitemesh", "9q6", "9q7", "got '9q6' and '9q7'; all shaking is at one site"),
+        ("sitemesh", "9q6", "9q7", "got '9q7' and '9q6'; all shaking is at one site"),
         ("ruptures", "\n30,2,", "\n30,4,", "rup_id: got 2 events of rupture 30; it has 4"),
         ("ruptures", "\n30,2,", "\n30,0,", "multiplicity: got 0 in row 2"),
         ("sitemesh", "35.0\n", "35.0\n9q7,-121.1,35.0\n", "lon, lat: got 2 sites"),
@@ -208,14 +208,34 @@ def test_files_of_two_calculations_are_refused(tmp_path: Path, name: str) -> Non
     with pytest.raises(InputError, match=r"number: got 5 and 6 of gmf-data_"):
         event_files.load(tmp_path, None)
     (tmp_path / f"{name}_6.csv").unlink()
-    own = {"gmf": "events", "eve": "gmf-data"}.get(name[:3], "gmf-data")
-    for one, checksum in ((name, 17), (own, 18)):
-        text = FILES[f"{one}_5.csv"]
-        told = f"#,checksum={checksum}\n" + text[text.index("\n") + 1 :] * text.startswith("#")
-        told += text * (not text.startswith("#"))
-        (tmp_path / f"{one}_5.csv").write_text(told)
+    for one, text in FILES.items():
+        checksum = 18 if one == path.name else 17
+        (tmp_path / one).write_text(f"#,checksum={checksum}\n{text}")
     with pytest.raises(InputError, match=r"checksum: got 17 and 18 of gmf-data_5"):
         event_files.load(tmp_path, None)
+
+
+def test_shaking_at_another_site_is_refused_in_every_part(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a table of sites, the first row tells the site; a part may begin with another."""
+    monkeypatch.setattr(long_tables, "PART", 2)
+    path = written(tmp_path) / "gmf-data_5.csv"
+    (tmp_path / "sitemesh_5.csv").unlink()
+    assert len(event_files.load(tmp_path, None).events.pga) == 4
+    text = path.read_text()
+    path.write_text(text.replace("1,0.2,15.0,0.2,9q6\n2,0.0,5.0,0.1,9q6",
+                                 "1,0.2,15.0,0.2,9q7\n2,0.0,5.0,0.1,9q7"))  # fmt: skip
+    with pytest.raises(InputError, match=r"custom_site_id: got '9q6' and '9q7'"):
+        event_files.load(tmp_path, None)
+
+
+def test_a_table_of_weights_may_end_without_a_line_end(tmp_path: Path) -> None:
+    """As an editor may save it, where the last number has the digits of the others."""
+    expected = by_number(event_files.load(written(tmp_path), None).events)
+    path = tmp_path / "realizations_5.csv"
+    path.write_text(path.read_text().rstrip("\n"))
+    assert by_number(event_files.load(tmp_path, None).events) == expected
 
 
 @pytest.mark.parametrize(
