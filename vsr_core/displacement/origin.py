@@ -141,12 +141,6 @@ class Origin:
         return self.evidence > 0.0
 
     @property
-    def of_start(self) -> Array:
-        """Probability of each start, shape (s,)."""
-        total: Array = self.probability.sum(axis=(1, 2))
-        return total
-
-    @property
     def of_motion(self) -> Array:
         """Probability of each motion whatever the start, shape (r, p)."""
         total: Array = self.probability.sum(axis=0)

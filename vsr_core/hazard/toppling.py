@@ -100,22 +100,6 @@ def lognormal_rows(medians: Array, betas: Array) -> RowFragility:
     return rows
 
 
-def gridded_rows(levels: Array, probability: Array) -> RowFragility:
-    """Rows of probabilities on a grid, straight in ln PGA, and as at its ends beyond it.
-
-    Parameters
-    ----------
-    levels : ndarray, shape (n,) [m/s^2], ascending
-    probability : ndarray, shape (rows, n)
-    """
-    x = np.log(levels)
-
-    def rows(level: Array) -> Array:
-        return np.stack([np.interp(np.log(level), x, row) for row in probability])
-
-    return rows
-
-
 def continued_rows(rows: RowFragility, tried: Array, beyond: RowFragility) -> RowFragility:
     """Rows that go on as others do beyond the levels that were tried.
 

@@ -88,19 +88,6 @@ class Barrier(NamedTuple):
     upright_floor: float
     floor: float
 
-    def to_return(self, tilt: float) -> float:
-        """Height that the centre must reach to come back to stand.
-
-        Parameters
-        ----------
-        tilt : float [rad]
-
-        Returns
-        -------
-        float [m]
-        """
-        return height_to_return(self, tilt)
-
 
 @compiled
 def height_to_return(limits: Barrier, tilt: float) -> float:

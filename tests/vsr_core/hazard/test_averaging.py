@@ -8,14 +8,7 @@ from scipy.special import ndtr
 
 from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.ratio import RatioTable
-from vsr_core.hazard.toppling import (
-    averaged,
-    gridded_rows,
-    lognormal_rows,
-    rate_by_row,
-    row_shares,
-    toppling,
-)
+from vsr_core.hazard.toppling import averaged, lognormal_rows, rate_by_row, row_shares, toppling
 
 RATIOS = np.linspace(0.02, 1.0, 50)
 LEVELS = np.array([0.1, 50.0])
@@ -63,12 +56,6 @@ def test_it_never_falls() -> None:
     rows = lognormal_rows(medians, np.full_like(medians, 0.1))
     found = averaged(rows, RATIOS, falling, LEVELS)
     assert (np.diff(found(np.geomspace(0.1, 50.0, 300))) >= 0.0).all()
-
-
-def test_a_grid_is_straight_in_ln_pga_and_held_beyond_its_ends() -> None:
-    rows = gridded_rows(np.array([1.0, 4.0]), np.array([[0.0, 0.5], [0.2, 1.0]]))
-    found = rows(np.array([0.1, 2.0, 9.0]))
-    np.testing.assert_allclose(found, [[0.0, 0.25, 0.5], [0.2, 0.6, 1.0]])
 
 
 def test_rates_by_row_add_up_and_lie_where_the_rock_topples() -> None:

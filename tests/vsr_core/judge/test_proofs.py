@@ -17,7 +17,13 @@ from scipy.spatial.transform import Rotation
 from pipeline import ROOT
 from vsr_core import GRAVITY
 from vsr_core.judge import on_pedestal, proofs
-from vsr_core.judge.proofs import Barrier, barrier, reachable_energy, static_limits
+from vsr_core.judge.proofs import (
+    Barrier,
+    barrier,
+    height_to_return,
+    reachable_energy,
+    static_limits,
+)
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome, Response
 from vsr_core.rock import solid
@@ -143,7 +149,7 @@ def test_no_path_over_the_barrier_is_lower(seed: int) -> None:
     for begin in beyond[::20]:
         back = np.nonzero(tilt[begin:] <= limits.toppled_tilt)[0]
         path = height[begin : begin + back[0] + 1]
-        assert path.max() + between >= limits.to_return(tilt[begin])
+        assert path.max() + between >= height_to_return(limits, tilt[begin])
 
 
 @given(HALF, HALF, HALF)

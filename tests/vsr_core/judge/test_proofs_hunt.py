@@ -29,6 +29,7 @@ from vsr_core.judge.proofs import (
     cannot_be_stopped,
     cannot_return,
     cannot_topple,
+    height_to_return,
     static_limits,
 )
 from vsr_core.rock.body import Rock
@@ -199,7 +200,7 @@ def no_bead_passes(
     limits = limits_of(number)
     if back:
         tilt = limits.toppled_tilt + (math.pi - limits.toppled_tilt) * tilt
-        top, floor = GRAVITY * limits.to_return(tilt), GRAVITY * limits.floor
+        top, floor = GRAVITY * height_to_return(limits, tilt), GRAVITY * limits.floor
         claim = cannot_return
     else:
         tilt = limits.edge_tilt * tilt
@@ -385,7 +386,7 @@ def no_rock_passes(seed: int) -> None:
     back = rng.random() < 0.5
     if back:
         tilt = rng.uniform(limits.toppled_tilt, min(math.pi, limits.toppled_tilt + 1.2), BATCH)
-        top = GRAVITY * np.array([limits.to_return(t) for t in tilt])
+        top = GRAVITY * np.array([height_to_return(limits, t) for t in tilt])
         floor, claim = GRAVITY * limits.floor, cannot_return
         ahead = (limits.tilt >= limits.toppled_tilt) & (limits.tilt <= tilt.max())
         gate = limits.tilt[np.argmax(np.where(ahead, limits.height, -math.inf))]
