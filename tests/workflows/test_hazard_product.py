@@ -639,6 +639,7 @@ def test_a_rock_that_came_out_of_the_ground(
             ("hazard.history=[{site: rock.yaml, until: {kind: normal, mean: 500}}]",),
             ("hazard.history", "rock twice"),
         ),
+        ("age_a\n5000\n", ("contact.friction=0.3",), ("hazard.history", "got --set contact.fri")),
     ],
 )
 def test_ages_and_stages_that_cannot_be_are_refused(

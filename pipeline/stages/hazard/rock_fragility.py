@@ -262,6 +262,10 @@ class Others(Input):
 
 def find(hazard: HazardConfig, origin: Origin) -> Others:
     """What a site's hazard names beside the site itself."""
+    assert origin.request is not None
+    file, study, settings = origin.request
+    if hazard.history:
+        _check_request(origin, study, settings)
     earlier = tuple(_of_site(one.site, origin, "hazard.history") for one in hazard.history)
     rocks = tuple(_other(rock, origin) for rock in hazard.rocks)
     named = [origin.name]
@@ -277,14 +281,24 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
         twice = next(one.name for one in hazard.compare if folders.count(folder_of(one.name)) > 1)
         file, rule = origin.file_of("hazard.compare"), "a comparison has a name of its own"
         raise InputError(Problem(file, "hazard.compare", f"{twice!r} twice", rule, "rename one"))
-    assert origin.request is not None
-    file, study, settings = origin.request
     compared = [
         Other(one.name, load_site(file, one.study or study, (*settings, *one.set)), folder)
         for one in hazard.compare
         for folder in (folder_of(one.name),)
     ]
     return Others(rocks, tuple(compared), earlier)
+
+
+def _check_request(origin: Origin, study: str | None, settings: tuple[str, ...]) -> None:
+    """Refuse what would change the rock as it stands now, and not as it stood before."""
+    own = [one for one in settings if not one.startswith(("hazard.", "simulation."))]
+    if study or own:
+        given = f"the study {study}" if study else f"--set {own[0]}"
+        rule = "stages of a rock keep the settings of their own files"
+        remedy = "write it into the files of the rock and of its stages"
+        raise InputError(
+            Problem(origin.file_of("hazard.history"), "hazard.history", given, rule, remedy)
+        )
 
 
 def _other(rock: HazardRock, origin: Origin) -> Other | Archived:
