@@ -196,6 +196,9 @@ def test_the_table_of_correlations_is_that_of_the_runs(folder: Path, runs: xr.Da
     for (statistic, regressor), row in rows.items():
         for name, value in correlated(runs, statistic, regressor).items():
             assert float(row[name]) == pytest.approx(value, rel=1e-4, abs=1e-6), (statistic, name)
+        unit = runs[statistic].attrs["units"]
+        assert row["intercept_unit"] == unit
+        assert row["slope_unit"] == unit + {"pga": " g-1", "pgv_pga": " s-1"}[regressor]
 
 
 class Tables(HTMLParser):

@@ -16,9 +16,9 @@ from pipeline.stages.runs.quantity_errors import beside
 from pipeline.stages.runs.step_choice import StepData
 from pipeline.stages.runs.study import Study
 from pipeline.workflow import writers
-from pipeline.workflow.datasets import Stored, described, netcdf
+from pipeline.workflow.datasets import Stored, catalogue, described, netcdf
 from pipeline.workflow.stage import Product, Work
-from vsr_core.displacement.correlation import correlations, row
+from vsr_core.displacement.correlation import Correlation, correlations, row
 from vsr_core.outcome import OF_TRAVEL, Outcome
 from vsr_core.run.movement import air_share
 
@@ -55,9 +55,15 @@ def make(
     text, unresolved = tally(np.bincount(runs["outcome"], minlength=len(Outcome)))
     files = {
         Displacement.FILE: netcdf(described(dataset, work, "Large displacement")),
-        TABLE: writers.table(pd.DataFrame([row(one) | moved_so for one in found])),
+        TABLE: writers.table(pd.DataFrame([row(one) | _units(one) | moved_so for one in found])),
     }
     return Product(files, f"{text}; {dataset.sizes['sample']} samples", unresolved=unresolved)
+
+
+def _units(found: Correlation) -> dict[str, str]:
+    """Units of a row's line, which differ between the rows."""
+    ours, theirs = (catalogue()[name]["units"] for name in (found.statistic, found.regressor))
+    return {"slope_unit": f"{ours} {theirs}-1", "intercept_unit": ours}
 
 
 def _dataset(rock: RockData, runs: pd.DataFrame, study: Study) -> xr.Dataset:

@@ -219,6 +219,29 @@ def test_miniseed_and_sac_by_obspy(tmp_path: Path) -> None:
         refusal(lambda p=path, s=suffix: read(p.read_bytes(), s, PLAIN), "without a unit")
 
 
+@pytest.mark.parametrize(("kind", "told"), [("ivel", "velocity"), ("idisp", "displacement")])
+def test_a_sac_file_of_another_quantity_is_no_record(kind: str, told: str) -> None:
+    refusal(lambda: read(sac(idep=kind), ".sac", Reading(unit="m/s2")), told, "motion.response")
+
+
+def test_what_a_sac_header_says_beside_is_told() -> None:
+    found = read(sac(idep="iacc", scale=4.0, kcmpnm="HHE"), ".sac", Reading(unit="m/s2"))
+    np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6, atol=1e-7)
+    assert any("SCALE of the header, 4" in said for said in found.repairs)
+    assert any("HHE: by its code a seismometer" in said for said in found.repairs)
+    plain = read(sac(idep="iacc", kcmpnm="HNE"), ".sac", Reading(unit="m/s2"))
+    assert plain.repairs == ()
+
+
+def sac(**header: object) -> bytes:
+    """A SAC file of the values."""
+    module = pytest.importorskip("obspy.io.sac")
+    trace = module.SACTrace(data=VALUES.astype("f4"), delta=STEP, kstnm="NWC", **header)
+    file = io.BytesIO()
+    trace.write(file)
+    return file.getvalue()
+
+
 def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
     obspy = pytest.importorskip("obspy")
     stream, inventory = obspy.read(), obspy.read_inventory()
@@ -299,11 +322,15 @@ def test_obspys_examples_of_miniseed_with_a_gap_and_with_two_channels() -> None:
 
 
 def test_what_obspy_passed_over_is_told() -> None:
-    found = read(example("io/mseed", "brokenlastrecord.mseed"), ".mseed", Reading(unit="m/s2"))
-    assert len(found.repairs) == 4
-    assert "Not a SEED record" in found.repairs[0]
-    assert "more warnings" in found.repairs[-1]
-    assert read(example("io/mseed", "test.mseed"), ".mseed", Reading(unit="gal")).repairs == ()
+    def said(name: str) -> list[str]:
+        found = read(example("io/mseed", name), ".mseed", Reading(unit="gal"))
+        return [repair for repair in found.repairs if repair.startswith("ObsPy: ")]
+
+    passed_over = said("brokenlastrecord.mseed")
+    assert len(passed_over) == 4
+    assert "Not a SEED record" in passed_over[0]
+    assert "more warnings" in passed_over[-1]
+    assert said("test.mseed") == []
 
 
 def test_obspys_broken_example_is_refused() -> None:

@@ -41,6 +41,7 @@ def read_waveforms(
     """
     import obspy  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
+    doubts: list[str] = []
     if kind == "KNET":
         _check_knet(content)
     try:
@@ -52,13 +53,39 @@ def read_waveforms(
             if response is not None:
                 inventory = obspy.read_inventory(io.BytesIO(response), format="STATIONXML")
                 stream = _without_response(stream, inventory, corners)
+            else:
+                doubts = _check_is_acceleration(stream)
             stream.merge()
         record = from_stream(stream, "m/s2" if response is not None else unit)
     except InvalidInput:
         raise
     except Exception as error:  # noqa: BLE001 (readers of many formats raise what they like)
         raise _unreadable(error) from None
-    return replace(record, repairs=(*record.repairs, *_warnings(caught)))
+    return replace(record, repairs=(*record.repairs, *doubts, *_warnings(caught)))
+
+
+_SAC_OTHER = {6: "displacement", 7: "velocity", 50: "volts"}
+"""Of SAC's header IDEP (SAC users manual 102, "Data file format")."""
+
+_SEISMOMETERS = "HLP"
+"""Instrument codes of SEED (manual 2.4, appendix A) whose samples follow velocity."""
+
+
+def _check_is_acceleration(stream: Any) -> list[str]:
+    """Refuse traces that say they hold another quantity; what else speaks against it is told."""
+    doubts = []
+    for trace in stream:
+        sac, channel = trace.stats.get("sac", {}), str(trace.stats.channel)
+        if other := _SAC_OTHER.get(int(sac.get("idep", 0))):
+            rule = "without a response its samples are accelerations"
+            remedy = "differentiate it, or give motion.response"
+            raise InvalidInput(f"a SAC file of {other} (IDEP)", rule, remedy)
+        scale = float(sac.get("scale", 1.0))
+        if scale != 1.0:
+            doubts.append(f"{channel}: SCALE of the header, {scale:g}, was left alone")
+        if len(channel) == 3 and channel[1] in _SEISMOMETERS:
+            doubts.append(f"{channel}: by its code a seismometer; taken as accelerations")
+    return doubts
 
 
 _KNET_HEADER = 17
