@@ -76,26 +76,21 @@ def refusal(way: Mapping[str, str]) -> str:
     return next((key for key, holds in refusals if holds), "")
 
 
-def every(factors: Mapping[str, Sequence[str]]) -> list[Way]:
-    """All combinations of the values of factors."""
-    return [dict(zip(factors, values, strict=True)) for values in product(*factors.values())]
-
-
-def pairwise(factors: Mapping[str, Sequence[str]]) -> list[Way]:
-    """Ways to a product that hold each pair of two factors' values that any such way holds.
+def cover(factors: Mapping[str, Sequence[str]], together: int) -> list[Way]:
+    """Ways to a product that hold each combination of so many factors' values that any way holds.
 
     They are chosen greedily, from an order that leads to few. One way for each key that
     is named in a refusal follows.
     """
-    ways = every(factors)
+    ways = [dict(zip(factors, values, strict=True)) for values in product(*factors.values())]
     np.random.default_rng(49).shuffle(ways)  # type: ignore[arg-type]
     open_ways = [way for way in ways if not refusal(way)]
-    pairs = [{*combinations(way.items(), 2)} for way in open_ways]
-    wanted = set().union(*pairs)
+    held = [{*combinations(way.items(), together)} for way in open_ways]
+    wanted = set().union(*held)
     chosen = []
     while wanted:
-        best = max(range(len(pairs)), key=lambda i: len(pairs[i] & wanted))
+        best = max(range(len(held)), key=lambda i: len(held[i] & wanted))
         chosen.append(open_ways[best])
-        wanted -= pairs[best]
+        wanted -= held[best]
     refused = {refusal(way): way for way in ways if refusal(way)}
     return chosen + list(refused.values())
