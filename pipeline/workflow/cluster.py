@@ -11,6 +11,7 @@ from collections.abc import Callable, Hashable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing import resource_tracker
 from pathlib import Path
 from types import FrameType
@@ -227,7 +228,7 @@ class Cluster:
                         dashboard_address="127.0.0.1:0",
                         silence_logs=50,
                     )
-                upkeep, address = _nothing, stack.enter_context(cluster)
+                upkeep, address = partial(_renew, cluster), stack.enter_context(cluster)
             elif self.slurm:
                 jobs = stack.enter_context(slurm_jobs(self.workers))
                 upkeep, address = jobs.renew, jobs.cluster
@@ -236,6 +237,11 @@ class Cluster:
             client = stack.enter_context(_connected(address, self.scheduler_file))
             self.log(f"dashboard: the workers, in a browser at {client.dashboard_link}")
             yield client, upkeep
+
+
+def _renew(cluster: Any) -> None:
+    """Start workers anew that have ended, or that Dask gave up as they took long to come back."""
+    cluster.scale(len(cluster.worker_spec))
 
 
 def check_settings() -> None:

@@ -14,6 +14,7 @@ from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Any
 
+import dask
 import pytest
 from support.dask_processes import Farm
 
@@ -268,6 +269,22 @@ def test_workers_killed_from_outside_blame_nobody(farm: Farm, where: str) -> Non
         over.set()
         killer.join()
     assert done == {item: 0.5 * item for item in range(300)}
+
+
+def test_workers_that_are_slow_to_come_back_are_started_anew() -> None:
+    """Dask forgets a worker that is not back in time, here at once, and starts no other."""
+    batches = [Batch("two", (k,)) for k in range(12)]
+    done = []
+    with (
+        dask.config.set({"distributed.deploy.lost-worker-timeout": "1ms"}),
+        Cluster(1, log=quiet) as cluster,
+    ):
+        for _, item, _ in cluster.each(sleeper(), iter(batches), lambda name: 2.0):
+            done.append(item)
+            if len(done) == 1:
+                (nanny,) = cluster._clients[0][0].cluster.workers.values()
+                os.kill(nanny.pid, signal.SIGKILL)
+    assert sorted(done) == list(range(12))
 
 
 def test_deadly_items_are_found_while_the_others_go_on() -> None:
