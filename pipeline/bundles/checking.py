@@ -73,18 +73,35 @@ def _otherwise(folder: Path, told: About, manifests: dict[str, dict[str, Any]]) 
         if not one.path:
             source = f"; {one.source}" if one.source else ""
             yield f"input {one.name} (SHA-256 {one.sha256}) is not in it{source}"
-    for name in ("vsr", "python", *sorted(told.versions.keys() - {"vsr", "python"})):
-        was, now = (
-            told.versions.get(name),
-            platform.python_version() if name == "python" else keys.installed_version(name),
-        )
-        if was is None or now == was:
-            continue
-        using = [stage for stage, one in manifests.items() if name in one["facts"]["versions"]]
-        depends = f"{listed(using)} depend on it" if using else "no product depends on it"
-        if using or name in ("vsr", "python"):
-            yield f"{name} is {now} here and was {was}: {depends}"
+    yield from _versions(told, manifests)
     yield from _stages(folder, told, manifests)
+
+
+def _versions(told: About, manifests: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """Libraries of another version here, those that a product depends on one by one."""
+    using: dict[str, list[str]] = {}
+    for stage, one in manifests.items():
+        for name in one["facts"]["versions"]:
+            using.setdefault(_plain(name), []).append(stage)
+    others = []
+    for name, was in {**told.versions, "vsr": told.vsr}.items():
+        here = platform.python_version() if name == "python" else keys.installed_version(name)
+        if here == was:
+            continue
+        if stages := using.get(_plain(name)):
+            yield f"{name} is {here} here and was {was}: {listed(stages)} depend on it"
+        elif name in ("vsr", "python"):
+            yield f"{name} is {here} here and was {was}: no product depends on it"
+        else:
+            others.append(name)
+    if others:
+        names = listed([*others[:3], *["others"] * (len(others) > 3)])
+        yield f"of other versions here, without a product that depends on them: {names}"
+
+
+def _plain(name: str) -> str:
+    """Name of a library as PyPI compares it."""
+    return name.lower().replace("_", "-").replace(".", "-")
 
 
 def _stages(folder: Path, told: About, manifests: dict[str, dict[str, Any]]) -> Iterator[str]:

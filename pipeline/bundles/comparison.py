@@ -8,7 +8,9 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -20,6 +22,7 @@ from pipeline.workflow.grammar import counted
 from pipeline.workflow.parameters import changes
 from pipeline.workflow.site_folder import SETTINGS
 from pipeline.workflow.store import Store, writing
+from vsr_core.arrays import Array
 from vsr_core.outcome import Outcome
 
 BOUNDARY = "first_overturning_pga"
@@ -39,14 +42,16 @@ def compare(one: Path, other: Path, page: Path) -> list[Part]:
         stores = [Store(stack.enter_context(_Folder(path))) for path in (one, other)]
         for store, path in zip(stores, (one, other), strict=True):
             _require_whole(store, path)
+        boundary = _both(*stores, "fragility.nc", BOUNDARY)
         parts = [
             Part("settings", list(_settings(*stores))),
             Part("made of", list(_made_of(*stores))),
             Part("cells", list(_cells(*stores))),
-            Part("boundary", list(_boundary(*stores))),
+            Part("boundary", list(_boundary(boundary))),
         ]
     with writing(page.parent):
         facts = {"one": str(one), "other": str(other), "parts": parts}
+        facts["directions"] = _directions(boundary)
         page.write_text(pages.filled("comparison.html", facts), encoding="utf-8")
     return parts
 
@@ -122,10 +127,9 @@ def _cells(one: Store, other: Store) -> Iterator[str]:
     found = _both(one, other, "responses.nc", "outcome")
     if found is None:
         return
-    a, b = (np.nan_to_num(values.to_numpy(), nan=-1).astype(int) for values in found)
+    yield from found.notes
+    a, b = (np.nan_to_num(values.to_numpy(), nan=-1).astype(int) for values in found.values)
     differing = Counter(zip(a[a != b].tolist(), b[a != b].tolist(), strict=True))
-    if a.size == 0:
-        yield "no cell is in both"
     for (was, now), number in differing.most_common():
         yield f"{number} of {counted(a.size, 'cell')}: {_named(was)} and {_named(now)}"
 
@@ -134,16 +138,16 @@ def _named(code: int) -> str:
     return "not run" if code < 0 else Outcome(code).name.lower()
 
 
-def _boundary(one: Store, other: Store) -> Iterator[str]:
+def _boundary(found: Both | None) -> Iterator[str]:
     """How far boundaries of both are apart, of those that both have."""
-    found = _both(one, other, "fragility.nc", BOUNDARY)
     if found is None:
         return
-    a, b = (values.to_numpy() for values in found)
-    known = np.isfinite(a) & np.isfinite(b)
+    yield from found.notes
+    a, b = (values.to_numpy() for values in found.values)
     if alone := int((np.isfinite(a) != np.isfinite(b)).sum()):
         yield f"{alone} of {a.size} first-overturning PGAs are in one of them only"
-    apart = np.abs(b[known] / a[known] - 1.0)
+    apart = np.abs(_ratio(found) - 1.0)
+    apart = apart[np.isfinite(apart)]
     if (apart > 0.0).any():
         yield (
             f"{int((apart > 0).sum())} of {a.size} first-overturning PGAs differ, by a median of "
@@ -151,18 +155,92 @@ def _boundary(one: Store, other: Store) -> Iterator[str]:
         )
 
 
-def _both(one: Store, other: Store, file: str, name: str) -> tuple[xr.DataArray, ...] | None:
-    """A variable of both, where their coordinates meet."""
+def _directions(found: Both | None) -> list[dict[str, Any]]:
+    """The same of each direction and friction, as rows of a table."""
+    if found is None or found.values[0].size == 0:
+        return []
+    a, b = (values.to_numpy() for values in found.values)
+    ratio, places = _ratio(found), [found.values[0][name].values for name in ("yaw", "friction")]
+    rows = []
+    for place, (yaw, friction) in zip(np.ndindex(ratio.shape[:2]), product(*places), strict=True):
+        with np.errstate(invalid="ignore"):
+            known = np.isfinite(ratio[place])
+            change = 100.0 * (ratio[place][known] - 1.0)
+        rows.append(
+            {
+                "yaw": float(yaw),
+                "friction": float(friction),
+                "both": int(known.sum()),
+                "first": int((np.isfinite(a[place]) & ~known).sum()),
+                "second": int((np.isfinite(b[place]) & ~known).sum()),
+                "median": float(np.median(change)) if change.size else None,
+                "least": float(change.min()) if change.size else None,
+                "most": float(change.max()) if change.size else None,
+            }
+        )
+    return rows
+
+
+def _ratio(found: Both) -> Array:
+    """Second boundary over the first; NaN where either has none."""
+    a, b = (np.where(np.isfinite(one), one, np.nan) for one in found.values)
+    return np.asarray(b / a)
+
+
+@dataclass(frozen=True)
+class Both:
+    """A variable of two results, where their coordinates meet, and what was left out of it.
+
+    Attributes
+    ----------
+    values : two arrays of the same shape
+    """
+
+    values: tuple[xr.DataArray, xr.DataArray]
+    notes: list[str]
+
+
+def _both(one: Store, other: Store, file: str, name: str) -> Both | None:
+    """A variable of both; None where one has not made it.
+
+    Along a dimension of one value in each, such as another friction, those two are compared.
+    """
     paths = [store.folder / file for store in (one, other)]
     if not all(path.is_file() for path in paths):
         return None
     try:
-        found = [_read(path, name)[name] for path in paths]
-        if found[0].dims != found[1].dims:
-            return None
-        return xr.align(*found, join="inner")
-    except (KeyError, ValueError) as error:
+        a, b = (_read(path, name)[name] for path in paths)
+        if a.dims != b.dims:
+            none = xr.DataArray(np.empty(0))
+            return Both((none, none), [f"not comparable: {a.dims} and {b.dims}"])
+        notes = []
+        for axis in a.dims:
+            a, b, note = _matched(a, b, str(axis))
+            notes += [note] * bool(note)
+    except (KeyError, ValueError, TypeError) as error:
         raise _unusable(file, name, error) from None
+    return Both((a, b), notes)
+
+
+def _matched(a: xr.DataArray, b: xr.DataArray, axis: str) -> tuple[xr.DataArray, xr.DataArray, str]:
+    """Two arrays at the places of a dimension that both have, and what that leaves out."""
+    if a[axis].dtype.kind == "f":  # so that a last digit parts nothing
+        a, b = (one.assign_coords({axis: one[axis].round(9)}) for one in (a, b))
+    first, second = (one[axis].values.tolist() for one in (a, b))
+    if first == second:
+        return a, b, ""
+    if len(first) == len(second) == 1:
+        return a, b.assign_coords({axis: a[axis]}), f"{axis} {first[0]} beside {second[0]}"
+    common = [value for value in first if value in second]
+    if not common:
+        given = f"{_spelled(first)} and {_spelled(second)}"
+        return a.isel({axis: []}), b.isel({axis: []}), f"not comparable: no {axis} in both: {given}"
+    left_out = f"compared at the {len(common)} of {len(first)} and {len(second)} {axis} in both"
+    return a.sel({axis: common}), b.sel({axis: common}), left_out
+
+
+def _spelled(values: list[Any]) -> str:
+    return ", ".join(map(str, values if len(values) < 4 else [*values[:2], "...", values[-1]]))
 
 
 def _read(path: Path, name: str) -> xr.Dataset:

@@ -48,6 +48,8 @@ _LOCK = Lock()
 
 _VERSIONS = ("vsr", "numpy", "scipy", "xarray")
 
+IN_G = "g is standard gravity, 9.80665 m s-2; UDUNITS would read gram"
+
 _ENGINES = {"bullet": "PyBullet", "mujoco": "MuJoCo", "nonsmooth": "numba"}
 """Libraries of the engines."""
 
@@ -98,10 +100,15 @@ def attributed(
     """The same of a dataset that is of no site."""
     for name in dataset.variables:
         entry = catalogue()[str(name)]
-        attributes: dict[str, Any] = {"long_name": entry["long_name"], "units": entry["units"]}
+        attributes: dict[str, Any] = {"long_name": entry["long_name"]}
+        if dataset[name].dtype.kind not in "OU":  # a text has no unit
+            attributes["units"] = entry["units"]
+        if "g" in entry["units"].split():
+            attributes["comment"] = IN_G
         if "flags" in entry:
             flags = list(getattr(outcome, entry["flags"]))
-            attributes["flag_values"] = [flag.value for flag in flags]
+            kind = dataset[name].dtype  # CF: of the variable's own type
+            attributes["flag_values"] = np.array([flag.value for flag in flags], kind)
             attributes["flag_meanings"] = " ".join(flag.name.lower() for flag in flags)
         dataset[name].attrs.update(attributes)
     engine = _ENGINES[by_engine]

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel
 
+from pipeline.workflow.grammar import counted
 from vsr_core.source import tracing
 
 T = TypeVar("T")
@@ -179,10 +180,7 @@ def _leaves(tree: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _change(old: Any, new: Any) -> str:
-    if isinstance(old, list) and isinstance(new, list):
-        added, removed = (
-            len(set(map(str, new)) - set(map(str, old))),
-            len(set(map(str, old)) - set(map(str, new))),
-        )
-        return f"{added} values added, {removed} removed"
+    if isinstance(old, list) and isinstance(new, list) and max(len(old), len(new)) > 3:
+        before, after = (set(map(str, values)) for values in (old, new))
+        return f"{counted(len(after - before), 'value')} added, {len(before - after)} removed"
     return f"{old!r} is now {new!r}"

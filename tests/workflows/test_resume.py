@@ -211,7 +211,7 @@ def test_why_names_the_changed_key(
         return vsr("why", "responses", "--site", site, "--set", setting).out.splitlines()
 
     said = why("motion.pga=[0.2, 0.3, 0.4, 0.6]")
-    assert "runs: motion.pga changed: 1 values added, 0 removed" in said
+    assert "runs: motion.pga changed: 1 value added, 0 removed" in said
     assert "rock: up to date" in said
     assert "runs: 6 of 8 are stored and stay; 2 to do" in said
     said = why("contact.restitution=0.1")

@@ -160,7 +160,7 @@ def _check_questions(study: Study) -> None:
     assert "study: up to date" in study.vsr("why", *study.line()).out
     more = (*study.line(), "--set", "motion.pga=[0.2, 0.3, 0.4, 0.52, 0.6]")
     why = study.vsr("why", *more).out.splitlines()
-    assert sum("motion.pga changed: 1 values added" in line for line in why) >= 2
+    assert sum("motion.pga changed: 1 value added" in line for line in why) >= 2
     assert "study: stage bounce=0.3 changed" in why
     assert "  runs: 32 of 40 are stored and stay; 8 to do" in why
 

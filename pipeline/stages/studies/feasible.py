@@ -65,7 +65,7 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
     dataset.attrs |= {"table": label, "unchecked": ", ".join(config.unstated)}
     dataset = described(dataset, work, f"What {label} can do")
     dataset["binding"].attrs |= {
-        "flag_values": list(range(len(_BINDING))),
+        "flag_values": np.arange(len(_BINDING), dtype=dataset["binding"].dtype),
         "flag_meanings": " ".join(_BINDING),
     }
     figure = feasible_grid(dataset, _boundaries(job))

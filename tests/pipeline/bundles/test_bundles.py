@@ -132,13 +132,19 @@ def test_a_changed_byte_and_another_version_are_told(
 ) -> None:
     def other(content: bytes) -> bytes:
         told = json.loads(content)
-        told["versions"] |= {"python": "3.9.1", "numpy": "1.0"}
+        del told["versions"]["scipy"]  # which some distributions spell SciPy
+        told["versions"] |= {"python": "3.9.1", "numpy": "1.0", "SciPy": "1.0"}
+        told["vsr"] = "0.0.1"
         return json.dumps(told).encode()
 
     changed(bundle, layout.ABOUT, other)
     ran = vsr("check", bundle)
     assert ran.code == cli.UNRESOLVED
     assert "and was 3.9.1: no product depends on it" in ran.out
+    assert "and was 0.0.1: " in ran.out
+    (scipy,) = [line for line in ran.out.splitlines() if line.startswith("SciPy is ")]
+    assert "was 1.0: motions and rock depend on it" in scipy
+    assert "of other versions here, without a product that depends on them: numpy" in ran.out
     changed(bundle, "results/responses.nc", lambda content: content[:-1] + b"?")
     ran = vsr("check", bundle)
     assert ran.code == cli.REFUSED

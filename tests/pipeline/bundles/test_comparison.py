@@ -27,7 +27,9 @@ def test_settings_cells_and_boundaries_that_differ_are_told(
     same = vsr("compare", derived / "one", bundle, "--to", page)
     assert (same.code, same.out) == (cli.DONE, "no difference\n")
     told = vsr("compare", bundle, derived / "other", "--to", page).out
-    assert "settings: contact.friction changed" in told
+    assert "settings: contact.friction changed: [0.6] is now [0.3]" in told
+    assert "cells: friction 0.6 beside 0.3" in told
+    assert "boundary: friction 0.6 beside 0.3" in told
     assert page.read_text().count("<li>") == len(told.splitlines())
 
     path = derived / "one" / "responses.nc"
@@ -51,6 +53,21 @@ def test_settings_cells_and_boundaries_that_differ_are_told(
     (derived / "one" / "responses.nc").write_bytes(path.read_bytes() + b"?")
     damaged = vsr("compare", bundle, derived / "one", "--to", page)
     assert (damaged.code, "not what was written" in damaged.err) == (cli.REFUSED, True)
+
+
+def test_what_has_no_place_in_common_is_not_said_to_be_alike(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
+) -> None:
+    for name, yaw, pga in (("one", "[0, 30]", "[0.2, 0.4]"), ("other", "[60, 90]", "[0.2, 0.6]")):
+        grid = f"motion: {{pga: {pga}, pgv_pga: [0.2, 0.5]}}\nyaw: {yaw}\n"
+        assert vsr("run", "fragility", "--site", write_site(grid, name), "--workers", "0").code == 0
+    told = vsr("compare", derived / "one", derived / "other", "--to", tmp_path / "page.html").out
+    none = "not comparable: no yaw in both: 0.0, 30.0 and 60.0, 90.0"
+    assert [line for line in told.splitlines() if line.startswith(("cells", "boundary"))] == [
+        f"cells: {none}",
+        "cells: compared at the 1 of 2 and 2 pga in both",
+        f"boundary: {none}",
+    ]
 
 
 def written(data: xr.Dataset, folder: Path, stage: str) -> None:

@@ -43,7 +43,7 @@ def test_what_other_settings_made_is_marked_until_it_is_made_again(
     whole = page.read_text(encoding="utf-8")
     assert "Stale" not in whole
     assert vsr("run", "responses", *command, *OTHER).code == 0
-    reason = "contact.friction changed: 1 values added, 1 removed"
+    reason = "contact.friction changed: [0.6] is now [0.7]"
     assert (
         f"report is of other settings than config.yaml: {reason}" in vsr("status", *command[:2]).out
     )
