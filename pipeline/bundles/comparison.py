@@ -39,14 +39,14 @@ class Part:
 def compare(one: Path, other: Path, page: Path) -> list[Part]:
     """Compare, and write the page."""
     with ExitStack() as stack:
-        stores = [Store(stack.enter_context(_Folder(path))) for path in (one, other)]
-        for store, path in zip(stores, (one, other), strict=True):
-            _require_whole(store, path)
-        boundary = _both(*stores, "fragility.nc", BOUNDARY)
+        first, second = (Store(stack.enter_context(_Folder(path))) for path in (one, other))
+        _require_whole(first, one)
+        _require_whole(second, other)
+        boundary = _both(first, second, "fragility.nc", BOUNDARY)
         parts = [
-            Part("settings", list(_settings(*stores))),
-            Part("made of", list(_made_of(*stores))),
-            Part("cells", list(_cells(*stores))),
+            Part("settings", list(_settings(first, second))),
+            Part("made of", list(_made_of(first, second))),
+            Part("cells", list(_cells(first, second))),
             Part("boundary", list(_boundary(boundary))),
         ]
     with writing(page.parent):

@@ -219,6 +219,7 @@ class Cluster:
         for name in LOGS:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         with ExitStack() as stack:
+            upkeep: Callable[[], None] = _nothing
             if self.local:
                 stack.enter_context(dask.config.set(_LOCAL))
                 with held_back():  # Dask cannot end workers that are half started
@@ -233,7 +234,7 @@ class Cluster:
                 jobs = stack.enter_context(slurm_jobs(self.workers))
                 upkeep, address = jobs.renew, jobs.cluster
             else:
-                upkeep, address = _nothing, self.scheduler
+                address = self.scheduler
             client = stack.enter_context(_connected(address, self.scheduler_file))
             self.log(f"dashboard: the workers, in a browser at {client.dashboard_link}")
             yield client, upkeep

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import Ran
 
 from pipeline.workflow.datasets import read
@@ -52,6 +53,10 @@ def test_from_a_site_to_curves_and_report(made: Ran, derived: Path, pgas: list[f
     assert responses["pga"].values.tolist() == pgas
     units = {name: responses[name].attrs["units"] for name in responses["outcome"].dims}
     assert units == {"yaw": "degree", "friction": "1", "pgv_pga": "s", "pga": "g"}
+    with xr.open_dataset(folder / "responses.nc", mask_and_scale=False) as stored:
+        for name in ("outcome", "decided_by"):  # CF 1.11, section 3.5
+            assert stored[name].attrs["flag_values"].dtype == stored[name].dtype
+        assert "gram" in stored["pga"].attrs["comment"]
     assert 0.0 < float(responses["time_step"].values[0]) < 0.01
     assert 0.0 < float(responses["boundary_error"].values[0]) <= 0.01
 
