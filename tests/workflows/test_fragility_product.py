@@ -84,3 +84,20 @@ def test_from_a_site_to_curves_and_report(made: Ran, derived: Path, pgas: list[f
     assert "most fragile at <strong>yaw 0 deg</strong>" in report
     for name in ("report.html", "fragility.csv", "responses.nc"):
         assert f"-> {folder / name}" in made.err
+
+
+def test_a_rough_block_topples_under_pulses_far_longer_than_it_rocks(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+) -> None:
+    """Shaken so slowly, above its static limit of .5 g, it falls as on a table that is tilted.
+
+    At such a friction a third of these runs once ended unresolved.
+    """
+    site = write_site(
+        "rock: {shape: box, size: [1.0, 1.0, 2.0], density: 2110}\n"
+        "motion: {pga: [0.6, 0.8, 1.0], pgv_pga: [2, 4, 6, 8, 10]}\n"
+        "yaw: [0]\ncontact: {friction: 100}\nsimulation: {time_step: auto}\n"
+    )
+    ran = vsr("run", "responses", "--site", site, "--workers", "0")
+    assert ran.code == 0, ran.err
+    assert (read(derived / "rock" / "responses.nc")["overturned"] == 1).all()

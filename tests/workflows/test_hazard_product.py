@@ -707,6 +707,16 @@ def test_a_rock_or_a_comparison_counts_once(
     refused("run", "hazard", "--site", path, words=(f"hazard.{key}", words))
 
 
+def test_a_setting_that_a_comparison_cannot_have_is_refused_by_its_name(
+    refused: Callable[..., str],
+) -> None:
+    """The site shakes with pulses, which have PGV/PGA; its comparison with records has not."""
+    setting = ("--set", "motion.pgv_pga=[0.3]")
+    words = ("recorded motions", "motion.pgv_pga", "--set hazard.compare=[]")
+    line = refused("run", "hazard", "--site", "double_rock", *setting, words=words)
+    assert "did you mean" not in line
+
+
 def test_curves_and_age_have_to_be_given(
     refused: Callable[..., str], write_site: Callable[..., str]
 ) -> None:

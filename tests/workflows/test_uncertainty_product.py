@@ -182,6 +182,17 @@ def test_density_as_a_whole_is_nothing_to_a_rock(
     np.testing.assert_array_less(heavy["member_boundary_lower"], light["member_boundary_upper"])
 
 
+@pytest.mark.parametrize("levels", ["[0.3]", pytest.param("[0.15, 0.4]", marks=pytest.mark.slow)])
+def test_a_grid_of_few_levels_has_its_page(
+    vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path, levels: str
+) -> None:
+    site = write_site(SITE)
+    given = ("--set", f"motion.pgv_pga={levels}", "--set", "uncertainty.members=2")
+    ran = vsr("run", "uncertainty", "--site", site, *given)
+    assert ran.code == 0, ran.err
+    assert "<img" in (derived / "rock" / "uncertainty.html").read_text(encoding="utf-8")
+
+
 WEDGE = """
 rock: {shape: mesh, mesh: wedge.ply, density: 2000}
 contact: {friction: 0.8}

@@ -281,12 +281,31 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
         twice = next(one.name for one in hazard.compare if folders.count(folder_of(one.name)) > 1)
         file, rule = origin.file_of("hazard.compare"), "a comparison has a name of its own"
         raise InputError(Problem(file, "hazard.compare", f"{twice!r} twice", rule, "rename one"))
-    compared = [
-        Other(one.name, load_site(file, one.study or study, (*settings, *one.set)), folder)
-        for one in hazard.compare
-        for folder in (folder_of(one.name),)
-    ]
+    compared = []
+    for one in hazard.compare:
+        try:
+            site = load_site(file, one.study or study, (*settings, *one.set))
+        except InputError as error:
+            raise _of_comparison(origin, one.name, error) from None
+        compared.append(Other(one.name, site, folder_of(one.name)))
     return Others(rocks, tuple(compared), earlier)
+
+
+def _of_comparison(origin: Origin, name: str, error: InputError) -> InputError:
+    """The same refusals, which say that they are of a comparison and not of the site itself."""
+    remedy = "compare with nothing: --set hazard.compare=[]"
+    return InputError(
+        *(
+            Problem(
+                origin.file_of("hazard.compare"),
+                f"hazard.compare: {name}: {one.key}",
+                one.given,
+                one.rule,
+                f"{one.remedy}, or {remedy}",
+            )
+            for one in error.problems
+        )
+    )
 
 
 def _check_request(origin: Origin, study: str | None, settings: tuple[str, ...]) -> None:
