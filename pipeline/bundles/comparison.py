@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.bundles.layout import RESULTS, about, opened
+from pipeline.config.outside import check_target
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import pages
 from pipeline.workflow.grammar import counted
@@ -35,6 +36,7 @@ class Part:
 
 def compare(one: Path, other: Path, page: Path) -> list[Part]:
     """Compare, and write the page."""
+    check_target(page)
     with ExitStack() as stack:
         stores = [Store(stack.enter_context(_Folder(path))) for path in (one, other)]
         for store, path in zip(stores, (one, other), strict=True):

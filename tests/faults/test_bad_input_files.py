@@ -96,12 +96,6 @@ def test_faces_of_vertices_that_are_not_there(tmp_path: Path, refused: Refused) 
     refused("run", "rock", "--site", site(tmp_path, "rock.ply"), words=words)
 
 
-def test_scan_that_is_too_large_is_not_read(tmp_path: Path, refused: Refused) -> None:
-    with (tmp_path / "rock.ply").open("wb") as file:
-        file.truncate(mesh_files.LARGEST_FILE + 1)  # of holes, which take no room
-    refused("run", "rock", "--site", site(tmp_path, "rock.ply"), words=("2.0 GiB", "thin it out"))
-
-
 @pytest.mark.parametrize("key", ["rock.mesh", "motion.files", "motion.response.file"])
 @pytest.mark.parametrize("name", ["loop.ply", "x" * 300 + ".ply", "a\0b.ply", "\\uDCFF.ply", ""])
 def test_path_that_leads_nowhere(tmp_path: Path, refused: Refused, key: str, name: str) -> None:
@@ -327,21 +321,6 @@ def test_table_that_ends_in_a_number_is_refused() -> None:
     with pytest.raises(InvalidInput, match="formed like no other"):
         formats.read_all(text.encode(), ".csv", formats.Reading())
     assert len(formats.read_all((text + "\n").encode(), ".csv", formats.Reading()).acceleration)
-
-
-@pytest.mark.parametrize("kind", ["record", "table"])
-def test_file_of_motions_that_is_none_or_too_large_is_not_read(
-    tmp_path: Path, refused: Refused, write_site: Callable[..., str], kind: str
-) -> None:
-    with (tmp_path / "one.csv").open("wb") as file:
-        file.truncate(1 << 40)  # of holes, which take no room
-    os.mkfifo(tmp_path / "two.csv")
-    processing = "processing: {order: none, highpass: null, lowpass: null}, "
-    processing = processing if kind == "record" else ""
-    for name, words in (("one.csv", "1048576 MiB"), ("two.csv", "no file"), ("/dev/zero", "no fi")):
-        motion = f"motion: {{kind: {kind}, files: {name}, {processing}pga: 1}}"
-        with bounded(seconds=1.0, mebibytes=50.0):
-            refused("plan", "--site", write_site(motion), words=(name, words, "motion.files"))
 
 
 @pytest.mark.parametrize(

@@ -15,18 +15,18 @@ from typing import Any, NamedTuple
 import h5py
 import numpy as np
 import pytest
-import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline import ROOT
 from pipeline.stages.hazard import curve_folder, event_files
 from pipeline.stages.hazard.shaking_ratio import load_disaggregation
-from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS
+from pipeline.stages.studies.validation.recorded_tests import OUTCOMES
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
 from pipeline.workflow.store import read_manifest
 from tests.support.bad_input import bounded, broken, taken_or_refused
 from tests.support.event_sets import EventSet
+from tests.support.recorded_tests import recorded_tests
 
 MADE_UP = ROOT / "data" / "raw" / "hazard" / "made_up"
 CURVE = "hazard_curve-rlz-{:03d}-PGA_1.csv"
@@ -71,24 +71,6 @@ def disaggregation(folder: Path) -> Path:
         for dist, share in (("10.0", 3e-4), ("30.0", 0.0))
     ]
     (folder / "Mag_Dist-mean-0_1.csv").write_text("\n".join(rows) + "\n")
-    return folder
-
-
-def recorded_tests(folder: Path) -> Path:
-    """Two tests with a record, and one that has none."""
-    time = 0.005 * np.arange(400)
-    shaking = 3.0 * np.sin(10.0 * time) * np.hanning(400)
-    xr.Dataset(
-        {
-            "acceleration": (("test", "time"), np.array([shaking, 2.0 * shaking])),
-            "n_samples": ("test", [400, 400]),
-        },
-        {"test": [1, 2], "time": time},
-    ).to_netcdf(folder / RECORDS)
-    rows = ["test,has_record,pga_g,pgv_pga_s,dem_s1_soft,specimen1"]
-    rows += ["1,1,0.2,0.3,0,0", "2,1,0.5,0.3,1,1", "3,0,0.5,0.3,1,1"]
-    (folder / OUTCOMES).write_text("\n".join(rows) + "\n")
-    (folder / "sp1.ply").write_text("")
     return folder
 
 
