@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pipeline import ROOT
 from pipeline.config.problems import InputError
 from pipeline.stages.hazard import curve_folder
 from tests.support.bad_input import bounded
@@ -20,6 +22,7 @@ RATES = {0: [0.2, 4e-3, 2e-5], 1: [0.3, 8e-3, 0.0]}
 WEIGHTS = {0: 0.6, 1: 0.4}
 YEARS = 50.0
 
+MADE_UP = ROOT / "data" / "raw" / "hazard" / "made_up"
 SHARED = Path(__file__).parents[5] / "shared" / "data" / "hazard" / "curves"
 
 
@@ -140,6 +143,31 @@ def test_levels_in_another_unit_are_refused(
         )
         path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=re.escape(words)):
+        curve_folder.load(tmp_path)
+
+
+@pytest.mark.parametrize("highest", [0.9, 1.6, 2.0])
+@pytest.mark.parametrize("source", [MADE_UP, SHARED])
+def test_levels_in_m_s2_of_all_branches_are_refused(
+    tmp_path: Path, source: Path, highest: float
+) -> None:
+    """Of curves of PGA alone that end below 2 g, so that each alone could be one in g."""
+    if not source.is_dir():
+        pytest.skip("the folder of example curves is not here")
+    shutil.copy(source / "realizations_1.csv", tmp_path)
+    for factor in (1.0, GRAVITY):
+        for path in source.glob("hazard_curve-rlz-*-PGA_1.csv"):
+            first, names, values = path.read_text(encoding="utf-8").splitlines()
+            levels = [float(name.removeprefix("poe-")) for name in names.split(",")[3:]]
+            kept = 3 + sum(level <= highest for level in levels)
+            told = ",".join(
+                ["lon,lat,depth", *(f"poe-{factor * level:.7f}" for level in levels[: kept - 3])]
+            )
+            lines = [first, told, ",".join(values.split(",")[:kept]), ""]
+            (tmp_path / path.name).write_text("\n".join(lines), encoding="utf-8")
+        if factor == 1.0:
+            assert len(curve_folder.load(tmp_path).branches) == 9
+    with pytest.raises(InputError, match=r"convert levels in m/s2 to g|correct the units"):
         curve_folder.load(tmp_path)
 
 
