@@ -133,7 +133,7 @@ def strength(mean: HazardCurve) -> str:
     >>> strength(HazardCurve(np.array([0.98, 9.8]), np.array([0.01, 0.0001])))
     'by the mean curve 0.218 g is exceeded once in 475 years, and 0.497 g once in 2,475 years'
     """
-    told = []
+    told: list[str] = []
     for years in MOST_PGA:
         pga = pga_at(mean, years)
         shown = "a PGA beyond its levels" if math.isnan(pga) else f"{pga:.3g} g"
