@@ -74,8 +74,8 @@ def main(arguments: list[str] | None = None) -> int:
 def _begin_log(options: argparse.Namespace) -> None:
     file: Path | None = options.log_file
     try:
-        if file is not None and file.is_fifo():
-            raise OSError(errno.EINVAL, "a pipe, which may never be read")
+        if file is not None and file.exists() and not file.is_file():
+            raise OSError(errno.EINVAL, "a pipe or a device, or a folder")
         begin(quiet=options.quiet, file=file)
     except OSError as error:
         given, rule = f"{file}: {reason(error)}", "lines can be added to the file of a log"

@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.config.layers import CONFIGS, STUDIES, TABLES, known
+from pipeline.config.outside import check_target
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sweep import Sweep
 from pipeline.inspection import disk
@@ -123,6 +124,7 @@ def _draw(stage: str, job: Job, path: Path) -> None:
     """Write the picture of a product's stages."""
     found = graph.identities(stage, job.site, to_make=False)
     stages = {name: any(graph.why(BY_NAME[name], own, job.store)) for name, own in found.items()}
+    check_target(path)
     with writing(path.parent):
         path.write_text(svg(job.site.name, stages), encoding="utf-8")
     log(f"-> {path}")

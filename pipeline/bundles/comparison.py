@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.bundles.layout import RESULTS, about, opened
+from pipeline.config.outside import check_target
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import pages
 from pipeline.workflow.grammar import counted
@@ -38,6 +39,7 @@ class Part:
 
 def compare(one: Path, other: Path, page: Path) -> list[Part]:
     """Compare, and write the page."""
+    check_target(page)
     with ExitStack() as stack:
         first, second = (Store(stack.enter_context(_Folder(path))) for path in (one, other))
         _require_whole(first, one)

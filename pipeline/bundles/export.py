@@ -32,10 +32,10 @@ from pipeline.bundles.layout import (
     sha256,
 )
 from pipeline.config.layers import STUDIES
-from pipeline.config.outside import content, text
+from pipeline.config.outside import check_target, text
 from pipeline.config.paths import SHIPPED
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.mesh.sources import ORIGIN
+from pipeline.stages.mesh.sources import ORIGIN, origin_of
 from pipeline.workflow import keys
 from pipeline.workflow.site_folder import FILE, SETTINGS
 from pipeline.workflow.store import Store, writing
@@ -75,6 +75,7 @@ def export(folder: Path, target: Path, *, inputs: bool, licence: str) -> About:
     inputs : whether the files are in it that products were made from, or their digests alone
     licence : address of the licence that the results are given under; empty where none is
     """
+    check_target(target)
     store = Store(folder)
     manifests = store.manifests()
     place = Path((manifests.get(SETTINGS) or {}).get("place", ""))
@@ -198,9 +199,7 @@ def _of(value: str, beside: Path, wanted: dict[str, str]) -> dict[str, Path]:
 
 def _source(path: Path) -> str:
     """Where a file is from, as what stands beside it says."""
-    origin = path.with_name(ORIGIN)
-    found = json.loads(content(origin)) if origin.is_file() else {}
-    return "; ".join(f"{key}: {one}" for key, one in found.items() if isinstance(one, str))
+    return "; ".join(f"{key}: {one}" for key, one in origin_of(path).items())
 
 
 def _texts(tree: Any) -> Iterator[str]:

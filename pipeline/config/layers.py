@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from pipeline.config.age_files import with_samples
 from pipeline.config.motion_schema import PULSES
+from pipeline.config.outside import text
 from pipeline.config.paths import SHIPPED, located, shown
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.problems import InputError, Problem, not_found
@@ -239,11 +240,7 @@ def _find(name: str, folder: Path, what: str) -> Path:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        with path.open(encoding="utf-8") as file:
-            content = parse(file.read(LONGEST + 1))
-    except OSError as error:
-        rule = f"the file cannot be read ({error.strerror})"
-        raise InputError(Problem(shown(path), "", "", rule, "change its permissions")) from None
+        content = parse(text(path, LONGEST))
     except ValueError as error:
         rule = f"invalid YAML: {error}"
         raise InputError(Problem(shown(path), "", "", rule, "correct the file")) from None

@@ -1,6 +1,8 @@
 """Files from outside: one way to read them, by a schema, and to refuse in one line what breaks it.
 
-A file is opened if it is a regular one of bounded size; text is UTF-8. A table is a line of names,
+A file is opened if it is a regular one of bounded size, by `content`; what a library opens itself
+has been through `check_file`, or through `check_regular` where the key of a setting is to be named,
+and not its file. Text is UTF-8. A table is a line of names,
 each there once, and rows with a field for each name. A row is a `Row`: its fields, their types and
 ranges, as of a section of the configuration. What is in no schema is refused, or named.
 """
@@ -8,7 +10,9 @@ ranges, as of a section of the configuration. What is in no schema is refused, o
 from __future__ import annotations
 
 import csv
+import errno
 import io
+import os
 import stat
 from collections import Counter
 from collections.abc import Sequence
@@ -23,6 +27,7 @@ from pipeline.config.paths import shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.refusals import problem
 from pipeline.config.sections import Section
+from vsr_core.errors import InvalidInput
 from vsr_core.motions.named_columns import is_cut
 
 LARGEST = 64 * 1024**2
@@ -51,33 +56,76 @@ def refused(path: Path, key: str, given: str, rule: str, remedy: str = "") -> In
     return InputError(Problem(shown(path), key, given, rule, remedy or "export it again"))
 
 
-def check_file(path: Path, largest: int) -> None:
-    """Refuse what is no regular file, or too large."""
+def check_regular(path: Path, largest: int) -> None:
+    """Refuse what is no regular file that one may read, or too large, before it is opened.
+
+    Raises
+    ------
+    InvalidInput
+    """
     try:
         state = path.stat()
+        if not stat.S_ISREG(state.st_mode):
+            raise InvalidInput("no regular file", "it is a file", "correct the path")
+        if not os.access(path, os.R_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
-        raise _unreadable(path, error) from None
-    if not stat.S_ISREG(state.st_mode):
-        raise refused(path, "", "no regular file", "it is a file", "correct the path")
+        raise _unreadable(error) from None
     if state.st_size > largest:
-        given = f"a file of {state.st_size / 1024**2:.0f} MiB"
-        rule = f"it has at most {largest / 1024**2:.0f} MiB"
-        raise refused(path, "", given, rule, "leave out what is not needed")
+        given, rule = f"a file of {_size(state.st_size)}", f"it has at most {_size(largest)}"
+        raise InvalidInput(given, rule, "leave out what is not needed")
+
+
+def check_file(path: Path, largest: int) -> None:
+    """The same, the file named."""
+    try:
+        check_regular(path, largest)
+    except InvalidInput as error:
+        raise InputError.from_invalid(shown(path), "", error) from None
 
 
 def content(path: Path, largest: int = LARGEST) -> bytes:
     """What a regular file holds."""
-    check_file(path, largest)
+    try:
+        return held(path, largest)
+    except InvalidInput as error:
+        raise InputError.from_invalid(shown(path), "", error) from None
+
+
+def check_target(path: Path) -> None:
+    """Refuse to write to a pipe, which may never be read, or to a device."""
+    if path.exists() and not path.is_file():
+        raise refused(path, "", "no regular file", "what is written is a file", "give another path")
+
+
+def held(path: Path, largest: int) -> bytes:
+    """The same for who names the key of a setting, and not the file.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    check_regular(path, largest)
     try:
         with path.open("rb") as file:
             return file.read(largest)
     except OSError as error:
-        raise _unreadable(path, error) from None
+        raise _unreadable(error) from None
 
 
-def _unreadable(path: Path, error: OSError) -> InputError:
+def _unreadable(error: OSError) -> InvalidInput:
     given = f"a file that cannot be read ({error.strerror})"
-    return refused(path, "", given, "it is a file that you may read", "correct it")
+    return InvalidInput(given, "it is a file that you may read", "correct it")
+
+
+def _size(number: int) -> str:
+    """A number of bytes in words.
+
+    >>> _size(100_000), _size(64 * 1024**2), _size(1 << 40)
+    ('97.66 KiB', '64 MiB', '1 TiB')
+    """
+    power = min((number.bit_length() - 1) // 10, 4) if number else 0
+    return f"{number / 1024**power:.4g} {('bytes', 'KiB', 'MiB', 'GiB', 'TiB')[power]}"
 
 
 def text(path: Path, largest: int = LARGEST) -> str:

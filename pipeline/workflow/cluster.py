@@ -17,9 +17,11 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from pipeline.config.outside import check_regular
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.dispatch import Dispatch
 from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch, Done
+from vsr_core.errors import InvalidInput
 
 WALLTIME_SHARE = 0.1
 """Part of the walltime by which a worker ends early, and by which others end earlier still."""
@@ -256,6 +258,18 @@ def check_settings() -> None:
         raise InputError(Problem("DASK_CONFIG", "", given, rule, "mend it, or unset it")) from None
 
 
+_LARGEST_FILE = 1024**2
+"""Bytes of the file in which a scheduler says where it is."""
+
+
+def _check_scheduler_file(path: Path) -> None:
+    """Refuse what Dask would wait for, or read without an end."""
+    try:
+        check_regular(path, _LARGEST_FILE)
+    except InvalidInput as error:
+        raise OSError(error.given) from None
+
+
 @contextmanager
 def _connected(address: Any, file: str | None) -> Iterator[Any]:
     import distributed
@@ -263,8 +277,8 @@ def _connected(address: Any, file: str | None) -> Iterator[Any]:
     from distributed.comm.registry import get_backend
 
     try:
-        if file and not Path(file).is_file():  # for which Dask would wait
-            raise FileNotFoundError("there is no such file")
+        if file:
+            _check_scheduler_file(Path(file))
         if isinstance(address, str):  # else a client is left behind half made
             get_backend(parse_address(address)[0])
         client = distributed.Client(address=address, scheduler_file=file, timeout=CONNECTING)

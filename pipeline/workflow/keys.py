@@ -9,6 +9,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from pipeline.config.outside import check_file
+
 _SIZE = 16
 
 
@@ -47,8 +49,13 @@ def digest_bytes(*parts: bytes) -> str:
     return state.hexdigest()
 
 
+LARGEST = 64 * 1024**3
+"""Bytes of a file: of the largest that any reader takes."""
+
+
 def digest_file(path: Path) -> str:
     """SHA-256 of a file's content."""
+    check_file(path, LARGEST)
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

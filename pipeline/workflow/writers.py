@@ -51,7 +51,7 @@ def table(frame: pd.DataFrame) -> Writer:
     ----------
     frame : DataFrame
         An empty text is an empty field; NaN is written as ``nan``. A text that a spreadsheet would
-        take for a formula is written behind an apostrophe.
+        take for a formula is written behind an apostrophe, in headings too.
     """
     return tables([frame])
 
@@ -62,23 +62,24 @@ def tables(frames: Iterable[pd.DataFrame]) -> Writer:
     def write(path: Path) -> None:
         with path.open("w", encoding="utf-8", newline="") as file:
             for number, frame in enumerate(frames):
-                shown = frame.map(_shown)
+                shown = frame.map(_shown).rename(columns=_shown)
                 shown.to_csv(file, header=not number, index=False, lineterminator="\r\n")
 
     return write
 
 
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""Beginnings of what a spreadsheet would compute, or run."""
+_FORMULA = re.compile(r"[\t\r]|[\s\ufeff\u200b]*[=+\-@\uff1d\uff0b\uff0d\uff20]")
+"""Beginnings of what a spreadsheet would compute, or run: signs, also of full width, also after
+what it leaves out."""
 
 
 def _shown(value: Any) -> Any:
     """The value as a table shows it.
 
-    >>> _shown(0.1234567), _shown(1234567), _shown("=1+1")
-    ('0.123457', 1234567, "'=1+1")
+    >>> _shown(0.1234567), _shown(1234567), _shown(" =1+1"), _shown(-1.5)
+    ('0.123457', 1234567, "' =1+1", '-1.5')
     """
-    if isinstance(value, str) and value.startswith(_FORMULA):
+    if isinstance(value, str) and _FORMULA.match(value):
         return f"'{value}"
     return f"{value:.6g}" if isinstance(value, float) else value
 

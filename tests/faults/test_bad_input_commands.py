@@ -107,7 +107,7 @@ def test_folder_that_is_a_loop(tmp_path: Path, capsys: pytest.CaptureFixture[str
         ("--scheduler", "tcp://127.0.0.1:1", "imed out"),
         ("--scheduler", "nonsense://x", "unknown address scheme"),
         ("--scheduler", "tcp://127.0.0.1:99999999", "99999999"),
-        ("--scheduler-file", "nowhere.json", "no such file"),
+        ("--scheduler-file", "nowhere.json", "No such file"),
     ],
 )
 def test_scheduler_that_is_not_there(

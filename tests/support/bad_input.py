@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
+from pipeline import cli
 from pipeline.config.problems import LONGEST, InputError
 
 Got = TypeVar("Got")
@@ -116,6 +117,32 @@ def see_that_it_is_one_line(line: str) -> None:
     assert ONE_LINE.fullmatch(line), line
     assert len(line) <= MOST_CHARACTERS, len(line)
     assert "Traceback" not in line
+
+
+def see_that_it_is_told(code: int, said: str) -> None:
+    """Assert that a command was done, or has told in lines what is wrong.
+
+    Parameters
+    ----------
+    code : int, its exit code
+    said : str, its standard error
+    """
+    lines = [line for line in said.splitlines() if line.startswith("vsr: ")]
+    lines = [line for line in lines if not line.startswith("vsr: warning: ")]
+    assert code in (cli.DONE, cli.UNRESOLVED, cli.REFUSED), said
+    assert bool(lines) == (code != cli.DONE), said
+    for line in lines:
+        see_that_it_is_one_line(line.removeprefix("vsr: "))
+
+
+def cut(content: bytes) -> st.SearchStrategy[bytes]:
+    """The beginning of a file.
+
+    Parameters
+    ----------
+    content : bytes, of the whole one
+    """
+    return st.integers(0, len(content) - 1).map(lambda length: content[:length])
 
 
 BROKEN_WORDS = (

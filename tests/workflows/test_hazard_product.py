@@ -313,6 +313,29 @@ def test_a_single_branch_is_compared_with_no_others(
         assert words not in said, words
 
 
+@pytest.mark.usefixtures("without_pictures")
+def test_formulas_are_text_and_a_wrong_unit_shows_in_the_log(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """PGA by the mean curve is that of the levels and rates of the files."""
+    curves = tmp_path / "curves"
+    shutil.copytree(CURVES, curves)
+    path = curves / "realizations_1.csv"
+    lines = path.read_text(encoding="utf-8")
+    formula = "=HYPERLINK(1)"
+    assert lines.count("AB~A,") == 1
+    path.write_text(lines.replace("AB~A,", f"{formula},"), encoding="utf-8")
+    command = ["run", "hazard", "--site", str(made.parents[1] / "rock.yaml"), "--workers", "0"]
+    copy = shutil.copytree(made.parent, tmp_path / "derived")
+    assert cli.main([*command, "--curves", str(curves), "--derived", str(copy)]) == 0
+    with (copy / "rock" / "hazard.csv").open(newline="", encoding="utf-8") as file:
+        assert [row["path"] for row in csv.DictReader(file)][3] == f"'{formula}"
+    levels, rates = levels_and_rates("PGA")
+    once = [level_at(1.0 / years, levels, weights() @ rates) for years in (475.0, 2475.0)]
+    told = f"{once[0]:.3g} g is exceeded once in 475 years, and {once[1]:.3g} g once in 2,475"
+    assert told in capsys.readouterr().err
+
+
 def test_every_variable_is_described(hazard: xr.Dataset) -> None:
     assert hazard.attrs["Conventions"].startswith("CF-")
     for name, variable in hazard.variables.items():

@@ -39,14 +39,16 @@ MOST_SAMPLES = 10_000_000
 
 
 def is_cut(text: str, last: Sequence[str], others: Sequence[str]) -> bool:
-    r"""Whether a text ends without an end of line, in a word formed like none of the others.
+    r"""Whether a text ends without an end of line, in nothing or a word formed like no other.
 
     Examples
     --------
     >>> is_cut("0.25\n0.2", ["0.2"], ["0.25"]), is_cut("0.25\n-1.25", ["-1.25"], ["0.25"])
     (True, False)
+    >>> is_cut("a,1\nb,\nc,", [""], ["1", ""])
+    True
     """
-    forms = {_DIGIT.sub("0", word.strip(" +-")) for word in others}
+    forms = {_DIGIT.sub("0", word.strip(" +-")) for word in others} - {""}
     return not text.endswith(("\n", "\r")) and any(
         _DIGIT.sub("0", word.strip(" +-")) not in forms for word in last
     )

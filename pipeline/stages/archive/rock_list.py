@@ -135,9 +135,10 @@ def read(path: Path) -> Archive:
 
 def _check_end(path: Path, text: str) -> None:
     """Refuse a table whose last line is cut."""
-    ends = [(_fields(line) or [""])[-1] for line in text.splitlines() if _is_row(line)]
-    if len(ends) > 2 and is_cut(text, ends[-1:], ends[1:-1]):
-        given, rule = f"a last line that ends in {ends[-1]!r}", "the file is whole"
+    parted = [_fields(line) or [""] for line in text.splitlines() if _is_row(line)]
+    *others, last = parted[1:] or [[""]]
+    if is_cut(text, last[-1:], [fields[-1] for fields in others] or last[:-1]):
+        given, rule = f"a last line that ends in {last[-1]!r}", "the file is whole"
         raise outside.refused(path, "", given, rule, "export it again, or end its last line")
 
 

@@ -27,6 +27,17 @@ _RULE = "it is an event_based calculation of OpenQuake with ground motions of PG
 _MOST = 50_000_000
 """Events whose columns are held at once."""
 
+_MOST_RUPTURES = 2_000_000
+
+_HELD = {
+    "events": _MOST,
+    "gmf_data/eid": _MOST,
+    "gmf_data/PGA": _MOST,
+    "gmf_data/PGV": _MOST,
+    "ruptures": _MOST_RUPTURES,
+    "rupgeoms": _MOST_RUPTURES,
+}
+
 _KEYS = {"events": "events", "ruptures": "ruptures", "gmf-data": "gmf_data"}
 
 
@@ -62,8 +73,9 @@ def _parts(path: Path, name: str, row: type[Row]) -> Iterator[dict[str, Any]]:
 
     read = {Event: _events, Shaken: _shaken, Rupture: _ruptures}[row]
     with openquake.reading(path, _KEYS[name], _RULE), h5py.File(path) as file:
-        if len(file["gmf_data/eid"]) > _MOST or len(file["events"]) > _MOST:
-            raise ValueError(f"more than {_MOST:,} events")
+        for held, most in _HELD.items():
+            if held in file and file[held].size > most:
+                raise ValueError(f"{file[held].size:,} of {held}, of at most {most:,}")
         found = read(file)
     long_tables.check(path, row, found, np.zeros(len(next(iter(found.values()))), bool), 0)
     yield found
@@ -83,6 +95,8 @@ def _shaken(file: Any) -> dict[str, Any]:
 
 def _ruptures(file: Any) -> dict[str, Any]:
     ruptures, geometry = file["ruptures"][()], file["rupgeoms"][()]
+    if ruptures["geom_id"].min() < 0:  # which would count from the end
+        raise ValueError("a surface below the first")
     lain = np.array([_lie(geometry[at]) for at in ruptures["geom_id"]]).T
     names = ("centroid_lon", "centroid_lat", "strike", "dip")
     own = {"rup_id": ruptures["id"].astype(np.int64), "mag": ruptures["mag"].astype(np.float64)}

@@ -32,6 +32,7 @@ from pipeline.stages.hazard.hazard_dataset import (
     pga_at,
     table,
 )
+from pipeline.stages.hazard.hazard_model import MOST_PGA
 from pipeline.stages.hazard.rock_ages import ages_of, back_to, of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import Others, of_fits, of_members
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking, of_hazard
@@ -51,6 +52,7 @@ from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.grammar import counted, form, listed
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array, Mask
+from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.ratio import CORRELATION, LOG_SD
 from vsr_core.hazard.shaking import EventShaking
 
@@ -99,6 +101,7 @@ def make(
     assumed = of_hazard(config, model, curves.events, curves.disaggregated, ratios)
     minimum = config.minimum_survival_probability
     analysis = SurvivalAnalysis(model, tuple(rocks), assumed.shaking, minimum)
+    work.log(f"hazard: {strength(analysis.before)}")
     by_member = analysis.survival_of_others()
     all_cases = cases(analysis, assumed.alternatives, compared)
     results = all_cases[0].results
@@ -122,6 +125,20 @@ def make(
         f"{rejected} of {counted(len(model.branches), 'branch', 'branches')} rejected; "
         f"2,475-year PGA: prior {before}, posterior {after}",
     )
+
+
+def strength(mean: HazardCurve) -> str:
+    """How strong shaking is by a mean curve, in which a wrong unit shows.
+
+    >>> strength(HazardCurve(np.array([0.98, 9.8]), np.array([0.01, 0.0001])))
+    'by the mean curve 0.218 g is exceeded once in 475 years, and 0.497 g once in 2,475 years'
+    """
+    told: list[str] = []
+    for years in MOST_PGA:
+        pga = pga_at(mean, years)
+        shown = "a PGA beyond its levels" if math.isnan(pga) else f"{pga:.3g} g"
+        told.append(f"{shown}{'' if told else ' is exceeded'} once in {years:,} years")
+    return f"by the mean curve {', and '.join(told)}"
 
 
 MOST_ROWS = 40

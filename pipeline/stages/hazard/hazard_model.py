@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -31,6 +31,10 @@ to the third. Otherwise the levels are in another unit."""
 STRONG, RARE = {"PGA": 1.0, "PGV": 100.0}, 0.01
 """Levels that are nowhere exceeded more often than every hundred years; known maps reach a third of
 that."""
+
+MOST_PGA = {475: 3.0, 2475: 5.0}
+"""PGA [g] that a mean curve exceeds once in so many years at most: about twice the strongest of
+published maps. Levels in m/s^2 taken for g are beyond it where shaking is moderate already."""
 
 RATIOS = (0.01, 1.0)
 """PGV/PGA [s] of shaking that is as rare."""
@@ -168,6 +172,7 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
                 pgv[1].curve() if pgv else None,
             )
         )
+    _check_strength(source, branches)
     if zero := len(rows) - len(branches):
         unused = (*unused, f"{counted(zero, 'realization')} of weight 0 left out")
     if ended:
@@ -176,6 +181,17 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
             f"{counted(ended, 'level')} of PGA that nothing exceeds left out, at ends of curves",
         )
     return HazardModel(tuple(branches), (pga.lon, pga.lat), unused)
+
+
+def _check_strength(source: Path, branches: Sequence[Branch]) -> None:
+    """Refuse curves whose mean shakes more strongly than any place is known to."""
+    for years, most in MOST_PGA.items():
+        rates = [float(one.pga.rate_at(np.array(UNITS["PGA"] * most))) for one in branches]
+        mean = sum(one.weight * rate for one, rate in zip(branches, rates, strict=True) if rate > 0)
+        if mean > 1.0 / years:
+            given = f"{most:g} g exceeded once in {1.0 / mean:.0f} years by the mean curve"
+            rule = f"that is rarer than once in {years:,} years on all published maps"
+            raise refused(source, "levels", given, rule, "convert levels in m/s2 to g")
 
 
 def _together(path: Path, pga: HazardCurve, pgv: HazardCurve) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.config.outside import check_regular
 from vsr_core.errors import InvalidInput, reason
 
 if TYPE_CHECKING:
@@ -16,24 +17,15 @@ LARGEST_FILE = 2 * 1024**3
 """Bytes of a file: of some forty million faces, which take some tens of gigabytes of memory."""
 
 
-def check_size(path: Path) -> None:
-    """Refuse a file that is too large to be read."""
-    size = path.stat().st_size
-    if size > LARGEST_FILE:
-        raise InvalidInput(
-            f"a file of {size / 1024**3:.1f} GiB",
-            f"a scan has at most {LARGEST_FILE / 1024**3:.0f} GiB",
-            "thin it out",
-        )
-
-
 def read(path: Path) -> trimesh.Trimesh:
-    """The mesh in a file, as it is there."""
+    """The mesh in a file, as it is there; files that it names, such as textures, are not opened."""
     import trimesh
 
-    check_size(path)
+    check_regular(path, LARGEST_FILE)
+    kind = path.suffix[1:].lower()
     try:
-        mesh = trimesh.load(path, force="mesh", process=False)
+        with path.open("rb") as file:
+            mesh = trimesh.load(file, file_type=kind, resolver={}, force="mesh", process=False)
     except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
         raise InvalidInput(
             f"a file that cannot be read ({reason(error)})", "it is a mesh", "export it again"

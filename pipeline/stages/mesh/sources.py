@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from pydantic import TypeAdapter
 
 from pipeline.config.layers import Origin
-from pipeline.config.outside import content
+from pipeline.config.outside import check_regular, content
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.config.scene_schema import PedestalConfig, RockConfig
@@ -28,6 +29,9 @@ SUFFIXES = (".ply", ".stl", ".obj", ".dae", ".glb")
 
 ORIGIN = "origin.json"
 """Beside a fetched mesh: where it came from, and its checksum."""
+
+_NOTE, _LARGEST_NOTE = TypeAdapter(dict[str, Any]), 100_000
+"""What it holds, of so many bytes at most."""
 
 
 @dataclass(frozen=True)
@@ -143,10 +147,10 @@ def _file(section: str, name: str, fallback: str | None, origin: Origin) -> Path
     if path.suffix.lower() not in SUFFIXES:
         rule = f"a mesh ends in {' '.join(SUFFIXES)}"
         raise _problem(origin, shown(path), rule, "convert it", key)
-    if not path.is_file():
+    if not path.exists():
         raise not_found(file, key, shown(path))
     try:
-        mesh_files.check_size(path)  # before its digest is taken
+        check_regular(path, mesh_files.LARGEST_FILE)  # before its digest is taken
     except InvalidInput as error:
         given = f"{shown(path)}, {error.given}"
         raise _problem(origin, given, error.rule, error.remedy, key) from None
@@ -197,14 +201,19 @@ def _read(path: Path, origin: Origin, key: str) -> trimesh.Trimesh:
 
 
 def _label(path: Path) -> str:
-    origin = path.with_name(ORIGIN)
-    try:
-        facts = json.loads(content(origin))
-        if facts["sha256"] == digest_file(path):
-            return f"public original, {facts['from']}"
-    except (InputError, ValueError, KeyError, TypeError, RecursionError):
-        pass  # none, or not what `fetch` wrote
+    facts = origin_of(path)
+    if "from" in facts and facts.get("sha256") == digest_file(path):
+        return f"public original, {facts['from']}"
     return f"scan {shown(path)}"
+
+
+def origin_of(path: Path) -> dict[str, str]:
+    """Where a file is from, as a note beside it says; nothing where there is none that is sound."""
+    try:
+        found = _NOTE.validate_json(content(path.with_name(ORIGIN), _LARGEST_NOTE))
+    except (InputError, ValueError):
+        return {}
+    return {name: one for name, one in found.items() if isinstance(one, str)}
 
 
 def _problem(origin: Origin, given: str, rule: str, remedy: str, key: str) -> InputError:

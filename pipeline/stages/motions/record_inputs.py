@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
@@ -15,6 +14,7 @@ import numpy as np
 
 from pipeline.config.layers import Origin
 from pipeline.config.motion_schema import RecordConfig
+from pipeline.config.outside import check_regular, content, held
 from pipeline.config.paths import is_text, located, shown
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.workflow.keys import digest_file
@@ -32,6 +32,9 @@ _FILES, _RESPONSE = "motion.files", "motion.response.file"
 
 LARGEST_FILE = 256 * 1024**2
 """Bytes of a file of motions: of ten million samples in text."""
+
+LARGEST_RESPONSE = 64 * 1024**2
+"""Bytes of the responses of instruments: of a whole network's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,11 +100,7 @@ def check_file(path: Path) -> None:
     """Refuse what is no file or too large to be read, and names that no product can hold."""
     if not is_text(path.name):
         raise InvalidInput("whose name is not in UTF-8", "products name it", "rename it")
-    if not path.is_file() or not os.access(path, os.R_OK):
-        raise InvalidInput("which is no file that you may read", "it is a file", "correct the path")
-    if (size := path.stat().st_size) > LARGEST_FILE:
-        rule = f"a motion's has at most {LARGEST_FILE / 1024**2:.0f} MiB"
-        raise InvalidInput(f"a file of {size / 1024**2:.0f} MiB", rule, "cut it to the shaking")
+    check_regular(path, LARGEST_FILE)
 
 
 def load(origin: Origin, motion: RecordConfig) -> tuple[Ready, ...]:
@@ -140,7 +139,7 @@ def read(path: Path, response: bytes | None, motion: RecordConfig) -> Record:
     """All channels of a file."""
     corners = None if motion.response is None else motion.response.corners
     reading = formats.Reading(motion.component, motion.unit, response, corners)
-    return formats.read_all(path.read_bytes(), path.suffix, reading)
+    return formats.read_all(held(path, LARGEST_FILE), path.suffix, reading)
 
 
 def processed(record: Record, motion: RecordConfig) -> Trace:
@@ -161,7 +160,9 @@ def _same(one: Trace, other: Trace) -> bool:
 
 def response_of(origin: Origin, motion: RecordConfig) -> bytes | None:
     """The responses of the instruments, where they are to be removed."""
-    return None if motion.response is None else response_file(origin, motion).read_bytes()
+    if motion.response is None:
+        return None
+    return content(response_file(origin, motion), LARGEST_RESPONSE)
 
 
 def response_file(origin: Origin, motion: RecordConfig) -> Path:
@@ -169,8 +170,9 @@ def response_file(origin: Origin, motion: RecordConfig) -> Path:
     assert motion.response is not None
     file = origin.file_of(_RESPONSE)
     path = located(origin.folder_of(_RESPONSE), motion.response.file, file, _RESPONSE)
-    if not path.is_file():
+    if not path.exists():
         raise not_found(file, _RESPONSE, shown(path))
+    each(file, _RESPONSE, [path], partial(check_regular, largest=LARGEST_RESPONSE))
     return path
 
 

@@ -11,6 +11,7 @@ import xarray as xr
 from pipeline.config import in_si
 from pipeline.config.layers import Origin
 from pipeline.config.motion_schema import AxisPulseConfig
+from pipeline.config.outside import held
 from pipeline.stages.motions import record_inputs
 from pipeline.workflow.datasets import split
 from vsr_core.arrays import Array
@@ -106,7 +107,7 @@ def load(path: Path) -> SampledMotion:
     """The motion in a file, checked."""
     try:
         columns = _columns(path)
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         rule, remedy = "a table's motion is a CSV or NetCDF file", "check the path and the file"
         raise InvalidInput(f"{path.name}, which cannot be read ({error})", rule, remedy) from None
     _check_names(path.name, columns, (TIME, *AXES))
@@ -123,12 +124,12 @@ def load(path: Path) -> SampledMotion:
 def _columns(path: Path) -> Columns:
     """The columns of a file by their names."""
     if path.suffix.lower() in (".nc", ".nc4"):
-        found, others, _ = of_netcdf(path.read_bytes())
+        found, others, _ = of_netcdf(held(path, record_inputs.LARGEST_FILE))
         if others:
             given = f"{path.name} with variables of several dimensions"
             raise InvalidInput(given, "all are along the time", "leave out the others")
     else:
-        found = of_text(path.read_text(encoding="utf-8-sig"))
+        found = of_text(held(path, record_inputs.LARGEST_FILE).decode("utf-8-sig"))
     columns = {column.name: column for column in found}
     if len(columns) < len(found):
         raise InvalidInput(

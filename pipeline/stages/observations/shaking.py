@@ -14,10 +14,11 @@ from scipy.stats import norm, qmc
 from pipeline.config import in_si
 from pipeline.config.layers import Origin
 from pipeline.config.observation_schema import Earthquake, Observations, ShakeTest
+from pipeline.config.outside import held
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sections import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA, Key
-from pipeline.stages.motions.record_inputs import check_file
+from pipeline.stages.motions.record_inputs import LARGEST_FILE, check_file
 from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
 from pipeline.stages.uncertainty.draws import Draw
 from pipeline.workflow.keys import digest_file
@@ -74,7 +75,7 @@ class ShakenBy(Input):
         _, path, test = found
         try:
             reading = formats.Reading(test.component, test.unit, None, None)
-            every = formats.read_all(path.read_bytes(), path.suffix, reading)
+            every = formats.read_all(held(path, LARGEST_FILE), path.suffix, reading)
             record = repaired(every.channel(test.component))
             return RecordedMotion(Trace(record.acceleration, record.interval))
         except InvalidInput as error:

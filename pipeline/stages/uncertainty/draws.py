@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from pipeline.config import in_si
 from pipeline.config.layers import Origin, Site
+from pipeline.config.outside import check_regular
 from pipeline.config.paths import located, shown
 from pipeline.config.priors_schema import PriorsConfig, ScanErrorConfig, UncertaintyConfig
 from pipeline.config.problems import InputError, Problem, not_found
@@ -248,8 +249,12 @@ def find_replica(uncertainty: UncertaintyConfig, origin: Origin) -> Replica | No
     if name is None:
         return None
     found = Replica(located(origin.folder_of(_REPLICA), name, file, _REPLICA), file)
-    if not found.path.is_file():
+    if not found.path.exists():
         raise not_found(file, _REPLICA, shown(found.path))
+    try:
+        check_regular(found.path, mesh_files.LARGEST_FILE)  # before its digest is taken
+    except InvalidInput as error:
+        raise found.refused(f", {error.given}", error.rule, error.remedy) from None
     return found
 
 

@@ -279,7 +279,7 @@ def test_unknown_study(write_site: WriteSite, refused: Refused) -> None:
     [
         (b"- a\n- b\n", ("a list", "mapping", "key: value")),
         (b"hello\n", ("a str", "mapping")),
-        (b"\xff\xfe\x00\x01", ("invalid YAML", "correct the file")),
+        (b"\xff\xfe\x00\x01", ("not in UTF-8", "save it so")),
         (b"", ("rock", "required")),
     ],
 )

@@ -37,12 +37,34 @@ def test_table_is_written_with_six_digits(tmp_path: Path) -> None:
         ["1.23457e-09", 'x, "y"\nz', "0", "inf"],
         ["nan", "", "12", ""],
     ]
-    formulas = ["=HYPERLINK(1)", "@SUM(1)", "+cmd|calc", "-1", "a=1"]
-    writers.table(pd.DataFrame({"a": [*formulas, -1.5]}))(tmp_path / "formulas")
-    lines = (tmp_path / "formulas").read_text(encoding="utf-8").splitlines()
-    assert lines[1:] == [*(f"'{one}" for one in formulas[:4]), "a=1", "-1.5"]
     writers.table(pd.DataFrame(columns=["a", "b"]))(tmp_path / "empty")
     assert (tmp_path / "empty").read_bytes() == b"a,b\r\n"
+
+
+FORMULAS = (
+    *(
+        "=HYPERLINK(1)",
+        "@SUM(1)",
+        "+cmd|calc",
+        "-1",
+        "\t=1",
+        "\r1",
+        "\t1",
+        " =1",
+        "\n=1",
+        "\xa0 @a",
+    ),
+    *("\uff1d1", "\uff0b1", " \uff0d1", "\uff20a", "\u3000=1", "\ufeff=1"),
+)
+"""As OWASP lists them under "CSV Injection", and after blanks, which spreadsheets leave out."""
+
+
+@pytest.mark.parametrize("formula", FORMULAS)
+def test_a_formula_is_text_in_cells_and_headings(tmp_path: Path, formula: str) -> None:
+    writers.table(pd.DataFrame({formula: [formula, "a=1", -1.5, -2]}))(tmp_path / "table")
+    with (tmp_path / "table").open(newline="", encoding="utf-8") as file:
+        found = [row for (row,) in csv.reader(file)]
+    assert found == [f"'{formula}", f"'{formula}", "a=1", "-1.5", "-2"]
 
 
 def test_a_page_with_a_place_left_empty_is_an_error() -> None:

@@ -7,6 +7,7 @@ import pickle
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
@@ -40,7 +41,10 @@ ASK = (
 @pytest.fixture
 def small(tmp_path: Path) -> Path:
     """A package with the way of compiling of the real one, and the chain of modules."""
-    core = tmp_path / "vsr_core"
+    return written(tmp_path / "vsr_core")
+
+
+def written(core: Path) -> Path:
     for room in ("source", "compiled"):
         shutil.copytree(CORE / room, core / room, ignore=shutil.ignore_patterns("__pycache__"))
     (core / "__init__.py").write_text("")
@@ -199,6 +203,49 @@ def test_code_of_root_is_read_by_who_cannot_write_beside_it(
     for user, mode, own in ((0, 0o644, True), (0, 0o664, False), (1234, 0o600, False)):
         state = os.stat_result((mode, 0, 0, 1, user, 0, 0, 0, 0, 0))
         assert compiling._is_own(state) == own
+
+
+NOBODY, STRANGER = 65534, 1234
+AS_NOBODY = (
+    "import os, numba; numba.njit(lambda x: x + 1.0)(1.0);"
+    f"os.setgroups([]); os.setgid({NOBODY}); os.setuid({NOBODY})"
+)
+"""All that Numba imports is imported before: what it is installed in may be root's alone."""
+
+
+@pytest.fixture
+def image() -> Iterator[Path]:
+    """A package that everybody may read, with machine code that root has made of it."""
+    if not hasattr(os, "geteuid") or os.geteuid() != 0:
+        pytest.skip("only root can be another user")
+    with tempfile.TemporaryDirectory(prefix="vsr-image-") as folder:
+        Path(folder).chmod(0o755)
+        core = written(Path(folder) / "vsr_core")
+        assert ask(core) == ["11.0 False"]
+        (core.parent / "caches").mkdir()
+        os.chown(core.parent / "caches", NOBODY, NOBODY)
+        yield core
+
+
+def test_a_user_takes_code_that_root_has_made_in_an_image(image: Path) -> None:
+    assert ask(image, before=AS_NOBODY) == ["11.0 True"]
+    assert not [path for path in image.parent.glob("caches/**/*") if path.is_file()]
+
+
+@pytest.mark.parametrize("what", ["folder", "files"])
+def test_code_of_another_user_is_not_used(image: Path, what: str) -> None:
+    """One line says so, and it is compiled into a folder of one's own, to be used from then on."""
+    (folder,) = image.glob("__pycache__/compiled-*")
+    for path in [folder] if what == "folder" else kept(image):
+        os.chown(path, STRANGER, STRANGER)
+    whose = folder if what == "folder" else f"a file in {folder}"
+    told = f"machine code: {whose} could be written by others and is not used"
+    told += "; it is compiled anew"
+    assert ask(image, before=AS_NOBODY) == [f"11.0 False\n{told}"]
+    own = [path for path in image.parent.glob("caches/vsr/compiled-*/*/*") if path.is_file()]
+    assert len(own) == 2
+    assert {path.stat().st_uid for path in own} == {NOBODY}
+    assert ask(image, before=AS_NOBODY) == [f"11.0 True\n{told}"]
 
 
 def test_a_full_disk_costs_the_time_to_compile(small: Path) -> None:

@@ -149,7 +149,7 @@ def scans_in(folder: Path) -> dict[int, Path]:
 def assumptions(folder: Path) -> ShakeTableConfig:
     """What is assumed of the tests in a folder; the defaults where it says nothing."""
     path = folder / ASSUMED
-    if not path.is_file():
+    if not path.exists():
         return ShakeTableConfig()
     return load_file(str(path), folder, "table", ShakeTableConfig)[0]
 

@@ -181,6 +181,7 @@ def test_a_table_of_something_else_is_refused(
 def test_names_are_shown_as_they_are(tmp_path: Path) -> None:
     names = [
         "=cmd()",
+        "\N{FULLWIDTH EQUALS SIGN}cmd()",
         "<script>alert(1)</script>",
         "$x_1^{$",
         '"a, b"',
@@ -191,7 +192,7 @@ def test_names_are_shown_as_they_are(tmp_path: Path) -> None:
     folder = tmp_path / "d/archives/rocks"
     with (folder / "archive.csv").open(encoding="utf-8", newline="") as file:
         shown = dict.fromkeys(row["name"] for row in csv.DictReader(file))
-    assert list(shown) == ["'=cmd()", *names[1:3], "a, b", names[4]]
+    assert list(shown) == ["'=cmd()", f"'{names[1]}", *names[2:4], "a, b", names[5]]
     assert "<script>alert" not in (folder / "archive.html").read_text(encoding="utf-8")
 
 
@@ -239,6 +240,22 @@ def test_a_table_that_is_cut_inside_its_last_number_is_refused(tmp_path: Path) -
         path.write_text(f"name,alpha_1_deg,height_m\nA,15,1.55\nB,20,{end}")
         with pytest.raises(InputError, match="a last line that ends in"):
             rock_list.read(path)
+
+
+def test_a_table_that_is_cut_after_a_comma_is_refused(tmp_path: Path) -> None:
+    """Also where another row ends in an empty field, as this one would then."""
+    whole = f"{HEADER}\nA,12,17,0.84,0.86,,40,,,\nB,12,17,0.84,0.86,,200,0.6,,1500"
+    path = tmp_path / "rocks.csv"
+    path.write_text(f"{whole}\n")
+    said = rock_list.read(path)
+    for length in range(whole.index("\nB") + 3, len(whole)):
+        path.write_text(whole[:length])
+        try:
+            cut = rock_list.read(path)
+        except InputError:
+            continue
+        assert cut.problems, length  # the row is named as one of too few fields
+        assert cut.rocks == said.rocks[:1]
 
 
 def test_a_quoted_name_with_a_number_sign_is_a_rock(tmp_path: Path) -> None:

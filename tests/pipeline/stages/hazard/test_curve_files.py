@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pipeline import ROOT
 from pipeline.config.problems import InputError
 from pipeline.stages.hazard import curve_folder
 from tests.support.bad_input import bounded
@@ -21,6 +22,7 @@ RATES = {0: [0.2, 4e-3, 2e-5], 1: [0.3, 8e-3, 0.0]}
 WEIGHTS = {0: 0.6, 1: 0.4}
 YEARS = 50.0
 
+MADE_UP = ROOT / "data" / "raw" / "hazard" / "made_up"
 SHARED = Path(__file__).parents[5] / "shared" / "data" / "hazard" / "curves"
 
 
@@ -100,6 +102,7 @@ FIRST = "hazard_curve-rlz-000-PGA_1.csv"
         ("realizations_1.csv", "1,A~1,0.4", "1,A~1,0.4\n0,A~0,0.9", "0 twice"),
         ("realizations_1.csv", "1,A~1,0.4", "1,A~1,-0.4", "weight: got '-0.4' in row 2"),
         ("realizations_1.csv", "A~1", "A" * 200_000, "field larger"),
+        ("realizations_1.csv", "0.6\n1,A~1,0.4", "1.4\n1,A~1,-0.4", "weight: got '1.4' in row 1"),
         (FIRST, "poe-0.0100000", "poe-9.0", "ascend"),
         ("realizations_1.csv", "0.4", "0.3", "sum to 1"),
         ("realizations_1.csv", "weight", "gewicht", "rlz_id, branch_path, weight"),
@@ -143,6 +146,31 @@ def test_levels_in_another_unit_are_refused(
         curve_folder.load(tmp_path)
 
 
+@pytest.mark.parametrize("highest", [0.9, 1.6, 2.0])
+@pytest.mark.parametrize("source", [MADE_UP, SHARED])
+def test_levels_in_m_s2_of_all_branches_are_refused(
+    tmp_path: Path, source: Path, highest: float
+) -> None:
+    """Of curves of PGA alone that end below 2 g, so that each alone could be one in g."""
+    if not source.is_dir():
+        pytest.skip("the folder of example curves is not here")
+    shutil.copy(source / "realizations_1.csv", tmp_path)
+    for factor in (1.0, GRAVITY):
+        for path in source.glob("hazard_curve-rlz-*-PGA_1.csv"):
+            first, names, values = path.read_text(encoding="utf-8").splitlines()
+            levels = [float(name.removeprefix("poe-")) for name in names.split(",")[3:]]
+            kept = 3 + sum(level <= highest for level in levels)
+            told = ",".join(
+                ["lon,lat,depth", *(f"poe-{factor * level:.7f}" for level in levels[: kept - 3])]
+            )
+            lines = [first, told, ",".join(values.split(",")[:kept]), ""]
+            (tmp_path / path.name).write_text("\n".join(lines), encoding="utf-8")
+        if factor == 1.0:
+            assert len(curve_folder.load(tmp_path).branches) == 9
+    with pytest.raises(InputError, match=r"convert levels in m/s2 to g|correct the units"):
+        curve_folder.load(tmp_path)
+
+
 def nshmp(folder: Path, rates: str, levels: str = "0.01,0.1,0.5,1.0") -> Path:
     (folder / "PGA").mkdir()
     text = f"name,lon,lat,{levels}\nhere,-120.9,35.2,{rates}\n"
@@ -183,14 +211,12 @@ def test_a_realization_without_weight_is_no_branch_and_counted(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("name", [FIRST, "realizations_1.csv", "about.txt"])
-def test_what_is_no_regular_file_of_text_is_refused(tmp_path: Path, name: str) -> None:
-    """A pipe or a device would be waited for, or never end."""
+def test_what_is_no_file_of_text_is_refused(tmp_path: Path, name: str) -> None:
     path = written(tmp_path) / name
     for make in (
-        lambda: os.mkfifo(path),
-        lambda: path.symlink_to("/dev/zero"),
         lambda: path.mkdir(),
         lambda: path.write_bytes(b"caf\xe9"),
+        lambda: path.write_bytes(b"a,b\0\n1,2\n"),
     ):
         path.unlink(missing_ok=True)
         make()

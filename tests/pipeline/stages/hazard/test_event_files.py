@@ -12,6 +12,7 @@ import pytest
 from pipeline.config import long_tables
 from pipeline.config.problems import InputError
 from pipeline.stages.hazard import event_files
+from tests.support.bad_input import bounded
 from tests.support.event_sets import EventSet
 from vsr_core import GRAVITY
 from vsr_core.hazard.events import Events
@@ -261,6 +262,36 @@ def test_other_units_are_not_plausible(
     path.write_text("\n".join([first, names, *rows, ""]))
     with pytest.raises(InputError, match=words):
         event_files.load(folder, None)
+
+
+BOMBS = {
+    "events": [(name, "i8") for name in ("id", "rup_id", "rlz_id", "year")],
+    "gmf_data/eid": "u4",
+    "gmf_data/PGV": "f4",
+    "ruptures": [("id", "i8"), ("geom_id", "i8"), ("mag", "f8")],
+    "rupgeoms": h5py.vlen_dtype(np.float32),
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_numbers_that_are_not_stored_are_not_read(tmp_path: Path, name: str) -> None:
+    """A file of a few kilobytes that declares terabytes, all alike."""
+    path = EventSet(400.0, ruptures=40).write_calculation(tmp_path / "calc_7.hdf5")
+    with h5py.File(path, "r+") as file:
+        del file[name]
+        file.create_dataset(name, (4 * 10**11,), BOMBS[name], chunks=(1000,))
+    with bounded(seconds=2.0, mebibytes=200.0), pytest.raises(InputError, match=f"of {name}, of"):
+        event_files.load(path, None)
+
+
+def test_a_surface_is_not_counted_from_the_end(tmp_path: Path) -> None:
+    path = EventSet(400.0, ruptures=40).write_calculation(tmp_path / "calc_7.hdf5")
+    with h5py.File(path, "r+") as file:
+        ruptures = file["ruptures"][()]
+        ruptures["geom_id"][0] -= 40
+        file["ruptures"][()] = ruptures
+    with pytest.raises(InputError, match="below the first"):
+        event_files.load(path, None)
 
 
 def test_an_effective_time_that_does_not_fit_is_refused(tmp_path: Path) -> None:
