@@ -25,8 +25,11 @@ from vsr_core.arrays import Array
 from vsr_core.fragility import FragilityResult, ModelFit, fit_all
 
 _COLUMNS = ["yaw_deg", "friction", "toppled_share", "model", "recommended", "log_loss", "brier",
-            "accuracy", "separated", "method", "quantity", "pgv_pga_s", "value", "lower",
-            "upper"]  # fmt: skip
+            "accuracy", "separated", "method", "quantity", "unit", "pgv_pga_s", "value",
+            "lower", "upper"]  # fmt: skip
+
+_IN_G = ("first_overturning_pga_g", "median_pga_g", "theta")
+"""Quantities that are accelerations; the others are pure numbers."""
 
 _CELLS_AT_ONCE = 2**24
 """Cells of the grids that are fitted at once: each takes some 35 bytes of memory."""
@@ -205,4 +208,5 @@ def _of_model(rows: dict[str, Array], model: ModelFit, recommended: str) -> pd.D
 def _quantity(rows: dict[str, Array], name: str, *ends: Array) -> pd.DataFrame:
     """Value, lower and upper end of a quantity, for each row or for the whole grid."""
     columns = dict(zip(("value", "lower", "upper"), map(np.atleast_1d, ends), strict=True))
-    return pd.DataFrame({**(rows if ends[0].ndim else {}), **columns, "quantity": name})
+    named = {"quantity": name, "unit": "g" if name in _IN_G else "1"}
+    return pd.DataFrame({**(rows if ends[0].ndim else {}), **columns, **named})

@@ -91,6 +91,8 @@ def test_the_table_says_what_the_dataset_says(dataset: xr.Dataset, fits: Fits) -
             named = {"1"} if model == str(one["recommended"].values) else {"0"}
             assert set(own["recommended"]) == named
         theta = rows[rows["quantity"] == "theta"]
+        assert set(theta["unit"]) == {"g"}
+        assert set(rows[rows["quantity"] == "beta"]["unit"].astype(str)) == {"1"}
         np.testing.assert_array_equal(theta["value"], one["theta"])
         np.testing.assert_array_equal(theta[["lower", "upper"]], one["theta_interval"])
         line = rows[rows["quantity"].isin(["b0", "b1", "b2"])]
