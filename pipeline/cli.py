@@ -85,9 +85,9 @@ def _begin_log(options: argparse.Namespace) -> None:
 def _renew_index(derived: Path) -> None:
     """Renew the index of all results; what is wrong with it is told and decides nothing."""
     try:
-        importlib.import_module("pipeline.workflow.front_page").renew(derived, log)
+        importlib.import_module("pipeline.workflow.front_page").renew(derived)
     except Exception as error:  # noqa: BLE001 (the command has done its work)
-        log(f"index: not renewed ({reason(error)})")
+        complain(f"vsr: warning: index: not renewed ({reason(error)})")
 
 
 def _refused(error: InputError) -> int:

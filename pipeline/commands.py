@@ -145,6 +145,9 @@ def figures(options: argparse.Namespace) -> int:
     make = named("pipeline.stages.figures.making:make")
     unresolved: int = make(options, cluster_of(vars(options)), log)
     log(f"-> {options.derived / 'figures' / 'claims.html'}")
+    if unresolved:
+        runs = form(unresolved, "run is", "runs are")
+        complain(f"{unresolved} {runs} unresolved; responses.nc of each site says which")
     return unresolved
 
 
@@ -187,11 +190,12 @@ def join(options: argparse.Namespace) -> int:
 
 def archive(options: argparse.Namespace) -> int:
     """Answer the rocks of an archive; those that cannot be read count as unresolved."""
-    store, unanswered = named("pipeline.stages.archive.archive:make")(options, log)
+    store, unanswered = named("pipeline.stages.archive.archive:make")(options)
     for name in ("archive.html", "archive.csv", "archive.nc"):
         log(f"-> {store.folder / name}")
     if unanswered:
-        log(f"{unanswered} {form(unanswered, 'row has', 'rows have')} no answer, as told above")
+        rows = form(unanswered, "row has", "rows have")
+        complain(f"{unanswered} {rows} no answer, as told above")
     return int(unanswered)
 
 
@@ -204,7 +208,7 @@ def archive_equations(options: argparse.Namespace) -> int:
 
 def index(options: argparse.Namespace) -> int:
     """Write the page that leads to all results."""
-    page = front_page.renew(options.derived, log)
+    page = front_page.renew(options.derived)
     if page is None:
         rule = "there are products in the folder, and it can be written to"
         remedy = "make one, e.g. make fragility SITE=cuboid_1x1x2"
@@ -254,7 +258,8 @@ def doctor(options: argparse.Namespace) -> int:
     for name, found, error in checks(options.derived, cluster_of(vars(options))):
         if error is not None:
             problems += error.problems
-        _show([f"{name:<13}{found or 'not well, see below'}"])
+        if error is not None or not options.quiet:
+            _show([f"{name:<13}{found or 'not well, see below'}"])
     if problems:
         raise InputError(*problems)
     return 0
