@@ -22,7 +22,6 @@ from pipeline.config.sweep import Sweep
 from pipeline.inspection import disk
 from pipeline.inspection.answers import Answer, Comparison, Inspected, Known
 from pipeline.inspection.completion import script
-from pipeline.inspection.picture import svg
 from pipeline.workflow import front_page, graph
 from pipeline.workflow.grammar import form
 from pipeline.workflow.jobs import (
@@ -123,8 +122,9 @@ def _draw(stage: str, job: Job, path: Path) -> None:
     """Write the picture of a product's stages."""
     found = graph.identities(stage, job.site, to_make=False)
     stages = {name: any(graph.why(BY_NAME[name], own, job.store)) for name, own in found.items()}
+    svg = named("pipeline.inspection.picture:svg")(job.site.name, stages)
     with writing(path.parent):
-        path.write_text(svg(job.site.name, stages), encoding="utf-8")
+        path.write_text(svg, encoding="utf-8")
     log(f"-> {path}")
 
 

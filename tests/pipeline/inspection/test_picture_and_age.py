@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import time
 from collections.abc import Callable
@@ -13,6 +14,7 @@ import pytest
 from conftest import Ran
 
 from pipeline import cli
+from pipeline.workflow.command_line import parser
 from pipeline.workflow.registry import needs
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -28,10 +30,31 @@ def test_the_picture_has_every_stage_and_every_need(
     said, *stages = [str(text.text) for text in root.iter(f"{SVG}text")]
     assert said.startswith("rock: ")
     assert {"rock", "runs", "fragility", "report"} <= set(stages)
-    wanted = sum(need in stages for name in stages for need in needs(name))
-    lines = list(root.iter(f"{SVG}line"))
-    assert len(lines) == wanted
-    assert all(float(line.get("y1", 0)) < float(line.get("y2", 0)) for line in lines)
+    boxes = {
+        name: [float(box.attrib[key]) for key in ("x", "y", "width", "height")]
+        for name, box in zip(stages, list(root.iter(f"{SVG}rect"))[1:], strict=True)
+    }
+    drawn: set[tuple[str, str]] = set()
+    for line in root.iterfind(f"{SVG}path"):
+        assert line.get("marker-end") == "url(#head)"
+        places = [
+            (float(x), float(y)) for x, y in re.findall(r"([\d.]+),([\d.]+)", line.attrib["d"])
+        ]
+        (need,), (name,) = (
+            [of for of, (x, y, wide, _) in boxes.items() if (x + wide / 2, y + down * 34) == place]
+            for place, down in ((places[0], 1), (places[-1], 0))
+        )
+        drawn.add((need, name))
+        behind = [
+            of
+            for of, (x, y, wide, high) in boxes.items()
+            for across, down in places[1:-1]
+            if of not in (need, name) and x <= across <= x + wide and y <= down <= y + high
+        ]
+        assert behind == []
+    whole = {(need, name) for name in stages for need in needs(name) if need in stages}
+    needless = {(a, c) for a, b in whole for other, c in whole if other == b and (a, c) in whole}
+    assert drawn == whole - needless  # no way of three steps alone makes one needless here
     gone = vsr("plan", "--site", site, "--graph", tmp_path / "nowhere" / "dag.svg")
     assert gone.code == cli.REFUSED
     assert len(gone.err.splitlines()) == 1
@@ -75,7 +98,7 @@ def test_bash_completes(words: list[str], wanted: list[str], vsr: Callable[..., 
 
 
 def test_other_shells_are_told_every_command(vsr: Callable[..., Ran]) -> None:
-    verbs = set(cli._parser()._subparsers._group_actions[0].choices)  # type: ignore[union-attr]
+    verbs = set(parser()._subparsers._group_actions[0].choices)  # type: ignore[union-attr]
     for shell in ("zsh", "fish"):
         ran = vsr("completion", shell)
         assert [verb for verb in verbs if verb not in ran.out] == []
