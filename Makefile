@@ -109,7 +109,7 @@ archive-equations: setup ## the equations of archives anew, and their error; an 
 plan: setup ## what would run for SITE, and what it costs
 	$(call vsr,plan $(site-flags))
 
-status: setup ## what is done for SITE
+status: setup ## what is done for SITE, or the size and age of all results
 	$(call vsr,status $(site-flags))
 
 why: setup ## why something of SITE would run again

@@ -101,6 +101,9 @@ def prep(options: argparse.Namespace) -> int:
 
 def _inspected(question: str, options: argparse.Namespace) -> int:
     """Print what would run and what it costs, what is done, or why something would run again."""
+    about = ("site", "product", "study", "name", "settings", "table")
+    if question == "status" and not any(vars(options)[name] for name in about):
+        return _told(named("pipeline.status:overview")(options.derived), options)
     sweep = sweep_of(options)
     product = options.product or ("fragility" if sweep is None else "study")
     stage, ask = DELIVERABLES[product].stage, named(f"pipeline.status:{question}")
@@ -268,10 +271,10 @@ def doctor(options: argparse.Namespace) -> int:
 def clean(options: argparse.Namespace) -> int:
     """Remove derived data; never data/raw."""
     site, derived = options.site, options.derived
-    targets = [target for target in sorted(derived.glob("*/")) if (target / ".stages").is_dir()]
+    targets = disk.folders(derived)
     if site is not None:
-        there = [target.name for target in targets]
-        targets = [target for target in targets if target.name == site]
+        there = [str(target.relative_to(derived)) for target in targets]
+        targets = [target for target in targets if target == derived / site]
         if not targets and site not in known():
             rule = f"there are results of {', '.join(there) or 'no site'}"
             raise InputError(Problem("--site", "", repr(site), rule, "omit it to remove all"))

@@ -102,6 +102,7 @@ def test_programs_are_told_the_same(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
 ) -> None:
     assert set(DELIVERABLES) == set(read(vsr("list", "--json"))["products"])
+    assert read(vsr("status", "--json"))["results"] == []
     site = ("--site", write_site(GRID))
     (planned,) = read(vsr("plan", "responses", *site, "--json"))["answers"]
     assert (planned["runs"]["wanted"], planned["runs"]["to_do"]) == (12, 12)
