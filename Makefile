@@ -95,9 +95,8 @@ stability: setup-dev ## stiff and extreme cases, each with its verdict
 drive: setup ## how a servo's table follows its motions, and what that does to SITE's boundary
 	$(call vsr,run drive $(site-flags) $(where-flags))
 
-feasible: LIMITS ?= mini_shake_robot
-feasible: setup ## what a table of hardware can do of SITE's pulses
-	$(call vsr,feasible $(site-flags) --table $(call argument,LIMITS))
+feasible: setup ## what the table LIMITS, or the mini shake robot, can do of SITE's pulses
+	$(call vsr,feasible $(site-flags) $(call flag,--table,LIMITS))
 
 validate: setup ## predict the shake-table tests in the folder TABLE, beside their outcomes
 	$(call vsr,run validation --table $(call argument,TABLE) $(derived-flag) $(where-flags))
@@ -110,7 +109,7 @@ archive-equations: setup ## the equations of archives anew, and their error; an 
 plan: setup ## what would run for SITE, and what it costs
 	$(call vsr,plan $(site-flags))
 
-status: setup ## what is done for SITE
+status: setup ## what is done for SITE, or the size and age of all results
 	$(call vsr,status $(site-flags))
 
 why: setup ## why something of SITE would run again
@@ -138,7 +137,7 @@ fetch: setup ## download the public original NAME into data/raw
 #: EVENTS=folder          in place of curves: a stochastic event set of OpenQuake, or its calc_N.hdf5
 #: AGE=20000 AGE_SD=3000  how long the rock has stood, and the standard deviation of that [years]
 #: ROCKS=rocks.csv        a table of rocks known by a photograph
-#: LIMITS=my_table.yaml   a table in configs/tables, or any YAML file
+#: LIMITS=my_table.yaml   a table in configs/tables, or any YAML file; mini_shake_robot unless given
 #: TABLE=folder           recorded shake-table tests
 #: WORKERS=4              worker processes; 0 for none
 #: SCHEDULER=tcp://h:8786 a running Dask scheduler

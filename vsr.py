@@ -18,10 +18,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline import cli, commands
+from pipeline import commands
 from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError as InputError
 from pipeline.config.problems import Problem
+from pipeline.workflow.command_line import parsed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -112,7 +113,7 @@ def run(
             words += ["--set", f"{key}={json.dumps(_plain(value))}"]
     words += ["--study", study] if study else []
     words += [] if workers is None else ["--workers", str(workers)]
-    job, _ = commands.made(cli.parsed(["run", product, *words]))
+    job, _ = commands.made(parsed(["run", product, *words]))
     study_of_sweep = job.store.folder / "study.nc"
     own = job.store.folder / f"{'fragility' if product == 'report' else product}.nc"
     made = study_of_sweep if study_of_sweep.exists() else own
@@ -123,7 +124,7 @@ def run(
 def _replayed(words: list[str], **coordinates: Any) -> Path:
     """Page that replays a run of what was made with some words of the command line."""
     at = (f"--{name.replace('_', '-')}={value}" for name, value in coordinates.items())
-    return commands.replayed(cli.parsed(["replay", *words, *at]))
+    return commands.replayed(parsed(["replay", *words, *at]))
 
 
 def _plain(value: Any) -> Any:

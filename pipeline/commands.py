@@ -23,7 +23,6 @@ from pipeline.config.sweep import Sweep
 from pipeline.inspection import disk
 from pipeline.inspection.answers import Answer, Comparison, Inspected, Known
 from pipeline.inspection.completion import script
-from pipeline.inspection.picture import svg
 from pipeline.workflow import front_page, graph
 from pipeline.workflow.grammar import form
 from pipeline.workflow.jobs import (
@@ -103,6 +102,9 @@ def prep(options: argparse.Namespace) -> int:
 
 def _inspected(question: str, options: argparse.Namespace) -> int:
     """Print what would run and what it costs, what is done, or why something would run again."""
+    about = ("site", "product", "study", "name", "settings", "table")
+    if question == "status" and not any(vars(options)[name] for name in about):
+        return _told(named("pipeline.status:overview")(options.derived), options)
     sweep = sweep_of(options)
     product = options.product or ("fragility" if sweep is None else "study")
     stage, ask = DELIVERABLES[product].stage, named(f"pipeline.status:{question}")
@@ -125,8 +127,9 @@ def _draw(stage: str, job: Job, path: Path) -> None:
     found = graph.identities(stage, job.site, to_make=False)
     stages = {name: any(graph.why(BY_NAME[name], own, job.store)) for name, own in found.items()}
     check_target(path)
+    svg = named("pipeline.inspection.picture:svg")(job.site.name, stages)
     with writing(path.parent):
-        path.write_text(svg(job.site.name, stages), encoding="utf-8")
+        path.write_text(svg, encoding="utf-8")
     log(f"-> {path}")
 
 
@@ -147,6 +150,9 @@ def figures(options: argparse.Namespace) -> int:
     make = named("pipeline.stages.figures.making:make")
     unresolved: int = make(options, cluster_of(vars(options)), log)
     log(f"-> {options.derived / 'figures' / 'claims.html'}")
+    if unresolved:
+        runs = form(unresolved, "run is", "runs are")
+        complain(f"{unresolved} {runs} unresolved; responses.nc of each site says which")
     return unresolved
 
 
@@ -189,11 +195,12 @@ def join(options: argparse.Namespace) -> int:
 
 def archive(options: argparse.Namespace) -> int:
     """Answer the rocks of an archive; those that cannot be read count as unresolved."""
-    store, unanswered = named("pipeline.stages.archive.archive:make")(options, log)
+    store, unanswered = named("pipeline.stages.archive.archive:make")(options)
     for name in ("archive.html", "archive.csv", "archive.nc"):
         log(f"-> {store.folder / name}")
     if unanswered:
-        log(f"{unanswered} {form(unanswered, 'row has', 'rows have')} no answer, as told above")
+        rows = form(unanswered, "row has", "rows have")
+        complain(f"{unanswered} {rows} no answer, as told above")
     return int(unanswered)
 
 
@@ -206,7 +213,7 @@ def archive_equations(options: argparse.Namespace) -> int:
 
 def index(options: argparse.Namespace) -> int:
     """Write the page that leads to all results."""
-    page = front_page.renew(options.derived, log)
+    page = front_page.renew(options.derived)
     if page is None:
         rule = "there are products in the folder, and it can be written to"
         remedy = "make one, e.g. make fragility SITE=cuboid_1x1x2"
@@ -256,7 +263,8 @@ def doctor(options: argparse.Namespace) -> int:
     for name, found, error in checks(options.derived, cluster_of(vars(options))):
         if error is not None:
             problems += error.problems
-        _show([f"{name:<13}{found or 'not well, see below'}"])
+        if error is not None or not options.quiet:
+            _show([f"{name:<13}{found or 'not well, see below'}"])
     if problems:
         raise InputError(*problems)
     return 0
@@ -265,10 +273,10 @@ def doctor(options: argparse.Namespace) -> int:
 def clean(options: argparse.Namespace) -> int:
     """Remove derived data; never data/raw."""
     site, derived = options.site, options.derived
-    targets = [target for target in sorted(derived.glob("*/")) if (target / ".stages").is_dir()]
+    targets = disk.folders(derived)
     if site is not None:
-        there = [target.name for target in targets]
-        targets = [target for target in targets if target.name == site]
+        there = [str(target.relative_to(derived)) for target in targets]
+        targets = [target for target in targets if target == derived / site]
         if not targets and site not in known():
             rule = f"there are results of {', '.join(there) or 'no site'}"
             raise InputError(Problem("--site", "", repr(site), rule, "omit it to remove all"))

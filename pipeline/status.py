@@ -19,7 +19,18 @@ from pipeline.config.fragility_schema import FINE
 from pipeline.config.motion_schema import PulseGrid
 from pipeline.config.schema import Config
 from pipeline.inspection import disk
-from pipeline.inspection.answers import Beside, Made, Plan, Record, Runs, Status, Stored, Why
+from pipeline.inspection.answers import (
+    Beside,
+    Made,
+    Overview,
+    Plan,
+    Record,
+    Room,
+    Runs,
+    Status,
+    Stored,
+    Why,
+)
 from pipeline.stages.mesh.products import Ground, Standing
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell, MotionData, Shaking
@@ -31,6 +42,7 @@ from pipeline.stages.runs.study import Study
 from pipeline.workflow import graph, site_folder
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.engine_input import find as find_engine
+from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.run_store import RunStore, is_there
 from pipeline.workflow.stage import Job
@@ -53,7 +65,26 @@ def status(product: str, job: Job) -> Status:
     """What is done: stages, runs and their outcomes."""
     stale = site_folder.told(job)
     room = disk.size(job.store.folder), disk.age(job.store.folder)
-    return Status(*_where(job), _stages(product, job), stale, _runs(job, product), *room)
+    others = _others(product, job.store)
+    return Status(*_where(job), _stages(product, job), stale, _runs(job, product), *room, others)
+
+
+def _others(product: str, store: Store) -> list[str]:
+    """Products that are there, without those that one of them or the product asked for needs."""
+    own = {stage.name for stage in upstream(product)}
+    there: dict[str, str] = {}
+    for name, wanted in DELIVERABLES.items():
+        if name != "study" and wanted.stage not in own and store.manifest(wanted.stage) is not None:
+            there.setdefault(wanted.stage, name)
+    needed = {above.name for stage in there for above in upstream(stage)[:-1]}
+    return [name for stage, name in there.items() if stage not in needed]
+
+
+def overview(derived: Path) -> Overview:
+    """Size and age of all results in a folder."""
+    found = disk.folders(derived)
+    rooms = [Room(str(one.relative_to(derived)), disk.size(one), disk.age(one)) for one in found]
+    return Overview(str(derived), rooms)
 
 
 def _where(job: Job) -> tuple[str, str]:

@@ -94,7 +94,7 @@ def files() -> dict[str, str]:
     parts += [RECORDED, *sections(recorded)]
     return {
         "docs/options.md": "\n".join(parts),
-        "docs/answers.schema.json": as_json(TypeAdapter(Answer).json_schema()),
+        "pipeline/inspection/answers.schema.json": as_json(TypeAdapter(Answer).json_schema()),
         "configs/schema.json": layered(with_sweep(site)),
         "configs/tables/schema.json": as_json(hardware),
         "configs/tests/double_rock_prints/schema.json": as_json(recorded),

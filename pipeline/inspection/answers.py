@@ -63,6 +63,7 @@ class Status:
     ----------
     bytes : int, of all files in the folder
     days : float or None, since the newest product there was made
+    others : list of str, products that are there beside it and what it needs
     """
 
     site: str
@@ -72,6 +73,7 @@ class Status:
     runs: Stored | None
     bytes: int
     days: float | None
+    others: list[str]
 
     def lines(self) -> list[str]:
         """A line for each stage and each outcome."""
@@ -84,7 +86,30 @@ class Status:
         if self.runs:
             lines.append(f"  {self.runs.stored} of {self.runs.wanted} runs stored")
             lines += [f"    {number:>7} {name}" for name, number in self.runs.outcomes.items()]
-        return lines
+        return lines + [f"  also there: {', '.join(self.others)}"] * bool(self.others)
+
+
+@dataclass(frozen=True)
+class Room:
+    """A folder of results: bytes of all files, and days since the newest product was made."""
+
+    name: str
+    bytes: int
+    days: float | None
+
+
+@dataclass(frozen=True)
+class Overview:
+    """All folders of results in the one that holds them."""
+
+    folder: str
+    results: list[Room]
+    version: int = VERSION
+
+    def lines(self) -> list[str]:
+        """A line for each."""
+        lines = [f"{one.name:<30}  {disk.told(one.bytes, one.days)}" for one in self.results]
+        return lines or [f"no results in {self.folder}"]
 
 
 @dataclass(frozen=True)
@@ -247,18 +272,20 @@ class Inspected:
 
     def lines(self) -> list[str]:
         """The lines of every answer, and of what compares them."""
+        head = [f"status of {self.product}:"] if self.question == "status" else []
         if self.comparison is None:
             first, *others = self.answers
             return [
+                *head,
                 *first.lines(),
                 *(line for one in others for line in (f"{one.folder}:", *one.lines())),
             ]
         swept = self.comparison
-        lines = [f"{counted(len(swept.members), 'member')} in {swept.folder}"]
+        lines = [*head, f"{counted(len(swept.members), 'member')} in {swept.folder}"]
         for name, answer in zip(swept.members, self.answers, strict=True):
             lines += [f"{name}:", *(f"  {line}" for line in answer.lines())]
         return [*lines, *(f"study: {reason}" for reason in swept.reasons or ["up to date"])]
 
 
-Answer = Inspected | Known
+Answer = Inspected | Overview | Known
 """What ``--json`` prints."""

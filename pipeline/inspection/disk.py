@@ -12,6 +12,19 @@ DAY = 86400.0
 """Seconds."""
 
 
+def folders(derived: Path) -> list[Path]:
+    """Folders of results, of a site or a variant each; of archives, those a folder below."""
+    found = []
+    for folder in sorted(derived.glob("*/")):
+        inside = [folder] if _has_products(folder) else sorted(folder.glob("*/"))
+        found += filter(_has_products, inside)
+    return found
+
+
+def _has_products(folder: Path) -> bool:
+    return (folder / ".stages").is_dir()
+
+
 def size(folder: Path) -> int:
     """Bytes of all files in a folder."""
     found = 0
@@ -30,8 +43,16 @@ def age(folder: Path) -> float | None:
 def told(number: int, days: float | None) -> str:
     """Size and age in words.
 
-    >>> told(1_234_567, 3.2), told(0, None)
-    ('1.2 MB, last made 3 days ago', '0.0 MB')
+    >>> told(1_234_567, 3.2), told(2_000_000, 0.1), told(0, None)
+    ('1.2 MB, last made 3 days ago', '2.0 MB, last made 2 hours ago', '0.0 MB')
     """
-    made = "" if days is None else f", last made {counted(int(days), 'day')} ago"
+    made = "" if days is None else f", last made {_ago(days)}"
     return f"{number / 1e6:.1f} MB{made}"
+
+
+def _ago(days: float) -> str:
+    minutes = days * 1440.0
+    for unit, length in (("day", 1440.0), ("hour", 60.0), ("minute", 1.0)):
+        if minutes >= length:
+            return f"{counted(int(minutes / length), unit)} ago"
+    return "less than a minute ago"

@@ -191,7 +191,7 @@ class Cluster:
             yield from _in_threads(self.workers, function, batches, shared)
             return
         client, upkeep = self._start()
-        dispatch = Dispatch(client, function, batches, shared, self.together, self.log, upkeep)
+        dispatch = Dispatch(client, function, batches, shared, self.together, upkeep)
         yield from dispatch.results()
 
     def each(

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 from pipeline.config.problems import InputError, Problem, Unfinished
 from pipeline.workflow import provenance, workers
+from pipeline.workflow.log import complain
 from pipeline.workflow.provenance import Provenance
 from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch, Done, Task, Work
 
@@ -54,7 +55,6 @@ class Dispatch:
     batches: Iterator[Batch]
     shared: Callable[[Any], Any]
     together: bool
-    log: Callable[[str], None]
     upkeep: Callable[[], None]
     _told: bool = False
     _flying: dict[str, Suspect] = field(default_factory=dict)
@@ -132,9 +132,9 @@ class Dispatch:
             raise Unfinished(LOST) from None
         if sum(threads) > len(threads) and not (self.together or self._told):
             self._told = True
-            self.log(
-                f"{len(threads)} workers have {sum(threads)} threads, and these runs use one each: "
-                "start workers with --nthreads 1"
+            complain(
+                f"vsr: warning: {len(threads)} workers have {sum(threads)} threads, and these runs "
+                "use one each: start workers with --nthreads 1"
             )
         return sum(threads) if self.together else len(threads), len(self._flying)
 
@@ -168,10 +168,10 @@ class _Room:
 
     def _say(self, waiting: int) -> None:
         address = self._dispatch.client.scheduler.address
-        self._dispatch.log(
-            f"no worker for {LONELY / 60:.0f} minutes; {waiting} batches wait for one: see to your "
-            f"jobs, or start one with `dask worker {address} --nthreads 1`; Ctrl-C stops, and what "
-            "was done is kept"
+        complain(
+            f"vsr: warning: no worker for {LONELY / 60:.0f} minutes; {waiting} batches wait for "
+            f"one: see to your jobs, or start one with `dask worker {address} --nthreads 1`; "
+            "Ctrl-C stops, and what was done is kept"
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from pydantic import BaseModel, Field
 from pipeline.config.outside import content
 from pipeline.config.problems import InputError
 from pipeline.workflow.keys import digest
+from pipeline.workflow.log import complain
 from pipeline.workflow.owner import settle
 from pipeline.workflow.stage import named
 
@@ -21,7 +22,7 @@ DEEPEST = 4
 """Folders below that of the results in which products are: a member of a study of a site."""
 
 
-def renew(derived: Path, log: Callable[[str], None]) -> Path | None:
+def renew(derived: Path) -> Path | None:
     """Write the index of all that is in a folder of results, where it is not up to date.
 
     What cannot be read is left out, and told.
@@ -48,7 +49,7 @@ def renew(derived: Path, log: Callable[[str], None]) -> Path | None:
                 derived, folders, known.facts
             )
             for one in left_out:
-                log(f"index: {one} cannot be read and is left out")
+                complain(f"vsr: warning: index: {one} cannot be read and is left out")
             _put(page, text)
             _put(
                 derived / KNOWN,

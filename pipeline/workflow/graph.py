@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError
 from pipeline.workflow import aside, keys, pages, site_folder
+from pipeline.workflow.log import complain
 from pipeline.workflow.parameters import WORK, Asked, Made, Parts, Setting, Values, changes
 from pipeline.workflow.registry import (
     BY_NAME,
@@ -170,7 +171,7 @@ def make(name: str, job: Job) -> int:
         made = _Making(wanted, job).all()
     except RunsLost as lost:
         for problem in lost.problems:
-            job.log(f"{problem.file}: {problem.given}; they are done again")
+            complain(f"vsr: warning: {problem.file}: {problem.given}; they are done again")
         for stage in wanted:
             if BY_NAME[stage].in_database:
                 job.store.forget(stage)
@@ -178,7 +179,9 @@ def make(name: str, job: Job) -> int:
     site_folder.settle(job)
     if made:
         site_folder.mark(job)
-    manifests = (job.store.manifest(stage) or {"unresolved": 0} for stage in wanted)
+    manifests = [job.store.manifest(stage) or {"unresolved": 0} for stage in wanted]
+    for warning in filter(None, (manifest.get("warning") for manifest in manifests)):
+        complain(f"vsr: warning: {job.store.folder}: {warning}")
     return max(int(manifest["unresolved"]) for manifest in manifests)
 
 
@@ -325,6 +328,7 @@ def keep(name: str, identity: Identity, product: Product, store: Store) -> None:
         "facts": identity.facts,
         "unresolved": product.unresolved,
         "retry": product.retry,
+        "warning": product.warning,
     }
     store.publish(name, facts, product.files)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Generic
 
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import owner
+from pipeline.workflow.log import complain
 from pipeline.workflow.rows import TABLES, Layout, Row
 from pipeline.workflow.store import writing
 
@@ -38,20 +39,13 @@ class RunStore(Generic[Row]):
     reads : bool, whether nothing is to be changed; the database then has to be there
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        row: type[Row],
-        log: Callable[[str], None] = lambda line: None,
-        *,
-        reads: bool = False,
-    ) -> None:
+    def __init__(self, folder: Path, row: type[Row], *, reads: bool = False) -> None:
         self._path, self._layout, self._reads = folder / RUNS, Layout(row), reads
         with self._using():
             if reads:
                 self._database = _reader(self._path)
                 return
-            _mend(self._path, log)
+            _mend(self._path)
             self._database = _writer(self._path)
 
     def close(self) -> None:
@@ -174,7 +168,7 @@ def _writer(path: Path) -> sqlite3.Connection:
     return database
 
 
-def _mend(path: Path, log: Callable[[str], None]) -> None:
+def _mend(path: Path) -> None:
     """Set a damaged database aside, and keep its sound rows in a new one."""
     fault = _fault(path)
     if not fault:
@@ -187,9 +181,9 @@ def _mend(path: Path, log: Callable[[str], None]) -> None:
     aside = _set_aside(path)
     whole.replace(path)
     owner.settle(path.parent)
-    log(
-        f"{path}: damaged ({fault}); set aside as {aside.name}; {kept} rows are sound and stay, "
-        "others are run again"
+    complain(
+        f"vsr: warning: {path}: damaged ({fault}); set aside as {aside.name}; {kept} rows are "
+        "sound and stay, others are run again"
     )
 
 

@@ -25,12 +25,15 @@ class Product:
     ----------
     unresolved : int, unresolved runs; the command then ends with exit code 1
     retry : int, runs that a later call should try again
+    warning : str, why it is not to be trusted without a look; shown by each command that makes it
+        or finds it made, quiet ones too
     """
 
     files: dict[str, Writer]
     summary: str
     unresolved: int = 0
     retry: int = 0
+    warning: str = ""
 
 
 class Refusal(InputError):

@@ -62,6 +62,7 @@ class Manifest(BaseModel):
     files: dict[ProductName, str]
     unresolved: int = Field(ge=0)
     retry: int = Field(ge=0)
+    warning: str = ""
     stale: str = ""
     place: str = ""
 

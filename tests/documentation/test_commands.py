@@ -19,11 +19,12 @@ from support.printed_commands import OPEN, PAGES, REFUSED, commands
 from pipeline import ROOT, cli
 from pipeline.config.layers import known, load_site
 from pipeline.config.problems import InputError
+from pipeline.workflow.command_line import parser
 
 ELSEWHERE = ("podman", "git", ".venv/bin/dask", ".venv/bin/pre-commit", "apptainer", "sbatch", "cd")
 """Programs that are not ours: their command lines are not checked."""
 
-VERBS = set(cli._parser()._subparsers._group_actions[0].choices)
+VERBS = set(parser()._subparsers._group_actions[0].choices)
 
 
 @cache
@@ -76,7 +77,7 @@ def wrong_vsr(words: list[str]) -> str:
     if len(words) == 1 or any(OPEN.search(word) for word in words):
         return "" if words[0] in {*VERBS, "--help"} else f"no command {words[0]}"
     try:
-        options = vars(cli._parser().parse_args(words))
+        options = vars(parser().parse_args(words))
     except InputError as error:
         return str(error)
     except SystemExit:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pipeline.workflow import run_store
 from pipeline.workflow.datasets import read
 from pipeline.workflow.rows import DisplacementRow, RunRow
 from pipeline.workflow.run_store import DAMAGED, RUNS, RunsLost, RunStore
@@ -41,6 +42,14 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
         travelled.add(TRAVELS)
     assert [path.name for path in folder.iterdir()] == [RUNS]
     return (folder / RUNS).read_bytes()
+
+
+@pytest.fixture
+def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What is shown of damage, of a quiet command too."""
+    lines: list[str] = []
+    monkeypatch.setattr(run_store, "complain", lines.append)
+    return lines
 
 
 def rows_of(folder: Path, **how: Any) -> dict[bytes, Any]:
@@ -81,13 +90,12 @@ def test_what_was_cut_short_is_taken_back_before_it_is_read(tmp_path: Path, whol
 
 @pytest.mark.parametrize("name", [b"outcome", b"checksum"])
 def test_a_column_whose_name_is_no_text_is_no_crash(
-    tmp_path: Path, whole: bytes, name: bytes
+    tmp_path: Path, whole: bytes, name: bytes, said: list[str]
 ) -> None:
     damaged = whole.replace(name + b" ", b"\xe3" + name[1:] + b" ")
     assert damaged != whole
     (tmp_path / RUNS).write_bytes(damaged)
-    said: list[str] = []
-    found = rows_of(tmp_path, log=said.append)
+    found = rows_of(tmp_path)
     assert found.items() <= TRUTH.items()
     assert said
     add(tmp_path, [row for key, row in TRUTH.items() if key not in found])
@@ -106,7 +114,7 @@ def in_memory(tmp_path: Path) -> Iterator[Path]:
     ("flips", "seed"), [(150, 12), pytest.param(2500, 77, marks=pytest.mark.slow)]
 )
 def test_no_flipped_bit_gives_a_wrong_number(
-    whole: bytes, in_memory: Path, flips: int, seed: int
+    whole: bytes, in_memory: Path, flips: int, seed: int, said: list[str]
 ) -> None:
     """Read as ``status`` does, then opened to write, with what is missing done again."""
     chance = random.Random(seed)
@@ -123,8 +131,8 @@ def test_no_flipped_bit_gives_a_wrong_number(
         except RunsLost:
             refused += 1
         assert (folder / RUNS).read_bytes() == flipped, place
-        said: list[str] = []
-        found = rows_of(folder, log=said.append)
+        said.clear()
+        found = rows_of(folder)
         assert found.items() <= TRUTH.items(), place
         lost = [row for key, row in TRUTH.items() if key not in found]
         aside = [path for path in folder.iterdir() if DAMAGED in path.name]
@@ -140,10 +148,11 @@ def test_no_flipped_bit_gives_a_wrong_number(
 
 
 @pytest.mark.parametrize("sixteenth", range(16))
-def test_cut_database_is_told_and_redone(whole: bytes, tmp_path: Path, sixteenth: int) -> None:
+def test_cut_database_is_told_and_redone(
+    whole: bytes, tmp_path: Path, sixteenth: int, said: list[str]
+) -> None:
     (tmp_path / RUNS).write_bytes(whole[: len(whole) * sixteenth // 16])
-    said: list[str] = []
-    found = rows_of(tmp_path, log=said.append)
+    found = rows_of(tmp_path)
     assert found.items() <= TRUTH.items()
     assert len(said) == 1
     assert f"set aside as {RUNS}{DAMAGED}1; {len(found)} rows are sound and stay" in said[0]
@@ -159,12 +168,11 @@ def test_nothing_that_was_set_aside_is_lost(whole: bytes, tmp_path: Path) -> Non
         assert (tmp_path / f"{RUNS}{DAMAGED}{number}").read_bytes() == torn
 
 
-def test_table_of_an_earlier_version_is_set_aside(tmp_path: Path) -> None:
+def test_table_of_an_earlier_version_is_set_aside(tmp_path: Path, said: list[str]) -> None:
     with closing(sqlite3.connect(tmp_path / RUNS)) as database, database:
         database.execute("CREATE TABLE runs (key BLOB PRIMARY KEY, outcome INTEGER) WITHOUT ROWID")
         database.execute("INSERT INTO runs VALUES (?, 1)", (ROWS[0].key,))
-    said: list[str] = []
-    assert rows_of(tmp_path, log=said.append) == {}
+    assert rows_of(tmp_path) == {}
     assert "tables of another version" in said[0]
 
 

@@ -329,7 +329,7 @@ def test_room_follows_workers_that_come_later(farm: Farm, monkeypatch: pytest.Mo
     said: list[str] = []
     taken = 0
 
-    def log(line: str) -> None:
+    def complain(line: str) -> None:
         said.append(line)
         if "no worker" in line and not farm.workers:
             farm.worker()
@@ -340,7 +340,8 @@ def test_room_follows_workers_that_come_later(farm: Farm, monkeypatch: pytest.Mo
             yield Batch("half", tuple(range(5 * taken, 5 * taken + 5)))
 
     most, done = 0, 0
-    with Cluster(0, farm.address, log=log) as cluster:
+    monkeypatch.setattr(dispatch, "complain", complain)
+    with Cluster(0, farm.address, log=quiet) as cluster:
         for batch, results in cluster.run(sleeper(), batches(), lambda name: 0.5):
             assert results == [0.5 * item for item in batch.items]
             done += 1

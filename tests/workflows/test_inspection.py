@@ -17,6 +17,7 @@ import numpy as np
 from conftest import Ran
 
 from pipeline import ROOT
+from pipeline.workflow.command_line import ANSWERS
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.registry import BY_NAME
 from vsr_core.compiled import compiling
@@ -92,7 +93,7 @@ def read(ran: Ran) -> dict[str, Any]:
     """What a command tells a program, which is as the schema in the docs has it."""
     assert ran.code == 0
     told: dict[str, Any] = json.loads(ran.out)
-    schema = json.loads((ROOT / "docs" / "answers.schema.json").read_text(encoding="utf-8"))
+    schema = json.loads(ANSWERS.read_text(encoding="utf-8"))
     jsonschema.Draft202012Validator(schema).validate(told)
     return told
 
@@ -101,6 +102,7 @@ def test_programs_are_told_the_same(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
 ) -> None:
     assert set(DELIVERABLES) == set(read(vsr("list", "--json"))["products"])
+    assert read(vsr("status", "--json"))["results"] == []
     site = ("--site", write_site(GRID))
     (planned,) = read(vsr("plan", "responses", *site, "--json"))["answers"]
     assert (planned["runs"]["wanted"], planned["runs"]["to_do"]) == (12, 12)

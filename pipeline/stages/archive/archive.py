@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from pipeline.stages.archive.rock_list import Archive
 from pipeline.stages.archive.shipped_equations import Shipped
 from pipeline.workflow import keys, pages, writers
 from pipeline.workflow.datasets import attributed, netcdf
+from pipeline.workflow.log import complain
 from pipeline.workflow.store import Store
 from vsr_core.archive.equations import HIGHEST, SHORTEST
 from vsr_core.archive.photographs import ASSUMED, ODDS, Answers, answers
@@ -38,12 +38,12 @@ MOST_SHOWN = 100
 TABLE, DATA, PAGE, PICTURE = "archive.csv", "archive.nc", "archive.html", "archive_boundaries"
 
 
-def make(options: argparse.Namespace, log: Callable[[str], None]) -> tuple[Store, int]:
+def make(options: argparse.Namespace) -> tuple[Store, int]:
     """Write the products of an archive; the number of rows without an answer."""
     path = located(Path.cwd(), options.rocks, "vsr archive", "")
     archive = rock_list.read(path)
     for problem in archive.problems:
-        log(f"vsr: {problem}")
+        complain(f"vsr: {problem}")
     shipped = shipped_equations.load()
     found = answers(archive.seen, shipped.equations, np.array(PGV_PGA))
     dataset = _dataset(archive, found, path)

@@ -57,7 +57,7 @@ class Search:
         """
         pga = np.array(self.study.motions.pga)
         kept = kind(on_terrain=self.study.settings.on_terrain)
-        with closing(RunStore(self.work.runs, kept.row, self.work.log)) as store:
+        with closing(RunStore(self.work.runs, kept.row)) as store:
             known, level, peaks = self._of_grid(pga, overturned)
             known = known.joined(level, peaks, self._run(store, level, peaks, probes=True))
             while True:

@@ -89,9 +89,13 @@ def make(
     name = dataset.attrs["other_engine"] = NAMES[engine]
     agreed = f"{same} of {counted(len(at), 'run')} {form(same, 'ends', 'end')} in {name} as here"
     note = f"{agreed}; next to the boundary: {int(sample.near.sum())}"
-    if beyond_errors(dataset):
-        note += "; MORE DIFFER THAN THE NUMERICAL ERRORS EXPLAIN: report.html says what to do"
-    return Product({BulletSample.FILE: netcdf(described(dataset, work, f"Sample in {name}"))}, note)
+    other = len(at) - same
+    warning = (
+        f"{other} of {counted(len(at), 'run')} {form(other, 'ends', 'end')} otherwise in {name}, "
+        "more than the numerical errors explain; report.html says what to do"
+    ) * beyond_errors(dataset)
+    files = {BulletSample.FILE: netcdf(described(dataset, work, f"Sample in {name}"))}
+    return Product(files, note, warning=warning)
 
 
 def beyond_errors(sample: xr.Dataset) -> bool:

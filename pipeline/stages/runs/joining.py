@@ -44,7 +44,7 @@ def make(job: Job, folders: Sequence[Path]) -> list[str]:
     scenes = sorted(_scenes(study))
     job.store.open()
     with ExitStack() as opened:
-        own = [opened.enter_context(closing(RunStore(job.store.runs, kind, job.log)))
+        own = [opened.enter_context(closing(RunStore(job.store.runs, kind)))
                for kind in KINDS]  # fmt: skip
         theirs = [[opened.enter_context(closing(RunStore(folder, kind, reads=True)))
                    for kind in KINDS] for folder in folders]  # fmt: skip

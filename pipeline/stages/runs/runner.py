@@ -102,7 +102,7 @@ def run_missing(
     """
     start, cpu = time.monotonic(), 0.0
     opened: AbstractContextManager[RunStore[Row]] = (
-        nullcontext(store) if store else closing(RunStore(work.runs, kind.row, work.log))
+        nullcontext(store) if store else closing(RunStore(work.runs, kind.row))
     )
     with opened as runs:
         todo = [missing(wanted(group), runs) for group in groups]

@@ -98,7 +98,7 @@ def make(
     if simulation.time_step != "auto":
         return _given(work, scenes, simulation.time_step)
 
-    with closing(RunStore(work.runs, StepRow, work.log)) as database:
+    with closing(RunStore(work.runs, StepRow)) as database:
         found = _lots(scenes, partial(_measured, work, scenes, database))
         dataset = _dataset(scenes, found)
         choices, errors = _settled(scenes, dataset, partial(measured, work, database))
@@ -107,7 +107,7 @@ def make(
     dataset["within_tolerance"] *= np.array([one.within for one in errors])
     dataset = dataset.assign(variables(errors))
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
-    return Product(files, _summary(choices) + told(errors))
+    return Product(files, _summary(choices) + told(errors), warning=_warning(choices, errors))
 
 
 def _given(work: Work, scenes: Scenes, time_step: float) -> Product:
@@ -115,13 +115,13 @@ def _given(work: Work, scenes: Scenes, time_step: float) -> Product:
     frictions = scenes.settings.contact.friction
     chosen = {name: ("friction", np.full(len(frictions), math.nan)) for name in _CHOSEN}
     chosen["time_step"] = ("friction", np.full(len(frictions), time_step))
-    with closing(RunStore(work.runs, StepRow, work.log)) as database:
+    with closing(RunStore(work.runs, StepRow)) as database:
         look = partial(measured, work, database)
         errors = [settled(_alone(scenes, at), time_step, look) for at in range(len(frictions))]
     dataset = xr.Dataset(chosen | variables(errors), {"friction": list(frictions)})
     note = f"time step {1e3 * time_step:.4g} ms as given; its error was not measured"
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
-    return Product(files, note + told(errors))
+    return Product(files, note + told(errors), warning=_warning([], errors))
 
 
 def _settled(
@@ -390,7 +390,16 @@ def _told(choice: Choice) -> str:
         parts.append(f"error of the boundary {choice.error:.2%}, {worst}")
     if not math.isnan(choice.displaced):
         parts.append(f"error of the boundary of sliding {choice.displaced:.2%}")
-    if len(parts) == 1:
-        why = "too few of the pulses tried topple or displace the rock"
-        return f"{parts[0]}, the finest; its error was NOT MEASURED: {why}"
-    return ", ".join(parts) + ("" if choice.within else ": NOT within the tolerance at any step")
+    return ", ".join(parts) if len(parts) > 1 else f"{parts[0]}, the finest"
+
+
+def _warning(choices: Sequence[Choice], errors: Sequence[Settled]) -> str:
+    """What of the steps is not as it was asked for."""
+    if any(math.isnan(one.error) and math.isnan(one.displaced) for one in choices):
+        return (
+            "the error of the boundary was not measured, as too few of the pulses tried topple or "
+            "displace the rock; the finest time step was taken"
+        )
+    if all([*(one.within for one in choices), *(one.within for one in errors)]):
+        return ""
+    return "the error is not within simulation.tolerance; report.html states it"

@@ -64,7 +64,7 @@ def measured(wanted: Search, time_step: float | Literal["auto"], tolerance: floa
     draw, yaw, row = step_error.levels(len(few.draws), *wanted.boundary.shape)
     what = f"{counted(len(draw), 'boundary', 'boundaries')} of {counted(len(few.draws), 'draw')}"
     wanted.work.log(f"uncertainty: measuring {what} at {counted(len(shares) + 1, 'time step')}")
-    with closing(RunStore(wanted.work.runs, wanted.kind.row, wanted.work.log)) as store:
+    with closing(RunStore(wanted.work.runs, wanted.kind.row)) as store:
         known, centre = _centres(few, store, draw, yaw, row)
         draw, yaw, row = (np.repeat(part[known], len(AROUND)) for part in (draw, yaw, row))
         # not all in step with their boundaries, so that the mean is known to less than a spacing

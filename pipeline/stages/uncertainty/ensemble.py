@@ -88,7 +88,7 @@ def outcomes(wanted: Search) -> Ensemble:
     scales, errors = [wanted.given], Errors()
     log_gain = np.log([draw.member.amplitude for draw in wanted.draws])
     parts: list[Ensemble] = []
-    with closing(RunStore(wanted.work.runs, wanted.kind.row, wanted.work.log)) as store:
+    with closing(RunStore(wanted.work.runs, wanted.kind.row)) as store:
         for start in range(0, len(wanted.draws), TOGETHER):
             part = slice(start, start + TOGETHER)
             draws, gain = wanted.draws[part], log_gain[part, None, None]

@@ -24,6 +24,8 @@ def test_a_machine_that_is_well(vsr: Callable[..., Ran], derived: Path) -> None:
     assert (ran.code, ran.err) == (cli.DONE, "")
     assert [line[:13].strip() for line in ran.out.splitlines()] == CHECKS
     assert not derived.exists()
+    quiet = vsr("doctor", "--quiet")
+    assert (quiet.code, quiet.out, quiet.err) == (cli.DONE, "", "")
 
 
 def test_what_is_wrong_is_told_with_its_remedy_and_the_rest_goes_on(
@@ -36,6 +38,9 @@ def test_what_is_wrong_is_told_with_its_remedy_and_the_rest_goes_on(
     scheduler, library = ran.err.splitlines()
     assert "a Dask scheduler answers there" in scheduler
     assert library.endswith("pip install mujoco")
+    quiet = vsr("doctor", "--quiet", "--scheduler", "tcp://127.0.0.1:1")
+    assert [line.split()[0] for line in quiet.out.splitlines()] == ["scheduler", "engines"]
+    assert quiet.err == ran.err
 
 
 def test_a_full_disk_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

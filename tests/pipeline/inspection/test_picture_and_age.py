@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import time
 from collections.abc import Callable
@@ -13,7 +14,10 @@ import pytest
 from conftest import Ran
 
 from pipeline import cli
+from pipeline.workflow.command_line import parser
 from pipeline.workflow.registry import needs
+from pipeline.workflow.store import Store
+from pipeline.workflow.writers import text
 
 SVG = "{http://www.w3.org/2000/svg}"
 SHORT = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2]}\nyaw: [0]\n"
@@ -28,10 +32,31 @@ def test_the_picture_has_every_stage_and_every_need(
     said, *stages = [str(text.text) for text in root.iter(f"{SVG}text")]
     assert said.startswith("rock: ")
     assert {"rock", "runs", "fragility", "report"} <= set(stages)
-    wanted = sum(need in stages for name in stages for need in needs(name))
-    lines = list(root.iter(f"{SVG}line"))
-    assert len(lines) == wanted
-    assert all(float(line.get("y1", 0)) < float(line.get("y2", 0)) for line in lines)
+    boxes = {
+        name: [float(box.attrib[key]) for key in ("x", "y", "width", "height")]
+        for name, box in zip(stages, list(root.iter(f"{SVG}rect"))[1:], strict=True)
+    }
+    drawn: set[tuple[str, str]] = set()
+    for line in root.iterfind(f"{SVG}path"):
+        assert line.get("marker-end") == "url(#head)"
+        places = [
+            (float(x), float(y)) for x, y in re.findall(r"([\d.]+),([\d.]+)", line.attrib["d"])
+        ]
+        (need,), (name,) = (
+            [of for of, (x, y, wide, _) in boxes.items() if (x + wide / 2, y + down * 34) == place]
+            for place, down in ((places[0], 1), (places[-1], 0))
+        )
+        drawn.add((need, name))
+        behind = [
+            of
+            for of, (x, y, wide, high) in boxes.items()
+            for across, down in places[1:-1]
+            if of not in (need, name) and x <= across <= x + wide and y <= down <= y + high
+        ]
+        assert behind == []
+    whole = {(need, name) for name in stages for need in needs(name) if need in stages}
+    needless = {(a, c) for a, b in whole for other, c in whole if other == b and (a, c) in whole}
+    assert drawn == whole - needless  # no way of three steps alone makes one needless here
     gone = vsr("plan", "--site", site, "--graph", tmp_path / "nowhere" / "dag.svg")
     assert gone.code == cli.REFUSED
     assert len(gone.err.splitlines()) == 1
@@ -57,6 +82,62 @@ def test_what_is_old_is_removed_and_what_it_frees_is_told(
     assert (wrong.code, len(wrong.err.splitlines())) == (cli.REFUSED, 1)
 
 
+FACTS = {"key": "k", "facts": {"config": {}, "needs": {}}, "unresolved": 0, "retry": 0}
+
+
+def put(folder: Path, stage: str, seconds: float = 0.0) -> None:
+    """What a stage made some time ago."""
+    with Store(folder) as store:
+        store.open()
+        store.publish(stage, FACTS, {f"{stage}.csv": text("x" * 50_000)})
+    made = time.time() - seconds
+    os.utime(folder / ".stages" / f"{stage}.json", (made, made))
+
+
+def test_archives_are_cleaned_as_sites_are(vsr: Callable[..., Ran], derived: Path) -> None:
+    put(derived / "archives" / "old", "archive", 31 * 86400)
+    put(derived / "archives" / "new", "archive")
+    put(derived / "rock", "rock")
+    assert "archives/old: 0.1 MB" in vsr("clean", "--older", "30d", "--yes").out.replace(
+        f"{derived}/", ""
+    )
+    assert [path.name for path in (derived / "archives").iterdir()] == ["new"]
+    assert vsr("clean", "--yes", "--site", "archives/new").code == cli.DONE
+    assert not list((derived / "archives").iterdir())
+    assert (derived / "rock" / "rock.csv").exists()
+
+
+def test_without_a_site_the_status_is_of_all_results(
+    vsr: Callable[..., Ran], derived: Path
+) -> None:
+    assert vsr("status").out == f"no results in {derived}\n"
+    ages = {"archives/rocks": 5.5 * 60, "boulder@rough": 3.5 * 3600, "rock": 49 * 3600, "slab": 20}
+    for name, seconds in ages.items():
+        put(derived / name, "rock", seconds)
+    lines = vsr("status").out.splitlines()
+    assert [line.split()[0] for line in lines] == list(ages)
+    told = [line.partition(" MB, last made ")[2] for line in lines]
+    assert told == ["5 minutes ago", "3 hours ago", "2 days ago", "less than a minute ago"]
+    assert vsr("status", "--site", "").out.splitlines() == lines  # as make has it
+    for words in (("fragility",), ("--study", "friction"), ("--set", "yaw=0")):
+        assert "no site given" in vsr("status", *words).err
+
+
+def test_a_status_names_its_product_and_the_others_that_are_there(
+    vsr: Callable[..., Ran], derived: Path
+) -> None:
+    site = ("--site", "cuboid_1x1x2")
+    for stage in ("rock", "displacement", "displacement_report", "hazard", "exclusion"):
+        put(derived / "cuboid_1x1x2", stage)
+    first, *rest = vsr("status", *site).out.splitlines()
+    assert first == "status of fragility:"
+    assert rest[-1] == "  also there: displacement, hazard"
+    put(derived / "cuboid_1x1x2", "accuracy")
+    first, *rest = vsr("status", "accuracy", *site).out.splitlines()
+    assert first == "status of accuracy:"
+    assert rest[-1] == "  also there: displacement, hazard"
+
+
 @pytest.mark.parametrize(
     ("words", "wanted"),
     [
@@ -69,13 +150,13 @@ def test_what_is_old_is_removed_and_what_it_frees_is_told(
 def test_bash_completes(words: list[str], wanted: list[str], vsr: Callable[..., Ran]) -> None:
     given = " ".join(words)
     asked = f"COMP_WORDS=({given}); COMP_CWORD={len(words) - 1}; _vsr; echo ${{COMPREPLY[@]}}"
-    text = vsr("completion", "bash").out + asked
-    done = subprocess.run(["bash", "-c", text], capture_output=True, text=True, check=True)
+    script = vsr("completion", "bash").out + asked
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == wanted
 
 
 def test_other_shells_are_told_every_command(vsr: Callable[..., Ran]) -> None:
-    verbs = set(cli._parser()._subparsers._group_actions[0].choices)  # type: ignore[union-attr]
+    verbs = set(parser()._subparsers._group_actions[0].choices)  # type: ignore[union-attr]
     for shell in ("zsh", "fish"):
         ran = vsr("completion", shell)
         assert [verb for verb in verbs if verb not in ran.out] == []

@@ -63,7 +63,7 @@ def results(derived: Path) -> Path:
 
 
 def index(results: Path) -> str:
-    found = front_page.renew(results, print)
+    found = front_page.renew(results)
     assert found == results / "index.html"
     return found.read_text(encoding="utf-8")
 
@@ -113,7 +113,7 @@ def test_without_products_there_is_none(results: Path) -> None:
     index(results)
     for folder in list(front_page.product_folders(results)):
         (folder / ".stages").rename(folder / "gone")
-    assert front_page.renew(results, print) is None
+    assert front_page.renew(results) is None
     assert not (results / "index.html").exists()
 
 
@@ -123,7 +123,7 @@ def test_who_asks_for_none_is_told_so(refused: Callable[..., str]) -> None:
 
 def test_a_folder_that_cannot_be_written_to_is_no_failure(results: Path) -> None:
     (results / "index.html").mkdir()  # in the way of it, whoever writes
-    assert front_page.renew(results, print) is None
+    assert front_page.renew(results) is None
     assert not list(results.glob(".part-*"))
 
 
@@ -167,7 +167,8 @@ def index_of_rest(results: Path, capsys: pytest.CaptureFixture[str], named: str)
         text = index(results)
     assert "A rock&#39;s report" in text
     assert f"<code>{named}</code>" in text
-    assert capsys.readouterr().out == f"index: {named} cannot be read and is left out\n"
+    told = f"vsr: warning: index: {named} cannot be read and is left out\n"
+    assert capsys.readouterr().err == told
     return text
 
 

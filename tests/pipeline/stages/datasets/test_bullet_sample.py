@@ -63,6 +63,25 @@ def test_the_error_of_a_run_is_that_of_its_friction() -> None:
     np.testing.assert_allclose(found, [0.4, 0.8, 0.4, 0.0, np.nan])
 
 
+def test_a_disagreement_that_no_error_explains_is_shown_by_a_quiet_command(
+    write_site: Callable[..., str],
+    vsr: Callable[..., Any],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        bullet_sample, "_repeated", lambda work, study, places, engine: [1 for _ in places]
+    )
+    given = ("run", "fragility", "--site", write_site(SITE), "--workers", 0, "--quiet")
+    for _ in ("made", "found made"):
+        ran = vsr(*given, "--set", "simulation.engine=nonsmooth")
+        assert ran.code == 0
+        (line,) = ran.err.splitlines()
+        assert line.startswith(
+            f"vsr: warning: {derived / 'rock'}: 7 of 8 runs end otherwise in Bullet, more"
+        )
+
+
 @pytest.mark.parametrize(("explained", "odd"), [(0.1, True), (3.0, False), (np.nan, False)])
 def test_what_may_differ_is_not_told_where_an_error_was_not_measured(
     explained: float, odd: bool
