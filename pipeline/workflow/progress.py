@@ -18,6 +18,9 @@ _SCREEN_SECONDS = 0.2
 _SILENT_SECONDS, _PATIENT_SECONDS = 2.0, 10.0  # before what is being done is told, and told again
 
 
+_LINES: dict[int, Any] = {}  # by the number of the cell of a notebook that they stand below
+
+
 class Steps:
     """Says what is being done once it takes two seconds, and every ten seconds from then on."""
 
@@ -57,7 +60,7 @@ class Progress:
         self.total, self._log = total, log
         self.outcomes: Counter[int] = Counter()
         self._screen, self._notebook = on_screen(), in_notebook()
-        self._cell: Any = None  # the line of a notebook
+        self._told = False  # in a notebook
         self._start = self._shown = time.monotonic()
         self._width = 0  # of the widest line so far, over which others are written
 
@@ -70,7 +73,7 @@ class Progress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._cell is not None:
+        if self._told:
             self._show(self.line(time.monotonic()))  # which is kept with the notebook
         elif self._screen and not self._notebook:
             self._show("")
@@ -97,14 +100,16 @@ class Progress:
         sys.stderr.write(f"\r{line:<{self._width}}")
         sys.stderr.flush()
 
-    def _below_cell(self, shown: dict[str, str]) -> None:
-        """Change the line of a notebook; of what is written to it, each change would be kept."""
-        from IPython.display import display  # where there is a kernel, there is this
+    def _below_cell(self, line: dict[str, str]) -> None:
+        """Change the one line of a cell; of what is written to it, each change would be kept."""
+        from IPython import get_ipython  # where there is a kernel, there is this
+        from IPython.display import display
 
-        if self._cell is None:
-            self._cell = display(shown, raw=True, display_id=True)
+        cell, self._told = get_ipython().execution_count, True
+        if cell in _LINES:
+            _LINES[cell].update(line, raw=True)
         else:
-            self._cell.update(shown, raw=True)
+            _LINES[cell] = display(line, raw=True, display_id=True)
 
     def line(self, now: float) -> str:
         """The line, at time ``now`` of the monotonic clock [s].

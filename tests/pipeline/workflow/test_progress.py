@@ -35,10 +35,11 @@ def test_a_notebook_keeps_one_line_of_all_that_was_shown(monkeypatch: pytest.Mon
     runs = (
         "import time\n"
         "from pipeline.workflow.progress import Progress\n"
-        "with Progress(6, print) as progress:\n"
-        "    for outcome in (0, 0, 0, 1, 1, 1):\n"
-        "        time.sleep(0.25)\n"
-        "        progress.add([outcome])\n"
+        "for total in (3, 6):\n"
+        "    with Progress(total, print) as progress:\n"
+        "        for outcome in (0, 0, 0, 1, 1, 1)[:total]:\n"
+        "            time.sleep(0.25)\n"
+        "            progress.add([outcome])\n"
     )
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(runs)])
     nbclient.NotebookClient(book, timeout=120).execute()
