@@ -40,7 +40,7 @@ WIDE = (1280, 900)
 SHOWN = {"page_index": ("index.html", WIDE), "page_report": ("cuboid_1x1x2/report.html", WIDE)}
 """Pictures of pages, each with its page and the window [px] it is seen in."""
 
-BESIDE = ("CHANGELOG.md", "CONTRIBUTING.md", "paper.md")
+BESIDE = ("CHANGELOG.md", "CONTRIBUTING.md", "paper.md", "CITATION.cff")
 """Pages that stand in the root, where visitors of a repository look for them."""
 
 MADE = "examples/"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import html
+import json
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -13,9 +15,11 @@ from matplotlib.figure import Figure
 
 from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import png
+from pipeline.inspection.in_short import in_short, with_places
 from pipeline.stages.displacement.trajectory_maps import trajectories
 from pipeline.stages.fragility.fragility_figures import fragility_by_yaw, overturning_diagram
 from pipeline.stages.fragility.summary import groups
+from pipeline.stages.hazard.hazard_figures import survival
 from pipeline.workflow.datasets import read
 
 PAGES = {"fragility": "report.html", "responses": "report.html", "boundary": "report.html"}
@@ -23,6 +27,9 @@ PAGES = {"fragility": "report.html", "responses": "report.html", "boundary": "re
 
 MADE: dict[Path, Callable[..., Path]] = {}
 """Of each dataset made here, what replays a run of it: a function of coordinates in words."""
+
+_BACK = re.compile(r'<nav class="back">.*?</nav>', re.DOTALL)
+_TO_A_FILE = re.compile(r'<a href="(?!#|\w+:)[^"]*">(.*?)</a>', re.DOTALL)
 
 
 class Page:
@@ -32,7 +39,8 @@ class Page:
         self.path = path
 
     def _repr_html_(self) -> str:
-        page = html.escape(self.path.read_text(encoding="utf-8"))
+        page = _BACK.sub("", self.path.read_text(encoding="utf-8"))
+        page = html.escape(_TO_A_FILE.sub(r"\1", page))  # from a notebook no link leads to a file
         return f'<iframe srcdoc="{page}" style="width: 100%; height: 40rem; border: 0"></iframe>'
 
 
@@ -48,7 +56,9 @@ class Shown:
             raise InputError(Problem("vsr", "", source, rule, "ask the dataset that it is made of"))
 
     def _repr_html_(self) -> str:
-        return self.page._repr_html_()
+        """The page, or in short what the dataset holds where none was made."""
+        page = self._page()
+        return page._repr_html_() if page.path.is_file() else in_short(self._dataset, self._path)
 
     @property
     def page(self) -> Page:
@@ -59,18 +69,24 @@ class Shown:
         InputError
             If it was not made.
         """
+        page = self._page()
+        if not page.path.is_file():
+            rule, remedy = f"{page.path} was not made", "see the dataset itself"
+            if self._path.stem in PAGES:
+                remedy = "call vsr.fragility(...) with the same settings"
+            raise InputError(Problem("vsr.page", "", "", rule, remedy))
+        return page
+
+    def _page(self) -> Page:
         own = self._path.stem
-        page = self._path.with_name(PAGES.get(own, f"{own}.html"))
-        if not page.is_file():
-            remedy = "make it, e.g. vsr.run('report', site)"
-            raise InputError(Problem("vsr", "", str(page), "the page is there", remedy))
-        return Page(page)
+        return Page(self._path.with_name(PAGES.get(own, f"{own}.html")))
 
     def plot(self, yaw: float | None = None, friction: float | None = None) -> Figure:
         """The figure of the product.
 
         Of a fragility that is the overturning diagram of one yaw [degree] and friction, and
-        without a yaw the boundary around the circle; of a displacement the map of all paths.
+        without a yaw the boundary around the circle; of responses the cells of one yaw and
+        friction; of a displacement the map of all paths; of a hazard survival against age.
 
         Raises
         ------
@@ -86,16 +102,22 @@ class Shown:
         if kind == "displacement":
             terrain = read(folder / "terrain.nc")
             return trajectories(self._dataset, terrain, terrain.attrs.get("source", ""))
-        if kind != "fragility":
-            rule = "fragility and displacement have a figure"
-            raise InputError(Problem("vsr.plot", "", kind, rule, "see its page, .vsr.page"))
-        fragility = self._dataset
-        if yaw is None and fragility.sizes["yaw"] > 1:
-            return fragility_by_yaw(fragility, read(folder / "rock.nc"))
-        place = _at(fragility, "yaw", yaw), _at(fragility, "friction", friction)
-        return overturning_diagram(
-            read(folder / "responses.nc"), fragility, place, dict(groups(fragility))[place]
-        )
+        if kind == "hazard":
+            settings = json.loads(self._dataset.attrs["vsr_config_json"])["hazard"]
+            return survival(self._dataset, settings["minimum_survival_probability"])
+        if kind not in ("fragility", "responses"):
+            rule = "responses, fragility, displacement and hazard have a figure"
+            raise InputError(Problem("vsr.plot", "", kind, rule, "plot its variables"))
+        data = with_places(self._dataset)
+        if kind == "fragility" and yaw is None and data.sizes["yaw"] > 1:
+            return fragility_by_yaw(data, read(folder / "rock.nc"))
+        place = _at(data, "yaw", yaw), _at(data, "friction", friction)
+        name, fits = dict(groups(data))[place], None
+        one = data.isel(yaw=[place[0]], friction=[place[1]])
+        if kind == "fragility":
+            same = {name: one[name].values for name in ("yaw", "friction")}
+            one, fits = read(folder / "responses.nc").sel(same), one
+        return overturning_diagram(one, fits, (0, 0), name)
 
     def replay(self, **coordinates: float | str) -> Page:
         """The page that replays one run, at its yaw [degree], pga [g], pgv_pga [s] and friction.
@@ -106,8 +128,10 @@ class Shown:
             For what ``vsr replay`` refuses, and for a dataset that was not made by this module.
         """
         if self._path not in MADE:
-            rule = "it was made, or read, by a function of vsr"
-            raise InputError(Problem("vsr.replay", "", str(self._path), rule, "call vsr.run"))
+            given = f"{self._path}, of which only the file is known here"
+            rule = "a run is replayed with the settings with which vsr made its dataset"
+            remedy = "call vsr.fragility(...) first, which reads what exists"
+            raise InputError(Problem("vsr.replay", "", given, rule, remedy))
         return Page(MADE[self._path](**coordinates))
 
 

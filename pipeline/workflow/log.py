@@ -59,10 +59,14 @@ def complain(line: str) -> None:
     _LOG.warning(line)
 
 
-def on_terminal() -> bool:
-    """Whether lines are shown on a screen on which they can be written over."""
-    in_notebook = type(sys.stderr).__module__.startswith("ipykernel.")
-    return (in_notebook or sys.stderr.isatty()) and _SCREEN.level <= logging.INFO
+def in_notebook() -> bool:
+    """Whether lines stand below the cell of a notebook."""
+    return type(sys.stderr).__module__.startswith("ipykernel.")
+
+
+def on_screen() -> bool:
+    """Whether lines are shown where they can be written over."""
+    return (in_notebook() or sys.stderr.isatty()) and _SCREEN.level <= logging.INFO
 
 
 def tell_warnings_once() -> None:

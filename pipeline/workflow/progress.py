@@ -8,13 +8,17 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from types import TracebackType
+from typing import Any
 
-from pipeline.workflow.log import on_terminal
+from pipeline.workflow.log import in_notebook, on_screen
 from vsr_core.outcome import Outcome
 
 _QUIET_SECONDS = 5.0
 _SCREEN_SECONDS = 0.2
 _SILENT_SECONDS, _PATIENT_SECONDS = 2.0, 10.0  # before what is being done is told, and told again
+
+
+_LINES: dict[int, Any] = {}  # by the number of the cell of a notebook that they stand below
 
 
 class Steps:
@@ -50,12 +54,13 @@ class Steps:
 
 
 class Progress:
-    """Counts runs and shows them: in place on a terminal, now and then in a log."""
+    """Counts runs and shows them: in place on a screen, now and then in a log."""
 
     def __init__(self, total: int, log: Callable[[str], None]) -> None:
         self.total, self._log = total, log
         self.outcomes: Counter[int] = Counter()
-        self._terminal = on_terminal()
+        self._screen, self._notebook = on_screen(), in_notebook()
+        self._told = False  # in a notebook
         self._start = self._shown = time.monotonic()
         self._width = 0  # of the widest line so far, over which others are written
 
@@ -68,7 +73,9 @@ class Progress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._terminal:
+        if self._told:
+            self._show(self.line(time.monotonic()))  # which is kept with the notebook
+        elif self._screen and not self._notebook:
             self._show("")
             sys.stderr.write("\r")
 
@@ -76,19 +83,33 @@ class Progress:
         """Count finished runs by outcome code."""
         self.outcomes.update(outcomes)
         now = time.monotonic()
-        if self._terminal and now - self._shown >= _SCREEN_SECONDS:
+        if self._screen and now - self._shown >= _SCREEN_SECONDS:
             self._show(self.line(now))
-        elif not self._terminal and now - self._shown >= _QUIET_SECONDS:
+        elif not self._screen and now - self._shown >= _QUIET_SECONDS:
             self._log(self.line(now))
         else:
             return
         self._shown = now
 
     def _show(self, line: str) -> None:
-        """Write over what stands there; notebooks do not know how to erase it."""
+        """Write over what stands there."""
+        if self._notebook:
+            self._below_cell({"text/plain": line})
+            return
         self._width = max(self._width, len(line))
         sys.stderr.write(f"\r{line:<{self._width}}")
         sys.stderr.flush()
+
+    def _below_cell(self, line: dict[str, str]) -> None:
+        """Change the one line of a cell; of what is written to it, each change would be kept."""
+        from IPython import get_ipython  # where there is a kernel, there is this
+        from IPython.display import display
+
+        cell, self._told = get_ipython().execution_count, True
+        if cell in _LINES:
+            _LINES[cell].update(line, raw=True)
+        else:
+            _LINES[cell] = display(line, raw=True, display_id=True)
 
     def line(self, now: float) -> str:
         """The line, at time ``now`` of the monotonic clock [s].

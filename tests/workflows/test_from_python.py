@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -58,7 +59,9 @@ def test_a_dataset_shows_its_page_its_figure_and_its_runs_in_a_notebook() -> Non
     shown = re.search(r'srcdoc="([^"]*)"', made.vsr._repr_html_())
     assert shown is not None
     page = Path("results", "rock", "report.html").read_text(encoding="utf-8")
-    assert html.unescape(shown[1]) == page
+    assert 'href="../index.html"' in page
+    assert "All results" not in shown[1]  # a link that would lead nowhere
+    assert html.unescape(shown[1]).endswith(page.partition("<header>")[2])
     (diagram,) = made.vsr.plot(yaw=0).axes
     assert diagram.get_xlabel() == "peak ground acceleration [g]"
     run = made.vsr.replay(yaw=0, pga=0.9, pgv_pga=0.3)
@@ -66,12 +69,53 @@ def test_a_dataset_shows_its_page_its_figure_and_its_runs_in_a_notebook() -> Non
     assert run.path.parent.name == "replays"
 
 
+def test_responses_without_a_page_show_themselves_in_short() -> None:
+    made = vsr.responses(BLOCK, PULSES, yaw=[0, 30], **QUICK)
+    shown = re.sub(r"<[^>]*>|\s+", " ", made.vsr._repr_html_()).split()
+    balanced, overturned = ((made.outcome == code).sum().item() for code in (0, 1))
+    said = " ".join(shown)
+    assert "rock box, 0.5 \N{MULTIPLICATION SIGN} 1 \N{MULTIPLICATION SIGN} 2 m, 2110 kg" in said
+    assert f"runs 4: {balanced} balanced, {overturned} overturned" in said
+    assert "error of the boundary not measured, at a time step of 4 ms" in said
+    one = re.sub(r"<[^>]*>|\s+", " ", made.isel(yaw=0).vsr._repr_html_())
+    assert "runs 2: 2 overturned" in " ".join(one.split())  # at 0.3 g, as it is 1:4
+    with pytest.raises(vsr.InputError, match=r"report\.html was not made; call vsr\.fragility"):
+        made.vsr.page  # noqa: B018 (it is the asking that fails)
+    (cells,) = made.vsr.plot(yaw=30).axes
+    assert cells.get_xlabel() == "peak ground acceleration [g]"
+    assert cells.get_title() == "yaw 30 deg"
+    assert cells.figure.legends[0].get_texts()[0].get_text() == "overturned"
+
+
+def test_a_part_of_a_fragility_shows_the_boundary_and_the_diagram_of_its_own_yaw() -> None:
+    made = vsr.fragility(BLOCK, PULSES, yaw=[0, 90], **QUICK)
+    Path(made.encoding["source"]).with_name("report.html").unlink()
+    at = made.first_overturning_pga.isel(friction=0, pgv_pga=0)
+    said = re.sub(r"<[^>]*>|\s+", " ", made.vsr._repr_html_())
+    assert f" {at.min().item():#.4g} [" in said
+    assert re.search(rf" to {at.max().item():#.4g} \[[^]]*\] g at yaw 90 deg", said)
+    thick = made.sel(yaw=90).vsr.plot().axes[0]
+    assert thick.get_title() == "yaw 90 deg"
+    (strokes,) = (one for one in thick.collections if one.get_gid() == "cells")
+    held = vsr.responses(BLOCK, PULSES, yaw=[0, 90], **QUICK).sel(yaw=90)
+    assert (strokes.get_array() == 2).sum() == (held.overturned == 1).sum()
+
+
+def test_a_dataset_of_a_file_alone_says_how_its_runs_are_replayed() -> None:
+    made = vsr.responses(BLOCK, PULSES, derived="results", name="elsewhere", **QUICK)
+    path = Path(made.encoding["source"])
+    copy = Path(shutil.copytree(path.parent, "copy")) / path.name
+    with pytest.raises(vsr.InputError, match=r"with which vsr made .* call vsr\.fragility"):
+        xr.open_dataset(copy).vsr.replay(yaw=0, pga=0.9, pgv_pga=0.3)
+
+
 def test_what_a_dataset_does_not_have_is_refused() -> None:
     made = vsr.responses(BLOCK, PULSES, **QUICK)
-    with pytest.raises(vsr.InputError, match="got responses; fragility and displacement have"):
-        made.vsr.plot()
-    with pytest.raises(vsr.InputError, match=r"report\.html"):
-        made.vsr.page  # noqa: B018 (it is the asking that fails)
+    rock = vsr.run("rock", BLOCK, **QUICK)
+    with pytest.raises(vsr.InputError, match="got rock; responses, fragility, displacement and"):
+        rock.vsr.plot()
+    with pytest.raises(vsr.InputError, match=r"rock\.html was not made; see the dataset itself"):
+        rock.vsr.page  # noqa: B018 (it is the asking that fails)
     with pytest.raises(vsr.InputError, match=r"the grid of the study has PGA 0\.3, 0\.9 g"):
         made.vsr.replay(yaw=0, pga=0.5, pgv_pga=0.3)
     with pytest.raises(vsr.InputError, match="a dataset of a product"):

@@ -129,7 +129,8 @@ def test_the_page_tells_what_independence_costs(made: Path, hazard: xr.Dataset) 
     measured = re.search(r"have a correlation of (-?\d\.\d\d); in recorded earthquakes", page)
     assert measured is not None
     assert float(measured[1]) == pytest.approx(0.0, abs=4.0 / np.sqrt(len(event["pga"])) + 0.01)
-    assert f"it topples {again:.3g} times a year, {again / base:.2f} times as often" in page
+    years = f"{float(f'{1.0 / again:.2g}'):,.0f}"
+    assert f"it topples once in {years} years, {again / base:.2f} times as often" in page
     assert DRAWN_AGAIN in page
     assert "the sum over the events of a branch" in page
     assert "between levels ln λ is linear" not in page

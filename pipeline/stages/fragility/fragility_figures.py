@@ -45,16 +45,17 @@ _KINDS = (
 
 @style.styled
 def overturning_diagram(
-    responses: xr.Dataset, fragility: xr.Dataset, place: tuple[int, int], name: str = ""
+    responses: xr.Dataset, fragility: xr.Dataset | None, place: tuple[int, int], name: str = ""
 ) -> Figure:
-    """Draw the cells of one yaw and friction, their boundary and the recommended model."""
+    """Draw the cells of one yaw and friction; of a fragility its boundary and model, too."""
     figure = Figure(figsize=(4.3, 4.4))
     axes = figure.add_axes((0.125, 0.3, 0.85, 0.63))
     runs = responses.isel(yaw=place[0], friction=place[1])
-    fit = fragility.isel(yaw=place[0], friction=place[1])
     _cells(axes, runs)
-    _boundary(axes, fit)
-    _model(axes, fit)
+    if fragility is not None:
+        fit = fragility.isel(yaw=place[0], friction=place[1])
+        _boundary(axes, fit)
+        _model(axes, fit)
     axes.set_xlabel(label("pga"))
     _rows(axes, runs)
     axes.set_title(name)

@@ -187,7 +187,7 @@ def page(
         "frictions": listed([f"{one:g}" for one in rock.frictions]) if rock.frictions else "",
         "yaws": len(rock.by_yaw),
         "percent": lambda share: percent(share).replace(" ", "\N{NO-BREAK SPACE}"),
-        "every": lambda rate: f"{1.0 / rate:,.0f}" if rate > 0.0 else "\N{INFINITY}",
+        "every": every,
         **_results(analysis, hazard, config),
         **_shaking(hazard, rock.tested),
         "rocks": _rocks(config, analysis),
@@ -296,6 +296,15 @@ def percent(share: float) -> str:
     if share < 1e-4:
         return "less than 0.01 %"
     return f"{100.0 * share:{'.0f' if share >= 0.0995 else '#.2g'}} %"
+
+
+def every(rate: float) -> str:
+    """Mean time between events of a rate [1/year] in years, to two digits.
+
+    >>> every(5.45e-5), every(0.4), every(0.0)
+    ('18,000', '2.5', '∞')
+    """
+    return f"{float(f'{1.0 / rate:.2g}'):,.15g}" if rate > 0.0 else "\N{INFINITY}"
 
 
 def sentence(

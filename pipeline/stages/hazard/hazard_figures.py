@@ -121,7 +121,7 @@ def survival(hazard: xr.Dataset, minimum: float) -> Figure:
     if len(probabilities) <= MOST_BARS:
         _name_branches(above, hazard)
     above.set(ylim=(0.0, 1.0), ylabel="probability of survival")
-    _solid(above.legend(loc="upper right", frameon=True, framealpha=0.9, edgecolor="none"))
+    _solid(figure.legend(*above.get_legend_handles_labels(), loc="outside upper center", ncols=3))
     below.fill_between(age, hazard["age_density"].values, step="mid", color=style.BASE, alpha=0.6)
     below.set(
         ylim=(0.0, None),
@@ -136,9 +136,11 @@ def survival(hazard: xr.Dataset, minimum: float) -> Figure:
 
 
 def _name_branches(axes: Axes, hazard: xr.Dataset) -> None:
-    """Write names beside lines that lie apart."""
+    """Write names beside lines that lie apart, inside of the axes."""
     age, probabilities = hazard["age"].values, hazard["survival_at_age"].values
-    at = int(np.abs(probabilities.mean(axis=0) - 0.45).argmin())
+    inside = np.flatnonzero((age >= 0.02 * age[-1]) & (age <= 0.98 * age[-1]))
+    at = int(inside[np.abs(probabilities[:, inside].mean(axis=0) - 0.45).argmin()])
+    side = "left" if age[at] < 0.5 * age[-1] else "right"
     order = np.argsort(-probabilities[:, at])
     groups: list[list[int]] = []
     for i in order:
@@ -149,8 +151,9 @@ def _name_branches(axes: Axes, hazard: xr.Dataset) -> None:
     for group in groups:
         names = [str(hazard["branch"].values[i]) for i in sorted(group)]
         text = ", ".join(names) if len(names) <= 6 else f"{len(names)} branches"
-        middle: Any = {"fontsize": 7.5, "ha": "center", "va": "center", "path_effects": style.HALO}
-        axes.text(age[at], probabilities[group, at].mean(), text, **middle)
+        height = np.clip(probabilities[group, at].mean(), 0.03, 0.97)
+        look: Any = {"fontsize": 7.5, "ha": side, "va": "center", "path_effects": style.HALO}
+        axes.text(age[at], height, text, **look)
 
 
 @style.styled

@@ -6,8 +6,11 @@ import subprocess
 import sys
 import time
 
+import nbclient
+import nbformat
 import pytest
 
+from pipeline import ROOT
 from pipeline.workflow import progress
 from pipeline.workflow.progress import Steps
 
@@ -25,6 +28,25 @@ def test_a_step_that_lasts_is_told_and_one_that_does_not_is_not(
             time.sleep(0.01)
     assert [line.rpartition(", ")[0] for line in lines] == ["scan: closing"]
     assert lines[0].endswith(" s so far")
+
+
+def test_a_notebook_keeps_one_line_of_all_that_was_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    runs = (
+        "import time\n"
+        "from pipeline.workflow.progress import Progress\n"
+        "for total in (3, 6):\n"
+        "    with Progress(total, print) as progress:\n"
+        "        for outcome in (0, 0, 0, 1, 1, 1)[:total]:\n"
+        "            time.sleep(0.25)\n"
+        "            progress.add([outcome])\n"
+    )
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(runs)])
+    nbclient.NotebookClient(book, timeout=120).execute()
+    (shown,) = book.cells[0]["outputs"]
+    assert shown["output_type"] == "display_data"
+    assert shown["data"]["text/plain"].startswith("runs 6/6 ")
+    assert shown["data"]["text/plain"].endswith("3 balanced, 3 overturned")
 
 
 def test_a_warning_of_a_library_is_told_in_one_line_once() -> None:

@@ -274,21 +274,24 @@ def _moved(dimension: Dimension, changes: list[Change]) -> str:
     against = f"Compared with {dimension.name} {reference}, the boundary, averaged over PGV/PGA,"
     if _percent(least.mean) == _percent(most.mean) == "0 %":
         return f"{against} does not move."
-    if least is most:
-        return f"{against} moves by {_percent(most.mean)} at {most.label}."
+    if _percent(least.mean) == _percent(most.mean):
+        return f"{against} moves by {_percent(most.mean)} at {_named([o.label for o in known])}."
     low, high = (f"{_percent(one.mean)} at {one.label}" for one in (least, most))
     return f"{against} moves by {low} to {high}."
 
 
 def _none(changes: list[Change]) -> str:
-    """Where nothing topples."""
+    """Where nothing topples, and at how many PGV/PGA levels elsewhere."""
     safe = [one.label for one in changes if one.toppled == 0.0 and np.isnan(one.mean)]
+    lost = [one for one in changes if one.lost and one.label not in safe]
+    said = []
+    if lost:
+        counts = ", ".join(f"{one.lost} of {one.rows} at {one.label}" for one in lost[:MOST_NAMED])
+        more = f" and at {len(lost) - MOST_NAMED} more" if len(lost) > MOST_NAMED else ""
+        said = [f"This excludes PGV/PGA levels that no longer topple: {counts}{more}."]
     if safe:
-        return f"At {_named(safe)} nothing topples up to the highest PGA tried."
-    most = max(changes, key=lambda one: one.lost)
-    if most.lost == 0:
-        return ""
-    return f"This excludes PGV/PGA levels that no longer topple: {most.lost} at {most.label}."
+        said.append(f"At {_named(safe)} nothing topples up to the highest PGA tried.")
+    return " ".join(said)
 
 
 def _beyond(changes: list[Change]) -> str:

@@ -23,6 +23,7 @@ from pipeline.stages.displacement import scene3d
 from pipeline.stages.displacement.timelapse import SPEEDS
 
 Array = NDArray[np.float64]
+SUPPORT = Path(tumbling.__file__).parent
 
 HOSTILE = "</script><img src=x onerror=alert(1)>&{{ 7 * 7 }}"
 WIDE, PHONE = {"width": 1100, "height": 700}, {"width": 360, "height": 640}
@@ -206,6 +207,20 @@ def test_the_ground_and_the_rock_are_seen(opened: Opened) -> None:
     column, row = on_screen(page, np.array(vsr(page, "position"))).astype(int)
     at = shown[row + 4, column - 4]  # beside the path, which starts there
     assert at[0] > 1.4 * at[1] > 1.4 * 1.4 * at[2]  # the rock's orange
+
+
+def test_the_page_is_dark_where_its_reader_wants_it(opened: Opened) -> None:
+    """The sky, too; ground and lines keep their colours."""
+    lit, dark = (opened(color_scheme=scheme) for scheme in ("light", "dark"))
+    for page in (lit, dark):
+        assert page.evaluate((SUPPORT / "page_checks.js").read_text(encoding="utf-8")) == []
+    paper = "getComputedStyle(document.body).backgroundColor"
+    assert (lit.evaluate(paper), dark.evaluate(paper)) == ("rgb(255, 255, 255)", "rgb(26, 26, 25)")
+    before, after = pixels(lit), pixels(dark)
+    assert before[2, -3].min() > 200
+    assert after[2, -3].max() < 80
+    same = (before == after).all(axis=-1)
+    assert same[before.shape[0] // 2 :].mean() > 0.5
 
 
 def test_z_is_up_and_the_way_runs_to_the_right(opened: Opened, displacement: xr.Dataset) -> None:

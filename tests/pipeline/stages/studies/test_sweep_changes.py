@@ -95,6 +95,21 @@ def test_sentences_tell_a_change_from_its_error() -> None:
     assert "At 4 nothing topples up to the highest PGA tried." in said
 
 
+def test_levels_that_no_longer_topple_are_named_beside_a_place_where_nothing_does() -> None:
+    same = [(0.3, 0.4)] * 4
+    three = Dimension("size", {"rock.radius": (1, 4, 9)}, ("1", "4", "9"), 0, gridded=False)
+    said = about(three, changes(study(same, [*same[:3], NEVER], [NEVER] * 4), three), None)
+    assert "This excludes PGV/PGA levels that no longer topple: 1 of 4 at 4." in said
+    assert "At 9 nothing topples up to the highest PGA tried." in said
+
+
+def test_places_where_the_boundary_moves_alike_are_all_named() -> None:
+    same, more = [(0.3, 0.4)] * 4, [(0.5, 0.6)] * 4
+    three = Dimension("size", {"rock.radius": (1, 4, 9)}, ("1", "4", "9"), 0, gridded=False)
+    said = about(three, changes(study(same, more, more), three), None)
+    assert "moves by +58 % at 4 and 9." in said  # the root of 0.30 / 0.12, less 1
+
+
 def test_similar_rocks_have_one_curve_in_their_own_units() -> None:
     """Four times the radius: the same boundary at twice the PGV/PGA."""
     level = 0.3 / np.array(RATIO)

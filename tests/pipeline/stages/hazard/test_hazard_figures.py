@@ -1,0 +1,42 @@
+"""Survival against age: names of branches and the legend hide no curve and cross no frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from pipeline.stages.hazard.hazard_figures import survival
+
+AGE = np.linspace(0.0, 6700.0, 202)
+
+
+@pytest.mark.parametrize(
+    "rates",
+    [
+        pytest.param([2e-5, 2.1e-5, 4e-6, 5e-6], id="all survive"),
+        pytest.param([1e-4, 1e-3], id="half survive"),
+        pytest.param([0.9, 1.0], id="none survives"),
+    ],
+)
+def test_names_and_legend_of_survival_have_their_own_places(rates: list[float]) -> None:
+    hazard = xr.Dataset(
+        {
+            "survival_at_age": (("branch", "age"), np.exp(-np.outer(rates, AGE))),
+            "rejected": ("branch", np.zeros(len(rates), dtype=np.int8)),
+            "age_density": ("age", np.exp(-(((AGE - 5000.0) / 500.0) ** 2))),
+        },
+        {"branch": [str(number) for number in range(len(rates))], "age": AGE},
+    )
+    figure = survival(hazard, 0.05)
+    FigureCanvasAgg(figure).draw()
+    above = figure.axes[0]
+    frame = above.get_window_extent()
+    assert above.texts
+    for name in above.texts:
+        box = name.get_window_extent()
+        assert frame.x0 < box.x0 < box.x1 < frame.x1
+        assert frame.y0 < box.y0 < box.y1 < frame.y1
+    (legend,) = [*figure.legends, *filter(None, (axes.get_legend() for axes in figure.axes))]
+    assert not legend.get_window_extent().overlaps(frame)
