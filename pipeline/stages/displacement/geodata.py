@@ -11,7 +11,7 @@ import shapely
 import xarray as xr
 from numpy.typing import NDArray
 
-from pipeline.config.layers import Site
+from pipeline.config.layers import Origin, Site
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.scene_schema import Georeference
 from pipeline.stages.datasets.displaced_runs import STOPS
@@ -51,8 +51,14 @@ def refuse(site: Site) -> None:
         raise InputError(problem) from None
     try:
         system = CRS.from_user_input(place.crs)
-        metres = system.is_projected and all(a.unit_name == "metre" for a in system.axis_info)
+        axes = system.axis_info
+        metres = system.is_projected and all(a.unit_name == "metre" for a in axes)
         rule = "" if metres else f"its coordinates are metres, and those of {system.name} are not"
+        if metres and {a.direction for a in axes[:2]} != {"east", "north"}:
+            given = " and ".join(a.direction for a in axes[:2])
+            rule = (
+                f"its axes point to the east and the north, and those of {system.name} to {given}"
+            )
     except CRSError:
         rule = "it is the code of a coordinate reference system"
     if rule:
@@ -64,13 +70,39 @@ def make(work: Work, runs: Displacement, ground: TerrainData, place: Georeferenc
     """Write where each run ended, and its path."""
     displacement = runs.data
     origin = np.add(place.origin, ground.data.attrs["origin_in_scan"])
+    where = _where(work.origin, place.crs, origin)
     ends, paths = layers(displacement, origin)
     files = {
         PACKAGE: _written("GPKG", {"end_positions": ends, "trajectories": paths}, place.crs),
         ENDS: _written("GeoJSON", {"end_positions": ends}, place.crs),
         PATHS: _written("GeoJSON", {"trajectories": paths}, place.crs),
     }
-    return Product(files, f"{len(ends[0])} end positions in {place.crs}")
+    return Product(files, f"{len(ends[0])} end positions in {place.crs}, {where}")
+
+
+BEYOND = 3.0
+"""Degrees by which a place may lie outside the area that a system is made for: half a zone of UTM."""
+
+
+def _where(site: Origin, crs: str, origin: Array) -> str:
+    """Longitude and latitude of the rock, in words; refused where its system does not hold."""
+    from pyproj import CRS, Transformer
+
+    system = CRS.from_user_input(crs)
+    east, north = Transformer.from_crs(system, "EPSG:4326", always_xy=True).transform(*origin[:2])
+    where = f"at longitude {east:.5f}, latitude {north:.5f}"
+    area = system.area_of_use
+    inside = bool(np.isfinite([east, north]).all())
+    if inside and area is not None:
+        inside = area.south - BEYOND <= north <= area.north + BEYOND
+        inside &= (east - area.west + BEYOND) % 360 <= (area.east - area.west) % 360 + 2 * BEYOND
+    if not inside:
+        held = f" ({area.name})" if area is not None else ""
+        rule = f"the rock lies where {crs} holds{held[:150]}"
+        remedy = "give the system of the scan, and an origin only where the scan has one of its own"
+        key = "georeference.origin"
+        raise InputError(Problem(site.file_of(key), key, f"a rock {where}", rule, remedy))
+    return where
 
 
 def layers(displacement: xr.Dataset, origin: Array) -> tuple[Layer, Layer]:

@@ -54,6 +54,8 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
         rule, remedy = "the grid is one of cosine pulses", "use a site or study of cosine pulses"
         file = job.site.file_of("motion.kind")
         raise InputError(Problem(file, "motion.kind", repr(motion.kind), rule, remedy))
+    if export is not None:
+        _check_export(export, motion, config.table(), file)
     graph.make("rock", job)
     rock = graph.built(Standing, job).rock
     label = Path(file).stem
@@ -99,11 +101,11 @@ def _dataset(motion: PulseConfig, table: Table, mass: float) -> xr.Dataset:
 
 
 def _boundaries(job: Job) -> xr.Dataset | None:
-    """The site's boundary, if it is there and of pulses."""
-    stored = BoundaryData.load(job.store)
-    if not (stored.folder / stored.FILE).is_file():
+    """The site's boundary, if it is there, of these settings and of pulses."""
+    made, own = job.store.manifest("boundary"), graph.identities("boundary", job.site)["boundary"]
+    if made is None or made["key"] != own.key:
         return None
-    boundary = stored.data
+    boundary = BoundaryData.load(job.store).data
     return boundary if "pgv_pga" in boundary.dims else None
 
 
@@ -136,6 +138,22 @@ def _told(dataset: xr.Dataset, config: TableConfig, mass: float) -> list[str]:
     return lines
 
 
+FEWEST = 16
+"""Commands of a pulse, each the mean velocity while it is held: so many keep .994 of the PGV."""
+
+
+def _check_export(folder: Path, motion: PulseConfig, table: Table, file: str) -> None:
+    """Refuse commands too coarse for a pulse, and a folder that holds others of another table."""
+    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+        rule, remedy = "commands go into a new or an empty folder", "give another"
+        raise InputError(Problem("--export", "", str(folder), rule, remedy))
+    shortest = CosinePulse.from_g(motion.pga[0], motion.pgv_pga[0]).duration
+    if shortest * table.command_rate < FEWEST:
+        given = f"{table.command_rate:g} Hz, for a pulse of {shortest:.3g} s"
+        rule = f"a pulse has at least {FEWEST} commands"
+        raise InputError(Problem(file, "command_rate", given, rule, "leave out the short pulses"))
+
+
 def _export(dataset: xr.Dataset, table: Table, folder: Path) -> int:
     """Write the commands of each motion that can be done; returns their number."""
     places = np.argwhere(dataset["feasible"].values == 1)
@@ -147,7 +165,7 @@ def _export(dataset: xr.Dataset, table: Table, folder: Path) -> int:
             frame = pd.DataFrame({"time_s": sent.time, "velocity_m_per_s": sent.velocity})
             if sent.steps is not None:
                 frame["motor_step"] = sent.steps
-            file = folder / f"pgv_pga_{ratio:g}_pga_{pga:g}.csv"
+            file = folder / f"pgv_pga_{ratio:.9g}_pga_{pga:.9g}.csv"
             frame.to_csv(file, index=False, lineterminator="\r\n")
     return len(places)
 

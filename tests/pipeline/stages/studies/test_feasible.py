@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.config.layers import TABLES, known, load_table
+from pipeline.stages.studies import feasible
 from pipeline.stages.studies.feasible import feasible_grid
 from vsr_core import GRAVITY
 from vsr_core.motions.pulses import CosinePulse
@@ -164,6 +165,35 @@ def test_products_of_a_small_grid(
     middle = sent[len(sent) // 2 - 1]
     place = int(middle["motor_step"]) * math.pi * 0.05 / 1600
     assert place == pytest.approx(2.0 * pulse.pga * 0.15**2, rel=0.01)
+
+
+def test_commands_of_two_tables_never_lie_in_one_folder(
+    write_site: Callable[..., str], write_table: Callable[..., str], refused: Callable[..., str],
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    out = tmp_path / "commands"
+    out.mkdir()
+    (out / "pgv_pga_0.05_pga_1.csv").write_text("time_s,velocity_m_per_s\n")
+    command = ("feasible", "--site", write_site(GRID), "--export", out)
+    refused(*command, "--table", write_table(), words=("--export", "empty folder"))
+    coarse = write_table(MINE.replace("command_rate: 200", "command_rate: 20"))
+    (out / "pgv_pga_0.05_pga_1.csv").unlink()
+    refused(*command, "--table", coarse, words=("command_rate", "20 Hz", "16 commands"))
+
+
+def test_another_rocks_boundary_is_not_drawn(
+    write_site: Callable[..., str], vsr: Callable[..., object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site, drawn = write_site(GRID), []
+    draw = feasible.feasible_grid
+    monkeypatch.setattr(
+        feasible, "feasible_grid", lambda data, rock: drawn.append(rock) or draw(data, rock)
+    )
+    assert vsr("run", "boundary", "--site", site, "--workers", "0").code == 0  # type: ignore[attr-defined]
+    for setting in ("yaw=[0]", "rock.size=[0.5, 1.0, 3.0]"):
+        assert vsr("feasible", "--site", site, "--set", setting).code == 0  # type: ignore[attr-defined]
+    assert vsr("feasible", "--site", site).code == 0  # type: ignore[attr-defined]
+    assert [rock is None for rock in drawn] == [True, True, False]
 
 
 def test_a_rock_that_is_too_heavy_binds_everywhere(
