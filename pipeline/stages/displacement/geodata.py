@@ -81,7 +81,7 @@ def make(work: Work, runs: Displacement, ground: TerrainData, place: Georeferenc
 
 
 BEYOND = 3.0
-"""Degrees by which a place may lie outside the area that a system is made for: half a zone of UTM."""
+"""Degrees by which a place may lie outside the area of a system: half a zone of UTM."""
 
 
 def _where(site: Origin, crs: str, origin: Array) -> str:

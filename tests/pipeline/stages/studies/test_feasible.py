@@ -190,7 +190,7 @@ def test_another_rocks_boundary_is_not_drawn(
         feasible, "feasible_grid", lambda data, rock: drawn.append(rock) or draw(data, rock)
     )
     assert vsr("run", "boundary", "--site", site, "--workers", "0").code == 0  # type: ignore[attr-defined]
-    for setting in ("yaw=[0]", "rock.size=[0.5, 1.0, 3.0]"):
+    for setting in ("yaw=[45]", "rock.size=[0.5, 1.0, 3.0]"):
         assert vsr("feasible", "--site", site, "--set", setting).code == 0  # type: ignore[attr-defined]
     assert vsr("feasible", "--site", site).code == 0  # type: ignore[attr-defined]
     assert [rock is None for rock in drawn] == [True, True, False]
