@@ -206,7 +206,8 @@ def stored_events(folder: Path) -> Path:
 def of_events(path: Path) -> Any:
     found = event_files.load(path, None)
     one = found.events
-    columns = one.pga, one.pgv, one.branch, one.rupture
+    pgv = np.zeros(len(one.pga)) if one.pgv is None else one.pgv
+    columns = one.pga, pgv, one.branch, one.rupture
     branches = [(branch.name, branch.path, branch.weight) for branch in found.model.branches]
     assert one.ruptures is not None
     told = one.years, found.model.location, branches, one.ruptures.distances.tolist()

@@ -134,10 +134,10 @@ def read(path: Path) -> Archive:
 
 
 def _check_end(path: Path, text: str) -> None:
-    """Refuse a table whose last line is cut."""
+    """Refuse a table whose last line is cut; a single row has to end its line."""
     parted = [_fields(line) or [""] for line in text.splitlines() if _is_row(line)]
     *others, last = parted[1:] or [[""]]
-    if is_cut(text, last[-1:], [fields[-1] for fields in others] or last[:-1]):
+    if is_cut(text, last[-1:], [fields[-1] for fields in others]):
         given, rule = f"a last line that ends in {last[-1]!r}", "the file is whole"
         raise outside.refused(path, "", given, rule, "export it again, or end its last line")
 

@@ -74,7 +74,7 @@ def _loaded(path: Path, stamps: object, given: float | None) -> EventSet:
         years,
         ruptures,
     )
-    unused = []
+    unused = list(told.unused)
     if weak := len(known["event_id"]) - len(at):
         unused.append(f"{counted(weak, 'event')} without a row of shaking, as too weak")
     if none := int((pga == 0.0).sum()):
@@ -181,7 +181,7 @@ def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | No
         pga.append(part["gmv_PGA"].astype(np.float32))
         if "gmv_PGV" in part:
             pgv.append(part["gmv_PGV"].astype(np.float32))
-    if not places:
+    if not sum(map(len, places)):
         raise refused(path, "", "no rows", "there is one for each event that is felt")
     at = np.concatenate(places)
     if (seen := np.bincount(at)).max() > 1:

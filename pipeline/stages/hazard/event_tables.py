@@ -84,6 +84,7 @@ class EventTables:
     paths : dict, of files by what they hold, for what is refused
     times : tuple of str, investigation time and number of event sets, where both are told
     parts : callable, from what a table holds and the schema of its rows to its columns, in parts
+    unused : tuple of str, what is told of shaking that has no part, in words
     """
 
     paths: dict[str, Path]
@@ -91,6 +92,7 @@ class EventTables:
     weights: list[Realization]
     place: Place | None
     parts: Callable[[str, type[Row]], Iterator[dict[str, Any]]]
+    unused: tuple[str, ...] = ()
 
 
 def of_folder(folder: Path) -> EventTables:
@@ -103,6 +105,11 @@ def of_folder(folder: Path) -> EventTables:
         openquake.realizations(folder),
         _place(paths["sitemesh"]) if "sitemesh" in paths else None,
         partial(_parts, paths),
+        tuple(
+            f"column {name} of {paths['gmf-data'].name} left out, as it says nothing here"
+            for name in long_tables.header(paths["gmf-data"])[1]
+            if name not in Shaken.model_fields
+        ),
     )
 
 

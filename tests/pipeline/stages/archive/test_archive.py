@@ -242,6 +242,14 @@ def test_a_table_that_is_cut_inside_its_last_number_is_refused(tmp_path: Path) -
             rock_list.read(path)
 
 
+def test_a_single_row_ends_its_line(tmp_path: Path) -> None:
+    """Its last number has the digits of another field: 25 of 2500 years."""
+    path = tmp_path / "rocks.csv"
+    path.write_text(f"{HEADER}\nA,12,17,0.84,0.86,,40,,14000,25")
+    with pytest.raises(InputError, match="a last line that ends in '25'"):
+        rock_list.read(path)
+
+
 def test_a_table_that_is_cut_after_a_comma_is_refused(tmp_path: Path) -> None:
     """Also where another row ends in an empty field, as this one would then."""
     whole = f"{HEADER}\nA,12,17,0.84,0.86,,40,,,\nB,12,17,0.84,0.86,,200,0.6,,1500"

@@ -61,7 +61,10 @@ def test_events_are_those_of_their_branches_and_ruptures(tmp_path: Path) -> None
         ("0", "A~0", 0.4), ("1", "A~1", 0.6)
     ]  # fmt: skip
     assert hazard.location == (-121.0, 35.0)
-    assert hazard.unused == ("1 event without PGA left out",)
+    assert hazard.unused == (
+        "column gmv_SA(1.0) of gmf-data_5.csv left out, as it says nothing here",
+        "1 event without PGA left out",
+    )
     assert events.ruptures is not None
     kilometres = 111.195 * np.cos(np.radians(35.0))
     np.testing.assert_allclose(events.ruptures.distances, [kilometres, 0.0], rtol=1e-6)
@@ -198,6 +201,18 @@ def test_a_file_that_is_missing_or_there_twice_is_named(tmp_path: Path, name: st
     path.unlink()
     (tmp_path / f"{name}_6.csv").unlink()
     with pytest.raises(InputError, match=f"{name}: got no such file"):
+        event_files.load(tmp_path, None)
+
+
+def test_fields_without_rows_are_refused_and_a_strange_column_is_named(tmp_path: Path) -> None:
+    """A column whose name is damaged has no part, so that PGV is drawn from PGA."""
+    path = EventSet(400.0, ruptures=40).write(tmp_path) / "gmf-data_1.csv"
+    text = path.read_text()
+    path.write_text(text.replace("gmv_PGV", "gmv_PGU"))
+    (said,) = (one for one in event_files.load(tmp_path, None).model.unused if "column" in one)
+    assert said == "column gmv_PGU of gmf-data_1.csv left out, as it says nothing here"
+    path.write_text("".join(text.splitlines(keepends=True)[:2]))
+    with pytest.raises(InputError, match="no rows"):
         event_files.load(tmp_path, None)
 
 
