@@ -14,7 +14,7 @@ DAY = 86400.0
 
 def folders(derived: Path) -> list[Path]:
     """Folders of results, of a site or a variant each; of archives, those a folder below."""
-    found = []
+    found: list[Path] = []
     for folder in sorted(derived.glob("*/")):
         inside = [folder] if _has_products(folder) else sorted(folder.glob("*/"))
         found += filter(_has_products, inside)

@@ -155,6 +155,18 @@ def told(found: Sequence[Settled]) -> str:
     return "; error of " + ", ".join(parts)
 
 
+def warning(choices: Sequence[ladder.Choice], errors: Sequence[Settled]) -> str:
+    """What of the steps is not as it was asked for."""
+    if any(math.isnan(one.error) and math.isnan(one.displaced) for one in choices):
+        return (
+            "the error of the boundary was not measured, as too few of the pulses tried topple or "
+            "displace the rock; the finest time step was taken"
+        )
+    if all([*(one.within for one in choices), *(one.within for one in errors)]):
+        return ""
+    return "the error is not within simulation.tolerance; report.html states it"
+
+
 def measured(
     work: Work, database: RunStore[StepRow], scenes: Scenes, rows: list[Row]
 ) -> list[Array]:

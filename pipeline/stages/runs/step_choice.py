@@ -29,6 +29,7 @@ from pipeline.stages.runs.quantity_errors import (
     settled,
     told,
     variables,
+    warning,
 )
 from pipeline.stages.runs.scenes import (
     Group,
@@ -107,7 +108,7 @@ def make(
     dataset["within_tolerance"] *= np.array([one.within for one in errors])
     dataset = dataset.assign(variables(errors))
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
-    return Product(files, _summary(choices) + told(errors), warning=_warning(choices, errors))
+    return Product(files, _summary(choices) + told(errors), warning=warning(choices, errors))
 
 
 def _given(work: Work, scenes: Scenes, time_step: float) -> Product:
@@ -121,7 +122,7 @@ def _given(work: Work, scenes: Scenes, time_step: float) -> Product:
     dataset = xr.Dataset(chosen | variables(errors), {"friction": list(frictions)})
     note = f"time step {1e3 * time_step:.4g} ms as given; its error was not measured"
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
-    return Product(files, note + told(errors), warning=_warning([], errors))
+    return Product(files, note + told(errors), warning=warning([], errors))
 
 
 def _settled(
@@ -391,15 +392,3 @@ def _told(choice: Choice) -> str:
     if not math.isnan(choice.displaced):
         parts.append(f"error of the boundary of sliding {choice.displaced:.2%}")
     return ", ".join(parts) if len(parts) > 1 else f"{parts[0]}, the finest"
-
-
-def _warning(choices: Sequence[Choice], errors: Sequence[Settled]) -> str:
-    """What of the steps is not as it was asked for."""
-    if any(math.isnan(one.error) and math.isnan(one.displaced) for one in choices):
-        return (
-            "the error of the boundary was not measured, as too few of the pulses tried topple or "
-            "displace the rock; the finest time step was taken"
-        )
-    if all([*(one.within for one in choices), *(one.within for one in errors)]):
-        return ""
-    return "the error is not within simulation.tolerance; report.html states it"
