@@ -44,6 +44,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (wheel,) = into.glob("vsr-*.whl")
     zipfile.ZipFile(wheel).extractall(into)
     assert (into / "vsr_core" / "scene.py").is_file()
+    assert (into / "pipeline" / "inspection" / "answers.schema.json").is_file()
     shutil.copytree(ROOT / "vsr_core", into / "vsr_core", dirs_exist_ok=True)  # with machine code
     return into
 
