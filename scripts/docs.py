@@ -41,7 +41,7 @@ SHOWN = {"page_index": ("index.html", WIDE), "page_report": ("cuboid_1x1x2/repor
 """Pictures of pages, each with its page and the window [px] it is seen in."""
 
 BESIDE = ("CHANGELOG.md", "CONTRIBUTING.md", "paper.md", "CITATION.cff")
-"""Pages that stand in the root, where visitors of a repository look for them."""
+"""Files that stand in the root, where visitors of a repository look for them."""
 
 MADE = "examples/"
 """Where links lead that a quick build has no pages for."""
