@@ -265,6 +265,9 @@ class RecordConfig(Section):
             raise Refused(rule, "give one of the two", key="files records")
         if self.records == ():
             raise Refused("at least one record is required", "add one", key="records")
+        if self.response is not None and self.unit is not None:
+            rule = "without their response, samples are in m/s2: no unit goes with it"
+            raise Refused(rule, "leave out motion.unit", key="unit response")
         return self
 
 
