@@ -256,7 +256,8 @@ def test_problem_names_the_layer_it_came_from(
         ),
         (
             "motion={kind: record, files: [a.mseed], unit: gal, pga: 0.3, "
-            "response: {file: a.xml, corners: [1, 2, 20, 30]}, processing: {order: none, highpass: null, lowpass: null}}",
+            "response: {file: a.xml, corners: [1, 2, 20, 30]}, "
+            "processing: {order: none, highpass: null, lowpass: null}}",
             ("motion.unit", "no unit goes with it", "leave out motion.unit"),
         ),
         ("motion.files=a", ("motion.files", "only motion.kind record, table has this key")),
