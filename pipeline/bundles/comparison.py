@@ -16,13 +16,13 @@ import numpy as np
 import xarray as xr
 
 from pipeline.bundles.layout import RESULTS, about, opened
-from pipeline.config.outside import check_target
 from pipeline.config.problems import InputError, Problem
-from pipeline.workflow import pages
+from pipeline.workflow import output, pages
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.parameters import changes
 from pipeline.workflow.site_folder import SETTINGS
-from pipeline.workflow.store import Store, writing
+from pipeline.workflow.store import Store
+from pipeline.workflow.writers import text
 from vsr_core.arrays import Array
 from vsr_core.outcome import Outcome
 
@@ -39,7 +39,7 @@ class Part:
 
 def compare(one: Path, other: Path, page: Path) -> list[Part]:
     """Compare, and write the page."""
-    check_target(page)
+    output.check("--to", page, ".html", one, other)
     with ExitStack() as stack:
         first, second = (Store(stack.enter_context(_Folder(path))) for path in (one, other))
         _require_whole(first, one)
@@ -51,10 +51,9 @@ def compare(one: Path, other: Path, page: Path) -> list[Part]:
             Part("cells", list(_cells(first, second))),
             Part("boundary", list(_boundary(boundary))),
         ]
-    with writing(page.parent):
-        facts = {"one": str(one), "other": str(other), "parts": parts}
-        facts["directions"] = _directions(boundary)
-        page.write_text(pages.filled("comparison.html", facts), encoding="utf-8")
+    facts = {"one": str(one), "other": str(other), "parts": parts}
+    facts["directions"] = _directions(boundary)
+    output.put("--to", page, text(pages.filled("comparison.html", facts)))
     return parts
 
 
@@ -78,8 +77,8 @@ class _Folder(tempfile.TemporaryDirectory[str]):
                 if name.startswith(f"{RESULTS}/"):
                     into = Path(self.name, name)
                     into.parent.mkdir(parents=True, exist_ok=True)
-                    with archive.open(name) as source, into.open("wb") as target:
-                        shutil.copyfileobj(source, target)
+                    with archive.open(name) as source, into.open("wb") as file:
+                        shutil.copyfileobj(source, file)
         return Path(self.name, RESULTS)
 
 
