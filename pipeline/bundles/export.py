@@ -34,11 +34,13 @@ from pipeline.bundles.layout import (
 )
 from pipeline.config.layers import STUDIES
 from pipeline.config.outside import text
-from pipeline.config.paths import SHIPPED
+from pipeline.config.paths import SHIPPED, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.mesh.sources import ORIGIN, origin_of
 from pipeline.workflow import keys, output
-from pipeline.workflow.site_folder import FILE, SETTINGS
+from pipeline.workflow.grammar import listed
+from pipeline.workflow.products import DELIVERABLES
+from pipeline.workflow.site_folder import FILE, SETTINGS, stale
 from pipeline.workflow.store import Store
 
 OF_CHECKOUT = ("CITATION.cff", "requirements.lock", "LICENSE")
@@ -87,6 +89,7 @@ def export(folder: Path, path: Path, *, inputs: bool, licence: str) -> About:
         if damage := store.damage(stage):
             remedy = "make it again"
             raise InputError(Problem(str(folder), stage, damage, "results are whole", remedy))
+    _require_fresh(store, place)
     found = _inputs(folder, place, manifests, inputs=inputs)
     members = dict(_members(folder, manifests, found))
     about = About(
@@ -109,6 +112,17 @@ def export(folder: Path, path: Path, *, inputs: bool, licence: str) -> About:
     members[ABOUT] = about.model_copy(update={"files": files}).model_dump_json(indent=1).encode()
     output.put("--to", path, partial(_pack, members))
     return about
+
+
+def _require_fresh(store: Store, site: Path) -> None:
+    """Refuse products that the settings beside them did not make."""
+    if found := stale(store):
+        *_, last = found
+        product = next((name for name, one in DELIVERABLES.items() if one.stage == last), last)
+        given = f"what other settings made ({found[last]})"
+        rule = f"all products are of the settings in {FILE}"
+        remedy = f"make it again there with those, e.g. vsr run {product} --site {shown(site)}"
+        raise InputError(Problem(str(store.folder), listed([*found]), given, rule, remedy))
 
 
 def _pack(members: dict[str, bytes], path: Path) -> None:

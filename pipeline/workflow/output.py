@@ -36,7 +36,7 @@ def _fault(path: Path, suffix: str, inputs: tuple[Path, ...]) -> tuple[str, str]
     if folder := next((one for one in real.parents if (one / ".stages").is_dir()), None):
         return f"which is in {folder}", "it is outside of every folder of results"
     if not real.parent.is_dir():
-        return "in no folder", "its folder exists"
+        return "whose folder does not exist", "it is in a folder that exists"
     if real.exists() and not real.is_file():  # a pipe, which may never be read, or a device
         return "which is no regular file", "what is written is a file"
     return "", ""
