@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pipeline.bundles.layout import RESULTS, about, opened
+from pipeline.bundles.layout import RESULTS, about, opened, unpack
 from pipeline.config.problems import InputError, Problem, printable
 from pipeline.workflow import output, pages
 from pipeline.workflow.grammar import counted, listed
@@ -76,10 +75,7 @@ class _Folder(tempfile.TemporaryDirectory[str]):
             about(self._path, archive)
             for name in archive.namelist():
                 if name.startswith(f"{RESULTS}/"):
-                    into = Path(self.name, name)
-                    into.parent.mkdir(parents=True, exist_ok=True)
-                    with archive.open(name) as source, into.open("wb") as file:
-                        shutil.copyfileobj(source, file)
+                    unpack(self._path, archive, name, Path(self.name))
         return Path(self.name, RESULTS)
 
 
