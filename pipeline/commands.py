@@ -17,13 +17,12 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.config.layers import CONFIGS, STUDIES, TABLES, known
-from pipeline.config.outside import check_target
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sweep import Sweep
 from pipeline.inspection import disk
 from pipeline.inspection.answers import Answer, Comparison, Inspected, Known
 from pipeline.inspection.completion import script
-from pipeline.workflow import front_page, graph
+from pipeline.workflow import front_page, graph, output, writers
 from pipeline.workflow.grammar import form
 from pipeline.workflow.jobs import (
     check_drawn,
@@ -124,12 +123,11 @@ def _inspected(question: str, options: argparse.Namespace) -> int:
 
 def _draw(stage: str, job: Job, path: Path) -> None:
     """Write the picture of a product's stages."""
+    output.check("--graph", path, ".svg")
     found = graph.identities(stage, job.site, to_make=False)
     stages = {name: any(graph.why(BY_NAME[name], own, job.store)) for name, own in found.items()}
-    check_target(path)
     svg = named("pipeline.inspection.picture:svg")(job.site.name, stages)
-    with writing(path.parent):
-        path.write_text(svg, encoding="utf-8")
+    output.put("--graph", path, writers.text(svg))
     log(f"-> {path}")
 
 

@@ -63,7 +63,7 @@ def why(product: str, job: Job) -> Why:
 
 def status(product: str, job: Job) -> Status:
     """What is done: stages, runs and their outcomes."""
-    stale = site_folder.told(job)
+    stale = site_folder.told(job.store)
     room = disk.size(job.store.folder), disk.age(job.store.folder)
     others = _others(product, job.store)
     return Status(*_where(job), _stages(product, job), stale, _runs(job, product), *room, others)

@@ -6,16 +6,29 @@ import platform
 import tempfile
 import zipfile
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
-from pipeline.bundles.layout import ABOUT, INPUTS, RESULTS, SUMS, About, about, digest, opened
+import netCDF4
+
+from pipeline.bundles.layout import (
+    ABOUT,
+    INPUTS,
+    RESULTS,
+    SUMS,
+    About,
+    about,
+    digest,
+    opened,
+    unpack,
+)
 from pipeline.config.layers import load_site
-from pipeline.config.problems import InputError, printable
+from pipeline.config.problems import InputError, Problem, printable
 from pipeline.workflow import graph, keys
 from pipeline.workflow.grammar import counted, listed
 from pipeline.workflow.registry import BY_NAME
-from pipeline.workflow.site_folder import SETTINGS
+from pipeline.workflow.site_folder import FILE, SETTINGS
 from pipeline.workflow.store import Store
 
 
@@ -27,14 +40,20 @@ def check(path: Path) -> tuple[list[str], list[str]]:
         if wrong:
             return wrong, []
         with tempfile.TemporaryDirectory() as temporary:
-            folder = Path(temporary)
+            folder = Path(temporary).resolve()
             for name in archive.namelist():
                 if name.startswith((f"{INPUTS}/", f"{RESULTS}/.stages/")):
-                    into = folder / PurePosixPath(name)
-                    into.parent.mkdir(parents=True, exist_ok=True)
-                    into.write_bytes(archive.read(name))
+                    unpack(path, archive, name, folder)
             manifests = Store(folder / RESULTS).manifests()
             if wrong := [printable(line) for line in _not_as_made(told, manifests)]:
+                return wrong, []
+            for stage, manifest in manifests.items():
+                for name in sorted(one for one in manifest["files"] if one.endswith(".nc")):
+                    file = unpack(path, archive, f"{RESULTS}/{name}", folder)
+                    if fault := _not_of(manifest["key"], file):
+                        wrong.append(printable(f"{RESULTS}/{name} {fault} of {stage}"))
+                    file.unlink()
+            if wrong:
                 return wrong, []
             manifests.pop(SETTINGS)
             return [], [printable(line) for line in _otherwise(folder, told, manifests)]
@@ -59,12 +78,29 @@ def _files(archive: zipfile.ZipFile, told: About) -> Iterator[str]:
 
 def _not_as_made(told: About, manifests: dict[str, dict[str, Any]]) -> Iterator[str]:
     """Products that are missing, or of which a file is not what its stage wrote."""
-    for name in sorted({*told.products, SETTINGS} - manifests.keys()):
-        yield f"{RESULTS}/.stages/{name}.json tells nothing of {name}"
+    if missing := sorted({*told.products, SETTINGS} - manifests.keys()):
+        yield from (f"{RESULTS}/.stages/{name}.json tells nothing of {name}" for name in missing)
+        return
+    named = {f"{RESULTS}/.stages/{stage}.json" for stage in manifests}
     for stage, manifest in manifests.items():
         for name, checksum in sorted(manifest["files"].items()):
+            named.add(f"{RESULTS}/{name}")
             if told.files.get(f"{RESULTS}/{name}") != checksum:
                 yield f"{RESULTS}/{name} is not what {stage} wrote"
+    if FILE not in manifests[SETTINGS]["files"]:
+        yield f"{RESULTS}/.stages/{SETTINGS}.json does not name {FILE}"
+    for name in sorted(told.files.keys() - named):
+        if name.startswith(f"{RESULTS}/"):
+            yield f"{name} is of no product"
+
+
+def _not_of(key: str, file: Path) -> str:
+    """Why a dataset is not what has a key; empty where it is, and of one without a key."""
+    try:
+        with netCDF4.Dataset(file) as data:
+            return "" if getattr(data, "vsr_key", key) == key else "has another key than that"
+    except (OSError, RuntimeError, ValueError):
+        return "is no dataset"
 
 
 def _otherwise(folder: Path, told: About, manifests: dict[str, dict[str, Any]]) -> Iterator[str]:
@@ -122,4 +158,6 @@ def _stages(folder: Path, told: About, manifests: dict[str, dict[str, Any]]) -> 
                 others = f" and {counted(len(code) - 1, 'other definition')}" if code[1:] else ""
                 yield f"{stage}: {code[0]}{others}; it would be made anew"
     except InputError as error:
-        yield from (str(problem) for problem in error.problems)
+        for one in error.problems:
+            parts = {key: part.replace(f"{folder}/", "") for key, part in asdict(one).items()}
+            yield str(Problem(**parts))

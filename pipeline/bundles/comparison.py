@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
@@ -15,14 +14,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pipeline.bundles.layout import RESULTS, about, opened
-from pipeline.config.outside import check_target
-from pipeline.config.problems import InputError, Problem
-from pipeline.workflow import pages
-from pipeline.workflow.grammar import counted
+from pipeline.bundles.layout import RESULTS, about, opened, unpack
+from pipeline.config.problems import InputError, Problem, printable
+from pipeline.workflow import output, pages
+from pipeline.workflow.grammar import counted, listed
 from pipeline.workflow.parameters import changes
-from pipeline.workflow.site_folder import SETTINGS
-from pipeline.workflow.store import Store, writing
+from pipeline.workflow.site_folder import SETTINGS, told
+from pipeline.workflow.store import Store
+from pipeline.workflow.writers import text
 from vsr_core.arrays import Array
 from vsr_core.outcome import Outcome
 
@@ -39,22 +38,22 @@ class Part:
 
 def compare(one: Path, other: Path, page: Path) -> list[Part]:
     """Compare, and write the page."""
-    check_target(page)
+    output.check("--to", page, ".html", one, other)
     with ExitStack() as stack:
         first, second = (Store(stack.enter_context(_Folder(path))) for path in (one, other))
         _require_whole(first, one)
         _require_whole(second, other)
         boundary = _both(first, second, "fragility.nc", BOUNDARY)
-        parts = [
-            Part("settings", list(_settings(first, second))),
-            Part("made of", list(_made_of(first, second))),
-            Part("cells", list(_cells(first, second))),
-            Part("boundary", list(_boundary(boundary))),
-        ]
-    with writing(page.parent):
-        facts = {"one": str(one), "other": str(other), "parts": parts}
-        facts["directions"] = _directions(boundary)
-        page.write_text(pages.filled("comparison.html", facts), encoding="utf-8")
+        found = {
+            "settings": _settings(first, second),
+            "made of": _made_of(first, second),
+            "cells": _cells(first, second),
+            "boundary": _boundary(boundary),
+        }
+        parts = [Part(name, [*map(printable, lines)]) for name, lines in found.items()]
+    facts = {"one": str(one), "other": str(other), "parts": parts}
+    facts["directions"] = _directions(boundary)
+    output.put("--to", page, text(pages.filled("comparison.html", facts)))
     return parts
 
 
@@ -76,10 +75,7 @@ class _Folder(tempfile.TemporaryDirectory[str]):
             about(self._path, archive)
             for name in archive.namelist():
                 if name.startswith(f"{RESULTS}/"):
-                    into = Path(self.name, name)
-                    into.parent.mkdir(parents=True, exist_ok=True)
-                    with archive.open(name) as source, into.open("wb") as target:
-                        shutil.copyfileobj(source, target)
+                    unpack(self._path, archive, name, Path(self.name))
         return Path(self.name, RESULTS)
 
 
@@ -92,10 +88,17 @@ def _require_whole(store: Store, path: Path) -> None:
 
 
 def _settings(one: Store, other: Store) -> Iterator[str]:
-    kept = [
-        (store.manifest(SETTINGS) or {"facts": {"config": {}}})["facts"] for store in (one, other)
-    ]
-    yield from changes(kept[0]["config"], kept[1]["config"])
+    """Products that are not of their folder's settings; what is other in folders and products."""
+    for which, store in (("first", one), ("second", other)):
+        yield from (f"in the {which}, {line}" for line in told(store))
+    first, second = one.manifests(), other.manifests()
+    found: dict[str, list[str]] = {}
+    for stage in [name for name in first if name in second]:
+        was, now = (manifests[stage]["facts"]["config"] for manifests in (first, second))
+        for line in changes(was, now):
+            found.setdefault(line, []).append(stage)
+    for line, stages in found.items():
+        yield line if SETTINGS in stages else f"{line} ({listed(stages)})"
 
 
 def _made_of(one: Store, other: Store) -> Iterator[str]:

@@ -11,6 +11,7 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from importlib import metadata
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -32,13 +33,15 @@ from pipeline.bundles.layout import (
     sha256,
 )
 from pipeline.config.layers import STUDIES
-from pipeline.config.outside import check_target, text
-from pipeline.config.paths import SHIPPED
+from pipeline.config.outside import text
+from pipeline.config.paths import SHIPPED, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.mesh.sources import ORIGIN, origin_of
-from pipeline.workflow import keys
-from pipeline.workflow.site_folder import FILE, SETTINGS
-from pipeline.workflow.store import Store, writing
+from pipeline.workflow import keys, output
+from pipeline.workflow.grammar import listed
+from pipeline.workflow.products import DELIVERABLES
+from pipeline.workflow.site_folder import FILE, SETTINGS, stale
+from pipeline.workflow.store import Store
 
 OF_CHECKOUT = ("CITATION.cff", "requirements.lock", "LICENSE")
 """Of the checkout, where there is one."""
@@ -67,7 +70,7 @@ class Inputs:
     given: list[Given]
 
 
-def export(folder: Path, target: Path, *, inputs: bool, licence: str) -> About:
+def export(folder: Path, path: Path, *, inputs: bool, licence: str) -> About:
     """Write the bundle of a site's folder.
 
     Parameters
@@ -75,7 +78,7 @@ def export(folder: Path, target: Path, *, inputs: bool, licence: str) -> About:
     inputs : whether the files are in it that products were made from, or their digests alone
     licence : address of the licence that the results are given under; empty where none is
     """
-    check_target(target)
+    output.check("--to", path, ".zip", folder)
     store = Store(folder)
     manifests = store.manifests()
     place = Path((manifests.get(SETTINGS) or {}).get("place", ""))
@@ -86,6 +89,7 @@ def export(folder: Path, target: Path, *, inputs: bool, licence: str) -> About:
         if damage := store.damage(stage):
             remedy = "make it again"
             raise InputError(Problem(str(folder), stage, damage, "results are whole", remedy))
+    _require_fresh(store, place)
     found = _inputs(folder, place, manifests, inputs=inputs)
     members = dict(_members(folder, manifests, found))
     about = About(
@@ -106,16 +110,25 @@ def export(folder: Path, target: Path, *, inputs: bool, licence: str) -> About:
     files = {name: sha256(held) for name, held in sorted(members.items())}
     members[SUMS] = "".join(f"{digest}  {name}\n" for name, digest in files.items()).encode()
     members[ABOUT] = about.model_copy(update={"files": files}).model_dump_json(indent=1).encode()
-    with writing(target.parent):
-        part = target.with_name(f".part-{os.getpid()}-{target.name}")
-        try:
-            with zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
-                for name, held in sorted(members.items()):
-                    archive.writestr(zipfile.ZipInfo(name, EPOCH), held, zipfile.ZIP_DEFLATED)
-            part.replace(target)
-        finally:
-            part.unlink(missing_ok=True)
+    output.put("--to", path, partial(_pack, members))
     return about
+
+
+def _require_fresh(store: Store, site: Path) -> None:
+    """Refuse products that the settings beside them did not make."""
+    if found := stale(store):
+        *_, last = found
+        product = next((name for name, one in DELIVERABLES.items() if one.stage == last), last)
+        given = f"what other settings made ({found[last]})"
+        rule = f"all products are of the settings in {FILE}"
+        remedy = f"make it again there with those, e.g. vsr run {product} --site {shown(site)}"
+        raise InputError(Problem(str(store.folder), listed([*found]), given, rule, remedy))
+
+
+def _pack(members: dict[str, bytes], path: Path) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, held in sorted(members.items()):
+            archive.writestr(zipfile.ZipInfo(name, EPOCH), held, zipfile.ZIP_DEFLATED)
 
 
 def _members(

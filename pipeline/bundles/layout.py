@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import stat
 import zipfile
 import zlib
@@ -146,6 +147,20 @@ def digest(archive: zipfile.ZipFile, name: str) -> str:
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError):
         return ""
     return state.hexdigest()
+
+
+def unpack(path: Path, archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
+    """Write a member of a bundle below a folder, in pieces; its file."""
+    into = folder / name
+    try:
+        into.parent.mkdir(parents=True, exist_ok=True)
+        with archive.open(name) as packed, into.open("wb") as file:
+            shutil.copyfileobj(packed, file, PIECE)
+    except OSError as error:
+        given = f"what cannot be unpacked ({error.strerror or error})"
+        rule = "it is a file that can stand beside the others"
+        raise refused(path, name, given, rule, "ask for it again") from None
+    return into
 
 
 def sha256(content: bytes) -> str:

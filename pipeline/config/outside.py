@@ -92,12 +92,6 @@ def content(path: Path, largest: int = LARGEST) -> bytes:
         raise InputError.from_invalid(shown(path), "", error) from None
 
 
-def check_target(path: Path) -> None:
-    """Refuse to write to a pipe, which may never be read, or to a device."""
-    if path.exists() and not path.is_file():
-        raise refused(path, "", "no regular file", "what is written is a file", "give another path")
-
-
 def held(path: Path, largest: int) -> bytes:
     """The same for who names the key of a setting, and not the file.
 

@@ -163,11 +163,15 @@ class Values:
 
 
 def changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
-    """Which settings, by dotted key, are others, in words."""
+    """Which settings, by dotted key, are others, in words.
+
+    >>> list(changes({"cut": {"depth": 1.0}}, {"cut": None}))
+    ['cut.depth changed: 1.0 is now None']
+    """
     was, now = dict(_leaves(old)), dict(_leaves(new))
-    for key in sorted(now):
-        if was.get(key) != now[key]:
-            yield f"{key} changed: {_change(was.get(key), now[key])}"
+    for key in sorted({*was, *now}):  # of a section that is left out now, only the old are known
+        if was.get(key) != now.get(key):
+            yield f"{key} changed: {_change(was.get(key), now.get(key))}"
 
 
 def _leaves(tree: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:

@@ -108,11 +108,15 @@ def _reasons(
             yield f"{need} was made anew since"
 
 
-def told(job: Job) -> list[str]:
-    """What other settings left in the folder, in lines."""
-    found = {name: one.get("stale", "") for name, one in job.store.manifests().items()}
+def stale(store: Store) -> dict[str, str]:
+    """What other settings left in the folder, each after what it needs, and what is other."""
+    found = {name: one.get("stale", "") for name, one in store.manifests().items()}
+    return {name: reason for name, reason in found.items() if reason}
+
+
+def told(store: Store) -> list[str]:
+    """The same in lines."""
     return [
         f"{name} is of other settings than {FILE}: {reason}"
-        for name, reason in found.items()
-        if reason
+        for name, reason in stale(store).items()
     ]

@@ -245,6 +245,77 @@ def test_what_its_stage_did_not_write_is_told_though_the_checksums_are_right(
     assert (ran.code, words in ran.err) == (cli.REFUSED, True), (ran.out, ran.err)
 
 
+def passed_off(bundle: Path, name: str, content: bytes) -> None:
+    """Put a file in place of a product, and its checksum into the manifest, too."""
+    resealed(bundle, f"results/{name}", lambda old: content)
+
+    def with_sum(manifest: bytes) -> bytes:
+        told = json.loads(manifest)
+        told["files"][name] = layout.sha256(content)
+        return json.dumps(told).encode()
+
+    resealed(bundle, f"results/.stages/{name.removesuffix('.nc')}.json", with_sum)
+
+
+def test_what_is_passed_off_as_a_product_is_told(
+    bundle: Path, vsr: Callable[..., Ran], tmp_path: Path
+) -> None:
+    with zipfile.ZipFile(bundle) as archive:
+        rock = archive.read("results/rock.nc")
+    for content, words in ((rock, "has another key than that"), (bytes(100), "is no dataset")):
+        shutil.copy(bundle, tmp_path / "other.zip")
+        passed_off(tmp_path / "other.zip", "responses.nc", content)
+        ran = vsr("check", tmp_path / "other.zip")
+        assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1), ran
+        assert f"results/responses.nc {words} of responses" in ran.err
+
+
+def test_files_of_no_product_and_settings_without_their_file_are_told(
+    bundle: Path, vsr: Callable[..., Ran]
+) -> None:
+    def without_file(manifest: bytes) -> bytes:
+        return json.dumps(json.loads(manifest) | {"files": {}}).encode()
+
+    resealed(bundle, "results/Responses.nc", lambda content: b"of somebody")
+    ran = vsr("check", bundle)
+    assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1), ran
+    assert "results/Responses.nc is of no product" in ran.err
+    resealed(bundle, "results/.stages/settings.json", without_file)
+    ran = vsr("check", bundle)
+    assert ran.code == cli.REFUSED
+    assert "results/.stages/settings.json does not name config.yaml" in ran.err
+    assert "results/config.yaml is of no product" in ran.err
+
+
+@pytest.mark.parametrize(
+    ("name", "why"), [("inputs/" + "n" * 300, "File name too long"), ("inputs/more", "directory")]
+)
+def test_a_member_that_cannot_be_unpacked_is_named(
+    name: str, why: str, bundle: Path, vsr: Callable[..., Ran]
+) -> None:
+    resealed(bundle, "inputs/more/one.csv", lambda content: b"")
+    resealed(bundle, name, lambda content: b"")
+    ran = vsr("check", bundle)
+    assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1), ran
+    assert f": {name[:200]}" in ran.err
+    assert why in ran.err
+
+
+def test_a_site_that_is_refused_is_named_as_in_the_bundle(
+    bundle: Path, vsr: Callable[..., Ran]
+) -> None:
+    with zipfile.ZipFile(bundle) as archive:
+        told = json.loads(archive.read(layout.ABOUT))
+    member = f"{told['base']}/{told['site']}"
+    for content, words in ((b"yow: 3\n", f"{member}: yow: "), (b"yaw: [\n", f"{member}: ")):
+        resealed(bundle, member, lambda old, content=content: content)
+        ran = vsr("check", bundle)
+        assert ran.code == cli.UNRESOLVED, ran
+        lines = ran.out.splitlines()
+        assert any(line.startswith(words) for line in lines), lines
+        assert not any("/tmp" in line.replace(member, "") for line in lines), lines
+
+
 def test_manifests_that_need_each_other_end_nothing(bundle: Path, vsr: Callable[..., Ran]) -> None:
     def circle(content: bytes) -> bytes:
         told = json.loads(content)

@@ -55,6 +55,30 @@ def test_settings_cells_and_boundaries_that_differ_are_told(
     assert (damaged.code, "not what was written" in damaged.err) == (cli.REFUSED, True)
 
 
+def test_products_of_other_settings_than_beside_them_are_told_and_not_exported(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], tmp_path: Path
+) -> None:
+    site, bundle = write_site(GRID), tmp_path / "study.zip"
+    for name, more in (("one", ()), ("other", ("--set", "contact.friction=0.3"))):
+        make = ("run", "responses", "--site", site, "--workers", "0", *more)
+        assert vsr(*make, into=tmp_path / name).code == cli.DONE
+    make = ("run", "rock", "--site", site, "--workers", "0")
+    assert vsr(*make, into=tmp_path / "other").code == cli.DONE
+    one, other = (tmp_path / name / "rock" for name in ("one", "other"))
+    told = vsr("compare", one, other, "--to", tmp_path / "page.html").out
+    reason = "contact.friction changed: [0.3] is now [0.6]"
+    stale = f"responses is of other settings than config.yaml: {reason}"
+    assert f"settings: in the second, {stale}" in told.splitlines()
+    assert "settings: contact.friction changed: [0.6] is now [0.3] (" in told
+    assert "rock is of other" not in told
+    ran = vsr("export", other, "--to", bundle)
+    assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1), ran
+    assert "responses: got " in ran.err
+    assert reason in ran.err
+    assert f"vsr run responses --site {site}" in ran.err
+    assert not bundle.exists()
+
+
 def test_what_has_no_place_in_common_is_not_said_to_be_alike(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
 ) -> None:
