@@ -11,13 +11,12 @@ import os
 import shutil
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 from pipeline.config.layers import CONFIGS, STUDIES, TABLES, known
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import InputError, Problem, printable
 from pipeline.config.sweep import Sweep
 from pipeline.inspection import disk
 from pipeline.inspection.answers import Answer, Comparison, Inspected, Known
@@ -33,13 +32,15 @@ from pipeline.workflow.jobs import (
     sweep_of,
 )
 from pipeline.workflow.log import complain, log
-from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import writing
 from vsr_core import engines
 from vsr_core.errors import reason
+
+MOST_NAMED = 5
+"""Files that a line names; of more their number."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -280,32 +281,35 @@ def clean(options: argparse.Namespace) -> int:
             raise InputError(Problem("--site", "", repr(site), rule, "omit it to remove all"))
     if options.older is not None:
         targets = [target for target in targets if (disk.age(target) or 0.0) >= options.older]
+    linked = [target for target in targets if disk.is_linked(target, derived)]
+    for target in linked:
+        print(f"{target}: a link, which is left")
+    targets = [target for target in targets if target not in linked]
     if not targets:
         print("nothing derived to remove")
         return 0
-    sizes = {target: disk.size(target) for target in targets}
-    for target, size in sizes.items():
-        print(f"{target}: {disk.told(size, disk.age(target))}")
-    names = f"{', '.join(map(str, targets))}, which frees {sum(sizes.values()) / 1e6:.1f} MB"
+    freed = 0
+    for target in targets:
+        with writing(target):
+            results, others = disk.parted(target)
+            size = sum(path.lstat().st_size for path in results)
+        print(f"{target}: {disk.told(size, disk.age(target))}{_left(target, others)}")
+        freed += size
+    names = f"{', '.join(map(str, targets))}, which frees {freed / 1e6:.1f} MB"
     if not options.yes and not _agreed(f"remove {names}? [y/N] "):
         print("kept")
         return 0
     for target in targets:
-        _remove(target)
+        disk.remove(target)
     return 0
 
 
-def _remove(folder: Path) -> None:
-    """Remove a site's folder; refused while a command is at work in it."""
-    with writing(folder):
-        with Ownership(folder):
-            for path in folder.iterdir():
-                if path.is_dir() and not path.is_symlink():
-                    shutil.rmtree(path)
-                elif path.name != LOCK:
-                    path.unlink()
-        with suppress(OSError):  # where the next command has come already
-            folder.rmdir()
+def _left(folder: Path, others: list[Path]) -> str:
+    """What is left in a folder of results, in words."""
+    names = [printable(str(path.relative_to(folder))) for path in others[:MOST_NAMED]]
+    if more := len(others) - len(names):
+        names.append(f"{more} more")
+    return f"; left, as no results: {', '.join(names)}" if names else ""
 
 
 def _agreed(question: str) -> bool:

@@ -1,15 +1,27 @@
-"""How much room results take, and how old they are."""
+"""How much room results take, how old they are, and their removal."""
 
 from __future__ import annotations
 
+import os
+import re
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 from pipeline.workflow.grammar import counted
+from pipeline.workflow.owner import LOCK, Ownership
+from pipeline.workflow.store import Store, writing
 
 DAY = 86400.0
 """Seconds."""
+
+_BESIDE = re.compile(
+    r"\.stages/.*|\.(part|try|owner)-.*|\.owner|log\.jsonl|config\.yaml"
+    r"|runs\.sqlite(\.damaged-\d+)?(-wal|-shm|-journal)?",
+    re.DOTALL,
+)
+"""Names of what stands in a folder of results beside what stages write."""
 
 
 def folders(derived: Path) -> list[Path]:
@@ -23,6 +35,58 @@ def folders(derived: Path) -> list[Path]:
 
 def _has_products(folder: Path) -> bool:
     return (folder / ".stages").is_dir()
+
+
+def is_linked(folder: Path, derived: Path) -> bool:
+    """Whether a folder of results is a link, or behind one."""
+    above = () if folder.parent == derived else (folder.parent,)
+    return any(path.is_symlink() for path in (folder / ".stages", folder, *above))
+
+
+def parted(folder: Path) -> tuple[list[Path], list[Path]]:
+    """Files that results are made of, and all else that is in their folder; no link is followed."""
+    homes = {
+        home: Store(home).names()
+        for home in (folder, *folder.glob("studies/*"), *folder.glob("studies/*/*"))
+        if _has_products(home)
+    }
+    results: list[Path] = []
+    others: list[Path] = []
+    for place, below, files in os.walk(folder, onerror=_raise):
+        at = Path(place)
+        home = next(one for one in (at, *at.parents) if one in homes)
+        links = [name for name in below if (at / name).is_symlink()]
+        for path in (at / name for name in sorted((*files, *links))):
+            name = path.relative_to(home).as_posix()
+            known = name in homes[home] or _BESIDE.fullmatch(name)
+            (results if known and not path.is_symlink() else others).append(path)
+    return results, others
+
+
+def _raise(error: OSError) -> None:
+    raise error
+
+
+def remove(folder: Path) -> None:
+    """Remove the results in a folder, and it where nothing else is there.
+
+    Refused while a command is at work in it.
+    """
+    with writing(folder):
+        with Ownership(folder):
+            for path in parted(folder)[0]:
+                if path != folder / LOCK:
+                    path.unlink(missing_ok=True)
+            for empty in _from_below(folder):
+                with suppress(OSError):  # it is not
+                    empty.rmdir()
+        with suppress(OSError):  # or the next command has come already
+            folder.rmdir()
+
+
+def _from_below(folder: Path) -> Iterator[Path]:
+    for place, below, _ in os.walk(folder, topdown=False):
+        yield from (Path(place, name) for name in below)
 
 
 def size(folder: Path) -> int:

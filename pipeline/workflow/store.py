@@ -163,6 +163,11 @@ class Store:
         except CycleError:  # which nobody has made
             return there
 
+    def names(self) -> set[str]:
+        """Names of all files that stages wrote here, as far as can be read."""
+        made = (one["files"] for one in self.manifests().values())
+        return set().union(*made, *map(_shown_in, self._manifests.glob("*.refused")))
+
     def mark(self, stage: str, reason: str) -> None:
         """Say of a stage's products that other settings made them, and why; or that none did."""
         manifest = self.manifest(stage) or {"files": {}}
@@ -191,7 +196,7 @@ class Store:
         with writing(self.folder):
             files = {name: self._put(self.folder / name, write) for name, write in writers.items()}
             manifest = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
-            for name in _shown_in(self._shown(stage)) - files.keys():
+            for name in self._former(stage) - files.keys():
                 (self.folder / name).unlink(missing_ok=True)
             self._shown(stage).unlink(missing_ok=True)
             self._put(self._manifests / f"{stage}.json", text(manifest))
@@ -203,8 +208,15 @@ class Store:
             for name, write in writers.items():
                 self._put(self.folder / name, write)
 
+    def _former(self, stage: str) -> set[str]:
+        """Names of files of a stage that go where it does not write them again."""
+        manifests = self.manifests()
+        own = manifests.pop(stage, {"files": {}})["files"].keys()
+        others = set().union(*(one["files"] for one in manifests.values()))
+        return (own | _shown_in(self._shown(stage))) - others
+
     def _shown(self, stage: str) -> Path:
-        """Names of the files that show why a stage's input was refused."""
+        """Names of a stage's files that no manifest has: shown at a refusal, or forgotten."""
         return self._manifests / f"{stage}.refused"
 
     def lends(self, stages: Iterable[str]) -> None:
@@ -230,7 +242,10 @@ class Store:
         """Drop a stage's manifest, so that it is made again, and not borrowed."""
         for known in [known for known in self._lenders if known[0] == stage]:
             del self._lenders[known]
+        manifest = self.manifest(stage)
         with writing(self.folder):
+            if manifest is not None:
+                self._put(self._shown(stage), text(json.dumps([*manifest["files"]])))
             (self._manifests / f"{stage}.json").unlink(missing_ok=True)
 
     def note(self, stage: str, **facts: Any) -> None:

@@ -107,6 +107,50 @@ def test_archives_are_cleaned_as_sites_are(vsr: Callable[..., Ran], derived: Pat
     assert (derived / "rock" / "rock.csv").exists()
 
 
+def test_what_is_no_result_is_left_and_named_and_links_are_not_followed(
+    vsr: Callable[..., Ran], derived: Path, tmp_path: Path
+) -> None:
+    put(derived / "rock", "rock")
+    put(derived / "rock" / "studies" / "friction" / "friction=0.4", "rock")
+    put(tmp_path / "other", "rock")
+    ours = [derived / "rock" / "my_scan.ply", derived / "rock" / "mine" / "runs.sqlite"]
+    ours += [derived / "rock" / "studies" / "notes.txt", derived / "rock" / "runs.sqlite.mine"]
+    for path in (*ours, tmp_path / "other" / "precious.txt"):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("mine")
+    (derived / "link").symlink_to(tmp_path / "other")
+    (derived / "rock" / "figures").symlink_to(tmp_path / "other")
+    (derived / "rock" / ".part-1-rock.csv").touch()
+    (derived / "rock" / "runs.sqlite.damaged-1-wal").touch()
+    ran = vsr("clean", "--yes")
+    left = ["figures", "my_scan.ply", "runs.sqlite.mine", "mine/runs.sqlite", "studies/notes.txt"]
+    links, told = ran.out.replace(f"{derived}/", "").splitlines()
+    assert links == "link: a link, which is left"
+    assert told.startswith("rock: 0.1 MB, last made less than a minute ago; left, as no results: ")
+    assert sorted(told.rpartition(": ")[2].split(", ")) == sorted(left)
+    assert {path for path in (derived / "rock").rglob("*") if path.is_file()} == set(ours)
+    assert sorted(path.name for path in (tmp_path / "other").iterdir()) == [
+        ".stages",
+        "precious.txt",
+        "rock.csv",
+    ]
+    assert vsr("clean", "--yes").out.splitlines()[-1] == "nothing derived to remove"
+
+
+def test_what_a_stage_no_longer_makes_goes(derived: Path) -> None:
+    with Store(derived / "rock") as store:
+        store.open()
+        store.publish("report", FACTS, {"a.csv": text("a"), "b.csv": text("b")})
+        store.publish("other", FACTS, {"b.csv": text("b")})
+        store.publish("report", FACTS, {"c.csv": text("c")})
+        assert sorted(path.name for path in store.folder.glob("*.csv")) == ["b.csv", "c.csv"]
+        store.forget("report")
+        assert store.names() == {"b.csv", "c.csv"}
+        store.publish("report", FACTS, {"d.csv": text("d")})
+        assert store.names() == {"b.csv", "d.csv"}
+        assert sorted(path.name for path in store.folder.glob("*.csv")) == ["b.csv", "d.csv"]
+
+
 def test_without_a_site_the_status_is_of_all_results(
     vsr: Callable[..., Ran], derived: Path
 ) -> None:
