@@ -303,7 +303,21 @@ def test_ends_and_paths_lie_on_the_map_where_they_lay(folder: Path, runs: xr.Dat
         np.testing.assert_allclose(shapely.get_coordinates(path, include_z=True), own, atol=1e-4)
 
 
-@pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:99999999", "EPSG:2229", "UTM 11"])
+@pytest.mark.parametrize("east", [500_000.0 + 2_000_000.0, 1e7])
+def test_a_place_where_its_system_does_not_hold_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str], east: float
+) -> None:
+    """The rock's scan has coordinates of its own; an origin beside them counts twice."""
+    pytest.importorskip("pyproj", reason="needs the extra gis")
+    line = ["run", "geodata", "--site", str(folder.parents[1] / "hill.yaml"), "--workers", "0"]
+    line += ["--set", "georeference.crs=EPSG:32611", "--set", f"georeference.origin={[east, 0, 0]}"]
+    assert cli.main([*line, "--derived", str(folder.parent)]) == cli.REFUSED
+    told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("vsr: ")]
+    (refusal,) = told
+    assert "georeference.origin: got a rock at longitude" in refusal
+
+
+@pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:99999999", "EPSG:2229", "EPSG:2053", "UTM 11"])
 def test_what_is_no_system_of_metres_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str], crs: str
 ) -> None:
