@@ -217,7 +217,9 @@ def _both(one: Store, other: Store, file: str, name: str) -> Both | None:
         a, b = (_read(path, name)[name] for path in paths)
         if a.dims != b.dims:
             none = xr.DataArray(np.empty(0))
-            return Both((none, none), [f"not comparable: {a.dims} and {b.dims}"])
+            first, second = (listed([str(axis) for axis in one.dims]) for one in (a, b))
+            note = f"not comparable: along {first} in the first, along {second} in the second"
+            return Both((none, none), [note])
         notes = []
         for axis in a.dims:
             a, b, note = _matched(a, b, str(axis))

@@ -94,6 +94,31 @@ def test_what_has_no_place_in_common_is_not_said_to_be_alike(
     ]
 
 
+def test_pulses_and_records_are_said_to_be_not_comparable(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
+) -> None:
+    times = 0.01 * np.arange(201)
+    sine, cosine = np.sin(0.5 * np.pi * times), np.cos(0.5 * np.pi * times)
+    shaking = 12.0 * (3.0 * sine**2 * cosine**2 - sine**4)  # of a table that goes as sin^4
+    rows = "".join(f"{t:.2f},{a:.6f}\n" for t, a in zip(times, shaking, strict=True))
+    (tmp_path / "shake.csv").write_text(f"time,acceleration\n{rows}")
+    processing = "{order: none, highpass: null, lowpass: null}"
+    record = (
+        "motion: {kind: record, files: shake.csv, pga: [0.2, 0.4], unit: m/s2,"
+        f" processing: {processing}}}\nyaw: [0]\n"
+    )
+    for name, motion in (("pulse", GRID), ("record", record)):
+        run = vsr("run", "fragility", "--site", write_site(motion, name), "--workers", "0")
+        assert run.code == cli.DONE, run.err
+    ran = vsr("compare", derived / "pulse", derived / "record", "--to", tmp_path / "page.html")
+    start = "not comparable: along yaw, friction"
+    assert [line for line in ran.out.splitlines() if line.startswith(("cells", "boundary"))] == [
+        f"cells: {start}, pgv_pga and pga in the first, along yaw, friction, record and pga"
+        " in the second",
+        f"boundary: {start} and pgv_pga in the first, along yaw, friction and record in the second",
+    ]
+
+
 def written(data: xr.Dataset, folder: Path, stage: str) -> None:
     """Put a dataset in place of a stage's, as if the stage had written it."""
     data.to_netcdf(folder / f"{stage}.nc")
