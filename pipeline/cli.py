@@ -63,6 +63,10 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _begin_log(options: argparse.Namespace) -> None:
     file: Path | None = options.log_file
+    above = () if file is None else Path(os.path.realpath(file)).parents
+    if results := next((folder for folder in above if (folder / ".stages").is_dir()), None):
+        given, rule = f"{file}, which is in {results}", "a folder of results holds nothing else"
+        raise InputError(Problem("--log-file", "", given, rule, "give another path"))
     try:
         if file is not None and file.exists() and not file.is_file():
             raise OSError(errno.EINVAL, "a pipe or a device, or a folder")

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
-import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
@@ -31,13 +29,12 @@ from pipeline.workflow.jobs import (
     others_of,
     sweep_of,
 )
-from pipeline.workflow.log import complain, log
+from pipeline.workflow.log import complain, log, show
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import writing
 from vsr_core import engines
-from vsr_core.errors import reason
 
 MOST_NAMED = 5
 """Files that a line names; of more their number."""
@@ -134,14 +131,14 @@ def _draw(stage: str, job: Job, path: Path) -> None:
 
 def completion(options: argparse.Namespace) -> int:
     """Print what completes the words of a command in a shell."""
-    return _show([script(options.shell, options.parser)])
+    return show([script(options.shell, options.parser)])
 
 
 def _told(answer: Answer, options: argparse.Namespace) -> int:
     """Print an answer: its lines, or JSON."""
     if not options.json:
-        return _show(answer.lines())
-    return _show([json.dumps(asdict(answer), ensure_ascii=False, allow_nan=False)])
+        return show(answer.lines())
+    return show([json.dumps(asdict(answer), ensure_ascii=False, allow_nan=False)])
 
 
 def figures(options: argparse.Namespace) -> int:
@@ -164,7 +161,7 @@ def feasible(options: argparse.Namespace) -> int:
         lines = make(job, options.table, Path(options.export) if options.export else None)
     for name in ("feasible.png", "feasible.csv"):
         log(f"-> {job.path(name)}")
-    return _show(lines)
+    return show(lines)
 
 
 def replay(options: argparse.Namespace) -> int:
@@ -189,7 +186,7 @@ def join(options: argparse.Namespace) -> int:
     job = job_of(options)
     with job.store, job.cluster:
         lines = make(job, options.folders)
-    return _show(lines)
+    return show(lines)
 
 
 def archive(options: argparse.Namespace) -> int:
@@ -243,7 +240,7 @@ def check(options: argparse.Namespace) -> int:
     if wrong:
         file, remedy = str(options.bundle), "ask for it again"
         raise InputError(*(Problem(file, "", "", line, remedy) for line in wrong))
-    _show(lines or ["whole, and every product would be the same here"])
+    show(lines or ["whole, and every product would be the same here"])
     return len(lines)
 
 
@@ -252,7 +249,7 @@ def compare(options: argparse.Namespace) -> int:
     parts = named("pipeline.bundles.comparison:compare")(options.one, options.other, options.to)
     lines = [f"{part.name}: {line}" for part in parts for line in part.lines]
     log(f"-> {options.to}")
-    return _show(lines or ["no difference"])
+    return show(lines or ["no difference"])
 
 
 def doctor(options: argparse.Namespace) -> int:
@@ -263,7 +260,7 @@ def doctor(options: argparse.Namespace) -> int:
         if error is not None:
             problems += error.problems
         if error is not None or not options.quiet:
-            _show([f"{name:<13}{found or 'not well, see below'}"])
+            show([f"{name:<13}{found or 'not well, see below'}"])
     if problems:
         raise InputError(*problems)
     return 0
@@ -283,21 +280,21 @@ def clean(options: argparse.Namespace) -> int:
         targets = [target for target in targets if (disk.age(target) or 0.0) >= options.older]
     linked = [target for target in targets if disk.is_linked(target, derived)]
     for target in linked:
-        print(f"{target}: a link, which is left")
+        show([f"{target}: a link, which is left"])
     targets = [target for target in targets if target not in linked]
     if not targets:
-        print("nothing derived to remove")
+        show(["nothing derived to remove"])
         return 0
     freed = 0
     for target in targets:
         with writing(target):
             results, others = disk.parted(target)
             size = sum(path.lstat().st_size for path in results)
-        print(f"{target}: {disk.told(size, disk.age(target))}{_left(target, others)}")
+        show([f"{target}: {disk.told(size, disk.age(target))}{_left(target, others)}"])
         freed += size
     names = f"{', '.join(map(str, targets))}, which frees {freed / 1e6:.1f} MB"
     if not options.yes and not _agreed(f"remove {names}? [y/N] "):
-        print("kept")
+        show(["kept"])
         return 0
     for target in targets:
         disk.remove(target)
@@ -327,32 +324,32 @@ def init(options: argparse.Namespace) -> int:
         rule, remedy = "the folder exists", "give the name of a new one"
         raise InputError(Problem("vsr init", "", str(folder), rule, remedy))
     with writing(folder):
-        folder.mkdir(parents=True)
-        for source, target in (("site.yaml", f"{name}.yaml"), ("README.md", "README.md")):
-            text = (CONFIGS / "new" / source).read_text(encoding="utf-8")
-            text = text.replace("../schema.json", "schema.json").replace("NAME", name)
-            (folder / target).write_text(text, encoding="utf-8")
-        shutil.copyfile(CONFIGS / "schema.json", folder / "schema.json")
+        new = [one for one in (folder, *folder.parents) if not one.exists()]
+        try:
+            folder.mkdir(parents=True)
+            _write_site(folder, name)
+        except FileExistsError:  # another command's
+            raise
+        except OSError:
+            shutil.rmtree(new[-1], ignore_errors=True)
+            raise
     log(f"-> {folder / name}.yaml")
     return 0
+
+
+def _write_site(folder: Path, name: str) -> None:
+    """Write the files of a new site."""
+    for source, target in (("site.yaml", f"{name}.yaml"), ("README.md", "README.md")):
+        text = (CONFIGS / "new" / source).read_text(encoding="utf-8")
+        text = text.replace("../schema.json", "schema.json").replace("NAME", name)
+        (folder / target).write_text(text, encoding="utf-8")
+    shutil.copyfile(CONFIGS / "schema.json", folder / "schema.json")
 
 
 def fetch(options: argparse.Namespace) -> int:
     """Download a public original."""
     path = named("pipeline.stages.mesh.fetch:fetch")(options.name, options.url)
     log(f"-> {path}")
-    return 0
-
-
-def _show(lines: list[str]) -> int:
-    try:
-        print("\n".join(lines), flush=True)
-    except BrokenPipeError:
-        raise
-    except OSError as error:  # what could not be written is not tried again at the end
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        given, rule = f"what is printed, not taken ({reason(error)})", "it can be written"
-        raise InputError(Problem("output", "", given, rule, "free space")) from None
     return 0
 
 

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 from pipeline import ROOT
 from pipeline.config.paths import located, shown, working_folder
 from pipeline.config.problems import InputError, Problem
+from pipeline.workflow.log import show
 from pipeline.workflow.products import DELIVERABLES, OF_A_SITE
 
 FEWEST_SHAPES = 100
@@ -76,7 +77,7 @@ class _Version(argparse.Action):
     """Tells the version, the code of the engines and the libraries, and ends."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        print(*importlib.import_module("pipeline.workflow.versions").lines(), sep="\n")
+        show(importlib.import_module("pipeline.workflow.versions").lines())
         parser.exit()
 
 
@@ -86,6 +87,10 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise a usage error."""
         raise InputError(Problem(self.prog, "", "", message, f"see {self.prog} --help"))
+
+    def print_help(self, file: object = None) -> None:
+        """Print the help; refused where it cannot be written."""
+        show([self.format_help().rstrip("\n")])
 
 
 class _Help(argparse.Action):

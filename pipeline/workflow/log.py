@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+
+from pipeline.config.problems import InputError, Problem
+from vsr_core.errors import reason
 
 
 class _Screen(logging.Handler):
@@ -57,6 +62,19 @@ def log(line: str) -> None:
 def complain(line: str) -> None:
     """Tell what is wrong, also of a quiet command."""
     _LOG.warning(line)
+
+
+def show(lines: Iterable[str]) -> int:
+    """Print what a command answers; returns the exit code of one that has no more to do."""
+    try:
+        print("\n".join(lines), flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:  # what could not be written is not tried again at the end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        given, rule = f"what is printed, not taken ({reason(error)})", "it can be written"
+        raise InputError(Problem("output", "", given, rule, "free space")) from None
+    return 0
 
 
 def in_notebook() -> bool:

@@ -84,6 +84,14 @@ def test_command_line_is_refused_in_a_line(capsys: pytest.CaptureFixture[str], c
     assert [word for word in words if word not in line] == []
 
 
+@pytest.mark.parametrize("length", [200, 251, 255, 256])
+def test_a_refused_new_site_leaves_nothing(vsr: Vsr, tmp_path: Path, length: int) -> None:
+    ran = vsr("init", tmp_path / "mine" / ("x" * length))
+    assert ran.code == (0 if length == 200 else 2)
+    assert len(ran.err.splitlines()) == 1
+    assert (tmp_path / "mine").exists() == (length == 200)
+
+
 @pytest.mark.parametrize("name", ["", ".", "..", "../raw", "/", "a/b", "nowhere"])
 def test_clean_takes_the_name_of_a_folder(refused: Refused, name: str) -> None:
     refused("clean", "--yes", "--site", name, words=("--site", repr(name), "omit it"))

@@ -99,3 +99,32 @@ def test_a_log_that_takes_no_more_is_told_once_and_the_command_goes_on(tmp_path:
     assert done.stderr.count("takes no more lines") == 1
     assert "Traceback" not in done.stderr
     assert (tmp_path / "derived" / "cuboid_1x1x2" / "rock.nc").is_file()
+
+
+@pytest.mark.parametrize("place", ["rock.log", "config.yaml", ".stages/rock.json", "mine/rock.log"])
+def test_a_log_in_a_folder_of_results_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], place: str
+) -> None:
+    """Also by a link."""
+    results = tmp_path / "derived" / "rock"
+    for name in (".stages", "mine"):
+        (results / name).mkdir(parents=True)
+    (tmp_path / "link").symlink_to(results)
+    for file in (results / place, tmp_path / "link" / place):
+        assert asked("--log-file", str(file), derived=tmp_path / "derived") == cli.REFUSED
+        told = capsys.readouterr().err
+        assert told.startswith(f"vsr: --log-file: got {file}, which is in {results}; ")
+        assert told.count("\n") == 1
+    assert not [path for path in results.rglob("*") if path.is_file()]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
+@pytest.mark.parametrize("words", ["--version", "--help", "run --help", "list", "clean"])
+def test_what_cannot_be_printed_is_refused(tmp_path: Path, words: str) -> None:
+    own = ["--derived", str(tmp_path)] if words == "clean" else []
+    command = [sys.executable, "-m", "pipeline", *words.split(), *own]
+    with Path("/dev/full").open("w") as full:
+        ran = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    assert ran.returncode == cli.REFUSED
+    assert ran.stderr.startswith("vsr: output: got what is printed, not taken (")
+    assert ran.stderr.count("\n") == 1
