@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from pydantic import ValidationError
 
-from pipeline.config.outside import Row, check_file, in_row, refused
+from pipeline.config.outside import Row, check_file, in_row, lines_of, refused
 from vsr_core.errors import reason
 
 LARGEST = 64 * 1024**3
@@ -46,7 +46,7 @@ def header(path: Path) -> tuple[str, list[str], int]:
     if not ended:
         raise refused(path, "", "a last line without its end", "each line is ended")
     try:
-        lines = first[: first.rfind(b"\n") + 1].decode("utf-8-sig").splitlines()
+        lines = lines_of(first[: first.rfind(b"\n") + 1].decode("utf-8-sig"))
     except UnicodeDecodeError:
         raise refused(path, "", "a header that is not in UTF-8", "it is text in UTF-8") from None
     number = next((n for n, line in enumerate(lines) if line.lstrip('"')[:1] != "#"), len(lines))

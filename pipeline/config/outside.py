@@ -21,12 +21,19 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+)
 
 from pipeline.config.paths import shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.refusals import problem
-from pipeline.config.sections import Section
+from pipeline.config.sections import Refused, Section
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.named_columns import is_cut
 
@@ -49,6 +56,17 @@ class Row(Section):
     """A row of a table; columns that it does not name are left to the reader of the table."""
 
     model_config = ConfigDict(extra="ignore")
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _is_plain(cls, given: Any, found_in: ValidatorFunctionWrapHandler) -> Any:
+        """Refuse a number with underscores, which Python would read over."""
+        found = found_in(given)
+        several = isinstance(given, list) and isinstance(found, list | tuple)
+        for text, number in zip(given, found, strict=True) if several else [(given, found)]:
+            if isinstance(text, str) and "_" in text and isinstance(number, int | float):
+                raise Refused("a number has no underscores", "leave them out", "", repr(text))
+        return found
 
 
 def refused(path: Path, key: str, given: str, rule: str, remedy: str = "") -> InputError:
@@ -134,6 +152,15 @@ def text(path: Path, largest: int = LARGEST) -> str:
     return found
 
 
+def lines_of(text: str) -> list[str]:
+    r"""Lines of a text as editors count them.
+
+    >>> lines_of("a\r\nb\f\u2028c\n\nd")
+    ['a', 'b\x0c\u2028c', '', 'd']
+    """
+    return [line.rstrip("\n") for line in io.StringIO(text, newline=None)]
+
+
 def is_comment(line: str) -> bool:
     """Whether a line of a table begins with #, in quotes only where nothing else is in it.
 
@@ -158,7 +185,7 @@ def table(path: Path, lines: str) -> list[dict[str, str]]:
         line that is cut.
     """
     csv.field_size_limit(LONGEST_FIELD)
-    plain = "".join(line for line in lines.splitlines(keepends=True) if not is_comment(line))
+    plain = "".join(line for line in io.StringIO(lines, newline="") if not is_comment(line))
     try:
         rows = [
             [field.strip() for field in row]

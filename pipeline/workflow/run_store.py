@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Generic
@@ -18,6 +18,8 @@ RUNS = "runs.sqlite"
 
 DAMAGED = ".damaged-"
 """Follows the name of a database that was set aside, before its number."""
+
+_OTHER = "tables of another version"
 
 _TORN = {sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}
 _ENDINGS = ("", "-wal", "-shm", "-journal")
@@ -191,27 +193,45 @@ def _fault(path: Path) -> str:
     """What is wrong with a database as a whole, or an empty string."""
     if not path.exists():
         return ""
+    fault, bad = _faults(path, _connected)
+    return fault or (f"{bad} rows are not as they were written" if bad else "")
+
+
+def check(folder: Path) -> int:
+    """Refuse a database that is damaged as a whole; the number of rows that are damaged.
+
+    Nothing is changed on disk. Tables of another version are none that are read.
+    """
+    path = folder / RUNS
+    with writing(folder):
+        fault, bad = _faults(path, _reader)
+    if fault and fault != _OTHER:
+        rule, remedy = "it is as it was written", "copy it again, or run again where it was made"
+        raise InputError(Problem(str(path), "", f"a damaged database ({fault})", rule, remedy))
+    return bad
+
+
+def _faults(path: Path, connect: Callable[[Path], sqlite3.Connection]) -> tuple[str, int]:
+    """What is wrong with a database as a whole, or else how many of its rows are damaged."""
     if not any(file.stat().st_size for file in path.parent.glob(f"{path.name}*")):
-        return "it is empty"
+        return "it is empty", 0
     with path.open("rb") as file:
         if max(file.read(20)[18:], default=0) > 2:  # or SQLite would take it for read-only
-            return "file format not known"
+            return "file format not known", 0
     expected = {Layout(row).schema for row in TABLES}
     try:
-        with closing(_connected(path)) as database:
+        with closing(connect(path)) as database:
             ((said,),) = database.execute("PRAGMA integrity_check(1)").fetchall()
             if said != b"ok":
-                return " ".join(said.decode(errors="replace").split())
+                return " ".join(said.decode(errors="replace").split()), 0
             tables = _tables(database)
-            if not tables <= expected:
-                return "tables of another version"
             layouts: list[Layout[Any]] = [Layout(row) for row in TABLES]
             bad = sum(_unsound(database, layout) for layout in layouts if layout.schema in tables)
-            return f"{bad} rows are not as they were written" if bad else ""
+            return "" if tables <= expected else _OTHER, bad
     except sqlite3.DatabaseError as error:
         if not _is_torn(error):
             raise
-        return str(error)
+        return str(error), 0
 
 
 def _unsound(database: sqlite3.Connection, layout: Layout[Any]) -> int:

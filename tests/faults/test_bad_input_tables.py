@@ -15,12 +15,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline import cli
+from pipeline.config import outside
+from pipeline.config.problems import InputError
+from pipeline.stages.hazard.hazard_model import GivenCurve, Realization
 from pipeline.stages.hazard.shaking_ratio import load_disaggregation
 from pipeline.stages.studies.validation.recorded_tests import OUTCOMES
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
 from tests.support.bad_input import bounded, broken, cut, see_that_it_is_told, taken_or_refused
 from tests.support.outside_files import READERS, disaggregation
 from tests.support.recorded_tests import recorded_tests
+from vsr_core.errors import InvalidInput
+from vsr_core.motions.named_columns import of_text
+from vsr_core.motions.records.text_files import read_at2
 
 
 @st.composite
@@ -128,3 +134,27 @@ def test_bins_without_a_row_are_named(tmp_path: Path) -> None:
     file.write_text("".join(file.read_text().splitlines(keepends=True)[:3]))
     (words,) = load_disaggregation(tmp_path).unused
     assert words.startswith("3 bins of PGA not in Mag_Dist")
+
+
+def test_a_number_with_underscores_is_none_in_any_table(tmp_path: Path) -> None:
+    """Python itself would read over them."""
+    path, place = tmp_path / "table.csv", {"measure": "PGA", "lon": "1", "lat": "2"}
+    given = {"rlz_id": "0", "branch_path": "b_1", "weight": "1"}
+    assert outside.rows(path, Realization, [given])[0].branch_path == "b_1"
+    for cells in ({**given, "weight": "0_1"}, {**given, "rlz_id": "1_0"}):
+        with pytest.raises(InputError, match=r"underscores.* in row 1|in row 1.*underscores"):
+            outside.rows(path, Realization, [cells])
+    curve = {"levels": ["0.1", "1_0"], "values": ["0.1", "0.01"]}
+    with pytest.raises(InputError, match="levels: got '1_0'; a number has no underscores"):
+        outside.checked(path, GivenCurve, place | curve, text=True)
+    with pytest.raises(InvalidInput, match="values are numbers"):
+        of_text("time,x\n0.5,1_0\n0.6,2\n")
+    at2 = "PEER\nevent\nACCELERATION TIME SERIES IN UNITS OF G\nNPTS= 2, DT= .01 SEC\n .1 1_0\n"
+    with pytest.raises(InvalidInput, match="a word among its samples"):
+        read_at2(at2, None)
+
+
+def test_a_line_ends_where_editors_end_it(tmp_path: Path) -> None:
+    """Not at a form feed or a separator of Unicode, behind which a number sign would be lost."""
+    found = outside.table(tmp_path / "table.csv", "name,x\nA\u2028#B\x0c#C,1\r\n# us\r\nD,2\r\n")
+    assert found == [{"name": "A\u2028#B\x0c#C", "x": "1"}, {"name": "D", "x": "2"}]

@@ -181,3 +181,31 @@ def test_what_cannot_be_joined_is_refused(
     for ran in (joined(vsr, site, [empty], into), other):
         assert ran.code == 2
         assert "Traceback" not in ran.err
+
+
+def test_damaged_rows_are_counted_and_a_damaged_database_is_refused(
+    vsr: Vsr, site: str, shards: list[Path], tmp_path: Path
+) -> None:
+    """A quiet command tells it, too."""
+    whole, into = (shards[0] / RUNS).read_bytes(), tmp_path / "together"
+    there = count(shards[0])
+    with closing(sqlite3.connect(shards[0] / RUNS)) as database:
+        two = "key IN (SELECT key FROM runs LIMIT 2)"
+        database.execute(f"UPDATE runs SET outcome = 1 - outcome WHERE {two}")
+        database.commit()
+    ran = joined(vsr, site, shards[:1], into, "--quiet")
+    told = "2 rows of runs damaged on disk and left out"
+    assert (ran.code, ran.err) == (0, f"vsr: warning: {shards[0] / RUNS}: {told}\n")
+    assert f": {there - 2} runs" in ran.out
+    torn = whole[:4096] + b"\xff" * 4096 + whole[8192:]
+    for content, words in (
+        (b"", "it is empty"),
+        (torn, "code 11"),
+        (b"\0" + whole[1:], "not a data"),
+    ):
+        (shards[0] / RUNS).write_bytes(content)
+        ran = joined(vsr, site, shards, into)
+        assert ran.code == 2
+        assert ran.err.startswith(f"vsr: {shards[0] / RUNS}: got a damaged database (")
+        assert words in ran.err
+        assert (shards[0] / RUNS).read_bytes() == content

@@ -54,6 +54,18 @@ def is_cut(text: str, last: Sequence[str], others: Sequence[str]) -> bool:
     )
 
 
+def plain_number(word: str) -> float:
+    """The number that a word of a file is; one with underscores is none, as Python would have it.
+
+    Raises
+    ------
+    ValueError
+    """
+    if "_" in word:
+        raise ValueError(f"could not convert string to float: {word!r}")
+    return float(word)
+
+
 def of_text(text: str) -> list[Column]:
     r"""The columns of a table with a first line of names.
 
@@ -83,7 +95,7 @@ def of_text(text: str) -> list[Column]:
             given = f"{len(cells)} values in row {place} of a table"
             raise InvalidInput(given, f"each row has {len(names)}", "correct it")
         try:
-            rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
+            rows.append([plain_number(cell) if cell.strip() else np.nan for cell in cells])
         except ValueError:
             raise InvalidInput(
                 f"row {place} of a table, {line.strip()[:40]!r}", "values are numbers", "correct it"

@@ -107,8 +107,8 @@ def read(path: Path) -> Archive:
         For a file that is no table of rocks at all, is cut, or is without a row.
     """
     text = outside.text(path)
-    lines = text.splitlines()
-    rows = ((number, _fields(line)) for number, line in enumerate(lines, 1) if _is_row(line))
+    found = _rows(text)
+    rows = iter(found)
     _, names = next(rows, (0, []))
     _check_names(path, names or [])
     rocks: list[ListedRock] = []
@@ -127,15 +127,31 @@ def read(path: Path) -> Archive:
             continue
         line_of[rock.name] = number
         rocks.append(rock)
-    _check_end(path, text)
+    _check_end(path, text, [fields or [""] for _, fields in found])
     if not rocks and not problems:
         raise outside.refused(path, "", "no row", "there is a row for each rock", "add one")
     return Archive(rocks, problems)
 
 
-def _check_end(path: Path, text: str) -> None:
+def _rows(text: str) -> list[tuple[int, list[str] | None]]:
+    """Fields of each row, after the number of its line; None where its quotes do not close."""
+    lines = outside.lines_of(text)
+    found: list[tuple[int, list[str] | None]] = []
+    after = 0
+    for number, line in enumerate(lines, 1):
+        if number <= after or not _is_row(line):
+            continue
+        fields = _fields(line)
+        if fields is None:  # they may below, and then all between is one field
+            close = next((n for n in range(number, len(lines)) if lines[n].count('"') % 2), number)
+            fields = _fields("\n".join(lines[number - 1 : close + 1]))
+            after = 0 if fields is None else close + 1
+        found.append((number, fields))
+    return found
+
+
+def _check_end(path: Path, text: str, parted: list[list[str]]) -> None:
     """Refuse a table whose last line is cut; a single row has to end its line."""
-    parted = [_fields(line) or [""] for line in text.splitlines() if _is_row(line)]
     *others, last = parted[1:] or [[""]]
     if is_cut(text, last[-1:], [fields[-1] for fields in others]):
         given, rule = f"a last line that ends in {last[-1]!r}", "the file is whole"
@@ -164,6 +180,8 @@ def _fields(line: str) -> list[str] | None:
 
 def _check_names(path: Path, names: list[str]) -> None:
     known = list(ListedRock.model_fields)
+    if len(names) == 1 and ";" in names[0]:
+        raise outside.refused(path, "", "columns parted by semicolons", "commas part columns")
     for name in names:
         if name not in known:
             near = difflib.get_close_matches(name, known, 1)
@@ -183,6 +201,9 @@ def _rock(where: str, names: list[str], fields: list[str] | None) -> ListedRock:
         given = "quotes that do not close" if fields is None else f"{len(fields)} fields"
         key = "" if fields is None else (*names, "")[min(len(fields), len(names))]
         raise _Wrong(Problem(where, key, given, f"each row has {len(names)}", "correct it"))
+    for name, field in zip(names, fields, strict=True):
+        if "\n" in field:
+            raise _Wrong(Problem(where, name, repr(field), "a field is in one line", "join it"))
     cells = {name: cell for name, cell in zip(names, fields, strict=True) if cell}
     try:
         return ListedRock.model_validate(cells, strict=False)

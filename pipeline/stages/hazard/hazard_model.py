@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from pipeline.config.outside import Row, check_sum, refused
 from pipeline.config.paths import shown
 from pipeline.config.problems import InputError
-from pipeline.config.sections import Lax, Refused, Section
+from pipeline.config.sections import Lax, Refused
 from pipeline.workflow.grammar import counted
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
@@ -91,7 +91,7 @@ class Realization(Row):
     weight: float = Field(ge=0, le=1, description="weight, of all realizations they sum to 1 [1]")
 
 
-class GivenCurve(Section):
+class GivenCurve(Row):
     """A curve as a file gives it.
 
     Attributes
@@ -99,6 +99,8 @@ class GivenCurve(Section):
     levels : in g, or in cm/s of PGV
     values : rates of exceedance, or their probabilities in so many years
     """
+
+    model_config = ConfigDict(extra="forbid")
 
     measure: Literal["PGA", "PGV"]
     years: float | None = Field(None, ge=1e-3, le=1e6, description="years of the probabilities")

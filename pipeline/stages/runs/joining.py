@@ -12,9 +12,11 @@ from pipeline.stages.motions.motion_grid import ComponentRecords
 from pipeline.stages.runs.runner import parts
 from pipeline.stages.runs.study import LevelStudy, Study
 from pipeline.workflow import graph
+from pipeline.workflow.grammar import counted
+from pipeline.workflow.log import complain
 from pipeline.workflow.registry import needs
 from pipeline.workflow.rows import DisplacementRow, LineRow, RunRow, TerrainRow
-from pipeline.workflow.run_store import RUNS, RunStore, is_there
+from pipeline.workflow.run_store import RUNS, RunStore, check, is_there
 from pipeline.workflow.stage import Job
 from vsr_core.outcome import Outcome
 
@@ -34,10 +36,11 @@ def make(job: Job, folders: Sequence[Path]) -> list[str]:
     Raises
     ------
     InputError
-        If a folder is no other one with runs, has none of the study, or has another result of a
-        run than this one or one before it.
+        If a folder is no other one with runs that can be read, has none of the study, or has
+        another result of a run than this one or one before it.
     """
     _require_others(job.store.runs, folders)
+    _tell_damaged(folders)
     for stage in needs("runs"):
         graph.make(stage, job)
     study = graph.built(Study, job)
@@ -85,6 +88,14 @@ def _require_others(own: Path, folders: Sequence[Path]) -> None:
             rule, remedy = "runs are taken from other folders, once from each", "leave it out"
             raise InputError(Problem(str(folder), "", "the same folder again", rule, remedy))
         seen.add(folder.resolve())
+
+
+def _tell_damaged(folders: Sequence[Path]) -> None:
+    """Tell how many rows are damaged; refused where a whole database is."""
+    for folder in folders:
+        if damaged := check(folder):
+            lost = f"{counted(damaged, 'row')} of runs damaged on disk and left out"
+            complain(f"vsr: warning: {folder / RUNS}: {lost}")
 
 
 def _of(store: RunStore[Any], scenes: Sequence[bytes]) -> Iterator[Any]:

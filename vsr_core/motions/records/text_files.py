@@ -24,7 +24,7 @@ import numpy as np
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.named_columns import is_cut
+from vsr_core.motions.named_columns import is_cut, plain_number
 from vsr_core.motions.records.record import Record, check_sampling, factor, side_by_side, stated
 
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)"
@@ -72,7 +72,7 @@ def read_at2(text: str, unit: str | None) -> Record:
     name = stated(in_file[1].rstrip(".") if in_file else None, unit)
     words = " ".join(lines[HEADER:]).split()
     try:
-        values = np.array([float(word) for word in words])
+        values = np.array([plain_number(word) for word in words])
     except ValueError as error:
         given = f"an AT2 file with a word among its samples ({error})"
         raise InvalidInput(given, "they are numbers", "download it again") from None
@@ -195,7 +195,7 @@ def _block(lines: Iterator[str]) -> Array:
             raise _broken(f"has a short line under {heading.strip()[:50]!r}")
         words += [line[i * width : (i + 1) * width] for i in range(taken)]
     try:
-        return np.array([float(word) for word in words])
+        return np.array([plain_number(word) for word in words])
     except ValueError:
         raise _broken(f"has no {number} numbers under {heading.strip()[:50]!r}") from None
 
