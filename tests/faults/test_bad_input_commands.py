@@ -37,6 +37,8 @@ def start(*arguments: object, **environment: str) -> subprocess.Popen[str]:
         cwd=ROOT,
         env={**os.environ, **environment},
         start_new_session=True,
+        # a shell has what it starts in the background ignore Ctrl-C, these tests among it
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 
