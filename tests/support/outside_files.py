@@ -138,7 +138,7 @@ def note(folder: Path) -> Path:
 def index(folder: Path) -> Path:
     """Results of a box, listed."""
     assert cli.main([*box(folder), "--derived", str(folder / "derived")]) == cli.DONE
-    assert front_page.renew(folder / "derived", print) is not None
+    assert front_page.renew(folder / "derived") is not None
     return folder / "derived"
 
 
@@ -162,7 +162,7 @@ def of_disaggregation(path: Path) -> Any:
 def of_index(path: Path) -> Any:
     """The page, made anew from what is known of the last one."""
     (path / "index.html").unlink()
-    page = front_page.renew(path, print)
+    page = front_page.renew(path)
     assert page is not None
     return page.read_text(encoding="utf-8")
 
