@@ -131,6 +131,7 @@ def _cells(one: Store, other: Store) -> Iterator[str]:
     """How many cells of both end in another way, and in which."""
     found = _both(one, other, "responses.nc", "outcome")
     if found is None:
+        yield "not compared: responses.nc is not in both"
         return
     yield from found.notes
     a, b = (np.nan_to_num(values.to_numpy(), nan=-1).astype(int) for values in found.values)
@@ -146,6 +147,7 @@ def _named(code: int) -> str:
 def _boundary(found: Both | None) -> Iterator[str]:
     """How far boundaries of both are apart, of those that both have."""
     if found is None:
+        yield "not compared: fragility.nc is not in both"
         return
     yield from found.notes
     a, b = (values.to_numpy() for values in found.values)
@@ -164,25 +166,16 @@ def _directions(found: Both | None) -> list[dict[str, Any]]:
     """The same of each direction and friction, as rows of a table."""
     if found is None or found.values[0].size == 0:
         return []
-    a, b = (values.to_numpy() for values in found.values)
+    there = [np.isfinite(values.to_numpy()) for values in found.values]
     ratio, places = _ratio(found), [found.values[0][name].values for name in ("yaw", "friction")]
     rows = []
     for place, (yaw, friction) in zip(np.ndindex(ratio.shape[:2]), product(*places), strict=True):
-        with np.errstate(invalid="ignore"):
-            known = np.isfinite(ratio[place])
-            change = 100.0 * (ratio[place][known] - 1.0)
-        rows.append(
-            {
-                "yaw": float(yaw),
-                "friction": float(friction),
-                "both": int(known.sum()),
-                "first": int((np.isfinite(a[place]) & ~known).sum()),
-                "second": int((np.isfinite(b[place]) & ~known).sum()),
-                "median": float(np.median(change)) if change.size else None,
-                "least": float(change.min()) if change.size else None,
-                "most": float(change.max()) if change.size else None,
-            }
-        )
+        first, second = (one[place] for one in there)
+        change = 100.0 * (ratio[place][first & second] - 1.0)
+        ends = np.quantile(change, (0.5, 0.0, 1.0)).tolist() if change.size else [None] * 3
+        counts = [int(one.sum()) for one in (first & second, first & ~second, second & ~first)]
+        at = {"yaw": float(yaw), "friction": float(friction)}
+        rows.append(at | {"counts": counts, "ends": ends})
     return rows
 
 

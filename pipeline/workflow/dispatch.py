@@ -26,6 +26,9 @@ DEATHS = 3
 LOOK = 1.0
 """Time [s] after which the workers that there are are counted anew."""
 
+FETCHING = 10.0
+"""Time [s] that a result has to come, before it is looked at again whether it still is there."""
+
 LONELY = 120.0
 """Time [s] without any worker after which that is said."""
 
@@ -65,14 +68,15 @@ class Dispatch:
         """Results of all batches, as they complete."""
         from distributed import as_completed
 
-        self._completed = as_completed(with_results=True, raise_errors=False)
+        # Without results, which it would wait for no more once a worker took one along.
+        self._completed = as_completed()
         room = _Room(self)
         while len(self._flying) < room.now() and self._submit():
             pass
         while self._flying:
             arrived = _next(self._completed, LOOK)
             if arrived is not None:
-                yield from self._landed(*arrived)
+                yield from self._landed(arrived)
             while len(self._flying) < room.now() and self._submit():
                 pass
 
@@ -101,7 +105,11 @@ class Dispatch:
                 self._sent.popitem(last=False)
         return self._sent[name]
 
-    def _landed(self, future: Any, result: Any) -> Iterator[Done]:
+    def _landed(self, future: Any) -> Iterator[Done]:
+        ended, result = _result(future)
+        if not ended:
+            self._completed.add(future)
+            return
         batch, deaths = self._flying.pop(future.key)
         if future.status == "finished":
             future.release()
@@ -115,7 +123,7 @@ class Dispatch:
                 yield Done(batch, result)
             return
         self._sent.clear()  # what was shared may have failed with the worker
-        _raise_what_is_no_death(future, result)
+        _raise_what_is_no_death(future)
         if deaths + 1 <= DEATHS:
             self._again.append(Suspect(batch, deaths + 1))
         elif len(batch.items) > 1:
@@ -175,12 +183,28 @@ class _Room:
         )
 
 
-def _next(completed: Any, seconds: float) -> tuple[Any, Any] | None:
-    """A future that is done, with its result; None if there is none in that time."""
+def _next(completed: Any, seconds: float) -> Any | None:
+    """A future that is done; None if there is none in that time."""
     with completed.thread_condition:
         if not completed.has_ready():
             completed.thread_condition.wait(seconds)
     return next(completed) if completed.has_ready() else None
+
+
+def _result(future: Any) -> tuple[bool, Any]:
+    """Whether a future has ended for good, and what it gave if it ended well.
+
+    A result may go with its worker before it is here; then it is made again.
+    """
+    if future.status == "finished":
+        try:
+            return True, future.result(timeout=FETCHING)
+        except TimeoutError:
+            return False, None
+        except Exception:
+            if future.status == "finished":
+                raise
+    return future.status != "pending", None
 
 
 def _pickled(thing: Any) -> bytes:
@@ -189,7 +213,7 @@ def _pickled(thing: Any) -> bytes:
     return bytes(dumps(thing))
 
 
-def _raise_what_is_no_death(future: Any, result: Any) -> None:
+def _raise_what_is_no_death(future: Any) -> None:
     """Raise why a batch failed, unless its worker died, or another with what is shared."""
     from distributed import KilledWorker
 

@@ -287,6 +287,29 @@ def test_workers_that_are_slow_to_come_back_are_started_anew() -> None:
     assert sorted(done) == list(range(12))
 
 
+def test_a_result_that_goes_with_its_worker_is_made_again(tmp_path: Path) -> None:
+    """A worker ends while its result is on the way, the next one while it makes it again."""
+
+    def work(folder: str, items: tuple[int, ...]) -> list[Any]:
+        class Slow:
+            def __reduce__(self) -> Any:
+                time.sleep(5.0)
+                return int, (7,)
+
+        before = len(list(Path(folder).iterdir()))
+        (Path(folder) / str(before)).touch()
+        if before == 1:
+            os._exit(1)
+        if before == 0:
+            threading.Timer(1.0, os._exit, [1]).start()
+        return [Slow() if before == 0 else 7]
+
+    with Cluster(1, log=quiet) as cluster:
+        batches = iter([Batch("folder", (1,))])
+        assert [one for _, _, one in cluster.each(work, batches, lambda _: str(tmp_path))] == [7]
+    assert len(list(tmp_path.iterdir())) == 3
+
+
 def test_deadly_items_are_found_while_the_others_go_on() -> None:
     """Three items that kill their process; only the workers that first met them are lost."""
     deadly = {17, 18, 203}

@@ -293,15 +293,14 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
 
 def _of_comparison(origin: Origin, name: str, error: InputError) -> InputError:
     """The same refusals, which say that they are of a comparison and not of the site itself."""
-    remedy = "compare with nothing: --set hazard.compare=[]"
+    file = origin.file_of("hazard.compare")
     return InputError(
         *(
-            Problem(
-                origin.file_of("hazard.compare"),
-                f"hazard.compare: {name}: {one.key}",
-                one.given,
-                one.rule,
-                f"{one.remedy}, or {remedy}",
+            replace(
+                one,
+                file=file,
+                key=f"hazard.compare: {name}: {one.key}",
+                remedy=f"{one.remedy}, or compare with nothing: --set hazard.compare=[]",
             )
             for one in error.problems
         )

@@ -119,6 +119,16 @@ def test_pulses_and_records_are_said_to_be_not_comparable(
     ]
 
 
+def test_what_neither_has_made_is_not_said_to_be_alike(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
+) -> None:
+    for name in ("one", "other"):
+        assert vsr("run", "rock", "--site", write_site(GRID, name), "--workers", "0").code == 0
+    told = vsr("compare", derived / "one", derived / "other", "--to", tmp_path / "page.html").out
+    assert "cells: not compared: responses.nc is not in both" in told
+    assert "boundary: not compared: fragility.nc is not in both" in told
+
+
 def written(data: xr.Dataset, folder: Path, stage: str) -> None:
     """Put a dataset in place of a stage's, as if the stage had written it."""
     data.to_netcdf(folder / f"{stage}.nc")
