@@ -38,7 +38,7 @@ TEXTS = {
     "sections in sections": ("yaw: " + "{a: " * 2000 + "1" + "}" * 2000, "more than 20 sections"),
     "many digits": ("yaw: " + "9" * 5000, "a number of 5000 digits, line"),
     "more digits than a float has": ("yaw: " + "9" * 400, "a number of 400 digits"),
-    "a long text": ("yaw: " + "x" * 300_000, "more than 262144 characters"),
+    "a long text": ("yaw: " + "x" * 300_000, "it has at most 256 KiB"),
     "many values": ("yaw: [" + "1, " * 30_000 + "1]", "more than 20000 values"),
     "a date": ("yaw: 2020-01-01", "'2020-01-01'", "number"),
     "an escape for the terminal": ('"\\e[2J": 1', r"\x1b[2J"),
