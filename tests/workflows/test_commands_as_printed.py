@@ -17,6 +17,7 @@ from support.small_scan import survey, write_ply
 from test_validation_product import write_tests
 
 from pipeline import ROOT, cli
+from pipeline.workflow import command_line
 
 FILLED = {
     "<name>": "cuboid_1x1x2",
@@ -37,9 +38,9 @@ sweep: {bounce: {contact.restitution: [0, 0.3]}}
 """
 
 NOT_RUN = {
-    r"make (fetch|lock|docs-links|release)|pip install": "asks the network",
+    r"(make|vsr) (fetch|lock|docs-links|release)|pip install": "asks the network",
     r"podman|apptainer": "is no program of the project",
-    r"dask (scheduler|worker)|(SCHEDULER=|--scheduler )tcp://host|--cluster slurm|client_0": "asks "
+    r"dask (scheduler|worker)|(SCHEDULER=|--scheduler )tcp://host|--cluster slurm|client_0|join theirs": "asks "
     "other machines",
     r"make (test|test-slow|check|coverage)\b|-m pytest": "is what runs this test",
     r"run geodata": "needs the extra gis",
@@ -54,7 +55,7 @@ _MADE = re.compile(r"-> (\S+)$", re.MULTILINE)
 def printed() -> Iterator[str]:
     """Commands in the order of the pages, and those in the help, each once."""
     yield from (line.partition(" #")[0].strip() for page in PAGES for line in commands(page))
-    parser = cli._parser()
+    parser = command_line.parser()
     verbs = parser._subparsers._group_actions[0].choices
     for one in (parser, *verbs.values()):
         lines = [line.strip() for line in one.format_help().splitlines()]
