@@ -158,7 +158,7 @@ def _boundary(found: Both | None) -> Iterator[str]:
     if (apart > 0.0).any():
         yield (
             f"{int((apart > 0).sum())} of {a.size} first-overturning PGAs differ, by a median of "
-            f"{100 * np.median(apart):.2g} % and {100 * apart.max():.2g} % at most"
+            f"{100 * np.median(apart):.3g} % and {100 * apart.max():.3g} % at most"
         )
 
 

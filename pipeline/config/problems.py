@@ -36,12 +36,15 @@ class Problem:
 
 
 def printable(text: str) -> str:
-    r"""A text that a terminal can show.
+    r"""A text that a terminal can show; the narrow space of large numbers is one that it can.
 
     >>> print(printable("\x1b é"))
     \x1b é
     """
-    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+    return "".join(
+        letter if letter.isprintable() or letter == "\u202f" else ascii(letter)[1:-1]
+        for letter in text
+    )
 
 
 def _short(part: str) -> str:

@@ -86,7 +86,8 @@ class LognormalFragility(FragilityModel):
         return self._interpolated(row_weights, drawn)
 
     def named(self, coefs: Array) -> dict[str, Array]:
-        return dict(zip(("theta", "beta"), np.exp(np.moveaxis(coefs, -1, 0)), strict=True))
+        with np.errstate(over="ignore"):  # open above where an outcome hardly depends on PGA
+            return dict(zip(("theta", "beta"), np.exp(np.moveaxis(coefs, -1, 0)), strict=True))
 
     def grid_probability(self, coefs: Array) -> Array:
         ln_theta, ln_beta = np.moveaxis(coefs[..., None], 2, 0)
