@@ -27,6 +27,7 @@ FILLED = {
     "PRODUCT=displacement",
     "--site SITE": "--site cuboid_1x1x2",
     "FOLDER_OR_ZIP FOLDER_OR_ZIP": "data/derived/double_rock data/derived/double_rock",
+    " [--table mini_shake_robot]": "",
     " [--export DIR]": "",
     "tests/faults/FILE": "tests/faults/test_slurm.py",
 }
