@@ -29,7 +29,7 @@ LARGE_TIMES = 15.0
 CORNER_SHARE = 0.2
 """Corners of a part are left out as long as it sinks by less than this share of the tolerance."""
 
-_BARYCENTRIC = np.array(
+_SIX = np.array(
     [
         [0.5, 0.5, 0.0],
         [0.5, 0.0, 0.5],
@@ -39,6 +39,8 @@ _BARYCENTRIC = np.array(
         [1 / 6, 1 / 6, 2 / 3],
     ]
 )
+_MANY = np.array([[i, j, 12 - i - j] for i in range(13) for j in range(13 - i)]) / 12.0
+"""Barycentric coordinates of points of a large facet, besides its middle."""
 
 
 def convex_parts(
@@ -47,7 +49,9 @@ def convex_parts(
     """Convex parts of a terrain.
 
     Patches of triangles grow together pair by pair, the pair that stands out least first, while
-    what they make together is a part. What stands out is sampled at seven points of each facet.
+    what they make together is a part. What stands out is sampled at seven points of each facet, and
+    at many of a large one once a part is to be made: two long walls and what is flat above them would
+    cover the corner where they meet.
 
     Parameters
     ----------
@@ -80,7 +84,11 @@ def convex_parts(
         _, one, other = heapq.heappop(queue)
         if one not in patches or other not in patches:
             continue
-        patches[number] = np.concatenate([patches.pop(one), patches.pop(other)])
+        joined = np.concatenate([patches[one], patches[other]])
+        if grow.stands_out(joined, _MANY) is None:
+            continue
+        del patches[one], patches[other]
+        patches[number] = joined
         around = (neighbours.pop(one) | neighbours.pop(other)) - {one, other}
         for third in around:
             neighbours[third] = (neighbours[third] - {one, other}) | {number}
@@ -111,7 +119,7 @@ class _Growing:
         allowed = CORNER_SHARE * float(self._tolerance(points.mean(axis=0)[None])[0])
         return corners[needed(corners, allowed, extreme)]
 
-    def stands_out(self, patch: Indices) -> float | None:
+    def stands_out(self, patch: Indices, looked_at: Array = _SIX) -> float | None:
         """How far a part would stand out of the terrain [m]; None if it must not be made."""
         points, outward = self._points(patch)
         if len(points) > MOST_POINTS or not outward.any():
@@ -128,7 +136,7 @@ class _Growing:
         outer |= (hull.simplices < len(points)).all(axis=1)
         samples = np.concatenate(
             [
-                self._on_facets(corners[hull.simplices[outer]]),
+                self._on_facets(corners[hull.simplices[outer]], looked_at),
                 _above_hollows(points, hull.equations[outer]),
             ]
         )
@@ -140,12 +148,12 @@ class _Growing:
                 return None
         return float(distance.max())
 
-    def _on_facets(self, facets: Array) -> Array:
-        """Points on facets, shape (k, 3, 3) [m]: their middles, of large ones seven points."""
+    def _on_facets(self, facets: Array, looked_at: Array) -> Array:
+        """Points on facets, shape (k, 3, 3) [m]: their middles, of large ones others besides."""
         middles = facets.mean(axis=1)
         longest = np.linalg.norm(facets - np.roll(facets, 1, axis=1), axis=2).max(axis=1)
         large = facets[longest > LARGE_TIMES * self._tolerance(middles)]
-        more = np.einsum("kb,fbx->fkx", _BARYCENTRIC, large).reshape(-1, 3)
+        more = np.einsum("kb,fbx->fkx", looked_at, large).reshape(-1, 3)
         return np.concatenate([middles, more])
 
     def _from_all(self, point: Array, distance: float) -> float:

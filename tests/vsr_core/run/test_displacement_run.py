@@ -434,7 +434,7 @@ def test_a_run_knows_nothing_of_the_runs_before() -> None:
 
 
 def reduced(site: TerrainCase, parts: str) -> TerrainCase:
-    """As a pipeline makes it: few corners, fewer in flight, parts in place of triangles."""
+    """As a pipeline makes it, with few corners, and fewer in flight; on parts, not triangles."""
     seat = replace(
         site.seat, rock=reduction.on_its_seat(site.seat.rock), terrain=ground_of(parts), start=None
     )

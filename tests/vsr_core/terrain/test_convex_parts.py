@@ -225,6 +225,16 @@ def test_walls_of_a_niche() -> None:
     assert 5 <= len(made) <= 15
 
 
+def test_no_part_lies_over_the_floor_of_a_niche_of_large_triangles() -> None:
+    """As one of two walls and the ground behind them did, whose corner the samples had missed."""
+    terrain = grounds.niche(0.75, 0.4, lines=9)
+    x = np.linspace(-0.7, 0.7, 29)
+    air = np.array(list(itertools.product(x, x, np.linspace(0.01, 1.0, 34))))
+    for part in convex_parts(terrain, same_everywhere(0.004), 0.04):
+        planes = ConvexHull(part).equations
+        assert (air @ planes[:, :3].T + planes[:, 3]).max(axis=1).min() > 0.0
+
+
 EVEN: dict[str, tuple[Terrain, int]] = {
     "level": (grounds.level(2.0, 4), 1),
     "incline": (grounds.incline(0.5, 2.0, 4), 1),
