@@ -50,8 +50,8 @@ def convex_parts(
 
     Patches of triangles grow together pair by pair, the pair that stands out least first, while
     what they make together is a part. What stands out is sampled at seven points of each facet, and
-    at many of a large one once a part is to be made: two long walls and what is flat above them would
-    cover the corner where they meet.
+    at many of a large one once a part is to be made: two long walls and what is flat above them
+    would cover the corner where they meet.
 
     Parameters
     ----------
