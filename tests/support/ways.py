@@ -70,6 +70,7 @@ def refusal(way: Mapping[str, str]) -> str:
         ("pedestal.shape", ground == "terrain" and product in FLAT),
         ("pedestal.shape", ground != "terrain" and product == "displacement"),
         ("motion.kind", motion not in ("cosine", "servo") and product in OF_COSINES),
+        ("drive", product == "accuracy" and motion == "servo"),
         ("uncertainty.restitution", product in ("uncertainty", "hazard") and engine == "mujoco"),
         ("simulation.engine", motion == "six_axes" and engine == "mujoco"),
     ]

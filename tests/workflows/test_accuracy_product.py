@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from conftest import Ran
 
 from pipeline import cli
 from pipeline.drawing.style import png
@@ -146,3 +147,26 @@ def test_settings_go_from_coarse_to_fine_and_the_project_comes_first() -> None:
     assert found["method"].unique().tolist() == ["project, bullet", "late", "peer"]
     assert found["cpu_s"].tolist()[:3] == [1e-3, 2e-3, 5e-3]
     assert png(work_precision(MEASURED, 0.01, "x")).startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "motion.kind: got sine_pulse",
+        "drive: got servo",
+        "contact.restitution: got 0.3",
+        "contact.rolling_friction: got 0.002",
+    ],
+)
+def test_what_not_every_way_can_hold_is_refused_before_any_runs(
+    key: str, write_site: Callable[..., str], vsr: Callable[..., Ran]
+) -> None:
+    site = write_site(
+        SITE.replace("auto", "0.002").replace("motion: {", "motion: {kind: cosine_pulse, ")
+    )
+    told, value = key.split(": got ")
+    ran = vsr("run", "accuracy", "--site", site, "--workers", 0, "--set", f"{told}={value}")
+    assert ran.code == cli.REFUSED
+    (line,) = [line for line in ran.err.splitlines() if line.startswith("vsr: ")]
+    assert f"{key}; " in line
+    assert "references" not in ran.err

@@ -39,16 +39,7 @@ FILE, TABLE, PAGE, PICTURE = "accuracy.nc", "accuracy.csv", "accuracy.html", "wo
 
 def make(work: Work, study: Study, measured: StepData) -> Product:
     """Compare ways of running on the site's own rows, and run the reference suite."""
-    if not isinstance(study.motion, PulseConfig):
-        raise InputError(
-            Problem(
-                work.origin.file_of("motion.kind"),
-                "motion.kind",
-                study.motion.kind,
-                "other ways of running are compared under pulses",
-                "use the site with motion.kind: cosine_pulse",
-            )
-        )
+    _comparable(work, study)
     site = work.origin.name
     targets = comparison.find_targets(work, study)
     records = comparison.score_ways(work, study, targets)
@@ -68,6 +59,35 @@ def make(work: Work, study: Study, measured: StepData) -> Product:
         **pictures(PICTURE, diagram),
     }
     return Product(files, _summary(table))
+
+
+def _comparable(work: Work, study: Study) -> None:
+    """Refuse what not every way of running can hold."""
+    contact, level = study.settings.contact, not study.settings.on_terrain
+    pulses = isinstance(study.motion, PulseConfig)
+    held = "engines are compared in a scene that all of them can hold"
+    checks: tuple[tuple[str, bool, object, str, object], ...] = (
+        (
+            "motion.kind",
+            pulses,
+            study.motion.kind,
+            "engines are compared under pulses",
+            "cosine_pulse",
+        ),
+        ("drive", study.settings.drive != "servo", "servo", held, "table_frame"),
+        ("contact.restitution", not (level and contact.restitution), contact.restitution, held, 0),
+        (
+            "contact.rolling_friction",
+            not contact.rolling_friction,
+            contact.rolling_friction,
+            held,
+            0,
+        ),
+    )
+    for key, holds, given, rule, value in checks:
+        if not holds:
+            file, remedy = work.origin.file_of(key), f"use the site with {key}: {value}"
+            raise InputError(Problem(file, key, str(given), rule, remedy))
 
 
 def _dataset(targets: dict[Place, Target], cells: list[SampledCell]) -> xr.Dataset:
