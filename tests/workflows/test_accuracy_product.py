@@ -27,37 +27,32 @@ SITE = (
 )
 
 
-@pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch, quick_time_step: None) -> None:
-    """Two other engines, two steps, a few cells and cases: seconds instead of minutes."""
-    monkeypatch.setattr(
-        other_engines, "names", lambda: ["dart", "mujoco_default", "published_setup"]
-    )
-    missing = other_engines.missing
-    monkeypatch.setattr(
-        other_engines, "missing", lambda n: ("dartpy",) if n == "dart" else missing(n)
-    )
-    monkeypatch.setattr(time_step, "BOX_PERIODS", (0.6,))
-    monkeypatch.setattr(worker_tasks, "BUDGET", 0.2)
-    monkeypatch.setattr(comparison, "CELLS", 6)
-    monkeypatch.setattr(quantity_fronts, "PULSES", 60)
-    monkeypatch.setattr(comparison, "STEPS", (1 / 500, 1 / 1000))
-    every = sensitivity.variations()
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory, quick_time_step: None) -> Path:
+    """Of two other engines, two steps, a few cells and cases: seconds instead of minutes."""
+    folder = tmp_path_factory.mktemp("accuracy")
+    (folder / "rock.yaml").write_text(SITE, encoding="utf-8")
+    given = ["run", "accuracy", "--site", str(folder / "rock.yaml"), "--workers", "0"]
+    missing, every = other_engines.missing, sensitivity.variations()
     few = tuple(
         v for v in every if v.what in ("as chosen", "pedestal") and v.value != "triangle mesh"
     )
-    monkeypatch.setattr(sensitivity, "variations", lambda: few)
     some = tuple(case for case in reference.cases() if "fall" in case.name or "slid" in case.name)
-    monkeypatch.setattr(reference, "cases", lambda: some)
-
-
-@pytest.fixture
-def made(
-    small: None, write_site: Callable[..., str], vsr: Callable[..., object], derived: Path
-) -> Path:
-    ran = vsr("run", "accuracy", "--site", write_site(SITE), "--workers", 0)
-    assert ran.code == cli.DONE, ran.err  # type: ignore[attr-defined]
-    return derived / "rock"
+    names = ["dart", "mujoco_default", "published_setup"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(other_engines, "names", lambda: names)
+        patch.setattr(
+            other_engines, "missing", lambda n: ("dartpy",) if n == "dart" else missing(n)
+        )
+        patch.setattr(time_step, "BOX_PERIODS", (0.6,))
+        patch.setattr(worker_tasks, "BUDGET", 0.2)
+        patch.setattr(comparison, "CELLS", 6)
+        patch.setattr(quantity_fronts, "PULSES", 60)
+        patch.setattr(comparison, "STEPS", (1 / 500, 1 / 1000))
+        patch.setattr(sensitivity, "variations", lambda: few)
+        patch.setattr(reference, "cases", lambda: some)
+        assert cli.main([*given, "--derived", str(folder / "derived")]) == cli.DONE
+    return folder / "derived" / "rock"
 
 
 def test_table_page_picture_and_dataset(made: Path) -> None:
