@@ -88,19 +88,19 @@ def load_calculation(path: Path) -> HazardModel:
         poes, lon, lat = (numbers(file[name]) for name in (_STORED, "sitecol/lon", "sitecol/lat"))
         measures = json.loads(file[_STORED].attrs["json"])["imt"]
         sites, number, of_measures, _ = poes.shape
-        if len(set(measures)) != of_measures:
+        if not len(measures) == len(set(measures)) == of_measures:
             raise ValueError(f"{of_measures} curves of {measures}")
-        weights = numbers(file["weights"]).reshape(number, -1)[:, 0]
+        weights = weights_of(file)
+        if len(weights) != number:
+            raise ValueError(f"{len(weights)} weights of {number} realizations")
         paths = paths_of(file, number)
-        years = float(settings["investigation_time"])
-        known = {name: [float(level) for level in levels[name]] for name in measures}
-    if sites != 1:
-        given, rule = f"{sites} sites", "all curves are of one site"
-        raise refused(path, "sitecol", given, rule, "calculate the rock's site only")
+        years = number_of(settings["investigation_time"])
+        known = {name: [number_of(level) for level in levels[name]] for name in measures}
+    check_sites(path, sites, lon.size, lat.size)
     if "PGA" not in measures:
         given, rule = f"curves of {', '.join(measures)}", "the probability of toppling is for PGA"
         raise refused(path, "imt", given, rule, "calculate PGA too")
-    place = {"years": years, "lon": float(lon[0]), "lat": float(lat[0])}
+    place = {"years": years, "lon": lon.item(), "lat": lat.item()}
     curves = {}
     for at, of_branch in enumerate(poes[0].tolist()):
         for measure, values in zip(measures, of_branch, strict=True):
@@ -128,7 +128,29 @@ def numbers(data: Any) -> Array:
     """An array of a calculation, of bounded size."""
     if data.size > _MOST:
         raise ValueError(f"{data.size} numbers")
+    if data.dtype.kind not in "fiu":
+        raise ValueError(f"{data.dtype} for numbers")
     return np.asarray(data[...], dtype=np.float64)
+
+
+def number_of(setting: Any) -> float:
+    """A number among the parameters, which older versions wrote as text."""
+    if isinstance(setting, bool) or "_" in str(setting):
+        raise ValueError(f"{setting!r} for a number")
+    return float(setting)
+
+
+def weights_of(file: Any) -> Array:
+    """Weights of the realizations, the first where they have several."""
+    found = numbers(file["weights"])
+    return found.reshape(len(found), -1)[:, 0]
+
+
+def check_sites(path: Path, *counts: int) -> None:
+    """Refuse another number of sites, or of their coordinates, than one."""
+    if others := [count for count in counts if count != 1]:
+        rule, remedy = "all shaking is at one site", "calculate the rock's site only"
+        raise refused(path, "sitecol", f"{others[0]} sites", rule, remedy)
 
 
 def _curves(folder: Path) -> dict[tuple[int, str], tuple[Path, GivenCurve]]:

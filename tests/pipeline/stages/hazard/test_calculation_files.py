@@ -100,6 +100,19 @@ DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "levels in words": (lambda file: parameters(file, {"PGA": "x"}), "individual_rlzs"),
     "levels of nothing": (lambda file: parameters(file, {}), "individual_rlzs"),
     "no place": (lambda file: put(file, "sitecol/lon", [math.nan]), "lon: got nan"),
+    "no longitude": (lambda file: put(file, "sitecol/lon", np.zeros(0)), "sitecol: got 0 sites"),
+    "two latitudes": (lambda file: put(file, "sitecol/lat", [35.2, 36.2]), "sitecol: got 2 sites"),
+    "one measure twice": (lambda file: twice(file), "1 curves of"),
+    "more weights": (
+        lambda file: put(file, "weights", [0.2, 0.4, 0.3, 0.1]),
+        "4 weights of 2 realizations",
+    ),
+    "imaginary": (lambda file: put(file, CURVES, file[CURVES][...] * 1j), "complex64 for numbers"),
+    "a switch for years": (lambda file: parameters(file, LEVELS, True), "True for a number"),
+    "underscores": (
+        lambda file: parameters(file, LEVELS | {"PGA": ["0.01", "0.1", "1_0"]}),
+        "'1_0' for a number",
+    ),
 }
 
 
@@ -114,8 +127,13 @@ def named(file: h5py.File, measures: str) -> None:
     file[CURVES].attrs["json"] = measures
 
 
-def parameters(file: h5py.File, levels: dict[str, Any]) -> None:
-    put(file, "oqparam", json.dumps({"hazard_imtls": levels, "investigation_time": YEARS}))
+def twice(file: h5py.File) -> None:
+    put(file, CURVES, file[CURVES][:, :, :1])
+    named(file, '{"imt": ["PGA", "PGA"]}')
+
+
+def parameters(file: h5py.File, levels: dict[str, Any], years: float = YEARS) -> None:
+    put(file, "oqparam", json.dumps({"hazard_imtls": levels, "investigation_time": years}))
 
 
 def bomb(file: h5py.File) -> None:
