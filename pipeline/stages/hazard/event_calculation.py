@@ -20,6 +20,7 @@ from pipeline.config.outside import Row, check_file, checked
 from pipeline.stages.hazard import openquake
 from pipeline.stages.hazard.event_tables import Event, EventTables, Place, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import Realization
+from pipeline.stages.hazard.hdf5_heaps import check_heaps
 from vsr_core.arrays import Array
 
 _RULE = "it is an event_based calculation of OpenQuake with ground motions of PGA"
@@ -46,6 +47,7 @@ def tables(path: Path) -> EventTables:
     import h5py
 
     check_file(path, long_tables.LARGEST)
+    check_heaps(path)
     with openquake.reading(path, "gmf_data", _RULE), h5py.File(path) as file:
         settings, _ = openquake.settings_of(file)
         lon, lat = (openquake.numbers(file[f"sitecol/{name}"]) for name in ("lon", "lat"))

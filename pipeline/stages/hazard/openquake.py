@@ -32,6 +32,7 @@ from pipeline.stages.hazard.hazard_model import (
     Realization,
     model,
 )
+from pipeline.stages.hazard.hdf5_heaps import check_heaps
 from vsr_core.arrays import Array
 from vsr_core.errors import reason
 
@@ -82,6 +83,7 @@ def load_calculation(path: Path) -> HazardModel:
     import h5py
 
     check_file(path, _LARGEST)
+    check_heaps(path)
     rule = "it is a classical calculation of OpenQuake with individual_rlzs = true"
     with reading(path, _STORED, rule), h5py.File(path) as file:
         settings, levels = settings_of(file)

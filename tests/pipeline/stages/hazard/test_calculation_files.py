@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from pipeline.config.problems import InputError
-from pipeline.stages.hazard import curve_folder
+from pipeline.stages.hazard import curve_folder, event_files
 from pipeline.stages.hazard.shaking_ratio import load_disaggregation
 from tests.support.bad_input import bounded
+from tests.support.event_sets import EventSet
 from vsr_core import GRAVITY
 
 LEVELS = {"PGA": [0.01, 0.1, 1.0], "PGV": [0.5, 5.0, 50.0], "SA(1.0)": [0.02, 0.2, 2.0]}
@@ -153,6 +154,39 @@ def test_a_damaged_calculation_is_refused(tmp_path: Path, damage: str) -> None:
     with bounded(seconds=1.0, mebibytes=100.0), pytest.raises(InputError, match=words) as error:
         curve_folder.load(path)
     assert str(error.value).count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    ("write", "load"),
+    [
+        (written, curve_folder.load),
+        (EventSet(400.0, ruptures=40).write_calculation, lambda path: event_files.load(path, None)),
+    ],
+)
+def test_a_heap_that_hdf5_reads_for_ever_is_refused_before_it_does(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    write: Callable[[Path], Path],
+    load: Callable[[Path], Any],
+) -> None:
+    """What is free after the last text has no length."""
+    path = write(tmp_path / "calc_7.hdf5")
+    load(path)
+    content = bytearray(path.read_bytes())
+    at = content.index(b"GCOL") + 16
+    while number := int.from_bytes(content[at : at + 2], "little"):
+        length = int.from_bytes(content[at + 8 : at + 16], "little")
+        at += 16 + 8 * math.ceil(length / 8)
+    assert number == 0
+    content[at : at + 16] = bytes(16)
+    path.write_bytes(content)
+
+    def for_ever(*_: Any) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(h5py, "File", for_ever)
+    with pytest.raises(InputError, match=r"heap at byte \d+: got one without end"):
+        load(path)
 
 
 def test_a_disaggregation_is_read(tmp_path: Path) -> None:
