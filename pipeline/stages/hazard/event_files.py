@@ -31,7 +31,6 @@ LOWEST, STEP = 0.005, 1.05
 _CHANCE = 1e-6
 """Of events of equally likely years to span no more than they do, below which they are refused."""
 
-
 _FEW = 10
 """Events whose PGV may be 0 although their PGA is strong, beside a quarter of all such."""
 
@@ -188,14 +187,14 @@ def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | No
             pgv.append(part["gmv_PGV"].astype(np.float32))
     if not sum(map(len, places)):
         raise refused(path, "", "no rows", "there is one for each event that is felt")
-    at, strong = np.concatenate(places), np.concatenate(pga)
-    weak = np.concatenate(pgv) if pgv else None
+    at, accelerations = np.concatenate(places), np.concatenate(pga)
+    velocities = np.concatenate(pgv) if pgv else None
     if (seen := np.bincount(at)).max() > 1:
         rule, remedy = "an event is in one row", "export those of the rock's site only"
         raise refused(path, "event_id", f"{ids[np.argmax(seen)]} twice", rule, remedy)
-    if weak is not None:
-        _check_pgv(path, strong, weak)
-    return at, strong, weak
+    if velocities is not None:
+        _check_pgv(path, accelerations, velocities)
+    return at, accelerations, velocities
 
 
 def _check_pgv(path: Path, pga: Array, pgv: Array) -> None:
@@ -204,9 +203,8 @@ def _check_pgv(path: Path, pga: Array, pgv: Array) -> None:
     strong = UNITS["PGA"] * pga * RATIOS[0] > UNITS["PGV"] * least
     lost = strong & (pgv == 0.0)
     if lost.sum() > _FEW + strong.sum() // 4:
-        given = (
-            f"0 in {counted(int(lost.sum()), 'event')} with PGA of up to {pga[lost].max():.2g} g"
-        )
+        number = counted(int(lost.sum()), "event")
+        given = f"0 in {number} with PGA of up to {pga[lost].max():.2g} g"
         rule = f"0 is less than the least that is told, {least:.2g} cm/s"
         raise refused(path, "gmv_PGV", given, rule)
 
