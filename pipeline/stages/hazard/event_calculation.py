@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.config import long_tables
-from pipeline.config.outside import Row, check_file, checked, refused
+from pipeline.config.outside import Row, check_file, checked
 from pipeline.stages.hazard import openquake
 from pipeline.stages.hazard.event_tables import Event, EventTables, Place, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import Realization
+from pipeline.stages.hazard.hdf5_heaps import check_heaps
 from vsr_core.arrays import Array
 
 _RULE = "it is an event_based calculation of OpenQuake with ground motions of PGA"
@@ -46,15 +47,17 @@ def tables(path: Path) -> EventTables:
     import h5py
 
     check_file(path, long_tables.LARGEST)
+    check_heaps(path)
     with openquake.reading(path, "gmf_data", _RULE), h5py.File(path) as file:
         settings, _ = openquake.settings_of(file)
         lon, lat = (openquake.numbers(file[f"sitecol/{name}"]) for name in ("lon", "lat"))
-        weights = openquake.numbers(file["weights"]).reshape(len(file["weights"]), -1)[:, 0]
+        weights = openquake.weights_of(file)
         names = openquake.paths_of(file, len(weights))
-        times = (settings["investigation_time"], settings["ses_per_logic_tree_path"])
-    if len(lon) != 1:
-        given, rule = f"{len(lon)} sites", "all events are at one site"
-        raise refused(path, "sitecol", given, rule, "calculate the rock's site only")
+        times = [
+            openquake.number_of(settings[name])
+            for name in ("investigation_time", "ses_per_logic_tree_path")
+        ]
+    openquake.check_sites(path, lon.size, lat.size)
     return EventTables(
         dict.fromkeys(_KEYS, path),
         tuple(map(str, times)),
@@ -62,7 +65,7 @@ def tables(path: Path) -> EventTables:
             checked(path, Realization, {"rlz_id": at, "branch_path": name, "weight": weight})
             for at, (name, weight) in enumerate(zip(names, weights.tolist(), strict=True))
         ],
-        checked(path, Place, {"lon": float(lon[0]), "lat": float(lat[0])}),
+        checked(path, Place, {"lon": lon.item(), "lat": lat.item()}),
         partial(_parts, path),
     )
 
@@ -77,6 +80,11 @@ def _parts(path: Path, name: str, row: type[Row]) -> Iterator[dict[str, Any]]:
             if held in file and file[held].size > most:
                 raise ValueError(f"{file[held].size:,} of {held}, of at most {most:,}")
         found = read(file)
+        shapes = {values.shape for values in found.values()}
+        if len(shapes) > 1 or len(shapes.pop()) != 1:
+            raise ValueError("columns that are none, or of several lengths")
+        if not all(values.dtype.kind in "if" for values in found.values()):
+            raise ValueError("a column of no numbers")
     long_tables.check(path, row, found, np.zeros(len(next(iter(found.values()))), bool), 0)
     yield found
 
@@ -84,12 +92,18 @@ def _parts(path: Path, name: str, row: type[Row]) -> Iterator[dict[str, Any]]:
 def _events(file: Any) -> dict[str, Any]:
     events = file["events"][()]
     named = {"event_id": "id", "rup_id": "rup_id", "rlz_id": "rlz_id", "year": "year"}
-    return {name: events[own].astype(np.int64) for name, own in named.items()}
+    return {name: _whole(events[own]) for name, own in named.items()}
+
+
+def _whole(numbers: Array) -> Array:
+    if numbers.dtype.kind not in "iu":
+        raise ValueError(f"{numbers.dtype} for whole numbers")
+    return numbers.astype(np.int64)
 
 
 def _shaken(file: Any) -> dict[str, Any]:
     shaken = file["gmf_data"]
-    found = {"event_id": shaken["eid"][()].astype(np.int64), "gmv_PGA": shaken["PGA"][()]}
+    found = {"event_id": _whole(shaken["eid"][()]), "gmv_PGA": shaken["PGA"][()]}
     return found | ({"gmv_PGV": shaken["PGV"][()]} if "PGV" in shaken else {})
 
 
@@ -99,7 +113,7 @@ def _ruptures(file: Any) -> dict[str, Any]:
         raise ValueError("a surface below the first")
     lain = np.array([_lie(geometry[at]) for at in ruptures["geom_id"]]).T
     names = ("centroid_lon", "centroid_lat", "strike", "dip")
-    own = {"rup_id": ruptures["id"].astype(np.int64), "mag": ruptures["mag"].astype(np.float64)}
+    own = {"rup_id": _whole(ruptures["id"]), "mag": ruptures["mag"].astype(np.float64)}
     return own | dict(zip(names, lain, strict=True))
 
 

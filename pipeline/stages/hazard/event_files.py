@@ -14,6 +14,7 @@ from pipeline.stages.hazard import event_calculation, event_tables, openquake
 from pipeline.stages.hazard.event_tables import Event, EventTables, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import (
     LEVELS,
+    RATIOS,
     UNITS,
     GivenCurve,
     HazardModel,
@@ -29,6 +30,9 @@ LOWEST, STEP = 0.005, 1.05
 
 _CHANCE = 1e-6
 """Of events of equally likely years to span no more than they do, below which they are refused."""
+
+_FEW = 10
+"""Events whose PGV may be 0 although their PGA is strong, beside a quarter of all such."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,11 +187,26 @@ def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | No
             pgv.append(part["gmv_PGV"].astype(np.float32))
     if not sum(map(len, places)):
         raise refused(path, "", "no rows", "there is one for each event that is felt")
-    at = np.concatenate(places)
+    at, accelerations = np.concatenate(places), np.concatenate(pga)
+    velocities = np.concatenate(pgv) if pgv else None
     if (seen := np.bincount(at)).max() > 1:
         rule, remedy = "an event is in one row", "export those of the rock's site only"
         raise refused(path, "event_id", f"{ids[np.argmax(seen)]} twice", rule, remedy)
-    return at, np.concatenate(pga), np.concatenate(pgv) if pgv else None
+    if velocities is not None:
+        _check_pgv(path, accelerations, velocities)
+    return at, accelerations, velocities
+
+
+def _check_pgv(path: Path, pga: Array, pgv: Array) -> None:
+    """Refuse PGV of 0, which is less than the least that is kept, where PGA is strong."""
+    least = np.min(pgv, initial=np.inf, where=pgv > 0.0)
+    strong = UNITS["PGA"] * pga * RATIOS[0] > UNITS["PGV"] * least
+    lost = strong & (pgv == 0.0)
+    if lost.sum() > _FEW + strong.sum() // 4:
+        number = counted(int(lost.sum()), "event")
+        given = f"0 in {number} with PGA of up to {pga[lost].max():.2g} g"
+        rule = f"0 is less than the least that is told, {least:.2g} cm/s"
+        raise refused(path, "gmv_PGV", given, rule)
 
 
 def _check_site(path: Path, part: dict[str, Any], sites: dict[str, str]) -> None:
@@ -243,7 +262,13 @@ def _model(
         if values is None:
             continue
         own = values / UNITS[measure]
-        levels = _levels(own, events.branch, LOWEST * LEVELS[measure][0])
+        strongest = np.zeros(len(kept))
+        np.maximum.at(strongest, events.branch, own)
+        if not strongest.all():
+            given = f"none above 0 in realization {kept[int(np.argmin(strongest))].rlz_id}"
+            rule, remedy = "each realization has some", "simulate more years, or export all shaking"
+            raise refused(path, f"gmv_{measure}", given, rule, remedy)
+        levels = _levels(own, strongest, LOWEST * LEVELS[measure][0])
         rates = events.rates(own, levels, len(kept))
         for row, of_branch in zip(kept, rates.tolist(), strict=True):
             one = {"measure": measure, "levels": levels.tolist(), "values": of_branch}
@@ -254,10 +279,8 @@ def _model(
     return replace(found, unused=tuple(unused))
 
 
-def _levels(values: Array, branch: Indices, lowest: float) -> Array:
+def _levels(values: Array, strongest: Array, lowest: float) -> Array:
     """Levels of a curve up to the largest value, two or more of them below that of each branch."""
-    strongest = np.zeros(int(branch.max()) + 1)
-    np.maximum.at(strongest, branch, values)
     high = float(strongest.max())
     low = min(max(float(values.min()), lowest), float(strongest.min()) / STEP**2)
     return np.geomspace(low, high, 2 + int(np.log(high / low) / np.log(STEP)))

@@ -20,18 +20,15 @@ from typing import Any
 from pydantic import Field
 
 from pipeline.config import long_tables
-from pipeline.config.outside import Row, check_file, refused, rows, table, text
+from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.stages.hazard import openquake
 from pipeline.stages.hazard.hazard_model import LEVELS, Realization
-from pipeline.workflow.grammar import listed
 
 NEEDED, MORE = ("gmf-data", "events", "realizations"), ("ruptures", "sitemesh")
 """Files of a folder that have to be there, and that may be."""
 
 _TIMES = {name: re.compile(rf"\b{name}\s*=\s*([^\s,'\"]+)")
           for name in ("investigation_time", "ses_per_logic_tree_path")}  # fmt: skip
-
-_CHECKSUM = re.compile(r"checksum\s*=\s*(\d+)")
 
 _Id = Field(ge=0, le=2**62)
 
@@ -133,31 +130,8 @@ def files(folder: Path) -> dict[str, Path]:
         elif name in NEEDED:
             rule = "OpenQuake's is named gmf-data_1.csv, with events_1.csv and realizations_1.csv"
             raise refused(folder, name, "no such file", rule, "export it from the same calculation")
-    _check_calculation(folder, found)
+    openquake.check_calculation(folder, found.values())
     return found
-
-
-def _check_calculation(folder: Path, found: dict[str, Path]) -> None:
-    """Refuse files of several calculations, by the numbers of their names and their checksums."""
-    said = {
-        path.name: (
-            path.stem.partition("_")[2],
-            one[1] if (one := _CHECKSUM.search(_first_line(path))) else "",
-        )
-        for path in found.values()
-    }
-    for what, told in zip(("number", "checksum"), zip(*said.values(), strict=True), strict=True):
-        kinds = {one for one in told if one}
-        if len(kinds) > 1:
-            names = ", ".join(said)
-            rule, remedy = "all are of one calculation", "export them from the same one"
-            raise refused(folder, what, f"{listed(sorted(kinds))} of {names}", rule, remedy)
-
-
-def _first_line(path: Path) -> str:
-    check_file(path, long_tables.LARGEST)
-    with path.open("rb") as file:
-        return file.readline(10_000).decode("utf-8", "replace")
 
 
 def _is(name: str, path: Path) -> bool:

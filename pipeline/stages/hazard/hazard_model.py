@@ -154,8 +154,12 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
     rows : weights of the branches, whose sum is then 1 exactly
     unused : what else is in the files
     """
-    for measure in UNITS:
-        _alike([one for key, one in curves.items() if key[1] == measure])
+    _alike(list(curves.values()))
+    told = {row.rlz_id: (row.rlz_id, "PGV") in curves for row in rows if row.weight > 0.0}
+    if any(told.values()) and not all(told.values()):
+        given = f"no curve of realization {next(one for one in told if not told[one])}"
+        rule, remedy = "each has one of PGV, or none has", "export all, or remove those of PGV"
+        raise refused(source, "PGV", given, rule, remedy)
     check_sum(source, "weight", [row.weight for row in rows])
     total = sum(row.weight for row in rows)
     branches, ended = [], 0
@@ -211,16 +215,18 @@ def _together(path: Path, pga: HazardCurve, pgv: HazardCurve) -> None:
 def _alike(curves: list[tuple[Path, GivenCurve]]) -> None:
     """Refuse curves of several calculations: of other places, years or levels."""
     rule, remedy = "all curves are of one calculation", "export them again"
+    first = curves[0][1]
+    of_measure = {one.measure: (path, one.levels) for path, one in reversed(curves)}
     for path, one in curves[1:]:
-        first = curves[0][1]
+        other, levels = of_measure[one.measure]
         if max(abs(one.lon - first.lon), abs(one.lat - first.lat)) > NEAR:
             given = f"{one.lon:g}, {one.lat:g}, and elsewhere {first.lon:g}, {first.lat:g}"
             raise refused(path, "lon, lat", given, "all curves are of one site", remedy)
         if one.years != first.years:
             given = f"{one.years:g} years, and elsewhere {first.years:g}"
             raise refused(path, "investigation_time", given, rule, remedy)
-        if len(one.levels) != len(first.levels) or not np.allclose(
-            one.levels, first.levels, rtol=1e-5, atol=0.0
+        if len(one.levels) != len(levels) or not np.allclose(
+            one.levels, levels, rtol=1e-5, atol=0.0
         ):
-            given = f"other levels than {shown(curves[0][0])}"
+            given = f"other levels than {shown(other)}"
             raise refused(path, "levels", given, rule, remedy)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import ast
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,8 @@ from pipeline.stages.hazard.hazard_model import (
     Realization,
     model,
 )
+from pipeline.stages.hazard.hdf5_heaps import check_heaps
+from pipeline.workflow.grammar import listed
 from vsr_core.arrays import Array
 from vsr_core.errors import reason
 
@@ -41,7 +43,9 @@ _STORED = "hcurves-rlzs"
 _NAME = re.compile(r"hazard_curve-(mean|rlz-(\d+))-(\w+?)(?:_\d+)?\.csv")
 _YEARS = re.compile(r"investigation_time\s*=\s*([^\s,'\"]+)")
 _MEASURE = re.compile(r"imt\s*=\s*['\"]*([A-Za-z]+(?:\([^)]*\))?)")
+_KIND = re.compile(r"kind\s*=\s*['\"]*([\w.-]+)")
 _LEVEL = re.compile(r"([A-Za-z]\w*(?:\([^)]*\))?)-(.+)")
+_LIKE_ONE = re.compile(r"hazard_curve-.*-PG[AV].*", re.IGNORECASE)
 _PLACES = ("lon", "lat", "depth", "custom_site_id", "site_id")
 
 _MOST = 50_000_000
@@ -51,6 +55,16 @@ _MOST_SETTINGS = 10_000
 
 _LARGEST = 64 * 1024**3
 """Bytes of a calculation, of whose arrays only some are read."""
+
+_WEIGHTS = "realizations*.csv"
+
+_NUMBER = re.compile(r"_(\d+)\.csv")
+_SAID = {
+    "checksum": re.compile(r"\bchecksum\s*=\s*(\d+)"),
+    "lon": re.compile(r"\blon\s*=\s*([-+.\de]+)"),
+    "lat": re.compile(r"\blat\s*=\s*([-+.\de]+)"),
+}
+"""What a first line says of its calculation, and of the site where it has one only."""
 
 _OLDER = {"ordinal": "rlz_id"}
 
@@ -63,18 +77,49 @@ def is_there(folder: Path) -> bool:
 def load(folder: Path) -> HazardModel:
     """All realizations of a folder, or the mean curve where there are none."""
     curves = _curves(folder)
-    numbers = {number for number, measure in curves if number >= 0 and measure == "PGA"}
-    if not numbers and (-1, "PGA") not in curves:
+    read = [path for path, _ in curves.values()]
+    unused = [
+        f"{path.name} left out, as its name is not one of OpenQuake's"
+        for path in sorted(folder.iterdir())
+        if _LIKE_ONE.fullmatch(path.name) and path not in read
+    ]
+    of_weights = sorted(folder.glob(_WEIGHTS))
+    if not any(measure == "PGA" for _, measure in curves):
         rule, remedy = "the probability of toppling is for PGA", "export the curves of PGA"
         raise refused(folder, "imt", "no curves of PGA", rule, remedy)
-    if not numbers:
-        return model(folder, curves, [Realization(rlz_id=MEAN, branch_path="the mean", weight=1.0)])
+    if all(number == MEAN for number, _ in curves):
+        check_calculation(folder, read)
+        unused += [f"{path.name} left out, as the mean is the only curve" for path in of_weights]
+        mean = Realization(rlz_id=MEAN, branch_path="the mean", weight=1.0)
+        return model(folder, curves, [mean], *unused)
     weights = realizations(folder)
+    check_calculation(folder, [*read, *of_weights])
+    if {number for number, measure in curves if measure == "PGV"} == {MEAN}:
+        unused.append("the mean curve of PGV left out, as no realization has one")
+    numbers = {number for number, measure in curves if number != MEAN and measure == "PGA"}
     if incomplete := numbers ^ {row.rlz_id for row in weights}:
         given = f"realization {min(incomplete)} without curve or weight"
         rule = "each has a curve of PGA and a weight in realizations_1.csv"
         raise refused(folder, "rlz_id", given, rule, "export both from one calculation")
-    return model(folder, curves, sorted(weights, key=lambda row: row.rlz_id))
+    return model(folder, curves, sorted(weights, key=lambda row: row.rlz_id), *unused)
+
+
+def check_calculation(folder: Path, paths: Iterable[Path]) -> None:
+    """Refuse files of several calculations, by the numbers of their names and by first lines."""
+    said: dict[str, dict[str, str]] = {}
+    for path in paths:
+        check_file(path, _LARGEST)
+        with path.open("rb") as file:
+            first = file.readline(10_000).decode("utf-8", "replace")
+        told = {what: pattern.search(first) for what, pattern in _SAID.items()}
+        for what, one in {"number": _NUMBER.search(path.name), **told}.items():
+            if one:
+                said.setdefault(what, {}).setdefault(one[1], path.name)
+    for what, kinds in said.items():
+        if len(kinds) > 1:
+            given = listed([f"{kind} of {kinds[kind]}" for kind in sorted(kinds)[:2]])
+            rule, remedy = "all are of one calculation and site", "export them from the same one"
+            raise refused(folder, what, given, rule, remedy)
 
 
 def load_calculation(path: Path) -> HazardModel:
@@ -82,25 +127,26 @@ def load_calculation(path: Path) -> HazardModel:
     import h5py
 
     check_file(path, _LARGEST)
+    check_heaps(path)
     rule = "it is a classical calculation of OpenQuake with individual_rlzs = true"
     with reading(path, _STORED, rule), h5py.File(path) as file:
         settings, levels = settings_of(file)
         poes, lon, lat = (numbers(file[name]) for name in (_STORED, "sitecol/lon", "sitecol/lat"))
         measures = json.loads(file[_STORED].attrs["json"])["imt"]
         sites, number, of_measures, _ = poes.shape
-        if len(set(measures)) != of_measures:
+        if not len(measures) == len(set(measures)) == of_measures:
             raise ValueError(f"{of_measures} curves of {measures}")
-        weights = numbers(file["weights"]).reshape(number, -1)[:, 0]
+        weights = weights_of(file)
+        if len(weights) != number:
+            raise ValueError(f"{len(weights)} weights of {number} realizations")
         paths = paths_of(file, number)
-        years = float(settings["investigation_time"])
-        known = {name: [float(level) for level in levels[name]] for name in measures}
-    if sites != 1:
-        given, rule = f"{sites} sites", "all curves are of one site"
-        raise refused(path, "sitecol", given, rule, "calculate the rock's site only")
+        years = number_of(settings["investigation_time"])
+        known = {name: [number_of(level) for level in levels[name]] for name in measures}
+    check_sites(path, sites, lon.size, lat.size)
     if "PGA" not in measures:
         given, rule = f"curves of {', '.join(measures)}", "the probability of toppling is for PGA"
         raise refused(path, "imt", given, rule, "calculate PGA too")
-    place = {"years": years, "lon": float(lon[0]), "lat": float(lat[0])}
+    place = {"years": years, "lon": lon.item(), "lat": lat.item()}
     curves = {}
     for at, of_branch in enumerate(poes[0].tolist()):
         for measure, values in zip(measures, of_branch, strict=True):
@@ -128,7 +174,29 @@ def numbers(data: Any) -> Array:
     """An array of a calculation, of bounded size."""
     if data.size > _MOST:
         raise ValueError(f"{data.size} numbers")
+    if data.dtype.kind not in "fiu":
+        raise ValueError(f"{data.dtype} for numbers")
     return np.asarray(data[...], dtype=np.float64)
+
+
+def number_of(setting: Any) -> float:
+    """A number among the parameters, which older versions wrote as text."""
+    if isinstance(setting, bool) or "_" in str(setting):
+        raise ValueError(f"{setting!r} for a number")
+    return float(setting)
+
+
+def weights_of(file: Any) -> Array:
+    """Weights of the realizations, the first where they have several."""
+    found = numbers(file["weights"])
+    return found.reshape(len(found), -1)[:, 0]
+
+
+def check_sites(path: Path, *counts: int) -> None:
+    """Refuse another number of sites, or of their coordinates, than one."""
+    if others := [count for count in counts if count != 1]:
+        rule, remedy = "all shaking is at one site", "calculate the rock's site only"
+        raise refused(path, "sitecol", f"{others[0]} sites", rule, remedy)
 
 
 def _curves(folder: Path) -> dict[tuple[int, str], tuple[Path, GivenCurve]]:
@@ -142,20 +210,21 @@ def _curves(folder: Path) -> dict[tuple[int, str], tuple[Path, GivenCurve]]:
         if key in found:
             given = f"the curve that is in {found[key][0].name} too"
             raise refused(path, "", given, "a folder holds one calculation", "remove one")
-        found[key] = path, _curve(path, name[3])
+        found[key] = path, _curve(path, name[1], name[3])
     return found
 
 
-def _curve(path: Path, measure: str) -> GivenCurve:
+def _curve(path: Path, kind: str, measure: str) -> GivenCurve:
     lines = text(path)
     header = _header(lines)
-    years, stated = _YEARS.search(header), _MEASURE.search(header)
+    years = _YEARS.search(header)
     if not years:
         rule = "the first line gives the years of the probabilities"
         raise refused(path, "investigation_time", "nothing", rule)
-    if stated and stated[1] != measure:
-        rule = f"the file name says {measure}"
-        raise refused(path, "imt", stated[1], rule, "rename the file, or export it again")
+    for key, pattern, named in (("imt", _MEASURE, measure), ("kind", _KIND, kind)):
+        if (stated := pattern.search(header)) and stated[1] != named:
+            rule = f"the file name says {named}"
+            raise refused(path, key, stated[1], rule, "rename the file, or export it again")
     sites = table(path, lines)
     if len(sites) != 1:
         given = f"{len(sites)} sites"
@@ -184,7 +253,7 @@ def _curve(path: Path, measure: str) -> GivenCurve:
 
 def realizations(folder: Path) -> list[Realization]:
     """Path and weight of each realization."""
-    files = sorted(folder.glob("realizations*.csv"))
+    files = sorted(folder.glob(_WEIGHTS))
     if len(files) != 1:
         given = f"{len(files)} files realizations*.csv"
         rule, remedy = "one file has the weights", "export it from the same calculation"

@@ -1,9 +1,9 @@
 """Where PGV/PGA at a PGA comes from, best first: a table, events, a disaggregation, curves of PGV.
 
 A disaggregation is OpenQuake's, of PGA by magnitude and distance, as CSV: ``Mag_Dist-mean-0_1.csv``
-has columns ``imt, iml, poe, mag, dist`` and the mean, or one for each realization or statistic
-(older: ``poe`` first, and one file a level): the probability that a level is exceeded by
-earthquakes of a bin of magnitude and distance.
+has columns ``imt, iml, poe, mag, dist`` and the mean, or one for each realization, whose weights
+are in the first line (older: ``poe`` first, and one file a level): the probability that a level is
+exceeded by earthquakes of a bin of magnitude and distance.
 """
 
 from __future__ import annotations
@@ -12,18 +12,20 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import prod
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pipeline.config import in_si
 from pipeline.config.hazard_schema import HazardConfig
-from pipeline.config.outside import Row, Share, refused, rows, table, text
+from pipeline.config.outside import Row, Share, checked, refused, rows, table, text
+from pipeline.config.sections import Refused
 from pipeline.stages.hazard.hazard_model import LEVELS, UNITS, HazardModel
-from pipeline.workflow.grammar import counted
+from pipeline.stages.hazard.openquake import check_calculation
+from pipeline.workflow.grammar import counted, listed
 from vsr_core.arrays import Array
 from vsr_core.hazard.curve import mean_curve
 from vsr_core.hazard.events import Events
@@ -50,7 +52,9 @@ STEP = 1.05
 
 PATTERN = "Mag_Dist-*.csv"
 
-_EDGES = re.compile(r"(?:mag|dist)_bin_edges=\[([^\]]*)\]")
+_EDGES = re.compile(r"(mag|dist)_bin_edges=\[([^\]]*)\]")
+_WEIGHTS = re.compile(r"\bweights=\[([^\]]*)\]")
+_STATISTIC = re.compile(r"mean|rlz-?\d+|poe-?\d+|max|std|quantile-?[\d.]+")
 _COLUMNS = ("imt", "iml", "mag", "dist")
 
 
@@ -211,23 +215,47 @@ class Bin(Row):
     shares: tuple[Share, ...] = Field(
         min_length=1, description="one or more columns of probabilities, after imt, iml, mag, dist"
     )
+    weights: tuple[Annotated[float, Field(gt=0, le=1)], ...] = Field(
+        (), description="weights of the realizations in the first line"
+    )
+
+    @model_validator(mode="after")
+    def _weighed(self) -> Bin:
+        if self.weights and len(self.weights) != len(self.shares):
+            rule = f"there is one for each of {len(self.shares)} realizations"
+            raise Refused(rule, "export it again", "weights", f"{len(self.weights)}")
+        return self
+
+    @property
+    def share(self) -> float:
+        """The mean of the columns."""
+        return float(np.average(self.shares, weights=self.weights or None))
+
+
+class Edges(Row):
+    """Borders of the bins of a disaggregation, as its first line tells them."""
+
+    mag: tuple[float, ...] = Field(min_length=2, description="magnitudes between bins")
+    dist: tuple[float, ...] = Field(min_length=2, description="distances between bins [km]")
 
 
 def load_disaggregation(path: Path) -> Disaggregation:
     """Read a disaggregation by magnitude and distance."""
     found: list[Bin] = []
     unused: list[str] = []
+    check_calculation(path, disaggregation_files(path))
     for file in disaggregation_files(path):
-        of_pga, others, absent = _bins(file)
+        of_pga, others = _bins(file)
         found += of_pga
-        if absent:
-            unused.append(f"{counted(absent, 'bin')} of PGA not in {file.name} taken as empty")
-        if others:
-            unused.append(f"{counted(others, 'row')} of other measures in {file.name} left out")
+        unused += others
     bins = pd.DataFrame(
-        [(row.iml, row.mag, row.dist, float(np.mean(row.shares))) for row in found],
+        [(row.iml, row.mag, row.dist, row.share) for row in found],
         columns=["iml", "mag", "dist", "share"],
     )
+    if len(twice := bins[bins.duplicated(["iml", "mag", "dist"])]):
+        given = "{:g} g, M {:g}, {:g} km in two files".format(*twice.iloc[0, :3])
+        remedy = "name one of them in hazard.disaggregation"
+        raise refused(path, "iml, mag, dist", given, "a bin is in one file", remedy)
     if not bins["share"].sum() > 0.0:
         rule = "OpenQuake's is named Mag_Dist-mean-0_1.csv and has rows of PGA"
         remedy = "export it, or leave disaggregation out"
@@ -249,26 +277,71 @@ def load_disaggregation(path: Path) -> Disaggregation:
     return Disaggregation(magnitudes, distances, levels, shares, tuple(unused))
 
 
-def _bins(path: Path) -> tuple[list[Bin], int, int]:
-    """Rows of PGA, the number of others, and of bins of its first line that have no row."""
+def _bins(path: Path) -> tuple[list[Bin], list[str]]:
+    """Rows of PGA, and what else the file holds, in words."""
     lines = text(path)
     if lines.lstrip('"').startswith("#") and not lines.endswith(("\n", "\r")):
         raise refused(path, "", "a last line without its end", "OpenQuake ends each line")
-    cells = table(path, lines)
-    if cells and "imt" not in cells[0]:
+    cells, first = table(path, lines), lines.partition("\n")[0]
+    names = list(cells[0]) if cells else [*_COLUMNS]
+    if "imt" not in names:
         raise refused(path, "imt", "no such column", f"there are {', '.join(_COLUMNS)}")
+    shares = _shares(path, names)
+    told = _WEIGHTS.search(first)
+    weights = told[1].split(",") if told and len(shares) > 1 else []
     known = {*_COLUMNS, "poe"}
     of_pga = [
         {name: cell for name, cell in row.items() if name in known}
-        | {"shares": [cell for name, cell in row.items() if name not in known]}
+        | {"shares": [row[name] for name in shares], "weights": weights}
         for row in cells
         if row["imt"] == "PGA"
     ]
     found = rows(path, Bin, of_pga, once=("iml", "mag", "dist"))
-    along = [edges.count(",") for edges in _EDGES.findall(lines.partition("\n")[0])]
+    unused = [
+        f"column {name} of {path.name} left out, as others count"
+        for name in names
+        if name not in known and name not in shares
+    ]
+    if absent := _absent(path, first, found):
+        unused.append(f"{counted(absent, 'bin')} of PGA not in {path.name} taken as empty")
+    if others := len(cells) - len(found):
+        unused.append(f"{counted(others, 'row')} of other measures in {path.name} left out")
+    if len(shares) > 1 and not weights:
+        unused.append(f"realizations of {path.name} count alike, as its first line has no weights")
+    return found, unused
+
+
+def _shares(path: Path, names: list[str]) -> list[str]:
+    """Columns of shares that count: of the mean, or else of realizations, or else the only one."""
+    own = [name for name in names if name not in (*_COLUMNS, "poe")]
+    remedy = "export Mag_Dist, of the mean"
+    if strange := [name for name in own if not _STATISTIC.fullmatch(name)]:
+        rule = "there are imt, iml, poe, mag, dist, and mean, or rlz0 and so on"
+        raise refused(path, strange[0], "the column", rule, remedy)
+    for kind in ("mean", "rlz"):
+        if found := [name for name in own if name.startswith(kind)]:
+            return found
+    if len(own) > 1:
+        rule = "shares are of the mean or of realizations"
+        raise refused(path, "mean", f"columns {listed(own)}", rule, remedy)
+    return own
+
+
+def _absent(path: Path, first: str, found: list[Bin]) -> int:
+    """Number of bins of the first line that have no row; no other row is there."""
+    told = dict(_EDGES.findall(first))
+    if len(told) < 2:
+        return 0
+    cut = {name: edges.split(",") for name, edges in told.items()}
+    edges = checked(path, Edges, cut, text=True)
+    for name, along in (("mag", edges.mag), ("dist", edges.dist)):
+        for value in {getattr(row, name) for row in found}:
+            if not along[0] <= value <= along[-1]:
+                rule = f"by its first line they are from {along[0]:g} to {along[-1]:g}"
+                raise refused(path, name, f"a bin at {value:g}", rule)
+    whole = (len(edges.mag) - 1) * (len(edges.dist) - 1)
     numbers = Counter(row.iml for row in found).values()
-    if len(along) == 2 and any(0.0 in row.shares for row in found) and {*numbers} != {prod(along)}:
+    if any(0.0 in row.shares for row in found) and {*numbers} != {whole}:
         given = f"{min(numbers)} bins at a level"
-        raise refused(path, "mag, dist", given, f"by its first line they are {prod(along)}")
-    absent = sum(prod(along) - number for number in numbers) if len(along) == 2 else 0
-    return found, len(cells) - len(found), absent
+        raise refused(path, "mag, dist", given, f"by its first line they are {whole}")
+    return sum(whole - number for number in numbers)

@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from pipeline.config.problems import InputError
-from pipeline.stages.hazard import curve_folder
+from pipeline.stages.hazard import curve_folder, event_files
 from pipeline.stages.hazard.shaking_ratio import load_disaggregation
 from tests.support.bad_input import bounded
+from tests.support.event_sets import EventSet
 from vsr_core import GRAVITY
 
 LEVELS = {"PGA": [0.01, 0.1, 1.0], "PGV": [0.5, 5.0, 50.0], "SA(1.0)": [0.02, 0.2, 2.0]}
@@ -100,6 +101,19 @@ DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "levels in words": (lambda file: parameters(file, {"PGA": "x"}), "individual_rlzs"),
     "levels of nothing": (lambda file: parameters(file, {}), "individual_rlzs"),
     "no place": (lambda file: put(file, "sitecol/lon", [math.nan]), "lon: got nan"),
+    "no longitude": (lambda file: put(file, "sitecol/lon", np.zeros(0)), "sitecol: got 0 sites"),
+    "two latitudes": (lambda file: put(file, "sitecol/lat", [35.2, 36.2]), "sitecol: got 2 sites"),
+    "one measure twice": (lambda file: twice(file), "1 curves of"),
+    "more weights": (
+        lambda file: put(file, "weights", [0.2, 0.4, 0.3, 0.1]),
+        "4 weights of 2 realizations",
+    ),
+    "imaginary": (lambda file: put(file, CURVES, file[CURVES][...] * 1j), "complex64 for numbers"),
+    "a switch for years": (lambda file: parameters(file, LEVELS, True), "True for a number"),
+    "underscores": (
+        lambda file: parameters(file, LEVELS | {"PGA": ["0.01", "0.1", "1_0"]}),
+        "'1_0' for a number",
+    ),
 }
 
 
@@ -114,8 +128,13 @@ def named(file: h5py.File, measures: str) -> None:
     file[CURVES].attrs["json"] = measures
 
 
-def parameters(file: h5py.File, levels: dict[str, Any]) -> None:
-    put(file, "oqparam", json.dumps({"hazard_imtls": levels, "investigation_time": YEARS}))
+def twice(file: h5py.File) -> None:
+    put(file, CURVES, file[CURVES][:, :, :1])
+    named(file, '{"imt": ["PGA", "PGA"]}')
+
+
+def parameters(file: h5py.File, levels: dict[str, Any], years: float = YEARS) -> None:
+    put(file, "oqparam", json.dumps({"hazard_imtls": levels, "investigation_time": years}))
 
 
 def bomb(file: h5py.File) -> None:
@@ -135,6 +154,39 @@ def test_a_damaged_calculation_is_refused(tmp_path: Path, damage: str) -> None:
     with bounded(seconds=1.0, mebibytes=100.0), pytest.raises(InputError, match=words) as error:
         curve_folder.load(path)
     assert str(error.value).count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    ("write", "load"),
+    [
+        (written, curve_folder.load),
+        (EventSet(400.0, ruptures=40).write_calculation, lambda path: event_files.load(path, None)),
+    ],
+)
+def test_a_heap_that_hdf5_reads_for_ever_is_refused_before_it_does(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    write: Callable[[Path], Path],
+    load: Callable[[Path], Any],
+) -> None:
+    """What is free after the last text has no length."""
+    path = write(tmp_path / "calc_7.hdf5")
+    load(path)
+    content = bytearray(path.read_bytes())
+    at = content.index(b"GCOL") + 16
+    while number := int.from_bytes(content[at : at + 2], "little"):
+        length = int.from_bytes(content[at + 8 : at + 16], "little")
+        at += 16 + 8 * math.ceil(length / 8)
+    assert number == 0
+    content[at : at + 16] = bytes(16)
+    path.write_bytes(content)
+
+    def for_ever(*_: Any) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(h5py, "File", for_ever)
+    with pytest.raises(InputError, match=r"heap at byte \d+: got one without end"):
+        load(path)
 
 
 def test_a_disaggregation_is_read(tmp_path: Path) -> None:
@@ -185,6 +237,100 @@ def test_a_disaggregation_that_is_cut_after_a_row_is_refused(tmp_path: Path) -> 
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match="a last line without its end"):
         load_disaggregation(path)
+
+
+EDGES = "mag_bin_edges=[5.0, 6.0, 8.0], dist_bin_edges=[0.0, 20.0, 40.0]"
+BINS = ("PGA,0.5,1e-3,5.5,10", "PGA,0.5,1e-3,7.0,10", "PGA,0.5,1e-3,5.5,30", "PGA,0.5,1e-3,7.0,30")
+
+
+def disaggregated(
+    folder: Path, columns: dict[str, list[float]], first: str = EDGES, name: str = "mean-0_2"
+) -> Path:
+    """Four bins of a level."""
+    told = [f'#,,,,,"{first}"', ",".join(["imt,iml,poe,mag,dist", *columns])]
+    cells = zip(*columns.values(), strict=True)
+    told += [",".join([one, *map(str, own)]) for one, own in zip(BINS, cells, strict=True)]
+    path = folder / f"Mag_Dist-{name}.csv"
+    path.write_text("\n".join([*told, ""]), encoding="utf-8")
+    return path
+
+
+MEAN = [4e-4, 3e-4, 2e-4, 1e-4]
+
+
+def shares(path: Path) -> list[float]:
+    """By magnitude, then distance."""
+    (found,) = load_disaggregation(path).shares.tolist()
+    return [found[at] for at in (0, 2, 1, 3)]
+
+
+def test_of_other_statistics_the_mean_counts(tmp_path: Path) -> None:
+    columns = {"mean": MEAN, "quantile-0.95": MEAN[::-1], "std": [1.0, 0.5, 0.5, 0.5]}
+    path = disaggregated(tmp_path, columns)
+    assert shares(path) == pytest.approx([0.4, 0.3, 0.2, 0.1])
+    assert load_disaggregation(path).unused == tuple(
+        f"column {name} of {path.name} left out, as others count" for name in list(columns)[1:]
+    )
+
+
+def test_realizations_count_by_the_weights_of_the_first_line(tmp_path: Path) -> None:
+    columns = {"rlz0": MEAN, "rlz3": MEAN[::-1]}
+    path = disaggregated(tmp_path, columns, f"{EDGES}, weights=[0.75, 0.25], rlz_ids=[0, 3]")
+    assert shares(path) == pytest.approx([0.325, 0.275, 0.225, 0.175])
+    assert load_disaggregation(path).unused == ()
+    path = disaggregated(tmp_path, columns)
+    assert shares(path) == pytest.approx([0.25] * 4)
+    assert "count alike" in load_disaggregation(path).unused[0]
+
+
+PLACE = f"{EDGES}, lon=-120.9, lat=35.2"
+
+
+@pytest.mark.parametrize(
+    ("columns", "first", "words"),
+    [
+        ({"mean": MEAN, "eps": MEAN}, EDGES, "eps: got the column; there are imt, iml"),
+        ({"lon": MEAN, "lat": MEAN, "mean": MEAN}, EDGES, "lon: got the column"),
+        ({"quantile-0.5": MEAN, "std": MEAN}, EDGES, "got columns quantile-0.5 and std"),
+        ({"mean": MEAN}, EDGES.replace("8.0", "6.5"), "mag: got a bin at 7; by its first line"),
+        ({"mean": MEAN}, EDGES.replace("40", "25"), "dist: got a bin at 30; by its first line"),
+        ({"mean": MEAN}, EDGES.replace("40.0", "x"), "dist.2: got ' x'"),
+        (
+            {"rlz0": MEAN, "rlz1": MEAN},
+            f"{EDGES}, weights=[1.0]",
+            "weights: got 1 in row 1; there is one for each of 2 realizations",
+        ),
+        (
+            {"rlz0": MEAN, "rlz1": MEAN},
+            f"{EDGES}, weights=[1.0, x]",
+            "weights.1: got ' x' in row 1",
+        ),
+    ],
+)
+def test_columns_and_bins_that_are_none_are_refused(
+    tmp_path: Path, columns: dict[str, list[float]], first: str, words: str
+) -> None:
+    with pytest.raises(InputError, match=re.escape(words)) as error:
+        load_disaggregation(disaggregated(tmp_path, columns, first))
+    assert str(error.value).count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "first", "words"),
+    [
+        ("mean-1_2", EDGES, "0.5 g, M 5.5, 10 km in two files; a bin is in one file; name one of"),
+        ("mean-1_2", PLACE.replace("35.2", "36.2"), "lat: got 35.2 of Mag_Dist-mean-0_2.csv and"),
+        ("mean-0_3", EDGES, "number: got 2 of Mag_Dist-mean-0_2.csv and 3 of Mag_Dist-mean-0_3"),
+    ],
+)
+def test_disaggregations_of_two_places_or_calculations_are_refused(
+    tmp_path: Path, name: str, first: str, words: str
+) -> None:
+    disaggregated(tmp_path, {"mean": MEAN}, PLACE)
+    disaggregated(tmp_path, {"mean": MEAN}, first, name)
+    with pytest.raises(InputError, match=re.escape(words)) as error:
+        load_disaggregation(tmp_path)
+    assert str(error.value).count("\n") == 0
 
 
 def test_no_disaggregation_is_refused(tmp_path: Path) -> None:

@@ -171,6 +171,89 @@ def test_levels_in_m_s2_of_all_branches_are_refused(
         curve_folder.load(tmp_path)
 
 
+def shipped(folder: Path) -> Path:
+    """The first two of the curves that OpenQuake made, of PGA and PGV, with weights."""
+    for measure in ("PGA", "PGV"):
+        for kind in ("mean", "rlz-000", "rlz-001"):
+            shutil.copy(MADE_UP / f"hazard_curve-{kind}-{measure}_1.csv", folder)
+    first = (MADE_UP / "realizations_1.csv").read_text(encoding="utf-8").splitlines()[:2]
+    text = "\n".join([*first, "0,A~0,0.6", "1,A~1,0.4", ""])
+    (folder / "realizations_1.csv").write_text(text, encoding="utf-8")
+    return folder
+
+
+def renamed(folder: Path, old: str, new: str) -> None:
+    for path in folder.glob(f"{old}*"):
+        path.rename(folder / path.name.replace(old, new))
+
+
+def edited(folder: Path, name: str, old: str, new: str) -> None:
+    text = (folder / name).read_text(encoding="utf-8")
+    assert re.search(old, text)
+    (folder / name).write_text(re.sub(old, new, text, count=1), encoding="utf-8")
+
+
+SECOND = "hazard_curve-rlz-001-PGA_1.csv"
+OF_PGV = "hazard_curve-rlz-000-PGV_1.csv"
+MIXED: dict[str, tuple[Callable[[Path], object], str]] = {
+    "twice": (lambda at: shutil.copy(at / FIRST, at / SECOND), "kind: got rlz-000; the file name"),
+    "quantile": (
+        lambda at: shutil.copy(MADE_UP / "quantile_curve-0.95-PGA_1.csv", at / SECOND),
+        "kind: got quantile-0.95; the file name says rlz-001",
+    ),
+    "number": (lambda at: renamed(at, SECOND, SECOND.replace("_1", "_2")), "and 2 of hazard_curve"),
+    "weights": (lambda at: renamed(at, "realizations_1", "realizations_2"), "2 of realizations_2"),
+    "checksum": (lambda at: edited(at, FIRST, "sum=3", "sum=4"), "checksum: got 3673934075 of"),
+    "checksum of PGV": (lambda at: edited(at, OF_PGV, "sum=3", "sum=4"), "and 4673934075 of"),
+    "checksum of weights": (
+        lambda at: edited(at, "realizations_1.csv", "sum=3", "sum=4"),
+        "and 4673934075 of realizations_1.csv",
+    ),
+    "place of PGV": (
+        lambda at: [edited(at, path.name, r"\n-120\.", "\n-121.") for path in at.glob("*PGV*")],
+        "all curves are of one site",
+    ),
+    "years of PGV": (
+        lambda at: [edited(at, path.name, "time=1.0", "time=2.0") for path in at.glob("*PGV*")],
+        "2 years, and elsewhere 1",
+    ),
+    "no PGV": (lambda at: (at / OF_PGV).unlink(), "PGV: got no curve of realization 0"),
+    "PGV in capitals": (lambda at: renamed(at, OF_PGV, f"{OF_PGV[:-3]}CSV"), "of realization 0"),
+    "only PGV": (
+        lambda at: [path.unlink() for path in at.glob("*-rlz-*PGA*")],
+        "realization 0 without curve or weight",
+    ),
+}
+
+
+@pytest.mark.parametrize("mixed", MIXED)
+def test_curves_of_two_calculations_or_kinds_are_refused(tmp_path: Path, mixed: str) -> None:
+    change, words = MIXED[mixed]
+    assert len(curve_folder.load(shipped(tmp_path)).branches) == 2
+    change(tmp_path)
+    with pytest.raises(InputError, match=re.escape(words)) as error:
+        curve_folder.load(tmp_path)
+    assert str(error.value).count("\n") == 0
+
+
+def test_curves_that_are_left_out_are_named(tmp_path: Path) -> None:
+    """A second download; weights, where realizations are lost; the mean, where PGV of them is."""
+    shipped(tmp_path)
+    again = f"{FIRST[:-4]} (1).csv"
+    shutil.copy(tmp_path / FIRST, tmp_path / again)
+    said = f"{again} left out, as its name is not one of OpenQuake's"
+    assert curve_folder.load(tmp_path).unused[0] == said
+    (tmp_path / again).unlink()
+    for path in tmp_path.glob("*-rlz-*PGV*"):
+        path.unlink()
+    said = "the mean curve of PGV left out, as no realization has one"
+    assert curve_folder.load(tmp_path).unused[0] == said
+    for path in tmp_path.glob("*-rlz-*"):
+        path.unlink()
+    said = "realizations_1.csv left out, as the mean is the only curve"
+    assert curve_folder.load(tmp_path).unused[0] == said
+
+
 def nshmp(folder: Path, rates: str, levels: str = "0.01,0.1,0.5,1.0") -> Path:
     (folder / "PGA").mkdir()
     text = f"name,lon,lat,{levels}\nhere,-120.9,35.2,{rates}\n"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -221,13 +223,13 @@ def test_files_of_two_calculations_are_refused(tmp_path: Path, name: str) -> Non
     """By the number of a name, and by the checksum that OpenQuake writes in the first line."""
     path = written(tmp_path) / f"{name}_5.csv"
     path.rename(tmp_path / f"{name}_6.csv")
-    with pytest.raises(InputError, match=r"number: got 5 and 6 of gmf-data_"):
+    with pytest.raises(InputError, match=rf"number: got 5 of .*_5.csv and 6 of {name}_6.csv"):
         event_files.load(tmp_path, None)
     (tmp_path / f"{name}_6.csv").unlink()
     for one, text in FILES.items():
         checksum = 18 if one == path.name else 17
         (tmp_path / one).write_text(f"#,checksum={checksum}\n{text}")
-    with pytest.raises(InputError, match=r"checksum: got 17 and 18 of gmf-data_5"):
+    with pytest.raises(InputError, match=rf"checksum: got 17 of .*_5.csv and 18 of {name}_5.csv"):
         event_files.load(tmp_path, None)
 
 
@@ -277,6 +279,95 @@ def test_other_units_are_not_plausible(
     path.write_text("\n".join([first, names, *rows, ""]))
     with pytest.raises(InputError, match=words):
         event_files.load(folder, None)
+
+
+def rewritten(path: Path, change: Callable[[float, float, int], tuple[float, float]]) -> Path:
+    """PGA and PGV of each event changed, given the number of its realization."""
+    branch = dict(row.split(",")[::2][:2] for row in lines(path / "events_1.csv"))
+    first, names, *rows = (path / "gmf-data_1.csv").read_text().splitlines()
+    for at, row in enumerate(rows):
+        number, pga, pgv, site = row.split(",")
+        changed = change(float(pga), float(pgv), int(branch[number]))
+        rows[at] = ",".join([number, *map(str, changed), site])
+    (path / "gmf-data_1.csv").write_text("\n".join([first, names, *rows, ""]))
+    return path
+
+
+def lines(path: Path) -> list[str]:
+    return path.read_text().splitlines()[2:]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda pga, pgv, of: (0.0, pgv), "gmv_PGA: got none above 0 in realization 0"),
+        (lambda pga, pgv, of: (pga, 0.0), "gmv_PGV: got none above 0 in realization 0"),
+        (lambda pga, pgv, of: (pga * (of != 0), pgv), "gmv_PGA: got none above 0 in realization 0"),
+        (lambda pga, pgv, of: (pga, pgv * (of != 0)), "gmv_PGV: got none above 0 in realization 0"),
+        (
+            lambda pga, pgv, of: (pga, pgv * (pga > 0.1)),
+            r"gmv_PGV: got 0 in \d+ events with PGA of",
+        ),
+    ],
+)
+def test_shaking_that_is_lost_is_refused(
+    tmp_path: Path, change: Callable[[float, float, int], tuple[float, float]], words: str
+) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        event_files.load(rewritten(EventSet(2_000.0).write(tmp_path), change), None)
+    assert str(error.value).count("\n") == 0
+
+
+@pytest.mark.parametrize("kept", [1, 2, "0", "2"])
+def test_a_realization_whose_shaking_is_lost_is_named(tmp_path: Path, kept: int | str) -> None:
+    """The first rows alone, or all but those of a realization."""
+    folder = EventSet(2_000.0).write(tmp_path)
+    branch = dict(row.split(",")[::2][:2] for row in lines(folder / "events_1.csv"))
+    path = folder / "gmf-data_1.csv"
+    rows = path.read_text().splitlines(keepends=True)
+    own = rows[2:][:kept] if isinstance(kept, int) else []
+    own = own or [row for row in rows[2:] if branch[row.split(",")[0]] != kept]
+    path.write_text("".join([*rows[:2], *own]))
+    with pytest.raises(InputError, match="gmv_PGA: got none above 0 in realization"):
+        event_files.load(folder, None)
+
+
+def test_pgv_below_what_is_kept_is_0(tmp_path: Path) -> None:
+    """As OpenQuake has it with a least intensity."""
+    folder = EventSet(2_000.0).write(tmp_path)
+    whole = event_files.load(folder, None).events
+    assert whole.pgv is not None
+    rewritten(folder, lambda pga, pgv, of: (pga, pgv * (pgv > 5.0)))
+    found = event_files.load(folder, None).events
+    assert found.pgv is not None
+    np.testing.assert_array_equal(found.pgv, np.where(whole.pgv > 0.05, whole.pgv, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("gmf_data/PGA", lambda held: held[:-3], "columns that are none, or of several lengths"),
+        ("gmf_data/PGV", lambda held: held[:-3], "columns that are none, or of several lengths"),
+        ("gmf_data/PGA", lambda held: held[:, None], "columns that are none, or of several"),
+        ("gmf_data/PGA", lambda held: held * 1j, "a column of no numbers"),
+        ("gmf_data/eid", lambda held: 5, "columns that are none, or of several lengths"),
+        ("gmf_data/eid", lambda held: held + 0.4, "float64 for whole numbers"),
+        ("events", lambda held: held[:, None], "columns that are none, or of several lengths"),
+        ("sitecol/lat", lambda held: held[:0], "sitecol: got 0 sites"),
+        ("gmf_data/PGA", lambda held: 0.0 * held, "gmv_PGA: got none above 0 in realization 0"),
+    ],
+)
+def test_columns_of_a_calculation_that_are_none_are_refused(
+    tmp_path: Path, name: str, change: Callable[[Any], Any], words: str
+) -> None:
+    path = EventSet(400.0, ruptures=40).write_calculation(tmp_path / "calc_7.hdf5")
+    with h5py.File(path, "r+") as file:
+        held = file[name][()]
+        del file[name]
+        file[name] = change(held)
+    with pytest.raises(InputError, match=words) as error:
+        event_files.load(path, None)
+    assert str(error.value).count("\n") == 0
 
 
 BOMBS = {

@@ -1,0 +1,48 @@
+"""Texts of HDF5 files: heaps that are damaged so that HDF5 reads them for ever.
+
+Texts and arrays of no fixed length lie in heaps: after ``GCOL``, a version and the size, objects
+follow each other, each with its number and its length. Number 0 is what is free, with its own head.
+Of a free one of no length HDF5 goes on to itself, in a loop that hears no signal.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+from pathlib import Path
+
+from pipeline.config.outside import refused
+
+_HEAP = b"GCOL\1\0\0\0"
+
+_OBJECT = struct.Struct("<H6xQ")
+"""Number and length of an object."""
+
+
+def check_heaps(path: Path) -> None:
+    """Refuse a file that HDF5 would read for ever."""
+    if not path.stat().st_size:
+        return
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as held:
+        at = held.find(_HEAP)
+        while at >= 0:
+            # what nothing refers to may be the rest of a heap that was given up
+            if _is_endless(held, at) and held.find(struct.pack("<Q", at)) >= 0:
+                rule = "a free place in it has a length"
+                raise refused(path, f"heap at byte {at}", "one without end", rule, "copy it again")
+            at = held.find(_HEAP, at + 1)
+
+
+def _is_endless(held: mmap.mmap, start: int) -> bool:
+    """Whether a free object of a heap has no length."""
+    at = start + len(_HEAP)
+    if at + 8 > len(held):
+        return False
+    end = min(start + struct.unpack_from("<Q", held, at)[0], len(held))
+    at += 8
+    while at + _OBJECT.size <= end:
+        number, length = _OBJECT.unpack_from(held, at)
+        if not number and not length:
+            return True
+        at += length if not number else _OBJECT.size + -(-length // 8) * 8
+    return False
