@@ -19,9 +19,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import commands
+from pipeline.config.outside import content
 from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError as InputError
 from pipeline.config.problems import Problem
+from pipeline.workflow import output
 from pipeline.workflow.command_line import parsed
 
 if TYPE_CHECKING:
@@ -91,7 +93,8 @@ def run(
     Raises
     ------
     InputError
-        For what ``vsr run`` refuses; its text has one line for each problem.
+        For what ``vsr run`` refuses, and for a name whose YAML in the folder of results is of
+        another's hand; its text has one line for each problem.
     """
     import xarray
 
@@ -102,10 +105,7 @@ def run(
         raise InputError(Problem("vsr.run", "", product, rule, remedy))
     folder = Path(derived or working_folder() / "data" / "derived")
     if isinstance(site, Mapping):
-        path = folder / f"{name}.yaml"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(_plain(site), indent=1), encoding="utf-8")  # which is YAML, too
-        site = path
+        site = _written(folder, name, site)
     given = "--table" if product == "validation" else "--site"
     words = [given, os.fspath(site), "--derived", str(folder)]
     for layer in (*layers, keys):
@@ -119,6 +119,35 @@ def run(
     made = study_of_sweep if study_of_sweep.exists() else own
     in_notebook.MADE[made.resolve()] = partial(_replayed, words)
     return xarray.load_dataset(made)
+
+
+def _written(folder: Path, name: str, site: Settings) -> Path:
+    """A site's content as a file in JSON, which is YAML, too; never over one by another hand."""
+    path = folder / f"{name}.yaml"
+    plain = name.isprintable() and f"{name}."[0] != "."
+    if path.parent != folder or not plain:
+        rule, remedy = "results go to a folder of that name", "give a plain name, such as rock"
+        raise InputError(Problem("vsr.run", "name", repr(name), rule, remedy))
+    if os.path.lexists(path) and not _is_of_content(path):
+        rule = "only what vsr.run wrote is written over"
+        remedy = "give its path as the site, or another name="
+        raise InputError(Problem(str(path), "", "a file by another hand", rule, remedy))
+
+    def write(part: Path) -> None:
+        part.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(_plain(site), indent=1), encoding="utf-8")
+
+    output.put("vsr.run", path, write)
+    return path
+
+
+def _is_of_content(path: Path) -> bool:
+    """Whether a file is as the content of a site is written here."""
+    try:
+        text = content(path).decode()
+        return text == json.dumps(json.loads(text), indent=1)
+    except (InputError, ValueError, RecursionError):
+        return False
 
 
 def _replayed(words: list[str], **coordinates: Any) -> Path:

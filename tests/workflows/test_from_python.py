@@ -46,6 +46,22 @@ def test_what_has_no_dataset_is_refused_before_any_work() -> None:
     assert not Path("data").exists()
 
 
+@pytest.mark.parametrize("name", ["../up", "a/b", "/up", "a\nb", "", ".", "..", "x" * 300])
+def test_a_name_that_is_no_folder_of_results_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(vsr.InputError, match=r"^vsr\.run: (name: )?got [^\n]*$"):
+        vsr.run("rock", BLOCK, derived="results", name=name, workers=0)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+@pytest.mark.parametrize("own", ["# mine\nrock: {shape: box}\n", '{"rock": 1}\n', "", "\0"])
+def test_a_file_by_another_hand_is_not_written_over(own: str, tmp_path: Path) -> None:
+    path = tmp_path / "rock.yaml"
+    path.write_text(own)
+    with pytest.raises(vsr.InputError, match=r"rock\.yaml: got a file by another hand"):
+        vsr.run("rock", BLOCK, derived=tmp_path, workers=0)
+    assert path.read_text() == own
+
+
 def test_curves_and_tests_are_found_from_the_working_folder() -> None:
     with pytest.raises(vsr.InputError, match=r"^curves: got folder not found") as refused:
         vsr.hazard(BLOCK, PULSES, curves="curves", hazard={"age": {"kind": "normal", "mean": 1e4}})
