@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -104,10 +104,13 @@ def run(
         rule, remedy = "it has no dataset", f"use the command vsr run {product}"
         raise InputError(Problem("vsr.run", "", product, rule, remedy))
     folder = Path(derived or working_folder() / "data" / "derived")
+    file: Callable[[], str | os.PathLike[str]]
     if isinstance(site, Mapping):
-        site = _written(folder, name, site)
+        file = partial(_written, folder, name, _plain(site))
+    else:
+        file = partial(os.fspath, site)
     given = "--table" if product == "validation" else "--site"
-    words = [given, os.fspath(site), "--derived", str(folder)]
+    words = [given, os.fspath(file()), "--derived", str(folder)]
     for layer in (*layers, keys):
         for key, value in layer.items():
             words += ["--set", f"{key}={json.dumps(_plain(value))}"]
@@ -117,7 +120,7 @@ def run(
     study_of_sweep = job.store.folder / "study.nc"
     own = job.store.folder / f"{'fragility' if product == 'report' else product}.nc"
     made = study_of_sweep if study_of_sweep.exists() else own
-    in_notebook.MADE[made.resolve()] = partial(_replayed, words)
+    in_notebook.MADE[made.resolve()] = partial(_replayed, file, words)
     return xarray.load_dataset(made)
 
 
@@ -135,7 +138,7 @@ def _written(folder: Path, name: str, site: Settings) -> Path:
 
     def write(part: Path) -> None:
         part.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(json.dumps(_plain(site), indent=1), encoding="utf-8")
+        part.write_text(json.dumps(site, indent=1), encoding="utf-8")
 
     output.put("vsr.run", path, write)
     return path
@@ -150,8 +153,9 @@ def _is_of_content(path: Path) -> bool:
         return False
 
 
-def _replayed(words: list[str], **coordinates: Any) -> Path:
-    """Page that replays a run of what was made with some words of the command line."""
+def _replayed(file: Callable[[], object], words: list[str], **coordinates: Any) -> Path:
+    """Page that replays a run of what was made of a file with some words of the command line."""
+    file()  # which may have the content of another site by now
     at = (f"--{name.replace('_', '-')}={value}" for name, value in coordinates.items())
     return commands.replayed(parsed(["replay", *words, *at]))
 

@@ -108,6 +108,17 @@ def _reasons(
             yield f"{need} was made anew since"
 
 
+def remade(name: str, manifests: dict[str, dict[str, Any]]) -> str:
+    """Of all that a product was made of, the first that was made anew since; empty where none."""
+    needs = manifests[name]["facts"]["needs"] if name in manifests else {}
+    for need in sorted(needs.keys() & manifests.keys()):
+        if manifests[need]["key"] != needs[need]:
+            return need
+        if found := remade(need, manifests):
+            return found
+    return ""
+
+
 def stale(store: Store) -> dict[str, str]:
     """What other settings left in the folder, each after what it needs, and what is other."""
     found = {name: one.get("stale", "") for name, one in store.manifests().items()}
