@@ -42,11 +42,13 @@ def store_of(site: Site, derived: Path, variant: str | None) -> Store:
         rule, remedy = "it has letters, digits, points and dashes", "e.g. --name rough"
         raise InputError(Problem("--name", "", repr(variant), rule, remedy))
     name = site.name
-    owner = (Store(derived / name).manifest(SETTINGS) or {}).get("place", "")
-    if owner and owner != str(site.path) and Path(owner).exists():
+    of_variant = "" if variant is None else f"@{variant}"
+    stores = (Store(derived / one) for one in (name, f"{name}{of_variant}"))
+    owners = {(store.manifest(SETTINGS) or {}).get("place", "") for store in stores}
+    if any(owner and Path(owner).exists() for owner in owners - {str(site.path)}):
         name += f"-{keys.digest(str(site.path))[:6]}"
     home = Store(derived / name)
-    return home if variant is None else Store(derived / f"{name}@{variant}", home)
+    return home if variant is None else Store(derived / f"{name}{of_variant}", home)
 
 
 def settle(job: Job) -> None:
