@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import signal
 import time
 from collections import deque
@@ -247,8 +248,22 @@ def _renew(cluster: Any) -> None:
     cluster.scale(len(cluster.worker_spec))
 
 
+_VARIABLES = (
+    ("NUMBA_DISABLE_JIT", r"\s*0*\s*", "runs are compiled"),
+    ("SOURCE_DATE_EPOCH", r"\s*\d+\s*", "it is a number of seconds"),
+)
+"""Of the environment: values with which libraries work, and why."""
+
+
 def check_settings() -> None:
-    """Refuse settings of Dask in ``DASK_CONFIG`` that it cannot read, which it does on import."""
+    """Refuse an environment with which libraries fail.
+
+    That are settings of Dask in ``DASK_CONFIG``, too, which it reads on import.
+    """
+    for name, values, rule in _VARIABLES:
+        given = os.environ.get(name, "0")
+        if not re.fullmatch(values, given):
+            raise InputError(Problem(name, "", repr(given), rule, "unset it"))
     if "DASK_CONFIG" not in os.environ:
         return  # to import it takes a while, and most commands never do
     try:
