@@ -13,15 +13,17 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import commands
+from pipeline.config.outside import content
 from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError as InputError
 from pipeline.config.problems import Problem
+from pipeline.workflow import output
 from pipeline.workflow.command_line import parsed
 
 if TYPE_CHECKING:
@@ -91,7 +93,8 @@ def run(
     Raises
     ------
     InputError
-        For what ``vsr run`` refuses; its text has one line for each problem.
+        For what ``vsr run`` refuses, and for a name whose YAML in the folder of results is of
+        another's hand; its text has one line for each problem.
     """
     import xarray
 
@@ -101,13 +104,13 @@ def run(
         rule, remedy = "it has no dataset", f"use the command vsr run {product}"
         raise InputError(Problem("vsr.run", "", product, rule, remedy))
     folder = Path(derived or working_folder() / "data" / "derived")
+    file: Callable[[], str | os.PathLike[str]]
     if isinstance(site, Mapping):
-        path = folder / f"{name}.yaml"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(_plain(site), indent=1), encoding="utf-8")  # which is YAML, too
-        site = path
+        file = partial(_written, folder, name, _plain(site))
+    else:
+        file = partial(os.fspath, site)
     given = "--table" if product == "validation" else "--site"
-    words = [given, os.fspath(site), "--derived", str(folder)]
+    words = [given, os.fspath(file()), "--derived", str(folder)]
     for layer in (*layers, keys):
         for key, value in layer.items():
             words += ["--set", f"{key}={json.dumps(_plain(value))}"]
@@ -117,12 +120,42 @@ def run(
     study_of_sweep = job.store.folder / "study.nc"
     own = job.store.folder / f"{'fragility' if product == 'report' else product}.nc"
     made = study_of_sweep if study_of_sweep.exists() else own
-    in_notebook.MADE[made.resolve()] = partial(_replayed, words)
+    in_notebook.MADE[made.resolve()] = partial(_replayed, file, words)
     return xarray.load_dataset(made)
 
 
-def _replayed(words: list[str], **coordinates: Any) -> Path:
-    """Page that replays a run of what was made with some words of the command line."""
+def _written(folder: Path, name: str, site: Settings) -> Path:
+    """A site's content as a file in JSON, which is YAML, too; never over one by another hand."""
+    path = folder / f"{name}.yaml"
+    plain = name.isprintable() and f"{name}."[0] != "."
+    if path.parent != folder or not plain:
+        rule, remedy = "results go to a folder of that name", "give a plain name, such as rock"
+        raise InputError(Problem("vsr.run", "name", repr(name), rule, remedy))
+    if os.path.lexists(path) and not _is_of_content(path):
+        rule = "only what vsr.run wrote is written over"
+        remedy = "give its path as the site, or another name="
+        raise InputError(Problem(str(path), "", "a file by another hand", rule, remedy))
+
+    def write(part: Path) -> None:
+        part.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(site, indent=1), encoding="utf-8")
+
+    output.put("vsr.run", path, write)
+    return path
+
+
+def _is_of_content(path: Path) -> bool:
+    """Whether a file is as the content of a site is written here."""
+    try:
+        text = content(path).decode()
+        return text == json.dumps(json.loads(text), indent=1)
+    except (InputError, ValueError, RecursionError):
+        return False
+
+
+def _replayed(file: Callable[[], object], words: list[str], **coordinates: Any) -> Path:
+    """Page that replays a run of what was made of a file with some words of the command line."""
+    file()  # which may have the content of another site by now
     at = (f"--{name.replace('_', '-')}={value}" for name, value in coordinates.items())
     return commands.replayed(parsed(["replay", *words, *at]))
 

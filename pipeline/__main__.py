@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from io import TextIOWrapper
+from pathlib import Path
 from threading import Timer, get_ident
 from types import FrameType
 
@@ -22,6 +23,8 @@ def program() -> int:
     signal.signal(signal.SIGTERM, _stop)
     sys.unraisablehook = _stop_again
     os.environ["MPLBACKEND"] = "agg"  # pictures go to files, whatever screen there is
+    if sys.stderr is None:  # closed: what is told goes nowhere
+        sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 (till the end)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a name that this terminal cannot show

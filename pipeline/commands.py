@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.config.layers import CONFIGS, STUDIES, TABLES, known
+from pipeline.config.paths import is_text
 from pipeline.config.problems import InputError, Problem, printable
 from pipeline.config.sweep import Sweep
 from pipeline.inspection import disk
@@ -320,6 +321,9 @@ def init(options: argparse.Namespace) -> int:
     """Write a commented site, its schema and a README into a new folder."""
     folder: Path = options.folder
     name = folder.resolve().name
+    if not is_text(str(folder)):
+        rule, remedy = "a name is text in UTF-8", "give another"
+        raise InputError(Problem("vsr init", "", str(folder), rule, remedy))
     if folder.exists():
         rule, remedy = "the folder exists", "give the name of a new one"
         raise InputError(Problem("vsr init", "", str(folder), rule, remedy))

@@ -210,18 +210,28 @@ def table(path: Path, lines: str) -> list[dict[str, str]]:
 
 
 def rows(
-    path: Path, model: type[Model], cells: Sequence[dict[str, Any]], *, once: Sequence[str] = ()
+    path: Path,
+    model: type[Model],
+    cells: Sequence[dict[str, Any]],
+    *,
+    once: Sequence[str] = (),
+    only: bool = False,
 ) -> list[Model]:
     """Rows of a table by their schema; an empty field is none.
 
     Parameters
     ----------
     once : fields that together are in one row only
+    only : bool, whether there are no columns beside those of the schema
     """
     needed = [name for name, field in model.model_fields.items() if field.is_required()]
     if cells and (missing := [name for name in needed if name not in cells[0]]):
         rule = f"there are columns {', '.join(needed)}"
         raise refused(path, missing[0], "no such column", rule, "add it, or export it again")
+    others = [name for name in (cells[0] if cells and only else ()) if name]
+    if unknown := [name for name in others if name not in model.model_fields]:
+        rule = f"the columns are {', '.join(model.model_fields)}"
+        raise refused(path, unknown[0], "a column of no meaning", rule, "leave it out")
     found = []
     for number, row in enumerate(cells, start=1):
         given = {name: cell for name, cell in row.items() if cell != ""}

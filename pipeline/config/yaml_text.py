@@ -39,13 +39,23 @@ class _Loader(yaml.SafeLoader):
         before = self._values
         if self._depth > DEEPEST:
             raise yaml.YAMLError(f"more than {DEEPEST} sections in each other{self._line()}")
+        tag = getattr(self.peek_event(), "tag", None)
         node = super().compose_node(parent, index)
+        if tag is not None and node is not None:
+            self._check_tag(node)
         self._values += self._sizes.get(id(node), 1)
         if self._values > MOST_VALUES:
             raise yaml.YAMLError(f"more than {MOST_VALUES} values{self._line()}")
         self._sizes.setdefault(id(node), self._values - before)
         self._depth -= 1
         return node
+
+    def _check_tag(self, node: yaml.Node) -> None:
+        """Refuse a tag that makes of a value what it would not be without."""
+        is_plain = getattr(node, "style", None) is None
+        if node.tag != self.resolve(type(node), node.value, (is_plain, not is_plain)):
+            tag = node.tag.removeprefix("tag:yaml.org,2002:")
+            raise yaml.YAMLError(f"a value that is no {tag} has that tag{self._line()}")
 
     def _line(self) -> str:
         return f", line {self.line + 1}"

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
@@ -21,12 +22,16 @@ from pipeline.stages.fragility.fragility_figures import fragility_by_yaw, overtu
 from pipeline.stages.fragility.summary import groups
 from pipeline.stages.hazard.hazard_figures import survival
 from pipeline.workflow.datasets import read
+from pipeline.workflow.site_folder import remade
+from pipeline.workflow.store import Store
 
 PAGES = {"fragility": "report.html", "responses": "report.html", "boundary": "report.html"}
 """Pages of datasets that have another name than theirs."""
 
 MADE: dict[Path, Callable[..., Path]] = {}
 """Of each dataset made here, what replays a run of it: a function of coordinates in words."""
+
+_PLACES = {"yaw", "friction"}
 
 _BACK = re.compile(r'<nav class="back">.*?</nav>', re.DOTALL)
 _TO_A_FILE = re.compile(r'<a href="(?!#|\w+:)[^"]*">(.*?)</a>', re.DOTALL)
@@ -55,10 +60,38 @@ class Shown:
             rule = "it is a dataset of a product, as vsr.run returns it"
             raise InputError(Problem("vsr", "", source, rule, "ask the dataset that it is made of"))
 
+    def _check_folder(self, *, beside: bool = True) -> tuple[str, ...]:
+        """Refuse a dataset whose folder has come to hold another result since.
+
+        Parameters
+        ----------
+        beside : bool, whether what it was made of is to be beside it still
+
+        Returns
+        -------
+        tuple of str, dimensions of the file
+        """
+        if not self._path.is_file():
+            holds = "no such file any more"
+        else:
+            with netCDF4.Dataset(self._path) as file:
+                same = getattr(file, "vsr_key", "") == self._dataset.attrs["vsr_key"]
+                found = tuple(file.dimensions)
+            anew = remade(self._path.stem, Store(self._path.parent).manifests()) if beside else ""
+            if same and not anew:
+                return found
+            holds = f"another {anew or 'result'} than that of this dataset"
+        remedy = "make it again, and give each rock in a notebook its own name="
+        rule = "a dataset shows what is in its folder"
+        raise InputError(Problem(str(self._path), "", holds, rule, remedy))
+
     def _repr_html_(self) -> str:
         """The page, or in short what the dataset holds where none was made."""
         page = self._page()
-        return page._repr_html_() if page.path.is_file() else in_short(self._dataset, self._path)
+        if page.path.is_file():
+            return page._repr_html_()
+        self._check_folder()
+        return in_short(self._dataset, self._path)
 
     @property
     def page(self) -> Page:
@@ -78,6 +111,7 @@ class Shown:
         return page
 
     def _page(self) -> Page:
+        self._check_folder(beside=False)
         own = self._path.stem
         return Page(self._path.with_name(PAGES.get(own, f"{own}.html")))
 
@@ -98,7 +132,7 @@ class Shown:
         return figure
 
     def _figure(self, yaw: float | None, friction: float | None) -> Figure:
-        folder, kind = self._path.parent, self._path.stem
+        folder, kind, dimensions = self._path.parent, self._path.stem, self._check_folder()
         if kind == "displacement":
             terrain = read(folder / "terrain.nc")
             return trajectories(self._dataset, terrain, terrain.attrs.get("source", ""))
@@ -108,10 +142,17 @@ class Shown:
         if kind not in ("fragility", "responses"):
             rule = "responses, fragility, displacement and hazard have a figure"
             raise InputError(Problem("vsr.plot", "", kind, rule, "plot its variables"))
+        if differ := {*self._dataset.sizes} - _PLACES ^ {*dimensions} - _PLACES:
+            rule = "the figure needs all dimensions but yaw and friction, and no other"
+            remedy = "select along yaw and friction only"
+            raise InputError(
+                Problem("vsr.plot", ", ".join(sorted(map(str, differ))), "", rule, remedy)
+            )
         data = with_places(self._dataset)
-        if kind == "fragility" and yaw is None and data.sizes["yaw"] > 1:
-            return fragility_by_yaw(data, read(folder / "rock.nc"))
         place = _at(data, "yaw", yaw), _at(data, "friction", friction)
+        if kind == "fragility" and yaw is None and data.sizes["yaw"] > 1:
+            chosen = data if friction is None else data.isel(friction=[place[1]])
+            return fragility_by_yaw(chosen, read(folder / "rock.nc"))
         name, fits = dict(groups(data))[place], None
         one = data.isel(yaw=[place[0]], friction=[place[1]])
         if kind == "fragility":
@@ -127,6 +168,7 @@ class Shown:
         InputError
             For what ``vsr replay`` refuses, and for a dataset that was not made by this module.
         """
+        self._check_folder()
         if self._path not in MADE:
             given = f"{self._path}, of which only the file is known here"
             rule = "a run is replayed with the settings with which vsr made its dataset"
@@ -138,8 +180,13 @@ class Shown:
 def _at(data: xr.Dataset, name: str, value: float | None) -> int:
     """Place of a value along a dimension; of none, the first."""
     values = data[name].values
-    places = np.flatnonzero(np.isclose(values, values[0] if value is None else value))
+    try:
+        sought = float(values[0] if value is None else value)
+    except (TypeError, ValueError):
+        sought = np.nan
+    places = np.flatnonzero(np.isclose(values, sought))
     if not len(places):
+        given = repr(value) if np.isnan(sought) else f"{sought:g}"
         rule = f"it is one of {', '.join(f'{one:g}' for one in values)}"
-        raise InputError(Problem("vsr.plot", name, f"{value:g}", rule, "give one of these"))
+        raise InputError(Problem("vsr.plot", name, given, rule, "give one of these"))
     return int(places[0])

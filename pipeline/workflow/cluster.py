@@ -248,7 +248,13 @@ def _renew(cluster: Any) -> None:
 
 
 def check_settings() -> None:
-    """Refuse settings of Dask in ``DASK_CONFIG`` that it cannot read, which it does on import."""
+    """Refuse an environment in which nothing runs: Numba without compilation, unreadable YAML.
+
+    The latter are settings of Dask in ``DASK_CONFIG``, which it reads on import.
+    """
+    given = os.environ.get("NUMBA_DISABLE_JIT", "")
+    if given.strip("0 "):
+        raise InputError(Problem("NUMBA_DISABLE_JIT", "", given, "runs are compiled", "unset it"))
     if "DASK_CONFIG" not in os.environ:
         return  # to import it takes a while, and most commands never do
     try:

@@ -10,13 +10,19 @@ from pathlib import Path
 from pydantic import BaseModel, Field
 
 from pipeline.config.outside import content
-from pipeline.config.problems import InputError
+from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.keys import digest
 from pipeline.workflow.log import complain
 from pipeline.workflow.owner import settle
 from pipeline.workflow.stage import named
 
 PAGE, KNOWN = "index.html", ".index.json"
+
+MARK = b"/* Index of results, written by vsr. */"
+"""Stands in the head of each index, as another ``index.html`` may be anybody's."""
+
+_HEAD = 64 * 1024
+"""Bytes in which the mark is."""
 
 DEEPEST = 4
 """Folders below that of the results in which products are: a member of a study of a site."""
@@ -32,18 +38,27 @@ def renew(derived: Path) -> Path | None:
     Path or None
         None where there is nothing to list, or the folder cannot be written to: the products are
         there all the same.
+
+    Raises
+    ------
+    InputError
+        If a page stands there that is no index of results; it is left as it is.
     """
     page = derived / PAGE
     with suppress(OSError):
-        folders = list(product_folders(derived))
+        folders, known = list(product_folders(derived)), _known(derived)
+        others = page.is_file() and not known.stamp and not _is_marked(page)
         if not folders:
-            for path in (page, derived / KNOWN):
+            for path in () if others else (page, derived / KNOWN):
                 path.unlink(missing_ok=True)
             return None
+        if others:
+            given, rule = "a page of another kind", "an index of results would take its place"
+            remedy = "give it another name, or give another folder with --derived"
+            raise InputError(Problem(str(page), "", given, rule, remedy))
         stamp = digest(
             [ascii(path.relative_to(derived)) + _stamp(path) for path in manifests(folders)]
         )
-        known = _known(derived)
         if known.stamp != stamp or not page.is_file():
             text, facts, left_out = named("pipeline.workflow.front_page_text:text")(
                 derived, folders, known.facts
@@ -57,6 +72,11 @@ def renew(derived: Path) -> Path | None:
             )
         return page
     return None
+
+
+def _is_marked(page: Path) -> bool:
+    with page.open("rb") as file:
+        return MARK in file.read(_HEAD)
 
 
 def product_folders(derived: Path) -> Iterator[Path]:

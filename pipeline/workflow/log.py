@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import sys
 import warnings
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import InputError, Problem, printable
 from vsr_core.errors import reason
 
 
@@ -18,8 +19,18 @@ class _Screen(logging.Handler):
     """The standard error, as it is at the time of a line."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        sys.stderr.write(f"{record.getMessage()}\n")
-        sys.stderr.flush()
+        try:
+            sys.stderr.write(f"{record.getMessage()}\n")
+            sys.stderr.flush()
+        except BrokenPipeError:
+            raise
+        except OSError:  # the exit code tells all the same how the command ended
+            _give_up(sys.stderr)
+
+
+def _give_up(stream: TextIO) -> None:
+    """See to it that what a stream did not take is not tried again at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 class _File(logging.FileHandler):
@@ -56,22 +67,25 @@ def begin(*, quiet: bool, file: Path | None) -> None:
 
 def log(line: str) -> None:
     """Tell how a command goes on."""
-    _LOG.info(line)
+    _LOG.info(printable(line))
 
 
 def complain(line: str) -> None:
     """Tell what is wrong, also of a quiet command."""
-    _LOG.warning(line)
+    _LOG.warning(printable(line))
 
 
 def show(lines: Iterable[str]) -> int:
     """Print what a command answers; returns the exit code of one that has no more to do."""
     try:
+        if sys.stdout is None:
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
         print("\n".join(lines), flush=True)
     except BrokenPipeError:
         raise
-    except OSError as error:  # what could not be written is not tried again at the end
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        if sys.stdout is not None:
+            _give_up(sys.stdout)
         given, rule = f"what is printed, not taken ({reason(error)})", "it can be written"
         raise InputError(Problem("output", "", given, rule, "free space")) from None
     return 0

@@ -42,11 +42,13 @@ def store_of(site: Site, derived: Path, variant: str | None) -> Store:
         rule, remedy = "it has letters, digits, points and dashes", "e.g. --name rough"
         raise InputError(Problem("--name", "", repr(variant), rule, remedy))
     name = site.name
-    owner = (Store(derived / name).manifest(SETTINGS) or {}).get("place", "")
-    if owner and owner != str(site.path) and Path(owner).exists():
+    of_variant = "" if variant is None else f"@{variant}"
+    stores = (Store(derived / one) for one in (name, f"{name}{of_variant}"))
+    owners = {(store.manifest(SETTINGS) or {}).get("place", "") for store in stores}
+    if any(owner and Path(owner).exists() for owner in owners - {str(site.path)}):
         name += f"-{keys.digest(str(site.path))[:6]}"
     home = Store(derived / name)
-    return home if variant is None else Store(derived / f"{name}@{variant}", home)
+    return home if variant is None else Store(derived / f"{name}{of_variant}", home)
 
 
 def settle(job: Job) -> None:
@@ -106,6 +108,17 @@ def _reasons(
             yield stale[need]
         elif need in manifests and manifests[need]["key"] != key:
             yield f"{need} was made anew since"
+
+
+def remade(name: str, manifests: dict[str, dict[str, Any]]) -> str:
+    """Of all that a product was made of, the first that was made anew since; empty where none."""
+    needs = manifests[name]["facts"]["needs"] if name in manifests else {}
+    for need in sorted(needs.keys() & manifests.keys()):
+        if manifests[need]["key"] != needs[need]:
+            return need
+        if found := remade(need, manifests):
+            return found
+    return ""
 
 
 def stale(store: Store) -> dict[str, str]:

@@ -94,6 +94,18 @@ def test_a_refused_new_site_leaves_nothing(vsr: Vsr, tmp_path: Path, length: int
     assert (tmp_path / "mine").exists() == (length == 200)
 
 
+def test_a_new_site_whose_name_is_no_text_is_refused(vsr: Vsr, tmp_path: Path) -> None:
+    ran = vsr("init", os.fsdecode(os.fsencode(tmp_path) + b"/mine/\xff"))
+    assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1)
+    assert "a name is text in UTF-8; give another" in ran.err
+    assert not (tmp_path / "mine").exists()
+
+
+def test_a_new_site_with_two_lines_in_its_name_is_told_in_one(vsr: Vsr, tmp_path: Path) -> None:
+    ran = vsr("init", tmp_path / "two\nlines")
+    assert ran.err == f"-> {tmp_path}/two\\nlines/two\\nlines.yaml\n"
+
+
 @pytest.mark.parametrize("name", ["", ".", "..", "../raw", "/", "a/b", "nowhere"])
 def test_clean_takes_the_name_of_a_folder(refused: Refused, name: str) -> None:
     refused("clean", "--yes", "--site", name, words=("--site", repr(name), "omit it"))
@@ -208,6 +220,11 @@ def test_settings_of_dask_that_are_no_yaml(tmp_path: Path) -> None:
     assert process.returncode == cli.REFUSED
     assert str(bad) in line
     assert not into.exists()
+
+
+def test_runs_without_compilation(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    refused("run", "rock", *SITE, words=("NUMBA_DISABLE_JIT: got 1", "unset it"))
 
 
 def stop(process: subprocess.Popen[str], how: signal.Signals) -> tuple[int, str, float]:

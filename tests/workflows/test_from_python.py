@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 import re
 import shutil
 from pathlib import Path
@@ -44,6 +45,22 @@ def test_what_has_no_dataset_is_refused_before_any_work() -> None:
     with pytest.raises(vsr.InputError, match="got stability; it has no dataset"):
         vsr.run("stability", BLOCK)
     assert not Path("data").exists()
+
+
+@pytest.mark.parametrize("name", ["../up", "a/b", "/up", "a\nb", "", ".", "..", "x" * 300])
+def test_a_name_that_is_no_folder_of_results_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(vsr.InputError, match=r"^vsr\.run: (name: )?got [^\n]*$"):
+        vsr.run("rock", BLOCK, derived="results", name=name, workers=0)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+@pytest.mark.parametrize("own", ["# mine\nrock: {shape: box}\n", '{"rock": 1}\n', "", "\0"])
+def test_a_file_by_another_hand_is_not_written_over(own: str, tmp_path: Path) -> None:
+    path = tmp_path / "rock.yaml"
+    path.write_text(own)
+    with pytest.raises(vsr.InputError, match=r"rock\.yaml: got a file by another hand"):
+        vsr.run("rock", BLOCK, derived=tmp_path, workers=0)
+    assert path.read_text() == own
 
 
 def test_curves_and_tests_are_found_from_the_working_folder() -> None:
@@ -123,3 +140,45 @@ def test_what_a_dataset_does_not_have_is_refused() -> None:
     fragile = vsr.fragility(BLOCK, PULSES, **QUICK)
     with pytest.raises(vsr.InputError, match="yaw: got 7; it is one of 0; give one of these"):
         fragile.vsr.plot(yaw=7)
+    for part in (made.isel(pga=0), made.sel(pgv_pga=0.3), xr.concat([made, made], "z")):
+        with pytest.raises(
+            vsr.InputError, match="the figure needs all dimensions but yaw and fric"
+        ):
+            part.vsr.plot()
+    for wrong in ({"yaw": "x"}, {"yaw": [0]}, {"friction": float("nan")}):
+        with pytest.raises(vsr.InputError, match=r"got .* it is one of 0(\.6)?; give one"):
+            made.vsr.plot(**wrong)
+
+
+def test_a_friction_is_chosen_around_the_circle() -> None:
+    several = {"yaw": [0, 90], "contact": {"friction": [0.4, 0.6]}}
+    made = vsr.fragility(BLOCK, PULSES, **QUICK, **several)
+    drawn = [made.vsr.plot(friction=one).axes[0].lines for one in (None, 0.6)]
+    assert len(drawn[0]) == 2 * len(drawn[1])
+    with pytest.raises(vsr.InputError, match=r"friction: got 99; it is one of 0\.4, 0\.6"):
+        made.vsr.plot(friction=99)
+
+
+def test_a_replay_is_of_its_own_rock_whatever_was_refused_since() -> None:
+    made = vsr.responses(BLOCK, PULSES, **QUICK)
+    with pytest.raises(vsr.InputError):
+        vsr.responses(vsr.box(1.0, 1.0, 1.2, density=-1.0), PULSES, **QUICK)
+    made.vsr.replay(yaw=0, pga=0.9, pgv_pga=0.3)
+    rock = json.loads(Path("data/derived/rock.yaml").read_text())["rock"]
+    assert rock["size"] == [0.5, 1.0, 2.0]
+
+
+@pytest.mark.parametrize("change", ["same product", "another product", "removed"])
+def test_a_dataset_whose_folder_holds_another_result_shows_nothing(change: str) -> None:
+    made = vsr.responses(BLOCK, PULSES, **QUICK)
+    shown = made.vsr
+    if change == "removed":
+        shutil.rmtree("data")
+    else:
+        product = {"same product": "responses", "another product": "rock"}[change]
+        vsr.run(product, vsr.box(1.0, 1.0, 1.2, density=2110), PULSES, **QUICK)
+    for show in (shown._repr_html_, shown.plot, lambda: shown.replay(yaw=0, pga=0.9)):
+        with pytest.raises(
+            vsr.InputError, match=r"rock/responses\.nc: got (ano|no such)[^\n]*name="
+        ):
+            show()

@@ -23,6 +23,9 @@ from vsr_core.motions.named_columns import is_cut
 LEVEL = 1.25
 """Factor between the heights of the centre of mass above both rocking points that is let pass."""
 
+SLENDER = 5.0
+"""Height of a rock by that of its centre of mass, at most."""
+
 Metres = Annotated[float, Field(gt=0.01, le=50.0)]
 Angle = Annotated[float, Field(ge=3.0, le=45.0)]
 
@@ -57,6 +60,9 @@ class ListedRock(outside.Row):
         if weaker > 35.0:
             rule = "the weaker side's is at most 35 deg"
             raise Refused(rule, "the equations hold no broader rocks", "alpha_1_deg")
+        if self.age_sd_a is not None and self.age_mean_a is None:
+            rule = "a standard deviation has a mean beside it"
+            raise Refused(rule, "give it, or leave both out", "age_mean_a", "nothing")
         self._check_heights()
         return self
 
@@ -72,6 +78,10 @@ class ListedRock(outside.Row):
         if centres and self.height_m is not None and max(centres) >= self.height_m:
             given = f"{self.height_m:g}, with a centre of mass {max(centres):.3g} m high"
             raise Refused("it is above the centre of mass", "correct one", "height_m", given)
+        if centres and self.height_m is not None and self.height_m > SLENDER * max(centres):
+            given = f"{self.height_m:g}, with a centre of mass {max(centres):.3g} m high"
+            rule = f"it is at most {SLENDER:g} times that, a cone's is 4 times"
+            raise Refused(rule, "correct one", "height_m", given)
 
 
 @dataclass(frozen=True, eq=False)

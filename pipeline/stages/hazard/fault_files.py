@@ -11,20 +11,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pipeline.config.hazard_schema import Age
 from pipeline.config.layers import Origin
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem
-from pipeline.config.sections import Key
+from pipeline.config.sections import Key, Refused
 from pipeline.stages.hazard.hazard_model import LEVELS, RATIOS, UNITS
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import Input
+from vsr_core.arrays import Array
 from vsr_core.hazard.scenarios import GroundMotionTable
 
 _Magnitude = Annotated[float, Field(ge=3, le=10)]
@@ -32,6 +33,10 @@ _LogSd = Annotated[float, Field(gt=0, le=3)]
 
 _MOST = 5_000
 """Faults, or rows of a table of a ground-motion model."""
+
+SATURATION = 1.25
+"""How many times shaking may exceed that of a larger magnitude, or of a lesser distance: models
+saturate near a rupture, and have reflections far from it."""
 
 
 class Fault(Row):
@@ -42,6 +47,16 @@ class Fault(Row):
     distance_km: float = Field(ge=0, le=1000, description="distance of the rupture [km]")
     rate_per_year: float = Field(gt=0, le=10, description="earthquakes a year")
     mechanism: str = Field("", max_length=100, description="kind of faulting, for the page")
+
+    @model_validator(mode="after")
+    def _is_one_fault(self) -> Self:
+        """Refuse a tenth of the world's earthquakes, of which each magnitude has 10^(8 - M)."""
+        most = 10.0 ** (7.0 - self.magnitude)
+        if self.rate_per_year > most:
+            rule = f"a fault has at most {most:.2g} of magnitude {self.magnitude:g} a year"
+            remedy = "a return period, or a rate in thousands of years? give a year's"
+            raise Refused(rule, remedy, "rate_per_year", f"{self.rate_per_year:g}")
+        return self
 
 
 class Expected(Row):
@@ -101,14 +116,14 @@ def _faults(path: Path) -> tuple[Fault, ...]:
     if not 1 <= len(cells) <= _MOST:
         rule = f"there are 1 to {_MOST:,} faults"
         raise refused(path, "", f"{len(cells)} rows", rule, "give one a row")
-    return tuple(rows(path, Fault, cells, once=("name", "magnitude", "distance_km")))
+    return tuple(rows(path, Fault, cells, once=("name", "magnitude", "distance_km"), only=True))
 
 
 def _model(path: Path) -> GroundMotionTable:
     cells = table(path, text(path))
     if len(cells) > _MOST:
         raise refused(path, "", f"{len(cells)} rows", f"at most {_MOST:,}", "thin it out")
-    found = rows(path, Expected, cells, once=("magnitude", "distance_km"))
+    found = rows(path, Expected, cells, once=("magnitude", "distance_km"), only=True)
     magnitudes = sorted({row.magnitude for row in found})
     distances = sorted({row.distance_km for row in found})
     whole = len(magnitudes) * len(distances)
@@ -133,6 +148,19 @@ def _model(path: Path) -> GroundMotionTable:
         for row in found
     ]
     shape = len(magnitudes), len(distances), 4
-    return GroundMotionTable(
-        np.array(magnitudes), np.array(distances), np.array(values).reshape(shape)
+    grid = np.array(values).reshape(shape)
+    _check_course(path, grid)
+    return GroundMotionTable(np.array(magnitudes), np.array(distances), grid)
+
+
+def _check_course(path: Path, grid: Array) -> None:
+    """Refuse medians that are larger at the far end of distances, or at the lesser magnitudes."""
+    ends = (
+        (grid[:, -1] - grid[:, 0], "from the nearest to the farthest distance, shaking decreases"),
+        (grid[0] - grid[-1], "from the least to the largest magnitude, shaking increases"),
     )
+    for rise, rule in ends:
+        for place, name in ((0, "pga_g"), (2, "pgv_cm_s")):
+            if (most := np.exp(rise[:, place].max())) > SATURATION:
+                given = f"medians that go the other way by {most:.3g} times"
+                raise refused(path, name, given, rule, "correct the columns")

@@ -159,15 +159,24 @@ def _export(dataset: xr.Dataset, table: Table, folder: Path) -> int:
     places = np.argwhere(dataset["feasible"].values == 1)
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        for i, k in places.tolist():
-            ratio, pga = float(dataset["pgv_pga"][i]), float(dataset["pga"][k])
-            sent = commands(table, CosinePulse.from_g(pga, ratio))
-            frame = pd.DataFrame({"time_s": sent.time, "velocity_m_per_s": sent.velocity})
-            if sent.steps is not None:
-                frame["motor_step"] = sent.steps
-            file = folder / f"pgv_pga_{ratio:.9g}_pga_{pga:.9g}.csv"
-            frame.to_csv(file, index=False, lineterminator="\r\n")
+        try:
+            for i, k in places.tolist():
+                _write(folder, table, float(dataset["pgv_pga"][i]), float(dataset["pga"][k]))
+        except BaseException:  # a part would be taken for the whole
+            for path in folder.glob("*.csv"):
+                path.unlink()
+            raise
     return len(places)
+
+
+def _write(folder: Path, table: Table, ratio: float, pga: float) -> None:
+    """Write the commands of a motion."""
+    sent = commands(table, CosinePulse.from_g(pga, ratio))
+    frame = pd.DataFrame({"time_s": sent.time, "velocity_m_per_s": sent.velocity})
+    if sent.steps is not None:
+        frame["motor_step"] = sent.steps
+    file = folder / f"pgv_pga_{ratio:.9g}_pga_{pga:.9g}.csv"
+    frame.to_csv(file, index=False, lineterminator="\r\n")
 
 
 _LINES = (

@@ -9,6 +9,7 @@ import pytest
 
 from pipeline.config.layers import BASE, SITES, known, load_site
 from pipeline.config.sections import Range
+from pipeline.config.yaml_text import parse
 
 Refused = Callable[..., str]
 WriteSite = Callable[..., str]
@@ -310,6 +311,23 @@ def test_numbers_mean_what_they_look_like(write_site: WriteSite) -> None:
     assert config.contact.friction == (0.001,)
     assert config.contact.restitution == 0.5
     assert config.yaw == (0.0, 30.0, 60.0, 90.0, 12.0, -0.5)
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["!!timestamp x", "!!bool x", '!!float ""', "!!float a", "!!str 30", "!!set {a, b}", "!a 3"],
+)
+def test_a_tag_makes_of_a_value_nothing_else(value: str) -> None:
+    with pytest.raises(ValueError, match=r"a value that is no .* has that tag, line 1"):
+        parse(value)
+
+
+def test_a_tag_that_says_what_a_value_is_may_stand_there() -> None:
+    assert parse("[!!int 3, !!float 1.0, !!str a, !!str '3', !!map {a: !!null ~}]") == [
+        3, 1.0, "a", "3", {"a": None},
+    ]  # fmt: skip
+    with pytest.raises(ValueError, match="no timestamp"):
+        parse("%TAG ! tag:yaml.org,2002:\n---\n!timestamp x")
 
 
 @pytest.mark.parametrize("given", ["off", "no", "false", "False"])

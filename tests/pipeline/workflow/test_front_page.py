@@ -20,6 +20,7 @@ import xarray as xr
 from conftest import Ran
 from PIL import Image
 
+from pipeline.config.problems import InputError
 from pipeline.workflow import front_page, pages, writers
 from pipeline.workflow.datasets import netcdf
 from pipeline.workflow.store import Store
@@ -115,6 +116,32 @@ def test_without_products_there_is_none(results: Path) -> None:
         (folder / ".stages").rename(folder / "gone")
     assert front_page.renew(results) is None
     assert not (results / "index.html").exists()
+
+
+OWN = "<title>Results</title> of my own"
+
+
+@pytest.mark.parametrize(("command", "code"), [(("index",), 2), (("clean", "--yes"), 0)])
+def test_without_products_a_page_of_the_users_own_is_left(
+    vsr: Callable[..., Ran], derived: Path, command: tuple[str, ...], code: int
+) -> None:
+    derived.mkdir()
+    (derived / "index.html").write_text(OWN, encoding="utf-8")
+    assert vsr(*command).code == code
+    assert (derived / "index.html").read_text(encoding="utf-8") == OWN
+
+
+def test_a_page_of_the_users_own_is_left_and_named(results: Path) -> None:
+    path = results / "index.html"
+    path.write_text(OWN, encoding="utf-8")
+    for _ in range(2):
+        with pytest.raises(InputError, match=r"index\.html: got a page of another kind"):
+            front_page.renew(results)
+        assert path.read_text(encoding="utf-8") == OWN
+    path.unlink()
+    before = index(results)
+    (results / ".index.json").unlink()
+    assert index(results) == before
 
 
 def test_who_asks_for_none_is_told_so(refused: Callable[..., str]) -> None:

@@ -82,6 +82,16 @@ def test_answers_that_cannot_be_printed_are_refused_in_a_line(tmp_path: Path) ->
     assert (ran.returncode, len(ran.stderr.splitlines())) == (cli.REFUSED, 1), ran.stderr
 
 
+CLOSED = "list --json >&-", "run rock --site nowhere 2>&-"
+FULL = ("run rock --site nowhere 2>/dev/full",) if Path("/dev/full").exists() else ()
+
+
+@pytest.mark.parametrize("words", [*CLOSED, *FULL])
+def test_a_stream_that_takes_nothing_changes_no_exit_code(words: str) -> None:
+    ran = subprocess.run(f"{sys.executable} -m pipeline {words}", shell=True, cwd=ROOT, check=False)
+    assert ran.returncode == cli.REFUSED
+
+
 def test_a_log_that_takes_no_more_is_told_once_and_the_command_goes_on(tmp_path: Path) -> None:
     words = ("run", "rock", "--site", "cuboid_1x1x2", "--derived", str(tmp_path / "derived"))
     most, log = 1 << 30, tmp_path / "full.log"

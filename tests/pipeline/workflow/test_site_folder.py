@@ -91,20 +91,26 @@ def test_plan_knows_the_stored_runs_and_the_step_of_a_study_that_was_not_the_las
     assert again.splitlines()[1:3] == first.splitlines()[1:3]
 
 
+@pytest.mark.parametrize("variant", [(), ("--name", "x")])
 def test_two_files_of_one_name_are_two_sites(
-    vsr: Vsr, write_site: Callable[..., str], derived: Path, tmp_path: Path
+    vsr: Vsr,
+    write_site: Callable[..., str],
+    derived: Path,
+    tmp_path: Path,
+    variant: tuple[str, ...],
 ) -> None:
     first = write_site(SMALL)
     (tmp_path / "b").mkdir()
     second = tmp_path / "b" / "rock.yaml"
     second.write_text(Path(first).read_text(encoding="utf-8").replace("[0.5, 1.0", "[0.6, 1.0"))
-    assert vsr("run", "rock", "--site", first).code == 0
-    whole = (derived / "rock" / "rock.nc").read_bytes()
-    told = vsr("run", "rock", "--site", second).err
-    (other,) = (path for path in derived.glob("rock-*"))
+    assert vsr("run", "rock", "--site", first, *variant).code == 0
+    own = derived / "@".join(("rock", *variant[1:]))
+    whole = (own / "rock.nc").read_bytes()
+    told = vsr("run", "rock", "--site", second, *variant).err
+    (other,) = (path.parent for path in derived.glob("rock-*/rock.nc"))
     assert str(other) in told
-    assert (derived / "rock" / "rock.nc").read_bytes() == whole
-    assert "done" in vsr("status", "rock", "--site", first).out
-    assert "to do" not in vsr("status", "rock", "--site", second).out
+    assert (own / "rock.nc").read_bytes() == whole
+    assert "done" in vsr("status", "rock", "--site", first, *variant).out
+    assert "to do" not in vsr("status", "rock", "--site", second, *variant).out
     Path(first).unlink()  # moved: its folder is that of the file that is left
-    assert f"\nrock in {derived / 'rock'}: " in vsr("status", "rock", "--site", second).out
+    assert f"\nrock in {own}: " in vsr("status", "rock", "--site", second, *variant).out

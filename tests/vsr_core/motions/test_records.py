@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import math
 from dataclasses import replace
@@ -113,6 +114,12 @@ def test_table_with_its_unit_in_the_heading(heading: str, one: float) -> None:
     found = read(files.csv(VALUES / one, STEP, heading).encode(), ".csv", PLAIN)
     assert found.interval == pytest.approx(STEP, rel=1e-12)
     np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6, atol=1e-9)
+
+
+def test_a_byte_order_mark_is_no_part_of_a_record() -> None:
+    plain = files.csv(VALUES, STEP).encode()
+    marked = read(codecs.BOM_UTF8 + plain, ".csv", PLAIN)
+    assert (marked.acceleration == read(plain, ".csv", PLAIN).acceleration).all()
 
 
 def test_table_without_a_unit_needs_one() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import re
 import warnings
@@ -253,7 +254,7 @@ def read_all(content: bytes, suffix: str, how: Reading) -> Record:
         return read_waveforms(content, kind, how.unit, how.response, how.corners)
     if b"\0" in content[:512]:
         raise _unknown()
-    text = content.decode("latin-1")
+    text = content.removeprefix(codecs.BOM_UTF8).decode("latin-1")
     start = text[:2000]
     if text_files.is_at2(start):
         return text_files.read_at2(text, how.unit)

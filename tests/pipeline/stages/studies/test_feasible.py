@@ -181,6 +181,26 @@ def test_commands_of_two_tables_never_lie_in_one_folder(
     refused(*command, "--table", coarse, words=("command_rate", "20 Hz", "16 commands"))
 
 
+def test_an_export_that_is_stopped_can_be_begun_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grid = xr.Dataset(
+        {"feasible": (("pgv_pga", "pga"), [[1, 1]])}, {"pgv_pga": [0.1], "pga": [0.1, 0.2]}
+    )
+
+    def stopped(table: Table, pulse: CosinePulse) -> object:
+        if pulse.pga > 1.5:
+            raise KeyboardInterrupt
+        return commands(table, pulse)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(feasible, "commands", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            feasible._export(grid, TABLE, tmp_path / "out")
+    assert list((tmp_path / "out").iterdir()) == []
+    assert feasible._export(grid, TABLE, tmp_path / "out") == 2
+
+
 def test_another_rocks_boundary_is_not_drawn(
     write_site: Callable[..., str], vsr: Callable[..., object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
