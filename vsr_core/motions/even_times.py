@@ -47,9 +47,7 @@ def step(times: Array) -> float:
     found, interval = places(times)
     if (lost := int(found[-1]) + 1 - len(found)) > 0:
         at = float(times[int(np.argmax(np.diff(found) > 1))])
-        given = (
-            f"{lost} times left out of steps of {1e3 * interval:.4g} ms, the first after {at:g} s"
-        )
+        given = f"{lost} times left out, after {at:g} s, in steps of {1e3 * interval:.4g} ms"
         raise InvalidInput(given, "each step has its sample", "export it again, or resample it")
     return interval
 
