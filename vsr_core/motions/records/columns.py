@@ -103,10 +103,7 @@ def on_times(
         If times are not in seconds or in even steps, or accelerations are not there or of several
         units.
     """
-    if time.unit is not None and time.unit.split(" since ")[0].strip() not in _SECONDS:
-        raise InvalidInput(
-            f"times in {time.unit or 'no unit'}", "they are in s", "set the unit of time to s"
-        )
+    check_seconds(time.unit)
     names, units, values = zip(*_wanted(others, component), strict=True)
     if len(set(units)) > 1:
         given = f"{', '.join(names)} in {', '.join(map(str, units))}"
@@ -115,6 +112,18 @@ def on_times(
     even, interval, repairs = _evenly(time.values, side_by_side(values) * factor(name))
     start = float(time.values[0])
     return Record(even, interval, names, station, source, name, repairs, start)
+
+
+def check_seconds(unit: str | None) -> None:
+    """Refuse times that state another unit.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if unit is not None and unit.split(" since ")[0].strip() not in _SECONDS:
+        given = f"times in {unit or 'no unit'}"
+        raise InvalidInput(given, "they are in s", "set the unit of time to s")
 
 
 def _wanted(columns: list[Column], component: str | None) -> list[Column]:

@@ -155,6 +155,7 @@ def from_stream(stream: Any, unit: str | None) -> Record:
         columns.append(part * (trace.stats.calib if japanese else factor(name)))
     ids = [".".join((t.stats.network, t.stats.station, t.stats.location)) for t in stream]
     channels = [str(trace.stats.channel) for trace in stream]
+    instruments = tuple(map(_instrument, ids, channels))
     if len(set(channels)) < len(channels):
         channels = [f"{one}.{channel}" for one, channel in zip(ids, channels, strict=True)]
     return Record(
@@ -167,7 +168,18 @@ def from_stream(stream: Any, unit: str | None) -> Record:
         tuple(repairs),
         float(start),
         cut,
+        instruments,
     )
+
+
+def _instrument(place: str, channel: str) -> str:
+    """What recorded a channel: by band and instrument of SEED's code, or by KiK-net's depth.
+
+    >>> _instrument("XX.NWC.", "HNE"), _instrument("BO.IWT.", "EW2"), _instrument("BO.IWT.", "UD")
+    ('XX.NWC..HN', 'BO.IWT..2', 'BO.IWT..')
+    """
+    is_japanese = channel[:2] in ("EW", "NS", "UD")
+    return f"{place}.{channel[2:] if is_japanese else channel[:2]}"
 
 
 def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> Any:

@@ -39,6 +39,7 @@ class Record:
     source : str, format and origin in words
     start : float [s], time of the first sample by the file's clock, 0 where it has none
     cut : int, samples that were left out because not all channels of the file have them
+    instruments : what recorded each channel; none where the file does not say
     """
 
     acceleration: Array
@@ -50,6 +51,7 @@ class Record:
     repairs: tuple[str, ...] = ()
     start: float = 0.0
     cut: int = 0
+    instruments: tuple[str, ...] = ()
 
     def channel(self, name: str | None) -> Record:
         """The record of one channel.
@@ -75,7 +77,12 @@ class Record:
         if len(self.channels) == 1:
             return self
         at = self.channels.index(str(name))
-        return replace(self, acceleration=self.acceleration[:, at], channels=(str(name),))
+        return replace(
+            self,
+            acceleration=self.acceleration[:, at],
+            channels=(str(name),),
+            instruments=self.instruments[at : at + 1],
+        )
 
 
 def factor(unit: str) -> float:

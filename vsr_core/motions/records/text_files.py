@@ -86,7 +86,9 @@ def read_at2(text: str, unit: str | None) -> Record:
     station = event[-2] if len(event) > 2 else ""
     channel = event[-1] if len(event) > 1 else "1"
     source = f"PEER NGA file: {lines[1].strip()}"
-    return Record(values * factor(name), interval, (channel,), station, source, name)
+    instruments = (", ".join(event[:-1]),) if station else ()
+    values *= factor(name)
+    return Record(values, interval, (channel,), station, source, name, instruments=instruments)
 
 
 TEXT_LINES = 13
@@ -145,6 +147,7 @@ def read_cosmos(text: str, unit: str | None) -> Record:
         first,
         acceleration=values * factor(stated(first.unit, unit)),
         channels=_distinct([one.channels[0] for one in found]),
+        instruments=tuple(one.station for one in found),
     )
 
 
