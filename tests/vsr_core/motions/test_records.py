@@ -23,7 +23,7 @@ from vsr_core.motions.records import processing
 from vsr_core.motions.records.columns import read_netcdf, read_table
 from vsr_core.motions.records.formats import Reading, from_stream, read
 from vsr_core.motions.records.processing import Processing, process
-from vsr_core.motions.records.record import Record, check_rest, factor, repaired
+from vsr_core.motions.records.record import Record, check_end, check_rest, factor, repaired
 from vsr_core.motions.records.text_files import read_at2, read_cosmos
 from vsr_core.motions.records.trace import RecordedMotion, Trace, measures, spectrum
 
@@ -121,6 +121,9 @@ def test_table_without_a_unit_needs_one() -> None:
     assert read_table(text, "raw", "cm/s2").acceleration[50] == pytest.approx(0.01 * VALUES[50])
     refusal(lambda: read_table(text, None, "counts"), "counts", "motion.response")
     refusal(lambda: read_table(text, None, "furlong"), "'furlong'", "m/s2")
+    for name in ("velocity", "disp_cm", "Vel_cm/s"):
+        other = files.csv(VALUES, STEP, name)
+        refusal(lambda text=other: read_table(text, None, "m/s2"), name, "motion.component")
     known = files.csv(VALUES, STEP)
     refusal(lambda: read_table(known, None, "gal"), "motion.unit gal", "m/s2")
     refusal(lambda: read_table(known.replace("time", "age"), None, None), "age", "named time")
@@ -401,6 +404,14 @@ def test_drift_is_refused() -> None:
     refusal(lambda: check_rest(Trace(level.acceleration + 0.05, 0.001)), "PGV", "highpass")
     half = Trace(pulse.acceleration(t[: len(t) // 2]), 0.001)  # stops, but elsewhere
     refusal(lambda: check_rest(half), "100% of its PGD")
+
+
+def test_a_motion_taken_as_it_was_made_rests_in_the_end() -> None:
+    """A push does too, that leaves a velocity."""
+    push = 2.3 * (np.arange(600) < 300)
+    for values in (VALUES, push, VALUES + 0.005 * np.abs(VALUES).max()):
+        check_end(Trace(values, STEP))
+    refusal(lambda: check_end(Trace(VALUES + 3.0, STEP)), "ends with 0.3", "offset")
 
 
 def test_units() -> None:

@@ -6,6 +6,8 @@ its unit: ``acceleration [m/s2]``, ``acc (g)``, ``acc_g``. NetCDF holds variable
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from vsr_core.arrays import Array
@@ -95,7 +97,8 @@ def on_times(
     time : Column [s]
     component : str or None
         Name of the one to take; without it, those in a unit of acceleration or, if there is none,
-        a single one without a unit (or in counts or volts, which is refused with the reason).
+        a single one without a unit (or in counts or volts, which is refused with the reason) that
+        is not named after velocity or displacement.
 
     Raises
     ------
@@ -126,6 +129,10 @@ def check_seconds(unit: str | None) -> None:
         raise InvalidInput(given, "they are in s", "set the unit of time to s")
 
 
+_OTHER = re.compile("vel|disp", re.IGNORECASE)
+"""How columns of another quantity begin."""
+
+
 def _wanted(columns: list[Column], component: str | None) -> list[Column]:
     listed = ", ".join(column.name for column in columns) or "nothing"
     if component is not None:
@@ -135,7 +142,8 @@ def _wanted(columns: list[Column], component: str | None) -> list[Column]:
                 f"no column {component!r}", f"the columns are {listed}", "name one of them"
             )
         return found
-    if len(columns) == 1 and (columns[0].unit is None or is_raw(columns[0].unit)):
+    bare = [one for one in columns if one.unit is None or is_raw(one.unit)]
+    if len(columns) == len(bare) == 1 and not _OTHER.match(bare[0].name):
         return columns
     accelerations = [column for column in columns if is_acceleration(column.unit or "")]
     if not accelerations:

@@ -270,6 +270,27 @@ def check_rest(trace: Trace) -> None:
         raise InvalidInput(given, f"it comes to rest, to {DRIFT:.0%} and {OFFSET:.0%}", remedy)
 
 
+END = 0.1
+"""Acceleration at the end of a motion that was made so, as a share of its PGA: the mean of this
+share of its samples."""
+
+
+def check_end(trace: Trace) -> None:
+    """Refuse a motion, taken as it was made, that is under way and accelerated at its end.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    acceleration, velocity = trace.acceleration, trace.velocity
+    last = float(acceleration[-max(1, int(END * len(acceleration))) :].mean())
+    drifts = abs(float(velocity[-1])) > DRIFT * float(np.abs(velocity).max())
+    if drifts and abs(last) > END * float(np.abs(acceleration).max()):
+        given = f"a motion that ends with {last / GRAVITY:.2g} g"
+        remedy = "take off the instrument's offset, or give the record to its end"
+        raise InvalidInput(given, "the ground rests before and after", remedy)
+
+
 def _bridged(record: Record) -> Record:
     values = record.acceleration
     known = np.isfinite(values)
