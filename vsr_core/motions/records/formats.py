@@ -266,7 +266,7 @@ def read_all(content: bytes, suffix: str, how: Reading) -> Record:
     if b"\0" in content[:512]:
         raise _unknown()
     text = content.decode("latin-1")
-    start = text[:2000]
+    start = text[: text_files.HEAD]
     if text_files.is_at2(start):
         return text_files.read_at2(text, how.unit)
     if text_files.is_cosmos(start):
