@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 import warnings
 from dataclasses import dataclass, replace
@@ -50,6 +51,7 @@ def read_waveforms(
             # By name: left to find out, ObsPy tries Python's pickles too, which run what they hold.
             stream = obspy.read(io.BytesIO(content), format=kind)
             _check_span(stream)
+            _check_quantity(stream)
             if response is not None:
                 inventory = obspy.read_inventory(io.BytesIO(response), format="STATIONXML")
                 stream = _without_response(stream, inventory, corners)
@@ -67,8 +69,38 @@ def read_waveforms(
 _SAC_OTHER = {6: "displacement", 7: "velocity", 50: "volts"}
 """Of SAC's header IDEP (SAC users manual 102, "Data file format")."""
 
+_SAC_SERIES = 1
+"""Of SAC's header IFTYPE: a time series, with LEVEN in even steps."""
+
+_PRESSURE = re.compile("[A-Z]D[DFGHIOU]")
+"""Channels of pressure by SEED's codes."""
+
+_PEAKS_ALIKE, _GAINS_ALIKE = 1.1, 3.0
+"""Factors within which a peak is the one that a file states, and a gain that of its stages."""
+
 _SEISMOMETERS = "HLP"
 """Instrument codes of SEED (manual 2.4, appendix A) whose samples follow velocity."""
+
+
+def _check_quantity(stream: Any) -> None:
+    """Refuse what is no time series of a motion, or contradicts its header."""
+    rule, remedy = "it is a motion in even steps of time", "use the record of the acceleration"
+    for trace in stream:
+        sac, channel = trace.stats.get("sac", {}), str(trace.stats.channel)
+        if sac.get("iftype", _SAC_SERIES) != _SAC_SERIES or not sac.get("leven", True):
+            given = "a SAC file of another kind (IFTYPE), or in uneven steps (LEVEN)"
+            raise InvalidInput(given, rule, remedy)
+        if _PRESSURE.fullmatch(channel):
+            raise InvalidInput(f"{channel}, by its code a pressure", rule, remedy)
+        if said := trace.stats.get("knet", {}).get("accmax"):
+            peak = (
+                float(np.abs(trace.data - trace.data.mean()).max())
+                * trace.stats.calib
+                / factor("gal")
+            )
+            if not said / _PEAKS_ALIKE <= peak <= said * _PEAKS_ALIKE:
+                given = f"a peak of {peak:.4g} gal by its scale factor, where it says {said:g} gal"
+                raise InvalidInput(given, "the two agree", "download it again")
 
 
 def _check_is_acceleration(stream: Any) -> list[str]:
@@ -187,11 +219,33 @@ def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> A
         given = "a response without corners"
         rule = "dividing by it needs a band, or it makes noise of the ends of the spectrum"
         raise InvalidInput(given, rule, "give motion.response.corners, four frequencies [Hz]")
+    for trace in stream:
+        _check_response(inventory.get_response(trace.id, trace.stats.starttime))
     stream.merge()
     pieces = stream.split()  # a gap has no spectrum
     pieces.detrend("linear")
     pieces.remove_response(inventory, output="ACC", water_level=None, pre_filt=corners)
     return pieces
+
+
+_MOTION = re.compile(r"[NCM]?M(/S(EC)?|/\(?S(EC)?\*\*2\)?)?|M/S(/S|\^?2)", re.IGNORECASE)
+"""Units of displacement, velocity and acceleration that ObsPy knows in a response."""
+
+
+def _check_response(response: Any) -> None:
+    """Refuse the response of no motion, and one whose stages are not what it says altogether."""
+    whole, remedy = response.instrument_sensitivity, "correct the response, or download it again"
+    units = [one.input_units for one in (whole, *response.response_stages[:1]) if one]
+    for unit in filter(None, units):
+        if not _MOTION.fullmatch(unit.strip()):
+            given = f"the response of an instrument in {unit}"
+            raise InvalidInput(given, "it records motion, in units such as M/S", remedy)
+    gains = [stage.stage_gain for stage in response.response_stages]
+    if whole and whole.value is not None and None not in gains:
+        ratio = abs(math.prod(gains) / (whole.value or math.nan))
+        if not 1.0 / _GAINS_ALIKE <= ratio <= _GAINS_ALIKE:
+            given = f"a response whose stages have {ratio:.3g} times the sensitivity that it says"
+            raise InvalidInput(given, f"the two agree within a factor of {_GAINS_ALIKE:g}", remedy)
 
 
 def _check_span(stream: Any) -> None:

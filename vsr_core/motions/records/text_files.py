@@ -65,7 +65,8 @@ def read_at2(text: str, unit: str | None) -> Record:
     lines = text[:HEAD].splitlines(keepends=True)[:HEADER]
     found = _NAMED.search(lines[3]) or _PLAIN.search(lines[3])
     quantity = lines[2].strip()
-    if found is None or not quantity.upper().startswith("ACCELERATION"):
+    is_series = quantity.upper().startswith("ACCELERATION") and "SPECTR" not in quantity.upper()
+    if found is None or not is_series:
         given = f"an AT2 file whose third line is {quantity[:40]!r}"
         rule = "it says ACCELERATION TIME SERIES IN UNITS OF G"
         raise InvalidInput(given, rule, "use the acceleration (.AT2), not velocity or displacement")
