@@ -76,8 +76,8 @@ def _require_fine_steps(mesh: trimesh.Trimesh) -> None:
         return
     points = mesh.vertices
     largest = np.float32(min(np.abs(points).max(), np.finfo(np.float32).max))
-    step = float(np.spacing(largest))
-    if step > COARSEST * np.median(np.ptp(points, axis=0)) and (points == np.float32(points)).all():
+    step, size = float(np.spacing(largest)), float(np.median(np.ptp(points, axis=0)))
+    if step > COARSEST * size > 0.0 and (points == np.float32(points)).all():
         given = f"coordinates in single precision up to {largest:.3g}, in steps of {step:.2g}"
         rule = f"steps are at most {COARSEST:.1%} of the mesh"
         raise InvalidInput(given, rule, "export it about a local origin")
