@@ -202,7 +202,7 @@ def test_what_shaking_taught_is_told_of_the_draws_that_were_shaken(
     )
 
 
-@pytest.mark.parametrize("kind", ["a pipe", "a device", "too large", "no numbers"])
+@pytest.mark.parametrize("kind", ["a pipe", "a device", "too large", "no numbers", "an offset"])
 def test_a_motion_that_is_no_file_of_numbers_is_refused_at_once(
     vsr: Callable[..., Any], write_site: Callable[..., str], tmp_path: Path, kind: str
 ) -> None:
@@ -214,6 +214,9 @@ def test_a_motion_that_is_no_file_of_numbers_is_refused_at_once(
     elif kind == "too large":
         with path.open("wb") as file:
             file.truncate(2**30)
+    elif kind == "an offset":
+        rows = [f"{0.01 * i:.2f},{3.0 + np.sin(i)}" for i in range(400)]
+        path.write_text("\n".join(["time,acceleration [m/s2]", *rows]) + "\n")
     else:
         path.write_bytes(b"\0\xff motion")
     test = f"{{kind: shake, motion: {path}, direction: 0, outcome: stood}}"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import netCDF4
@@ -38,7 +40,7 @@ MOST_SAMPLES = 10_000_000
 """Samples of a motion: three hours at a thousand a second."""
 
 
-def is_cut(text: str, last: Sequence[str], others: Sequence[str]) -> bool:
+def is_cut(text: str, last: Sequence[str], others: Iterable[str]) -> bool:
     r"""Whether a text ends without an end of line, in nothing or a word formed like no other.
 
     Examples
@@ -48,10 +50,15 @@ def is_cut(text: str, last: Sequence[str], others: Sequence[str]) -> bool:
     >>> is_cut("a,1\nb,\nc,", [""], ["1", ""])
     True
     """
-    forms = {_DIGIT.sub("0", word.strip(" +-")) for word in others} - {""}
-    return not text.endswith(("\n", "\r")) and any(
-        _DIGIT.sub("0", word.strip(" +-")) not in forms for word in last
-    )
+    if text.endswith(("\n", "\r")) or not last:
+        return False
+    form = _form(last[-1])
+    return not form or all(_form(word) != form for word in others)
+
+
+def _form(word: str) -> str:
+    """A word with its digits alike and without a sign."""
+    return _DIGIT.sub("0", word.strip(" +-"))
 
 
 def plain_number(word: str) -> float:
@@ -82,29 +89,30 @@ def of_text(text: str) -> list[Column]:
     >>> [(one.name, one.unit, one.values.tolist()) for one in of_text("time,x [mm]\n0.5,7")]
     [('time', None, [0.5]), ('x', 'mm', [7.0])]
     """
+    check_size(max(map(text.count, "\n\r")))
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if not lines:
         return []
     separator = next((mark for mark in ",;\t" if mark in lines[0]), None)
     names = [_name(word) for word in lines[0].split(separator)]
     check_size(len(lines))
-    rows = []
+    flat = array("d")
     for place, line in enumerate(lines[1:], start=2):
         cells = line.split(separator)
         if len(cells) != len(names):
             given = f"{len(cells)} values in row {place} of a table"
             raise InvalidInput(given, f"each row has {len(names)}", "correct it")
         try:
-            rows.append([plain_number(cell) if cell.strip() else np.nan for cell in cells])
+            flat.extend([plain_number(cell) if cell.strip() else math.nan for cell in cells])
         except ValueError:
             raise InvalidInput(
                 f"row {place} of a table, {line.strip()[:40]!r}", "values are numbers", "correct it"
             ) from None
-    last = [line.split(separator)[-1] for line in lines[1:]]
-    if len(last) > 1 and is_cut(text, last[-1:], last[:-1]):
-        given = f"a table that ends in {last[-1].strip()!r}, formed like no other number above it"
+    last = lines[-1].split(separator)[-1]
+    if len(lines) > 2 and is_cut(text, [last], (one.split(separator)[-1] for one in lines[1:-1])):
+        given = f"a table that ends in {last.strip()!r}, formed like no other number above it"
         raise InvalidInput(given, "it is whole", "write it again, or end its last line")
-    table = np.array(rows, dtype=np.float64).reshape(-1, len(names)).T
+    table = np.array(flat).reshape(-1, len(names)).T
     return [Column(*name, values) for name, values in zip(names, table, strict=True)]
 
 

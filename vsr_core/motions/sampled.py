@@ -12,6 +12,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
+from vsr_core.motions import even_times
 from vsr_core.motions.six_axes import AXES, TableMotion
 
 DEGREE = 5
@@ -107,7 +108,7 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
     Raises
     ------
     InvalidInput
-        For too few samples, values that are not numbers, times that do not ascend, angles that
+        For too few samples, values that are not numbers, times in no equal steps, angles that
         were meant in degrees, or a table that moves at the start or the end.
     """
     if len(time) < LEAST_SAMPLES:
@@ -122,6 +123,7 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
             f"time {time[at]:g} s in sample {at + 1}", "times ascend", "sort the samples"
         )
     _check_magnitudes(np.diff(time), samples)
+    even_times.step(time)
     samples = np.hstack([samples[:, :3], np.unwrap(samples[:, 3:], axis=0)])
     tilt = float(np.abs(samples[:, 3:5]).max())
     if tilt > 2.0 * math.pi:

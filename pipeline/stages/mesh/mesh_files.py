@@ -17,8 +17,21 @@ LARGEST_FILE = 2 * 1024**3
 """Bytes of a file: of some forty million faces, which take some tens of gigabytes of memory."""
 
 
-def read(path: Path) -> trimesh.Trimesh:
-    """The mesh in a file, as it is there; files that it names, such as textures, are not opened."""
+COARSEST = 1e-3
+"""Largest step between neighbouring numbers of a file, as a share of what it shows."""
+
+
+def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
+    """The mesh in a file; files that it names, such as textures, are not opened.
+
+    Parameters
+    ----------
+    scale : float, length of its unit [m]
+
+    Returns
+    -------
+    trimesh.Trimesh [m]
+    """
     import trimesh
 
     check_regular(path, LARGEST_FILE)
@@ -33,7 +46,12 @@ def read(path: Path) -> trimesh.Trimesh:
     if not isinstance(mesh, trimesh.Trimesh):
         mesh = trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int))
     _require_faces_of_vertices(mesh)
-    return mesh
+    _require_fine_steps(mesh)
+    if scale == 1.0 and mesh.units not in (None, "meters"):
+        unit = f"{mesh.units.split()[0]} m"
+        remedy = f"export it in metres, or say rock.scale: {unit[:-2]} of a rock"
+        raise InvalidInput(f"a unit of {unit} in the file", "it is the metre", remedy)
+    return mesh.apply_scale(scale)
 
 
 def _require_faces_of_vertices(mesh: trimesh.Trimesh) -> None:
@@ -50,3 +68,16 @@ def _require_faces_of_vertices(mesh: trimesh.Trimesh) -> None:
             "faces are made of the file's vertices",
             "export it again",
         )
+
+
+def _require_fine_steps(mesh: trimesh.Trimesh) -> None:
+    """Refuse what single precision has made coarse, as it does of a map's coordinates."""
+    if not len(mesh.faces):
+        return
+    points = mesh.vertices
+    largest = np.float32(min(np.abs(points).max(), np.finfo(np.float32).max))
+    step, size = float(np.spacing(largest)), float(np.median(np.ptp(points, axis=0)))
+    if step > COARSEST * size > 0.0 and (points == np.float32(points)).all():
+        given = f"coordinates in single precision up to {largest:.3g}, in steps of {step:.2g}"
+        rule = f"steps are at most {COARSEST:.1%} of the mesh"
+        raise InvalidInput(given, rule, "export it about a local origin")

@@ -180,7 +180,7 @@ def load(source: Source, origin: Origin) -> trimesh.Trimesh:
             return mesh.apply_scale(source.scale)
         raw = scan(SITES[source.fallback]())
         return trimesh.Trimesh(raw.vertices, raw.faces, vertex_colors=raw.colours, process=False)
-    return _read(source.path, origin, "rock.mesh").apply_scale(source.scale)
+    return _read(source.path, origin, "rock.mesh", source.scale)
 
 
 def load_ground(ground: GroundFile, origin: Origin) -> trimesh.Trimesh:
@@ -192,9 +192,9 @@ def load_ground(ground: GroundFile, origin: Origin) -> trimesh.Trimesh:
     return _read(ground.path, origin, "pedestal.mesh")
 
 
-def _read(path: Path, origin: Origin, key: str) -> trimesh.Trimesh:
+def _read(path: Path, origin: Origin, key: str, scale: float = 1.0) -> trimesh.Trimesh:
     try:
-        return mesh_files.read(path)
+        return mesh_files.read(path, scale)
     except InvalidInput as error:
         given = f"{shown(path)}, {error.given}"
         raise _problem(origin, given, error.rule, error.remedy, key) from None

@@ -20,6 +20,7 @@ from pipeline.stages.motions.record_inputs import (
     in_order,
     processed,
     read,
+    refuse_copies,
     refuse_twice,
     response_of,
 )
@@ -78,7 +79,9 @@ def _loaded(
     if problems:
         raise InputError(*problems)
     refuse_twice(file, _KEY, [one.name for one in ready])
-    return tuple(in_order(ready))
+    ready = in_order(ready)
+    refuse_copies(file, _KEY, ready)
+    return tuple(ready)
 
 
 def _ready(

@@ -116,12 +116,17 @@ def _loaded(
 ) -> tuple[Ready, ...]:
     paths = [path for path, _ in files]
     ready = in_order(each(file, _FILES, paths, lambda path: _ready(path, response, motion)))
+    refuse_copies(file, _FILES, ready)
+    return tuple(ready)
+
+
+def refuse_copies(file: str, key: str, ready: list[Ready]) -> None:
+    """Refuse one motion under two names."""
     for one, other in pairwise(ready):
-        if _same(one.trace, other.trace):
+        if _same(one, other):
             given = f"{one.file} and {other.file}, which are one motion at two scales"
             rule = "each record is scaled to every PGA"
-            raise InputError(Problem(file, _FILES, given, rule, "leave one out"))
-    return tuple(ready)
+            raise InputError(Problem(file, key, given, rule, "leave one out"))
 
 
 def in_order(ready: list[Ready]) -> list[Ready]:
@@ -149,12 +154,18 @@ def processed(record: Record, motion: RecordConfig) -> Trace:
     return trace
 
 
-def _same(one: Trace, other: Trace) -> bool:
+def _same(one: Ready, other: Ready) -> bool:
     """Whether two motions differ in their scale only."""
-    steps = (one.interval, other.interval)
-    if len(one.times) != len(other.times) or not np.isclose(*steps, rtol=1e-6):
+    if one.components and other.components:
+        if one.components.azimuth != other.components.azimuth:
+            return False
+        first, second = one.components.acceleration, other.components.acceleration
+    else:
+        first, second = one.trace.acceleration, other.trace.acceleration
+    steps = (one.trace.interval, other.trace.interval)
+    if first.shape != second.shape or not np.isclose(*steps, rtol=1e-6):
         return False
-    first, second = (t.acceleration / np.abs(t.acceleration).max() for t in (one, other))
+    first, second = (values / np.abs(values).max() for values in (first, second))
     return bool(np.allclose(first, second, rtol=0.0, atol=1e-5))
 
 

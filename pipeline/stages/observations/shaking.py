@@ -28,7 +28,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records import formats
-from vsr_core.motions.records.record import repaired
+from vsr_core.motions.records.record import check_end, repaired
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.run.cases import Settings
 from vsr_core.run.displacement import displace
@@ -77,11 +77,13 @@ class ShakenBy(Input):
             reading = formats.Reading(test.component, test.unit, None, None)
             every = formats.read_all(held(path, LARGEST_FILE), path.suffix, reading)
             record = repaired(every.channel(test.component))
-            return RecordedMotion(Trace(record.acceleration, record.interval))
+            trace = Trace(record.acceleration, record.interval)
+            check_end(trace)
         except InvalidInput as error:
             given = f"{shown(path)}, {error.given}"
             problem = Problem(self.file, key_of(number), given, error.rule, error.remedy)
             raise InputError(problem) from None
+        return RecordedMotion(trace)
 
 
 def key_of(number: int) -> str:

@@ -24,7 +24,7 @@ from vsr_core.motions.records import processing
 from vsr_core.motions.records.columns import read_netcdf, read_table
 from vsr_core.motions.records.formats import Reading, from_stream, read
 from vsr_core.motions.records.processing import Processing, process
-from vsr_core.motions.records.record import Record, check_rest, factor, repaired
+from vsr_core.motions.records.record import Record, check_end, check_rest, factor, repaired
 from vsr_core.motions.records.text_files import read_at2, read_cosmos
 from vsr_core.motions.records.trace import RecordedMotion, Trace, measures, spectrum
 
@@ -62,6 +62,8 @@ def test_at2_that_breaks_its_word_is_refused() -> None:
     text = files.at2(VALUES, STEP)
     refusal(lambda: read_at2(files.at2(VALUES, STEP, number=399), None), "400", "NPTS = 399")
     refusal(lambda: read_at2(text.replace("ACCELERATION", "VELOCITY"), None), "VELOCITY", "AT2")
+    spectrum = text.replace("TIME SERIES", "RESPONSE SPECTRUM")
+    refusal(lambda: read_at2(spectrum, None), "SPECTRUM", "TIME SERIES")
     refusal(lambda: read_at2(text, "m/s2"), "motion.unit m/s2", "in G")
     refusal(lambda: read_at2(text[:-20] + "word\n", None), "word", "numbers")
 
@@ -128,6 +130,9 @@ def test_table_without_a_unit_needs_one() -> None:
     assert read_table(text, "raw", "cm/s2").acceleration[50] == pytest.approx(0.01 * VALUES[50])
     refusal(lambda: read_table(text, None, "counts"), "counts", "motion.response")
     refusal(lambda: read_table(text, None, "furlong"), "'furlong'", "m/s2")
+    for name in ("velocity", "disp_cm", "Vel_cm/s"):
+        other = files.csv(VALUES, STEP, name)
+        refusal(lambda text=other: read_table(text, None, "m/s2"), name, "motion.component")
     known = files.csv(VALUES, STEP)
     refusal(lambda: read_table(known, None, "gal"), "motion.unit gal", "m/s2")
     refusal(lambda: read_table(known.replace("time", "age"), None, None), "age", "named time")
@@ -214,6 +219,14 @@ def test_knet_by_obspy() -> None:
     np.testing.assert_allclose(found.acceleration - offset, VALUES, atol=0.51 * count)
 
 
+@pytest.mark.parametrize("change", [("3920(gal)", "39200(gal)"), ("Max. Acc. (gal)   ", "&9")])
+def test_knet_whose_scale_contradicts_its_peak(change: tuple[str, str]) -> None:
+    pytest.importorskip("obspy")
+    old, new = change
+    text = files.knet(VALUES, STEP).replace(old, new.replace("&", old))
+    refusal(lambda: read(text.encode(), ".NS", PLAIN), "gal by its scale factor", "two agree")
+
+
 def test_miniseed_and_sac_by_obspy(tmp_path: Path) -> None:
     obspy = pytest.importorskip("obspy")
     header = {"delta": STEP, "station": "NWC", "channel": "HNE"}
@@ -229,6 +242,15 @@ def test_miniseed_and_sac_by_obspy(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("kind", "told"), [("ivel", "velocity"), ("idisp", "displacement")])
 def test_a_sac_file_of_another_quantity_is_no_record(kind: str, told: str) -> None:
     refusal(lambda: read(sac(idep=kind), ".sac", Reading(unit="m/s2")), told, "motion.response")
+
+
+@pytest.mark.parametrize("header", [{"iftype": "irlim"}, {"iftype": "ixy"}, {"leven": False}])
+def test_a_sac_file_of_another_kind_is_no_record(header: dict[str, object]) -> None:
+    refusal(lambda: read(sac(**header), ".sac", Reading(unit="m/s2")), "IFTYPE", "even steps")
+
+
+def test_a_pressure_is_no_record() -> None:
+    refusal(lambda: read(sac(kcmpnm="BDF"), ".sac", Reading(unit="m/s2")), "BDF", "a pressure")
 
 
 def test_what_a_sac_header_says_beside_is_told() -> None:
@@ -268,6 +290,14 @@ def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
     )
     assert np.corrcoef(ours, other)[0, 1] > 0.97
     assert np.abs(ours).max() == pytest.approx(np.abs(other).max(), rel=0.1)
+    for old, new, words in (
+        (b"<Value>1500.0<", b"<Value>150000.0<", "100 times the sensitivity"),
+        (b"<Value>1500.0<", b"<Value>NaN<", "nan times the sensitivity"),
+        (b"<Name>M/S<", b"<Name>PA<", "an instrument in PA"),
+    ):
+        assert old in how.response
+        other = replace(how, response=how.response.replace(old, new))
+        refusal(lambda other=other: read(path.read_bytes(), ".mseed", other), words)
     bare = replace(how, corners=None)
     refusal(lambda: read(path.read_bytes(), ".mseed", bare), "motion.response.corners")
 
@@ -408,6 +438,14 @@ def test_drift_is_refused() -> None:
     refusal(lambda: check_rest(Trace(level.acceleration + 0.05, 0.001)), "PGV", "highpass")
     half = Trace(pulse.acceleration(t[: len(t) // 2]), 0.001)  # stops, but elsewhere
     refusal(lambda: check_rest(half), "100% of its PGD")
+
+
+def test_a_motion_taken_as_it_was_made_rests_in_the_end() -> None:
+    """A push does too, that leaves a velocity."""
+    push = 2.3 * (np.arange(600) < 300)
+    for values in (VALUES, push, VALUES + 0.005 * np.abs(VALUES).max()):
+        check_end(Trace(values, STEP))
+    refusal(lambda: check_end(Trace(VALUES + 3.0, STEP)), "ends with 0.3", "offset")
 
 
 def test_units() -> None:

@@ -6,10 +6,13 @@ its unit: ``acceleration [m/s2]``, ``acc (g)``, ``acc_g``. NetCDF holds variable
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
+from vsr_core.motions import even_times
 from vsr_core.motions.named_columns import Column, of_netcdf, of_text
 from vsr_core.motions.records.record import (
     Record,
@@ -77,12 +80,6 @@ def read_netcdf(content: bytes, component: str | None, unit: str | None) -> Reco
 
 _SECONDS = ("s", "sec", "second", "seconds")
 
-UNEVEN = 0.02
-"""Farthest time from an even grid, as a share of the step."""
-
-COARSE = 0.3
-"""The same where the times are written with too few digits, at most."""
-
 
 def on_times(
     time: Column,
@@ -100,7 +97,8 @@ def on_times(
     time : Column [s]
     component : str or None
         Name of the one to take; without it, those in a unit of acceleration or, if there is none,
-        a single one without a unit (or in counts or volts, which is refused with the reason).
+        a single one without a unit (or in counts or volts, which is refused with the reason) that
+        is not named after velocity or displacement.
 
     Raises
     ------
@@ -108,10 +106,7 @@ def on_times(
         If times are not in seconds or in even steps, or accelerations are not there or of several
         units.
     """
-    if time.unit is not None and time.unit.split(" since ")[0].strip() not in _SECONDS:
-        raise InvalidInput(
-            f"times in {time.unit or 'no unit'}", "they are in s", "set the unit of time to s"
-        )
+    check_seconds(time.unit)
     names, units, values = zip(*_wanted(others, component), strict=True)
     if len(set(units)) > 1:
         given = f"{', '.join(names)} in {', '.join(map(str, units))}"
@@ -120,6 +115,22 @@ def on_times(
     even, interval, repairs = _evenly(time.values, side_by_side(values) * factor(name))
     start = float(time.values[0])
     return Record(even, interval, names, station, source, name, repairs, start)
+
+
+def check_seconds(unit: str | None) -> None:
+    """Refuse times that state another unit.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if unit is not None and unit.split(" since ")[0].strip() not in _SECONDS:
+        given = f"times in {unit or 'no unit'}"
+        raise InvalidInput(given, "they are in s", "set the unit of time to s")
+
+
+_OTHER = re.compile("vel|disp", re.IGNORECASE)
+"""How columns of another quantity begin."""
 
 
 def _wanted(columns: list[Column], component: str | None) -> list[Column]:
@@ -131,7 +142,8 @@ def _wanted(columns: list[Column], component: str | None) -> list[Column]:
                 f"no column {component!r}", f"the columns are {listed}", "name one of them"
             )
         return found
-    if len(columns) == 1 and (columns[0].unit is None or is_raw(columns[0].unit)):
+    bare = [one for one in columns if one.unit is None or is_raw(one.unit)]
+    if len(columns) == len(bare) == 1 and not _OTHER.match(bare[0].name):
         return columns
     accelerations = [column for column in columns if is_acceleration(column.unit or "")]
     if not accelerations:
@@ -146,49 +158,13 @@ def _evenly(times: Array, values: Array) -> tuple[Array, float, tuple[str, ...]]
     if len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
         rule, remedy = "each is later than the one before", "sort them and drop those that repeat"
         raise InvalidInput(f"{len(times)} times that are not increasing numbers", rule, remedy)
-    elapsed, written = times - times[0], _printed(times)
-    step = float(np.median(np.diff(elapsed)))
-    check_sampling(step, float(elapsed[-1]) / step)
-    interval = _interval(elapsed, float(written[-1]))
-    places = np.rint(elapsed / interval).astype(np.int64)
-    late = np.abs(elapsed - places * interval) / interval
-    allowed = np.clip(written / interval, UNEVEN, COARSE)
-    if (late > allowed).any() or (np.diff(places) < 1).any():
-        raise InvalidInput(
-            f"time steps that differ: one sample is {late.max():.0%} of a step of "
-            f"{1e3 * interval:.4g} ms from its place",
-            f"all are equal to {UNEVEN:.0%}, or to the last digit that is written",
-            "resample the record to equal steps, band-limited",
-        )
+    span = times[-1] - times[0]
+    step = float(np.median(np.diff(times)))
+    check_sampling(step, float(span) / step)
+    places, interval = even_times.places(times)
     if len(places) == places[-1] + 1:
         return values, interval, ()
     filled = np.full((int(places[-1]) + 1, *values.shape[1:]), np.nan)
     filled[places] = values
     lost = len(filled) - len(places)
     return filled, interval, (f"{lost} time steps were left out in the file",)
-
-
-def _interval(elapsed: Array, written: float) -> float:
-    """Step [s] of rounded times, from ever longer spans, so that none is lost count of.
-
-    A whole number of samples a second is taken, if it agrees to the digits that are ``written``.
-    """
-    interval, last = float(np.median(np.diff(elapsed))), len(elapsed) - 1
-    at = 1
-    while at < 2 * last:
-        end = float(elapsed[min(at, last)])
-        interval = end / max(1, round(end / interval))
-        at *= 2
-    rate = round(1.0 / interval)
-    if rate and abs(round(end / interval) / rate - end) <= written:
-        return 1.0 / rate
-    return interval
-
-
-def _printed(times: Array) -> Array:
-    """Unit in the last digit written of each time [s]: of fixed decimals, or of fixed digits."""
-    numbers = [f"{time:.12g}" for time in times.tolist()]
-    digits = max(len(word.replace(".", "").lstrip("0")) for word in numbers)
-    decimals = max(len(word.partition(".")[2]) for word in numbers)
-    leading = np.floor(np.log10(np.maximum(np.abs(times), 1e-12)))
-    return np.maximum(10.0 ** (leading + 1 - digits), 10.0**-decimals)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -92,8 +94,12 @@ class ComponentMotion(GroundMotion):
         return np.column_stack([one.velocity(t) for one in self.along])
 
 
+_VERTICAL = re.compile(r"(?i:UP|DOWN|DN|DWN|VERT\w*|UD[12]?)|[A-Z]{2}Z")
+"""Names of vertical channels: of networks' files, and SEED's codes."""
+
+
 def check_together(components: Mapping[str, Record]) -> None:
-    """Refuse components that do not share length, time step and start.
+    """Refuse components that are not of one instrument and one time, each with its own direction.
 
     Parameters
     ----------
@@ -104,6 +110,8 @@ def check_together(components: Mapping[str, Record]) -> None:
     InvalidInput
         With what differs.
     """
+    _check_instruments(components)
+    _check_directions(components)
     first, one = next(iter(components.items()))
     for name, other in components.items():
         apart = {
@@ -119,6 +127,35 @@ def check_together(components: Mapping[str, Record]) -> None:
             raise _apart(f"channels of one file of which {other.cut} samples are not in all")
         if not np.isfinite(other.acceleration[[0, -1]]).all():
             raise _apart(f"{name} without its first or last sample")
+
+
+def _check_instruments(components: Mapping[str, Record]) -> None:
+    named = [(axis, one.instruments[0]) for axis, one in components.items() if one.instruments]
+    for (first, one), (axis, other) in pairwise(named):
+        if one != other:
+            given = f"{first} of {one!r} and {axis} of {other!r}"
+            rule = "the components of a record are of one instrument and event"
+            raise InvalidInput(given, rule, "name those that belong together")
+
+
+def _check_directions(components: Mapping[str, Record]) -> None:
+    rule, remedy = "x and y are two horizontal components", "name another channel or file"
+    for (first, one), (axis, other) in combinations(components.items(), 2):
+        if np.array_equal(one.acceleration, other.acceleration, equal_nan=True):
+            given = f"the same samples along {first} and {axis}"
+            raise InvalidInput(given, "each component has its own", remedy)
+    level = {axis: one for axis, one in components.items() if axis != "z"}
+    names = [one.channels[0].rpartition(".")[2] for one in level.values()]
+    for axis, name in zip(level, names, strict=True):
+        if _VERTICAL.fullmatch(name):
+            raise InvalidInput(f"{name} as {axis}", rule, remedy)
+    known = [
+        int(name)
+        for name, one in zip(names, level.values(), strict=True)
+        if one.instruments and name.isdecimal() and len(name) <= len("360")
+    ]
+    if len(known) == 2 and not (known[0] - known[1]) % 180:
+        raise InvalidInput(f"azimuths of {known[0]} and {known[1]}", rule, remedy)
 
 
 def _apart(given: str) -> InvalidInput:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import io
+import math
 import re
 import warnings
 from dataclasses import dataclass, replace
@@ -51,6 +52,7 @@ def read_waveforms(
             # By name: left to find out, ObsPy tries Python's pickles too, which run what they hold.
             stream = obspy.read(io.BytesIO(content), format=kind)
             _check_span(stream)
+            _check_quantity(stream)
             if response is not None:
                 inventory = obspy.read_inventory(io.BytesIO(response), format="STATIONXML")
                 stream = _without_response(stream, inventory, corners)
@@ -68,8 +70,38 @@ def read_waveforms(
 _SAC_OTHER = {6: "displacement", 7: "velocity", 50: "volts"}
 """Of SAC's header IDEP (SAC users manual 102, "Data file format")."""
 
+_SAC_SERIES = 1
+"""Of SAC's header IFTYPE: a time series, with LEVEN in even steps."""
+
+_PRESSURE = re.compile("[A-Z]D[DFGHIOU]")
+"""Channels of pressure by SEED's codes."""
+
+_PEAKS_ALIKE, _GAINS_ALIKE = 1.1, 3.0
+"""Factors within which a peak is the one that a file states, and a gain that of its stages."""
+
 _SEISMOMETERS = "HLP"
 """Instrument codes of SEED (manual 2.4, appendix A) whose samples follow velocity."""
+
+
+def _check_quantity(stream: Any) -> None:
+    """Refuse what is no time series of a motion, or contradicts its header."""
+    rule, remedy = "it is a motion in even steps of time", "use the record of the acceleration"
+    for trace in stream:
+        sac, channel = trace.stats.get("sac", {}), str(trace.stats.channel)
+        if sac.get("iftype", _SAC_SERIES) != _SAC_SERIES or not sac.get("leven", True):
+            given = "a SAC file of another kind (IFTYPE), or in uneven steps (LEVEN)"
+            raise InvalidInput(given, rule, remedy)
+        if _PRESSURE.fullmatch(channel):
+            raise InvalidInput(f"{channel}, by its code a pressure", rule, remedy)
+        if said := trace.stats.get("knet", {}).get("accmax"):
+            peak = (
+                float(np.abs(trace.data - trace.data.mean()).max())
+                * trace.stats.calib
+                / factor("gal")
+            )
+            if not said / _PEAKS_ALIKE <= peak <= said * _PEAKS_ALIKE:
+                given = f"a peak of {peak:.4g} gal by its scale factor, where it says {said:g} gal"
+                raise InvalidInput(given, "the two agree", "download it again")
 
 
 def _check_is_acceleration(stream: Any) -> list[str]:
@@ -156,6 +188,7 @@ def from_stream(stream: Any, unit: str | None) -> Record:
         columns.append(part * (trace.stats.calib if japanese else factor(name)))
     ids = [".".join((t.stats.network, t.stats.station, t.stats.location)) for t in stream]
     channels = [str(trace.stats.channel) for trace in stream]
+    instruments = tuple(map(_instrument, ids, channels))
     if len(set(channels)) < len(channels):
         channels = [f"{one}.{channel}" for one, channel in zip(ids, channels, strict=True)]
     return Record(
@@ -168,7 +201,19 @@ def from_stream(stream: Any, unit: str | None) -> Record:
         tuple(repairs),
         float(start),
         cut,
+        instruments,
     )
+
+
+def _instrument(place: str, channel: str) -> str:
+    """What recorded a channel: by band and instrument of SEED's code, or by KiK-net's depth.
+
+    >>> _instrument("XX.NWC.", "HNE"), _instrument("BO.IWT.", "EW2"), _instrument("XX.NWC.", "E")
+    ('XX.NWC..HN', 'BO.IWT..2', 'XX.NWC..')
+    """
+    if channel[:2] in ("EW", "NS", "UD"):
+        return f"{place}.{channel[2:]}"
+    return f"{place}.{channel[:2] if len(channel) == len('HNE') else ''}"
 
 
 def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> Any:
@@ -176,11 +221,33 @@ def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> A
         given = "a response without corners"
         rule = "dividing by it needs a band, or it makes noise of the ends of the spectrum"
         raise InvalidInput(given, rule, "give motion.response.corners, four frequencies [Hz]")
+    for trace in stream:
+        _check_response(inventory.get_response(trace.id, trace.stats.starttime))
     stream.merge()
     pieces = stream.split()  # a gap has no spectrum
     pieces.detrend("linear")
     pieces.remove_response(inventory, output="ACC", water_level=None, pre_filt=corners)
     return pieces
+
+
+_MOTION = re.compile(r"[NCM]?M(/S(EC)?|/\(?S(EC)?\*\*2\)?)?|M/S(/S|\^?2)", re.IGNORECASE)
+"""Units of displacement, velocity and acceleration that ObsPy knows in a response."""
+
+
+def _check_response(response: Any) -> None:
+    """Refuse the response of no motion, and one whose stages are not what it says altogether."""
+    whole, remedy = response.instrument_sensitivity, "correct the response, or download it again"
+    units = [one.input_units for one in (whole, *response.response_stages[:1]) if one]
+    for unit in filter(None, units):
+        if not _MOTION.fullmatch(unit.strip()):
+            given = f"the response of an instrument in {unit}"
+            raise InvalidInput(given, "it records motion, in units such as M/S", remedy)
+    gains = [stage.stage_gain for stage in response.response_stages]
+    if whole and whole.value is not None and None not in gains:
+        ratio = abs(math.prod(gains) / (whole.value or math.nan))
+        if not 1.0 / _GAINS_ALIKE <= ratio <= _GAINS_ALIKE:
+            given = f"a response whose stages have {ratio:.3g} times the sensitivity that it says"
+            raise InvalidInput(given, f"the two agree within a factor of {_GAINS_ALIKE:g}", remedy)
 
 
 def _check_span(stream: Any) -> None:
@@ -255,7 +322,7 @@ def read_all(content: bytes, suffix: str, how: Reading) -> Record:
     if b"\0" in content[:512]:
         raise _unknown()
     text = content.removeprefix(codecs.BOM_UTF8).decode("latin-1")
-    start = text[:2000]
+    start = text[: text_files.HEAD]
     if text_files.is_at2(start):
         return text_files.read_at2(text, how.unit)
     if text_files.is_cosmos(start):

@@ -39,6 +39,7 @@ class Record:
     source : str, format and origin in words
     start : float [s], time of the first sample by the file's clock, 0 where it has none
     cut : int, samples that were left out because not all channels of the file have them
+    instruments : what recorded each channel; none where the file does not say
     """
 
     acceleration: Array
@@ -50,6 +51,7 @@ class Record:
     repairs: tuple[str, ...] = ()
     start: float = 0.0
     cut: int = 0
+    instruments: tuple[str, ...] = ()
 
     def channel(self, name: str | None) -> Record:
         """The record of one channel.
@@ -75,7 +77,12 @@ class Record:
         if len(self.channels) == 1:
             return self
         at = self.channels.index(str(name))
-        return replace(self, acceleration=self.acceleration[:, at], channels=(str(name),))
+        return replace(
+            self,
+            acceleration=self.acceleration[:, at],
+            channels=(str(name),),
+            instruments=self.instruments[at : at + 1],
+        )
 
 
 def factor(unit: str) -> float:
@@ -261,6 +268,27 @@ def check_rest(trace: Trace) -> None:
         given = f"a motion that ends at {drift:.1%} of its PGV and {offset:.0%} of its PGD"
         remedy = "raise motion.processing.highpass, or set motion.processing.order to standard"
         raise InvalidInput(given, f"it comes to rest, to {DRIFT:.0%} and {OFFSET:.0%}", remedy)
+
+
+END = 0.1
+"""Acceleration at the end of a motion that was made so, as a share of its PGA: the mean of this
+share of its samples."""
+
+
+def check_end(trace: Trace) -> None:
+    """Refuse a motion, taken as it was made, that is under way and accelerated at its end.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    acceleration, velocity = trace.acceleration, trace.velocity
+    last = float(acceleration[-max(1, int(END * len(acceleration))) :].mean())
+    drifts = abs(float(velocity[-1])) > DRIFT * float(np.abs(velocity).max())
+    if drifts and abs(last) > END * float(np.abs(acceleration).max()):
+        given = f"a motion that ends with {last / GRAVITY:.2g} g"
+        remedy = "take off the instrument's offset, or give the record to its end"
+        raise InvalidInput(given, "the ground rests before and after", remedy)
 
 
 def _bridged(record: Record) -> Record:

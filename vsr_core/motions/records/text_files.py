@@ -19,6 +19,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -31,7 +32,9 @@ _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)"
 _NAMED = re.compile(rf"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*{_NUMBER}", re.IGNORECASE)
 _PLAIN = re.compile(rf"^\s*(\d+)\s+{_NUMBER}\s+NPTS\s*,\s*DT", re.IGNORECASE)
 _UNIT = re.compile(r"IN UNITS OF\s+(\S+)", re.IGNORECASE)
-HEADER = 4
+_WORD = re.compile(r"\S+")
+HEADER, HEAD = 4, 2000
+"""Lines of the header, and characters that they have at most."""
 
 
 def is_at2(start: str) -> bool:
@@ -59,10 +62,11 @@ def read_at2(text: str, unit: str | None) -> Record:
     InvalidInput
         If the file is no acceleration, or holds another number of samples than it says.
     """
-    lines = text.splitlines()
+    lines = text[:HEAD].splitlines(keepends=True)[:HEADER]
     found = _NAMED.search(lines[3]) or _PLAIN.search(lines[3])
     quantity = lines[2].strip()
-    if found is None or not quantity.upper().startswith("ACCELERATION"):
+    is_series = quantity.upper().startswith("ACCELERATION") and "SPECTR" not in quantity.upper()
+    if found is None or not is_series:
         given = f"an AT2 file whose third line is {quantity[:40]!r}"
         rule = "it says ACCELERATION TIME SERIES IN UNITS OF G"
         raise InvalidInput(given, rule, "use the acceleration (.AT2), not velocity or displacement")
@@ -70,7 +74,11 @@ def read_at2(text: str, unit: str | None) -> Record:
     check_sampling(interval, number)
     in_file = _UNIT.search(quantity)
     name = stated(in_file[1].rstrip(".") if in_file else None, unit)
-    words = " ".join(lines[HEADER:]).split()
+    start = sum(map(len, lines))
+    count = sum(1 for _ in islice(_WORD.finditer(text, start), int(number) + 1))
+    if count > number:
+        raise _other_count(count, number)
+    words = text[start:].split()
     try:
         values = np.array([plain_number(word) for word in words])
     except ValueError as error:
@@ -80,13 +88,20 @@ def read_at2(text: str, unit: str | None) -> Record:
         given = f"an AT2 file that ends in {words[-1]!r}, formed like no other number"
         raise InvalidInput(given, "it is whole", "download it again, or end its last line")
     if len(values) != number:
-        given = f"an AT2 file of {len(values)} samples that says NPTS = {number:.0f}"
-        raise InvalidInput(given, "it holds as many as it says", "download it again")
+        raise _other_count(count, number)
     event = [part.strip() for part in lines[1].split(",")]
     station = event[-2] if len(event) > 2 else ""
     channel = event[-1] if len(event) > 1 else "1"
     source = f"PEER NGA file: {lines[1].strip()}"
-    return Record(values * factor(name), interval, (channel,), station, source, name)
+    instruments = (", ".join(event[:-1]),) if station else ()
+    values *= factor(name)
+    return Record(values, interval, (channel,), station, source, name, instruments=instruments)
+
+
+def _other_count(count: int, number: float) -> InvalidInput:
+    more = " or more" if count > number else ""
+    given = f"an AT2 file of {count} samples{more} that says NPTS = {number:.0f}"
+    return InvalidInput(given, "it holds as many as it says", "download it again")
 
 
 TEXT_LINES = 13
@@ -145,6 +160,7 @@ def read_cosmos(text: str, unit: str | None) -> Record:
         first,
         acceleration=values * factor(stated(first.unit, unit)),
         channels=_distinct([one.channels[0] for one in found]),
+        instruments=tuple(one.station for one in found),
     )
 
 

@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import compress
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
+from pipeline.config import in_si
 from pipeline.config.layers import Origin, Site, load_file
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located, shown
@@ -35,6 +37,9 @@ if TYPE_CHECKING:
 OUTCOMES, ASSUMED = "outcomes.csv", "table.yaml"
 
 SCAN, SPECIMEN = re.compile(r"sp(\d{1,9})\.ply"), re.compile(r"specimen(\d{1,9})")
+
+ALIKE = 3.0
+"""Factor within which peaks of records are the PGA of their tests, in the middle."""
 
 PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d{1,9})_(?P<setting>\w+)")
 """A column of someone's predictions for a specimen, such as dem_s1_kn10."""
@@ -136,14 +141,21 @@ def find(origin: Origin) -> Folder:
 
 def scans_in(folder: Path) -> dict[int, Path]:
     """Scans by the number of their specimen."""
-    found = {
-        m: path
-        for path in folder.glob("sp*.ply")
-        if (m := SCAN.fullmatch(path.name)) and path.is_file()
-    }
-    return {
-        int(match[1]): path for match, path in sorted(found.items(), key=lambda p: int(p[0][1]))
-    }
+    names = [path.name for path in folder.glob("sp*.ply") if path.is_file()]
+    return {number: folder / name for number, name in _numbered(folder, SCAN, names).items()}
+
+
+def _numbered(path: Path, pattern: re.Pattern[str], names: Iterable[str]) -> dict[int, str]:
+    """What belongs to a specimen, by its number."""
+    found: dict[int, str] = {}
+    for name in sorted(names):
+        if match := pattern.fullmatch(name):
+            number = int(match[1])
+            if number in found:
+                given, rule = f"{found[number]} and {name}", "a specimen has a number of its own"
+                raise refused(path, "", given, rule, "rename or remove one")
+            found[number] = name
+    return dict(sorted(found.items()))
 
 
 def assumptions(folder: Path) -> ShakeTableConfig:
@@ -177,9 +189,9 @@ def tests_in(folder: Path) -> Tests:
     both.sort(key=lambda one: one[0].test)
     found, used = [row for row, _ in both], [fields for _, fields in both]
     observed = {
-        number: _flags(path, used, f"specimen{number}", _FLAGS | _MISSING)
-        for number in specimens
-        if f"specimen{number}" in cells[0]
+        number: _flags(path, used, name, _FLAGS | _MISSING)
+        for number, name in _numbered(path, SPECIMEN, cells[0]).items()
+        if number in specimens
     }
     published = {
         (int(match["specimen"]), f"{match['name']} {match['setting']}"): _flags(
@@ -220,6 +232,16 @@ def _check_records(folder: Path, listed: set[int]) -> None:
             raise refused(path, "test", f"{min(numbers)} {given}", rule, remedy)
 
 
+def _check_peaks(folder: Path, tests: Tests, found: dict[int, GroundMotion]) -> None:
+    """Refuse records in another unit than they say, by the PGA of the tests."""
+    peaks = [in_si.in_g(found[number].peak_acceleration) for number in tests.number]
+    ratio = median(peak / pga for peak, pga in zip(peaks, tests.pga, strict=True))
+    if not 1.0 / ALIKE <= ratio <= ALIKE:
+        given, rule = f"peaks of {ratio:.3g} times pga_g (median)", f"within a factor of {ALIKE:g}"
+        path = folder / RECORDS
+        raise refused(path, "acceleration", given, rule, f"correct their unit, or {OUTCOMES}")
+
+
 def _unused(without: int, names: Iterable[str], specimens: tuple[int, ...]) -> Iterator[str]:
     """What the table holds that has no part in the validation."""
     if without:
@@ -235,9 +257,11 @@ def _unused(without: int, names: Iterable[str], specimens: tuple[int, ...]) -> I
 @lru_cache(maxsize=2)
 def motions_of(folder: Path) -> dict[int, GroundMotion]:
     """How the table moved in each test."""
-    if (folder / RECORDS).is_file():
-        return motions(folder, assumptions(folder).acceleration)
     tests = tests_in(folder)
+    if (folder / RECORDS).is_file():
+        found = motions(folder, assumptions(folder).acceleration)
+        _check_peaks(folder, tests, found)
+        return found
     told = tests.config.stepper
     stepper = Stepper(told.rate, told.step, told.overhead) if told else None
     rows = zip(tests.number, tests.pga, tests.pgv_pga, strict=True)

@@ -15,10 +15,12 @@ from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA
 from pipeline.workflow.keys import digest_bytes
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
+from vsr_core.motions import even_times
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.pulses import CosinePulse
+from vsr_core.motions.records.columns import check_seconds
 from vsr_core.motions.records.components import ComponentMotion
-from vsr_core.motions.records.record import check_sampling
+from vsr_core.motions.records.record import check_sampling, factor
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.table.stepper import SteppedPulse, Stepper
 
@@ -65,9 +67,10 @@ def motions(folder: Path, variable: str | None) -> dict[int, GroundMotion]:
             given, rule = f"{records[name].size} samples", f"it holds at most {_MOST}"
             raise refused(path, name, given, rule, "cut the tests to their shaking")
         values = records[name].transpose("test", "time", ...).values
+        one = _unit(path, name, records[name])
         counts, numbers = records["n_samples"].values, records["test"].values
     return {
-        int(number): _motion(path, name, int(number), row[: int(count)], interval)
+        int(number): _motion(path, name, int(number), one * row[: int(count)], interval)
         for number, count, row in zip(numbers, counts, values, strict=True)
     }
 
@@ -78,6 +81,20 @@ def _is_series(variable: xr.DataArray) -> bool:
     if dims == {"test", "time", "component"}:
         return variable.sizes["component"] <= len("xyz")
     return dims == {"test", "time"}
+
+
+def _unit(path: Path, name: str, variable: xr.DataArray) -> float:
+    """What one of its unit is [m/s2], its components along drive, across and up."""
+    along = variable["component"].values.tolist() if "component" in variable.coords else []
+    for known in (["x", "y", "z"], ["drive", "across", "up"]):
+        if set(along) <= set(known) and along != known[: len(along)]:
+            given = f"components {', '.join(along)}"
+            raise refused(path, name, given, f"they are {', '.join(known)}", "put them in order")
+    try:
+        return factor(str(variable.attrs.get("units", "m/s2")))
+    except InvalidInput as error:
+        rule = "it is an acceleration"
+        raise refused(path, name, error.given, rule, "correct its units, or name another") from None
 
 
 def _motion(path: Path, name: str, number: int, values: Array, interval: float) -> GroundMotion:
@@ -120,20 +137,26 @@ def recorded(folder: Path) -> tuple[set[int], float]:
                 given, rule = "values that are no numbers", "they are numbers"
                 raise refused(path, name, given, rule, "correct them")
         numbers = records["test"].values.ravel()
-        if (numbers % 1 != 0).any():
-            rule, remedy = "tests have whole numbers", "number them anew"
-            raise refused(path, "test", "a fraction", rule, remedy)
+        for name in ("test", "n_samples"):
+            values = records.variables[name]
+            if values.dims != ("test",) or (values.values % 1 != 0).any():
+                given, rule = "other values", "it is a whole number for each test"
+                raise refused(path, name, given, rule, "correct it")
         known = {int(number) for number in numbers}
         time, counts = (records[name].values.ravel() for name in ("time", "n_samples"))
+        unit = records["time"].attrs.get("units")
     if len(known) < len(counts):
         rule, remedy = "a test has one record", "number them anew"
         raise refused(path, "test", "a number twice", rule, remedy)
     if not len(counts) or not 2 <= counts.min() <= counts.max() <= len(time):
         rule = f"each test has from 2 to {len(time)}, as there are times"
         raise refused(path, "n_samples", "other numbers of samples", rule, "correct them")
-    interval = round(float(time[1] - time[0]), 9)
     try:
-        check_sampling(interval, counts.max())
+        check_seconds(unit)
+        check_sampling(float(time[1] - time[0]), counts.max())
+        if (np.diff(time) <= 0.0).any():
+            raise InvalidInput("times that do not ascend", "each is after the last", "sort them")
+        interval = round(even_times.step(time.astype(np.float64)), 9)
     except InvalidInput as error:
         raise InputError.from_invalid(shown(path), "time", error) from None
     return known, interval

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 import trimesh
 from matplotlib.figure import Figure
+from trimesh.exchange.dae import export_collada
 
 from pipeline import ROOT
-from pipeline.stages.mesh import scan_figures
+from pipeline.stages.mesh import mesh_files, scan_figures
 from pipeline.workflow.datasets import read
+from vsr_core.errors import InvalidInput
 
 FORMATS = ("ply", "stl", "obj", "dae", "glb")
 DENSITY = 2000.0
@@ -79,6 +81,13 @@ def overhanging() -> trimesh.Trimesh:
     return prism(height=1.0, shift=(1.2, 0.0))
 
 
+def on_a_map() -> trimesh.Trimesh:
+    """At UTM coordinates, which single precision knows to 0.25 m."""
+    mesh = ball()
+    mesh.apply_translation([500_000.0, 3_900_000.0, 300.0])
+    return mesh
+
+
 def flat() -> trimesh.Trimesh:
     mesh = ball()
     mesh.apply_transform(np.diag([1.0, 1.0, 0.0, 1.0]))
@@ -94,6 +103,7 @@ BAD = {
     tilted: ("falls", "stands as given", "upright"),
     overhanging: ("falls", "stands as given"),
     flat: (),
+    on_a_map: ("single precision up to 3.9e+06, in steps of 0.25", "0.1% of", "local origin"),
 }
 
 
@@ -102,7 +112,9 @@ def test_unfit_mesh(tmp_path: Path, refused: Refused, make: Callable[[], trimesh
     (tmp_path / "rock.ply").write_bytes(make().export(file_type="ply"))
     where = site(tmp_path, "rock.ply")
     words = (str(where), "rock.mesh", "rock.ply", *BAD[make])
-    page = "" if make in (tilted, overhanging) else "prep.html"  # of a closed mesh all is seen
+    page = (
+        "" if make in (tilted, overhanging, on_a_map) else "prep.html"
+    )  # of a closed mesh all is seen
     refused("run", "fragility", "--site", where, "--workers", "0", words=words, page=page)
 
 
@@ -132,6 +144,20 @@ def test_scale_is_the_remedy_for_millimetres(
     assert vsr("run", "rock", "--site", site(tmp_path, "rock.ply", ", scale: 0.001")).code == 0
     expected = DENSITY * float(ball().volume) * 1.5**3
     assert read(derived / "scan" / "rock.nc").attrs["mass_kg"] == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_map_in_double_precision_is_read(tmp_path: Path) -> None:
+    (tmp_path / "rock.obj").write_text(on_a_map().export(file_type="obj"))
+    found = mesh_files.read(tmp_path / "rock.obj")
+    assert found.volume == pytest.approx(ball().volume, rel=1e-6)
+
+
+def test_a_unit_in_the_file_is_that_of_the_scale(tmp_path: Path) -> None:
+    path, unit = tmp_path / "rock.dae", b'<unit name="inch" meter="0.0254"/><up_axis>'
+    path.write_bytes(export_collada([ball(), ball()]).replace(b"<up_axis>", unit))
+    with pytest.raises(InvalidInput, match=r"unit of 0.0254 m.*rock.scale: 0.0254"):
+        mesh_files.read(path)
+    assert mesh_files.read(path, 0.0254).extents == pytest.approx([0.0254] * 3, rel=1e-3)
 
 
 @pytest.mark.parametrize("kind", FORMATS)

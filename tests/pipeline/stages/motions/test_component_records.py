@@ -142,6 +142,8 @@ REFUSED = {
     "an end that lacks": (f"{{{XYZ}}}", "end", "motion.records", "z without its first or last"),
     "a drift": (f"{{{XYZ}}}", "drift", "motion.records", "z, a motion that ends at"),
     "no such channel": ("{file: one.csv, components: {x: HN1}}", "", "motion.records", "HN1"),
+    "one file twice": ("{components: {x: x.csv, y: x.csv}}", "", "motion.records", "same samples"),
+    "one motion twice": (f"{{{XYZ}}}, {EAST}", "", "motion.records", "one motion at two scales"),
     "one name twice": (f"{{{XYZ}}}, {{{XYZ}}}", "", "motion.records", "x more than once"),
 }  # fmt: skip
 
@@ -164,6 +166,50 @@ def test_what_is_no_record_is_refused(folder: Path, refused: Refused, case: str)
     (folder / "z.csv").write_text("\n".join(["time [s],a [m/s2]", *rows]) + "\n")
     path = site(folder, records)
     refused("run", "fragility", "--site", path, words=("rock.yaml", *words))
+
+
+AT2 = "Made up, 11/21/2026, Nowhere Creek, 000"
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("Northridge, 1/17/1994, Pacoima Dam, 000", "Pacoima Dam.*one instrument and event"),
+        ("Made up, 11/21/2026, Nowhere Creek, 270", "azimuths of 90 and 270"),
+        ("Made up, 11/21/2026, Nowhere Creek, UP", "UP as y; x and y are two horizontal"),
+        (AT2, ""),
+    ],
+)
+def test_components_are_of_one_instrument(folder: Path, line: str, words: str) -> None:
+    for axis in "xy":
+        text = files.at2(WAVES[axis], 0.005)
+        place = line if axis == "y" else AT2.replace("000", "090")
+        (folder / f"{axis}.at2").write_text(text.replace(text.splitlines()[1], place))
+    path = site(folder, "{components: {x: x.at2, y: y.at2}}")
+    if not words:
+        assert samples(path).shape == (401, 3)
+        return
+    with pytest.raises(InputError, match=words):
+        samples(path)
+
+
+def test_components_are_of_one_station(folder: Path) -> None:
+    obspy = pytest.importorskip("obspy")
+    for other in ({"station": "OTH"}, {"channel": "HHN"}, {}):
+        heads = [
+            {"channel": "HNE", "station": "NWC"},
+            {"channel": "HNN", "station": "NWC", **other},
+        ]
+        traces = [
+            obspy.Trace(WAVES[a].astype("f4"), {"delta": 0.005, **h})
+            for a, h in zip("xy", heads, strict=True)
+        ]
+        obspy.Stream(traces).write(str(folder / "one.mseed"), format="MSEED")
+        found = load_site(site(folder, "{file: one.mseed}"), settings=("motion.unit=m/s2",))
+        if other:
+            with pytest.raises(InputError, match="of one instrument"):
+                motion_grid.of_site(found)
+    assert motion_grid.of_site(found).rows
 
 
 def test_files_or_records(folder: Path, refused: Refused) -> None:

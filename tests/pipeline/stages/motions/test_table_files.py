@@ -23,6 +23,7 @@ from vsr_core.scene import Contact, Scene
 
 TIME = np.linspace(0.0, 2.0, 81)
 SWELL = np.sin(np.pi * TIME / 2.0) ** 2
+KEPT = np.r_[:30, 50:81]
 SIZES = dict(zip(AXES, (0.1, 0.2, -0.3, 0.4, -0.5, 0.6), strict=True))
 
 
@@ -86,6 +87,8 @@ def test_without_an_angle_it_does_not_turn(tmp_path: Path) -> None:
         ("time,x", (TIME, SWELL, SWELL), "3 values in row 2"),
         ("time,pitch", (TIME, 30.0 * SWELL), r"rad.*roll \[degree\]"),
         ("time,x", (TIME[::-1], SWELL), "times ascend"),
+        ("time,x", (TIME[KEPT], SWELL[KEPT]), "20 times left out, after 0.725 s.*25 ms"),
+        ("time,x", (TIME + 0.007 * (TIME == 1.5), SWELL), "28% of a step of 25 ms"),
         ("time,x", (TIME, np.where(SWELL > 0.99, np.nan, SWELL)), "not numbers"),
         ("time,y", (TIME, TIME), "y moving at 1 a second"),
     ],

@@ -1,0 +1,93 @@
+"""A folder of recorded tests: what of its records and its table is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from support.recorded_tests import recorded_tests
+
+from pipeline.config.problems import InputError
+from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS, motions_of
+from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
+
+Change = Callable[[xr.Dataset], xr.Dataset]
+
+
+def changed(folder: Path, change: Change) -> Path:
+    """The folder of tests with other records."""
+    recorded_tests(folder)
+    records = xr.load_dataset(folder / RECORDS)
+    change(records).to_netcdf(folder / RECORDS)
+    motions_of.cache_clear()
+    return folder
+
+
+def in_unit(unit: str, factor: float) -> Change:
+    """The same motions in another unit."""
+    return lambda data: data.assign(
+        acceleration=(factor * data["acceleration"]).assign_attrs(units=unit)
+    )
+
+
+def at_times(times: Callable[[np.ndarray], np.ndarray], unit: str = "s") -> Change:
+    return lambda data: data.assign_coords(
+        time=("time", times(data["time"].values), {"units": unit})
+    )
+
+
+def counted(values: list[float], dimension: str = "test") -> Change:
+    return lambda data: data.assign(n_samples=(dimension, values))
+
+
+def along(names: list[str]) -> Change:
+    """The motions along two components."""
+
+    def change(data: xr.Dataset) -> xr.Dataset:
+        both = xr.concat([data["acceleration"], 0.0 * data["acceleration"]], "component")
+        return data.assign(acceleration=both).assign_coords(component=names)
+
+    return change
+
+
+@pytest.mark.parametrize(("unit", "one"), [("g", 9.80665), ("cm s-2", 0.01), ("m s-2", 1.0)])
+def test_records_are_in_the_unit_that_they_state(tmp_path: Path, unit: str, one: float) -> None:
+    found = motions_of(changed(tmp_path, in_unit(unit, 1.0 / one)))
+    expected = motions_of(changed(tmp_path, lambda data: data))
+    for number, motion in found.items():
+        assert motion.peak_acceleration == pytest.approx(expected[number].peak_acceleration)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (in_unit("m", 1.0), "acceleration: got the unit 'm'"),
+        (in_unit("m/s2", 0.1), r"peaks of 0\.1\d* times pga_g"),
+        (at_times(lambda t: 100.0 * t, "ms"), "time: got times in ms"),
+        (at_times(lambda t: np.where(t < 1.0, t, t + 5.0)), "time: got 1000 times left out"),
+        (at_times(lambda t: np.where(t == 1.0, 1.002, t)), "time: got time steps that differ"),
+        (at_times(lambda t: t % 1.0), "time: got times that do not ascend"),
+        (counted([399.7, 2.2]), "n_samples: .*whole number for each test"),
+        (counted([200, 200], "other"), "n_samples: .*whole number for each test"),
+        (along(["y", "x"]), "got components y, x; they are x, y, z"),
+    ],
+)
+def test_records_that_contradict_themselves(tmp_path: Path, change: Change, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        motions_of(changed(tmp_path, change))
+
+
+def test_a_specimen_has_one_number_however_it_is_written(tmp_path: Path) -> None:
+    folder = recorded_tests(tmp_path)
+    text = (folder / OUTCOMES).read_text()
+    (folder / OUTCOMES).write_text(text.replace("specimen1", "specimen01"))
+    assert read_tests(folder).observed == {1: (0, 1)}
+    (folder / OUTCOMES).write_text(text.replace("dem_s1_soft", "specimen01"))
+    with pytest.raises(InputError, match="specimen01 and specimen1; a specimen has a number"):
+        read_tests(folder)
+    (folder / "sp01.ply").write_text("")
+    with pytest.raises(InputError, match=r"sp01.ply and sp1.ply; a specimen has a number"):
+        read_tests(folder)

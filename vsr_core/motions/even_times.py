@@ -1,0 +1,78 @@
+"""Times in equal steps: of records, of tables' motions, and of tests on a table."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsr_core.arrays import Array, Indices
+from vsr_core.errors import InvalidInput
+
+UNEVEN = 0.02
+"""Farthest time from an even grid, as a share of the step."""
+
+COARSE = 0.3
+"""The same where the times are written with too few digits, at most."""
+
+
+def places(times: Array) -> tuple[Indices, float]:
+    """Places of ascending times on an even grid, and its step [s]; some may be left out.
+
+    Raises
+    ------
+    InvalidInput
+        If a time is between two places.
+    """
+    elapsed, written = times - times[0], _printed(times)
+    interval = _interval(elapsed, float(written[-1]))
+    found = np.rint(elapsed / interval).astype(np.int64)
+    late = np.abs(elapsed - found * interval) / interval
+    allowed = np.clip(written / interval, UNEVEN, COARSE)
+    if (late > allowed).any() or (np.diff(found) < 1).any():
+        raise InvalidInput(
+            f"time steps that differ: one sample is {late.max():.0%} of a step of "
+            f"{1e3 * interval:.4g} ms from its place",
+            f"all are equal to {UNEVEN:.0%}, or to the last digit that is written",
+            "resample the record to equal steps, band-limited",
+        )
+    return found, interval
+
+
+def step(times: Array) -> float:
+    """The step [s] of ascending times of which none is left out.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    found, interval = places(times)
+    if (lost := int(found[-1]) + 1 - len(found)) > 0:
+        at = float(times[int(np.argmax(np.diff(found) > 1))])
+        given = f"{lost} times left out, after {at:g} s, in steps of {1e3 * interval:.4g} ms"
+        raise InvalidInput(given, "each step has its sample", "export it again, or resample it")
+    return interval
+
+
+def _interval(elapsed: Array, written: float) -> float:
+    """Step [s] of rounded times, from ever longer spans, so that none is lost count of.
+
+    A whole number of samples a second is taken, if it agrees to the digits that are ``written``.
+    """
+    interval, last = float(np.median(np.diff(elapsed))), len(elapsed) - 1
+    at = 1
+    while at < 2 * last:
+        end = float(elapsed[min(at, last)])
+        interval = end / max(1, round(end / interval))
+        at *= 2
+    rate = round(1.0 / interval)
+    if rate and abs(round(end / interval) / rate - end) <= written:
+        return 1.0 / rate
+    return interval
+
+
+def _printed(times: Array) -> Array:
+    """Unit in the last digit written of each time [s]: of fixed decimals, or of fixed digits."""
+    numbers = [f"{time:.12g}" for time in times.tolist()]
+    digits = max(len(word.replace(".", "").lstrip("0")) for word in numbers)
+    decimals = max(len(word.partition(".")[2]) for word in numbers)
+    leading = np.floor(np.log10(np.maximum(np.abs(times), 1e-12)))
+    return np.maximum(10.0 ** (leading + 1 - digits), 10.0**-decimals)
