@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pipeline.config.problems import InputError, Problem, Unfinished
 from pipeline.workflow.command_line import parsed
-from pipeline.workflow.log import begin, complain, log
+from pipeline.workflow.log import begin, complain, is_log, log
 from vsr_core.errors import InvalidInput, reason
 
 DONE, UNRESOLVED, REFUSED, BROKEN, STOPPED = 0, 1, 2, 3, 130
@@ -70,6 +70,8 @@ def _begin_log(options: argparse.Namespace) -> None:
     try:
         if file is not None and file.exists() and not file.is_file():
             raise OSError(errno.EINVAL, "a pipe or a device, or a folder")
+        if file is not None and not is_log(file):
+            raise OSError(errno.EINVAL, "a file that is there and is no log")
         begin(quiet=options.quiet, file=file)
     except OSError as error:
         given, rule = f"{file}: {reason(error)}", "lines can be added to the file of a log"

@@ -9,6 +9,7 @@ import argparse
 import json
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -231,6 +232,9 @@ def export(options: argparse.Namespace) -> int:
     for one in told.inputs:
         if not one.path:
             log(f"vsr: input {one.name} is not in it; its digest is")
+    with suppress(OSError):
+        if others := disk.parted(options.folder)[1]:
+            log(f"vsr: {options.folder}{_left(options.folder, others)}")
     log(f"-> {options.to}")
     return 0
 

@@ -21,14 +21,16 @@ from pipeline.bundles.layout import (
     about,
     digest,
     opened,
+    sha256,
+    sums,
     unpack,
 )
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError, Problem, printable
 from pipeline.workflow import graph, keys
 from pipeline.workflow.grammar import counted, listed
-from pipeline.workflow.registry import BY_NAME
-from pipeline.workflow.site_folder import FILE, SETTINGS
+from pipeline.workflow.registry import ASIDE, BY_NAME
+from pipeline.workflow.site_folder import FILE, SETTINGS, lacking
 from pipeline.workflow.store import Store
 
 
@@ -62,6 +64,8 @@ def check(path: Path) -> tuple[list[str], list[str]]:
 def _files(archive: zipfile.ZipFile, told: About) -> Iterator[str]:
     """Files that are not what they were, inputs that are not there."""
     there = set(archive.namelist()) - {ABOUT, SUMS}
+    if SUMS not in archive.namelist() or digest(archive, SUMS) != sha256(sums(told.files)):
+        yield f"{SUMS} does not hold the checksums of {ABOUT}"
     for name in sorted(told.files.keys() - there):
         yield f"{name} is missing"
     for name in sorted(there - told.files.keys()):
@@ -87,6 +91,8 @@ def _not_as_made(told: About, manifests: dict[str, dict[str, Any]]) -> Iterator[
             named.add(f"{RESULTS}/{name}")
             if told.files.get(f"{RESULTS}/{name}") != checksum:
                 yield f"{RESULTS}/{name} is not what {stage} wrote"
+    for stage, fault in lacking(manifests):
+        yield f"{RESULTS}/{stage}: {fault}"
     if FILE not in manifests[SETTINGS]["files"]:
         yield f"{RESULTS}/.stages/{SETTINGS}.json does not name {FILE}"
     for name in sorted(told.files.keys() - named):
@@ -145,6 +151,8 @@ def _stages(folder: Path, told: About, manifests: dict[str, dict[str, Any]]) -> 
     try:
         site = load_site(str(folder / told.base / told.site))
         for stage, manifest in manifests.items():
+            if stage.startswith(ASIDE):
+                continue
             if stage not in BY_NAME:
                 yield f"{stage} is a stage that is not known here"
                 continue

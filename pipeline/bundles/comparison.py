@@ -19,7 +19,7 @@ from pipeline.config.problems import InputError, Problem, printable
 from pipeline.workflow import output, pages
 from pipeline.workflow.grammar import counted, listed
 from pipeline.workflow.parameters import changes
-from pipeline.workflow.site_folder import SETTINGS, told
+from pipeline.workflow.site_folder import SETTINGS, require_whole, told
 from pipeline.workflow.store import Store
 from pipeline.workflow.writers import text
 from vsr_core.arrays import Array
@@ -41,8 +41,8 @@ def compare(one: Path, other: Path, page: Path) -> list[Part]:
     output.check("--to", page, ".html", one, other)
     with ExitStack() as stack:
         first, second = (Store(stack.enter_context(_Folder(path))) for path in (one, other))
-        _require_whole(first, one)
-        _require_whole(second, other)
+        for store, path in ((first, one), (second, other)):
+            require_whole(store, str(path))
         boundary = _both(first, second, "fragility.nc", BOUNDARY)
         found = {
             "settings": _settings(first, second),
@@ -77,14 +77,6 @@ class _Folder(tempfile.TemporaryDirectory[str]):
                 if name.startswith(f"{RESULTS}/"):
                     unpack(self._path, archive, name, Path(self.name))
         return Path(self.name, RESULTS)
-
-
-def _require_whole(store: Store, path: Path) -> None:
-    for stage in store.manifests():
-        if damage := store.damage(stage):
-            raise InputError(
-                Problem(str(path), stage, damage, "results are whole", "make it again")
-            )
 
 
 def _settings(one: Store, other: Store) -> Iterator[str]:
@@ -150,23 +142,35 @@ def _boundary(found: Both | None) -> Iterator[str]:
         yield "not compared: fragility.nc is not in both"
         return
     yield from found.notes
-    a, b = (values.to_numpy() for values in found.values)
-    if alone := int((np.isfinite(a) != np.isfinite(b)).sum()):
-        yield f"{alone} of {a.size} first-overturning PGAs are in one of them only"
+    kinds = [_kinds(values.to_numpy()).ravel().tolist() for values in found.values]
+    number = f"of {len(kinds[0])} first-overturning PGAs"
+    for (was, now), times in Counter(zip(*kinds, strict=True)).most_common():
+        if was != now:
+            yield f"{times} {number}: {was} and {now}"
     apart = np.abs(_ratio(found) - 1.0)
-    apart = apart[np.isfinite(apart)]
-    if (apart > 0.0).any():
+    apart = apart[apart > 0.0]
+    if apart.size:
         yield (
-            f"{int((apart > 0).sum())} of {a.size} first-overturning PGAs differ, by a median of "
+            f"{apart.size} {number} differ, by a median of "
             f"{100 * np.median(apart):.3g} % and {100 * apart.max():.3g} % at most"
         )
+
+
+def _kinds(boundary: Array) -> Array:
+    """What is known of each first-overturning PGA, in words."""
+    kinds = {
+        "below all that was run": boundary <= 0.0,
+        "above all that was run": np.isposinf(boundary),
+        "undecided": np.isnan(boundary),
+    }
+    return np.select([*kinds.values()], [*kinds], "known")
 
 
 def _directions(found: Both | None) -> list[dict[str, Any]]:
     """The same of each direction and friction, as rows of a table."""
     if found is None or found.values[0].size == 0:
         return []
-    there = [np.isfinite(values.to_numpy()) for values in found.values]
+    there = [_kinds(values.to_numpy()) == "known" for values in found.values]
     ratio, places = _ratio(found), [found.values[0][name].values for name in ("yaw", "friction")]
     rows = []
     for place, (yaw, friction) in zip(np.ndindex(ratio.shape[:2]), product(*places), strict=True):
@@ -181,7 +185,7 @@ def _directions(found: Both | None) -> list[dict[str, Any]]:
 
 def _ratio(found: Both) -> Array:
     """Second boundary over the first; NaN where either has none."""
-    a, b = (np.where(np.isfinite(one), one, np.nan) for one in found.values)
+    a, b = (np.where(_kinds(one.to_numpy()) == "known", one, np.nan) for one in found.values)
     return np.asarray(b / a)
 
 
@@ -199,13 +203,14 @@ class Both:
 
 
 def _both(one: Store, other: Store, file: str, name: str) -> Both | None:
-    """A variable of both; None where one has not made it.
+    """A variable of both; None where one has not made it: a file without a manifest is no result.
 
     Along a dimension of one value in each, such as another friction, those two are compared.
     """
-    paths = [store.folder / file for store in (one, other)]
-    if not all(path.is_file() for path in paths):
+    stores = (one, other)
+    if not all(any(file in made["files"] for made in has.manifests().values()) for has in stores):
         return None
+    paths = [store.folder / file for store in stores]
     try:
         a, b = (_read(path, name)[name] for path in paths)
         if a.dims != b.dims:

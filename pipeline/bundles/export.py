@@ -31,16 +31,18 @@ from pipeline.bundles.layout import (
     Given,
     is_plain,
     sha256,
+    sums,
 )
 from pipeline.config.layers import STUDIES
 from pipeline.config.outside import text
 from pipeline.config.paths import SHIPPED, shown
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import InputError, Problem, printable
 from pipeline.stages.mesh.sources import ORIGIN, origin_of
 from pipeline.workflow import keys, output
 from pipeline.workflow.grammar import listed
 from pipeline.workflow.products import DELIVERABLES
-from pipeline.workflow.site_folder import FILE, SETTINGS, stale
+from pipeline.workflow.registry import ASIDE, BY_NAME, upstream
+from pipeline.workflow.site_folder import FILE, SETTINGS, require_whole, stale
 from pipeline.workflow.store import Store
 
 OF_CHECKOUT = ("CITATION.cff", "requirements.lock", "LICENSE")
@@ -79,22 +81,22 @@ def export(folder: Path, path: Path, *, inputs: bool, licence: str) -> About:
     licence : address of the licence that the results are given under; empty where none is
     """
     output.check("--to", path, ".zip", folder)
+    if not licence.isprintable():
+        rule, remedy = "it is an address in one line", "e.g. https://spdx.org/licenses/CC-BY-4.0"
+        raise InputError(Problem("--licence", "", repr(licence), rule, remedy))
     store = Store(folder)
     manifests = store.manifests()
     place = Path((manifests.get(SETTINGS) or {}).get("place", ""))
     if SETTINGS not in manifests or place.suffix not in (".yaml", ".yml"):
         rule, remedy = "it is the folder of a site", "e.g. data/derived/cuboid_1x1x2"
         raise InputError(Problem("vsr export", "", str(folder), rule, remedy))
-    for stage in manifests:
-        if damage := store.damage(stage):
-            remedy = "make it again"
-            raise InputError(Problem(str(folder), stage, damage, "results are whole", remedy))
+    require_whole(store, str(folder))
     _require_fresh(store, place)
     found = _inputs(folder, place, manifests, inputs=inputs)
     members = dict(_members(folder, manifests, found))
     about = About(
         schema_version=SCHEMA,
-        name=folder.name,
+        name=printable(folder.resolve().name),
         site=found.site,
         base=found.base,
         vsr=keys.installed_version("vsr"),
@@ -108,7 +110,7 @@ def export(folder: Path, path: Path, *, inputs: bool, licence: str) -> About:
     members["README.md"] = _readme(about, licence).encode()
     members[CRATE] = crate.text(about, members, day, licence).encode()
     files = {name: sha256(held) for name, held in sorted(members.items())}
-    members[SUMS] = "".join(f"{digest}  {name}\n" for name, digest in files.items()).encode()
+    members[SUMS] = sums(files)
     members[ABOUT] = about.model_copy(update={"files": files}).model_dump_json(indent=1).encode()
     output.put("--to", path, partial(_pack, members))
     return about
@@ -118,11 +120,18 @@ def _require_fresh(store: Store, site: Path) -> None:
     """Refuse products that the settings beside them did not make."""
     if found := stale(store):
         *_, last = found
-        product = next((name for name, one in DELIVERABLES.items() if one.stage == last), last)
-        given = f"what other settings made ({found[last]})"
+        given = f"what other settings or inputs made ({found[last]})"
         rule = f"all products are of the settings in {FILE}"
-        remedy = f"make it again there with those, e.g. vsr run {product} --site {shown(site)}"
+        remedy = f"make it again there with those, e.g. vsr {_command(last)} --site {shown(site)}"
         raise InputError(Problem(str(store.folder), listed([*found]), given, rule, remedy))
+
+
+def _command(stage: str) -> str:
+    """The words of a command that makes the products of a stage."""
+    if verb := next((one for one in ASIDE if stage.startswith(one)), ""):
+        return verb
+    known = ((name, one.stage) for name, one in DELIVERABLES.items() if name != "study")
+    return f"run {next(name for name, end in known if BY_NAME[stage] in upstream(end))}"
 
 
 def _pack(members: dict[str, bytes], path: Path) -> None:
@@ -166,7 +175,7 @@ def _inputs(
         if _SHA256.fullmatch(str(digest))
     }
     there = {value: files for value in sorted(set(_texts(tree)))
-             if (files := _of(value, place.parent, wanted))}  # fmt: skip
+             if value and (files := _of(value, place.parent, wanted))}  # fmt: skip
     above = PurePosixPath(label).parent
     ways = [os.path.normpath(above / value) for value in there if not Path(value).is_absolute()]
     ups = max((way.split("/").count("..") for way in ways), default=0)
@@ -180,7 +189,9 @@ def _inputs(
             tree = _replaced(tree, value, str(inside))
             config = yaml.safe_dump(tree, sort_keys=False)
         for name, path in files.items():
-            at = os.path.normpath(f"{base}/{above}/{inside.parent}/{name}")
+            at = os.path.normpath(f"{base}/{above}/{inside}/{name}")
+            if not is_plain(at):
+                continue
             held[at], digest = path, keys.digest_file(path)
             if digest in wanted:
                 kept = at if inputs else ""
@@ -193,20 +204,19 @@ def _inputs(
 
 
 def _of(value: str, beside: Path, wanted: dict[str, str]) -> dict[str, Path]:
-    """Files that a setting names, by their names from the folder that it stands in.
+    """Files that a setting names and products were made from, by the way from what it names.
 
-    With a scan comes the note beside it of where it is from, which products tell.
+    Nothing else in a folder is anybody's but the user's. With a scan comes the note beside it of
+    where it is from, which products tell.
     """
     for place in (beside, STUDIES, Path.cwd(), SHIPPED):
         path = place / value
         with suppress(OSError, ValueError):
-            files = {path.name: path, ORIGIN: path.with_name(ORIGIN)}
-            if path.is_dir():
-                inside = sorted([*path.glob("*"), *path.glob("*/*")])
-                files = {f"{path.name}/{one.relative_to(path)}": one for one in inside}
-            files = {name: one for name, one in files.items() if one.is_file() and is_plain(name)}
-            if any(keys.digest_file(one) in wanted for one in files.values()):
-                return files
+            there = [path, *path.glob("*"), *path.glob("*/*")]
+            made_of = [one for one in there if one.is_file() and keys.digest_file(one) in wanted]
+            notes = [one.with_name(ORIGIN) for one in made_of if origin_of(one)]
+            if made_of:
+                return {os.path.relpath(one, path): one for one in sorted({*made_of, *notes})}
     return {}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import shutil
 import stat
@@ -14,6 +15,7 @@ from pathlib import Path, PurePosixPath
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.config.outside import check_file, refused
+from pipeline.config.problems import InputError, Problem
 
 ABOUT, CRATE, SUMS = "bundle.json", "ro-crate-metadata.json", "checksums.txt"
 RESULTS, INPUTS = "results", "inputs"
@@ -157,10 +159,19 @@ def unpack(path: Path, archive: zipfile.ZipFile, name: str, folder: Path) -> Pat
         with archive.open(name) as packed, into.open("wb") as file:
             shutil.copyfileobj(packed, file, PIECE)
     except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            given = f"{folder}, which is full"
+            rule, remedy = "a bundle is unpacked where there is room", "free space, or set another"
+            raise InputError(Problem("TMPDIR", "", given, rule, remedy)) from None
         given = f"what cannot be unpacked ({error.strerror or error})"
         rule = "it is a file that can stand beside the others"
         raise refused(path, name, given, rule, "ask for it again") from None
     return into
+
+
+def sums(files: dict[str, str]) -> bytes:
+    """What the file of checksums holds, for ``sha256sum -c``."""
+    return "".join(f"{digest}  {name}\n" for name, digest in sorted(files.items())).encode()
 
 
 def sha256(content: bytes) -> str:

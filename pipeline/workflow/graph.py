@@ -166,19 +166,17 @@ def make(name: str, job: Job) -> int:
     """Bring a product up to date; returns the number of unresolved runs."""
     wanted = identities(name, job.site)
     _forget_crashed(name, job.store)
-    made = False
     try:
-        made = _Making(wanted, job).all()
+        _Making(wanted, job).all()
     except RunsLost as lost:
         for problem in lost.problems:
             complain(f"vsr: warning: {problem.file}: {problem.given}; they are done again")
         for stage in wanted:
             if BY_NAME[stage].in_database:
                 job.store.forget(stage)
-        made = _Making(wanted, job).all()
+        _Making(wanted, job).all()
     site_folder.settle(job)
-    if made:
-        site_folder.mark(job)
+    site_folder.mark(job)
     manifests = [job.store.manifest(stage) or {"unresolved": 0} for stage in wanted]
     for warning in filter(None, (manifest.get("warning") for manifest in manifests)):
         complain(f"vsr: warning: {job.store.folder}: {warning}")
@@ -235,9 +233,8 @@ class _Making:
         inputs = {path: one for part in wanted.values() for path, one in part.inputs.items()}
         self._products = _Products(inputs, job, self._awaited)
 
-    def all(self) -> bool:
-        """Make them in their order; returns whether there was any."""
-        made = False
+    def all(self) -> None:
+        """Make them in their order."""
         late = {need for name in self._wanted for need in needs(name, late=True)}
         for name, own in self._wanted.items():
             stage = BY_NAME[name]
@@ -247,10 +244,8 @@ class _Making:
                 self._awaited(other)
             if _is_ours_to_make(stage, own, self._job.store):
                 self._begin(stage, own)
-                made = True
         for name in tuple(self._under_way):
             self._awaited(name)
-        return made
 
     def _begin(self, stage: Stage, own: Identity) -> None:
         job = self._job

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import logging
 import os
+import re
 import sys
 import warnings
 from collections.abc import Iterable
@@ -63,6 +64,15 @@ def begin(*, quiet: bool, file: Path | None) -> None:
         kept = _File(file, encoding="utf-8", errors="backslashreplace")
         kept.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
         _LOG.addHandler(kept)
+
+
+def is_log(file: Path) -> bool:
+    """Whether lines can be added to a file: it is new, is named as a log, or begins as one."""
+    if not file.exists() or file.suffix.lower() == ".log":
+        return True
+    with file.open("rb") as there:
+        start = there.read(len("2000-01-01 00:00:00,000 "))
+    return not start or re.fullmatch(rb"[\d-]{10} [\d:]{8},\d{3} ", start) is not None
 
 
 def log(line: str) -> None:

@@ -257,6 +257,9 @@ STAGES: tuple[Stage, ...] = (
     ),
 )
 
+ASIDE = ("feasible", "replay")
+"""Commands that make products of their own from those of stages, kept by names that begin so."""
+
 BY_NAME = {stage.name: stage for stage in STAGES}
 FINDERS = {finder.gives: finder for finder in INPUTS}
 MAKERS = {product: stage.name for stage in STAGES for product in stage.gives}

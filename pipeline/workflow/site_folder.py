@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -66,9 +67,9 @@ def settle(job: Job) -> None:
     facts = {"key": key, "place": str(job.site.path), "unresolved": 0, "retry": 0,
              "facts": {"config": tree, "needs": {}}}  # fmt: skip
     store.open()
+    mark(job)  # first: killed in between, products are taken for stale, and never for fresh
     content = f"# resolved configuration of {job.site.label}\n{settings}"
     store.publish(SETTINGS, facts, {FILE: text(content)})
-    mark(job)
 
 
 def faults(job: Job) -> list[str]:
@@ -86,23 +87,40 @@ def _key(site: Site) -> str:
 
 def mark(job: Job) -> None:
     """Mark the products that other settings made, and no others."""
-    stale: dict[str, str] = {}
-    manifests = job.store.manifests()
-    manifests.pop(SETTINGS, None)
+    manifests, values = _products(job.store), Values(job.site.settings)
+    known = filter(values.holds, _keys(manifests))
+    reasons = _judged(manifests, {key: values.plain(key) for key in known})
     for name, manifest in manifests.items():
-        if reason := next(_reasons(name, manifests, stale, Values(job.site.settings)), ""):
-            stale[name] = reason
-        if reason != manifest.get("stale", ""):
+        if (reason := reasons.get(name, "")) != manifest.get("stale", ""):
+            job.store.open()
             job.store.mark(name, reason)
 
 
+def _products(store: Store) -> dict[str, dict[str, Any]]:
+    return {name: one for name, one in store.manifests().items() if name != SETTINGS}
+
+
+def _keys(manifests: dict[str, dict[str, Any]]) -> set[str]:
+    """Settings that some products were made with."""
+    return {key for one in manifests.values() for key in one["facts"]["config"]}
+
+
+def _judged(manifests: dict[str, dict[str, Any]], now: dict[str, Any]) -> dict[str, str]:
+    """Products that were not made of some settings and of each other, and why."""
+    stale: dict[str, str] = {}
+    for name in manifests:  # each after what it needs
+        if reason := next(_reasons(name, manifests, stale, now), ""):
+            stale[name] = reason
+    return stale
+
+
 def _reasons(
-    name: str, manifests: dict[str, dict[str, Any]], stale: dict[str, str], values: Values
+    name: str, manifests: dict[str, dict[str, Any]], stale: dict[str, str], now: dict[str, Any]
 ) -> Iterator[str]:
     """Why a product is not of these settings, the products that it needs judged before."""
     facts = manifests[name]["facts"]
-    of_site = {key: value for key, value in facts["config"].items() if values.holds(key)}
-    yield from changes(of_site, {key: values.plain(key) for key in of_site})
+    was = {key: value for key, value in facts["config"].items() if key in now}
+    yield from changes(was, {key: now[key] for key in was})
     for need, key in facts["needs"].items():
         if need in stale:
             yield stale[need]
@@ -122,9 +140,23 @@ def remade(name: str, manifests: dict[str, dict[str, Any]]) -> str:
 
 
 def stale(store: Store) -> dict[str, str]:
-    """What other settings left in the folder, each after what it needs, and what is other."""
-    found = {name: one.get("stale", "") for name, one in store.manifests().items()}
+    """What other settings left in the folder, each after what it needs, and what is other.
+
+    By the manifests, too: who was stopped between two stages, or put a product there, marked none.
+    """
+    manifests = _products(store)
+    tree = (store.manifest(SETTINGS) or {"facts": {"config": {}}})["facts"]["config"]
+    known = (key for key in _keys(manifests) if key.partition(".")[0] in tree)
+    judged = _judged(manifests, {key: _at(tree, key) for key in known})
+    found = {name: judged.get(name) or one.get("stale", "") for name, one in manifests.items()}
     return {name: reason for name, reason in found.items() if reason}
+
+
+def _at(tree: Any, key: str) -> Any:
+    """A setting by its dotted key; None where there is none."""
+    for part in key.split("."):
+        tree = tree.get(part) if isinstance(tree, dict) else None
+    return tree
 
 
 def told(store: Store) -> list[str]:
@@ -133,3 +165,22 @@ def told(store: Store) -> list[str]:
         f"{name} is of other settings than {FILE}: {reason}"
         for name, reason in stale(store).items()
     ]
+
+
+def require_whole(store: Store, name: str) -> None:
+    """Refuse results of which a file or a manifest is damaged or missing."""
+    manifests = store.manifests()
+    unread = [(stage, "a manifest that cannot be read") for stage in store.stages()
+              if stage not in manifests]  # fmt: skip
+    damaged = ((stage, store.damage(stage)) for stage in manifests)
+    for stage, fault in chain(unread, lacking(manifests), damaged):
+        if fault:
+            problem = Problem(name, stage, fault, "results are whole", "make it again")
+            raise InputError(problem)
+
+
+def lacking(manifests: dict[str, dict[str, Any]]) -> Iterator[tuple[str, str]]:
+    """Products in a site's folder that need one which has no manifest there, and which."""
+    for stage, one in manifests.items() if SETTINGS in manifests else ():
+        for need in sorted(one["facts"]["needs"].keys() - manifests.keys()):
+            yield stage, f"nothing there that tells of {need}, which it was made of"

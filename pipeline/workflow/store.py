@@ -155,13 +155,17 @@ class Store:
 
     def manifests(self) -> dict[str, dict[str, Any]]:
         """Manifests of all that was made here, by stage, each after those that it needs."""
-        found = {path.stem: self.manifest(path.stem) for path in self._manifests.glob("*.json")}
+        found = {stage: self.manifest(stage) for stage in self.stages()}
         there = {name: one for name, one in sorted(found.items()) if one is not None}
         order = TopologicalSorter({name: one["facts"]["needs"] for name, one in there.items()})
         try:
             return {name: there[name] for name in order.static_order() if name in there}
         except CycleError:  # which nobody has made
             return there
+
+    def stages(self) -> list[str]:
+        """Stages that have a manifest here, be it one that cannot be read."""
+        return sorted(path.stem for path in self._manifests.glob("*.json"))
 
     def names(self) -> set[str]:
         """Names of all files that stages wrote here, as far as can be read."""
@@ -171,11 +175,12 @@ class Store:
     def mark(self, stage: str, reason: str) -> None:
         """Say of a stage's products that other settings made them, and why; or that none did."""
         manifest = self.manifest(stage) or {"files": {}}
-        for name in manifest["files"]:
-            if name.endswith(".html") and (self.folder / name).is_file():
-                page = (self.folder / name).read_text(encoding="utf-8")
-                put = self._put(self.folder / name, text(marked(page, reason)))
-                manifest["files"][name] = put
+        for name, checksum in manifest["files"].items():
+            path = self.folder / name
+            # One that was changed on disk keeps its checksum, by which that is seen.
+            if name.endswith(".html") and path.is_file() and digest_file(path) == checksum:
+                page = path.read_text(encoding="utf-8")
+                manifest["files"][name] = self._put(path, text(marked(page, reason)))
         manifest |= {"stale": reason}
         self._put(
             self._manifests / f"{stage}.json", text(json.dumps(manifest, indent=1, sort_keys=True))

@@ -24,6 +24,7 @@ from pipeline.stages.mesh.products import Standing
 from pipeline.workflow import graph, writers
 from pipeline.workflow.datasets import described, label, netcdf
 from pipeline.workflow.graph import Identity
+from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import writing
 from vsr_core import GRAVITY
@@ -59,7 +60,9 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
     graph.make("rock", job)
     rock = graph.built(Standing, job).rock
     label = Path(file).stem
-    above = {"rock": graph.identities("rock", job.site)["rock"].key}
+    boundaries, known = _boundaries(job), graph.identities("boundary", job.site)
+    drawn = ("rock",) if boundaries is None else ("rock", "boundary")
+    above = {stage: known[stage].key for stage in drawn}
     table = {"table": config.model_dump(mode="json"), "motion": motion.model_dump(mode="json")}
     identity = Identity({"config": table, "code": {}, "inputs": {}, "versions": {}, "needs": above})
     work = graph.work_of("feasible", identity.key, job)
@@ -70,7 +73,7 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
         "flag_values": np.arange(len(_BINDING), dtype=dataset["binding"].dtype),
         "flag_meanings": " ".join(_BINDING),
     }
-    figure = feasible_grid(dataset, _boundaries(job))
+    figure = feasible_grid(dataset, boundaries)
     files = {FILE: netcdf(dataset), TABLE: writers.table(_table(dataset))}
     graph.keep(PICTURE, identity, Product(files | pictures(PICTURE, figure), label), job.store)
     lines = _told(dataset, config, rock.mass)
@@ -101,9 +104,9 @@ def _dataset(motion: PulseConfig, table: Table, mass: float) -> xr.Dataset:
 
 
 def _boundaries(job: Job) -> xr.Dataset | None:
-    """The site's boundary, if it is there, of these settings and of pulses."""
-    made, own = job.store.manifest("boundary"), graph.identities("boundary", job.site)["boundary"]
-    if made is None or made["key"] != own.key:
+    """The site's boundary, if it is there, whole, of these settings and of pulses."""
+    own = graph.identities("boundary", job.site)["boundary"]
+    if any(graph.why(BY_NAME["boundary"], own, job.store)):
         return None
     boundary = BoundaryData.load(job.store).data
     return boundary if "pgv_pga" in boundary.dims else None

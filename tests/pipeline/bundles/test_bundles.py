@@ -223,11 +223,10 @@ def resealed(bundle: Path, name: str, change: Callable[[bytes], bytes]) -> None:
     with zipfile.ZipFile(bundle) as archive:
         content = archive.read(name)
 
-    def with_sum(about: bytes) -> bytes:
-        told = json.loads(about)
-        return json.dumps(told | {"files": told["files"] | {name: layout.sha256(content)}}).encode()
-
-    changed(bundle, layout.ABOUT, with_sum)
+        told = json.loads(archive.read(layout.ABOUT))
+    told["files"][name] = layout.sha256(content)
+    changed(bundle, layout.ABOUT, lambda old: json.dumps(told).encode())
+    changed(bundle, layout.SUMS, lambda old: layout.sums(told["files"]))
 
 
 @pytest.mark.parametrize(

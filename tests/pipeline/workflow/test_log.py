@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from pipeline import ROOT, cli
-from pipeline.workflow.log import begin
+from pipeline.workflow.log import begin, is_log, log
 
 
 @pytest.fixture(autouse=True)
@@ -72,6 +72,30 @@ def test_a_pipe_that_nobody_reads_is_no_log(
     assert "a pipe or a device" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("name", ["rock.yaml", "scan.ply"])
+def test_lines_are_added_to_no_file_of_another_kind(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """Such as the site that the same command reads."""
+    file = tmp_path / name
+    file.write_text("rock: {shape: box}\n", encoding="utf-8")
+    words = ("run", "rock", "--site", str(file), "--log-file", str(file))
+    assert cli.main([*words, "--derived", str(tmp_path / "derived")]) == cli.REFUSED
+    told = capsys.readouterr().err
+    assert told.startswith(f"vsr: --log-file: got {file}: ")
+    assert told.count("\n") == 1
+    assert file.read_text(encoding="utf-8") == "rock: {shape: box}\n"
+
+
+def test_a_log_of_any_name_is_added_to(tmp_path: Path) -> None:
+    file = tmp_path / "messages"
+    for _ in range(2):
+        begin(quiet=False, file=file)
+        log("a line")
+        assert is_log(file)
+    assert file.read_text(encoding="utf-8").count(" a line") == 2
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
 def test_answers_that_cannot_be_printed_are_refused_in_a_line(tmp_path: Path) -> None:
     with Path("/dev/full").open("w") as full:
@@ -94,13 +118,13 @@ def test_a_stream_that_takes_nothing_changes_no_exit_code(words: str) -> None:
 
 def test_a_log_that_takes_no_more_is_told_once_and_the_command_goes_on(tmp_path: Path) -> None:
     words = ("run", "rock", "--site", "cuboid_1x1x2", "--derived", str(tmp_path / "derived"))
-    most, log = 1 << 30, tmp_path / "full.log"
-    with log.open("wb") as file:
+    most, full = 1 << 30, tmp_path / "full.log"
+    with full.open("wb") as file:
         file.truncate(most)  # of holes, which take no room
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({most}, {most}))"
     run = f"{limited}; import sys; from pipeline import cli; sys.exit(cli.main(sys.argv[1:]))"
     done = subprocess.run(
-        [sys.executable, "-c", run, *words, "--log-file", str(log)],
+        [sys.executable, "-c", run, *words, "--log-file", str(full)],
         capture_output=True,
         text=True,
         check=True,

@@ -9,7 +9,10 @@ from typing import Any
 import pytest
 import yaml
 
+from pipeline import cli
 from pipeline.config.layers import load_site
+from pipeline.workflow.site_folder import stale
+from pipeline.workflow.store import Store
 
 SMALL = "motion: {pga: [0.2, 0.6], pgv_pga: [0.2, 0.5]}\n"
 OTHER = ("--set", "contact.friction=0.7")
@@ -47,8 +50,7 @@ def test_what_other_settings_made_is_marked_until_it_is_made_again(
     assert (
         f"report is of other settings than config.yaml: {reason}" in vsr("status", *command[:2]).out
     )
-    stale = page.read_text(encoding="utf-8")
-    assert reason in stale
+    assert reason in page.read_text(encoding="utf-8")
     assert "Stale" in (derived / "index.html").read_text(encoding="utf-8")
     assert "is not what was written" not in vsr("why", *command[:2], *OTHER).out
     assert vsr("run", "fragility", *command, *again).code == 0
@@ -56,6 +58,27 @@ def test_what_other_settings_made_is_marked_until_it_is_made_again(
     assert "Stale" not in made
     assert (made == whole) == (not again)
     assert "of other settings" not in vsr("status", *command[:2], *again).out
+
+
+def test_whoever_is_stopped_before_new_settings_stand_there_leaves_no_product_unmarked(
+    vsr: Vsr, write_site: Callable[..., str], derived: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = ("run", "motions", "--site", write_site(SMALL), "--workers", "0")
+    folder = derived / "rock"
+    assert vsr(*command).code == 0
+    before = settings_in(folder)
+
+    def stopped(*given: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "publish", stopped)
+        assert vsr(*command, "--set", "motion.pga=[0.2]").code == cli.STOPPED
+    assert settings_in(folder) == before
+    reason = "motion.pga changed: [0.2, 0.6] is now [0.2]"
+    assert stale(Store(folder)) == {"motions": reason}
+    assert vsr(*command).code == 0  # which has nothing to make
+    assert stale(Store(folder)) == {}
 
 
 def test_a_variant_has_products_of_its_own_and_shares_the_runs(

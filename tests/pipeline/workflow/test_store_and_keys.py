@@ -33,6 +33,7 @@ from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.rows import DisplacementRow, RunRow
 from pipeline.workflow.run_store import RUNS, RunStore
 from pipeline.workflow.store import Store
+from pipeline.workflow.writers import text
 from vsr_core.outcome import Outcome
 from vsr_core.run.displacement import displace
 from vsr_core.source import tracing
@@ -526,3 +527,16 @@ def test_manifest_holds_a_checksum_of_every_product(
     assert set(listed) == kept - {RUNS, "log.jsonl"}
     for name, checksum in listed.items():
         assert keys.digest_file(derived / "rock" / name) == checksum
+
+
+@pytest.mark.parametrize("content", [b"<body>999 kg", b"<body>\xff"])
+def test_a_page_that_was_changed_on_disk_is_never_vouched_for(shelf: Store, content: bytes) -> None:
+    shelf.publish("report", dict(FACTS), {"report.html": text("<body>527 kg")})
+    for reason in ("rock.density changed", ""):
+        shelf.mark("report", reason)
+        assert shelf.damage("report") == ""
+    (shelf.folder / "report.html").write_bytes(content)
+    for reason in ("rock.density changed", ""):
+        shelf.mark("report", reason)
+        assert shelf.damage("report") == "report.html is not what was written"
+    assert (shelf.folder / "report.html").read_bytes() == content

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from pipeline.config.layers import TABLES, known, load_table
 from pipeline.stages.studies import feasible
 from pipeline.stages.studies.feasible import feasible_grid
+from pipeline.workflow.store import Store
 from vsr_core import GRAVITY
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.table.capacity import LIMITS, Table, binding, commands, largest_pga, loads
@@ -201,8 +202,11 @@ def test_an_export_that_is_stopped_can_be_begun_again(
     assert feasible._export(grid, TABLE, tmp_path / "out") == 2
 
 
-def test_another_rocks_boundary_is_not_drawn(
-    write_site: Callable[..., str], vsr: Callable[..., object], monkeypatch: pytest.MonkeyPatch
+def test_a_damaged_boundary_and_that_of_another_rock_are_not_drawn(
+    write_site: Callable[..., str],
+    vsr: Callable[..., object],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     site, drawn = write_site(GRID), []
     draw = feasible.feasible_grid
@@ -214,6 +218,13 @@ def test_another_rocks_boundary_is_not_drawn(
         assert vsr("feasible", "--site", site, "--set", setting).code == 0  # type: ignore[attr-defined]
     assert vsr("feasible", "--site", site).code == 0  # type: ignore[attr-defined]
     assert [rock is None for rock in drawn] == [True, True, False]
+    store = Store(derived / "rock")
+    made = store.manifest("feasible")
+    assert made is not None
+    assert made["facts"]["needs"].keys() == {"rock", "boundary"}  # by which it goes stale
+    (store.folder / "boundary.nc").write_bytes(b"")
+    assert vsr("feasible", "--site", site).code == 0  # type: ignore[attr-defined]
+    assert drawn[-1] is None
 
 
 def test_a_rock_that_is_too_heavy_binds_everywhere(
