@@ -237,7 +237,10 @@ def _check_peaks(folder: Path, tests: Tests, found: dict[int, GroundMotion]) -> 
     peaks = [in_si.in_g(found[number].peak_acceleration) for number in tests.number]
     ratio = median(peak / pga for peak, pga in zip(peaks, tests.pga, strict=True))
     if not 1.0 / ALIKE <= ratio <= ALIKE:
-        given, rule = f"peaks of {ratio:.3g} times pga_g (median)", f"within a factor of {ALIKE:g}"
+        given, rule = (
+            f"peaks of {ratio:.3g} times pga_g (median)",
+            f"they agree within a factor of {ALIKE:g}",
+        )
         path = folder / RECORDS
         raise refused(path, "acceleration", given, rule, f"correct their unit, or {OUTCOMES}")
 
