@@ -43,7 +43,7 @@ NOT_RUN = {
     r"podman|apptainer": "is no program of the project",
     r"dask (scheduler|worker)|(SCHEDULER=|--scheduler )tcp://host|--cluster slurm|client_0": "asks "
     "other machines",
-    r"join theirs": "has results of others",
+    r"join (theirs|FOLDER)": "has results of others",
     r"make (test|test-slow|check|coverage)\b|-m pytest": "is what runs this test",
     r"run geodata": "needs the extra gis",
     r"pre-commit install": "changes the repository's hooks",
