@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import suppress
+from hashlib import sha256
 from pathlib import Path
 
 from pydantic import BaseModel, Field
@@ -20,9 +21,6 @@ PAGE, KNOWN = "index.html", ".index.json"
 
 MARK = b"/* Index of results, written by vsr. */"
 """Stands in the head of each index, as another ``index.html`` may be anybody's."""
-
-_HEAD = 64 * 1024
-"""Bytes in which the mark is."""
 
 DEEPEST = 4
 """Folders below that of the results in which products are: a member of a study of a site."""
@@ -47,7 +45,8 @@ def renew(derived: Path) -> Path | None:
     page = derived / PAGE
     with suppress(OSError):
         folders, known = list(product_folders(derived)), _known(derived)
-        others = page.is_file() and not known.stamp and not _is_marked(page)
+        stands = page.read_bytes() if page.is_file() else b""
+        others = bool(stands) and MARK not in stands
         if not folders:
             for path in () if others else (page, derived / KNOWN):
                 path.unlink(missing_ok=True)
@@ -59,24 +58,18 @@ def renew(derived: Path) -> Path | None:
         stamp = digest(
             [ascii(path.relative_to(derived)) + _stamp(path) for path in manifests(folders)]
         )
-        if known.stamp != stamp or not page.is_file():
+        if known.stamp != stamp or known.page != sha256(stands).hexdigest():
             text, facts, left_out = named("pipeline.workflow.front_page_text:text")(
                 derived, folders, known.facts
             )
             for one in left_out:
                 complain(f"vsr: warning: index: {one} cannot be read and is left out")
             _put(page, text)
-            _put(
-                derived / KNOWN,
-                _Known(stamp=stamp, facts=facts, seal=digest(facts)).model_dump_json(),
-            )
+            written = sha256(text.encode()).hexdigest()
+            known = _Known(stamp=stamp, page=written, facts=facts, seal=digest(facts))
+            _put(derived / KNOWN, known.model_dump_json())
         return page
     return None
-
-
-def _is_marked(page: Path) -> bool:
-    with page.open("rb") as file:
-        return MARK in file.read(_HEAD)
 
 
 def product_folders(derived: Path) -> Iterator[Path]:
@@ -102,9 +95,10 @@ def _stamp(path: Path) -> str:
 
 
 class _Known(BaseModel):
-    """Stamp of the last index, and what was read for it."""
+    """Stamp of the last index, its page's checksum, and what was read for it."""
 
     stamp: str = ""
+    page: str = ""
     facts: dict[str, dict[str, str]] = Field(default_factory=dict)
     seal: str = ""
 

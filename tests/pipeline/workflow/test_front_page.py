@@ -102,8 +102,9 @@ def test_every_link_leads_to_a_product(results: Path) -> None:
 def test_it_is_written_when_something_changed_and_only_then(results: Path) -> None:
     index(results)
     path = results / "index.html"
-    path.write_text("kept", encoding="utf-8")
-    assert index(results) == "kept"
+    first = path.stat().st_ino
+    index(results)
+    assert path.stat().st_ino == first
     publish(Store(results / "another"), "report", {"report.html": page("Another")})
     assert "Another" in index(results)
     (results / ".index.json").write_text("damaged", encoding="utf-8")
@@ -131,8 +132,18 @@ def test_without_products_a_page_of_the_users_own_is_left(
     assert (derived / "index.html").read_text(encoding="utf-8") == OWN
 
 
-def test_a_page_of_the_users_own_is_left_and_named(results: Path) -> None:
+@pytest.mark.parametrize("damage", [lambda text: "", lambda text: text.replace("0.3", "0.1")])
+def test_a_damaged_index_is_written_anew(results: Path, damage: Callable[[str], str]) -> None:
+    whole = index(results)
+    (results / "index.html").write_text(damage(whole), encoding="utf-8")
+    assert index(results) == whole
+
+
+@pytest.mark.parametrize("replaced", [False, True])
+def test_a_page_of_the_users_own_is_left_and_named(results: Path, replaced: bool) -> None:
     path = results / "index.html"
+    if replaced:
+        index(results)
     path.write_text(OWN, encoding="utf-8")
     for _ in range(2):
         with pytest.raises(InputError, match=r"index\.html: got a page of another kind"):
