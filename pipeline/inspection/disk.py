@@ -6,7 +6,7 @@ import os
 import re
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 from pipeline.workflow.grammar import counted
@@ -70,10 +70,14 @@ def _raise(error: OSError) -> None:
 def remove(folder: Path) -> None:
     """Remove the results in a folder, and it where nothing else is there.
 
-    Refused while a command is at work in it.
+    Refused while a command is at work in it, which for a variant owns its site's folder.
     """
+    site = folder.with_name(folder.name.partition("@")[0])
     with writing(folder):
-        with Ownership(folder):
+        with (
+            Ownership(site) if site.is_dir() and site != folder else nullcontext(),
+            Ownership(folder),
+        ):
             for path in parted(folder)[0]:
                 if path != folder / LOCK:
                     path.unlink(missing_ok=True)

@@ -10,7 +10,11 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import TypeVar
 
+from pipeline.config.problems import Unfinished
+
 T = TypeVar("T")
+
+KILLED = "a process was killed (is there memory enough?); the same command goes on from there"
 
 POSSIBLE = sys.platform == "linux"
 """Whether a copy of this process may go on with the libraries it has loaded. A process without
@@ -23,7 +27,8 @@ def begin(work: Callable[[], T]) -> Callable[[], T]:
     Returns
     -------
     callable
-        It waits for the end of the work, returns its result or raises its error.
+        It waits for the end of the work, returns its result or raises its error; ``Unfinished``
+        where its process was killed.
     """
     context = multiprocessing.get_context("fork")
     end, told = context.Pipe(duplex=False)
@@ -35,7 +40,7 @@ def begin(work: Callable[[], T]) -> Callable[[], T]:
         try:
             result, error = end.recv()
         except EOFError:
-            error = RuntimeError("a process that worked aside died")
+            error = Unfinished(KILLED)
         process.join()
         if error is not None:
             raise error

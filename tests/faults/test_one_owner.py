@@ -92,6 +92,22 @@ def test_second_command_says_who_is_at_work(
     assert not made.exists()
 
 
+def test_a_variant_is_not_removed_while_its_site_has_an_owner(
+    made: Path, vsr: Callable[..., Any], write_site: Callable[..., str]
+) -> None:
+    """A command that makes a variant owns the folder of its site."""
+    assert vsr("run", "responses", "--site", write_site(GRID), "--name", "rough").code == 0
+    variant = made.with_name("rock@rough")
+    with held(made):
+        before = stamps(variant)
+        for command in (("clean", "--site", "rock@rough", "--yes"), ("clean", "--yes")):
+            assert vsr(*command).code == 2, command
+            assert stamps(variant) == before
+    assert vsr("clean", "--site", "rock@rough", "--yes").code == 0
+    assert not variant.exists()
+    assert stamps(made).keys() >= {made / "responses.nc"}
+
+
 def test_what_a_killed_owner_left_goes_though_nothing_is_to_do(
     made: Path, vsr: Callable[..., Any], write_site: Callable[..., str]
 ) -> None:
