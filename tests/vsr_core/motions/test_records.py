@@ -302,6 +302,38 @@ def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
     refusal(lambda: read(path.read_bytes(), ".mseed", bare), "motion.response.corners")
 
 
+@pytest.mark.parametrize("gap", [0, 3])
+def test_removing_a_response_silences_no_shaking(gap: int) -> None:
+    """Of an accelerometer with a flat response, which shakes at 5 s of 300, beside a gap."""
+    obspy = pytest.importorskip("obspy")
+    from obspy.core.inventory import Channel, Inventory, Network, Response, Station
+
+    counts, step = 1e6, 0.01
+    time = step * np.arange(30_000)
+    shaking = 2.0 * np.exp(-(((time - 5.0) / 0.7) ** 2)) * np.sin(4.0 * np.pi * time)
+    flat = Response.from_paz([], [], counts, input_units="M/S**2", output_units="COUNTS")
+    channel = Channel("HNE", "", 0.0, 0.0, 0.0, 0.0, sample_rate=100.0, response=flat)
+    station = Station("STA", 0.0, 0.0, 0.0, channels=[channel])
+    xml, waves = io.BytesIO(), io.BytesIO()
+    Inventory([Network("XX", [station])]).write(xml, format="STATIONXML")
+    head = {"network": "XX", "station": "STA", "channel": "HNE", "delta": step}
+    first, after = 460, 460 + gap
+    traces = [
+        obspy.Trace(np.round(counts * part).astype("i4"), head | {"starttime": start})
+        for part, start in (
+            (shaking[:first], obspy.UTCDateTime(0)),
+            (shaking[after:], obspy.UTCDateTime(0) + after * step),
+        )
+    ]
+    obspy.Stream(traces).write(waves, format="MSEED")
+    how = Reading("HNE", None, xml.getvalue(), (0.05, 0.1, 25.0, 35.0))
+    found = read(waves.getvalue(), ".mseed", how).acceleration
+    missing = np.isnan(found)
+    assert np.flatnonzero(missing).tolist() == list(range(first, after))
+    error = np.abs(found - shaking)[~missing].max()
+    assert error < 0.01 * shaking.max(), error / shaking.max()
+
+
 def example(folder: str, name: str) -> bytes:
     """A file of ObsPy's own tests."""
     obspy = pytest.importorskip("obspy")

@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy.signal
 
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.records import columns, text_files
 from vsr_core.motions.records.record import Record, check_sampling, factor, side_by_side, stated
@@ -224,10 +226,27 @@ def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> A
     for trace in stream:
         _check_response(inventory.get_response(trace.id, trace.stats.starttime))
     stream.merge()
-    pieces = stream.split()  # a gap has no spectrum
-    pieces.detrend("linear")
-    pieces.remove_response(inventory, output="ACC", water_level=None, pre_filt=corners)
-    return pieces
+    for trace in stream:
+        counts = np.ma.masked_invalid(np.ma.asarray(trace.data).astype(np.float64))
+        missing, places = np.ma.getmaskarray(counts), np.arange(len(counts))
+        whole = np.interp(places, places[~missing], counts.data[~missing])
+        trace.data = scipy.signal.detrend(whole)
+        ends = min(math.ceil(1.0 / (corners[1] * trace.stats.delta)), len(whole))
+        trace.data = _with_ends(trace.data, ends)
+        trace.remove_response(
+            inventory, output="ACC", water_level=None, pre_filt=corners, taper=False
+        )
+        trace.data = np.ma.masked_array(trace.data[ends : ends + len(whole)], missing)
+    return stream
+
+
+def _with_ends(values: Array, number: int) -> Array:
+    """Values that begin at zero and end there, by half a cosine before them and one after them.
+
+    A step would ring, and one taken off the values themselves would take shaking with it.
+    """
+    rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(number) / number)
+    return np.concatenate([values[0] * rise, values, values[-1] * rise[::-1]])
 
 
 _MOTION = re.compile(r"[NCM]?M(/S(EC)?|/\(?S(EC)?\*\*2\)?)?|M/S(/S|\^?2)", re.IGNORECASE)
