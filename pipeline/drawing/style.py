@@ -62,6 +62,9 @@ _RC: Any = {
     "pdf.fonttype": 42,  # text that can be selected and edited
 }
 
+_OWN: Any = {key: mpl.rcParamsDefault[key] for key in mpl.rcParamsDefault if key != "backend"}
+"""Matplotlib's own settings, which stand beside ours in place of those of a user's matplotlibrc."""
+
 _SAVED: dict[str, Any] = {  # without the time at which it was made
     "png": {"dpi": DPI, "facecolor": "white", "metadata": {"Software": None}},
     "svg": {"dpi": DPI, "facecolor": "white", "metadata": {"Date": None}},
@@ -74,7 +77,7 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with mpl.rc_context(_RC):
+        with mpl.rc_context({**_OWN, **_RC}):
             return draw(*args, **kwargs)
 
     return drawn
@@ -114,7 +117,7 @@ def data_uri(image: bytes, kind: str) -> str:
 
 
 def _rendered(figure: Figure, kind: str) -> bytes:
-    with mpl.rc_context(_RC), io.BytesIO() as file:
+    with mpl.rc_context({**_OWN, **_RC}), io.BytesIO() as file:
         figure.savefig(file, format=kind, **_SAVED[kind])
         return file.getvalue()
 

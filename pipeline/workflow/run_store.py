@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -278,13 +279,17 @@ def _readable(
 
 
 def _set_aside(path: Path) -> Path:
-    """Give a database and what belongs to it a name that is free."""
+    """Keep a database and what belongs to it under a free name; it stays until it is replaced."""
     number = 1
     while (aside := path.with_name(f"{path.name}{DAMAGED}{number}")).exists():
         number += 1
-    for ending in _ENDINGS:
+    for ending in _ENDINGS[1:]:
         with suppress(FileNotFoundError):
             path.with_name(path.name + ending).rename(aside.with_name(aside.name + ending))
+    try:
+        aside.hardlink_to(path)
+    except OSError:  # a file system without such links
+        shutil.copyfile(path, aside)
     return aside
 
 

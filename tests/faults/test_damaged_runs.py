@@ -168,6 +168,20 @@ def test_nothing_that_was_set_aside_is_lost(whole: bytes, tmp_path: Path) -> Non
         assert (tmp_path / f"{RUNS}{DAMAGED}{number}").read_bytes() == torn
 
 
+def test_sound_rows_stay_though_the_mending_is_cut_short(
+    whole: bytes, tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / RUNS).write_bytes(whole[:-4000])
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", lambda *given: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            rows_of(tmp_path)
+    for part in tmp_path.glob(".part-*"):  # as the next command does
+        part.unlink()
+    assert rows_of(tmp_path)
+    assert len(said) == 1
+
+
 def test_table_of_an_earlier_version_is_set_aside(tmp_path: Path, said: list[str]) -> None:
     with closing(sqlite3.connect(tmp_path / RUNS)) as database, database:
         database.execute("CREATE TABLE runs (key BLOB PRIMARY KEY, outcome INTEGER) WITHOUT ROWID")
