@@ -29,6 +29,7 @@ def main(arguments: list[str] | None = None) -> int:
     """
     options = argparse.Namespace(verb="", derived=Path("data", "derived"))  # until they are read
     try:
+        _check_current_folder()
         options = parsed(arguments)
         _begin_log(options)
         commands = importlib.import_module("pipeline.commands").COMMANDS
@@ -59,6 +60,14 @@ def main(arguments: list[str] | None = None) -> int:
             where = f"no details, because of {unwritten}"
         complain(f"vsr: internal error: {error!r}; {where}")
         return BROKEN
+
+
+def _check_current_folder() -> None:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        rule, remedy = "a command is given in a folder that exists", "cd to another"
+        raise InputError(Problem(".", "", "a folder that was removed", rule, remedy)) from None
 
 
 def _begin_log(options: argparse.Namespace) -> None:

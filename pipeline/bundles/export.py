@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import re
@@ -43,7 +42,7 @@ from pipeline.workflow.grammar import listed
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.registry import ASIDE, BY_NAME, upstream
 from pipeline.workflow.site_folder import FILE, SETTINGS, require_whole, stale
-from pipeline.workflow.store import Store
+from pipeline.workflow.store import Store, manifest_text
 
 OF_CHECKOUT = ("CITATION.cff", "requirements.lock", "LICENSE")
 """Of the checkout, where there is one."""
@@ -146,7 +145,7 @@ def _members(
     """Files of the bundle, but for those that are made of all others."""
     for stage, manifest in manifests.items():
         kept = {**manifest, "place": ""} if stage == SETTINGS else manifest
-        yield f"{RESULTS}/.stages/{stage}.json", json.dumps(kept, indent=1, sort_keys=True).encode()
+        yield f"{RESULTS}/.stages/{stage}.json", manifest_text(kept).encode()
         for name, checksum in manifest["files"].items():
             held = (folder / name).read_bytes()
             if sha256(held) != checksum:

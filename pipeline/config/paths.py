@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from pipeline import ROOT
@@ -55,7 +56,10 @@ def is_text(name: str) -> bool:
 def shown(path: Path) -> str:
     """A path as a reader would write it: relative to where they stand, if it is below."""
     real = os.path.realpath(path)
-    for folder in (Path.cwd(), SHIPPED):
+    here: tuple[Path, ...] = ()
+    with suppress(FileNotFoundError):  # it was removed
+        here = (Path.cwd(),)
+    for folder in (*here, SHIPPED):
         if Path(real).is_relative_to(os.path.realpath(folder)):
             return os.path.relpath(real, os.path.realpath(folder))
     return str(path)

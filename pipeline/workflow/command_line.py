@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
@@ -393,7 +394,8 @@ def _days(text: str) -> float:
 
 
 def _folder(text: str) -> Path:
+    text = os.path.expanduser(text)  # noqa: PTH111 (a shell leaves ~ after =; no user's name: as is)
     if located(Path.cwd(), text, "--derived", "").is_file():
         rule = "results need a folder, and this is a file"
         raise InputError(Problem("--derived", "", text, rule, "give another path"))
-    return Path(text)
+    return Path.cwd() / text if text.startswith("~") else Path(text)  # libraries expand it, too

@@ -6,10 +6,11 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 from pipeline.config.layers import Site
-from pipeline.config.problems import InputError
+from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import aside, keys, pages, site_folder
 from pipeline.workflow.log import complain
 from pipeline.workflow.parameters import WORK, Asked, Made, Parts, Setting, Values, changes
@@ -26,6 +27,7 @@ from pipeline.workflow.registry import (
 from pipeline.workflow.run_store import RUNS, RunsLost, is_there
 from pipeline.workflow.stage import Input, Job, Product, Refusal, Stage, Work, named
 from pipeline.workflow.store import Store
+from vsr_core.errors import reason
 from vsr_core.source import tracing
 
 T = TypeVar("T")
@@ -280,6 +282,15 @@ class _Making:
                 raise InputError(*refusal.problems) from None
             job.store.show(stage.name, refusal.files)
             raise refusal.shown_in(job.store.folder) from None
+        except FileNotFoundError as error:
+            folder = job.store.folder
+            if not Path(str(error.filename)).is_relative_to(folder):
+                raise
+            given = f"a folder from which files are gone since ({reason(error)})"
+            rule = "nothing else changes a folder in which a command is at work"
+            raise InputError(
+                Problem(str(folder), "", given, rule, "give the same command again")
+            ) from None
         if settles:
             site_folder.settle(job)
         keep(stage.name, own, product, job.store)

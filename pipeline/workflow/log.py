@@ -23,9 +23,9 @@ class _Screen(logging.Handler):
         try:
             sys.stderr.write(f"{record.getMessage()}\n")
             sys.stderr.flush()
-        except BrokenPipeError:
-            raise
-        except OSError:  # the exit code tells all the same how the command ended
+        except (
+            OSError
+        ):  # or nobody reads it: the exit code tells all the same how the command ended
             _give_up(sys.stderr)
 
 

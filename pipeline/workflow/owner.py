@@ -77,7 +77,7 @@ class Ownership:
     def _taken(self) -> int:
         """The lock file, opened, locked, and with our name in it."""
         while True:
-            file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
+            file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
             try:
                 locked = _lock(file)
                 owner = _read(file)

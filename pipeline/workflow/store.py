@@ -20,7 +20,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 
 from pipeline.config.outside import content
 from pipeline.config.problems import InputError, Problem
-from pipeline.workflow.keys import digest_file
+from pipeline.workflow.keys import digest, digest_file
 from pipeline.workflow.owner import LOCK, Ownership, make_folder, settle
 from pipeline.workflow.writers import Writer, marked, text
 
@@ -58,6 +58,7 @@ class Manifest(BaseModel):
     model_config = ConfigDict(extra="allow", strict=True)
 
     key: str
+    seal: str
     facts: Facts
     files: dict[ProductName, str]
     unresolved: int = Field(ge=0)
@@ -72,9 +73,17 @@ def read_manifest(path: Path) -> dict[str, Any] | None:
     try:
         found = json.loads(content(path))
         facts = Manifest.model_validate(found).facts
+        if found.pop("seal") != digest(found):
+            return None
     except (InputError, ValueError, RecursionError):
         return None
     return {**found, "facts": facts.model_dump()}
+
+
+def manifest_text(manifest: dict[str, Any]) -> str:
+    """A manifest as it is written, sealed (anew), by which a change on disk is seen."""
+    plain = {key: value for key, value in manifest.items() if key != "seal"}
+    return json.dumps({**plain, "seal": digest(plain)}, indent=1, sort_keys=True)
 
 
 ROOM = 65536
@@ -182,9 +191,7 @@ class Store:
                 page = path.read_text(encoding="utf-8")
                 manifest["files"][name] = self._put(path, text(marked(page, reason)))
         manifest |= {"stale": reason}
-        self._put(
-            self._manifests / f"{stage}.json", text(json.dumps(manifest, indent=1, sort_keys=True))
-        )
+        self._put(self._manifests / f"{stage}.json", text(manifest_text(manifest)))
 
     def damage(self, stage: str) -> str:
         """What is wrong with a stage's products on disk, or an empty string."""
@@ -200,7 +207,7 @@ class Store:
         """Write products beside their names, rename them, then write the manifest."""
         with writing(self.folder):
             files = {name: self._put(self.folder / name, write) for name, write in writers.items()}
-            manifest = json.dumps({**facts, "files": files}, indent=1, sort_keys=True)
+            manifest = manifest_text({**facts, "files": files})
             for name in self._former(stage) - files.keys():
                 (self.folder / name).unlink(missing_ok=True)
             self._shown(stage).unlink(missing_ok=True)
@@ -256,7 +263,7 @@ class Store:
     def note(self, stage: str, **facts: Any) -> None:
         """Append facts that no product may hold, such as times, to the log."""
         line = json.dumps({"time": time.strftime("%Y-%m-%dT%H:%M:%S"), "stage": stage, **facts})
-        with writing(self.folder), (self.folder / LOG).open("ab+") as file:
+        with writing(self.folder), open(self.folder / LOG, "ab+", opener=_no_link) as file:
             file.seek(max(file.seek(0, os.SEEK_END) - 1, 0))
             torn = file.read(1) not in (b"", b"\n")  # by a kill or a full disk
             file.write(b"\n" * torn + line.encode() + b"\n")
@@ -296,6 +303,11 @@ def _noted(line: bytes) -> dict[str, Any]:
     with suppress(ValueError, TypeError):
         return dict(json.loads(line))
     return {}
+
+
+def _no_link(path: str, flags: int) -> int:
+    """Open a file that lies in the folder itself."""
+    return os.open(path, flags | os.O_NOFOLLOW, 0o666)
 
 
 @contextmanager

@@ -20,9 +20,10 @@ import pytest
 
 from pipeline import ROOT
 from pipeline.config.problems import InputError
-from pipeline.workflow import owner
+from pipeline.workflow import graph, owner
 from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.run_store import RUNS
+from pipeline.workflow.store import LOG
 
 GRID = "motion: {pga: [0.2, 0.4, 0.6], pgv_pga: [0.2, 0.4]}\n"
 
@@ -122,6 +123,41 @@ def test_what_a_killed_owner_left_goes_though_nothing_is_to_do(
         assert (made / LOCK).exists()
         assert vsr("run", "responses", "--site", write_site(GRID)).code == 0
     assert stamps(made) == before
+
+
+def test_a_file_that_goes_while_a_command_is_at_work_is_told_in_a_line(
+    vsr: Callable[..., Any],
+    write_site: Callable[..., str],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As where the disk of the results is taken away."""
+    keep = graph.keep
+
+    def kept(stage: str, *rest: Any) -> None:
+        keep(stage, *rest)
+        if stage == "responses":
+            (derived / "rock" / "responses.nc").unlink()
+
+    monkeypatch.setattr(graph, "keep", kept)
+    ran = vsr("run", "boundary", "--site", write_site(GRID), "--workers", "0")
+    assert ran.code == 2
+    assert "files are gone since" in ran.err.splitlines()[-1]
+    assert not (derived / "vsr-fault.txt").exists()
+
+
+@pytest.mark.parametrize("name", [LOCK, LOG])
+def test_no_link_of_another_is_written_through(
+    made: Path, vsr: Callable[..., Any], write_site: Callable[..., str], tmp_path: Path, name: str
+) -> None:
+    own = tmp_path / "own.txt"
+    own.write_text("mine")
+    (made / name).unlink(missing_ok=True)
+    (made / name).symlink_to(own)
+    wider = ("run", "responses", "--site", write_site(GRID), "--set", "yaw=[0, 90]")
+    ran = vsr(*wider, "--workers", "0")
+    assert (ran.code, own.read_text()) == (2, "mine")
+    assert name in ran.err.splitlines()[-1]
 
 
 def test_two_commands_at_once_do_everything_once(

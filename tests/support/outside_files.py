@@ -23,7 +23,7 @@ from pipeline.stages.studies.validation.recorded_tests import tests_in as read_t
 from pipeline.stages.studies.validation.table_motions import RECORDS, identity, motions
 from pipeline.workflow import front_page
 from pipeline.workflow.keys import digest_file
-from pipeline.workflow.store import read_manifest
+from pipeline.workflow.store import manifest_text, read_manifest
 from tests.support.event_sets import EventSet
 from tests.support.recorded_tests import recorded_tests
 
@@ -78,7 +78,7 @@ def manifest(folder: Path) -> Path:
     whole = {"key": "k", "facts": facts, "files": {"a.nc": "x"}, "unresolved": 0, "retry": 0}
     path = folder / "derived" / "box" / ".stages" / "one.json"
     path.parent.mkdir(parents=True)
-    path.write_text(json.dumps(whole))
+    path.write_text(manifest_text(whole))
     return path
 
 

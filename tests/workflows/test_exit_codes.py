@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import pytest
 from conftest import Ran
 
 from pipeline import cli
+from pipeline.workflow.store import manifest_text, read_manifest
 
 SITE = """rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
 motion: {pga: [0.2, 0.4], pgv_pga: [0.2, 0.5]}
@@ -20,9 +20,10 @@ simulation: {engine: nonsmooth, time_step: 0.008}
 def lose(folder: Path, stage: str, runs: int) -> None:
     """Note in what was kept of a stage that some of its runs are unresolved."""
     path = folder / ".stages" / f"{stage}.json"
-    manifest = json.loads(path.read_text(encoding="utf-8"))
+    manifest = read_manifest(path)
+    assert manifest is not None
     assert manifest["unresolved"] == 0
-    path.write_text(json.dumps(manifest | {"unresolved": runs}), encoding="utf-8")
+    path.write_text(manifest_text(manifest | {"unresolved": runs}), encoding="utf-8")
 
 
 @pytest.fixture

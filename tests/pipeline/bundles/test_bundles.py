@@ -17,7 +17,7 @@ from conftest import Ran
 from pipeline import cli
 from pipeline.bundles import layout
 from pipeline.workflow.keys import digest_file
-from pipeline.workflow.store import Store
+from pipeline.workflow.store import Store, manifest_text
 
 SITE = """rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
 motion: {kind: record, files: [../records/shake.csv], pga: [0.3, 0.6], processing: {order: none,
@@ -251,7 +251,7 @@ def passed_off(bundle: Path, name: str, content: bytes) -> None:
     def with_sum(manifest: bytes) -> bytes:
         told = json.loads(manifest)
         told["files"][name] = layout.sha256(content)
-        return json.dumps(told).encode()
+        return manifest_text(told).encode()
 
     resealed(bundle, f"results/.stages/{name.removesuffix('.nc')}.json", with_sum)
 
@@ -273,7 +273,7 @@ def test_files_of_no_product_and_settings_without_their_file_are_told(
     bundle: Path, vsr: Callable[..., Ran]
 ) -> None:
     def without_file(manifest: bytes) -> bytes:
-        return json.dumps(json.loads(manifest) | {"files": {}}).encode()
+        return manifest_text(json.loads(manifest) | {"files": {}}).encode()
 
     resealed(bundle, "results/Responses.nc", lambda content: b"of somebody")
     ran = vsr("check", bundle)
@@ -318,7 +318,8 @@ def test_a_site_that_is_refused_is_named_as_in_the_bundle(
 def test_manifests_that_need_each_other_end_nothing(bundle: Path, vsr: Callable[..., Ran]) -> None:
     def circle(content: bytes) -> bytes:
         told = json.loads(content)
-        return json.dumps(told | {"facts": told["facts"] | {"needs": {"rock": ""}}}).encode()
+        facts = told["facts"] | {"needs": {"rock": ""}}
+        return manifest_text(told | {"facts": facts}).encode()
 
     resealed(bundle, "results/.stages/rock.json", circle)
     assert vsr("check", bundle).code == cli.DONE

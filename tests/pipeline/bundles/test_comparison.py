@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from conftest import Ran
 
 from pipeline import cli
 from pipeline.workflow.keys import digest_file
+from pipeline.workflow.store import manifest_text, read_manifest
 
 GRID = "motion: {pga: [0.2, 0.4, 0.8], pgv_pga: [0.2, 0.5]}\nyaw: [0]\n"
 
@@ -133,9 +133,10 @@ def written(data: xr.Dataset, folder: Path, stage: str) -> None:
     """Put a dataset in place of a stage's, as if the stage had written it."""
     data.to_netcdf(folder / f"{stage}.nc")
     manifest = folder / ".stages" / f"{stage}.json"
-    told = json.loads(manifest.read_text())
+    told = read_manifest(manifest)
+    assert told is not None
     told["files"][f"{stage}.nc"] = digest_file(folder / f"{stage}.nc")
-    manifest.write_text(json.dumps(told))
+    manifest.write_text(manifest_text(told))
 
 
 def test_what_is_no_result_is_refused(vsr: Callable[..., Ran], tmp_path: Path) -> None:

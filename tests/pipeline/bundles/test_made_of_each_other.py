@@ -19,7 +19,7 @@ from pipeline.bundles.export import export
 from pipeline.config.problems import InputError
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.site_folder import FILE, SETTINGS
-from pipeline.workflow.store import Store
+from pipeline.workflow.store import Store, manifest_text
 from pipeline.workflow.writers import Writer, text
 
 FRICTION = {"contact": {"friction": [0.6]}}
@@ -37,7 +37,7 @@ def manifest(folder: Path, stage: str) -> Path:
 
 
 def rewritten(path: Path, **facts: Any) -> None:
-    path.write_text(json.dumps(json.loads(path.read_text()) | facts))
+    path.write_text(manifest_text(json.loads(path.read_text()) | facts))
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import json
 import os
 import re
 import struct
@@ -23,7 +22,7 @@ from PIL import Image
 from pipeline.config.problems import InputError
 from pipeline.workflow import front_page, pages, writers
 from pipeline.workflow.datasets import netcdf
-from pipeline.workflow.store import Store
+from pipeline.workflow.store import Store, manifest_text
 from tests.support.bad_input import bounded
 
 HOSTILE = "<script>alert(1)</script>"
@@ -175,17 +174,17 @@ def test_the_way_back_leads_to_the_index(derived: Path, below: str) -> None:
 
 GOOD = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0, "files": {"report.html": "x"}}
 MANIFESTS = {
-    "a number as text": json.dumps(GOOD | {"unresolved": "x"}),
-    "no number": json.dumps(GOOD | {"unresolved": None}),
-    "less than none": json.dumps(GOOD | {"unresolved": -5}),
-    "beyond numbers": json.dumps(GOOD).replace(": 0", ": 1e400"),
+    "a number as text": manifest_text(GOOD | {"unresolved": "x"}),
+    "no number": manifest_text(GOOD | {"unresolved": None}),
+    "less than none": manifest_text(GOOD | {"unresolved": -5}),
+    "beyond numbers": manifest_text(GOOD).replace(": 0", ": 1e400"),
     "a list": "[1]",
-    "files in a list": json.dumps(GOOD | {"files": ["a"]}),
-    "no checksum": json.dumps(GOOD | {"files": {"report.html": ["x"]}}),
+    "files in a list": manifest_text(GOOD | {"files": ["a"]}),
+    "no checksum": manifest_text(GOOD | {"files": {"report.html": ["x"]}}),
     "deep": "[" * 100_000,
     "no text": b"\xff\xfe",
-    "a file elsewhere": json.dumps(GOOD | {"files": {"/etc/passwd.html": "x"}}),
-    "a file above": json.dumps(GOOD | {"files": {"../../secret.html": "x"}}),
+    "a file elsewhere": manifest_text(GOOD | {"files": {"/etc/passwd.html": "x"}}),
+    "a file above": manifest_text(GOOD | {"files": {"../../secret.html": "x"}}),
 }
 
 
@@ -193,7 +192,7 @@ def beside(results: Path, **files: str | bytes) -> Path:
     """A folder of products beside the others, with a manifest and files."""
     folder = results / "broken"
     (folder / ".stages").mkdir(parents=True)
-    for file, content in ({".stages/report.json": json.dumps(GOOD)} | files).items():
+    for file, content in ({".stages/report.json": manifest_text(GOOD)} | files).items():
         content = content.encode() if isinstance(content, str) else content
         (folder / file).write_bytes(content)
     return folder
@@ -245,7 +244,7 @@ def many_errors(data: netCDF4.Dataset) -> None:
 def test_a_dataset_that_is_none_is_left_out_and_named(
     results: Path, capsys: pytest.CaptureFixture[str], change: Callable[[netCDF4.Dataset], None]
 ) -> None:
-    manifest = json.dumps(GOOD | {"files": {"responses.nc": "x"}})
+    manifest = manifest_text(GOOD | {"files": {"responses.nc": "x"}})
     folder = beside(results, **{".stages/report.json": manifest})
     with netCDF4.Dataset(folder / "responses.nc", "w") as data:
         change(data)

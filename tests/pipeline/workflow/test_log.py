@@ -116,6 +116,38 @@ def test_a_stream_that_takes_nothing_changes_no_exit_code(words: str) -> None:
     assert ran.returncode == cli.REFUSED
 
 
+def test_a_run_whose_lines_nobody_reads_any_more_goes_on(tmp_path: Path) -> None:
+    """As before `2>&1 | head -2`, in a folder whose name a shell has left as it is."""
+    words = "run rock --site cuboid_1x1x2 --derived=~/derived 2>&1 >&-"
+    with subprocess.Popen(
+        f"exec {sys.executable} -m pipeline {words}",
+        shell=True,
+        stdout=subprocess.PIPE,
+        cwd=ROOT,
+        env={**os.environ, "HOME": str(tmp_path)},
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.wait() == cli.DONE
+    assert (tmp_path / "derived" / "cuboid_1x1x2" / "rock.nc").is_file()
+    assert not Path("~").exists()
+
+
+def test_a_current_folder_that_was_removed_is_refused_in_a_line(tmp_path: Path) -> None:
+    (tmp_path / "here").mkdir()
+    ran = subprocess.run(
+        f"cd here && rmdir ../here && {sys.executable} -m pipeline list",
+        shell=True,
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        check=False,
+    )
+    assert (ran.returncode, ran.stderr.count("\n")) == (cli.REFUSED, 1), ran.stderr
+    assert "a folder that was removed" in ran.stderr
+
+
 def test_a_log_that_takes_no_more_is_told_once_and_the_command_goes_on(tmp_path: Path) -> None:
     words = ("run", "rock", "--site", "cuboid_1x1x2", "--derived", str(tmp_path / "derived"))
     most, full = 1 << 30, tmp_path / "full.log"

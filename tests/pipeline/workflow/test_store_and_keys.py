@@ -32,7 +32,7 @@ from pipeline.workflow.owner import LOCK
 from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.rows import DisplacementRow, RunRow
 from pipeline.workflow.run_store import RUNS, RunStore
-from pipeline.workflow.store import Store
+from pipeline.workflow.store import Store, manifest_text, read_manifest
 from pipeline.workflow.writers import text
 from vsr_core.outcome import Outcome
 from vsr_core.run.displacement import displace
@@ -143,6 +143,17 @@ def test_unreadable_manifest_counts_as_none(shelf: Store) -> None:
     assert shelf.manifest("stage") is None
 
 
+@pytest.mark.parametrize("changed", [("unresolved", 4), ("warning", "none"), ("key", "k2")])
+def test_changed_manifest_counts_as_none(shelf: Store, changed: tuple[str, object]) -> None:
+    shelf.publish("stage", FACTS, {})
+    path = shelf.folder / ".stages" / "stage.json"
+    found = json.loads(path.read_text())
+    path.write_text(json.dumps(found))
+    assert shelf.manifest("stage") is not None
+    path.write_text(json.dumps(found | dict([changed])))
+    assert shelf.manifest("stage") is None
+
+
 @pytest.mark.parametrize("name", ["rock.nc", "responses.nc", "config.yaml"])
 def test_flipped_byte_is_seen_and_mended(
     write_site: Callable[..., str], vsr: Callable[..., object], derived: Path, name: str
@@ -166,8 +177,9 @@ def test_what_was_made_from_crashed_runs_is_made_again(
     command = ("run", "responses", "--site", write_site(SMALL), "--workers", "0")
     assert vsr(*command).code == 0
     manifest = derived / "rock" / ".stages" / "runs.json"
-    facts = json.loads(manifest.read_text())
-    manifest.write_text(json.dumps(facts | {"retry": 1}))
+    facts = read_manifest(manifest)
+    assert facts is not None
+    manifest.write_text(manifest_text(facts | {"retry": 1}))
     again = vsr(*command).err.splitlines()
     assert {line.split(":")[0] for line in again} >= {"runs", "responses"}
     assert "rock" not in {line.split(":")[0] for line in again}
