@@ -98,6 +98,15 @@ _VERTICAL = re.compile(r"(?i:UP|DOWN|DN|DWN|VERT\w*|UD[12]?)|[A-Z]{2}Z")
 """Names of vertical channels: of networks' files, and SEED's codes."""
 
 
+_DOWN = re.compile(r"(?i:DOWN|DN|DWN)")
+
+_SIDE = re.compile("(?:[A-Z]{2})?([EN])|(?=EW|NS)([EN])[WS][12]?")
+"""Names of channels to the east and to the north: SEED's, and those of K-NET and KiK-net."""
+
+_SQUARE = 5
+"""Within which directions are at right angles, as SEED has it of N and E [degree]."""
+
+
 def check_together(components: Mapping[str, Record]) -> None:
     """Refuse components that are not of one instrument and one time, each with its own direction.
 
@@ -144,18 +153,40 @@ def _check_directions(components: Mapping[str, Record]) -> None:
         if np.array_equal(one.acceleration, other.acceleration, equal_nan=True):
             given = f"the same samples along {first} and {axis}"
             raise InvalidInput(given, "each component has its own", remedy)
-    level = {axis: one for axis, one in components.items() if axis != "z"}
-    names = [one.channels[0].rpartition(".")[2] for one in level.values()]
-    for axis, name in zip(level, names, strict=True):
-        if _VERTICAL.fullmatch(name):
+    names = {axis: one.channels[0].rpartition(".")[2] for axis, one in components.items()}
+    known = {
+        axis: azimuth
+        for axis, one in components.items()
+        if one.instruments and (azimuth := _azimuth(names[axis])) is not None
+    }
+    for axis, name in names.items():
+        if axis != "z" and _VERTICAL.fullmatch(name):
             raise InvalidInput(f"{name} as {axis}", rule, remedy)
-    known = [
-        int(name)
-        for name, one in zip(names, level.values(), strict=True)
-        if one.instruments and name.isdecimal() and len(name) <= len("360")
-    ]
-    if len(known) == 2 and not (known[0] - known[1]) % 180:
-        raise InvalidInput(f"azimuths of {known[0]} and {known[1]}", rule, remedy)
+    if "z" in known:
+        raise InvalidInput(f"{names['z']} as z", "z is the vertical component", remedy)
+    if _DOWN.fullmatch(names.get("z", "")):
+        rule, remedy = "z points up", "change the sign of its samples"
+        raise InvalidInput(f"{names['z']} as z, which points down", rule, remedy)
+    if len(known) == 2:
+        to_the_left = (known["x"] - known["y"]) % 360
+        if abs(to_the_left - 90) > _SQUARE:
+            given = f"{names['x']} as x and {names['y']} as y"
+            rule = "y points 90 degrees to the left of x"
+            if abs(to_the_left - 270) <= _SQUARE:
+                remedy = "exchange x and y"
+            raise InvalidInput(given, rule, remedy)
+
+
+def _azimuth(channel: str) -> int | None:
+    """Where a channel points by its name, clockwise from north [degree]; None if that is not told.
+
+    >>> [_azimuth(name) for name in ("047", "HNE", "NS2", "H1", "DWN", "401")]
+    [47, 90, 0, None, None, None]
+    """
+    if channel.isdecimal():
+        return int(channel) if int(channel) <= 360 else None
+    side = None if _VERTICAL.fullmatch(channel) else _SIDE.fullmatch(channel)
+    return {"E": 90, "N": 0}[side.group(1) or side.group(2)] if side else None
 
 
 def _apart(given: str) -> InvalidInput:

@@ -175,7 +175,9 @@ AT2 = "Made up, 11/21/2026, Nowhere Creek, 000"
     ("line", "words"),
     [
         ("Northridge, 1/17/1994, Pacoima Dam, 000", "Pacoima Dam.*one instrument and event"),
-        ("Made up, 11/21/2026, Nowhere Creek, 270", "azimuths of 90 and 270"),
+        ("Made up, 11/21/2026, Nowhere Creek, 270", "090 as x and 270 as y"),
+        ("Made up, 11/21/2026, Nowhere Creek, 180", "to the left of x; exchange x and y"),
+        ("Made up, 11/21/2026, Nowhere Creek, 045", "090 as x and 045 as y"),
         ("Made up, 11/21/2026, Nowhere Creek, UP", "UP as y; x and y are two horizontal"),
         (AT2, ""),
     ],
@@ -191,6 +193,16 @@ def test_components_are_of_one_instrument(folder: Path, line: str, words: str) -
         return
     with pytest.raises(InputError, match=words):
         samples(path)
+
+
+@pytest.mark.parametrize(("channel", "words"), [("DWN", "points down"), ("000", "vertical")])
+def test_the_vertical_component_points_up(folder: Path, channel: str, words: str) -> None:
+    for axis, name in zip("xyz", ("090", "000", channel), strict=True):
+        text = files.at2(WAVES[axis], 0.005)
+        place = AT2.replace("000", name)
+        (folder / f"{axis}.at2").write_text(text.replace(text.splitlines()[1], place))
+    with pytest.raises(InputError, match=f"{channel} as z.*{words}"):
+        samples(site(folder, "{components: {x: x.at2, y: y.at2, z: z.at2}}"))
 
 
 def test_components_are_of_one_station(folder: Path) -> None:
