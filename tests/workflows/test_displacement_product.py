@@ -317,6 +317,19 @@ def test_a_place_where_its_system_does_not_hold_is_refused(
     assert "georeference.origin: got a rock at longitude" in refusal
 
 
+@pytest.mark.parametrize(("north", "code"), [(0.0, cli.DONE), (5_621_521.0, cli.REFUSED)])
+def test_a_system_holds_where_its_metres_are_metres(
+    folder: Path, capsys: pytest.CaptureFixture[str], north: float, code: int
+) -> None:
+    """Mercator's, of the whole world: at the equator, and at 45 degrees north."""
+    pytest.importorskip("pyproj", reason="needs the extra gis")
+    line = ["run", "geodata", "--site", str(folder.parents[1] / "hill.yaml"), "--workers", "0"]
+    line += ["--set", "georeference.crs=EPSG:3857"]
+    line += ["--set", f"georeference.origin={[-13_024_380.0, north, 0]}"]
+    assert cli.main([*line, "--derived", str(folder.parent)]) == code
+    assert ("in which a metre on the ground at" in capsys.readouterr().err) == bool(north)
+
+
 @pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:99999999", "EPSG:2229", "EPSG:2053", "UTM 11"])
 def test_what_is_no_system_of_metres_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str], crs: str

@@ -39,7 +39,7 @@ class ListedRock(outside.Row):
     )
     alpha_2_deg: Angle | None = Field(None, description="the same on the other side")
     r_1_m: Metres | None = Field(None, description="from the rocking point to the centre of mass")
-    r_2_m: Metres | None = Field(None, description="the same on the other side")
+    r_2_m: Metres | None = Field(None, description="the same on the other side, with its angle")
     height_m: Metres | None = Field(None, description="height of the rock")
     azimuth_deg: float | None = Field(
         None, ge=-360.0, le=360.0, description="from the centre of mass to side 1"
@@ -68,9 +68,11 @@ class ListedRock(outside.Row):
 
     def _check_heights(self) -> None:
         """Refuse distances that do not go with the angles, or with the height."""
-        sides = ((self.r_1_m, self.alpha_1_deg), (self.r_2_m, self.alpha_2_deg or math.nan))
-        centres = [r * math.cos(math.radians(alpha)) for r, alpha in sides if r is not None]
-        centres = [centre for centre in centres if not math.isnan(centre)]
+        if self.r_2_m is not None and self.alpha_2_deg is None:
+            rule, remedy = "a distance has its side's angle beside it", "give it, or leave both out"
+            raise Refused(rule, remedy, "alpha_2_deg", "nothing")
+        sides = ((self.r_1_m, self.alpha_1_deg), (self.r_2_m, self.alpha_2_deg))
+        centres = [r * math.cos(math.radians(alpha)) for r, alpha in sides if r and alpha]
         if len(centres) == 2 and max(centres) > LEVEL * min(centres):
             given = f"centres of mass {centres[0]:.3g} and {centres[1]:.3g} m high"
             rule = f"r cos(alpha) of both sides agree within {LEVEL:g} times"

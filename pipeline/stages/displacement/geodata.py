@@ -84,9 +84,13 @@ BEYOND = 3.0
 """Degrees by which a place may lie outside the area of a system: half a zone of UTM."""
 
 
+STRETCH = 0.01
+"""By which a metre of a system may differ from one on the ground: at the edges of UTM by 0.001."""
+
+
 def _where(site: Origin, crs: str, origin: Array) -> str:
     """Longitude and latitude of the rock, in words; refused where its system does not hold."""
-    from pyproj import CRS, Transformer
+    from pyproj import CRS, Proj, Transformer
 
     system = CRS.from_user_input(crs)
     east, north = Transformer.from_crs(system, "EPSG:4326", always_xy=True).transform(*origin[:2])
@@ -95,13 +99,24 @@ def _where(site: Origin, crs: str, origin: Array) -> str:
     inside = bool(np.isfinite([east, north]).all())
     if inside and area is not None:
         inside = area.south - BEYOND <= north <= area.north + BEYOND
-        inside &= (east - area.west + BEYOND) % 360 <= (area.east - area.west) % 360 + 2 * BEYOND
+        wide = (area.east - area.west) % 360 or 360.0
+        inside &= (east - area.west + BEYOND) % 360 <= wide + 2 * BEYOND
     if not inside:
         held = f" ({area.name})" if area is not None else ""
         rule = f"the rock lies where {crs} holds{held[:150]}"
         remedy = "give the system of the scan, and an origin only where the scan has one of its own"
         key = "georeference.origin"
         raise InputError(Problem(site.file_of(key), key, f"a rock {where}", rule, remedy))
+    scales = Proj(system).get_factors(east, north)
+    metre = max((scales.meridional_scale, scales.parallel_scale), key=lambda one: abs(one - 1.0))
+    if not abs(metre - 1.0) <= STRETCH:
+        key, given = (
+            "georeference.crs",
+            f"{crs}, in which a metre on the ground {where} is {metre:.4g}",
+        )
+        rule = f"it is 1 to {STRETCH:.0%}, or the scan has another size than the rock"
+        remedy = "give the system of the scan, e.g. the zone of UTM"
+        raise InputError(Problem(site.file_of(key), key, given, rule, remedy))
     return where
 
 

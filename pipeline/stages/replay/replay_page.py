@@ -161,20 +161,21 @@ def _facts(run: Played, shaking: Shaking) -> dict[str, Any]:
 
 
 def _slug(runs: list[Played], shaking: Shaking) -> str:
-    """File name of a page, without its suffix."""
+    """File name of a page, without its suffix; another one for each choice."""
     first, *rest = (run.choice for run in runs)
+    dimension = shaking.dimension.replace("_", " ")
     name = f"yaw {first.group.yaw:g} friction {first.group.friction:g} "
-    name += f"{shaking.dimension} {_row(first.cell.row, shaking)} pga {first.cell.pga:.6g}"
+    name += f"{dimension} {_row(first.cell.row, shaking)} pga {first.cell.pga:.6g}"
     for choice in rest:
         name += " and" + f" {choice.engine}" * (choice.engine != first.engine)
         if choice.group != first.group:
             name += f" yaw {choice.group.yaw:g} friction {choice.group.friction:g}"
         if choice.cell.row != first.cell.row:
-            name += f" {shaking.dimension} {_row(choice.cell.row, shaking)}"
+            name += f" {dimension} {_row(choice.cell.row, shaking)}"
         if choice.cell.pga != first.cell.pga:
             name += f" pga {choice.cell.pga:.6g}"
-    slug = re.sub(r"[^A-Za-z0-9.]+", "-", name).strip("-.")
-    if len(slug) <= LONGEST_NAME:
+    slug = re.sub(r"[^A-Za-z0-9._]+", "-", name).strip("-.")
+    if len(slug) <= LONGEST_NAME and slug.replace("-", " ") == name:
         return slug
     return f"{slug[:LONGEST_NAME]}-{keys.digest(name)[:8]}"
 

@@ -256,6 +256,21 @@ def test_records_of_long_names_have_pages_of_their_own(
     assert len(names) == 2
 
 
+def test_directions_to_both_sides_have_pages_of_their_own() -> None:
+    shaking = SimpleNamespace(dimension="record", rows=("RSN316_FN", "RSN316-FN", "RSN316 FN"))
+    names = {
+        replay_page._slug(
+            [SimpleNamespace(choice=SimpleNamespace(
+                group=SimpleNamespace(yaw=yaw, friction=0.6),
+                cell=SimpleNamespace(row=row, pga=0.5), engine="nonsmooth"))],
+            shaking,
+        )
+        for yaw in (-90.0, 90.0)
+        for row in range(3)
+    }  # fmt: skip
+    assert len(names) == 6
+
+
 # ---- In a browser
 
 
