@@ -325,7 +325,8 @@ def test_a_system_holds_where_its_metres_are_metres(
     pytest.importorskip("pyproj", reason="needs the extra gis")
     line = ["run", "geodata", "--site", str(folder.parents[1] / "hill.yaml"), "--workers", "0"]
     line += ["--set", "georeference.crs=EPSG:3857"]
-    line += ["--set", f"georeference.origin={[-13_024_380.0, north, 0]}"]
+    x, y, _ = read(folder / "terrain.nc").attrs["origin_in_scan"].tolist()
+    line += ["--set", f"georeference.origin={[-13_024_380.0 - x, north - y, 0.0]}"]
     assert cli.main([*line, "--derived", str(folder.parent)]) == code
     assert ("in which a metre on the ground at" in capsys.readouterr().err) == bool(north)
 
