@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
@@ -55,6 +56,9 @@ COMPILED = "nonsmooth"
 
 # What the schema says of each value; the validators below say it in the field's words.
 _Angle = Annotated[float, Field(ge=-360, le=360)]
+
+_SAME_DIRECTION = 1e-6
+"""Degrees by which two directions differ at least."""
 
 
 class StabilityConfig(Section):
@@ -336,6 +340,12 @@ class Config(Section):
             )
         if min(yaw) < -360.0 or max(yaw) > 360.0:
             raise Refused("yaw is in degrees from -360 to 360", "add or subtract 360")
+        around = sorted((one % 360.0, one) for one in yaw)
+        around += [(around[0][0] + 360.0, around[0][1])] if len(yaw) > 1 else []
+        for (low, one), (high, other) in pairwise(around):
+            if high - low < _SAME_DIRECTION:
+                given, rule = f"{one:g} and {other:g}", "each direction is there once, as all count"
+                raise Refused(rule, "leave one out", given=given)
         return yaw
 
 

@@ -94,17 +94,18 @@ def test_a_figure_that_there_is_not_is_refused(
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.parametrize("name", ["13", "11"])
 def test_settings_that_leave_out_what_a_figure_shows_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     given = (
         "yaw=[0]",
         "motion.pga=[0.2, 0.6]",
         "motion.pgv_pga=[0.2]",
-        "simulation.time_step=0.003",
+        "simulation.time_step=0.002",
     )
     settings = [part for setting in given for part in ("--set", setting)]
-    assert figures(tmp_path, "--fig", "13", *settings) == cli.REFUSED
+    assert figures(tmp_path, "--fig", name, *settings) == cli.REFUSED
     last = capsys.readouterr().err.splitlines()[-1]
     assert last.startswith("vsr: --set: got yaw=[0]")
-    assert not list((tmp_path / "figures").glob("fig_13.*"))
+    assert not list((tmp_path / "figures").glob(f"fig_{name}.*"))

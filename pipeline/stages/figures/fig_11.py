@@ -39,10 +39,11 @@ def draw(data: Data) -> Figure:
     for axes, yaw in zip(panels[0], YAWS, strict=True):
         diagrams.cells(axes, pga, ratios, diagrams.grid(responses, yaw), pale=True)
         diagrams.robot_limits(axes, axes.get_ylim()[1])
-        for place, colour in enumerate((style.OVERTURNED, style.INK)):
+        for side, colour in zip(YAWS, (style.OVERTURNED, style.INK), strict=True):
             look: Any = {"color": colour, "lw": 2.2}
-            diagrams.logistic(axes, data["fit"], place, label=f"boundary at yaw {YAWS[place]:g}°",
-                              gid=f"logistic-{YAWS[place]:g}", **look)  # fmt: skip
+            place = data["fit"]["yaw"].values.tolist().index(side)
+            diagrams.logistic(axes, data["fit"], place, label=f"boundary at yaw {side:g}°",
+                              gid=f"logistic-{side:g}", **look)  # fmt: skip
         axes.set_title(f"yaw {yaw:g}°")
     tests = diagrams.tested(panels[0, 0], diagrams.physical_tests("yaw 0"))
     diagrams.labelled(panels)

@@ -125,7 +125,7 @@ def _draw(
     try:
         found = {"title": figure.TITLE, "findings": [asdict(one) for one in figure.findings(data)]}
         files = pictures(name, figure.draw(data), KINDS)
-    except KeyError as missing:
+    except (LookupError, ValueError) as missing:
         if not asked.settings:
             raise
         given, rule = " ".join(asked.settings), f"{figure.TITLE!r} needs what they leave out"

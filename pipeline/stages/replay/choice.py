@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from pipeline.config.outside import checked
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.schema import Config
 from pipeline.stages.motions.motion_grid import Cell, Shaking
@@ -92,6 +94,9 @@ def other(config: Config, shaking: Shaking, first: Choice, request: str) -> Choi
     if engine not in engines.names():
         rule, remedy = f"the engines are {', '.join(engines.names())}", "choose one of these"
         raise InputError(Problem("--and", "engine", engine, rule, remedy))
+    values = {name: getattr(config, name) for name in Config.model_fields}
+    simulation = config.simulation.model_copy(update={"engine": engine})
+    checked(Path("--and"), Config, values | {"simulation": simulation})
     second = replace(chosen(config, shaking, coordinates | changed), engine=engine)
     if second == first:
         rule = "a second run differs from the first"

@@ -24,7 +24,7 @@ from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 from vsr_core.outcome import Response
 from vsr_core.run.cases import Case, Settings, TerrainCase
-from vsr_core.run.input_checks import longest_step
+from vsr_core.run.input_checks import check_engine, longest_step
 from vsr_core.run.replay import Replay
 from vsr_core.run.replay import replay as do_again
 
@@ -91,7 +91,9 @@ def _elsewhere(study: Study, choice: Choice) -> tuple[Case | TerrainCase, Settin
     """The run in another engine: at its usual step, and with the impacts that it knows."""
     engines.load(choice.engine)
     scenes = study.scenes.with_contact(restitution_law="newton")
-    step = longest_step(flat_case(scenes, choice.group).full, choice.engine)
+    level = flat_case(scenes, choice.group).full
+    check_engine(level, choice.engine, study.motions.motion(choice.cell))
+    step = longest_step(level, choice.engine)
     return _place(scenes, choice), Settings(step, scenes.settings.simulation.reduce, choice.engine)
 
 

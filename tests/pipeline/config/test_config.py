@@ -162,6 +162,8 @@ WRONG = {
     "ms": ("motion: {pgv_pga: [100, 300]}", "motion.pgv_pga", "300", "seconds", "0.3 for"),
     "descending": ("motion: {pga: [0.3, 0.1]}", "motion.pga", "[0.3, 0.1]", "ascend", "sort"),
     "repeated": ("yaw: [0, 90, 0]", "yaw", "[0, 90, 0]", "duplicate", "once"),
+    "one way twice": ("yaw: [0, 90, 360]", "yaw", "0 and 360", "once", "leave one out"),
+    "around": ("yaw: [270, -90]", "yaw", "-90", "270", "once"),
     "yaw": ("yaw: [0, 700]", "yaw", "700", "-360 to 360"),
     "text": ("contact: {friction: rough}", "contact.friction", "'rough'", "number"),
     "no as number": ("contact: {friction: no}", "contact.friction", "'no'", "number"),

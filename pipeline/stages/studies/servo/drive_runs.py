@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline.config import in_si
-from pipeline.config.motion_schema import MotionConfig, PulseConfig
+from pipeline.config.motion_schema import MotionConfig, RecordConfig
 from pipeline.stages.motions.motion_grid import MotionFiles
 from pipeline.stages.runs.scenes import Group, Scenes, flat_scene
 from pipeline.workflow.stage import Work
@@ -211,7 +211,7 @@ def _record(
 def rows(
     work: Work, motion: MotionConfig, scenes: Scenes, group: Group, drives: list[Drive]
 ) -> dict[tuple[str, float], Bracket]:
-    """Find the boundary for each drive and PGV/PGA.
+    """Find the boundary in cosine pulses for each drive and PGV/PGA.
 
     Parameters
     ----------
@@ -226,7 +226,8 @@ def rows(
         drive.name: prepare(flat_scene(scenes, group, drive.servo), limits_of, reduce=True)
         for drive in drives
     }
-    ends = motion.pgv_pga if isinstance(motion, PulseConfig) else DEFAULT_RATIOS
+    own = None if isinstance(motion, RecordConfig) else motion.pgv_pga
+    ends = own or DEFAULT_RATIOS
     held = max(drive.servo.command_period for drive in drives if drive.servo)
     ratios = np.geomspace(max(ends[0], held / PERIOD_SHARE, 0.05 * ends[-1]), ends[-1], ROWS)
     limits = cases[drives[0].name].static_limits

@@ -142,6 +142,25 @@ def test_fig_11_compares_where_the_robot_can_go() -> None:
     assert [one.found for one in fig_11.findings(swapped)[:2]] == [False, False]
 
 
+def test_fig_11_draws_each_boundary_where_its_name_says() -> None:
+    yaw = (45.0, 270.0, 0.0)
+    medians = {45.0: 0.2, 270.0: 0.8, 0.0: 0.5}
+    dims = ("yaw", "friction", "pgv_pga", "model")
+    line = np.tile(np.reshape([medians[one] for one in yaw], (3, 1, 1, 1)), (1, 1, RATIOS.size, 1))
+    fit = xr.Dataset(
+        {"median_pga": (dims, line)},
+        {"yaw": list(yaw), "pgv_pga": RATIOS, "pga": PGA, "model": ["logistic"]},
+    )
+    data = {
+        "print": responses(*[beyond(0.5)] * 3, yaw=yaw),
+        "fit": fit,
+        "rock": xr.Dataset(attrs={"shape_source": "made up"}),
+    }
+    axes = fig_11.draw(data).axes[0]
+    for side in fig_11.YAWS:
+        assert (drawn(axes, f"logistic-{side:g}") == medians[side]).all()
+
+
 def test_fig_11_counts_tests_and_the_runs_nearest_to_them() -> None:
     """Of 83 tests at yaw 0 deg, 46 overturned; all runs do, then none."""
     for limit, virtual, found in ((0.0, 100, False), (9.0, 0, True)):

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from conftest import Ran
 from scipy.spatial.transform import Rotation, Slerp
 from support.browser import PHONE, Opened, settle, until
 from support.jobs import built
@@ -24,7 +25,7 @@ from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.replay import replay_page
-from pipeline.stages.replay.choice import chosen, neighbour
+from pipeline.stages.replay.choice import chosen, neighbour, other
 from pipeline.stages.replay.film import Played, played
 from pipeline.stages.runs.study import Study
 from pipeline.workflow.datasets import read
@@ -254,6 +255,29 @@ def test_records_of_long_names_have_pages_of_their_own(
     runs = [played(study, choice, choice.among(responses)) for choice in choices]
     names = {replay_page._slug([run], study.motions) for run in runs}
     assert len(names) == 2
+
+
+def test_an_engine_that_has_no_terrain_plays_none() -> None:
+    """What the schema says of an engine holds for the second run, too."""
+    few = ("motion.pga=[0.3]", "motion.pgv_pga=[0.2]", "yaw=0")
+    site = load_site("double_rock_terrain", None, few)
+    shaking = motion_grid.of_site(site)
+    first = chosen(site.config, shaking, {})
+    with pytest.raises(InputError, match=r"--and: simulation\.engine: .*convex hull"):
+        other(site.config, shaking, first, "engine=mujoco")
+
+
+def test_an_engine_whose_table_turns_not_plays_no_such_motion(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+) -> None:
+    pytest.importorskip("mujoco")
+    motion = "{kind: table, pulses: [{axis: x}, {axis: roll, pga_ratio: 0.01}], "
+    site = write_site(f"motion: {motion}pga: [0.3], pgv_pga: [0.2]}}\nyaw: 0\n")
+    command = ("replay", "--site", site, "--workers", "0", "--and", "engine=mujoco")
+    ran = vsr(*command)
+    assert ran.code == cli.REFUSED
+    assert "a table that turns in mujoco" in ran.err.splitlines()[-1]
+    assert not list(derived.rglob("replays/*"))
 
 
 def test_directions_to_both_sides_have_pages_of_their_own() -> None:
