@@ -51,6 +51,8 @@ def main(arguments: list[str] | None = None) -> int:
         log("stopped; what was done is kept, and the same command goes on from there")
         return STOPPED
     except Exception as error:  # noqa: BLE001 (the last door: never a traceback on the screen)
+        if lacking := _lacking(error):
+            return _refused(InputError(lacking))
         report = options.derived / "vsr-fault.txt"
         where = f"details in {report}"
         try:
@@ -60,6 +62,18 @@ def main(arguments: list[str] | None = None) -> int:
             where = f"no details, because of {unwritten}"
         complain(f"vsr: internal error: {error!r}; {where}")
         return BROKEN
+
+
+def _lacking(error: Exception) -> Problem | None:
+    """What of the machine there was too little of, if that is what was wrong."""
+    number = getattr(error, "errno", 0)
+    if isinstance(error, MemoryError) or number == errno.ENOMEM:
+        rule, remedy = "a command has what it needs", "free some, or raise its limit (ulimit -v)"
+        return Problem("memory", "", "too little of it", rule, remedy)
+    if number in (errno.EMFILE, errno.ENFILE):
+        rule, remedy = "a command may open some hundred", "raise the limit (ulimit -n)"
+        return Problem("open files", "", "too few that are allowed", rule, remedy)
+    return None
 
 
 def _check_current_folder() -> None:

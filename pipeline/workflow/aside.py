@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
+import os
 import signal
 import sys
 import traceback
@@ -13,6 +15,8 @@ from typing import TypeVar
 from pipeline.config.problems import Unfinished
 
 T = TypeVar("T")
+
+_PR_SET_PDEATHSIG = 1
 
 KILLED = "a process was killed (is there memory enough?); the same command goes on from there"
 
@@ -32,7 +36,8 @@ def begin(work: Callable[[], T]) -> Callable[[], T]:
     """
     context = multiprocessing.get_context("fork")
     end, told = context.Pipe(duplex=False)
-    process = context.Process(target=_do, args=(work, told), daemon=True)  # ends with this one
+    given = work, told, os.getpid()
+    process = context.Process(target=_do, args=given, daemon=True)  # ends with this one
     process.start()
     told.close()
 
@@ -49,7 +54,10 @@ def begin(work: Callable[[], T]) -> Callable[[], T]:
     return wait
 
 
-def _do(work: Callable[[], object], told: Connection) -> None:
+def _do(work: Callable[[], object], told: Connection, parent: int) -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it was killed meanwhile
+        os._exit(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # with which that one ends this one
     try:

@@ -17,8 +17,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from pipeline.config.outside import check_regular
+from pipeline.config.outside import check_regular, text
 from pipeline.config.problems import InputError, Problem
+from pipeline.config.yaml_text import parse
 from pipeline.workflow.dispatch import Dispatch
 from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch, Done
 from vsr_core.errors import InvalidInput
@@ -255,6 +256,13 @@ def check_settings() -> None:
     given = os.environ.get("NUMBA_DISABLE_JIT", "")
     if given.strip("0 "):
         raise InputError(Problem("NUMBA_DISABLE_JIT", "", given, "runs are compiled", "unset it"))
+    own = Path(".numba_config.yaml")
+    found: Any = {}
+    with suppress(ValueError):  # Numba leaves out what is no YAML
+        found = parse(text(own)) if own.is_file() else {}
+    if isinstance(found, dict) and found.get("disable_jit"):
+        given, rule, remedy = "that it is on", "runs are compiled", "leave it out"
+        raise InputError(Problem(str(own), "disable_jit", given, rule, remedy))
     if "DASK_CONFIG" not in os.environ:
         return  # to import it takes a while, and most commands never do
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -17,6 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline import ROOT, cli
+from pipeline.commands import COMMANDS
 from pipeline.config.problems import Problem
 from pipeline.workflow import cluster
 from tests.support.bad_input import ODD_TEXTS, see_that_it_is_one_line
@@ -225,6 +227,31 @@ def test_settings_of_dask_that_are_no_yaml(tmp_path: Path) -> None:
 def test_runs_without_compilation(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     refused("run", "rock", *SITE, words=("NUMBA_DISABLE_JIT: got 1", "unset it"))
+
+
+def test_numbas_own_file_that_has_no_compilation(
+    refused: Refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".numba_config.yaml").write_text("disable_jit: 1\n")
+    refused("run", "rock", *SITE, words=(".numba_config.yaml: disable_jit", "leave it out"))
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (MemoryError(), "memory: got too little of it"),
+        (OSError(errno.EMFILE, "Too many open files"), "open files: got too few"),
+    ],
+)
+def test_what_the_machine_has_too_little_of(
+    refused: Refused, monkeypatch: pytest.MonkeyPatch, error: Exception, words: str
+) -> None:
+    def lacks(options: object) -> int:
+        raise error
+
+    monkeypatch.setitem(COMMANDS, "status", lacks)
+    refused("status", words=(words, "ulimit"))
 
 
 def stop(process: subprocess.Popen[str], how: signal.Signals) -> tuple[int, str, float]:

