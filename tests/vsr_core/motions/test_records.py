@@ -262,6 +262,45 @@ def test_what_a_sac_header_says_beside_is_told() -> None:
     assert plain.repairs == ()
 
 
+@pytest.mark.parametrize(
+    "head", ["time [s],acceleration [m/s²]", "Time (Sec),acc (m/s2)", "# Ålesund\ntime,acc [m s⁻²]"]
+)
+def test_tables_of_other_hands(head: str) -> None:
+    rows = "".join(f"{STEP * k:.6g},{value:.9g}\n" for k, value in enumerate(VALUES))
+    found = read(f"{head}\n{rows}".encode(), ".csv", PLAIN)
+    np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6)
+
+
+def test_a_station_with_a_letter_of_its_own() -> None:
+    text = files.at2(VALUES, STEP).replace("Nowhere", "Ålesund")
+    assert "Ålesund" in text
+    for encoding in ("utf-8", "latin-1"):
+        found = read(text.encode(encoding), ".at2", PLAIN)
+        assert "Ålesund" in found.source
+
+
+def test_headers_that_contradict_their_samples() -> None:
+    whole = sac(idep="iacc", kcmpnm="HNE")
+    said = np.frombuffer(whole[:632], "<f4").copy()
+    assert said[0] == np.float32(STEP)
+    said[0] *= 4.0  # DELTA, beside the end
+    refusal(lambda: read(said.tobytes() + whole[632:], ".sac", Reading(unit="m/s2")), "DELTA")
+    said[0] /= 4.0
+    said[1:3] *= 2.0  # DEPMIN and DEPMAX
+    found = read(said.tobytes() + whole[632:], ".sac", Reading(unit="m/s2"))
+    assert any("DEPMAX of the header" in said for said in found.repairs)
+    text = files.cosmos((VALUES, 90), interval=STEP)
+    refusal(lambda: read(text.replace("(04)", "(11)").encode(), ".v2", PLAIN), "(11) above")
+    peak = f"{100.0 * np.abs(VALUES).max():13.6f}"
+    lines = text.splitlines(keepends=True)
+    at = next(k for k, line in enumerate(lines) if "Real-header" in line) + 1 + 63 // 6
+    for value, told in ((peak, False), (f"{7.5:13.6f}", True)):
+        changed = lines.copy()
+        changed[at] = lines[at][: 13 * (63 % 6)] + value + lines[at][13 * (63 % 6 + 1) :]
+        found = read("".join(changed).encode(), ".v2", PLAIN)
+        assert any("says a peak of 7.5" in said for said in found.repairs) is told
+
+
 def sac(**header: object) -> bytes:
     """A SAC file of the values."""
     module = pytest.importorskip("obspy.io.sac")

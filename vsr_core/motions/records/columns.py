@@ -124,7 +124,7 @@ def check_seconds(unit: str | None) -> None:
     ------
     InvalidInput
     """
-    if unit is not None and unit.split(" since ")[0].strip() not in _SECONDS:
+    if unit is not None and unit.split(" since ")[0].strip().lower() not in _SECONDS:
         given = f"times in {unit or 'no unit'}"
         raise InvalidInput(given, "they are in s", "set the unit of time to s")
 

@@ -16,7 +16,14 @@ import scipy.signal
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.records import columns, text_files
-from vsr_core.motions.records.record import Record, check_sampling, factor, side_by_side, stated
+from vsr_core.motions.records.record import (
+    Record,
+    check_sampling,
+    factor,
+    is_near,
+    side_by_side,
+    stated,
+)
 
 Corners = tuple[float, float, float, float]
 
@@ -78,8 +85,8 @@ _SAC_SERIES = 1
 _PRESSURE = re.compile("[A-Z]D[DFGHIOU]")
 """Channels of pressure by SEED's codes."""
 
-_PEAKS_ALIKE, _GAINS_ALIKE = 1.1, 3.0
-"""Factors within which a peak is the one that a file states, and a gain that of its stages."""
+_GAINS_ALIKE = 3.0
+"""Factor within which a gain is that of its stages."""
 
 _SEISMOMETERS = "HLP"
 """Instrument codes of SEED (manual 2.4, appendix A) whose samples follow velocity."""
@@ -90,6 +97,7 @@ def _check_quantity(stream: Any) -> None:
     rule, remedy = "it is a motion in even steps of time", "use the record of the acceleration"
     for trace in stream:
         sac, channel = trace.stats.get("sac", {}), str(trace.stats.channel)
+        _check_sac_times(sac)
         if sac.get("iftype", _SAC_SERIES) != _SAC_SERIES or not sac.get("leven", True):
             given = "a SAC file of another kind (IFTYPE), or in uneven steps (LEVEN)"
             raise InvalidInput(given, rule, remedy)
@@ -101,9 +109,18 @@ def _check_quantity(stream: Any) -> None:
                 * trace.stats.calib
                 / factor("gal")
             )
-            if not said / _PEAKS_ALIKE <= peak <= said * _PEAKS_ALIKE:
+            if not is_near(said, peak):
                 given = f"a peak of {peak:.4g} gal by its scale factor, where it says {said:g} gal"
                 raise InvalidInput(given, "the two agree", "download it again")
+
+
+def _check_sac_times(sac: Any) -> None:
+    """Refuse a SAC header whose times are not those of its samples."""
+    if {"b", "e", "delta", "npts"} <= sac.keys():
+        end = sac["b"] + (sac["npts"] - 1) * sac["delta"]
+        if abs(sac["e"] - end) > 1.5 * sac["delta"] + 1e-5 * abs(end):
+            given = f"a SAC file that says it ends at {sac['e']:g} s, and at {end:g} s by DELTA"
+            raise InvalidInput(given, "the two agree", "download it again, or correct the header")
 
 
 def _check_is_acceleration(stream: Any) -> list[str]:
@@ -118,6 +135,9 @@ def _check_is_acceleration(stream: Any) -> list[str]:
         scale = float(sac.get("scale", 1.0))
         if scale != 1.0:
             doubts.append(f"{channel}: SCALE of the header, {scale:g}, was left alone")
+        peaks = [abs(float(sac[key])) for key in ("depmin", "depmax") if key in sac]
+        if peaks and not is_near(max(peaks), float(np.abs(trace.data).max())):
+            doubts.append(f"{channel}: by DEPMIN and DEPMAX of the header a peak of {max(peaks):g}")
         if len(channel) == 3 and channel[1] in _SEISMOMETERS:
             doubts.append(f"{channel}: by its code a seismometer; taken as accelerations")
     return doubts
@@ -177,7 +197,7 @@ def from_stream(stream: Any, unit: str | None) -> Record:
             "channels at different times", "they have some in common", "keep one of them"
         )
     japanese = all("knet" in trace.stats for trace in stream)
-    name = stated("m/s2" if japanese else None, unit)
+    name = stated("gal" if japanese else None, unit)
     columns, repairs, cut = [], [], 0
     for trace in stream:
         first = round((start - trace.stats.starttime) / interval)
@@ -340,7 +360,7 @@ def read_all(content: bytes, suffix: str, how: Reading) -> Record:
         return read_waveforms(content, kind, how.unit, how.response, how.corners)
     if b"\0" in content[:512]:
         raise _unknown()
-    text = content.removeprefix(codecs.BOM_UTF8).decode("latin-1")
+    text = _text(content)
     start = text[: text_files.HEAD]
     if text_files.is_at2(start):
         return text_files.read_at2(text, how.unit)
@@ -349,6 +369,18 @@ def read_all(content: bytes, suffix: str, how: Reading) -> Record:
     if suffix in (".csv", ".txt"):
         return columns.read_table(text, how.component, how.unit)
     raise _unknown()
+
+
+_BREAKS = dict.fromkeys(map(ord, "\v\f\x1c\x1d\x1e\x85\u2028\u2029"), " ")
+"""Characters that Python takes for ends of lines, and files do not."""
+
+
+def _text(content: bytes) -> str:
+    content = content.removeprefix(codecs.BOM_UTF8)
+    try:
+        return content.decode("utf-8").translate(_BREAKS)
+    except UnicodeDecodeError:
+        return content.decode("latin-1").translate(_BREAKS)
 
 
 def _waveform(content: bytes, suffix: str) -> str | None:

@@ -197,9 +197,17 @@ def side_by_side(columns: Sequence[Array]) -> Array:
     return columns[0] if len(columns) == 1 else np.column_stack(columns)
 
 
+def is_near(said: float, peak: float) -> bool:
+    """Whether a peak is the one that a file states, to the digits and offsets that differ."""
+    return said / 1.1 <= peak <= 1.1 * said
+
+
+_RAISED = str.maketrans("²⁻", "2-")
+
+
 def _plain(unit: str) -> str:
-    name = unit.strip().lower().replace("sec", "s").replace("^", "").replace("**", "")
-    return name.replace(" ", "").replace("·", "*")
+    name = unit.strip().lower().translate(_RAISED).replace("sec", "s")
+    return name.replace("^", "").replace("**", "").replace(" ", "").replace("·", "*")
 
 
 LONGEST_GAP = 0.05

@@ -7,7 +7,7 @@ COSMOS V2 files: text, integer and real headers, comments, then a block of sampl
 
 Each block begins with a line of how many entries follow and in which columns. What counts here:
 integers 1 to 3 (stage of processing, 1 for acceleration, unit), 54 (azimuth of the sensor), reals
-62 and 63 (time step [ms], length [s]). Unknown numbers and further series are passed over.
+62 to 64 (time step [ms], length [s], peak). Unknown numbers and further series are passed over.
 
 References
 ----------
@@ -26,7 +26,14 @@ import numpy as np
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.named_columns import is_cut, plain_number
-from vsr_core.motions.records.record import Record, check_sampling, factor, side_by_side, stated
+from vsr_core.motions.records.record import (
+    Record,
+    check_sampling,
+    factor,
+    is_near,
+    side_by_side,
+    stated,
+)
 
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)"
 _NAMED = re.compile(rf"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*{_NUMBER}", re.IGNORECASE)
@@ -73,7 +80,7 @@ def read_at2(text: str, unit: str | None) -> Record:
     number, interval = float(found[1]), float(found[2].upper().replace("D", "E"))
     check_sampling(interval, number)
     in_file = _UNIT.search(quantity)
-    name = stated(in_file[1].rstrip(".") if in_file else None, unit)
+    name = stated(in_file[1].strip("().") if in_file else None, unit)
     start = sum(map(len, lines))
     count = sum(1 for _ in islice(_WORD.finditer(text, start), int(number) + 1))
     if count > number:
@@ -107,11 +114,17 @@ def _other_count(count: int, number: float) -> InvalidInput:
 TEXT_LINES = 13
 _UNITS = {2: "g", 4: "cm/s2", 10: "gal", 11: "mg", 50: "counts", 51: "volts", 52: "mv"}
 _DIRECTIONS = {400: "up", 401: "down", 402: "vertical", 700: "H1", 701: "H2"}
+_UNKNOWN = -999.0
+"""In a header."""
+
 _TEXTS = re.compile(r"with\s+(\d+)\s+text\s+lines", re.IGNORECASE)
 _COUNT = re.compile(r"^\s*(\d+)\s+(\S+)")
 _END = re.compile("end-of-data", re.IGNORECASE)
 DIGITS = 9
 """Digits read of a number in a header: more than any file has lines."""
+
+_UNIT_ABOVE = re.compile(r"units\s*=[^(]*\((\d{1,9})\)", re.IGNORECASE)
+"""The unit in words, and its number, in the heading of the samples."""
 
 _FORMAT = re.compile(r"\(\s*(\d+)\s*[IFE]\s*(\d+)(?:\.\d+)?\s*\)", re.IGNORECASE)
 
@@ -169,11 +182,12 @@ def _series(title: str, lines: Iterator[str]) -> Record | None:
     texts = _TEXTS.search(title)
     number = int(texts[1][:DIGITS]) if texts else TEXT_LINES
     header = [title, *(_line(lines) for _ in range(number - 1))]
-    integers, reals = _block(lines), _block(lines)
+    integers, reals = (_block(lines, _line(lines)) for _ in range(2))
     comments = _COUNT.search(_line(lines))
     for _ in range(int(comments[1][:DIGITS]) if comments else 0):
         _line(lines)
-    values = _block(lines)
+    heading = _line(lines)
+    values = _block(lines, heading)
     if len(integers) < 54 or len(reals) < 63:
         raise _broken(f"has {len(integers)} integer and {len(reals)} real header values")
     if not (np.isfinite(integers).all() and np.isfinite(reals).all()):
@@ -190,15 +204,20 @@ def _series(title: str, lines: Iterator[str]) -> Record | None:
         raise InvalidInput(
             f"a COSMOS file in unit {code}", "accelerations are in g, cm/s2 or gal", "convert it"
         )
+    above = _UNIT_ABOVE.search(heading)
+    if above and int(above[1]) != code:
+        raise _broken(f"has unit {code} in its header, and {above[0]} above its samples")
     channel = _DIRECTIONS.get(azimuth, str(azimuth))
     station = " ".join(header[4].split()) if len(header) > 4 else ""
     source = f"COSMOS file: {title.strip()}"
-    return Record(values, interval, (channel,), station, source, _UNITS[code])
+    said, peak = float(reals[63]), float(np.abs(values).max())
+    agrees = said in (0.0, _UNKNOWN) or is_near(abs(said), peak)
+    doubts = () if agrees else (f"{channel}: its header says a peak of {said:g}",)
+    return Record(values, interval, (channel,), station, source, _UNITS[code], doubts)
 
 
-def _block(lines: Iterator[str]) -> Array:
+def _block(lines: Iterator[str], heading: str) -> Array:
     """The numbers in a block's columns, after its heading."""
-    heading = _line(lines)
     count, columns = _COUNT.search(heading), _FORMAT.search(heading)
     if count is None or columns is None:
         raise _broken(f"has a block headed {heading.strip()[:50]!r}")
