@@ -32,6 +32,9 @@ _LARGEST = 4 * 1024**3
 _MOST = 100_000_000
 """Samples of all tests, those that are missing included."""
 
+_RATE = 0.01
+"""How far a stated sampling rate, of few digits, may be from that of the times."""
+
 
 def commanded(pga: float, ratio: float, stepper: Stepper | None) -> GroundMotion:
     """The pulse of a test without a record, as its table makes it.
@@ -52,8 +55,23 @@ def motions(folder: Path, variable: str | None) -> dict[int, GroundMotion]:
     variable : str or None
         Its name in the records; by default the merged one, else that of the accelerometer.
     """
-    path = folder / RECORDS
     _, interval = recorded(folder)
+    name, tests = _samples(folder, variable)
+    return {
+        number: _motion(folder / RECORDS, name, number, row[:count], interval)
+        for number, count, row in tests
+    }
+
+
+def left_out(folder: Path, variable: str | None) -> list[int]:
+    """Tests of which samples other than zero follow those that count."""
+    _, tests = _samples(folder, variable)
+    return [number for number, count, row in tests if np.nan_to_num(row[count:]).any()]
+
+
+def _samples(folder: Path, variable: str | None) -> tuple[str, list[tuple[int, int, Array]]]:
+    """Name of the accelerations, and of each test its number, how many count, and all [m/s2]."""
+    path = folder / RECORDS
     with _records(folder) as records:
         name = variable or (
             "acceleration_merged" if "acceleration_merged" in records else "acceleration"
@@ -69,10 +87,10 @@ def motions(folder: Path, variable: str | None) -> dict[int, GroundMotion]:
         values = records[name].transpose("test", "time", ...).values
         one = _unit(path, name, records[name])
         counts, numbers = records["n_samples"].values, records["test"].values
-    return {
-        int(number): _motion(path, name, int(number), one * row[: int(count)], interval)
+    return name, [
+        (int(number), int(count), one * row)
         for number, count, row in zip(numbers, counts, values, strict=True)
-    }
+    ]
 
 
 def _is_series(variable: xr.DataArray) -> bool:
@@ -115,6 +133,17 @@ def _motion(path: Path, name: str, number: int, values: Array, interval: float) 
     return ComponentMotion((x, y, z))
 
 
+def peak_velocity(motion: GroundMotion) -> float:
+    """Largest horizontal velocity [m/s], without the drift that an offset makes."""
+    match motion:
+        case RecordedMotion(trace):
+            drift = np.linspace(0.0, trace.velocity[-1], len(trace.velocity))
+            return float(np.abs(trace.velocity - drift).max())
+        case ComponentMotion((x, y, _)):
+            return max(peak_velocity(x), peak_velocity(y))
+    raise TypeError(f"{type(motion).__name__} is no record")
+
+
 def identity(motion: GroundMotion) -> str:
     """What tells a motion from all others: digest of its samples, or its parameters."""
     match motion:
@@ -144,7 +173,7 @@ def recorded(folder: Path) -> tuple[set[int], float]:
                 raise refused(path, name, given, rule, "correct it")
         known = {int(number) for number in numbers}
         time, counts = (records[name].values.ravel() for name in ("time", "n_samples"))
-        unit = records["time"].attrs.get("units")
+        unit, rate = records["time"].attrs.get("units"), records.attrs.get("sampling_rate_hz")
     if len(known) < len(counts):
         rule, remedy = "a test has one record", "number them anew"
         raise refused(path, "test", "a number twice", rule, remedy)
@@ -159,7 +188,15 @@ def recorded(folder: Path) -> tuple[set[int], float]:
         interval = round(even_times.step(time.astype(np.float64)), 9)
     except InvalidInput as error:
         raise InputError.from_invalid(shown(path), "time", error) from None
+    _check_rate(path, rate, interval)
     return known, interval
+
+
+def _check_rate(path: Path, rate: object, interval: float) -> None:
+    """Refuse times that contradict the sampling rate of the file, where it states one."""
+    if isinstance(rate, int | float | np.number) and not abs(interval * rate - 1.0) <= _RATE:
+        given = f"a step of {interval:g} s beside a sampling_rate_hz of {rate:g}"
+        raise refused(path, "time", given, "they agree", "correct one of them")
 
 
 def _records(folder: Path) -> xr.Dataset:

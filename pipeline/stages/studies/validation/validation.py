@@ -15,6 +15,7 @@ from pipeline.stages.studies.validation.recorded_runs import Draw, Outcomes, Rol
 from pipeline.stages.studies.validation.recorded_tests import (
     Folder,
     motions_of,
+    remarks,
     scan,
     scans_in,
     tests_in,
@@ -55,8 +56,8 @@ def make(work: Work, folder: Folder) -> Product:
     """
     tests = tests_in(folder.path)
     motions_of(folder.path)  # what is wrong is told at once
-    for unused in tests.unused:
-        work.log(f"validation: {unused}")
+    for line in (*tests.unused, *remarks(folder.path, tests)):
+        work.log(f"validation: {line}")
     forms = predictions.forms({n: scan(path) for n, path in scans_in(folder.path).items()})
     series = Series(folder.path, tests, forms)
     found, predicted = _predict(work, series)

@@ -11,7 +11,7 @@ import xarray as xr
 from support.recorded_tests import recorded_tests
 
 from pipeline.config.problems import InputError
-from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS, motions_of
+from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS, motions_of, remarks
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
 
 Change = Callable[[xr.Dataset], xr.Dataset]
@@ -43,6 +43,17 @@ def counted(values: list[float], dimension: str = "test") -> Change:
     return lambda data: data.assign(n_samples=(dimension, values))
 
 
+def at_rate(hertz: float) -> Change:
+    return lambda data: data.assign_attrs(sampling_rate_hz=hertz)
+
+
+def one_test(factor: float) -> Change:
+    """The motion of the first test by a factor."""
+    return lambda data: data.assign(
+        acceleration=data["acceleration"] * xr.DataArray([factor, 1.0], dims="test")
+    )
+
+
 def along(names: list[str]) -> Change:
     """The motions along two components."""
 
@@ -72,12 +83,49 @@ def test_records_are_in_the_unit_that_they_state(tmp_path: Path, unit: str, one:
         (at_times(lambda t: t % 1.0), "time: got times that do not ascend"),
         (counted([399.7, 2.2]), "n_samples: .*whole number for each test"),
         (counted([200, 200], "other"), "n_samples: .*whole number for each test"),
+        (at_rate(100.0), "time: got a step of 0.005 s beside a sampling_rate_hz of 100"),
+        (one_test(0.06), r"peaks of 0\.089\d+ times pga_g \(test 1\)"),
         (along(["y", "x"]), "got components y, x; they are x, y, z"),
     ],
 )
 def test_records_that_contradict_themselves(tmp_path: Path, change: Change, words: str) -> None:
     with pytest.raises(InputError, match=words):
         motions_of(changed(tmp_path, change))
+
+
+def told(folder: Path, change: Change) -> list[str]:
+    changed(folder, change)
+    text = (folder / OUTCOMES).read_text()
+    # 3 sin(10 t) m/s2 reaches 0.3 m/s, 0.1 s of its peak, which is 1.5 and 1.2 times pga_g
+    (folder / OUTCOMES).write_text(text.replace(",0.3,", ",0.13,"))
+    return list(remarks(folder, read_tests(folder)))
+
+
+def test_records_that_fit_the_table_are_not_told(tmp_path: Path) -> None:
+    assert not told(tmp_path, at_rate(199.9))
+    for padding in (np.nan, 0.0):
+        assert not told(
+            tmp_path,
+            lambda data, one=padding: data.pad(time=(0, 9), constant_values=one).assign_coords(
+                time=0.005 * np.arange(409)
+            ),
+        )
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (counted([200, 400]), "samples of 1 test of records.nc (1) after the last"),
+        (one_test(0.21), "peaks of 1 test of records.nc (1) are not within a factor of 3 of pga_g"),
+        (at_times(lambda t: 2.0 * t), "peak velocities of records.nc are 2.1"),
+        (at_times(lambda t: 0.5 * t), "peak velocities of records.nc are 0.53"),
+    ],
+)
+def test_records_that_differ_from_the_table_are_told(
+    tmp_path: Path, change: Change, words: str
+) -> None:
+    (line,) = told(tmp_path, change)
+    assert line.startswith(words)
 
 
 def test_a_specimen_has_one_number_however_it_is_written(tmp_path: Path) -> None:
