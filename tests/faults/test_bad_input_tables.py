@@ -132,8 +132,9 @@ def test_bins_without_a_row_are_named(tmp_path: Path) -> None:
     """A file that leaves empty bins out, and one that is cut after a row, are alike."""
     file = disaggregation(tmp_path) / "Mag_Dist-mean-0_1.csv"
     file.write_text("".join(file.read_text().splitlines(keepends=True)[:3]))
-    (words,) = load_disaggregation(tmp_path).unused
-    assert words.startswith("3 bins of PGA not in Mag_Dist")
+    absent, whole = load_disaggregation(tmp_path).unused
+    assert absent.startswith("3 bins of PGA not in Mag_Dist")
+    assert whole.startswith("bins of 0.5 g have a probability of 0.0005 together, and a poe of")
 
 
 def test_a_number_with_underscores_is_none_in_any_table(tmp_path: Path) -> None:

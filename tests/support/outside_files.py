@@ -67,7 +67,7 @@ def disaggregation(folder: Path) -> Path:
     rows += [
         f"PGA,5.0E-01,1.0e-03,{mag},{dist},{share:.5E}"
         for mag in ("5.5", "7.0")
-        for dist, share in (("10.0", 3e-4), ("30.0", 0.0))
+        for dist, share in (("10.0", 5e-4), ("30.0", 0.0))
     ]
     (folder / "Mag_Dist-mean-0_1.csv").write_text("\n".join(rows) + "\n")
     return folder

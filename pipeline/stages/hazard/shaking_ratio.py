@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -21,7 +21,7 @@ from pydantic import Field, model_validator
 
 from pipeline.config import in_si
 from pipeline.config.hazard_schema import HazardConfig
-from pipeline.config.outside import Row, Share, checked, refused, rows, table, text
+from pipeline.config.outside import SUM, Row, Share, checked, refused, rows, table, text
 from pipeline.config.sections import Refused
 from pipeline.stages.hazard.hazard_model import LEVELS, UNITS, HazardModel
 from pipeline.stages.hazard.openquake import check_calculation
@@ -52,10 +52,19 @@ STEP = 1.05
 
 PATTERN = "Mag_Dist-*.csv"
 
+MIDDLE = 0.1
+"""How far from the middle of its borders a bin may be, in widths: it may have few digits."""
+
+WHOLE = 1.25
+"""Factor within which the bins of a level together have its probability. They differ by some per
+cent, as OpenQuake finds the level between those of a curve; by more beyond the curve's ends."""
+
 _EDGES = re.compile(r"(mag|dist)_bin_edges=\[([^\]]*)\]")
 _WEIGHTS = re.compile(r"\bweights=\[([^\]]*)\]")
 _STATISTIC = re.compile(r"mean|rlz-?\d+|poe-?\d+|max|std|quantile-?[\d.]+")
 _COLUMNS = ("imt", "iml", "mag", "dist")
+_NO_POE = "poe", "nan"
+"""A field of OpenQuake's where levels were given, and not their probabilities."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,8 +258,8 @@ def load_disaggregation(path: Path) -> Disaggregation:
         found += of_pga
         unused += others
     bins = pd.DataFrame(
-        [(row.iml, row.mag, row.dist, row.share) for row in found],
-        columns=["iml", "mag", "dist", "share"],
+        [(row.iml, row.mag, row.dist, row.share, row.poe) for row in found],
+        columns=["iml", "mag", "dist", "share", "poe"],
     )
     if len(twice := bins[bins.duplicated(["iml", "mag", "dist"])]):
         given = "{:g} g, M {:g}, {:g} km in two files".format(*twice.iloc[0, :3])
@@ -260,6 +269,7 @@ def load_disaggregation(path: Path) -> Disaggregation:
         rule = "OpenQuake's is named Mag_Dist-mean-0_1.csv and has rows of PGA"
         remedy = "export it, or leave disaggregation out"
         raise refused(path, "imt", "no disaggregation of PGA", rule, remedy)
+    unused += _other_wholes(bins)
     grid = bins.groupby(["iml", "mag", "dist"])["share"].sum().unstack(["mag", "dist"])
     if (bins["share"] == 0.0).any() and grid.isna().any(axis=None):
         rule = "a file that holds empty bins holds all"
@@ -277,6 +287,20 @@ def load_disaggregation(path: Path) -> Disaggregation:
     return Disaggregation(magnitudes, distances, levels, shares, tuple(unused))
 
 
+def _other_wholes(bins: pd.DataFrame) -> Iterator[str]:
+    """Levels whose bins together have another probability than they state, in words.
+
+    Of conditional ("traditional") shares, whose sum is 1, the probability is that of the whole.
+    """
+    for _, part in bins[bins["poe"] > 0.0].groupby(["iml", "poe"]):
+        level, poe = part[["iml", "poe"]].to_numpy()[0].tolist()
+        shares = part["share"].to_numpy()
+        whole = 1.0 - float(np.prod(1.0 - shares))
+        if not (1.0 / WHOLE <= whole / poe <= WHOLE or abs(shares.sum() - 1.0) <= SUM):
+            said = f"bins of {level:g} g have a probability of {whole:.3g} together"
+            yield f"{said}, and a poe of {poe:.3g}: one of them is wrong, or not of this level"
+
+
 def _bins(path: Path) -> tuple[list[Bin], list[str]]:
     """Rows of PGA, and what else the file holds, in words."""
     lines = text(path)
@@ -291,7 +315,7 @@ def _bins(path: Path) -> tuple[list[Bin], list[str]]:
     weights = told[1].split(",") if told and len(shares) > 1 else []
     known = {*_COLUMNS, "poe"}
     of_pga = [
-        {name: cell for name, cell in row.items() if name in known}
+        {name: cell for name, cell in row.items() if name in known and (name, cell) != _NO_POE}
         | {"shares": [row[name] for name in shares], "weights": weights}
         for row in cells
         if row["imt"] == "PGA"
@@ -334,10 +358,12 @@ def _absent(path: Path, first: str, found: list[Bin]) -> int:
         return 0
     cut = {name: edges.split(",") for name, edges in told.items()}
     edges = checked(path, Edges, cut, text=True)
-    for name, along in (("mag", edges.mag), ("dist", edges.dist)):
-        for value in {getattr(row, name) for row in found}:
-            if not along[0] <= value <= along[-1]:
-                rule = f"by its first line they are from {along[0]:g} to {along[-1]:g}"
+    for name, along in (("mag", np.array(edges.mag)), ("dist", np.array(edges.dist))):
+        middles, widths = 0.5 * (along[1:] + along[:-1]), np.diff(along)
+        for value in sorted({getattr(row, name) for row in found}):
+            near = int(np.abs(middles - value).argmin())
+            if not abs(middles[near] - value) <= MIDDLE * widths[near]:
+                rule = f"by its first line the nearest is at {middles[near]:g}"
                 raise refused(path, name, f"a bin at {value:g}", rule)
     whole = (len(edges.mag) - 1) * (len(edges.dist) - 1)
     numbers = Counter(row.iml for row in found).values()

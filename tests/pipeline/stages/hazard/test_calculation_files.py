@@ -194,8 +194,8 @@ def test_a_disaggregation_is_read(tmp_path: Path) -> None:
     path.write_text(
         "#,,,,,\"generated_by='OpenQuake engine 3.26.2', investigation_time=1.0\"\n"
         "imt,iml,poe,mag,dist,mean\n"
-        "PGA,0.5,1e-3,5.5,10.0,3e-4\nPGA,0.5,1e-3,7.0,10.0,1e-4\n"
-        "PGA,0.2,1e-2,5.5,10.0,1e-3\nPGA,0.2,1e-2,7.0,10.0,1e-3\n"
+        "PGA,0.5,4e-4,5.5,10.0,3e-4\nPGA,0.5,4e-4,7.0,10.0,1e-4\n"
+        "PGA,0.2,nan,5.5,10.0,1e-3\nPGA,0.2,nan,7.0,10.0,1e-3\n"
         "PGV,9.0,1e-2,7.0,10.0,1e-3\n",
         encoding="utf-8",
     )
@@ -283,6 +283,28 @@ def test_realizations_count_by_the_weights_of_the_first_line(tmp_path: Path) -> 
     assert "count alike" in load_disaggregation(path).unused[0]
 
 
+@pytest.mark.parametrize(
+    ("mean", "whole"),
+    [
+        (MEAN, None),
+        ([4e-4, 3e-4, 3e-4, 1e-4], None),  # a level that is 10 % off, as between those of a curve
+        ([0.4, 0.3, 0.2, 0.1], None),  # conditional, as of Mag_Dist-mean-traditional
+        ([4e-4, 3e-4, 0.2, 1e-4], 0.201),
+        ([4e-6, 3e-6, 2e-6, 1e-6], 1e-5),
+    ],
+)
+def test_bins_that_are_not_their_whole_are_told(
+    tmp_path: Path, mean: list[float], whole: float | None
+) -> None:
+    """All bins of a level have its probability, 1e-3: 1 - prod(1 - share)."""
+    told = load_disaggregation(disaggregated(tmp_path, {"mean": mean})).unused
+    assert [line.split(": ")[0] for line in told] == (
+        [f"bins of 0.5 g have a probability of {whole:.3g} together, and a poe of 0.001"]
+        if whole
+        else []
+    )
+
+
 PLACE = f"{EDGES}, lon=-120.9, lat=35.2"
 
 
@@ -294,6 +316,8 @@ PLACE = f"{EDGES}, lon=-120.9, lat=35.2"
         ({"quantile-0.5": MEAN, "std": MEAN}, EDGES, "got columns quantile-0.5 and std"),
         ({"mean": MEAN}, EDGES.replace("8.0", "6.5"), "mag: got a bin at 7; by its first line"),
         ({"mean": MEAN}, EDGES.replace("40", "25"), "dist: got a bin at 30; by its first line"),
+        ({"mean": MEAN}, EDGES.replace("20.0", "24.0"), "dist: got a bin at 30; by its first line"),
+        ({"mean": MEAN}, EDGES.replace("20.0", "2000.0"), "dist: got a bin at 10; by its first"),
         ({"mean": MEAN}, EDGES.replace("40.0", "x"), "dist.2: got ' x'"),
         (
             {"rlz0": MEAN, "rlz1": MEAN},
