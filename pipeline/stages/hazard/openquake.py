@@ -66,6 +66,10 @@ _SAID = {
 }
 """What a first line says of its calculation, and of the site where it has one only."""
 
+_OFF, _TINY = 2e-3, 1e-7
+"""How far a mean curve may be from the mean of the realizations, as weights have few digits, and
+besides in probability, as older files have seven decimals."""
+
 _OLDER = {"ordinal": "rlz_id"}
 
 
@@ -101,7 +105,28 @@ def load(folder: Path) -> HazardModel:
         given = f"realization {min(incomplete)} without curve or weight"
         rule = "each has a curve of PGA and a weight in realizations_1.csv"
         raise refused(folder, "rlz_id", given, rule, "export both from one calculation")
+    unused += _other_means(curves, weights)
     return model(folder, curves, sorted(weights, key=lambda row: row.rlz_id), *unused)
+
+
+def _other_means(
+    curves: dict[tuple[int, str], tuple[Path, GivenCurve]], rows: list[Realization]
+) -> Iterator[str]:
+    """Mean curves that are not of the realizations, by probabilities or rates, in words."""
+    weights = np.array([row.weight for row in rows]) / sum(row.weight for row in rows)
+    for path, mean in (curves[key] for key in curves if key[0] == MEAN):
+        each = [curves.get((row.rlz_id, mean.measure), (path, None))[1] for row in rows]
+        given = [one.values for one in each if one and len(one.values) == len(mean.values)]
+        if len(given) < len(rows):
+            continue  # without realizations, or refused for its levels
+        told, poes = np.array(mean.values), np.array(given)
+        means = weights @ poes, -np.expm1(weights @ np.log1p(-poes))
+        off = min(float(((abs(one - told) - _TINY) / (told + _TINY)).max()) for one in means)
+        if off > _OFF:
+            yield (
+                f"{path.name} is up to {100.0 * off:.3g} % off the mean of the realizations, "
+                "which count: a curve or a weight may be of another calculation"
+            )
 
 
 def check_calculation(folder: Path, paths: Iterable[Path]) -> None:

@@ -80,6 +80,28 @@ FIRST = "hazard_curve-rlz-000-PGA_1.csv"
 
 
 @pytest.mark.parametrize(
+    ("mean", "off"),
+    [
+        ([0.24, 5.6e-3, 1.2e-5], ""),  # of rates
+        (None, ""),  # of probabilities
+        ([0.24, 5.6e-3, 2e-5], "40 %"),  # at the last level the mean is 0.6 of that
+        ([0.24, 5.7e-3, 1.2e-5], "1.52 %"),  # (exp(-0.28) - exp(-0.285)) / (1 - exp(-0.285))
+    ],
+)
+def test_a_mean_curve_that_is_none_of_the_realizations_is_told(
+    tmp_path: Path, mean: list[float] | None, off: str
+) -> None:
+    if mean is None:
+        poes = [-np.expm1(-YEARS * np.array(RATES[number])) for number in RATES]
+        mean = (-np.log1p(-(0.6 * poes[0] + 0.4 * poes[1])) / YEARS).tolist()
+    curve = present(0, mean).replace("rlz-000", "mean")
+    (written(tmp_path) / "hazard_curve-mean-PGA_1.csv").write_text(curve, encoding="utf-8")
+    told = [line for line in curve_folder.load(tmp_path).unused if "mean" in line]
+    assert len(told) == bool(off)
+    assert all(f"is up to {off} off the mean of the realizations" in line for line in told)
+
+
+@pytest.mark.parametrize(
     ("file", "old", "new", "words"),
     [
         (FIRST, "investigation_time=50.0", "x=1", "years of the probabilities"),
