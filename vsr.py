@@ -104,16 +104,23 @@ def run(
         rule, remedy = "it has no dataset", f"use the command vsr run {product}"
         raise InputError(Problem("vsr.run", "", product, rule, remedy))
     folder = Path(derived or working_folder() / "data" / "derived")
+    settings: list[str] = []
+    for layer in (*layers, keys):
+        if not isinstance(layer, Mapping):
+            rule, remedy = "a layer is a dict of settings", "e.g. {'yaw': 30}"
+            raise InputError(Problem("vsr.run", "layers", f"{layer!r:.60}", rule, remedy))
+        for key, value in layer.items():
+            settings += ["--set", f"{key}={json.dumps(_plain(value))}"]
+    if not isinstance(site, str | os.PathLike | Mapping):
+        rule, remedy = "it is a name, a path or a dict", "e.g. double_rock"
+        raise InputError(Problem("vsr.run", "site", f"{site!r:.60}", rule, remedy))
     file: Callable[[], str | os.PathLike[str]]
     if isinstance(site, Mapping):
         file = partial(_written, folder, name, _plain(site))
     else:
         file = partial(os.fspath, site)
     given = "--table" if product == "validation" else "--site"
-    words = [given, os.fspath(file()), "--derived", str(folder)]
-    for layer in (*layers, keys):
-        for key, value in layer.items():
-            words += ["--set", f"{key}={json.dumps(_plain(value))}"]
+    words = [given, os.fspath(file()), "--derived", str(folder), *settings]
     words += ["--study", study] if study else []
     words += [] if workers is None else ["--workers", str(workers)]
     job, _ = commands.made(parsed(["run", product, *words]))
@@ -168,7 +175,12 @@ def _plain(value: Any) -> Any:
         return {key: _plain(one) for key, one in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [_plain(one) for one in value]
-    return os.fspath(value) if isinstance(value, os.PathLike) else value
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    rule, remedy = "a value is a number, a text, or a list or dict of them", "write it so"
+    raise InputError(Problem("vsr.run", "", f"{value!r:.60}", rule, remedy))
 
 
 def responses(site: Site, *layers: Settings, **options: Any) -> xr.Dataset:

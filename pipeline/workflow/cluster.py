@@ -248,10 +248,14 @@ def _renew(cluster: Any) -> None:
     cluster.scale(len(cluster.worker_spec))
 
 
+_OF_DASK = "/etc/dask", os.path.expanduser("~/.config/dask")  # noqa: PTH111 (never fails)
+"""Folders of settings that Dask reads, too."""
+
+
 def check_settings() -> None:
     """Refuse an environment in which nothing runs: Numba without compilation, unreadable YAML.
 
-    The latter are settings of Dask in ``DASK_CONFIG``, which it reads on import.
+    The latter are settings of Dask, which it reads on import.
     """
     given = os.environ.get("NUMBA_DISABLE_JIT", "")
     if given.strip("0 "):
@@ -263,13 +267,23 @@ def check_settings() -> None:
     if isinstance(found, dict) and found.get("disable_jit"):
         given, rule, remedy = "that it is on", "runs are compiled", "leave it out"
         raise InputError(Problem(str(own), "disable_jit", given, rule, remedy))
-    if "DASK_CONFIG" not in os.environ:
+    if "DASK_CONFIG" not in os.environ and not any(map(_says_something, _OF_DASK)):
         return  # to import it takes a while, and most commands never do
     try:
         import dask  # noqa: F401
     except ValueError as error:
         given, rule = str(error).splitlines()[0].split(", original")[0], "it names YAML"
-        raise InputError(Problem("DASK_CONFIG", "", given, rule, "mend it, or unset it")) from None
+        remedy = "mend it, or unset DASK_CONFIG"
+        raise InputError(Problem("settings of Dask", "", given, rule, remedy)) from None
+
+
+def _says_something(folder: str) -> bool:
+    """Whether files of settings in a folder hold more than the comments that Dask puts there."""
+    lines = (line for path in Path(folder).glob("*.y*ml") for line in path.open("rb"))
+    try:
+        return any(line.strip() and not line.lstrip().startswith(b"#") for line in lines)
+    except OSError:
+        return True
 
 
 _LARGEST_FILE = 1024**2

@@ -213,11 +213,14 @@ def test_surroundings_change_nothing(
     assert "file not found" in line
 
 
-def test_settings_of_dask_that_are_no_yaml(tmp_path: Path) -> None:
-    bad = tmp_path / "dask.yaml"
-    bad.write_text("{[")
+@pytest.mark.parametrize("place", ["DASK_CONFIG", "HOME"])
+def test_settings_of_dask_that_are_no_yaml(tmp_path: Path, place: str) -> None:
+    bad = tmp_path / ".config" / "dask" / "dask.yaml"
+    bad.parent.mkdir(parents=True)
+    bad.write_text("# of mine\n{[")
     site, into = "cuboid_1x1x2", tmp_path / "derived"
-    process = start("run", "rock", "--site", site, "--derived", into, DASK_CONFIG=str(bad))
+    found = {"DASK_CONFIG": str(bad), "HOME": str(tmp_path)}[place]
+    process = start("run", "rock", "--site", site, "--derived", into, **{place: found})
     (line,) = process.communicate(timeout=60)[0].splitlines()
     assert process.returncode == cli.REFUSED
     assert str(bad) in line

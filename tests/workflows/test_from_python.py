@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 import trimesh
@@ -44,6 +45,21 @@ def test_a_scan_is_found_from_the_working_folder() -> None:
 def test_what_has_no_dataset_is_refused_before_any_work() -> None:
     with pytest.raises(vsr.InputError, match="got stability; it has no dataset"):
         vsr.run("stability", BLOCK)
+    assert not Path("data").exists()
+
+
+@pytest.mark.parametrize(
+    ("site", "layer", "words"),
+    [
+        (None, {}, "site: got None"),
+        (BLOCK, [1], r"layers: got \[1\]"),
+        (BLOCK, {"yaw": {1, 2}}, r"got \{1, 2\}; a value is a number"),
+        (BLOCK, {"yaw": (one for one in (1, 2))}, "got <generator"),
+    ],
+)
+def test_what_is_no_setting_is_refused(site: Any, layer: Any, words: str) -> None:
+    with pytest.raises(vsr.InputError, match=words):
+        vsr.run("rock", site, layer, workers=0)
     assert not Path("data").exists()
 
 

@@ -158,6 +158,8 @@ def _fields(runs: xr.Dataset) -> dict[str, NDArray[Any]]:
         "movement": [Movement(code).words for code in runs["movement"].values],
         "ended": [STOPS[StopReason(code)] for code in runs["stop_reason"].values],
     }
+    if "record" in runs:
+        words["record"] = runs["record"].values.astype(str).tolist()
     return found | {name: np.array(told, dtype=object) for name, told in words.items()}
 
 

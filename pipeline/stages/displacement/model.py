@@ -67,6 +67,7 @@ def ends(displacement: xr.Dataset) -> dict[str, Array]:
             f"run {run}: yaw {one['yaw'].item():g} deg, PGA {one['pga'].item():g} g, "
             f"PGV/PGA {one['pgv_pga'].item():g} s, friction {one['friction'].item():g}"
         )
+        name += f", record {one['record'].item()}" if "record" in one else ""
         found[name] = pose(place, displacement["quaternion"].values[sample].astype(float))
     return found
 

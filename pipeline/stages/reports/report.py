@@ -11,6 +11,7 @@ from typing import Annotated, Any, NamedTuple
 import yaml
 from markupsafe import Markup
 
+from pipeline.config.fragility_schema import FragilityConfig
 from pipeline.config.layers import SITES, Origin, known, load_site
 from pipeline.config.motion_schema import RecordConfig, TableMotionConfig
 from pipeline.config.problems import InputError
@@ -73,6 +74,7 @@ class Parts(NamedTuple):
     responses: Responses
     boundary: BoundaryData
     fits: Fits
+    search: FragilityConfig
     inset: Annotated[tuple[float, float], Key("uncertainty.inset")]
 
     @property
@@ -92,6 +94,8 @@ class Parts(NamedTuple):
             "drive": scene.drive,
             "servo": {} if scene.servo is None else scene.servo.model_dump(mode="json"),
             "simulation": scene.simulation.model_dump(mode="json"),
+            "fragility": self.search.model_dump(mode="json"),
+            "uncertainty": {"inset": list(self.inset)},
         }
 
 
@@ -223,7 +227,7 @@ def _in_yaml(settings: dict[str, Any]) -> str:
     return str(yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, width=90))
 
 
-_PATHS = {"rock.mesh", "motion.files", "motion.records", "motion.response.file"}
+_PATHS = {"rock.mesh", "pedestal.mesh", "motion.files", "motion.records", "motion.response.file"}
 
 
 def command(site: Origin, settings: dict[str, Any]) -> list[str]:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import base64
+import html
 import io
+import re
 import shlex
 import shutil
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from conftest import Ran
 from PIL import Image
 from support.jobs import built, work
 
@@ -368,6 +372,22 @@ def test_command_names_what_was_set() -> None:
     name, *settings = report.command(changed, changed.config.model_dump(mode="json"))
     again = load_site(name, None, tuple(text.strip("'") for text in settings))
     assert again.config == changed.config
+
+
+def test_the_printed_command_makes_the_boundary_that_is_shown(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], tmp_path: Path
+) -> None:
+    """Also one that was searched for in another range than the site's."""
+    grid = "motion: {pga: [0.2, 0.3], pgv_pga: [0.2]}\nsimulation: {time_step: 0.004}\n"
+    search = ("--set", "fragility.highest=0.5", "--set", "fragility.resolution=0.1")
+    ran = vsr("run", "fragility", "--site", write_site(grid), *search, into=tmp_path / "one")
+    assert ran.code == cli.DONE
+    page = (tmp_path / "one" / "rock" / "report.html").read_text()
+    (printed,) = re.findall(r"<pre>vsr (run fragility [^<]*)</pre>", page)
+    again = vsr(*shlex.split(html.unescape(printed)), into=tmp_path / "other")
+    assert again.code == cli.DONE
+    one, other = (read(tmp_path / name / "rock" / "boundary.nc") for name in ("one", "other"))
+    assert one.identical(other)
 
 
 def test_command_finds_the_records_of_a_study_in_another_folder(tmp_path: Path) -> None:
