@@ -80,6 +80,7 @@ def test_the_verdicts_and_the_page(derived: Path) -> None:
     assert page.count('class="verdict not-testable-here"') == 3  # two are on speed
     assert "make figures FIG=12" in page  # of what is not made yet
     assert page.count("<img ") == 1
+    assert f"Made with <code>{GRID[1]}" in page
     assert 'alt="Fig. 8' in page
 
 

@@ -17,6 +17,9 @@ from vsr_core.errors import InvalidInput, reason
 _BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
 
 
+_WITH_UNIT = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
+"""A name among names apart by blanks."""
+
 _DIGIT = re.compile(r"\d")
 
 
@@ -94,7 +97,8 @@ def of_text(text: str) -> list[Column]:
     if not lines:
         return []
     separator = next((mark for mark in ",;\t" if mark in lines[0]), None)
-    names = [_name(word) for word in lines[0].split(separator)]
+    words = lines[0].split(separator) if separator else _WITH_UNIT.findall(lines[0])
+    names = [_name(word) for word in words]
     check_size(len(lines))
     flat = array("d")
     for place, line in enumerate(lines[1:], start=2):

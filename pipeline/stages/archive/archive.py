@@ -11,6 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.config.paths import located, shown
+from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import pictures, png_uri
 from pipeline.stages.archive import archive_figures, rock_list, shipped_equations
 from pipeline.stages.archive.rock_list import Archive
@@ -67,6 +68,9 @@ def make(options: argparse.Namespace) -> tuple[Store, int]:
 
 def _folder(derived: Path, path: Path) -> Path:
     """Folder of an archive; another file of the same name has one of its own."""
+    if not path.stem.strip("."):
+        rule, remedy = "results go to a folder of its name", "rename it, e.g. to rocks.csv"
+        raise InputError(Problem(shown(path), "", "a name of points", rule, remedy))
     folder = derived / FOLDER / path.stem
     manifest = Store(folder).manifest("archive")
     if manifest is not None and manifest["facts"].get("file") != str(path):

@@ -124,6 +124,7 @@ def _draw(
     data = {told: dataset(source, asked.derived) for told, source in figure.SOURCES.items()}
     try:
         found = {"title": figure.TITLE, "findings": [asdict(one) for one in figure.findings(data)]}
+        found["settings"] = [*asked.settings]
         files = pictures(name, figure.draw(data), KINDS)
     except (LookupError, ValueError) as missing:
         if not asked.settings:
@@ -176,6 +177,7 @@ def _section(store: Store, name: str) -> dict[str, Any]:
     if store.manifest(name) is None or store.damage(name):
         return section
     stored = json.loads((store.folder / f"{name}.json").read_text(encoding="utf-8"))
+    section["settings"] = stored["settings"]
     section["findings"] = [Finding(**finding) for finding in stored["findings"]]
     section["image"] = data_uri((store.folder / f"{name}.png").read_bytes(), "png")
     return section

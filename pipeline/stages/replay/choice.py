@@ -109,9 +109,9 @@ _KINDS = "give e.g. engine=bullet, pga=0.5 or neighbour"
 
 def _pairs(request: str, shaking: Shaking) -> dict[str, str]:
     known = ("engine", "yaw", "friction", shaking.dimension, "pga")
-    pairs = dict(part.partition("=")[::2] for part in request.split(","))
-    pairs = {key.strip(): value.strip() for key, value in pairs.items()}
-    if not all(key in known and value for key, value in pairs.items()):
+    parts = [part.partition("=")[::2] for part in request.split(",")]
+    pairs = {key.strip(): value.strip() for key, value in parts}
+    if len(pairs) < len(parts) or not all(key in known and value for key, value in pairs.items()):
         rule = f"it is {NEIGHBOUR}, or key=value of {', '.join(known)}, parted by commas"
         raise InputError(Problem("--and", "", repr(request), rule, _KINDS))
     return pairs

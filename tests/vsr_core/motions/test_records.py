@@ -263,10 +263,17 @@ def test_what_a_sac_header_says_beside_is_told() -> None:
 
 
 @pytest.mark.parametrize(
-    "head", ["time [s],acceleration [m/s²]", "Time (Sec),acc (m/s2)", "# Ålesund\ntime,acc [m s⁻²]"]
+    "head",
+    [
+        "time [s],acceleration [m/s²]",
+        "time [s] acceleration [m/s2]",
+        "Time (Sec),acc (m/s2)",
+        "# Ålesund\ntime,acc [m s⁻²]",
+    ],
 )
 def test_tables_of_other_hands(head: str) -> None:
-    rows = "".join(f"{STEP * k:.6g},{value:.9g}\n" for k, value in enumerate(VALUES))
+    mark = "," if "," in head else " "
+    rows = "".join(f"{STEP * k:.6g}{mark}{value:.9g}\n" for k, value in enumerate(VALUES))
     found = read(f"{head}\n{rows}".encode(), ".csv", PLAIN)
     np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6)
 

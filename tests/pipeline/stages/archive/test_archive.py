@@ -149,6 +149,15 @@ def test_a_row_that_is_wrong_is_named_and_the_others_go_on(
     assert "line 3" in page
 
 
+def test_an_archive_whose_name_is_no_folders_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, "A,12,17,0.84,0.86,,,,,").rename(tmp_path / "...csv")
+    assert main(["archive", str(path), "--derived", str(tmp_path / "d")]) == REFUSED
+    assert "a name of points" in capsys.readouterr().err
+    assert not (tmp_path / "d").exists()
+
+
 def test_of_ten_thousand_rows_the_broken_ones_are_named(tmp_path: Path) -> None:
     random = np.random.default_rng(3)
     broken = set(random.choice(10_000, 50, replace=False).tolist())
