@@ -45,6 +45,7 @@ NOT_RUN = {
     "other machines",
     r"join (theirs|FOLDER)": "has results of others",
     r"make (test|test-slow|check|coverage)\b|-m pytest": "is what runs this test",
+    r"make (mutants|archive-equations)": "takes an hour or more",
     r"run geodata": "needs the extra gis",
     r"pre-commit install": "changes the repository's hooks",
     r"-m benchmarks\.": "takes hours and writes what docs/ says of them",
