@@ -45,7 +45,8 @@ NOT_RUN = {
     "other machines",
     r"join (theirs|FOLDER)": "has results of others",
     r"make (test|test-slow|check|coverage)\b|-m pytest": "is what runs this test",
-    r"make (mutants|archive-equations)": "takes an hour or more",
+    r"make (mutants|archive-equations|bench|figures$|accuracy( SITE=double_rock)?$)|run accuracy|"
+    r"raw_scans|scripts\.docs --pictures": "takes an hour, or many minutes of what others do",
     r"run geodata": "needs the extra gis",
     r"pre-commit install": "changes the repository's hooks",
     r"-m benchmarks\.": "takes hours and writes what docs/ says of them",
