@@ -33,6 +33,10 @@ CROSSING_SHARE = 0.001
 """Share of the surface that may cross itself: a real scan holds a few folded faces, whose volume
 is nothing to its mass; a surface that passes through itself has no inside."""
 
+LARGEST_SURFACE = 10.0
+"""Largest surface as a share of that of the box around it. Scans of rocks have about half; faces of
+wrong vertices, each from one side to another, a hundred times as much."""
+
 _SHOWN = 50  # crossing faces whose places are told
 
 _SWEEPS = 12  # of Jacobi's rotations; each squares what is left beside the diagonal
@@ -286,4 +290,11 @@ def _require_a_rock(mesh: trimesh.Trimesh) -> None:
             f"they are within {FARTHEST:g} m of the origin, where millimetres can be told",
             "move the scan to an origin near the rock",
         )
-    check_size(float(np.ptp(mesh.vertices, axis=0).max()))
+    x, y, z = np.ptp(mesh.vertices, axis=0).tolist()
+    check_size(max(x, y, z))
+    if mesh.area > LARGEST_SURFACE * (around := 2.0 * (x * y + y * z + z * x)):
+        raise InvalidInput(
+            f"a surface of {mesh.area:.3g} m2 in a box of {around:.3g} m2",
+            f"it is at most {LARGEST_SURFACE:g} times as large",
+            "export it again: faces name other vertices, as after one that is lost or twice there",
+        )

@@ -260,6 +260,18 @@ def test_a_faulty_mesh_is_refused_by_its_fault(fault: str) -> None:
         checked(broken(fault))
 
 
+def test_faces_of_other_vertices_are_refused_before_crossings_are_sought() -> None:
+    """A vertex written twice moves all that follow by one; most faces then cross each other."""
+    sphere = trimesh.creation.icosphere(4)
+    order = np.random.default_rng(0).permutation(len(sphere.vertices))
+    vertices = np.repeat(sphere.vertices[order], [2] + [1] * (len(order) - 1), axis=0)
+    faces = np.argsort(order)[sphere.faces]
+    with pytest.raises(InvalidInput, match="in a box of 24 m2; it is at most 10 times"):
+        checked(trimesh.Trimesh(vertices, faces, process=False))
+    whole = trimesh.Trimesh(sphere.vertices[order], faces, process=False)
+    assert checked(whole)[0].volume == pytest.approx(sphere.volume)
+
+
 def test_a_mesh_in_millimetres_is_asked_for_its_scale() -> None:
     with pytest.raises(InvalidInput, match="scale"):
         checked(broken("m large"))
