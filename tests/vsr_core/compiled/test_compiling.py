@@ -117,6 +117,7 @@ class Runs:
 DAMAGES: dict[str, tuple[Callable[[Path, bytes], Any], str]] = {
     "cut": (lambda path, code: path.write_bytes(code[: len(code) // 2]), "damaged"),
     "empty": (lambda path, code: path.write_bytes(b""), "damaged"),
+    "of a terabyte": (lambda path, code: os.truncate(path, 1 << 40), "damaged"),
     "a folder": (lambda path, code: (path.unlink(), path.mkdir()), "cannot be read"),
     "a pipe": (lambda path, code: (path.unlink(), os.mkfifo(path)), "not used"),
     "of others": (lambda path, code: path.chmod(0o666), "could be written by others"),
