@@ -24,6 +24,8 @@ from pipeline import ROOT
 from pipeline.drawing import style
 from pipeline.stages.displacement import timelapse
 from pipeline.stages.mesh import scan_figures
+from pipeline.stages.studies.accuracy import comparison, quantity_fronts, worker_tasks
+from pipeline.stages.studies.servo import drive_runs
 from pipeline.workflow.products import DELIVERABLES
 
 SCENES = {
@@ -163,16 +165,33 @@ def test_each_pair_has_a_way(
     go(way, "0.0015")
 
 
+@pytest.fixture(scope="module")
+def few_runs() -> Iterator[None]:
+    """Of the studies that take a minute each: all of their steps, on few rows and cells."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module, values in (
+            (drive_runs, {"ROWS": 2, "LEVELS": 3, "HALVINGS": 1}),
+            (comparison, {"CELLS": 6, "STEPS": (1 / 500, 1 / 1000)}),
+            (quantity_fronts, {"PULSES": 8}),
+            (worker_tasks, {"BUDGET": 0.5}),
+        ):
+            for name, value in values.items():
+                patch.setattr(module, name, value)
+        yield
+
+
 ALL = {"product": QUICK + SLOW, **SCENES}
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_runs")
 @pytest.mark.parametrize("way", ways.cover(ALL, together=3), ids=told)
 def test_each_three_have_a_way(way: Way, go: Callable[[Way, str], None]) -> None:
     go(way, "0.0015")
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_runs")
 @pytest.mark.parametrize("way", ways.cover(ALL, together=2), ids=told)
 def test_each_pair_has_a_way_at_a_measured_step(way: Way, go: Callable[[Way, str], None]) -> None:
     go(way, "auto")
