@@ -106,6 +106,7 @@ def gather(source: Path) -> None:
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(ROOT / "docs", source, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(ROOT / "notebooks", source / "notebooks")
+    (source / "data").symlink_to(ROOT / "data")  # which notebooks read
     (source / "extra").mkdir()
     for name in BESIDE:
         shutil.copy(ROOT / name, source / name)

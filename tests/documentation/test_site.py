@@ -98,6 +98,15 @@ def test_notebooks_take_the_public_way() -> None:
         assert re.findall(r"(?:from|import) (vsr_core|pipeline)\b", text) == [], path.name
 
 
+def test_what_notebooks_read_lies_beside_them_where_the_site_is_built(tmp_path: Path) -> None:
+    docs.gather(tmp_path / "source")
+    folder = tmp_path / "source" / "notebooks"
+    texts = (path.read_text(encoding="utf-8") for path in folder.glob("*.ipynb"))
+    named = {name for text in texts for name in re.findall(r'\\"(\.\./data/[^"\\]*)', text)}
+    assert named
+    assert [name for name in sorted(named) if not (folder / name).exists()] == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebooks_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
