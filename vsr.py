@@ -103,7 +103,7 @@ def run(
     if product in WITHOUT_DATASET:
         rule, remedy = "it has no dataset", f"use the command vsr run {product}"
         raise InputError(Problem("vsr.run", "", product, rule, remedy))
-    folder = Path(derived or working_folder() / "data" / "derived")
+    folder = Path(derived or working_folder() / "data" / "derived").expanduser()
     settings: list[str] = []
     for layer in (*layers, keys):
         if not isinstance(layer, Mapping):
@@ -170,8 +170,8 @@ def _replayed(file: Callable[[], object], words: list[str], **coordinates: Any) 
 def _plain(value: Any) -> Any:
     """Arrays, tuples and paths as what JSON has."""
     if hasattr(value, "tolist"):
-        return value.tolist()
-    if isinstance(value, Mapping):
+        return _plain(value.tolist())
+    if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
         return {key: _plain(one) for key, one in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [_plain(one) for one in value]

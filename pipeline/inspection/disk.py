@@ -72,7 +72,7 @@ def remove(folder: Path) -> None:
 
     Refused while a command is at work in it, which for a variant owns its site's folder.
     """
-    site = folder.with_name(folder.name.partition("@")[0])
+    site = folder.with_name(folder.name.partition("@")[0] or folder.name)
     with writing(folder):
         with (
             Ownership(site) if site.is_dir() and site != folder else nullcontext(),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Sequence
@@ -248,7 +249,9 @@ def _renew(cluster: Any) -> None:
     cluster.scale(len(cluster.worker_spec))
 
 
-_OF_DASK = "/etc/dask", os.path.expanduser("~/.config/dask")  # noqa: PTH111 (never fails)
+_HOME = os.path.expanduser("~")  # noqa: PTH111 (never fails)
+
+_OF_DASK = "/etc/dask", f"{sys.prefix}/etc/dask", f"{_HOME}/.config/dask"
 """Folders of settings that Dask reads, too."""
 
 
@@ -261,13 +264,15 @@ def check_settings() -> None:
     if given.strip("0 "):
         raise InputError(Problem("NUMBA_DISABLE_JIT", "", given, "runs are compiled", "unset it"))
     own = Path(".numba_config.yaml")
-    found: Any = {}
-    with suppress(ValueError):  # Numba leaves out what is no YAML
-        found = parse(text(own)) if own.is_file() else {}
-    if isinstance(found, dict) and found.get("disable_jit"):
+    found: dict[object, object] = {}
+    with suppress(ValueError, TypeError):  # Numba leaves out what is no YAML
+        found = dict(parse(text(own)) or {}) if own.is_file() else {}
+    named = {str(key).upper(): str(value).strip() for key, value in found.items()}
+    if named.get("DISABLE_JIT", "").isdecimal() and int(named["DISABLE_JIT"]):
         given, rule, remedy = "that it is on", "runs are compiled", "leave it out"
         raise InputError(Problem(str(own), "disable_jit", given, rule, remedy))
-    if "DASK_CONFIG" not in os.environ and not any(map(_says_something, _OF_DASK)):
+    named_in = {"DASK_CONFIG", "DASK_ROOT_CONFIG"} & os.environ.keys()
+    if not named_in and not any(map(_says_something, _OF_DASK)):
         return  # to import it takes a while, and most commands never do
     try:
         import dask  # noqa: F401
@@ -279,7 +284,8 @@ def check_settings() -> None:
 
 def _says_something(folder: str) -> bool:
     """Whether files of settings in a folder hold more than the comments that Dask puts there."""
-    lines = (line for path in Path(folder).glob("*.y*ml") for line in path.open("rb"))
+    files = (path for path in Path(folder).glob("*.*") if path.suffix in (".yaml", ".yml", ".json"))
+    lines = (line for path in files for line in path.open("rb"))
     try:
         return any(line.strip() and not line.lstrip().startswith(b"#") for line in lines)
     except OSError:

@@ -284,7 +284,7 @@ class _Making:
             raise refusal.shown_in(job.store.folder) from None
         except FileNotFoundError as error:
             folder = job.store.folder
-            if not Path(str(error.filename)).is_relative_to(folder):
+            if not Path(str(error.filename)).resolve().is_relative_to(folder.resolve()):
                 raise
             given = f"a folder from which files are gone since ({reason(error)})"
             rule = "nothing else changes a folder in which a command is at work"

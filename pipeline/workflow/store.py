@@ -58,7 +58,7 @@ class Manifest(BaseModel):
     model_config = ConfigDict(extra="allow", strict=True)
 
     key: str
-    seal: str
+    seal: str = ""
     facts: Facts
     files: dict[ProductName, str]
     unresolved: int = Field(ge=0)
@@ -68,12 +68,17 @@ class Manifest(BaseModel):
     place: str = ""
 
 
-def read_manifest(path: Path) -> dict[str, Any] | None:
-    """What a manifest says; None if there is none, or what is there is none."""
+def read_manifest(path: Path, *, changed: bool = False) -> dict[str, Any] | None:
+    """What a manifest says; None if there is none, or what is there is none.
+
+    Parameters
+    ----------
+    changed : whether one that was changed since it was written is one
+    """
     try:
         found = json.loads(content(path))
         facts = Manifest.model_validate(found).facts
-        if found.pop("seal") != digest(found):
+        if found.pop("seal", "") != digest(found) and not changed:
             return None
     except (InputError, ValueError, RecursionError):
         return None
@@ -178,8 +183,14 @@ class Store:
 
     def names(self) -> set[str]:
         """Names of all files that stages wrote here, as far as can be read."""
-        made = (one["files"] for one in self.manifests().values())
-        return set().union(*made, *map(_shown_in, self._manifests.glob("*.refused")))
+        shown = map(_shown_in, self._manifests.glob("*.refused"))
+        return set().union(*self._written().values(), *shown)
+
+    def _written(self) -> dict[str, set[str]]:
+        """Names of the files of each stage, also by a manifest that was changed since."""
+        paths = {stage: self._manifests / f"{stage}.json" for stage in self.stages()}
+        found = {stage: read_manifest(path, changed=True) for stage, path in paths.items()}
+        return {stage: {*one["files"]} for stage, one in found.items() if one is not None}
 
     def mark(self, stage: str, reason: str) -> None:
         """Say of a stage's products that other settings made them, and why; or that none did."""
@@ -222,10 +233,9 @@ class Store:
 
     def _former(self, stage: str) -> set[str]:
         """Names of files of a stage that go where it does not write them again."""
-        manifests = self.manifests()
-        own = manifests.pop(stage, {"files": {}})["files"].keys()
-        others = set().union(*(one["files"] for one in manifests.values()))
-        return (own | _shown_in(self._shown(stage))) - others
+        written = self._written()
+        own = written.pop(stage, set()) | _shown_in(self._shown(stage))
+        return own - set().union(*written.values())
 
     def _shown(self, stage: str) -> Path:
         """Names of a stage's files that no manifest has: shown at a refusal, or forgotten."""

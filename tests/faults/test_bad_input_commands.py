@@ -213,14 +213,22 @@ def test_surroundings_change_nothing(
     assert "file not found" in line
 
 
-@pytest.mark.parametrize("place", ["DASK_CONFIG", "HOME"])
-def test_settings_of_dask_that_are_no_yaml(tmp_path: Path, place: str) -> None:
-    bad = tmp_path / ".config" / "dask" / "dask.yaml"
+@pytest.mark.parametrize(
+    ("place", "name"),
+    [
+        ("DASK_CONFIG", "a.yaml"),
+        ("HOME", "a.yaml"),
+        ("HOME", "a.json"),
+        ("DASK_ROOT_CONFIG", "a.yml"),
+    ],
+)
+def test_settings_of_dask_that_are_no_yaml(tmp_path: Path, place: str, name: str) -> None:
+    bad = tmp_path / ".config" / "dask" / name
     bad.parent.mkdir(parents=True)
     bad.write_text("# of mine\n{[")
     site, into = "cuboid_1x1x2", tmp_path / "derived"
-    found = {"DASK_CONFIG": str(bad), "HOME": str(tmp_path)}[place]
-    process = start("run", "rock", "--site", site, "--derived", into, **{place: found})
+    found = {"DASK_CONFIG": bad, "HOME": tmp_path, "DASK_ROOT_CONFIG": bad.parent}[place]
+    process = start("run", "rock", "--site", site, "--derived", into, **{place: str(found)})
     (line,) = process.communicate(timeout=60)[0].splitlines()
     assert process.returncode == cli.REFUSED
     assert str(bad) in line
@@ -236,7 +244,7 @@ def test_numbas_own_file_that_has_no_compilation(
     refused: Refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / ".numba_config.yaml").write_text("disable_jit: 1\n")
+    (tmp_path / ".numba_config.yaml").write_text("DISABLE_JIT: 1\n")
     refused("run", "rock", *SITE, words=(".numba_config.yaml: disable_jit", "leave it out"))
 
 

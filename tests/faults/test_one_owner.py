@@ -131,7 +131,8 @@ def test_a_file_that_goes_while_a_command_is_at_work_is_told_in_a_line(
     derived: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """As where the disk of the results is taken away."""
+    """As where the disk of the results is taken away; the folder is named from the current one."""
+    monkeypatch.chdir(derived.parent)
     keep = graph.keep
 
     def kept(stage: str, *rest: Any) -> None:
@@ -140,7 +141,8 @@ def test_a_file_that_goes_while_a_command_is_at_work_is_told_in_a_line(
             (derived / "rock" / "responses.nc").unlink()
 
     monkeypatch.setattr(graph, "keep", kept)
-    ran = vsr("run", "boundary", "--site", write_site(GRID), "--workers", "0")
+    own = Path("derived")
+    ran = vsr("run", "boundary", "--site", write_site(GRID), "--workers", "0", into=own)
     assert ran.code == 2
     assert "files are gone since" in ran.err.splitlines()[-1]
     assert not (derived / "vsr-fault.txt").exists()

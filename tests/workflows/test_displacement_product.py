@@ -331,6 +331,16 @@ def test_a_system_holds_where_its_metres_are_metres(
     assert ("in which a metre on the ground at" in capsys.readouterr().err) == bool(north)
 
 
+def test_a_system_may_have_a_meridian_of_its_own(folder: Path) -> None:
+    """Austria's of Ferro, on its central meridian, where its scale is 1."""
+    pytest.importorskip("pyproj", reason="needs the extra gis")
+    x, y, z = read(folder / "terrain.nc").attrs["origin_in_scan"].tolist()
+    line = ["run", "geodata", "--site", str(folder.parents[1] / "hill.yaml"), "--workers", "0"]
+    line += ["--set", "georeference.crs=EPSG:31281"]
+    line += ["--set", f"georeference.origin={[0.0 - x, 5_230_000.0 - y, 700.0 - z]}"]
+    assert cli.main([*line, "--derived", str(folder.parent)]) == cli.DONE
+
+
 @pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:99999999", "EPSG:2229", "EPSG:2053", "UTM 11"])
 def test_what_is_no_system_of_metres_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str], crs: str

@@ -9,6 +9,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import trimesh
 import xarray as xr
@@ -55,6 +56,8 @@ def test_what_has_no_dataset_is_refused_before_any_work() -> None:
         (BLOCK, [1], r"layers: got \[1\]"),
         (BLOCK, {"yaw": {1, 2}}, r"got \{1, 2\}; a value is a number"),
         (BLOCK, {"yaw": (one for one in (1, 2))}, "got <generator"),
+        (BLOCK, {"yaw": np.array(["2020"], dtype="M8[Y]")}, r"datetime\.date"),
+        (BLOCK, {"rock": {(1, 2): 3}}, r"\{\(1, 2\): 3\}"),
     ],
 )
 def test_what_is_no_setting_is_refused(site: Any, layer: Any, words: str) -> None:

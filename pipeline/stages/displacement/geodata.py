@@ -107,7 +107,8 @@ def _where(site: Origin, crs: str, origin: Array) -> str:
         remedy = "give the system of the scan, and an origin only where the scan has one of its own"
         key = "georeference.origin"
         raise InputError(Problem(site.file_of(key), key, f"a rock {where}", rule, remedy))
-    scales = Proj(system).get_factors(east, north)
+    own = Transformer.from_crs(system, system.geodetic_crs, always_xy=True)  # whose meridian is 0
+    scales = Proj(system).get_factors(*own.transform(*origin[:2]))
     metre = max((scales.meridional_scale, scales.parallel_scale), key=lambda one: abs(one - 1.0))
     if not abs(metre - 1.0) <= STRETCH:
         key, given = (

@@ -145,13 +145,14 @@ def test_unreadable_manifest_counts_as_none(shelf: Store) -> None:
 
 @pytest.mark.parametrize("changed", [("unresolved", 4), ("warning", "none"), ("key", "k2")])
 def test_changed_manifest_counts_as_none(shelf: Store, changed: tuple[str, object]) -> None:
-    shelf.publish("stage", FACTS, {})
+    shelf.publish("stage", FACTS, {"a.txt": text("a")})
     path = shelf.folder / ".stages" / "stage.json"
     found = json.loads(path.read_text())
     path.write_text(json.dumps(found))
     assert shelf.manifest("stage") is not None
     path.write_text(json.dumps(found | dict([changed])))
     assert shelf.manifest("stage") is None
+    assert shelf.names() == {"a.txt"}  # which go with all else, or when it is made again
 
 
 @pytest.mark.parametrize("name", ["rock.nc", "responses.nc", "config.yaml"])

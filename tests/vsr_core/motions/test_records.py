@@ -298,6 +298,8 @@ def test_headers_that_contradict_their_samples() -> None:
     assert any("DEPMAX of the header" in said for said in found.repairs)
     text = files.cosmos((VALUES, 90), interval=STEP)
     refusal(lambda: read(text.replace("(04)", "(11)").encode(), ".v2", PLAIN), "(11) above")
+    none = files.cosmos((VALUES[:0], 90), interval=STEP)
+    refusal(lambda: repaired(read(none.encode(), ".v2", PLAIN)), "")
     peak = f"{100.0 * np.abs(VALUES).max():13.6f}"
     lines = text.splitlines(keepends=True)
     at = next(k for k, line in enumerate(lines) if "Real-header" in line) + 1 + 63 // 6

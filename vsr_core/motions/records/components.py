@@ -157,7 +157,7 @@ def _check_directions(components: Mapping[str, Record]) -> None:
     known = {
         axis: azimuth
         for axis, one in components.items()
-        if one.instruments and (azimuth := _azimuth(names[axis])) is not None
+        if (azimuth := _azimuth(names[axis], numbered=not one.instruments)) is not None
     }
     for axis, name in names.items():
         if axis != "z" and _VERTICAL.fullmatch(name):
@@ -177,14 +177,19 @@ def _check_directions(components: Mapping[str, Record]) -> None:
             raise InvalidInput(given, rule, remedy)
 
 
-def _azimuth(channel: str) -> int | None:
+def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
     """Where a channel points by its name, clockwise from north [degree]; None if that is not told.
+
+    Parameters
+    ----------
+    numbered : whether a number of less than three digits is none of degrees, as of a table's column
 
     >>> [_azimuth(name) for name in ("047", "HNE", "NS2", "H1", "DWN", "401")]
     [47, 90, 0, None, None, None]
     """
     if channel.isdecimal():
-        return int(channel) if int(channel) <= 360 else None
+        told = len(channel) == len("000") or not numbered
+        return int(channel) if told and int(channel) <= 360 else None
     side = None if _VERTICAL.fullmatch(channel) else _SIDE.fullmatch(channel)
     return {"E": 90, "N": 0}[side.group(1) or side.group(2)] if side else None
 

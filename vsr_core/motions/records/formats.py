@@ -116,7 +116,7 @@ def _check_quantity(stream: Any) -> None:
 
 def _check_sac_times(sac: Any) -> None:
     """Refuse a SAC header whose times are not those of its samples."""
-    if {"b", "e", "delta", "npts"} <= sac.keys():
+    if {"b", "e", "delta", "npts"} <= sac.keys() and sac["e"]:  # 0 where it was not filled in
         end = sac["b"] + (sac["npts"] - 1) * sac["delta"]
         if abs(sac["e"] - end) > 1.5 * sac["delta"] + 1e-5 * abs(end):
             given = f"a SAC file that says it ends at {sac['e']:g} s, and at {end:g} s by DELTA"

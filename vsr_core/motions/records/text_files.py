@@ -210,7 +210,8 @@ def _series(title: str, lines: Iterator[str]) -> Record | None:
     channel = _DIRECTIONS.get(azimuth, str(azimuth))
     station = " ".join(header[4].split()) if len(header) > 4 else ""
     source = f"COSMOS file: {title.strip()}"
-    said, peak = float(reals[63]), float(np.abs(values).max())
+    said = float(reals[63]) if len(reals) > 63 else _UNKNOWN
+    peak = float(np.abs(values).max(initial=0.0))
     agrees = said in (0.0, _UNKNOWN) or is_near(abs(said), peak)
     doubts = () if agrees else (f"{channel}: its header says a peak of {said:g}",)
     return Record(values, interval, (channel,), station, source, _UNITS[code], doubts)

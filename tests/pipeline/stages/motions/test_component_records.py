@@ -195,6 +195,24 @@ def test_components_are_of_one_instrument(folder: Path, line: str, words: str) -
         samples(path)
 
 
+@pytest.mark.parametrize(
+    ("x", "y", "words"),
+    [("E", "N", ""), ("N", "E", "exchange"), ("000", "090", "exchange"), ("1", "2", "")],
+)
+def test_columns_of_a_table_may_name_directions(folder: Path, x: str, y: str, words: str) -> None:
+    rows = "".join(
+        f"{0.005 * k:.6g},{a:.7g},{b:.7g}\n"
+        for k, (a, b) in enumerate(zip(WAVES["x"], WAVES["y"], strict=True))
+    )
+    (folder / "both.csv").write_text(f"time [s],{x} [m/s2],{y} [m/s2]\n{rows}")
+    path = site(folder, f'{{file: both.csv, components: {{x: "{x}", y: "{y}"}}}}')
+    if not words:
+        assert samples(path).shape[0] == 401
+        return
+    with pytest.raises(InputError, match=words):
+        samples(path)
+
+
 @pytest.mark.parametrize(("channel", "words"), [("DWN", "points down"), ("000", "vertical")])
 def test_the_vertical_component_points_up(folder: Path, channel: str, words: str) -> None:
     for axis, name in zip("xyz", ("090", "000", channel), strict=True):
