@@ -16,6 +16,7 @@ from __future__ import annotations
 import ast
 import json
 import re
+import struct
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -301,12 +302,24 @@ def settings_of(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     stored = file["oqparam"]
     if stored.size > _MOST_SETTINGS:
         raise ValueError(f"{stored.size} parameters")
+    _check_length(stored)
     stored = stored[()]
     if isinstance(stored, bytes):
         settings = json.loads(stored)
         return settings, settings["hazard_imtls"]
     settings = {row[0].decode(): row[1].decode() for row in stored}
     return settings, ast.literal_eval(settings["hazard_imtls"])
+
+
+def _check_length(text: Any) -> None:
+    """Refuse a text that says it is longer than its file, as HDF5 would make room for all of it."""
+    offset, path = text.id.get_offset(), Path(text.file.filename)
+    if text.shape == () and text.dtype.kind == "O" and offset is not None:
+        with path.open("rb") as file:
+            file.seek(offset)
+            (length,) = struct.unpack("<I", file.read(4))  # before the place of its heap
+        if length > path.stat().st_size:
+            raise ValueError(f"a text of {length} bytes")
 
 
 def paths_of(file: Any, number: int) -> list[str]:

@@ -189,6 +189,26 @@ def test_a_heap_that_hdf5_reads_for_ever_is_refused_before_it_does(
         load(path)
 
 
+@pytest.mark.parametrize(
+    ("write", "load"),
+    [
+        (written, curve_folder.load),
+        (EventSet(400.0, ruptures=40).write_calculation, lambda path: event_files.load(path, None)),
+    ],
+)
+def test_no_room_is_made_for_a_text_that_is_longer_than_its_file(
+    tmp_path: Path, write: Callable[[Path], Path], load: Callable[[Path], Any]
+) -> None:
+    path = write(tmp_path / "calc_7.hdf5")
+    with h5py.File(path) as file:
+        offset = file["oqparam"].id.get_offset()
+    content = bytearray(path.read_bytes())
+    content[offset : offset + 4] = (593_000_000).to_bytes(4, "little")
+    path.write_bytes(content)
+    with bounded(seconds=2.0, mebibytes=100.0), pytest.raises(InputError, match="593000000 bytes"):
+        load(path)
+
+
 def test_a_disaggregation_is_read(tmp_path: Path) -> None:
     path = tmp_path / "Mag_Dist-mean-0_2.csv"
     path.write_text(
