@@ -388,8 +388,7 @@ def _shapes(text: str) -> int:
 def _days(text: str) -> float:
     number = text.removesuffix("d")
     if not (number.isascii() and number.isdecimal() and len(number) < 6):
-        rule = "an age is a whole number of days"
-        raise InputError(Problem("--older", "", repr(text), rule, "e.g. 30d"))
+        raise InputError(Problem("--older", "", repr(text), "an age is in whole days", "e.g. 30d"))
     return float(number)
 
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy.signal
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
@@ -250,9 +249,9 @@ def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> A
         counts = np.ma.masked_invalid(np.ma.asarray(trace.data).astype(np.float64))
         missing, places = np.ma.getmaskarray(counts), np.arange(len(counts))
         whole = np.interp(places, places[~missing], counts.data[~missing])
-        trace.data = scipy.signal.detrend(whole)
+        line = np.polyval(np.polyfit(places, whole, 1), places)
         ends = min(math.ceil(1.0 / (corners[1] * trace.stats.delta)), len(whole))
-        trace.data = _with_ends(trace.data, ends)
+        trace.data = _with_ends(whole - line, ends)
         trace.remove_response(
             inventory, output="ACC", water_level=None, pre_filt=corners, taper=False
         )
