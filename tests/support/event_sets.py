@@ -146,7 +146,7 @@ class EventSet:
                 file[f"gmf_data/{name}"] = values.astype("u4" if name == "eid" else "f4")
             ids = {"id": 7 + np.arange(number), "geom_id": np.arange(number)[::-1]}
             file["ruptures"] = records(ids | {"mag": rupture["mag"]})
-            file.create_dataset("rupgeoms", (number,), h5py.vlen_dtype(np.float32))
+            file.create_dataset("rupgeoms", (number,), h5py.vlen_dtype(np.float32), chunks=True)
             for at, one in zip(ids["geom_id"], surfaces, strict=True):
                 file["rupgeoms"][at] = one
             file["sitecol/lon"], file["sitecol/lat"] = [SITE[0]], [SITE[1]]

@@ -20,7 +20,7 @@ from pipeline.config.outside import Row, check_file, checked
 from pipeline.stages.hazard import openquake
 from pipeline.stages.hazard.event_tables import Event, EventTables, Place, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import Realization
-from pipeline.stages.hazard.hdf5_heaps import check_heaps
+from pipeline.stages.hazard.hdf5_files import check_heaps, content
 from vsr_core.arrays import Array
 
 _RULE = "it is an event_based calculation of OpenQuake with ground motions of PGA"
@@ -29,15 +29,6 @@ _MOST = 50_000_000
 """Events whose columns are held at once."""
 
 _MOST_RUPTURES = 2_000_000
-
-_HELD = {
-    "events": _MOST,
-    "gmf_data/eid": _MOST,
-    "gmf_data/PGA": _MOST,
-    "gmf_data/PGV": _MOST,
-    "ruptures": _MOST_RUPTURES,
-    "rupgeoms": _MOST_RUPTURES,
-}
 
 _KEYS = {"events": "events", "ruptures": "ruptures", "gmf-data": "gmf_data"}
 
@@ -76,9 +67,6 @@ def _parts(path: Path, name: str, row: type[Row]) -> Iterator[dict[str, Any]]:
 
     read = {Event: _events, Shaken: _shaken, Rupture: _ruptures}[row]
     with openquake.reading(path, _KEYS[name], _RULE), h5py.File(path) as file:
-        for held, most in _HELD.items():
-            if held in file and file[held].size > most:
-                raise ValueError(f"{file[held].size:,} of {held}, of at most {most:,}")
         found = read(file)
         shapes = {values.shape for values in found.values()}
         if len(shapes) > 1 or len(shapes.pop()) != 1:
@@ -90,7 +78,7 @@ def _parts(path: Path, name: str, row: type[Row]) -> Iterator[dict[str, Any]]:
 
 
 def _events(file: Any) -> dict[str, Any]:
-    events = file["events"][()]
+    events = content(file["events"], _MOST)
     named = {"event_id": "id", "rup_id": "rup_id", "rlz_id": "rlz_id", "year": "year"}
     return {name: _whole(events[own]) for name, own in named.items()}
 
@@ -103,12 +91,15 @@ def _whole(numbers: Array) -> Array:
 
 def _shaken(file: Any) -> dict[str, Any]:
     shaken = file["gmf_data"]
-    found = {"event_id": _whole(shaken["eid"][()]), "gmv_PGA": shaken["PGA"][()]}
-    return found | ({"gmv_PGV": shaken["PGV"][()]} if "PGV" in shaken else {})
+    found = {
+        "event_id": _whole(content(shaken["eid"], _MOST)),
+        "gmv_PGA": content(shaken["PGA"], _MOST),
+    }
+    return found | ({"gmv_PGV": content(shaken["PGV"], _MOST)} if "PGV" in shaken else {})
 
 
 def _ruptures(file: Any) -> dict[str, Any]:
-    ruptures, geometry = file["ruptures"][()], file["rupgeoms"][()]
+    ruptures, geometry = (content(file[name], _MOST_RUPTURES) for name in ("ruptures", "rupgeoms"))
     if ruptures["geom_id"].min() < 0:  # which would count from the end
         raise ValueError("a surface below the first")
     lain = np.array([_lie(geometry[at]) for at in ruptures["geom_id"]]).T

@@ -16,7 +16,6 @@ from __future__ import annotations
 import ast
 import json
 import re
-import struct
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,7 +32,7 @@ from pipeline.stages.hazard.hazard_model import (
     Realization,
     model,
 )
-from pipeline.stages.hazard.hdf5_heaps import check_heaps
+from pipeline.stages.hazard.hdf5_files import check_heaps, content
 from pipeline.workflow.grammar import listed
 from vsr_core.arrays import Array
 from vsr_core.errors import reason
@@ -53,6 +52,8 @@ _MOST = 50_000_000
 """Numbers in an array of a calculation."""
 
 _MOST_SETTINGS = 10_000
+
+_MOST_BRANCHES = 100_000
 
 _LARGEST = 64 * 1024**3
 """Bytes of a calculation, of whose arrays only some are read."""
@@ -198,11 +199,9 @@ def reading(path: Path, key: str, rule: str) -> Iterator[None]:
 
 def numbers(data: Any) -> Array:
     """An array of a calculation, of bounded size."""
-    if data.size > _MOST:
-        raise ValueError(f"{data.size} numbers")
     if data.dtype.kind not in "fiu":
         raise ValueError(f"{data.dtype} for numbers")
-    return np.asarray(data[...], dtype=np.float64)
+    return np.asarray(content(data, _MOST), dtype=np.float64)
 
 
 def number_of(setting: Any) -> float:
@@ -299,11 +298,7 @@ def _header(lines: str) -> str:
 
 def settings_of(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters of the calculation, and the levels of each measure."""
-    stored = file["oqparam"]
-    if stored.size > _MOST_SETTINGS:
-        raise ValueError(f"{stored.size} parameters")
-    _check_length(stored)
-    stored = stored[()]
+    stored = content(file["oqparam"], _MOST_SETTINGS)
     if isinstance(stored, bytes):
         settings = json.loads(stored)
         return settings, settings["hazard_imtls"]
@@ -311,24 +306,13 @@ def settings_of(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     return settings, ast.literal_eval(settings["hazard_imtls"])
 
 
-def _check_length(text: Any) -> None:
-    """Refuse a text that says it is longer than its file, as HDF5 would make room for all of it."""
-    offset, path = text.id.get_offset(), Path(text.file.filename)
-    if text.shape == () and text.dtype.kind == "O" and offset is not None:
-        with path.open("rb") as file:
-            file.seek(offset)
-            (length,) = struct.unpack("<I", file.read(4))  # before the place of its heap
-        if length > path.stat().st_size:
-            raise ValueError(f"a text of {length} bytes")
-
-
 def paths_of(file: Any, number: int) -> list[str]:
     """Choices that lead to each realization, where each source model has all ground-motion models.
 
     Otherwise the realizations have their numbers only.
     """
-    models = [row["path"].decode() for row in file["full_lt/sm_data"]]
-    motions = [row["branch"].decode() for row in file["full_lt/gsim_lt"]]
+    models = [row["path"].decode() for row in content(file["full_lt/sm_data"], _MOST_BRANCHES)]
+    motions = [row["branch"].decode() for row in content(file["full_lt/gsim_lt"], _MOST_BRANCHES)]
     if len(models) * len(motions) != number:
         return [f"realization {i}" for i in range(number)]
     return [f"{model}~{motion}" for model in models for motion in motions]

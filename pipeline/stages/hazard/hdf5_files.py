@@ -1,0 +1,111 @@
+"""Data of HDF5 files, but for those that HDF5 would read for ever or make no end of room for.
+
+Texts and arrays of no fixed length lie in heaps: after ``GCOL``, a version and the size, objects
+follow each other, each with its number and its length. Number 0 is what is free, with its own head.
+Of a free one of no length HDF5 goes on to itself, in a loop that hears no signal. Where such a text
+is used stands its length once more, four bytes before its place, and HDF5 makes room for that many.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.config.outside import refused
+
+_HEAP = b"GCOL\1\0\0\0"
+
+_OBJECT = struct.Struct("<H6xQ")
+"""Number and length of an object."""
+
+_PACKED = 1100
+"""Bytes that one byte of a compressed file can stand for, at most."""
+
+
+def check_heaps(path: Path) -> None:
+    """Refuse a file that HDF5 would read for ever."""
+    if not path.stat().st_size:
+        return
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as held:
+        at = held.find(_HEAP)
+        while at >= 0:
+            # what nothing refers to may be the rest of a heap that was given up
+            if _is_endless(held, at) and held.find(struct.pack("<Q", at)) >= 0:
+                rule = "a free place in it has a length"
+                raise refused(path, f"heap at byte {at}", "one without end", rule, "copy it again")
+            at = held.find(_HEAP, at + 1)
+
+
+def _is_endless(held: mmap.mmap, start: int) -> bool:
+    """Whether a free object of a heap has no length."""
+    at = start + len(_HEAP)
+    if at + 8 > len(held):
+        return False
+    end = min(start + struct.unpack_from("<Q", held, at)[0], len(held))
+    at += 8
+    while at + _OBJECT.size <= end:
+        number, length = _OBJECT.unpack_from(held, at)
+        if not number and not length:
+            return True
+        at += length if not number else _OBJECT.size + -(-length // 8) * 8
+    return False
+
+
+def content(data: Any, most: int) -> Any:
+    """What a dataset holds, which is of so many values at most.
+
+    Raises
+    ------
+    ValueError
+        of more of them, or of longer ones than the file can hold
+    """
+    if data.size > most:
+        raise ValueError(f"{data.size:,} values of {data.name[1:]}, of at most {most:,}")
+    with Path(data.file.filename).open("rb") as file:
+        size = file.seek(0, 2)
+        length = max(data.nbytes // _PACKED, sum(map(int, _lengths(file, data.id))))
+    if length > size:
+        raise ValueError(f"{length:,} bytes of {data.name[1:]} in a file of {size:,}")
+    return data[()]
+
+
+def _lengths(file: Any, data: Any) -> Iterator[int]:
+    """Sums of the lengths that values of no fixed length say they have, where they are stored."""
+    kind = data.get_type()
+    places = list(_places(kind, 0))
+    if not places or data.get_create_plist().get_nfilters():
+        return
+    for start, size in _blocks(data):
+        file.seek(start)
+        held = np.frombuffer(file.read(size), np.uint8)
+        rows = held[: held.size - held.size % kind.get_size()].reshape(-1, kind.get_size())
+        for at in places:
+            yield rows[:, at : at + 4].copy().view("<u4").sum(dtype=np.int64)
+
+
+def _blocks(data: Any) -> Iterator[tuple[int, int]]:
+    """Where values are stored, and in how many bytes."""
+    if data.get_offset() is not None:
+        yield data.get_offset(), data.get_storage_size()
+    elif data.get_create_plist().get_layout() == 2:  # chunked
+        for at in range(data.get_num_chunks()):
+            chunk = data.get_chunk_info(at)
+            yield chunk.byte_offset, chunk.size
+
+
+def _places(kind: Any, at: int) -> Iterator[int]:
+    """Where in a stored value lengths of texts and arrays are."""
+    from h5py import h5t
+
+    if kind.get_class() == h5t.COMPOUND:
+        for member in range(kind.get_nmembers()):
+            yield from _places(kind.get_member_type(member), at + kind.get_member_offset(member))
+    elif kind.get_class() == h5t.VLEN or (
+        kind.get_class() == h5t.STRING and kind.is_variable_str()
+    ):
+        yield at
