@@ -132,16 +132,12 @@ def taken_or_refused(path: Path, content: bytes, read: Callable[[Path], Array]) 
     return None
 
 
-DEAR = (*RECORDS, "response.xml")
-"""Files that take 10 to 30 ms to read, of which fewer damages are tried."""
-
 SOME = settings(
-    max_examples=100,
+    max_examples=500,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
-FEW = settings(SOME, max_examples=40)
 
 
 @cache
@@ -169,17 +165,10 @@ def see(folder: Path, name: str, data: Any) -> None:
         np.testing.assert_array_equal(found, sound(name))
 
 
-@pytest.mark.parametrize("name", [name for name in DOORS if name not in DEAR])
+@pytest.mark.parametrize("name", DOORS)
 @SOME
 @given(data=st.data())
 def test_broken_file_is_taken_or_refused(tmp_path: Path, name: str, data: Any) -> None:
-    see(tmp_path, name, data)
-
-
-@pytest.mark.parametrize("name", DEAR)
-@FEW
-@given(data=st.data())
-def test_a_file_that_takes_longer_is_taken_or_refused(tmp_path: Path, name: str, data: Any) -> None:
     see(tmp_path, name, data)
 
 

@@ -51,20 +51,12 @@ def whole(folder: Path, name: str) -> tuple[Path, Path, bytes, Any]:
     return path, file, file.read_bytes(), reader.read(path)
 
 
-DEAR = (
-    *("events", "fields", "stored events", "ruptures", "site of events", "outcomes", "records"),
-    *("bundle", "index", "calculation", "disaggregation"),
-)
-"""Readers that take 4 to 40 ms, of which fewer damages are tried, for a minute of CPU time in all:
-the others take 2 ms, two seconds for 500 damages."""
-
 SOME = settings(
     max_examples=500,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
-FEW = settings(SOME, max_examples=60)
 MANY = settings(SOME, max_examples=20_000, derandomize=False)
 
 
@@ -79,19 +71,10 @@ def see(folder: Path, name: str, data: Any) -> None:
         assert found == (said[: len(found)] if seen == "rows" else said)
 
 
-@pytest.mark.parametrize("name", [name for name in READERS if name not in DEAR])
+@pytest.mark.parametrize("name", READERS)
 @SOME
 @given(data=st.data())
 def test_damaged_table_is_refused_or_whole(tmp_path: Path, name: str, data: Any) -> None:
-    see(tmp_path, name, data)
-
-
-@pytest.mark.parametrize("name", DEAR)
-@FEW
-@given(data=st.data())
-def test_a_table_that_takes_longer_is_refused_or_whole(
-    tmp_path: Path, name: str, data: Any
-) -> None:
     see(tmp_path, name, data)
 
 

@@ -180,6 +180,7 @@ def draws(
     return make
 
 
+@pytest.mark.slow
 def test_workers_change_no_byte_of_draws(
     draws: Callable[..., dict[str, bytes]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -193,6 +194,7 @@ def test_workers_change_no_byte_of_draws(
         assert rows(tmp_path / other / "rock") == rows(tmp_path / "alone" / "rock")
 
 
+@pytest.mark.slow
 def test_draws_go_on_after_a_kill(
     draws: Callable[..., dict[str, bytes]], write_site: Callable[..., str], tmp_path: Path
 ) -> None:

@@ -327,6 +327,7 @@ def test_nothing_unknown_of_a_rock_on_its_seat_is_the_site_itself(
     assert not list(found["unknown"].values)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
 def test_a_larger_error_of_the_seam_alone_scatters_the_draws_more(
     vsr: Callable[..., Any], hill: str, derived: Path

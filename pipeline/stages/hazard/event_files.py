@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config.outside import Row, checked, refused
+from pipeline.config.outside import Row, check_sum, checked, refused
 from pipeline.stages.hazard import event_calculation, event_tables, openquake
 from pipeline.stages.hazard.event_tables import Event, EventTables, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import (
@@ -66,6 +66,7 @@ def _loaded(path: Path, stamps: object, given: float | None) -> EventSet:
     told = event_calculation.tables(path) if in_file else event_tables.of_folder(path)
     years = _years(told, given)
     weights = sorted(told.weights, key=lambda row: row.rlz_id)
+    check_sum(told.paths["gmf-data"], "weight", [row.weight for row in weights])
     known = _events(told, weights, years)
     at, pga, pgv = _shaken(told, known["event_id"])
     rupture, ruptures = _ruptures(told, known["rup_id"])

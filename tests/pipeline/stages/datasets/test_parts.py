@@ -105,6 +105,7 @@ def looked_at(folder: Path, write_site: Callable[..., str], yaws: int) -> tuple[
     return peak, (made, read(folder / Responses.FILE), said)
 
 
+@pytest.mark.slow
 def test_memory_does_not_follow_the_number_of_cells(
     write_site: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

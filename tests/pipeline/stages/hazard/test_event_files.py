@@ -354,6 +354,7 @@ def test_pgv_below_what_is_kept_is_0(tmp_path: Path) -> None:
         ("gmf_data/eid", lambda held: held + 0.4, "float64 for whole numbers"),
         ("events", lambda held: held[:, None], "columns that are none, or of several lengths"),
         ("sitecol/lat", lambda held: held[:0], "sitecol: got 0 sites"),
+        ("weights", lambda held: 0.0 * held, "weights that sum to 0"),
         ("gmf_data/PGA", lambda held: 0.0 * held, "gmv_PGA: got none above 0 in realization 0"),
     ],
 )
