@@ -23,6 +23,7 @@ def program() -> int:
     signal.signal(signal.SIGTERM, _stop)
     sys.unraisablehook = _stop_again
     os.environ["MPLBACKEND"] = "agg"  # pictures go to files, whatever screen there is
+    os.environ.pop("SOURCE_DATE_EPOCH", None)  # no file has a date, and of no number libraries fail
     if sys.stderr is None:  # closed: what is told goes nowhere
         sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 (till the end)
     for stream in (sys.stdout, sys.stderr):

@@ -213,6 +213,14 @@ def test_surroundings_change_nothing(
     assert "file not found" in line
 
 
+def test_a_date_of_sources_that_is_none_changes_nothing(tmp_path: Path) -> None:
+    """On which some libraries fail; nothing that is made has a date."""
+    words = "plan", "--site", "cuboid_1x1x2", "--derived", tmp_path
+    process = start(*words, SOURCE_DATE_EPOCH="today")
+    said = process.communicate(timeout=60)[0]
+    assert process.returncode == cli.DONE, said
+
+
 @pytest.mark.parametrize(
     ("place", "name"),
     [
