@@ -149,6 +149,7 @@ def test_a_cell_outside_the_grid(site: Path, given: dict[str, Any], words: tuple
         (("--and", "engine=abacus"), ("abacus", "bullet, mujoco, nonsmooth")),
         (("--and", "colour=red"), ("--and", "neighbour", "engine")),
         (("--and", "pga=0.6"), ("--and", "differs")),
+        (("--and", "pga=0.2,pga=0.8"), ("--and", "pga=0.2,pga=0.8")),
         (("--and", ""), ("--and", "neighbour")),
     ],
 )

@@ -407,6 +407,20 @@ def test_command_finds_the_records_of_a_study_in_another_folder(tmp_path: Path) 
     assert (again.folder_of("motion.files") / file).resolve() == tmp_path / "studies" / "quakes"
 
 
+def test_command_finds_the_terrain_of_a_study_in_another_folder(tmp_path: Path) -> None:
+    for folder in ("rocks", "studies"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "rocks" / "tor.yaml").write_text(
+        "rock: {shape: mesh, mesh: rock.ply, density: 2110}"
+    )
+    (tmp_path / "studies" / "mine.yaml").write_text("pedestal: {shape: mesh, mesh: ground.ply}")
+    study = load_site(str(tmp_path / "rocks/tor.yaml"), str(tmp_path / "studies/mine.yaml"))
+    name, *settings = report.command(study, study.config.model_dump(mode="json"))
+    again = load_site(name, None, tuple(shlex.split(text)[0] for text in settings))
+    found = again.folder_of("pedestal.mesh") / again.config.pedestal.mesh
+    assert found.resolve() == tmp_path / "studies" / "ground.ply"
+
+
 def test_same_bytes_every_time(products: dict[str, xr.Dataset]) -> None:
     images = [
         (
