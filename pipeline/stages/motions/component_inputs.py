@@ -27,6 +27,7 @@ from pipeline.stages.motions.record_inputs import (
 from pipeline.workflow.keys import digest_file
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.components import Components, check_together
+from vsr_core.motions.records.directions import doubt
 from vsr_core.motions.records.record import Record, repaired
 from vsr_core.motions.records.trace import measures
 
@@ -101,7 +102,8 @@ def _ready(
     main = max((axis for axis in "xy" if axis in traces), key=peaks.__getitem__)
     still = np.zeros_like(traces[main].acceleration)
     along = np.column_stack([traces[a].acceleration if a in traces else still for a in "xyz"])
-    repairs = tuple(f"{axis}: {text}" for axis in fixed for text in fixed[axis].repairs)
+    doubts = filter(None, (doubt(found),))
+    repairs = (*doubts, *(f"{axis}: {text}" for axis in fixed for text in fixed[axis].repairs))
     told = ", ".join(
         f"{axis} ({record.channels[0]}) with {in_si.in_g(peaks[axis]):.3g} g"
         for axis, record in fixed.items()
@@ -137,5 +139,5 @@ def _by_code(channels: tuple[str, ...]) -> dict[str, str]:
     found = {_CODES[name[-1]]: name for name in channels if name[-1:] in _CODES}
     if len(found) < len(channels) or found.keys() <= {"z"}:
         given, rule = f"the channels {', '.join(channels)}", "those of a record end in E, N and Z"
-        raise InvalidInput(given, rule, "name them as components, e.g. {x: HN1, y: HN2, z: HNZ}")
+        raise InvalidInput(given, rule, "name them as components, e.g. {x: HN2, y: HN1, z: HNZ}")
     return dict(sorted(found.items()))

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.ground_motion import GroundMotion
+from vsr_core.motions.records.directions import check_directions
 from vsr_core.motions.records.record import Record
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 
@@ -94,19 +94,6 @@ class ComponentMotion(GroundMotion):
         return np.column_stack([one.velocity(t) for one in self.along])
 
 
-_VERTICAL = re.compile(r"(?i:UP|DOWN|DN|DWN|VERT\w*|UD[12]?)|[A-Z]{2}Z")
-"""Names of vertical channels: of networks' files, and SEED's codes."""
-
-
-_DOWN = re.compile(r"(?i:DOWN|DN|DWN)")
-
-_SIDE = re.compile("(?:[A-Z]{2})?([EN])|(?=EW|NS)([EN])[WS][12]?")
-"""Names of channels to the east and to the north: SEED's, and those of K-NET and KiK-net."""
-
-_SQUARE = 5
-"""Within which directions are at right angles, as SEED has it of N and E [degree]."""
-
-
 def check_together(components: Mapping[str, Record]) -> None:
     """Refuse components that are not of one instrument and one time, each with its own direction.
 
@@ -120,7 +107,7 @@ def check_together(components: Mapping[str, Record]) -> None:
         With what differs.
     """
     _check_instruments(components)
-    _check_directions(components)
+    check_directions(components)
     first, one = next(iter(components.items()))
     for name, other in components.items():
         apart = {
@@ -145,53 +132,6 @@ def _check_instruments(components: Mapping[str, Record]) -> None:
             given = f"{first} of {one!r} and {axis} of {other!r}"
             rule = "the components of a record are of one instrument and event"
             raise InvalidInput(given, rule, "name those that belong together")
-
-
-def _check_directions(components: Mapping[str, Record]) -> None:
-    rule, remedy = "x and y are two horizontal components", "name another channel or file"
-    for (first, one), (axis, other) in combinations(components.items(), 2):
-        if np.array_equal(one.acceleration, other.acceleration, equal_nan=True):
-            given = f"the same samples along {first} and {axis}"
-            raise InvalidInput(given, "each component has its own", remedy)
-    names = {axis: one.channels[0].rpartition(".")[2] for axis, one in components.items()}
-    known = {
-        axis: azimuth
-        for axis, one in components.items()
-        if (azimuth := _azimuth(names[axis], numbered=not one.instruments)) is not None
-    }
-    for axis, name in names.items():
-        if axis != "z" and _VERTICAL.fullmatch(name):
-            raise InvalidInput(f"{name} as {axis}", rule, remedy)
-    if "z" in known:
-        raise InvalidInput(f"{names['z']} as z", "z is the vertical component", remedy)
-    if _DOWN.fullmatch(names.get("z", "")):
-        rule, remedy = "z points up", "change the sign of its samples"
-        raise InvalidInput(f"{names['z']} as z, which points down", rule, remedy)
-    if len(known) == 2:
-        to_the_left = (known["x"] - known["y"]) % 360
-        if abs(to_the_left - 90) > _SQUARE:
-            given = f"{names['x']} as x and {names['y']} as y"
-            rule = "y points 90 degrees to the left of x"
-            if abs(to_the_left - 270) <= _SQUARE:
-                remedy = "exchange x and y"
-            raise InvalidInput(given, rule, remedy)
-
-
-def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
-    """Where a channel points by its name, clockwise from north [degree]; None if that is not told.
-
-    Parameters
-    ----------
-    numbered : whether a number of less than three digits is none of degrees, as of a table's column
-
-    >>> [_azimuth(name) for name in ("047", "HNE", "NS2", "H1", "DWN", "401")]
-    [47, 90, 0, None, None, None]
-    """
-    if channel.isdecimal():
-        told = len(channel) == len("000") or not numbered
-        return int(channel) if told and int(channel) <= 360 else None
-    side = None if _VERTICAL.fullmatch(channel) else _SIDE.fullmatch(channel)
-    return {"E": 90, "N": 0}[side.group(1) or side.group(2)] if side else None
 
 
 def _apart(given: str) -> InvalidInput:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import io
-import math
 import re
 import warnings
 from dataclasses import dataclass, replace
@@ -12,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.records import columns, text_files
+from vsr_core.motions.records.directions import of_stream
+from vsr_core.motions.records.instrument_response import Corners, without_response
 from vsr_core.motions.records.record import (
     Record,
     check_sampling,
@@ -23,8 +23,6 @@ from vsr_core.motions.records.record import (
     side_by_side,
     stated,
 )
-
-Corners = tuple[float, float, float, float]
 
 MOST_WARNINGS, WARNING_LENGTH = 3, 160
 """Warnings of ObsPy that are kept, and characters of each."""
@@ -51,7 +49,7 @@ def read_waveforms(
     """
     import obspy  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
-    doubts: list[str] = []
+    doubts, inventory = list[str](), None
     if kind == "KNET":
         _check_knet(content)
     try:
@@ -63,16 +61,18 @@ def read_waveforms(
             _check_quantity(stream)
             if response is not None:
                 inventory = obspy.read_inventory(io.BytesIO(response), format="STATIONXML")
-                stream = _without_response(stream, inventory, corners)
+                stream = without_response(stream, inventory, corners)
             else:
                 doubts = _check_is_acceleration(stream)
             stream.merge()
         record = from_stream(stream, "m/s2" if response is not None else unit)
+        directions = of_stream(stream, inventory)
     except InvalidInput:
         raise
     except Exception as error:  # noqa: BLE001 (readers of many formats raise what they like)
         raise _unreadable(error) from None
-    return replace(record, repairs=(*record.repairs, *doubts, *_warnings(caught)))
+    repairs = (*record.repairs, *doubts, *_warnings(caught))
+    return replace(record, repairs=repairs, directions=directions)
 
 
 _SAC_OTHER = {6: "displacement", 7: "velocity", 50: "volts"}
@@ -83,9 +83,6 @@ _SAC_SERIES = 1
 
 _PRESSURE = re.compile("[A-Z]D[DFGHIOU]")
 """Channels of pressure by SEED's codes."""
-
-_GAINS_ALIKE = 3.0
-"""Factor within which a gain is that of its stages."""
 
 _SEISMOMETERS = "HLP"
 """Instrument codes of SEED (manual 2.4, appendix A) whose samples follow velocity."""
@@ -103,11 +100,8 @@ def _check_quantity(stream: Any) -> None:
         if _PRESSURE.fullmatch(channel):
             raise InvalidInput(f"{channel}, by its code a pressure", rule, remedy)
         if said := trace.stats.get("knet", {}).get("accmax"):
-            peak = (
-                float(np.abs(trace.data - trace.data.mean()).max())
-                * trace.stats.calib
-                / factor("gal")
-            )
+            moved = float(np.abs(trace.data - trace.data.mean()).max())
+            peak = moved * trace.stats.calib / factor("gal")
             if not is_near(said, peak):
                 given = f"a peak of {peak:.4g} gal by its scale factor, where it says {said:g} gal"
                 raise InvalidInput(given, "the two agree", "download it again")
@@ -235,57 +229,6 @@ def _instrument(place: str, channel: str) -> str:
     if channel[:2] in ("EW", "NS", "UD"):
         return f"{place}.{channel[2:]}"
     return f"{place}.{channel[:2] if len(channel) == len('HNE') else ''}"
-
-
-def _without_response(stream: Any, inventory: Any, corners: Corners | None) -> Any:
-    if corners is None:
-        given = "a response without corners"
-        rule = "dividing by it needs a band, or it makes noise of the ends of the spectrum"
-        raise InvalidInput(given, rule, "give motion.response.corners, four frequencies [Hz]")
-    for trace in stream:
-        _check_response(inventory.get_response(trace.id, trace.stats.starttime))
-    stream.merge()
-    for trace in stream:
-        counts = np.ma.masked_invalid(np.ma.asarray(trace.data).astype(np.float64))
-        missing, places = np.ma.getmaskarray(counts), np.arange(len(counts))
-        whole = np.interp(places, places[~missing], counts.data[~missing])
-        line = np.polyval(np.polyfit(places, whole, 1), places)
-        ends = min(math.ceil(1.0 / (corners[1] * trace.stats.delta)), len(whole))
-        trace.data = _with_ends(whole - line, ends)
-        trace.remove_response(
-            inventory, output="ACC", water_level=None, pre_filt=corners, taper=False
-        )
-        trace.data = np.ma.masked_array(trace.data[ends : ends + len(whole)], missing)
-    return stream
-
-
-def _with_ends(values: Array, number: int) -> Array:
-    """Values that begin at zero and end there, by half a cosine before them and one after them.
-
-    A step would ring, and one taken off the values themselves would take shaking with it.
-    """
-    rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(number) / number)
-    return np.concatenate([values[0] * rise, values, values[-1] * rise[::-1]])
-
-
-_MOTION = re.compile(r"[NCM]?M(/S(EC)?|/\(?S(EC)?\*\*2\)?)?|M/S(/S|\^?2)", re.IGNORECASE)
-"""Units of displacement, velocity and acceleration that ObsPy knows in a response."""
-
-
-def _check_response(response: Any) -> None:
-    """Refuse the response of no motion, and one whose stages are not what it says altogether."""
-    whole, remedy = response.instrument_sensitivity, "correct the response, or download it again"
-    units = [one.input_units for one in (whole, *response.response_stages[:1]) if one]
-    for unit in filter(None, units):
-        if not _MOTION.fullmatch(unit.strip()):
-            given = f"the response of an instrument in {unit}"
-            raise InvalidInput(given, "it records motion, in units such as M/S", remedy)
-    gains = [stage.stage_gain for stage in response.response_stages]
-    if whole and whole.value is not None and None not in gains:
-        ratio = abs(math.prod(gains) / (whole.value or math.nan))
-        if not 1.0 / _GAINS_ALIKE <= ratio <= _GAINS_ALIKE:
-            given = f"a response whose stages have {ratio:.3g} times the sensitivity that it says"
-            raise InvalidInput(given, f"the two agree within a factor of {_GAINS_ALIKE:g}", remedy)
 
 
 def _check_span(stream: Any) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,13 @@ SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-6, 1.0
 """Time steps of a record [s]: no instrument is faster, and no shaking is told by slower ones."""
 
 
+class Direction(NamedTuple):
+    """Where a channel points: azimuth clockwise from north and dip, positive down [degree]."""
+
+    azimuth: float
+    dip: float
+
+
 @dataclass(frozen=True, eq=False)
 class Record:
     """Acceleration at evenly spaced times, from one instrument.
@@ -40,6 +48,7 @@ class Record:
     start : float [s], time of the first sample by the file's clock, 0 where it has none
     cut : int, samples that were left out because not all channels of the file have them
     instruments : what recorded each channel; none where the file does not say
+    directions : where each channel points; none, or None, where that is not said
     """
 
     acceleration: Array
@@ -52,6 +61,7 @@ class Record:
     start: float = 0.0
     cut: int = 0
     instruments: tuple[str, ...] = ()
+    directions: tuple[Direction | None, ...] = ()
 
     def channel(self, name: str | None) -> Record:
         """The record of one channel.
@@ -82,6 +92,7 @@ class Record:
             acceleration=self.acceleration[:, at],
             channels=(str(name),),
             instruments=self.instruments[at : at + 1],
+            directions=self.directions[at : at + 1],
         )
 
 

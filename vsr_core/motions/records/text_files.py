@@ -120,6 +120,7 @@ _UNKNOWN = -999.0
 _TEXTS = re.compile(r"with\s+(\d+)\s+text\s+lines", re.IGNORECASE)
 _COUNT = re.compile(r"^\s*(\d+)\s+(\S+)")
 _END = re.compile("end-of-data", re.IGNORECASE)
+_SCNL = re.compile(r"\|\s*<SCNL>\w+\.(\w+)\.")
 DIGITS = 9
 """Digits read of a number in a header: more than any file has lines."""
 
@@ -184,8 +185,7 @@ def _series(title: str, lines: Iterator[str]) -> Record | None:
     header = [title, *(_line(lines) for _ in range(number - 1))]
     integers, reals = (_block(lines, _line(lines)) for _ in range(2))
     comments = _COUNT.search(_line(lines))
-    for _ in range(int(comments[1][:DIGITS]) if comments else 0):
-        _line(lines)
+    said = [_line(lines) for _ in range(int(comments[1][:DIGITS]) if comments else 0)]
     heading = _line(lines)
     values = _block(lines, heading)
     if len(integers) < 54 or len(reals) < 63:
@@ -207,14 +207,20 @@ def _series(title: str, lines: Iterator[str]) -> Record | None:
     above = _UNIT_ABOVE.search(heading)
     if above and int(above[1]) != code:
         raise _broken(f"has unit {code} in its header, and {above[0]} above its samples")
-    channel = _DIRECTIONS.get(azimuth, str(azimuth))
+    channel = _DIRECTIONS.get(azimuth) or (str(azimuth) if 1 <= azimuth <= 360 else _code(said))
     station = " ".join(header[4].split()) if len(header) > 4 else ""
     source = f"COSMOS file: {title.strip()}"
-    said = float(reals[63]) if len(reals) > 63 else _UNKNOWN
+    stated_peak = float(reals[63]) if len(reals) > 63 else _UNKNOWN
     peak = float(np.abs(values).max(initial=0.0))
-    agrees = said in (0.0, _UNKNOWN) or is_near(abs(said), peak)
-    doubts = () if agrees else (f"{channel}: its header says a peak of {said:g}",)
+    agrees = stated_peak in (0.0, _UNKNOWN) or is_near(abs(stated_peak), peak)
+    doubts = () if agrees else (f"{channel}: its header says a peak of {stated_peak:g}",)
     return Record(values, interval, (channel,), station, source, _UNITS[code], doubts)
+
+
+def _code(comments: list[str]) -> str:
+    """SEED's code of a channel whose azimuth is not told: north is 360, and 0 nothing."""
+    found = filter(None, map(_SCNL.match, comments))
+    return next((one[1] for one in found), "unknown")
 
 
 def _block(lines: Iterator[str], heading: str) -> Array:

@@ -178,7 +178,10 @@ AT2 = "Made up, 11/21/2026, Nowhere Creek, 000"
         ("Made up, 11/21/2026, Nowhere Creek, 270", "090 as x and 270 as y"),
         ("Made up, 11/21/2026, Nowhere Creek, 180", "to the left of x; exchange x and y"),
         ("Made up, 11/21/2026, Nowhere Creek, 045", "090 as x and 045 as y"),
-        ("Made up, 11/21/2026, Nowhere Creek, UP", "UP as y; x and y are two horizontal"),
+        (
+            "Made up, 11/21/2026, Nowhere Creek, UP",
+            "UP as y, which is vertical; x and y are two horizontal",
+        ),
         (AT2, ""),
     ],
 )

@@ -1,0 +1,126 @@
+"""Where components point: by the header of SAC, by StationXML, else by their names."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+from support import record_files as files
+
+from vsr_core.errors import InvalidInput
+from vsr_core.motions.records.components import check_together
+from vsr_core.motions.records.directions import doubt
+from vsr_core.motions.records.formats import Reading, read, read_all
+from vsr_core.motions.records.record import Record
+
+obspy = pytest.importorskip("obspy")
+
+PLAIN = Reading(unit="m/s2")
+CORNERS = 0.05, 0.1, 25.0, 35.0
+STEP = 0.01
+
+
+def wave(place: int) -> files.Array:
+    return files.shaking(place, 50.0, 3.0, 5.0, 0.5)
+
+
+def sac(place: int, channel: str, **header: float) -> Record:
+    head = {"channel": channel, "station": "NWC", "delta": STEP, "sac": header}
+    file = io.BytesIO()
+    obspy.Trace(wave(place).astype("f4"), head).write(file, format="SAC")
+    return read(file.getvalue(), ".sac", PLAIN)
+
+
+def by_response(**told: tuple[float, float]) -> Record:
+    """Channels of one file, their azimuths and dips in the response."""
+    from obspy.core.inventory import Channel, Inventory, Network, Response, Station
+
+    flat = Response.from_paz([], [], 1e6, input_units="M/S**2", output_units="COUNTS")
+    channels = [
+        Channel(name, "", 0.0, 0.0, 0.0, 0.0, *known, sample_rate=1 / STEP, response=flat)
+        for name, known in told.items()
+    ]
+    station = Station("NWC", 0.0, 0.0, 0.0, channels=channels)
+    xml, waves = io.BytesIO(), io.BytesIO()
+    Inventory([Network("XX", [station])]).write(xml, format="STATIONXML")
+    obspy.Stream(
+        obspy.Trace(
+            np.round(1e6 * wave(place)).astype("i4"),
+            {"network": "XX", "station": "NWC", "channel": name, "delta": STEP},
+        )
+        for place, name in enumerate(told)
+    ).write(waves, format="MSEED")
+    return read_all(waves.getvalue(), ".mseed", Reading(response=xml.getvalue(), corners=CORNERS))
+
+
+def refusal(**components: Record) -> str:
+    with pytest.raises(InvalidInput) as error:
+        check_together(components)
+    return f"{error.value.given}; {error.value.rule}; {error.value.remedy}"
+
+
+def test_of_channels_1_and_2_the_header_of_sac_tells_the_side() -> None:
+    one = sac(1, "HN1", cmpaz=10.0, cmpinc=90.0)
+    two = sac(2, "HN2", cmpaz=100.0, cmpinc=90.0)
+    check_together({"x": two, "y": one})
+    said = refusal(x=one, y=two)
+    assert said == (
+        "HN1 (10 deg) as x and HN2 (100 deg) as y; y points 90 degrees to the left of x; "
+        "exchange x and y"
+    )
+    down = sac(3, "HNZ", cmpaz=0.0, cmpinc=180.0)
+    assert "HNZ as z, which points down" in refusal(x=two, y=one, z=down)
+    check_together({"x": two, "y": one, "z": sac(3, "HNZ", cmpaz=0.0, cmpinc=0.0)})
+
+
+def test_a_header_that_was_not_filled_in_tells_nothing() -> None:
+    empty = {"cmpaz": 0.0, "cmpinc": 0.0}
+    check_together({"x": sac(1, "HNE", **empty), "y": sac(2, "HNN", **empty)})
+    assert "exchange" in refusal(x=sac(1, "HNN", **empty), y=sac(2, "HNE", **empty))
+
+
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        ({"x": "HN2", "y": "HN3", "z": "HN1"}, ""),
+        ({"x": "HN3", "y": "HN2", "z": "HN1"}, "exchange x and y"),
+        ({"x": "HN1", "y": "HN2"}, "HN1 as x, which is vertical"),
+    ],
+)
+def test_a_response_tells_where_its_channels_point(axes: dict[str, str], words: str) -> None:
+    """As of the instrument BK.VALB.40, of which channel 1 is the vertical one."""
+    whole = by_response(HN1=(0.0, -90.0), HN2=(336.0, 0.0), HN3=(246.0, 0.0))
+    components = {axis: whole.channel(name) for axis, name in axes.items()}
+    if words:
+        assert words in refusal(**components)
+    else:
+        check_together(components)
+        assert not doubt(components)
+
+
+def test_north_of_cosmos_is_360_and_0_is_nothing() -> None:
+    east = read(files.cosmos((wave(1), 90), interval=STEP).encode(), ".v2", Reading())
+    text = files.cosmos((wave(2), 0), interval=STEP)
+    unknown = read(text.encode(), ".v2", Reading())
+    named = text.replace("| made up", "|<SCNL>BMR.BNZ.AK.--    <AUTH> 2019/02/01 21:38:15.000")
+    up = read(named.encode(), ".v2", Reading())
+    assert (unknown.channels, up.channels) == (("unknown",), ("BNZ",))
+    check_together({"x": east, "z": up})
+    assert "BNZ as y, which is vertical" in refusal(x=east, y=up)
+
+
+def test_a_response_without_stages_is_told() -> None:
+    from obspy.core.inventory import Response
+    from obspy.core.inventory.response import InstrumentSensitivity
+
+    from vsr_core.motions.records.instrument_response import without_response
+
+    class Whole:
+        def get_response(self, *which: Any) -> Response:
+            return Response(instrument_sensitivity=InstrumentSensitivity(1e6, 1, "M/S", "COUNTS"))
+
+    stream = obspy.Stream([obspy.Trace(wave(1), {"delta": STEP})])
+    with pytest.raises(InvalidInput, match="a response without stages"):
+        without_response(stream, Whole(), CORNERS)

@@ -1,0 +1,150 @@
+"""Where the components of a record point: as their file or response says, or by their names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from vsr_core.errors import InvalidInput
+from vsr_core.motions.records.record import Direction, Record
+
+_VERTICAL = re.compile(r"(?i:UP|DOWN|DN|DWN|VERT\w*|UD[12]?)|[A-Z]{2}Z")
+"""Names of vertical channels: of networks' files, and SEED's codes."""
+
+_DOWN = re.compile(r"(?i:DOWN|DN|DWN)")
+
+_SIDE = re.compile("(?:[A-Z]{2})?([EN])|(?=EW|NS)([EN])[WS][12]?")
+"""Names of channels to the east and to the north: SEED's, and those of K-NET and KiK-net."""
+
+_NUMBERED = re.compile("(?:[A-Z]{2})?([12])")
+"""Names of two horizontal channels of which the code does not say where they point (SEED)."""
+
+_SQUARE = 5
+"""Within which directions are at right angles, as SEED has it of N and E [degree]."""
+
+_STEEP = 45
+"""Dip [degree] from which on a channel is vertical."""
+
+
+def of_stream(stream: Any, inventory: Any | None) -> tuple[Direction | None, ...]:
+    """Where the traces of an ObsPy stream point by StationXML or, of SAC, by CMPAZ and CMPINC.
+
+    None where nothing is told.
+    """
+    return tuple(_of_trace(trace, inventory) for trace in stream)
+
+
+def _of_trace(trace: Any, inventory: Any | None) -> Direction | None:
+    if inventory is not None:
+        told = inventory.get_orientation(trace.id, trace.stats.starttime)
+        known = told["azimuth"], told["dip"]
+        return None if None in known else Direction(*map(float, known))
+    sac = trace.stats.get("sac", {})
+    if not {"cmpaz", "cmpinc"} <= sac.keys():
+        return None
+    azimuth, from_up = float(sac["cmpaz"]), float(sac["cmpinc"])
+    return Direction(azimuth, from_up - 90.0) if azimuth or from_up else None  # not filled in
+
+
+def check_directions(components: Mapping[str, Record]) -> None:
+    """Refuse components of which x and y are not horizontal, with y to the left, or z not up.
+
+    Parameters
+    ----------
+    components : records of one channel as read, by their axes
+
+    Raises
+    ------
+    InvalidInput
+    """
+    rule, remedy = "x and y are two horizontal components", "name another channel or file"
+    for (first, one), (axis, other) in combinations(components.items(), 2):
+        if np.array_equal(one.acceleration, other.acceleration, equal_nan=True):
+            given = f"the same samples along {first} and {axis}"
+            raise InvalidInput(given, "each component has its own", remedy)
+    names = {axis: one.channels[0].rpartition(".")[2] for axis, one in components.items()}
+    known: dict[str, float] = {
+        axis: azimuth
+        for axis, one in components.items()
+        if (azimuth := _azimuth(names[axis], numbered=not one.instruments)) is not None
+    }
+    for axis, name in names.items():
+        told = _told(components[axis])
+        if axis != "z" and (_VERTICAL.fullmatch(name) or (told and abs(told.dip) >= _STEEP)):
+            raise InvalidInput(f"{name} as {axis}, which is vertical", rule, remedy)
+    if "z" in known:
+        raise InvalidInput(f"{names['z']} as z", "z is the vertical component", remedy)
+    up = _told(components.get("z"))
+    if _DOWN.fullmatch(names.get("z", "")) or (up and up.dip >= _STEEP):
+        rule, remedy = "z points up", "change the sign of its samples"
+        raise InvalidInput(f"{names['z']} as z, which points down", rule, remedy)
+    known = _azimuths_told(components) or known
+    if len(known) == 2:
+        _check_square(names, known)
+
+
+def _told(one: Record | None) -> Direction | None:
+    return one.directions[0] if one and one.directions else None
+
+
+def _azimuths_told(components: Mapping[str, Record]) -> dict[str, float]:
+    """Azimuths of x and y by file or response; none where they are alike, as not filled in."""
+    x, y = (_told(components.get(axis)) for axis in "xy")
+    return {"x": x.azimuth, "y": y.azimuth} if x and y and x.azimuth != y.azimuth else {}
+
+
+def _check_square(names: Mapping[str, str], known: Mapping[str, float]) -> None:
+    to_the_left = (known["x"] - known["y"]) % 360
+    if abs(to_the_left - 90) > _SQUARE:
+        of = {
+            axis: name if _azimuth(name) == known[axis] else f"{name} ({known[axis]:g} deg)"
+            for axis, name in names.items()
+            if axis in known
+        }
+        remedy = "name another channel or file"
+        if abs(to_the_left - 270) <= _SQUARE:
+            remedy = "exchange x and y"
+        rule = "y points 90 degrees to the left of x"
+        raise InvalidInput(f"{of['x']} as x and {of['y']} as y", rule, remedy)
+
+
+def doubt(components: Mapping[str, Record]) -> str:
+    """What is to be told of two horizontal channels of which nothing says where they point.
+
+    By the practice of networks the second points 90 degrees to the right of the first.
+
+    >>> from vsr_core.motions.records.record import Record
+    >>> one = {axis: Record(np.zeros(3), 0.01, (f"HN{n}",), "", "", "g") for axis, n in
+    ...        (("x", 1), ("y", 2))}
+    >>> doubt(one), doubt({"x": one["y"], "y": one["x"]})
+    ('HN2 mostly points to the right of HN1: if so, x and y are to be exchanged', '')
+    """
+    horizontal = [components[axis] for axis in "xy" if axis in components]
+    names = [one.channels[0].rpartition(".")[2] for one in horizontal]
+    found = [_NUMBERED.fullmatch(name) for name in names]
+    if _azimuths_told(components) or [one[1] if one else "" for one in found] != ["1", "2"]:
+        return ""
+    return (
+        f"{names[1]} mostly points to the right of {names[0]}: if so, x and y are to be exchanged"
+    )
+
+
+def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
+    """Where a channel points by its name, clockwise from north [degree]; None if that is not told.
+
+    Parameters
+    ----------
+    numbered : whether a number of less than three digits is none of degrees, as of a table's column
+
+    >>> [_azimuth(name) for name in ("047", "HNE", "NS2", "H1", "DWN", "401")]
+    [47, 90, 0, None, None, None]
+    """
+    if channel.isdecimal():
+        told = len(channel) == len("000") or not numbered
+        return int(channel) if told and int(channel) <= 360 else None
+    side = None if _VERTICAL.fullmatch(channel) else _SIDE.fullmatch(channel)
+    return {"E": 90, "N": 0}[side.group(1) or side.group(2)] if side else None
