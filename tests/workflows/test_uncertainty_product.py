@@ -327,6 +327,24 @@ def test_nothing_unknown_of_a_rock_on_its_seat_is_the_site_itself(
     assert not list(found["unknown"].values)
 
 
+@pytest.mark.usefixtures("without_pictures")
+def test_cells_beyond_the_range_of_the_search_are_those_of_a_wider_one(
+    vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
+) -> None:
+    """A boundary is looked for in the whole grid at least, so that no cell stands untried."""
+    free = priors(members="4", azimuth="{mean: 0, sd: 10}")
+    found = []
+    for bounds in (("0.1", "0.7"), ("0.3", "0.4")):
+        given = zip(("fragility.lowest", "fragility.highest"), bounds, strict=True)
+        more = [part for key, value in given for part in ("--set", f"{key}={value}")]
+        ran = vsr("run", "uncertainty", "--site", write_site(SITE), *free, *more)
+        found.append(product(ran, derived))
+    wide, narrow = found
+    assert wide["probability"].values[..., -1].max() > 0.0
+    for name in ("overturned", "probability", "found_by", "member_boundary", "theta"):
+        np.testing.assert_array_equal(wide[name].values, narrow[name].values)
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
 def test_a_larger_error_of_the_seam_alone_scatters_the_draws_more(

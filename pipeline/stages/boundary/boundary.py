@@ -41,11 +41,13 @@ def make(
     notes: list[dict[str, Any]] = []
     search = Search(replace(work, note=lambda **facts: notes.append(facts)), study)
     levels = overturned.reshape(-1, overturned.shape[-1])
-    known = search.resolved(levels, np.log1p(of_level), (config.lowest, config.highest))
+    pga = data["pga"].values  # which may reach further than is looked for a boundary beyond it
+    bounds = min(config.lowest, float(pga[0])), max(config.highest, float(pga[-1]))
+    known = search.resolved(levels, np.log1p(of_level), bounds)
     _note(work, notes)
     dataset = _dataset(data, known, search).assign(boundary_resolution=("friction", width))
     dataset["boundary_error"] = ("friction", measured.data["boundary_error"].values)
-    dataset.attrs |= {"searched_from_g": config.lowest, "searched_to_g": config.highest}
+    dataset.attrs |= {"searched_from_g": bounds[0], "searched_to_g": bounds[1]}
     files = {BoundaryData.FILE: netcdf(described(dataset, work, "Overturning boundary"))}
     unresolved = int((dataset["outcome"].values >= Outcome.UNSETTLED).sum())
     summary = _summary(dataset, search.rounds)
