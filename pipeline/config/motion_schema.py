@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -110,6 +111,14 @@ class RickerPulseConfig(PulseGrid):
 
 PULSES = ("cosine_pulse", "sine_pulse", "ricker_pulse")
 """Kinds with the same keys: a layer may change one for another."""
+
+PUSHING = ("cosine_pulse", "sine_pulse")
+"""Those that begin with an acceleration towards +x, which pushes a rock towards -x."""
+
+
+def is_along_x(motion: Mapping[str, Any]) -> bool:
+    """Whether motions, as plain data, shake along x alone."""
+    return motion["kind"] in PULSES or (motion["kind"] == "record" and bool(motion["files"]))
 
 
 Files = Annotated[

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Any
 
@@ -14,6 +15,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 
+from pipeline.config.motion_schema import is_along_x
 from pipeline.drawing import style
 from pipeline.stages.fragility.summary import (
     SEARCHED,
@@ -300,7 +302,9 @@ def _first(axes: PolarAxes, fragility: xr.Dataset, rock: xr.Dataset) -> None:
     first, lower, upper = typical_pga(fragility)
     around = np.arange(361.0)
     static = static_pga(rock, around)
-    rim = 1.15 * max([*upper[np.isfinite(upper)], min(static.max(), grid[-1]), grid[0]])
+    along_x = is_along_x(json.loads(fragility.attrs["vsr_config_json"])["motion"])
+    inner = [min(static.max(), grid[-1])] if along_x else []
+    rim = 1.15 * max([*upper[np.isfinite(upper)], *inner, grid[0]])
     axes.set_ylim(0.0, rim)
     several = fragility.sizes["friction"] > 1
     for k, friction in enumerate(fragility["friction"].values):
@@ -323,15 +327,16 @@ def _first(axes: PolarAxes, fragility: xr.Dataset, rock: xr.Dataset) -> None:
     if np.isinf(upper).any():
         none = f"none up to {fragility.attrs[SEARCHED[1]]:.3g} g"
         axes.plot([], [], ls="", marker="^", mfc="white", mec=style.INK, label=none)
-    axes.plot(
-        np.radians(around),
-        np.where(static <= rim, static, np.nan),
-        color=style.INK,
-        lw=0.9,
-        ls=(0, (4, 2)),
-        label="static overturning, weaker direction",
-        gid="static",
-    )
+    if along_x:
+        axes.plot(
+            np.radians(around),
+            np.where(static <= rim, static, np.nan),
+            color=style.INK,
+            lw=0.9,
+            ls=(0, (4, 2)),
+            label="static overturning, weaker direction",
+            gid="static",
+        )
     ticks = [tick for tick in MaxNLocator(4).tick_values(0.0, rim) if 0.0 < tick < 0.97 * rim]
     axes.set_rgrids(ticks, [f"{tick:g}" for tick in ticks], angle=15.0, color="#555555")
 

@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from pipeline.config.fragility_schema import FragilityConfig
 from pipeline.config.layers import SITES, Origin, known, load_site
-from pipeline.config.motion_schema import RecordConfig, TableMotionConfig
+from pipeline.config.motion_schema import PUSHING, RecordConfig, TableMotionConfig, is_along_x
 from pipeline.config.problems import InputError
 from pipeline.config.scene_schema import RockConfig
 from pipeline.config.sections import Key, Range
@@ -141,6 +141,8 @@ def _facts(work: Work, parts: Parts, sample: Later[BulletSample | None]) -> dict
         "models": report_tables.models(fragility),
         **_pictures(work, parts),
         **_records(study),
+        "along_x": is_along_x(settings["motion"]),
+        "pushing": study.motion.kind in PUSHING,
         "pulse": study.motion.kind.replace("_", " "),
         "tables": _tables(study),
         "axes": motions.attrs.get("axes"),

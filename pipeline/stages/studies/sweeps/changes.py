@@ -184,7 +184,7 @@ def collapsed(data: xr.Dataset) -> xr.Dataset | None:
     Dataset or None
         Boundaries in units of the steady acceleration [1], and ``time``, the rock's [s].
     """
-    if "rock_radius" not in data or np.ptp(data["rock_radius"].values) == 0.0:
+    if "static_pga" not in data or np.ptp(data["rock_radius"].values) == 0.0:
         return None
     time = np.sqrt(data["rock_radius"] / GRAVITY)
     return xr.Dataset({BOUNDARY: data[BOUNDARY] / data["static_pga"], "time": time})

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from pipeline.config.motion_schema import is_along_x
 from pipeline.config.sweep import GRIDS, Dimension, Sweep
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.datasets.responses import Responses
@@ -176,8 +177,10 @@ def _files(job: Job, stage: str) -> tuple[str, ...]:
 
 
 def _rock(job: Job, yaw: xr.DataArray) -> xr.Dataset:
-    """Size of the rock, and the steady acceleration that topples it along the shaking."""
+    """Size of the rock, and the steady acceleration that topples it along x, if shaken so."""
     rock = Standing.load(job.store).rock
+    if not is_along_x(job.config.motion.model_dump()):
+        return xr.Dataset({"rock_radius": rock.radius})
     level = standing(rock) if job.config.on_terrain else rock
     along = np.radians([-yaw.values, 180.0 - yaw.values])
     weakest = [tipping(level.hull, pair).overturning.min() for pair in along.T]

@@ -390,6 +390,32 @@ def test_the_printed_command_makes_the_boundary_that_is_shown(
     assert one.identical(other)
 
 
+@pytest.mark.parametrize(
+    ("motion", "along_x", "pushing"),
+    [
+        ("{kind: cosine_pulse, ", True, True),
+        ("{kind: ricker_pulse, ", True, False),
+        ("{kind: table, pulses: [{axis: y}], ", False, False),
+    ],
+)
+def test_what_holds_of_shaking_along_x_is_said_of_no_other(
+    vsr: Callable[..., Ran],
+    write_site: Callable[..., str],
+    derived: Path,
+    motion: str,
+    along_x: bool,
+    pushing: bool,
+) -> None:
+    site = write_site(f"motion: {motion}pga: [0.3, 0.5], pgv_pga: [0.2]}}")
+    assert vsr("run", "fragility", "--site", site).code == cli.DONE
+    page = (derived / "rock" / "report.html").read_text()
+    (circle,) = re.findall(r'alt="Polar plot of fragility against yaw" src="[^,]*,([^"]*)"', page)
+    assert ('id="static"' in base64.b64decode(circle).decode()) == along_x
+    assert ("Dashed: the static overturning" in page) == along_x
+    assert ("first push points there" in page) == pushing
+    assert ("pushes the rock towards" in page) == pushing
+
+
 def test_command_finds_the_records_of_a_study_in_another_folder(tmp_path: Path) -> None:
     for folder in ("rocks", "studies/quakes"):
         (tmp_path / folder).mkdir(parents=True)

@@ -129,4 +129,5 @@ def test_similar_rocks_have_one_curve_in_their_own_units() -> None:
     )
     assert other is not None
     assert spread(other, SIZE) == pytest.approx((0.1, 0.1))
-    assert collapsed(rock.assign(rock_radius=("size", [1.0, 1.0]))) is None
+    assert collapsed(alike.assign(rock_radius=("size", [1.0, 1.0]))) is None
+    assert collapsed(alike.drop_vars("static_pga")) is None  # shaken along other axes than x
